@@ -1,0 +1,1 @@
+"""The model of the artefacts (paper, section 3.2)."""

@@ -1,0 +1,1 @@
+"""The AR-builder (paper, section 3.3)."""

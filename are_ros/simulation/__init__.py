@@ -1,0 +1,1 @@
+"""A small kinematic robot in a made-up building."""

@@ -1,0 +1,1 @@
+"""The real environment as values (paper, section 3.1)."""
