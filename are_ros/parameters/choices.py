@@ -1,0 +1,72 @@
+"""The choices that parameters offer, each an Enum of the string that YAML and ROS know."""
+
+from enum import Enum
+
+
+class Departures(Enum):
+    """How the paper's leaving rate mu is read (section 3.2)."""
+
+    INDEPENDENT = "independent"
+    CONSTANT_RATE = "constant_rate"
+
+
+class Region(Enum):
+    """Where artefacts may arrive."""
+
+    REACHABLE = "reachable"
+    FREE = "free"
+    ZONES = "zones"
+
+
+class GroundKind(Enum):
+    """What artefacts stand on."""
+
+    PLANE = "plane"
+    VOXELS = "voxels"
+
+
+class OdometryUse(Enum):
+    """Whether odometry messages feed the frame tree."""
+
+    AUTO = "auto"
+    USE = "use"
+    IGNORE = "ignore"
+
+
+class CameraModel(Enum):
+    """Which view model decides what is perceived."""
+
+    AUTO = "auto"
+    PINHOLE = "pinhole"
+    OMNIDIRECTIONAL = "omnidirectional"
+
+
+class Shape(Enum):
+    """The geometry that stands for an artefact."""
+
+    MESH = "mesh"
+    BOX = "box"
+
+
+class CostmapGate(Enum):
+    """Which artefacts enter the augmented map and the costmap."""
+
+    PERCEIVED = "perceived"
+    ALL = "all"
+
+
+class SensorGate(Enum):
+    """Which artefacts a sensor can meet."""
+
+    GEOMETRY = "geometry"
+    PERCEIVED = "perceived"
+    ALL = "all"
+
+
+class OnRobotContact(Enum):
+    """What becomes of an artefact that the robot drives into."""
+
+    AUTO = "auto"
+    DISPLACE = "displace"
+    HOLD = "hold"
+    REMOVE = "remove"

@@ -1,0 +1,357 @@
+"""Every parameter of ARE, declared once: default, unit, bounds, meaning.
+
+The YAML file, the ROS descriptors and the table in the docs derive from these classes.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+from are_ros.parameters.choices import (
+    CameraModel,
+    CostmapGate,
+    Departures,
+    GroundKind,
+    OdometryUse,
+    OnRobotContact,
+    Region,
+    SensorGate,
+    Shape,
+)
+from are_ros.parameters.declaration import parameter
+
+
+@dataclass(frozen=True)
+class BuilderParameters:
+    """The AR-builder's own pace."""
+
+    tick_rate: float = parameter(
+        10.0,
+        "Ticks per second; tick k runs at k periods since the epoch.",
+        unit="Hz",
+        low=0.1,
+        high=100.0,
+    )
+
+
+@dataclass(frozen=True)
+class PopulationParameters:
+    """The birth-death process (section 3.2)."""
+
+    arrival_rate: float = parameter(
+        0.0005,
+        "Rate lambda of arrivals per area and time.",
+        unit="1/(m^2 s)",
+        low=0.0,
+        high=10.0,
+        live=True,
+    )
+    mean_life: float = parameter(
+        60.0, "Mean life 1/mu of an artefact.", unit="s", low=0.001, high=1e7, live=True
+    )
+    departures: Departures = parameter(
+        Departures.INDEPENDENT,
+        "independent: each life is exponential, death rate i*mu. "
+        "constant_rate: the paper's transition matrix, death rate mu.",
+    )
+    max_alive: int = parameter(
+        200,
+        "Bound on artefacts alive at once; arrivals beyond it are blocked.",
+        low=0,
+        high=100_000,
+        live=True,
+    )
+    group_size: float = parameter(
+        1.0, "Mean size g of an arriving group: 1 + Poisson(g - 1).", low=1.0, high=100.0, live=True
+    )
+    group_radius: float = parameter(
+        2.0,
+        "Members of a group are placed within this of the first.",
+        unit="m",
+        low=0.1,
+        high=100.0,
+        live=True,
+    )
+    region: Region = parameter(
+        Region.REACHABLE,
+        "Where artefacts arrive: the free space that the robot can reach, all free space, "
+        "or the polygons of population.zones.",
+    )
+    zones: str = parameter(
+        "", "YAML file of spawn polygons with weights, and of no-spawn polygons."
+    )
+
+
+@dataclass(frozen=True)
+class MixtureParameters:
+    """The Poisson mixture that picks the row of an artefact (Eq. 1)."""
+
+    weights: tuple[float, ...] = parameter(
+        (0.6, 0.12, 0.13, 0.05, 0.1),
+        "Weights pi of the components; they sum to 1.",
+        low=0.0,
+        high=1.0,
+        live=True,
+    )
+    rates: tuple[float, ...] = parameter(
+        (15.0, 7.0, 3.0, 21.0, 5.0), "Rates lambda of the components.", low=0.0, high=1e6, live=True
+    )
+
+
+@dataclass(frozen=True)
+class WorldParameters:
+    """How the real environment is read (section 3.1)."""
+
+    occupied_threshold: int = parameter(
+        65, "A cell of the map is occupied from this value on.", low=1, high=100
+    )
+    free_threshold: int = parameter(25, "A cell is free up to this value.", low=0, high=99)
+    wall_height: float = parameter(
+        2.5,
+        "Height of walls extruded from the map where there is no cloud.",
+        unit="m",
+        low=0.01,
+        high=100.0,
+    )
+    voxel_size: float = parameter(
+        0.0, "Edge of a voxel of the cloud; 0: inferred from it.", unit="m", low=0.0, high=10.0
+    )
+    ground: GroundKind = parameter(
+        GroundKind.PLANE,
+        "What artefacts stand on: the plane z = ground_height, or the floor voxels.",
+    )
+    ground_height: float = parameter(
+        0.0, "Height of the ground plane in the map's frame.", unit="m", low=-1e4, high=1e4
+    )
+    ground_clearance: float = parameter(
+        0.0,
+        "Voxels whose top is within this above the ground are floor; 0: one voxel plus 1 cm.",
+        unit="m",
+        low=0.0,
+        high=10.0,
+    )
+
+
+@dataclass(frozen=True)
+class FramesParameters:
+    """The frame tree (section 3.3)."""
+
+    map: str = parameter("map", "The world frame F_E: that of the map.")
+    odom: str = parameter("odom", "The odometry frame; map->odom may be held for late sensor data.")
+    base: str = parameter(
+        "", "The robot's base F_R; empty: base_footprint, else base_link, whichever there is."
+    )
+    max_age: float = parameter(
+        0.5, "Oldest robot pose that a tick accepts.", unit="s", low=0.0, high=60.0
+    )
+    odometry: OdometryUse = parameter(
+        OdometryUse.AUTO,
+        "Whether odometry messages feed the tree: auto lets tf override them edge by edge, "
+        "use prefers them, ignore drops them.",
+    )
+    static: tuple[str, ...] = parameter(
+        (), 'Static transforms, each "X Y Z YAW PITCH ROLL PARENT CHILD" in metres and radians.'
+    )
+
+
+@dataclass(frozen=True)
+class RobotParameters:
+    """The robot's shape."""
+
+    footprint: str = parameter(
+        "", 'Footprint on the base in Nav2\'s form "[[x, y], ...]"; empty: a disc of robot.radius.'
+    )
+    radius: float = parameter(0.22, "Radius of a round robot.", unit="m", low=0.001, high=100.0)
+    clearance: float = parameter(
+        0.5,
+        "Artefacts arrive at least this far from the robot.",
+        unit="m",
+        low=0.0,
+        high=100.0,
+        live=True,
+    )
+
+
+@dataclass(frozen=True)
+class CameraParameters:
+    """The view model F_view (section 3.3)."""
+
+    model: CameraModel = parameter(
+        CameraModel.AUTO,
+        "auto: CameraInfo where there is one, else a pinhole from these parameters; "
+        "pinhole, omnidirectional: from these parameters, whatever CameraInfo says.",
+    )
+    frame: str = parameter(
+        "",
+        "Optical frame (z forward, x right, y down); empty: that of CameraInfo, else camera.mount.",
+    )
+    mount: tuple[float, ...] = parameter(
+        (0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+        "Where a camera without a frame sits on the base, looking along +x: "
+        "x, y, z [m], yaw, pitch, roll [rad].",
+    )
+    width: int = parameter(640, "Width of the view.", unit="px", low=1, high=10_000)
+    height: int = parameter(480, "Height of the view.", unit="px", low=1, high=10_000)
+    hfov: float = parameter(
+        math.pi / 2, "Horizontal field of view of the pinhole.", unit="rad", low=0.01, high=3.1
+    )
+    vfov: float = parameter(
+        math.pi / 2,
+        "Vertical field of view of the omnidirectional model.",
+        unit="rad",
+        low=0.01,
+        high=math.pi,
+    )
+    rate: float = parameter(
+        10.0, "Perception runs at most this often, on ticks.", unit="Hz", low=0.01, high=1000.0
+    )
+    rectified: bool = parameter(
+        False, "The view is that of the rectified image (P), not of the raw one (K and D)."
+    )
+
+
+@dataclass(frozen=True)
+class OcclusionParameters:
+    """The z-buffer (Eq. 2)."""
+
+    tau: int = parameter(
+        50,
+        "An artefact is perceived when more than tau of its pixels are visible.",
+        unit="px",
+        low=0,
+        high=100_000_000,
+        live=True,
+    )
+    max_range: float = parameter(30.0, "Longest viewing ray d_max.", unit="m", low=0.1, high=1000.0)
+    shape: Shape = parameter(Shape.MESH, "Shape of the other artefacts as occluders.", live=True)
+    mutual: bool = parameter(True, "Artefacts hide each other.", live=True)
+
+
+@dataclass(frozen=True)
+class CostmapParameters:
+    """The gate of both grids, and Nav2's inflation."""
+
+    gate: CostmapGate = parameter(
+        CostmapGate.PERCEIVED, "Artefacts in the grids: those perceived, or all.", live=True
+    )
+    memory: float = parameter(
+        0.0,
+        "How long an artefact stays in the grids after it was last perceived.",
+        unit="s",
+        low=0.0,
+        high=1e6,
+        live=True,
+    )
+    inflation_radius: float = parameter(
+        0.70, "Radius of the inflation.", unit="m", low=0.0, high=100.0
+    )
+    cost_scaling_factor: float = parameter(
+        3.0, "Decay of the inflated cost.", unit="1/m", low=0.0, high=1000.0
+    )
+
+
+@dataclass(frozen=True)
+class AugmentedMapParameters:
+    """How often grids go out."""
+
+    max_rate: float = parameter(
+        5.0,
+        "Grids are published on change, at most this often.",
+        unit="Hz",
+        low=0.01,
+        high=100.0,
+        live=True,
+    )
+
+
+@dataclass(frozen=True)
+class MotionParameters:
+    """The integration of motion."""
+
+    step: float = parameter(
+        0.05,
+        "Sub-step of motion and collisions, at multiples since the epoch.",
+        unit="s",
+        low=0.001,
+        high=1.0,
+    )
+
+
+@dataclass(frozen=True)
+class PosesParameters:
+    """The poses of artefacts as functions of time."""
+
+    history: float = parameter(
+        2.0,
+        "How far back the poses of artefacts are known, for late sensor data.",
+        unit="s",
+        low=0.0,
+        high=60.0,
+    )
+
+
+@dataclass(frozen=True)
+class CollisionsParameters:
+    """The remedies for collisions (section 3.3)."""
+
+    search_radius: float = parameter(
+        2.0, "How far a displaced artefact may be moved.", unit="m", low=0.0, high=100.0, live=True
+    )
+    on_robot_contact: OnRobotContact = parameter(
+        OnRobotContact.AUTO,
+        "What becomes of an artefact that the robot drives into; "
+        "auto: hold live, displace in replay.",
+    )
+
+
+@dataclass(frozen=True)
+class SensorsParameters:
+    """The augmented sensor data."""
+
+    gate: SensorGate = parameter(
+        SensorGate.GEOMETRY,
+        "Artefacts that a sensor meets: geometry and all, whatever its rays hit; "
+        "perceived, of these only the perceived ones.",
+        live=True,
+    )
+    shape: Shape = parameter(Shape.MESH, "Shape of the artefacts that a sensor meets.", live=True)
+    tf_wait: float = parameter(
+        0.05,
+        "How long sensor data waits for its transform.",
+        unit="s",
+        low=0.0,
+        high=10.0,
+        live=True,
+    )
+    scans: tuple[str, ...] = parameter(("scan",), "Topics of the laser scans to augment.")
+
+
+@dataclass(frozen=True)
+class MarkersParameters:
+    """What rviz shows."""
+
+    shape: Shape = parameter(
+        Shape.MESH, "Artefacts as meshes (TRIANGLE_LIST) or as their boxes (CUBE).", live=True
+    )
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """All parameters; paths are relative to this root."""
+
+    seed: int = parameter(0, "Seed of every random draw.", low=0, high=2**63 - 1)
+    catalogue: str = parameter("", "YAML file of artefact types; empty: the shipped catalogue.")
+    builder: BuilderParameters = field(default_factory=BuilderParameters)
+    population: PopulationParameters = field(default_factory=PopulationParameters)
+    mixture: MixtureParameters = field(default_factory=MixtureParameters)
+    world: WorldParameters = field(default_factory=WorldParameters)
+    frames: FramesParameters = field(default_factory=FramesParameters)
+    robot: RobotParameters = field(default_factory=RobotParameters)
+    camera: CameraParameters = field(default_factory=CameraParameters)
+    occlusion: OcclusionParameters = field(default_factory=OcclusionParameters)
+    costmap: CostmapParameters = field(default_factory=CostmapParameters)
+    augmented_map: AugmentedMapParameters = field(default_factory=AugmentedMapParameters)
+    motion: MotionParameters = field(default_factory=MotionParameters)
+    poses: PosesParameters = field(default_factory=PosesParameters)
+    collisions: CollisionsParameters = field(default_factory=CollisionsParameters)
+    sensors: SensorsParameters = field(default_factory=SensorsParameters)
+    markers: MarkersParameters = field(default_factory=MarkersParameters)

@@ -1,0 +1,131 @@
+"""The `ros__parameters` file of node and replay, and `name:=value` of a command line."""
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from are_ros.errors import ParameterError
+from are_ros.parameters.declaration import Value, describe, flatten
+from are_ros.parameters.model import Parameters
+
+_NODE = "ar_builder"
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML 1.1 as ROS reads it: 1e-3 is a number, too."""
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
+    list("-+.0123456789"),
+)
+
+_OF_ROS_ITSELF = ("use_sim_time", "qos_overrides", "start_type_description_service", "autostart")
+
+
+def read_ros_parameters(path: Path) -> dict[str, Any]:
+    """Return the values by path that a file gives to the node `ar_builder`.
+
+    Sections `/**`, `ar_builder` and any `/name/space/ar_builder` count, later ones win; names that
+    rclpy itself owns (use_sim_time and the like) are left to it. Raises ParameterError.
+    """
+    content = _loaded(path)
+    if not isinstance(content, Mapping):
+        raise ParameterError(f"parameter file {path.name}: its top level is not a mapping")
+    values: dict[str, Any] = {}
+    for node, section in content.items():
+        if _is_for_us(str(node)):
+            values.update(_flattened(_own_values(path, str(node), section)))
+    return {name: value for name, value in values.items() if not _belongs_to_ros(name)}
+
+
+def parse_assignment(text: str) -> tuple[str, Any]:
+    """Return (path, value) of `name:=value`, the value read as YAML. Raises ParameterError."""
+    name, separator, value = text.partition(":=")
+    if not separator or not name.strip():
+        raise ParameterError(f"'{text}': a parameter is set as name:=value")
+    try:
+        return name.strip(), _parsed(value) if value.strip() else ""
+    except yaml.YAMLError as cause:
+        message = f"parameter '{name.strip()}': {value!r} is not a YAML value"
+        raise ParameterError(message) from cause
+
+
+def write_ros_parameters(parameters: Parameters) -> str:
+    """Return the text of a parameter file with every value, its meaning as a comment."""
+    return "".join(_lines(parameters))
+
+
+def _parsed(text: str) -> Any:
+    return yaml.load(text, _Loader)  # noqa: S506 - derived from the safe loader
+
+
+def _loaded(path: Path) -> Any:
+    try:
+        return _parsed(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as cause:
+        message = f"parameter file {path}: cannot be read ({_reason(cause)})"
+        raise ParameterError(message) from cause
+    except yaml.YAMLError as cause:
+        mark = getattr(cause, "problem_mark", None)
+        where = f", line {mark.line + 1}" if mark else ""
+        problem = getattr(cause, "problem", None) or "malformed"
+        message = f"parameter file {path}{where}: not YAML ({problem})"
+        raise ParameterError(message) from cause
+
+
+def _reason(cause: Exception) -> str:
+    return getattr(cause, "strerror", None) or "not UTF-8 text"
+
+
+def _is_for_us(node: str) -> bool:
+    return node == "/**" or node.rsplit("/", maxsplit=1)[-1] == _NODE
+
+
+def _own_values(path: Path, node: str, section: Any) -> Mapping[str, Any]:
+    own = section.get("ros__parameters") if isinstance(section, Mapping) else None
+    if not isinstance(own, Mapping):
+        raise ParameterError(f"parameter file {path.name}: '{node}' has no ros__parameters mapping")
+    return own
+
+
+def _flattened(section: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in section.items():
+        if isinstance(value, Mapping):
+            yield from _flattened(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def _belongs_to_ros(name: str) -> bool:
+    return name.split(".", maxsplit=1)[0] in _OF_ROS_ITSELF
+
+
+def _lines(parameters: Parameters) -> Iterator[str]:
+    values = flatten(parameters)
+    yield f"{_NODE}:\n  ros__parameters:\n"
+    section: list[str] = []
+    for item in describe(parameters):
+        *parents, name = item.path.split(".")
+        if parents != section:
+            section = parents
+            yield f"\n    {parents[0]}:\n"
+        indent = "  " * (len(parents) + 2)
+        yield f"{indent}# {_comment(item)}\n{indent}{name}: {_scalar_text(values[item.path])}\n"
+
+
+def _comment(item: Any) -> str:
+    unit = f" [{item.unit}]" if item.unit else ""
+    choices = f" One of: {', '.join(item.choices)}." if item.choices else ""
+    return f"{item.text}{unit}{choices}"
+
+
+def _scalar_text(value: Value) -> str:
+    if isinstance(value, tuple):
+        value = list(value)  # type: ignore[assignment]
+    text: str = yaml.safe_dump(value, default_flow_style=True, width=10_000)
+    return text.removesuffix("\n").removesuffix("...").rstrip()
