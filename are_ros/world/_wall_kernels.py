@@ -1,0 +1,172 @@
+"""Boxes against cells and voxels, leaping over free space by the clearance field.
+
+A field holds at each cell the distance to the nearest cell with a zero, centre to centre, so a
+row can be scanned in leaps of that many cells. `unit` is the field's value for one cell.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from are_ros._compiled import compiled
+from are_ros.world.lattice_cover import column_range, outline, row_range
+
+_FloatArray = NDArray[np.float64]
+_Field = NDArray[np.float32]
+_Mask = NDArray[np.bool_]
+
+_TWO_HALF_DIAGONALS = 1.4143  # in cells: the box's centre, and the cell's nearest point
+
+
+@compiled
+def _next_zero(field: _Field, unit: float, row: int, column: int, last: int) -> int:
+    """Return the first column, from `column` to `last`, where the field is 0, else last + 1."""
+    while column <= last:
+        distance = field[row, column]
+        if distance == 0.0:
+            return column
+        column += max(1, np.int64(distance / unit))
+    return last + 1
+
+
+@compiled
+def _is_far(
+    field: _Field,
+    unit: float,
+    x: float,
+    y: float,
+    top: tuple[float, float],
+    right: tuple[float, float],
+) -> bool:
+    """Tell whether the field at the outline's centre already rules out that it meets a zero."""
+    if not (0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]):
+        return False
+    reach = max(np.hypot(top[0], top[1]), np.hypot(right[0], right[1]))
+    return bool(field[np.int64(y), np.int64(x)] > (reach + _TWO_HALF_DIAGONALS) * unit)
+
+
+@compiled
+def hits_cells(
+    packed: _FloatArray,
+    lattice: _FloatArray,
+    occupied: _Mask,
+    field: _Field,
+    unit: float,
+    tolerance_m: float,
+) -> _Mask:
+    """Tell which footprints meet an occupied cell; the field is 0 on all that is not free."""
+    out = np.zeros(packed.shape[0], np.bool_)
+    for i in range(packed.shape[0]):
+        out[i] = _hits_cells(packed, i, lattice, occupied, field, unit, tolerance_m)
+    return out
+
+
+@compiled
+def _hits_cells(
+    packed: _FloatArray,
+    i: int,
+    lattice: _FloatArray,
+    occupied: _Mask,
+    field: _Field,
+    unit: float,
+    tolerance_m: float,
+) -> bool:
+    x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
+    if _is_far(field, unit, x, y, (top_x, top_y), (right_x, right_y)):
+        return False
+    first, last = row_range(y, top_y)
+    for row in range(max(first, 0), min(last + 1, field.shape[0])):
+        start, end = column_range(row, x, y, top_x, top_y, right_x, right_y)
+        end = min(end, field.shape[1] - 1)
+        column = _next_zero(field, unit, row, max(start, 0), end)
+        while column <= end:
+            if occupied[row, column]:
+                return True
+            column = _next_zero(field, unit, row, column + 1, end)
+    return False
+
+
+@compiled
+def are_free(
+    packed: _FloatArray, lattice: _FloatArray, field: _Field, unit: float, tolerance_m: float
+) -> _Mask:
+    """Tell which footprints cover free cells of the grid only; the field is 0 on the others."""
+    out = np.zeros(packed.shape[0], np.bool_)
+    for i in range(packed.shape[0]):
+        out[i] = _is_free(packed, i, lattice, field, unit, tolerance_m)
+    return out
+
+
+@compiled
+def _is_free(
+    packed: _FloatArray,
+    i: int,
+    lattice: _FloatArray,
+    field: _Field,
+    unit: float,
+    tolerance_m: float,
+) -> bool:
+    x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
+    if _is_far(field, unit, x, y, (top_x, top_y), (right_x, right_y)):
+        return True
+    first, last = row_range(y, top_y)
+    if first < 0 or last >= field.shape[0]:
+        return False
+    for row in range(first, last + 1):
+        start, end = column_range(row, x, y, top_x, top_y, right_x, right_y)
+        if start < 0 or end >= field.shape[1]:
+            return False
+        if _next_zero(field, unit, row, start, end) <= end:
+            return False
+    return True
+
+
+@compiled
+def hits_voxels(
+    packed: _FloatArray,
+    floors_m: _FloatArray,
+    lattice: _FloatArray,
+    layers_m: tuple[float, float],
+    occupied: NDArray[np.uint8],
+    field: _Field,
+    tolerance_m: float,
+) -> _Mask:
+    """Tell which boxes meet an occupied voxel whose top is above their floor.
+
+    `floors_m` (N,): voxels that end at or below it are ground. `layers_m`: the lattice's low end
+    and the voxels' height. `field`, in cells: 0 on each column (iy, ix) that may be met.
+    """
+    out = np.zeros(packed.shape[0], np.bool_)
+    low_m, height_m = layers_m
+    for i in range(packed.shape[0]):
+        bottom = max(packed[i, 2] - packed[i, 7], floors_m[i]) + tolerance_m
+        top = packed[i, 2] + packed[i, 7] - tolerance_m
+        first = max(np.int64(np.floor((bottom - low_m) / height_m)), 0)
+        end = min(np.int64(np.ceil((top - low_m) / height_m)), occupied.shape[2])
+        if first < end:
+            out[i] = _hits_layers(packed, i, lattice, occupied[:, :, first:end], field, tolerance_m)
+    return out
+
+
+@compiled
+def _hits_layers(
+    packed: _FloatArray,
+    i: int,
+    lattice: _FloatArray,
+    occupied: NDArray[np.uint8],
+    field: _Field,
+    tolerance_m: float,
+) -> bool:
+    x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
+    if _is_far(field, 1.0, x, y, (top_x, top_y), (right_x, right_y)):
+        return False
+    first, last = row_range(y, top_y)
+    for row in range(max(first, 0), min(last + 1, field.shape[0])):
+        start, end = column_range(row, x, y, top_x, top_y, right_x, right_y)
+        end = min(end, field.shape[1] - 1)
+        column = _next_zero(field, 1.0, row, max(start, 0), end)
+        while column <= end:
+            for layer in range(occupied.shape[2]):
+                if occupied[column, row, layer]:
+                    return True
+            column = _next_zero(field, 1.0, row, column + 1, end)
+    return False

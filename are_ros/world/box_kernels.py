@@ -1,0 +1,91 @@
+"""Kernels over packed boxes: one float64 row (x, y, z, cos, sin, half x, half y, half z) each."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from are_ros._compiled import compiled
+
+_FloatArray = NDArray[np.float64]
+_IndexArray = NDArray[np.int64]
+
+
+@compiled
+def pack(centres_m: _FloatArray, yaws_rad: _FloatArray, half_sizes_m: _FloatArray) -> _FloatArray:
+    """Return the packed rows (N, 8) of boxes."""
+    packed = np.empty((centres_m.shape[0], 8))
+    for i in range(packed.shape[0]):
+        packed[i, 0:3] = centres_m[i]
+        packed[i, 3] = np.cos(yaws_rad[i])
+        packed[i, 4] = np.sin(yaws_rad[i])
+        packed[i, 5:8] = half_sizes_m[i]
+    return packed
+
+
+@compiled
+def boxes_overlap(p: _FloatArray, i: int, q: _FloatArray, j: int, tolerance_m: float) -> bool:
+    """Tell whether box i of p and box j of q overlap by more than a tolerance on each axis.
+
+    Separating axes: z, and the two edge directions of each footprint.
+    """
+    if p[i, 7] + q[j, 7] - abs(q[j, 2] - p[i, 2]) <= tolerance_m:
+        return False
+    dx = q[j, 0] - p[i, 0]
+    dy = q[j, 1] - p[i, 1]
+    c = abs(p[i, 3] * q[j, 3] + p[i, 4] * q[j, 4])
+    s = abs(p[i, 3] * q[j, 4] - p[i, 4] * q[j, 3])
+    px, py, qx, qy = p[i, 5], p[i, 6], q[j, 5], q[j, 6]
+    along_p = px + qx * c + qy * s - abs(dx * p[i, 3] + dy * p[i, 4])
+    across_p = py + qx * s + qy * c - abs(dy * p[i, 3] - dx * p[i, 4])
+    along_q = qx + px * c + py * s - abs(dx * q[j, 3] + dy * q[j, 4])
+    across_q = qy + px * s + py * c - abs(dy * q[j, 3] - dx * q[j, 4])
+    return bool(min(along_p, across_p, along_q, across_q) > tolerance_m)
+
+
+@compiled
+def overlaps_elementwise(p: _FloatArray, q: _FloatArray, tolerance_m: float) -> NDArray[np.bool_]:
+    """Test row i of p against row i of q; either may have one row, which meets all."""
+    step_p = 0 if p.shape[0] == 1 else 1
+    step_q = 0 if q.shape[0] == 1 else 1
+    count = q.shape[0] if step_p == 0 else p.shape[0]
+    out = np.empty(count, np.bool_)
+    for i in range(count):
+        out[i] = boxes_overlap(p, i * step_p, q, i * step_q, tolerance_m)
+    return out
+
+
+@compiled
+def overlaps_any_of(p: _FloatArray, q: _FloatArray, tolerance_m: float) -> NDArray[np.bool_]:
+    """Tell for each row of p whether it overlaps any row of q."""
+    reach_p = np.hypot(p[:, 5], p[:, 6])
+    reach_q = np.hypot(q[:, 5], q[:, 6])
+    out = np.zeros(p.shape[0], np.bool_)
+    for i in range(p.shape[0]):
+        for j in range(q.shape[0]):
+            reach = reach_p[i] + reach_q[j]
+            near = abs(q[j, 0] - p[i, 0]) < reach and abs(q[j, 1] - p[i, 1]) < reach
+            if near and boxes_overlap(p, i, q, j, tolerance_m):
+                out[i] = True
+                break
+    return out
+
+
+@compiled
+def bounds(p: _FloatArray) -> _FloatArray:
+    """Return the axis-aligned bounds (N, 4) of the footprints: low x, low y, high x, high y."""
+    out = np.empty((p.shape[0], 4))
+    for i in range(p.shape[0]):
+        c, s = abs(p[i, 3]), abs(p[i, 4])
+        x_m = c * p[i, 5] + s * p[i, 6]
+        y_m = s * p[i, 5] + c * p[i, 6]
+        out[i, 0], out[i, 1] = p[i, 0] - x_m, p[i, 1] - y_m
+        out[i, 2], out[i, 3] = p[i, 0] + x_m, p[i, 1] + y_m
+    return out
+
+
+@compiled
+def filter_pairs(p: _FloatArray, pairs: _IndexArray, tolerance_m: float) -> NDArray[np.bool_]:
+    """Tell which of the index pairs (M, 2) overlap."""
+    out = np.empty(pairs.shape[0], np.bool_)
+    for k in range(pairs.shape[0]):
+        out[k] = boxes_overlap(p, pairs[k, 0], p, pairs[k, 1], tolerance_m)
+    return out

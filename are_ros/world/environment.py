@@ -1,0 +1,169 @@
+"""The real environment as one value: what a box may hit, and where it may stand (section 3.1)."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from are_ros.world import _wall_kernels
+from are_ros.world.ground import Ground
+from are_ros.world.lattice_cover import lattice_row
+from are_ros.world.occupancy_grid import CellClasses, OccupancyGrid
+from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes
+from are_ros.world.voxel_map import VoxelMap
+
+_SAMPLES = np.array([(x, y) for x in (-2, 0, 2) for y in (-2, 0, 2)]) / 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Environment:
+    """M2D, M3D and the ground at one time; a new map makes a new environment.
+
+    `classes` are those of `grid`. `voxels` is None or M3D; one that is extruded must come from
+    the occupied cells of this grid: then M2D implies M3D, which is not tested again. Voxels whose
+    top is at most `ground_clearance_m` above the ground under a box are its floor, no obstacle.
+    `version` tells environments apart and increases.
+
+    All sets are open, up to `TOUCH_TOLERANCE_M`: a footprint is shrunk by it on each side, and a
+    cell counts if its open square still meets it. What is computed on demand is kept.
+    """
+
+    grid: OccupancyGrid
+    classes: CellClasses
+    voxels: VoxelMap | None
+    ground: Ground
+    ground_clearance_m: float
+    version: int = 0
+
+    @cached_property
+    def clearance_m(self) -> NDArray[np.float32]:
+        """Distance (height, width) of each cell from the nearest that is not free, read-only.
+
+        Exact, between cell centres; 0 on cells that are not free. All cells outside the grid
+        count as not free.
+        """
+        field = _distances_in_cells(self.classes.free, border=1)
+        field *= np.float32(self.grid.resolution_m)
+        field.flags.writeable = False
+        return field
+
+    def lookup(self, points_m: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Return the clearance (N,) of the cells that hold points (N, 2); 0 outside the grid."""
+        cells = self.grid.points_to_cells(points_m)
+        inside = self.grid.contains(cells)
+        clearance = np.zeros(len(cells), dtype=np.float32)
+        clearance[inside] = self.clearance_m[cells[inside, 0], cells[inside, 1]]
+        return clearance
+
+    def hits_wall(self, boxes: OrientedBoxes) -> NDArray[np.bool_]:
+        """Tell which boxes meet an occupied cell or an occupied voxel above their floor: (N,).
+
+        What lies outside the grid and outside the voxel map is no wall.
+        """
+        hits = _wall_kernels.hits_cells(
+            boxes.packed,
+            self._grid_lattice,
+            self.classes.occupied,
+            self.clearance_m,
+            self.grid.resolution_m,
+            TOUCH_TOLERANCE_M,
+        )
+        if self._obstacles is not None:
+            hits |= self._hits_voxels(boxes, self._obstacles)
+        return hits
+
+    def is_placeable(self, boxes: OrientedBoxes) -> NDArray[np.bool_]:
+        """Tell which boxes cover free cells inside the grid only, and hit no wall: (N,)."""
+        placeable = _wall_kernels.are_free(
+            boxes.packed,
+            self._grid_lattice,
+            self.clearance_m,
+            self.grid.resolution_m,
+            TOUCH_TOLERANCE_M,
+        )
+        if self._obstacles is not None:
+            free = np.flatnonzero(placeable)
+            placeable[free] = ~self._hits_voxels(boxes.take(free), self._obstacles)
+        return placeable
+
+    def ground_heights_m(self, boxes: OrientedBoxes) -> NDArray[np.float64]:
+        """Return the ground's height (N,) under boxes: the median over 3 x 3 points of each."""
+        x, y = np.moveaxis(_SAMPLES * boxes.half_sizes_m[:, None, :2], -1, 0)
+        c, s = boxes.packed[:, 3, None], boxes.packed[:, 4, None]
+        points_m = np.stack((x * c - y * s, x * s + y * c), axis=-1) + boxes.centres_m[:, None, :2]
+        heights_m = self.ground.heights(points_m.reshape(-1, 2)).reshape(len(boxes), -1)
+        return np.partition(heights_m, 4, axis=1)[:, 4]
+
+    def _hits_voxels(self, boxes: OrientedBoxes, obstacles: "_Obstacles") -> NDArray[np.bool_]:
+        floors_m = np.maximum(self.ground_heights_m(boxes), obstacles.lowest_ground_m)
+        return _wall_kernels.hits_voxels(
+            boxes.packed,
+            floors_m + self.ground_clearance_m,
+            obstacles.lattice,
+            obstacles.layers_m,
+            obstacles.occupied,
+            obstacles.field,
+            TOUCH_TOLERANCE_M,
+        )
+
+    @cached_property
+    def _grid_lattice(self) -> NDArray[np.float64]:
+        return lattice_row(self.grid.origin, self.grid.resolution_m, self.grid.resolution_m)
+
+    @cached_property
+    def _obstacles(self) -> "_Obstacles | None":
+        """What of M3D the grid does not imply."""
+        if self.voxels is None or self.voxels.is_extruded:
+            return None
+        lowest_m = _lowest_ground_m(self.voxels, self.ground)
+        return _obstacles_above(self.voxels, lowest_m, self.ground_clearance_m)
+
+
+@dataclass(frozen=True, eq=False)
+class _Obstacles:
+    """A voxel map as the kernel takes it; no box's ground is taken to be below the lowest."""
+
+    occupied: NDArray[np.uint8]
+    lattice: NDArray[np.float64]
+    layers_m: tuple[float, float]
+    field: NDArray[np.float32]
+    lowest_ground_m: float
+
+
+def _lowest_ground_m(voxels: VoxelMap, ground: Ground) -> float:
+    """Return the least height of the ground over the columns of a voxel map."""
+    nx, ny, _ = voxels.occupied.shape
+    columns = np.indices((nx, ny)).reshape(2, -1).T + 0.5
+    local_m = np.column_stack((columns * voxels.voxel_size_m[:2], np.zeros(len(columns))))
+    points_m = voxels.map_from_lattice.apply(local_m)[:, :2]
+    return float(ground.heights(points_m).min())
+
+
+def _obstacles_above(voxels: VoxelMap, lowest_m: float, clearance_m: float) -> _Obstacles:
+    width_m, depth_m, height_m = voxels.voxel_size_m
+    base_m = float(voxels.map_from_lattice.translation_m[2])
+    first = int(np.floor((lowest_m + clearance_m + TOUCH_TOLERANCE_M - base_m) / height_m))
+    is_clear = ~voxels.occupied[:, :, max(first, 0) :].any(axis=2).T
+    return _Obstacles(
+        voxels.occupied,
+        lattice_row(voxels.map_from_lattice, width_m, depth_m),
+        (base_m, height_m),
+        _distances_in_cells(is_clear, border=0),
+        lowest_m,
+    )
+
+
+def _distances_in_cells(is_clear: NDArray[np.bool_], border: int) -> NDArray[np.float32]:
+    """Return the exact distances from the nearest cell that is not clear, nor inside the border.
+
+    With no such cell at all, each distance is larger than the grid.
+    """
+    import cv2
+
+    padded = np.pad(is_clear.view(np.uint8) if border else is_clear.astype(np.uint8), border)
+    if padded.all():
+        return np.full(is_clear.shape, np.float32(sum(is_clear.shape)))
+    field = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    inner = slice(border, -border or None)
+    return np.ascontiguousarray(field[inner, inner], dtype=np.float32)

@@ -1,0 +1,238 @@
+"""The tree of frames over time, in place of tf2 (§3.1, Frames)."""
+
+from typing import Final, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.conventions import NS_PER_S
+from are_ros.world._claims import Claim, checked_pose
+from are_ros.world._edge_kernels import NO_LIMIT
+from are_ros.world._edge_list import FrameEdge, listed_edges
+from are_ros.world._edge_table import Edge, EdgeTable, TransformSource
+from are_ros.world._frame_batches import look_up_many
+from are_ros.world._frame_kernels import latest_not_after, look_up
+from are_ros.world._frame_names import FrameNames
+from are_ros.world._lookup_errors import in_seconds, lookup_error
+from are_ros.world._precedence import Notices, Precedence
+from are_ros.world.rigid_transform import RigidTransform, Values
+
+__all__ = ["STATIC", "FrameEdge", "FrameTree", "TransformSource"]
+
+Floats = npt.NDArray[np.float64]
+
+STATIC: Final = NO_LIMIT
+"""The latest common time of a chain of static edges: the largest int64, valid as a stamp there."""
+
+
+class FrameTree:
+    """Time-stamped transforms between named frames; answers as tf2's BufferCore does.
+
+    Between two samples of an edge translation is linear and rotation slerp by the shorter arc; at
+    a sample's stamp it is the sample; outside the first and last stamp nothing is extrapolated.
+    Every sample keeps its own parent, and where two neighbours differ the older one holds.
+    A single sample holds at its stamp only; a static transform at all times. Samples may come out
+    of order; more than `history_ns` before a frame's newest sample they are dropped. At a stamp
+    that is taken the first sample stays, unless the newcomer names another parent. A static
+    transform and a stamped one of a frame, from one source, replace each other (as in Jazzy).
+
+    Names lose leading slashes. Stamps are int nanoseconds; 0 is a stamp like any other, not tf2's
+    "latest". Several sources for one edge, pairs given in both directions and loops are resolved by
+    `_precedence`; each case is said once through `drain_notices`. A transform that is refused
+    raises InvalidTransformError and leaves the tree as it was. Not safe for use by several threads.
+    """
+
+    def __init__(self, history_ns: int = 10 * NS_PER_S) -> None:
+        self._history_ns = history_ns
+        self._notices = Notices()
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all frames and transforms, the static ones too."""
+        self._table = EdgeTable(self._history_ns)
+        self._names = FrameNames()
+        self._numbers = self._names.numbers
+        self._precedence = Precedence(self._table, self._names, self._notices)
+
+    def forget_after(self, now_ns: int) -> None:
+        """Forget the samples stamped after `now_ns` (the clock jumped back to there).
+
+        Static transforms stay, names too; an edge that is left without samples is gone.
+        """
+        self._table.forget_after(now_ns)
+
+    def drain_notices(self) -> list[str]:
+        """Return what was overruled, turned round, re-parented or dropped since the last call.
+
+        Each sentence comes once in the life of the tree.
+        """
+        return self._notices.drain()
+
+    def set_transform(
+        self,
+        parent: str,
+        child: str,
+        stamp_ns: int,
+        translation_m: Values,
+        rotation_xyzw: Values,
+        *,
+        source: TransformSource = TransformSource.TF,
+    ) -> None:
+        """Take parent_from_child at a stamp: translation (3,) [m], quaternion (4,) x y z w.
+
+        The quaternion is normalised; InvalidTransformError if its squared norm is further than 0.01
+        from 1, a number is not finite, a name is empty or both names are the same.
+        """
+        pose = checked_pose(parent, child, translation_m, rotation_xyzw)
+        numbers, table = self._numbers, self._table
+        above, below = numbers.get(parent), numbers.get(child)
+        if above is not None and below is not None:
+            edge = table.edges.get(below)
+            if (
+                edge is not None
+                and edge.parent == above
+                and edge.source == source
+                and not edge.is_static
+                and stamp_ns > edge.newest_ns
+            ):
+                table.append(edge, above, stamp_ns, pose)
+                return
+        above, below = self._number_pair(parent, child)
+        self._receive(Claim(above, below, stamp_ns, pose, source, is_static=False))
+
+    def set_static(
+        self,
+        parent: str,
+        child: str,
+        translation_m: Values,
+        rotation_xyzw: Values,
+        *,
+        source: TransformSource = TransformSource.TF,
+    ) -> None:
+        """Take parent_from_child for all times; arguments and errors as in `set_transform`."""
+        pose = checked_pose(parent, child, translation_m, rotation_xyzw)
+        above, below = self._number_pair(parent, child)
+        claim = Claim(above, below, 0, pose, source, is_static=True)
+        admitted = self._precedence.admit(claim)
+        if admitted is not None:
+            self._table.hold(self._edge_for(admitted), admitted.parent, admitted.pose)
+
+    def lookup(self, target: str, source: str, stamp_ns: int) -> RigidTransform:
+        """Return target_from_source at the stamp: it takes points of `source` into `target`.
+
+        UnknownFrameError, DisconnectedFramesError, ExtrapolationToPastError or
+        ExtrapolationToFutureError, as tf2 would fail. Equal frames give the identity, at any time,
+        if the frame is known (tf2 asks no such thing: the one departure).
+        """
+        values = np.empty(7)
+        self.lookup_into(target, source, stamp_ns, values)
+        return RigidTransform.adopt(values)
+
+    def lookup_into(self, target: str, source: str, stamp_ns: int, out: Floats) -> None:
+        """Write what `lookup` returns into `out`, float64 (7,), C order: x y z, then x y z w.
+
+        The quickest form, for callers that keep an array; `out` is as before where it raises.
+        """
+        table, numbers = self._table, self._numbers
+        try:
+            to, of = numbers[target], numbers[source]
+        except KeyError:
+            to, of = self._names.number(target), self._names.number(source)
+        status = look_up(table.samples, table.frames, to, of, stamp_ns, out)
+        if status:
+            self._fail(status, target, source, stamp_ns)
+
+    def lookup_arrays(
+        self, target: str, source: str, stamps_ns: npt.NDArray[np.int64]
+    ) -> tuple[Floats, Floats]:
+        """Return target_from_source at each of N stamps: translations (N, 3), quaternions (N, 4).
+
+        Errors as in `lookup`, for the first stamp that fails. Ascending stamps are quickest.
+        """
+        stamps = np.ascontiguousarray(stamps_ns, dtype=np.int64)
+        to, of = self._names.number(target), self._names.number(source)
+        out = np.empty((len(stamps), 7))
+        table = self._table
+        status, failed = look_up_many(table.samples, table.frames, to, of, stamps, out)
+        if status:
+            self._fail(status, target, source, int(stamps[failed]))
+        return out[:, :3], out[:, 3:]
+
+    def lookup_held(self, target: str, fixed: str, source: str, stamp_ns: int) -> RigidTransform:
+        """Return target_from_source by way of `fixed`: the first part held, the second exact.
+
+        target_from_fixed is taken at its latest not after the stamp (a slow correction, map->odom),
+        fixed_from_source interpolated at the stamp itself (odometry). Errors as in `lookup`.
+        """
+        held_ns = self.latest_before(target, fixed, stamp_ns)
+        target_from_fixed = self.lookup(target, fixed, held_ns)
+        return target_from_fixed @ self.lookup(fixed, source, stamp_ns)
+
+    def latest_common_time(self, target: str, source: str) -> int:
+        """Return the newest stamp [ns] at which the whole chain is known; `STATIC` if all static.
+
+        It is the least of the newest stamps of the chain's edges. Errors as in `latest_before`.
+        """
+        return self.latest_before(target, source, STATIC)
+
+    def latest_before(self, target: str, source: str, now_ns: int) -> int:
+        """Return the latest stamp t <= `now_ns` [ns] at which every edge of the chain is known.
+
+        A dynamic edge with a sample at or after `now_ns` allows `now_ns` itself, else its newest
+        stamp; t is the least over the edges; a static chain (or equal frames) gives `now_ns`. Where
+        frames change parents the chain is that in force at t. `lookup` at t succeeds.
+        UnknownFrameError; DisconnectedFramesError; ExtrapolationToPastError where some edge begins
+        after t.
+        """
+        to, of = self._names.number(target), self._names.number(source)
+        table = self._table
+        status, stamp_ns = latest_not_after(table.samples, table.frames, to, of, now_ns)
+        if status:
+            self._fail(status, target, source, stamp_ns)
+        return int(stamp_ns)
+
+    def has_frame(self, name: str) -> bool:
+        """Tell whether a transform ever named this frame, as parent or as child."""
+        return name in self._names
+
+    def frame_names(self) -> list[str]:
+        """Return the names of all known frames, sorted."""
+        return self._names.sorted()
+
+    def edges(self) -> list[FrameEdge]:
+        """Return the edges that hold now, sorted by parent and child."""
+        return listed_edges(self._table, self._names)
+
+    def _receive(self, claim: Claim) -> None:
+        """Store a stamped claim that is new in some way: edge, parent, source or order."""
+        admitted = self._precedence.admit(claim)
+        if admitted is None:
+            return
+        edge, stamp_ns = self._edge_for(admitted), admitted.stamp_ns
+        if edge.end == edge.first or stamp_ns > edge.newest_ns:
+            self._table.append(edge, admitted.parent, stamp_ns, admitted.pose)
+        elif not self._table.insert(edge, admitted.parent, stamp_ns, admitted.pose):
+            self._notices.say(
+                f"transforms of {self._names[edge.child]} older than the history of "
+                f"{self._history_ns / NS_PER_S:g} s are dropped"
+            )
+
+    def _edge_for(self, claim: Claim) -> Edge:
+        """Return the edge to write to; a fresh one where source or kind is another."""
+        edge = self._table.edges.get(claim.child)
+        if edge is None or (edge.source, edge.is_static) != (claim.source, claim.is_static):
+            edge = self._table.open(
+                claim.child, claim.parent, claim.source, is_static=claim.is_static
+            )
+        return edge
+
+    def _number_pair(self, parent: str, child: str) -> tuple[int, int]:
+        numbers = self._names.number_or_add(parent), self._names.number_or_add(child)
+        self._table.reserve_frame(max(numbers))
+        return numbers
+
+    def _fail(self, status: int, target: str, source: str, stamp_ns: int) -> NoReturn:
+        """Raise the error of a kernel's status."""
+        when = "the latest time" if stamp_ns == STATIC else in_seconds(stamp_ns)
+        asked = f"{target} from {source} at {when}"
+        raise lookup_error(status, asked, self._table, self._names)

@@ -1,0 +1,172 @@
+"""Map files of nav2_map_server: a YAML file beside an image, read as Jazzy's map_io reads them."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.conventions import FREE, OCCUPIED, UNKNOWN
+from are_ros.errors import InputError, MapError
+from are_ros.world._map_image import MapImage, read_map_image
+from are_ros.world.occupancy_grid import OccupancyGrid
+
+_OPAQUE = 255
+
+
+class MapMode(Enum):
+    """How brightness becomes occupancy; the names are those of the YAML field `mode`."""
+
+    TRINARY = "trinary"
+    SCALE = "scale"
+    RAW = "raw"
+
+
+@dataclass(frozen=True)
+class _Metadata:
+    image: Path
+    resolution_m: float
+    origin: tuple[float, float, float]
+    negate: bool
+    occupied_thresh: float
+    free_thresh: float
+    mode: MapMode
+
+
+def read_map_file(path: Path, frame_id: str = "map") -> OccupancyGrid:
+    """Return the grid of a YAML map file; the image's lowest row becomes row 0.
+
+    With `occ` the darkness of a pixel (its brightness where `negate` is set) in 0..1, trinary
+    maps occ > occupied_thresh to occupied, occ < free_thresh to free, the rest to unknown; an
+    alpha channel is averaged in with the colours, as map_io does. Scale spreads what lies
+    between the thresholds over 0..100, and takes what is not opaque as unknown. Raw takes the
+    brightness 0..100 of 255 as the value itself. Raises MapError: file, field and reason.
+    """
+    metadata = _read_metadata(path)
+    image = read_map_image(metadata.image)
+    x, y, yaw = metadata.origin
+    try:
+        return OccupancyGrid.checked(
+            np.flipud(_cells(image, metadata)),
+            width=image.sums.shape[1],
+            height=image.sums.shape[0],
+            resolution_m=metadata.resolution_m,
+            origin_xyz_m=(x, y, 0.0),
+            origin_rotation_xyzw=(0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)),
+            frame_id=frame_id,
+            source=str(path),
+        )
+    except InputError as error:
+        raise MapError(str(error)) from error
+
+
+def _cells(image: MapImage, metadata: _Metadata) -> npt.NDArray[np.int8]:
+    """Return the cells by a table over every sum of channels that can occur."""
+    sums, full = image.sums, image.full
+    if image.opacity is not None and metadata.mode is MapMode.TRINARY:
+        sums, full = sums + image.opacity, full + _OPAQUE
+    cells = _table(np.arange(full + 1) / full, metadata)[sums]
+    if image.opacity is not None and metadata.mode is MapMode.SCALE:
+        cells[image.opacity != _OPAQUE] = UNKNOWN
+    return cells
+
+
+def _table(shade: npt.NDArray[np.float64], metadata: _Metadata) -> npt.NDArray[np.int8]:
+    """Return the cell value of each brightness in 0..1."""
+    if metadata.mode is MapMode.RAW:
+        # C++ rounds a half away from zero, numpy to the even one
+        value = np.floor(shade * 255.0 + 0.5)
+        return np.where(value <= OCCUPIED, value, UNKNOWN).astype(np.int8)
+    occ = shade if metadata.negate else 1.0 - shade
+    low, high = metadata.free_thresh, metadata.occupied_thresh
+    between = np.full(occ.shape, float(UNKNOWN))
+    if metadata.mode is MapMode.SCALE:
+        between = np.rint((occ - low) / (high - low) * 100.0)
+    cells = np.where(occ > high, OCCUPIED, np.where(occ < low, FREE, between))
+    return cells.astype(np.int8)
+
+
+def _read_metadata(path: Path) -> _Metadata:
+    fields = _read_yaml(path)
+    origin = fields.get("origin")
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise MapError(f"{path}: origin must be three numbers [x, y, yaw], it is {origin!r}")
+    metadata = _Metadata(
+        image=_image_path(path, fields),
+        resolution_m=_number(path, "resolution", fields.get("resolution")),
+        origin=(
+            _number(path, "origin", origin[0]),
+            _number(path, "origin", origin[1]),
+            _number(path, "origin", origin[2]),
+        ),
+        negate=_negate(path, fields.get("negate")),
+        occupied_thresh=_number(path, "occupied_thresh", fields.get("occupied_thresh")),
+        free_thresh=_number(path, "free_thresh", fields.get("free_thresh")),
+        mode=_mode(path, fields.get("mode", MapMode.TRINARY.value)),
+    )
+    _check_thresholds(path, metadata)
+    return metadata
+
+
+def _read_yaml(path: Path) -> Mapping[str, Any]:
+    import yaml
+
+    try:
+        fields = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        message = f"{path}: the map file cannot be read ({error.strerror})"
+        raise MapError(message) from error
+    except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        message = f"{path}: the map file is no YAML ({reason})"
+        raise MapError(message) from error
+    if not isinstance(fields, dict):
+        raise MapError(f"{path}: the map file is no mapping of fields to values")
+    for key in ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh"):
+        if key not in fields:
+            raise MapError(f"{path}: the field {key} is missing")
+    return fields
+
+
+def _image_path(path: Path, fields: Mapping[str, Any]) -> Path:
+    image = fields.get("image")
+    if not isinstance(image, str) or not image or "\0" in image:
+        raise MapError(f"{path}: image must name a file, it is {image!r}")
+    return path.parent / image
+
+
+def _number(path: Path, field: str, value: object) -> float:
+    """Return a finite number; YAML 1.1 leaves 5e-2 a string, yaml-cpp does not."""
+    number = math.nan
+    if isinstance(value, int | float | str) and not isinstance(value, bool):
+        try:
+            number = float(value)
+        except (ValueError, OverflowError):
+            number = math.nan
+    if not math.isfinite(number):
+        raise MapError(f"{path}: {field} must be a finite number, it is or holds {value!r}")
+    return number
+
+
+def _negate(path: Path, value: object) -> bool:
+    if not isinstance(value, int):
+        raise MapError(f"{path}: negate must be 0 or 1, it is {value!r}")
+    return bool(value)
+
+
+def _mode(path: Path, value: object) -> MapMode:
+    try:
+        return MapMode(str(value).lower())
+    except ValueError as error:
+        message = f"{path}: mode must be trinary, scale or raw, it is {value!r}"
+        raise MapError(message) from error
+
+
+def _check_thresholds(path: Path, metadata: _Metadata) -> None:
+    low, high = metadata.free_thresh, metadata.occupied_thresh
+    if low > high or (low == high and metadata.mode is MapMode.SCALE):
+        raise MapError(f"{path}: free_thresh {low} is not below occupied_thresh {high}")

@@ -1,0 +1,194 @@
+"""M2D: the occupancy grid of the real place (section 3.1), checked as Nav2 checks it."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.conventions import OCCUPIED, UNKNOWN
+from are_ros.errors import InputError
+from are_ros.world._planar import MAX_TILT_RAD, cosine_and_sine, tilt_rad, yaw_only
+from are_ros.world.rigid_transform import RigidTransform
+
+MAX_SIDE: Final = 32767
+_MIN_RESOLUTION_M: Final = 1e-6
+_NORM_TOLERANCE: Final = 1e-4
+_OUTSIDE: Final = -(2**31)
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyGrid:
+    """A grid of cells in the map frame; cell (row, col) = (0, 0) touches the origin.
+
+    `cells` is int8 (height, width), read-only: -1 unknown, else 0..100 per cent occupied.
+    `origin` is map_from_grid: x runs along the columns, y along the rows, yaw only.
+    Build one from outside data with `checked`; the bare constructor checks nothing.
+    """
+
+    cells: npt.NDArray[np.int8]
+    resolution_m: float
+    origin: RigidTransform
+    frame_id: str
+    stamp_ns: int = 0
+
+    def __post_init__(self) -> None:
+        cells = self.cells.view()
+        cells.flags.writeable = False
+        object.__setattr__(self, "cells", cells)
+
+    @classmethod
+    def checked(
+        cls,
+        data: npt.ArrayLike,
+        *,
+        width: int,
+        height: int,
+        resolution_m: float,
+        origin_xyz_m: Sequence[float],
+        origin_rotation_xyzw: Sequence[float],
+        frame_id: str,
+        stamp_ns: int = 0,
+        source: str = "map",
+    ) -> "OccupancyGrid":
+        """Return the grid of a message's fields; `data` is row by row, flat or (height, width).
+
+        The checks are Nav2's and two more (values, tilt). `source` (a topic or a file) begins
+        every sentence. Raises InputError that names field and reason. The data are copied.
+        """
+        _check_header(source, frame_id, width, height, resolution_m)
+        origin = _checked_origin(source, origin_xyz_m, origin_rotation_xyzw)
+        cells = _checked_cells(source, data, width, height)
+        return cls(cells, float(resolution_m), origin, frame_id, int(stamp_ns))
+
+    @property
+    def height(self) -> int:
+        """Number of rows."""
+        return int(self.cells.shape[0])
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return int(self.cells.shape[1])
+
+    @property
+    def cell_area_m2(self) -> float:
+        """Area of one cell."""
+        return self.resolution_m * self.resolution_m
+
+    def points_to_cells(self, points: npt.ArrayLike) -> npt.NDArray[np.int64]:
+        """Return the cells (N, 2) as (row, col) that hold the points (N, 2) of the map frame.
+
+        A cell holds its low edges, not its high ones. Cells may lie outside the grid; a point
+        that is not finite, or farther than 2**31 cells, comes out far outside.
+        """
+        offset = np.asarray(points, dtype=np.float64)[:, :2] - self.origin.translation_m[:2]
+        cosine, sine = cosine_and_sine(self.origin.rotation_xyzw)
+        with np.errstate(invalid="ignore", over="ignore"):
+            along_x = offset[:, 0] * cosine + offset[:, 1] * sine
+            along_y = offset[:, 1] * cosine - offset[:, 0] * sine
+            cells = np.floor(np.column_stack((along_y, along_x)) / self.resolution_m)
+        bounded: npt.NDArray[np.float64]
+        bounded = np.clip(np.nan_to_num(cells, nan=_OUTSIDE), _OUTSIDE, -_OUTSIDE)
+        return bounded.astype(np.int64)
+
+    def cells_to_points(self, cells: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Return the centres (N, 2) in the map frame of cells (N, 2) given as (row, col)."""
+        indices = np.asarray(cells, dtype=np.float64)
+        along_y, along_x = (indices.T + 0.5) * self.resolution_m
+        cosine, sine = cosine_and_sine(self.origin.rotation_xyzw)
+        x = along_x * cosine - along_y * sine
+        y = along_x * sine + along_y * cosine
+        return np.column_stack((x, y)) + self.origin.translation_m[:2]
+
+    def contains(self, cells: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+        """Return which of the cells (N, 2) lie inside the grid, as bool (N,)."""
+        rows, cols = cells[:, 0], cells[:, 1]
+        inside: npt.NDArray[np.bool_]
+        inside = (rows >= 0) & (rows < self.height) & (cols >= 0) & (cols < self.width)
+        return inside
+
+
+@dataclass(frozen=True, eq=False)
+class CellClasses:
+    """The cells in our own reading: bool (height, width) each; what is in neither is unknown."""
+
+    occupied: npt.NDArray[np.bool_]
+    free: npt.NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        self.occupied.flags.writeable = False
+        self.free.flags.writeable = False
+
+
+def classify(
+    grid: OccupancyGrid, occupied_threshold: int = 65, free_threshold: int = 25
+) -> CellClasses:
+    """Return the classes: occupied at >= occupied_threshold, free at 0..free_threshold.
+
+    Unknown cells (-1) are neither. Raises InputError unless free_threshold is the lower one.
+    """
+    if not free_threshold < occupied_threshold:
+        message = f"free threshold {free_threshold} is not below the occupied, {occupied_threshold}"
+        raise InputError(message)
+    cells = grid.cells
+    return CellClasses(
+        occupied=(cells >= occupied_threshold) & (cells > UNKNOWN),
+        free=(cells <= free_threshold) & (cells > UNKNOWN),
+    )
+
+
+def _check_header(source: str, frame_id: str, width: int, height: int, resolution_m: float) -> None:
+    if not frame_id:
+        raise InputError(f"{source}: header.frame_id is empty")
+    if not (math.isfinite(resolution_m) and resolution_m > _MIN_RESOLUTION_M):
+        message = f"{source}: info.resolution is {resolution_m}, it must be a length above 1e-6 m"
+        raise InputError(message)
+    for field, size in (("width", width), ("height", height)):
+        if not 0 < size <= MAX_SIDE:
+            raise InputError(f"{source}: info.{field} is {size}, it must be 1 to {MAX_SIDE} cells")
+
+
+def _checked_origin(
+    source: str, xyz_m: Sequence[float], rotation_xyzw: Sequence[float]
+) -> RigidTransform:
+    position = np.array(xyz_m, dtype=np.float64)
+    rotation = np.array(rotation_xyzw, dtype=np.float64)
+    if position.shape != (3,) or not np.isfinite(position).all():
+        raise InputError(f"{source}: info.origin.position {xyz_m} is not three finite numbers")
+    squared_norm = float(rotation @ rotation) if rotation.shape == (4,) else math.nan
+    if not abs(squared_norm - 1.0) <= _NORM_TOLERANCE:
+        message = (
+            f"{source}: info.origin.orientation {rotation_xyzw} is no unit quaternion"
+            f" (x, y, z, w); no rotation at all is (0, 0, 0, 1)"
+        )
+        raise InputError(message)
+    tilt = tilt_rad(rotation)
+    if tilt > MAX_TILT_RAD:
+        message = (
+            f"{source}: info.origin.orientation tilts the map by {tilt:.4f} rad;"
+            f" only a rotation about z is supported"
+        )
+        raise InputError(message)
+    return RigidTransform(translation_m=position, rotation_xyzw=yaw_only(rotation))
+
+
+def _checked_cells(
+    source: str, data: npt.ArrayLike, width: int, height: int
+) -> npt.NDArray[np.int8]:
+    values = np.asarray(data)
+    if values.dtype.kind not in "iu":
+        raise InputError(f"{source}: data are of type {values.dtype}, not integers")
+    if values.size != width * height or (values.ndim == 2 and values.shape != (height, width)):
+        message = (
+            f"{source}: data has {values.size} cells, but width x height is"
+            f" {width} x {height} = {width * height}"
+        )
+        raise InputError(message)
+    low, high = int(values.min()), int(values.max())
+    if low < UNKNOWN or high > OCCUPIED:
+        wrong = low if low < UNKNOWN else high
+        raise InputError(f"{source}: data holds the value {wrong}, outside -1 to 100")
+    return np.array(values.reshape(height, width), dtype=np.int8, order="C")

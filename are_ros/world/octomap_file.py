@@ -1,0 +1,191 @@
+"""Octomap's binary tree files (.bt): the occupied leaves, as voxel centres."""
+
+import math
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros._compiled import compiled
+from are_ros.errors import MapError
+
+MAX_CENTRES: Final = 2**26
+"""Bound on the expanded voxels of one file: 768 MiB of centres."""
+
+_TREE_DEPTH: Final = 16
+_FIRST_LINE: Final = b"# Octomap OcTree binary file"
+_FIRST_LINE_OF_OT: Final = b"# Octomap OcTree file"
+_TREE_TYPES: Final = ("OcTree", "ColorOcTree")
+_WHOLE, _TRUNCATED, _TOO_DEEP = 0, 1, 2
+
+
+class _Header(NamedTuple):
+    node_count: int
+    resolution_m: float
+    data_start: int
+
+
+def read_octomap_file(path: Path) -> tuple[npt.NDArray[np.float32], float]:
+    """Return centres (N, 3) [m], float32, of the occupied voxels of a .bt file, and their size.
+
+    Leaves of every size are expanded to voxels of the finest size; the frame is the octree's
+    own, with voxel corners at multiples of the size; the order is that of the file. N may be 0.
+    Raises MapError for a file that is missing, of another kind, truncated, inconsistent with its
+    header, or of more than `MAX_CENTRES` voxels.
+    """
+    data = _read_bytes(path)
+    header = _parsed_header(path, data)
+    leaves = _occupied_leaves(path, np.frombuffer(data[header.data_start :], np.uint8), header)
+    count = sum(8 ** int(level) * int(n) for level, n in enumerate(np.bincount(leaves[:, 3])))
+    if count > MAX_CENTRES:
+        message = (
+            f"{path}: {count} voxels of {header.resolution_m:g} m are more than {MAX_CENTRES};"
+            f" crop or coarsen the octomap"
+        )
+        raise MapError(message)
+    return _expanded(leaves, count, header.resolution_m), header.resolution_m
+
+
+def _read_bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        message = f"{path}: the octomap cannot be read ({error.strerror})"
+        raise MapError(message) from error
+
+
+def _parsed_header(path: Path, data: bytes) -> _Header:
+    _check_first_line(path, data)
+    fields: dict[str, str] = {}
+    position = 0
+    while True:
+        end = data.find(b"\n", position)
+        if end < 0:
+            raise MapError(f"{path}: the octomap's header is truncated, it has no line 'data'")
+        words = data[position:end].decode("latin-1").split()
+        position = end + 1
+        if words[:1] == ["data"]:
+            break
+        if len(words) > 1 and not words[0].startswith("#"):
+            fields[words[0]] = words[1]
+    tree_type = fields.get("id")
+    if tree_type not in _TREE_TYPES:
+        raise MapError(f"{path}: the octomap's id is {tree_type}, not one of {_TREE_TYPES}")
+    return _Header(_node_count(path, fields), _resolution_m(path, fields), position)
+
+
+def _check_first_line(path: Path, data: bytes) -> None:
+    if data.startswith(_FIRST_LINE_OF_OT):
+        message = (
+            f"{path}: this is a full octomap (.ot), only binary ones are read;"
+            f" convert it with octomap's 'convert_octree {path.name} {path.stem}.bt'"
+        )
+        raise MapError(message)
+    if not data.startswith(_FIRST_LINE):
+        raise MapError(
+            f"{path}: this is no octomap, its first line is not '{_FIRST_LINE.decode()}'"
+        )
+
+
+def _node_count(path: Path, fields: dict[str, str]) -> int:
+    text = fields.get("size", "")
+    if not (text.isascii() and text.isdigit() and len(text) < 19):
+        raise MapError(f"{path}: the octomap's size is {text!r}, not a number of nodes")
+    return int(text)
+
+
+def _resolution_m(path: Path, fields: dict[str, str]) -> float:
+    text = fields.get("res", "")
+    try:
+        resolution_m = float(text)
+    except ValueError:
+        resolution_m = math.nan
+    if not (math.isfinite(resolution_m) and resolution_m > 0.0):
+        raise MapError(f"{path}: the octomap's res is {text!r}, not a positive length")
+    return resolution_m
+
+
+def _occupied_leaves(
+    path: Path, codes: npt.NDArray[np.uint8], header: _Header
+) -> npt.NDArray[np.int64]:
+    """Return (L, 4): low voxel index x, y, z and level of each occupied leaf, 2**level wide."""
+    none = np.empty((0, 4), dtype=np.int64)
+    if header.node_count == 0:
+        return none
+    status, nodes, count = _walk(codes, none)
+    if status == _TRUNCATED:
+        raise MapError(f"{path}: the octomap's data are truncated, {len(codes)} bytes are too few")
+    if status == _TOO_DEEP:
+        raise MapError(f"{path}: the octomap's data are corrupt, deeper than {_TREE_DEPTH} levels")
+    if nodes != header.node_count:
+        message = f"{path}: the octomap holds {nodes} nodes, but its size says {header.node_count}"
+        raise MapError(message)
+    leaves = np.empty((count, 4), dtype=np.int64)
+    _walk(codes, leaves)
+    return leaves
+
+
+@compiled
+def _walk(codes: npt.NDArray[np.uint8], leaves: npt.NDArray[np.int64]) -> tuple[int, int, int]:
+    """Walk the tree depth first; return status, nodes and occupied leaves, storing what fits.
+
+    A node is two bytes, two bits a child: 0 unknown, 1 free leaf, 2 occupied leaf, 3 inner node;
+    the inner children follow in order. Bits 0, 1, 2 of a child's number are its x, y, z.
+    """
+    corner = np.zeros((_TREE_DEPTH + 1, 3), dtype=np.int64)
+    corner[0, :] = -(1 << (_TREE_DEPTH - 1))
+    word = np.zeros(_TREE_DEPTH + 1, dtype=np.int64)
+    child = np.zeros(_TREE_DEPTH + 1, dtype=np.int64)
+    if codes.shape[0] < 2:
+        return _TRUNCATED, 0, 0
+    word[0] = np.int64(codes[0]) | np.int64(codes[1]) << 8
+    position, nodes, count, depth = 2, 1, 0, 0
+    while depth >= 0:
+        if child[depth] == 8:
+            depth -= 1
+            continue
+        number = child[depth]
+        code = (word[depth] >> (2 * number)) & 3
+        child[depth] += 1
+        if code == 0:
+            continue
+        nodes += 1
+        level = _TREE_DEPTH - 1 - depth
+        x = corner[depth, 0] + ((number & 1) << level)
+        y = corner[depth, 1] + ((number >> 1 & 1) << level)
+        z = corner[depth, 2] + ((number >> 2 & 1) << level)
+        if code == 2:
+            if count < leaves.shape[0]:
+                leaves[count, 0], leaves[count, 1] = x, y
+                leaves[count, 2], leaves[count, 3] = z, level
+            count += 1
+        elif code == 3:
+            if level == 0:
+                return _TOO_DEEP, nodes, count
+            if position + 2 > codes.shape[0]:
+                return _TRUNCATED, nodes, count
+            depth += 1
+            corner[depth, 0], corner[depth, 1], corner[depth, 2] = x, y, z
+            word[depth] = np.int64(codes[position]) | np.int64(codes[position + 1]) << 8
+            child[depth] = 0
+            position += 2
+    return _WHOLE, nodes, count
+
+
+@compiled
+def _expanded(
+    leaves: npt.NDArray[np.int64], count: int, resolution_m: float
+) -> npt.NDArray[np.float32]:
+    centres = np.empty((count, 3), dtype=np.float32)
+    n = 0
+    for leaf in range(leaves.shape[0]):
+        width = np.int64(1) << leaves[leaf, 3]
+        for i in range(leaves[leaf, 0], leaves[leaf, 0] + width):
+            for j in range(leaves[leaf, 1], leaves[leaf, 1] + width):
+                for k in range(leaves[leaf, 2], leaves[leaf, 2] + width):
+                    centres[n, 0] = (i + 0.5) * resolution_m
+                    centres[n, 1] = (j + 0.5) * resolution_m
+                    centres[n, 2] = (k + 0.5) * resolution_m
+                    n += 1
+    return centres

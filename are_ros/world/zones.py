@@ -1,0 +1,154 @@
+"""Spawn zones: weighted polygons of a YAML file, and the cells of a grid that they cover."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.errors import ParameterError
+from are_ros.world._planar import cosine_and_sine
+from are_ros.world.occupancy_grid import OccupancyGrid
+
+_FILE_FIELDS: Final = frozenset({"zones", "no_spawn"})
+_ZONE_FIELDS: Final = frozenset({"name", "polygon", "weight"})
+
+
+@dataclass(frozen=True, eq=False)
+class Zone:
+    """A polygon where artefacts arrive `weight` (> 0) times as densely as where the weight is 1.
+
+    `polygon_m` is float64 (K >= 3, 2) in the map frame [m], closed by itself, even-odd inside.
+    """
+
+    name: str
+    polygon_m: npt.NDArray[np.float64]
+    weight: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Zones:
+    """The content of a zones file: where artefacts may arrive, and where they never do.
+
+    Where zones overlap their weights add. `no_spawn` holds polygons as in `Zone`.
+    """
+
+    zones: tuple[Zone, ...] = ()
+    no_spawn: tuple[npt.NDArray[np.float64], ...] = ()
+
+
+def read_zones_file(path: Path) -> Zones:
+    """Read `zones: [{name, polygon: [[x, y], ...], weight}]` and `no_spawn: [[[x, y], ...]]`.
+
+    Both lists may be left out; `name` defaults to "zone N", `weight` to 1. Raises
+    `ParameterError` that names file, field and reason.
+    """
+    content = _yaml_mapping(path)
+    _refuse_unknown(content, _FILE_FIELDS, str(path))
+    zones = [
+        _zone(entry, f"{path}: zones[{number}]", number)
+        for number, entry in enumerate(_list_of(content, "zones", path))
+    ]
+    no_spawn = [
+        _polygon(entry, f"{path}: no_spawn[{number}]")
+        for number, entry in enumerate(_list_of(content, "no_spawn", path))
+    ]
+    return Zones(tuple(zones), tuple(no_spawn))
+
+
+def polygon_mask(polygon_m: npt.NDArray[np.float64], grid: OccupancyGrid) -> npt.NDArray[np.bool_]:
+    """Return bool (height, width): the cells whose centres lie in the polygon (map frame).
+
+    Low edges are inside, high edges are not, so polygons that share an edge share no cell.
+    """
+    corners = _in_cells(polygon_m, grid)
+    toggles = np.zeros((grid.height, grid.width + 1), np.bool_)
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        _toggle_right_of_edge(toggles, start, end)
+    return np.logical_xor.accumulate(toggles, axis=1)[:, :-1]
+
+
+def _in_cells(polygon_m: npt.NDArray[np.float64], grid: OccupancyGrid) -> npt.NDArray[np.float64]:
+    """Return the corners as (x, y) in cells, so that cell (row, col) is centred at (col, row)."""
+    cosine, sine = cosine_and_sine(grid.origin.rotation_xyzw)
+    offset = polygon_m - grid.origin.translation_m[:2]
+    x = offset[:, 0] * cosine + offset[:, 1] * sine
+    y = offset[:, 1] * cosine - offset[:, 0] * sine
+    return np.column_stack((x, y)) / grid.resolution_m - 0.5
+
+
+def _toggle_right_of_edge(
+    toggles: npt.NDArray[np.bool_],
+    start: npt.NDArray[np.float64],
+    end: npt.NDArray[np.float64],
+) -> None:
+    """Flip, in each row whose centre line the edge crosses, the first cell right of it."""
+    height, width = toggles.shape
+    low, high = (start, end) if start[1] <= end[1] else (end, start)
+    first, last = np.clip(np.ceil((low[1], high[1])), 0, height)
+    rows = np.arange(int(first), int(last))
+    if rows.size:
+        x = low[0] + (rows - low[1]) * (high[0] - low[0]) / (high[1] - low[1])
+        toggles[rows, np.clip(np.ceil(x), 0, width - 1).astype(np.int64)] ^= True
+
+
+def _yaml_mapping(path: Path) -> Mapping[str, Any]:
+    import yaml
+
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as cause:
+        raise ParameterError(f"{path}: the zones file cannot be read: {cause}") from cause
+    except yaml.YAMLError as cause:
+        reason = " ".join(str(cause).split())
+        raise ParameterError(f"{path}: the zones file is no YAML: {reason}") from cause
+    if not isinstance(content, dict):
+        raise ParameterError(f"{path}: the file must map zones and no_spawn to lists")
+    return content
+
+
+def _list_of(content: Mapping[str, Any], field: str, path: Path) -> list[Any]:
+    entries = content.get(field)
+    if entries is None:
+        return []
+    if not isinstance(entries, list):
+        raise ParameterError(f"{path}: {field} is no list")
+    return entries
+
+
+def _refuse_unknown(content: Mapping[Any, Any], known: frozenset[str], where: str) -> None:
+    unknown = sorted(str(name) for name in content if name not in known)
+    if unknown:
+        names = ", ".join(sorted(known))
+        raise ParameterError(f"{where}: {unknown[0]} is no field of it; these are: {names}")
+
+
+def _zone(entry: Any, where: str, number: int) -> Zone:
+    if not isinstance(entry, dict):
+        raise ParameterError(f"{where} is no mapping of name, polygon and weight")
+    _refuse_unknown(entry, _ZONE_FIELDS, where)
+    name = entry.get("name", f"zone {number}")
+    if not isinstance(name, str):
+        raise ParameterError(f"{where}.name is {name!r}, not a text")
+    weight = entry.get("weight", 1.0)
+    if not (_is_number(weight) and weight > 0.0):
+        raise ParameterError(f"{where}.weight is {weight!r}, not a finite number above 0")
+    return Zone(name, _polygon(entry.get("polygon"), f"{where}.polygon"), float(weight))
+
+
+def _polygon(corners: Any, where: str) -> npt.NDArray[np.float64]:
+    if not isinstance(corners, list) or len(corners) < 3:
+        raise ParameterError(f"{where} is no list of at least three corners [x, y]")
+    for number, corner in enumerate(corners):
+        if not (isinstance(corner, list) and len(corner) == 2 and all(map(_is_number, corner))):
+            raise ParameterError(f"{where}[{number}] is {corner!r}, not two finite numbers [x, y]")
+    polygon_m = np.array(corners, dtype=np.float64)
+    polygon_m.flags.writeable = False
+    return polygon_m
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,0 +1,47 @@
+"""Laser scans as messages."""
+
+from array import array
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from are_ros.errors import InputError
+from are_ros.messages.scan import make_scan, read_scan
+from are_ros.replay.message_types import RosbagsFactory
+from are_ros.world.laser_scan import LaserScan
+
+SCAN = LaserScan(
+    "laser", 5_000_000_001, -0.5, 0.25, 0.25, 0.125, 0.5, 0.0625, 30.0,
+    np.array([1.0, np.nan, np.inf, 4.0], np.float32), np.array([9, 8, 7, 6], np.float32),
+)  # fmt: skip
+
+
+def test_a_scan_comes_back(factory: RosbagsFactory, over_the_wire: Callable[[Any], Any]) -> None:
+    """Every field survives the wire, NaN and infinity too."""
+    back = read_scan(over_the_wire(make_scan(factory, SCAN)))
+    for name in LaserScan.__dataclass_fields__:
+        np.testing.assert_array_equal(getattr(back, name), getattr(SCAN, name), err_msg=name)
+
+
+def test_a_scan_of_rclpy_is_read(factory: RosbagsFactory) -> None:
+    """Arrays of rclpy, a slash before the frame and missing intensities are taken."""
+    message = make_scan(factory, SCAN)
+    message.header.frame_id = "/laser"
+    message.ranges, message.intensities = array("f", [1, 2, 3, 4]), array("f")
+    scan = read_scan(message)
+    assert scan.frame_id == "laser"
+    assert scan.ranges.tolist() == [1.0, 2.0, 3.0, 4.0]
+    assert scan.intensities.shape == (0,)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("angle_increment", 0.0), ("range_max", float("nan")), ("angle_max", 9.0)]
+)
+def test_a_malformed_scan_is_refused(factory: RosbagsFactory, field: str, value: float) -> None:
+    """The sentence begins with the topic."""
+    message = make_scan(factory, SCAN)
+    setattr(message, field, value)
+    with pytest.raises(InputError, match=r"^/scan: "):
+        read_scan(message, "/scan")

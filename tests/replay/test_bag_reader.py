@@ -1,0 +1,245 @@
+"""Reading recordings of every kind, and saying what is wrong with bad ones."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Ros2Writer
+
+from are_ros.errors import BagError, InputError
+from are_ros.messages.transforms import StampedTransform, make_transforms
+from are_ros.replay.bag_reader import BagMessage, BagReader, BagTopic, _in_order
+from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
+
+WriteBag = Callable[[Path, list[tuple[str, int, Any]]], Path]
+STRING = "std_msgs/msg/String"
+KINDS = [".bag", ".mcap", ".db3"]
+
+
+def strings(factory: RosbagsFactory, *records: tuple[str, int, str]) -> list[tuple[str, int, Any]]:
+    """Return records of String messages."""
+    return [(topic, at, factory.make(STRING, data=text)) for topic, at, text in records]
+
+
+@pytest.fixture
+def words(factory: RosbagsFactory) -> list[tuple[str, int, Any]]:
+    """Return four messages on two topics."""
+    return strings(
+        factory, ("/b", 10, "one"), ("/a", 20, "two"), ("/b", 20, "three"), ("/a", 30, "four")
+    )
+
+
+def texts(reader: BagReader, **selection: Any) -> list[tuple[str, int, str]]:
+    """Return what a reader yields as topic, time and text."""
+    return [
+        (message.topic, message.log_time_ns, reader.deserialize(message).data)
+        for message in reader.messages(**selection)
+    ]
+
+
+@pytest.mark.parametrize("suffix", KINDS)
+def test_every_kind_is_read(
+    tmp_path: Path, write_bag: WriteBag, words: list[tuple[str, int, Any]], suffix: str
+) -> None:
+    """Topics, bounds and messages are the same, whatever the format."""
+    with BagReader([write_bag(tmp_path / f"bag{suffix}", words)]) as reader:
+        assert reader.topics == (BagTopic("/a", STRING, 2, False), BagTopic("/b", STRING, 2, False))
+        assert (reader.start_ns, reader.end_ns) == (10, 31)
+        assert sorted(texts(reader)) == [
+            ("/a", 20, "two"), ("/a", 30, "four"), ("/b", 10, "one"), ("/b", 20, "three"),
+        ]  # fmt: skip
+        assert [at for _, at, _ in texts(reader)] == [10, 20, 20, 30]
+        assert texts(reader, topics=("/a",), start_ns=20, stop_ns=30) == [("/a", 20, "two")]
+        assert texts(reader, topics=("/nix",)) == []
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".db3"])
+def test_a_folder_is_read_as_its_file(
+    tmp_path: Path, write_bag: WriteBag, words: list[tuple[str, int, Any]], suffix: str
+) -> None:
+    """The folder with metadata.yaml and the file alone hold the same."""
+    file = write_bag(tmp_path / f"bag{suffix}", words)
+    with BagReader([file]) as one, BagReader([file.parent]) as other:
+        assert texts(one) == texts(other)
+        assert one.topics == other.topics
+
+
+@pytest.mark.parametrize("suffix", KINDS)
+def test_several_recordings_are_one_stream(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag, suffix: str
+) -> None:
+    """Messages of two recordings come in order of time, counted together."""
+    one = write_bag(tmp_path / f"one{suffix}", strings(factory, ("/a", 10, "1"), ("/a", 30, "3")))
+    two = write_bag(tmp_path / f"two{suffix}", strings(factory, ("/a", 20, "2"), ("/b", 40, "4")))
+    with BagReader([two, one]) as reader:
+        assert [text for _, _, text in texts(reader)] == ["1", "2", "3", "4"]
+        assert (reader.start_ns, reader.end_ns) == (10, 41)
+        assert reader.topics[0].count == 3
+
+
+def test_compressed_recordings_are_read(tmp_path: Path, words: list[tuple[str, int, Any]]) -> None:
+    """Files and messages that rosbag2 compressed with zstd are read as others."""
+    store = jazzy_typestore()
+    for mode in (CompressionMode.FILE, CompressionMode.MESSAGE):
+        folder = tmp_path / mode.name
+        writer = Ros2Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3)
+        writer.set_compression(mode, CompressionFormat.ZSTD)
+        with writer:
+            connection = writer.add_connection("/a", STRING, typestore=store)
+            for _, at, message in words:
+                writer.write(connection, at, store.serialize_cdr(message, STRING))
+        with BagReader([folder]) as reader:
+            assert [text for _, _, text in texts(reader)] == ["one", "two", "three", "four"]
+
+
+def test_parts_that_overlap_are_put_in_order() -> None:
+    """A stream that steps back by less than the window comes out sorted, ties as they came."""
+    times = [0, 5, 3, 8, 8, 6, 12, 11]
+    messages = [BagMessage(str(k), at, b"", None) for k, at in enumerate(times)]
+    ordered = list(_in_order(iter(messages), 5))
+    assert [message.log_time_ns for message in ordered] == sorted(times)
+    assert [message.topic for message in ordered if message.log_time_ns == 8] == ["3", "4"]
+
+
+def test_a_latched_topic_is_known(tmp_path: Path, factory: RosbagsFactory) -> None:
+    """ROS 1 marks latching at the connection."""
+    path = tmp_path / "bag.bag"
+    store = jazzy_typestore()
+    with Ros1Writer(path) as writer:
+        for topic, latching in (("/a", 1), ("/b", 0)):
+            connection = writer.add_connection(topic, STRING, typestore=store, latching=latching)
+            writer.write(connection, 1, store.serialize_ros1(factory.make(STRING), STRING))
+    with BagReader([path]) as reader:
+        assert [topic.is_latched for topic in reader.topics] == [True, False]
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".db3"])
+def test_transforms_are_read_quickly_and_slowly_alike(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag, suffix: str
+) -> None:
+    """The shortcut gives what was recorded."""
+    edges = [StampedTransform("map", "odom", 5, (1.0, 2.0, 3.0), (0.0, 0.0, 0.6, 0.8))]
+    records = [("/tf", 5, make_transforms(factory, edges))]
+    with BagReader([write_bag(tmp_path / f"bag{suffix}", records)]) as reader:
+        (message,) = reader.messages()
+        assert reader.transforms(message) == edges
+        big_endian = jazzy_typestore().serialize_cdr(
+            records[0][2], "tf2_msgs/msg/TFMessage", little_endian=False
+        )
+        assert reader.transforms(message._replace(data=bytes(big_endian))) == edges
+        with pytest.raises(InputError, match=r"^/tf: the message at 5 ns is no tf2_msgs"):
+            reader.transforms(message._replace(data=message.data[:30]))
+
+
+def mcap(path: Path, *, schema: str = "", encoding: str = "cdr", data: bytes = b"") -> Path:
+    """Write a recording of one message that is of type my/msg/Odd, and one String."""
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start(profile="ros2")
+        for topic, name, text in (("/odd", "my/msg/Odd", schema), ("/a", STRING, "string data\n")):
+            schema_encoding = "ros2msg" if text else ""
+            number = writer.register_schema(name, schema_encoding, text.encode())
+            channel = writer.register_channel(topic, encoding if topic == "/odd" else "cdr", number)
+            payload = data if topic == "/odd" else b"\0\1\0\0\2\0\0\0x\0"
+            writer.add_message(channel, 1, payload, 1)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({}, "/odd: the recording does not define its type, my/msg/Odd, and it is none of ROS's"),
+        ({"schema": "int32 !!"}, "/odd: the recording's definition of my/msg/Odd cannot be under"),
+        ({"schema": "other/Missing x"}, "/odd: the recording's definition of my/msg/Odd cannot be"),
+        ({"schema": "int32 x", "encoding": "json"}, "/odd: its messages are encoded as json"),
+    ],
+)
+def test_one_odd_type_does_not_spoil_the_others(
+    tmp_path: Path, options: dict[str, str], sentence: str
+) -> None:
+    """A type that cannot be understood is an error only where it is needed."""
+    with BagReader([mcap(tmp_path / "bag.mcap", **options)]) as reader:
+        odd, word = sorted(reader.messages(), key=lambda message: message.topic, reverse=True)
+        assert reader.deserialize(word).data == "x"
+        with pytest.raises(BagError) as caught:
+            reader.deserialize(odd)
+    assert str(caught.value).startswith(sentence)
+
+
+def test_malformed_bytes_are_an_input_error(tmp_path: Path) -> None:
+    """One bad message is the message's fault, named with topic, time and type."""
+    with BagReader([mcap(tmp_path / "bag.mcap", schema="int32 x", data=b"\0\1\0\0\1")]) as reader:
+        (message,) = reader.messages(("/odd",))
+        with pytest.raises(InputError, match=r"^/odd: the message at 1 ns is no my/msg/Odd, "):
+            reader.deserialize(message)
+
+
+@pytest.mark.parametrize("suffix", KINDS)
+def test_a_truncated_recording_is_said(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag, suffix: str
+) -> None:
+    """Whatever is cut off, the error is a sentence that begins with the path."""
+    records = strings(factory, *(("/a", k, "x" * 1000) for k in range(100)))
+    data = write_bag(tmp_path / f"bag{suffix}", records).read_bytes()
+    cut = tmp_path / f"cut{suffix}"
+    for size in (0, 5, 13, 40, 5000, len(data) // 2, len(data) - 9000):
+        cut.write_bytes(data[:size])
+        with pytest.raises(BagError) as caught, BagReader([cut]) as reader:
+            list(reader.messages())
+        assert str(caught.value).startswith(f"{cut}: ")
+        assert "Error: " not in str(caught.value)
+
+
+def test_paths_that_are_no_recordings_are_said(tmp_path: Path) -> None:
+    """Each mistake has its sentence."""
+    (tmp_path / "folder").mkdir()
+    for name in ("a.bag", "b.mcap", "c.txt", "d.bag.active", "folder/x.db3"):
+        (tmp_path / name).write_bytes(b"")
+    for names, sentence in (
+        ([], "no recording was given"),
+        (["nix.bag"], "there is no such file or folder"),
+        (["c.txt"], "no recording; rosbag2 folders, .mcap, .db3 and .bag files are"),
+        (["d.bag.active"], "`rosbag reindex` makes a .bag of it"),
+        (["folder"], "no rosbag2 recording; give the files in it themselves: x.db3"),
+        (["a.bag", "b.mcap"], "recordings of ROS 1 and of ROS 2 cannot be read together"),
+    ):
+        with pytest.raises(BagError) as caught:
+            BagReader([tmp_path / name for name in names])
+        assert sentence in str(caught.value)
+
+
+@pytest.mark.parametrize("suffix", KINDS)
+def test_an_empty_recording_is_said(tmp_path: Path, write_bag: WriteBag, suffix: str) -> None:
+    """A recording without messages is refused."""
+    path = write_bag(tmp_path / f"bag{suffix}", [])
+    with pytest.raises(BagError, match="the recording holds no message"), BagReader([path]):
+        pass
+
+
+def test_a_folder_that_lost_its_file_is_said(
+    tmp_path: Path, write_bag: WriteBag, words: list[tuple[str, int, Any]]
+) -> None:
+    """metadata.yaml without its files, or malformed, is named."""
+    file = write_bag(tmp_path / "bag.mcap", words)
+    file.unlink()
+    with pytest.raises(BagError, match="files that its metadata.yaml names are missing"):
+        BagReader([file.parent]).__enter__()
+    (file.parent / "metadata.yaml").write_text("a: [")
+    with pytest.raises(BagError, match="its metadata.yaml is malformed"):
+        BagReader([file.parent]).__enter__()
+
+
+def test_every_real_recording_is_read_whole(real_data: Path) -> None:
+    """All messages of all real recordings are read and understood."""
+    paths = sorted(real_data.glob("*/*.bag"))
+    assert len(paths) == 9
+    for path in paths:
+        with BagReader([path]) as reader:
+            counted = sum(topic.count for topic in reader.topics)
+            objects = [reader.deserialize(message) for message in reader.messages()]
+        assert len(objects) == counted

@@ -1,0 +1,136 @@
+"""Writing the augmented recording."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from rosbags.interfaces import QosDurability, QosHistory, QosReliability
+from rosbags.rosbag2 import Reader as Ros2Reader
+
+from are_ros.builder.markers import Marker
+from are_ros.errors import BagError
+from are_ros.messages.grid import make_grid, read_grid
+from are_ros.messages.marker_encoding import encode_markers
+from are_ros.replay.bag_reader import BagReader, BagTopic
+from are_ros.replay.bag_writer import BagWriter
+from are_ros.replay.message_types import RosbagsFactory
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.rigid_transform import RigidTransform
+
+GRID, ARRAY = "nav_msgs/msg/OccupancyGrid", "are_msgs/msg/ArtefactArray"
+MARKERS = "visualization_msgs/msg/MarkerArray"
+
+
+def grid(value: int) -> OccupancyGrid:
+    """Return a grid of one value."""
+    cells = np.full((300, 400), value, np.int8)
+    return OccupancyGrid(cells, 0.05, RigidTransform.identity(), "map", value)
+
+
+def write_sample(path: Path, factory: RosbagsFactory) -> None:
+    """Write three topics, one of them without a message."""
+    with BagWriter(path) as writer:
+        writer.add_topic("/are/map", GRID, is_latched=True, depth=1)
+        writer.add_topic("/are/artefacts", ARRAY)
+        writer.add_topic("/are/scan", "sensor_msgs/msg/LaserScan", is_reliable=False)
+        writer.add_topic("/are/markers", MARKERS)
+        for k in range(40):
+            writer.write("/are/map", 100 * k, make_grid(factory, grid(k)))
+            artefacts = [factory.make("are_msgs/msg/Artefact", id=k, label="person")]
+            writer.write("/are/artefacts", 100 * k, factory.make(ARRAY, artefacts=artefacts))
+            writer.write_raw(
+                "/are/markers", 100 * k, encode_markers("map", k, [Marker.delete_all()])
+            )
+        assert writer.counts()["/are/map"] == 40
+
+
+def test_our_own_reader_reads_it(tmp_path: Path, factory: RosbagsFactory) -> None:
+    """A bare file is read, with topics, qualities of service and all messages."""
+    write_sample(tmp_path / "out.mcap", factory)
+    with BagReader([tmp_path / "out.mcap"]) as reader:
+        assert reader.topics == (
+            BagTopic("/are/artefacts", ARRAY, 40, False),
+            BagTopic("/are/map", GRID, 40, True),
+            BagTopic("/are/markers", MARKERS, 40, False),
+            BagTopic("/are/scan", "sensor_msgs/msg/LaserScan", 0, False),
+        )
+        assert (reader.start_ns, reader.end_ns) == (0, 3901)
+        messages = list(reader.messages())
+        objects = [reader.deserialize(message) for message in messages]
+    assert [message.topic for message in messages[:3]] == [
+        "/are/map",
+        "/are/artefacts",
+        "/are/markers",
+    ]
+    np.testing.assert_array_equal(read_grid(objects[3 * 7]).cells, grid(7).cells)
+    assert objects[3 * 7 + 1].artefacts[0].id == 7
+    assert objects[3 * 7 + 2].markers[0].action == 3
+
+
+def test_mcap_reads_it(tmp_path: Path, factory: RosbagsFactory) -> None:
+    """Profile, schemas, channels in order of announcement and counts are as ROS 2 has them."""
+    write_sample(tmp_path / "out.mcap", factory)
+    with (tmp_path / "out.mcap").open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert reader.get_header().profile == "ros2"
+        summary = reader.get_summary()
+        assert summary is not None
+        assert [channel.topic for channel in summary.channels.values()] == [
+            "/are/map", "/are/artefacts", "/are/scan", "/are/markers",
+        ]  # fmt: skip
+        assert {channel.message_encoding for channel in summary.channels.values()} == {"cdr"}
+        assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
+        assert summary.schemas[1].name == GRID
+        hashes = [channel.metadata["topic_type_hash"] for channel in summary.channels.values()]
+        assert all(text.startswith("RIHS01_") and len(text) == 71 for text in hashes)
+        assert sum(1 for _ in reader.iter_messages()) == 120
+
+
+def test_players_get_the_quality_of_service(tmp_path: Path, factory: RosbagsFactory) -> None:
+    """The map is latched with depth 1, the scan best effort, as rosbag2 writes it."""
+    write_sample(tmp_path / "out.mcap", factory)
+    with Ros2Reader(tmp_path / "out.mcap") as reader:
+        profiles = {c.topic: c.ext.offered_qos_profiles[0] for c in reader.connections}
+    latched, best_effort = profiles["/are/map"], profiles["/are/scan"]
+    assert (latched.history, latched.depth) == (QosHistory.KEEP_LAST, 1)
+    assert latched.durability == QosDurability.TRANSIENT_LOCAL
+    assert latched.reliability == QosReliability.RELIABLE
+    assert latched.deadline == (9223372036, 854775807)
+    assert best_effort.reliability == QosReliability.BEST_EFFORT
+    assert best_effort.durability == QosDurability.VOLATILE
+
+
+def test_the_same_calls_give_the_same_bytes(tmp_path: Path, factory: RosbagsFactory) -> None:
+    """Neither clock nor path enter the file."""
+    (tmp_path / "elsewhere").mkdir()
+    write_sample(tmp_path / "a.mcap", factory)
+    write_sample(tmp_path / "elsewhere/b.mcap", RosbagsFactory())
+    one, other = (tmp_path / "a.mcap").read_bytes(), (tmp_path / "elsewhere/b.mcap").read_bytes()
+    assert one == other
+    assert str(tmp_path).encode() not in one
+
+
+def test_a_failed_run_leaves_no_file(tmp_path: Path, factory: RosbagsFactory) -> None:
+    """What an exception interrupts leaves the folder, and an older result, as they were."""
+    path = tmp_path / "out.mcap"
+    path.write_bytes(b"older")
+    with pytest.raises(RuntimeError, match="on purpose"), BagWriter(path) as writer:
+        writer.add_topic("/are/map", GRID)
+        writer.write("/are/map", 0, make_grid(factory, grid(0)))
+        assert [file.name for file in tmp_path.iterdir() if file != path] == ["out.mcap.part"]
+        raise RuntimeError("on purpose")
+    assert [file.name for file in tmp_path.iterdir()] == ["out.mcap"]
+    assert path.read_bytes() == b"older"
+
+
+def test_a_place_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+    """The sentence names path and reason."""
+    with pytest.raises(BagError, match=r"nix/out\.mcap cannot be written: No such file"):
+        BagWriter(tmp_path / "nix/out.mcap").__enter__()
+
+
+def test_maps_compress_to_almost_nothing(tmp_path: Path, factory: RosbagsFactory) -> None:
+    """Forty maps of 120,000 cells take less room than one."""
+    write_sample(tmp_path / "out.mcap", factory)
+    assert (tmp_path / "out.mcap").stat().st_size < 120_000

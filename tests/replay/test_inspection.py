@@ -1,0 +1,144 @@
+"""Inspecting recordings, small ones and real ones."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from are_ros.messages.grid import make_grid
+from are_ros.messages.headers import make_header
+from are_ros.messages.odometry import OdometryReading, make_odometry
+from are_ros.messages.transforms import StampedTransform, make_transforms
+from are_ros.replay.bag_reader import BagReader
+from are_ros.replay.inspection import Inspection, inspect_bag
+from are_ros.replay.message_types import RosbagsFactory
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.rigid_transform import RigidTransform
+
+WriteBag = Callable[[Path, list[tuple[str, int, Any]]], Path]
+S = 1_000_000_000
+
+
+def transform(parent: str, child: str, stamp_ns: int) -> StampedTransform:
+    """Return an edge that does not move."""
+    return StampedTransform(parent, child, stamp_ns, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+
+def odometry(factory: RosbagsFactory, stamp_ns: int, child: str = "base_link") -> Any:
+    """Return an odometry message of a robot at rest."""
+    still = (0.0, 0.0, 0.0)
+    pose = RigidTransform.identity()
+    return make_odometry(factory, OdometryReading("odom", child, stamp_ns, pose, still, still))
+
+
+def scan(factory: RosbagsFactory, stamp_ns: int) -> Any:
+    """Return a scan, of which only the header matters."""
+    header = make_header(factory, "laser", stamp_ns)
+    return factory.make("sensor_msgs/msg/LaserScan", header=header)
+
+
+@pytest.fixture
+def complete(tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag) -> Path:
+    """Return a recording of two seconds that lacks nothing."""
+    grid = OccupancyGrid(np.zeros((2, 2), np.int8), 0.5, RigidTransform.identity(), "earth")
+    mounts = [transform("base_link", "laser", 0), transform("earth", "odom", 0)]
+    records = [
+        ("/map", 0, make_grid(factory, grid)),
+        ("/tf_static", 0, make_transforms(factory, mounts)),
+    ]
+    records += [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in range(21)]
+    records += [("/front", k * S // 10, scan(factory, k * S // 10)) for k in range(20)]
+    return write_bag(tmp_path / "bag.mcap", records)
+
+
+def inspected(path: Path, **options: Any) -> Inspection:
+    """Inspect one recording."""
+    with BagReader([path]) as reader:
+        return inspect_bag(reader, **options)
+
+
+def test_a_complete_recording_lacks_nothing(complete: Path) -> None:
+    """Topics, rates, roles and frames are found, and nothing is missing."""
+    inspection = inspected(complete)
+    front, _, odom, _ = inspection.topics
+    assert (front.topic.name, front.frame_id, round(front.rate_hz)) == ("/front", "laser", 10)
+    assert (odom.topic.count, odom.frame_id) == (21, "odom")
+    assert (inspection.map_frame, inspection.base_frame) == ("earth", "base_link")
+    assert (inspection.start_ns, inspection.end_ns) == (0, 2 * S + 1)
+    assert inspection.roles.topic("scan") == "/front"
+    assert inspection.missing == ()
+    assert inspection.frames.tree_lines() == (
+        "earth",
+        "  odom (static, /tf_static)",
+        "    base_link (10.0 Hz, /odom)",
+        "      laser (static, /tf_static)",
+    )
+
+
+def test_what_is_missing_is_said_with_its_option(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """Map, pose and mount are asked for, until they are given."""
+    records = [("/odom", 0, odometry(factory, 0)), ("/scan", 0, scan(factory, 0))]
+    path = write_bag(tmp_path / "bag.db3", records)
+    no_map, no_pose, no_mount = inspected(path).missing
+    assert "--map FILE.yaml" in no_map
+    assert no_pose.startswith("nothing joins map to base_link, which hangs together with base_link")
+    assert no_mount.startswith("nothing joins laser, the frame of /scan, to base_link:")
+    assert "--static-tf" in no_mount
+    edges = [("map", "odom"), ("base_link", "laser")]
+    assert inspected(path, has_map_file=True, given_edges=edges).missing == ()
+
+
+def test_a_missing_base_is_said(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """Frames that are there are listed; a name that is given ends the complaint."""
+    edges = [transform("map", "robot", 0)]
+    path = write_bag(tmp_path / "bag.mcap", [("/tf", 0, make_transforms(factory, edges))])
+    assert "(frames: map, robot)" in inspected(path, has_map_file=True).missing[0]
+    assert inspected(path, has_map_file=True, base_frame="robot").missing == ()
+
+
+def test_odometry_without_child_gives_no_edge(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """An empty child frame makes no frame with an empty name."""
+    path = write_bag(tmp_path / "bag.mcap", [("/odom", 0, odometry(factory, 0, child=""))])
+    assert inspected(path).frames.edges == ()
+
+
+def test_compressed_images_are_said(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """A camera that was recorded compressed only cannot be read, and that is said."""
+    image = factory.make("sensor_msgs/msg/CompressedImage")
+    path = write_bag(tmp_path / "bag.mcap", [("/camera/image/compressed", 0, image)])
+    assert (
+        "compressed images are not read (/camera/image/compressed)" in inspected(path).missing[-1]
+    )
+
+
+def test_the_real_hall_is_understood(real_data: Path) -> None:
+    """A drive with two scans, no map and slashes in its frames."""
+    inspection = inspected(real_data / "drl-jarvis-hall/jarvis_complex_path_fast.bag")
+    assert inspection.roles.topic("tf") == "/tf"
+    assert inspection.roles.topic("scan") is None
+    assert "/driver_laser_navigation/laser_scan" in inspection.roles.sentences()[0]
+    assert inspection.base_frame == "base_footprint"
+    assert "map" in inspection.frames.connected_to("base_footprint")
+    assert inspection.frames.oddities[0].startswith("4 frame names begin with a slash")
+    (no_map,) = inspection.missing
+    assert "--map" in no_map
+
+
+def test_the_real_ship_is_understood(real_data: Path) -> None:
+    """The map is a child of the robot under another name, and fixed joints come from the future."""
+    inspection = inspected(
+        real_data / "drl-ship-interior-gazebo/ship_interior_with_tilting_laser.bag"
+    )
+    assert "map_ground_truth" in inspection.frames.connected_to("base_footprint")
+    assert any("nothing joins map to base_footprint" in text for text in inspection.missing)
+    assert sum("0.50 s after its recording" in text for text in inspection.frames.oddities) == 5

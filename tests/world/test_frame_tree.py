@@ -1,0 +1,600 @@
+"""The frame tree's own rules: time, order, precedence, refusals."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation, Slerp
+
+from are_ros.errors import (
+    DisconnectedFramesError,
+    ExtrapolationToFutureError,
+    ExtrapolationToPastError,
+    InvalidTransformError,
+    UnknownFrameError,
+)
+from are_ros.world.frame_tree import STATIC, FrameEdge, FrameTree, TransformSource
+from are_ros.world.rigid_transform import RigidTransform
+
+UNTURNED = (0.0, 0.0, 0.0, 1.0)
+ODOMETRY, TF, PARAMETER = TransformSource
+S = 1_000_000_000
+
+
+def put(
+    tree: FrameTree,
+    parent: str,
+    child: str,
+    stamp_s: float,
+    x: float = 0.0,
+    source: TransformSource = TF,
+) -> None:
+    """Give the tree a shift along x at a stamp in seconds."""
+    tree.set_transform(parent, child, round(stamp_s * S), (x, 0, 0), UNTURNED, source=source)
+
+
+def fix(tree: FrameTree, parent: str, child: str, x: float, source: TransformSource = TF) -> None:
+    """Give the tree a static shift along x."""
+    tree.set_static(parent, child, (x, 0, 0), UNTURNED, source=source)
+
+
+def x_of(tree: FrameTree, target: str, source: str, stamp_s: float) -> float:
+    """Return where the source's origin lies along the target's x axis."""
+    return float(tree.lookup(target, source, round(stamp_s * S)).translation_m[0])
+
+
+def moving() -> FrameTree:
+    """Return map -> odom (every second) -> base (every 0.1 s) -> laser (static), 0 s to 2 s."""
+    tree = FrameTree()
+    for second in range(3):
+        put(tree, "map", "odom", second, x=10.0 * second)
+    for tenth in range(21):
+        put(tree, "odom", "base", tenth / 10, x=tenth / 10)
+    fix(tree, "base", "laser", 0.5)
+    return tree
+
+
+# --- time
+
+
+def test_a_lookup_interpolates_along_the_chain() -> None:
+    """Each edge is taken at the stamp, and the direction of the question is honoured."""
+    tree = moving()
+    assert x_of(tree, "map", "laser", 1.25) == pytest.approx(12.5 + 1.25 + 0.5)
+    assert x_of(tree, "laser", "map", 1.25) == pytest.approx(-14.25)
+    assert x_of(tree, "base", "laser", 99.0) == 0.5
+
+
+def test_equal_frames_give_the_identity_at_any_time() -> None:
+    """A known frame in itself is the identity; an unknown one is an error, not the identity."""
+    tree = moving()
+    np.testing.assert_array_equal(tree.lookup("base", "base", 99 * S).matrix(), np.eye(4))
+    with pytest.raises(UnknownFrameError, match="'sofa' was never seen; known frames: base, las"):
+        tree.lookup("sofa", "sofa", 0)
+
+
+def test_nothing_is_extrapolated() -> None:
+    """Outside an edge's stamps there is an error that names the edge and its bound."""
+    tree = moving()
+    put(tree, "map", "odom", 3)
+    with pytest.raises(ExtrapolationToFutureError, match=r"odom -> base ends at 2\.000000000 s"):
+        tree.lookup("map", "laser", 2 * S + 1)
+    with pytest.raises(ExtrapolationToPastError, match=r"map -> odom begins at 0\.000000000 s"):
+        tree.lookup("map", "odom", -1)
+    assert x_of(tree, "map", "laser", 2.0) == pytest.approx(22.5)
+    assert x_of(tree, "map", "laser", 0.0) == 0.5
+
+
+def test_separate_trees_are_told_apart() -> None:
+    """Known frames without a chain between them are a different error."""
+    tree = moving()
+    fix(tree, "moon", "crater", 1.0)
+    with pytest.raises(DisconnectedFramesError, match="no chain"):
+        tree.lookup("moon", "odom", S)
+
+
+def test_a_single_sample_holds_at_its_stamp_only() -> None:
+    """One sample gives its own stamp, and an error of the right direction elsewhere."""
+    tree = FrameTree()
+    put(tree, "a", "b", 5, x=3.0)
+    assert x_of(tree, "a", "b", 5) == 3.0
+    with pytest.raises(ExtrapolationToPastError):
+        tree.lookup("a", "b", 5 * S - 1)
+    with pytest.raises(ExtrapolationToFutureError):
+        tree.lookup("a", "b", 5 * S + 1)
+
+
+def test_the_latest_time_is_the_slowest_edges() -> None:
+    """The latest common time is the least of the edges' newest; static chains have none."""
+    tree = moving()
+    put(tree, "odom", "base", 2.7)
+    assert tree.latest_common_time("map", "laser") == 2 * S
+    assert tree.latest_common_time("odom", "laser") == round(2.7 * S)
+    assert tree.latest_common_time("laser", "base") == STATIC
+    assert tree.latest_before("laser", "base", 7) == 7
+
+
+def test_samples_of_the_future_do_not_spoil_a_tick() -> None:
+    """An edge stamped beyond now allows now itself; a slower one sets the time."""
+    tree = moving()
+    put(tree, "base", "wheel", 1.0)
+    put(tree, "base", "wheel", 2.5, x=15.0)
+    assert tree.latest_before("odom", "wheel", round(1.95 * S)) == round(1.95 * S)
+    assert tree.latest_before("odom", "wheel", round(2.3 * S)) == 2 * S
+    assert x_of(tree, "base", "wheel", 2.0) == pytest.approx(10.0)
+
+
+def test_an_edge_that_begins_after_now_is_an_error() -> None:
+    """With nothing at or before the time the edge that begins too late is named."""
+    tree = moving()
+    put(tree, "base", "wheel", 2.2)
+    with pytest.raises(ExtrapolationToPastError, match="base -> wheel begins"):
+        tree.latest_before("map", "wheel", 2 * S)
+    with pytest.raises(ExtrapolationToPastError, match="base -> wheel begins"):
+        tree.latest_before("map", "wheel", 3 * S)
+    with pytest.raises(ExtrapolationToPastError):
+        tree.latest_before("map", "base", -1)
+
+
+def test_a_slow_correction_is_held() -> None:
+    """map->odom is the last before the stamp, odom->laser exactly at it."""
+    tree = moving()
+    put(tree, "odom", "base", 2.4, x=2.4)
+    assert tree.lookup_held("map", "odom", "laser", round(2.3 * S)).translation_m[
+        0
+    ] == pytest.approx(20.0 + 2.3 + 0.5)
+    with pytest.raises(ExtrapolationToFutureError):
+        tree.lookup_held("map", "odom", "laser", round(2.5 * S))
+
+
+def test_a_clock_that_jumps_back_forgets_the_future() -> None:
+    """Samples after now go, those up to now and static ones stay; then time goes on from there."""
+    tree = moving()
+    put(tree, "base", "wheel", 1.8)
+    tree.forget_after(round(1.5 * S))
+    assert tree.latest_common_time("map", "laser") == S
+    assert tree.latest_common_time("odom", "laser") == round(1.5 * S)
+    with pytest.raises(DisconnectedFramesError):
+        tree.lookup("base", "wheel", S)
+    put(tree, "odom", "base", 1.6, x=7.0)
+    assert x_of(tree, "odom", "base", 1.6) == 7.0
+    tree.clear()
+    assert (tree.frame_names(), tree.edges()) == ([], [])
+
+
+# --- order
+
+
+def test_samples_may_come_out_of_order() -> None:
+    """A shuffled recording gives the answers of the sorted one."""
+    tree, dice = FrameTree(), np.random.default_rng(5)
+    stamps = [n / 10 for n in range(80)]
+    for stamp in dice.permutation(stamps):
+        put(tree, "a", "b", stamp, x=stamp * stamp)
+    for n in range(79):
+        expected = (stamps[n] ** 2 + stamps[n + 1] ** 2) / 2
+        assert x_of(tree, "a", "b", stamps[n] + 0.05) == pytest.approx(expected)
+
+
+def test_the_history_ends() -> None:
+    """Samples fall off behind the history, its limit included; late ones are dropped, said once."""
+    tree = FrameTree(history_ns=2 * S)
+    for second in range(6):
+        put(tree, "a", "b", second, x=second)
+    assert tree.edges()[0].first_ns == 3 * S
+    put(tree, "a", "b", 2.99, x=50.0)
+    put(tree, "a", "b", 2.5, x=50.0)
+    assert tree.edges()[0].count == 3
+    assert tree.drain_notices() == ["transforms of b older than the history of 2 s are dropped"]
+
+
+def test_the_first_sample_of_a_stamp_stays() -> None:
+    """A repeated stamp is ignored, as tf2 does, be it the newest or an older one."""
+    tree = moving()
+    put(tree, "odom", "base", 2, x=-1.0)
+    put(tree, "odom", "base", 1, x=-1.0)
+    assert (x_of(tree, "odom", "base", 2), x_of(tree, "odom", "base", 1)) == (2.0, 1.0)
+    assert tree.drain_notices() == []
+
+
+def test_long_recordings_keep_their_samples() -> None:
+    """Segments that slide, grow and are packed anew lose and mix up nothing."""
+    tree = FrameTree(history_ns=3 * S)
+    for n in range(3000):
+        for frame in range(1 + n // 1000):
+            put(tree, "root", f"f{frame}", n / 100, x=n + 10_000 * frame)
+    for frame in range(3):
+        for n in (2710, 2999):
+            assert x_of(tree, "root", f"f{frame}", n / 100) == n + 10_000 * frame
+        assert tree.edges()[frame].count == 301
+
+
+# --- parents
+
+
+def test_a_frame_changes_its_parent_from_a_stamp_on() -> None:
+    """Each sample keeps its parent; between two parents the older sample is held; said once."""
+    tree = FrameTree()
+    fix(tree, "world", "a", 100.0)
+    fix(tree, "world", "b", 200.0)
+    for stamp, parent in ((0, "a"), (1, "a"), (2, "b"), (3, "b")):
+        put(tree, parent, "cup", stamp, x=stamp)
+    assert [x_of(tree, "world", "cup", stamp) for stamp in (0.5, 1.5, 2.5)] == [100.5, 101, 202.5]
+    translations, _ = tree.lookup_arrays("world", "cup", np.array([S // 2, 5 * S // 2]))
+    assert translations[:, 0].tolist() == [100.5, 202.5]
+    assert x_of(tree, "a", "cup", 0.5) == 0.5
+    assert tree.drain_notices() == ["tf gave cup a new parent: b instead of a, from its stamp on"]
+
+
+def test_the_last_parent_of_a_stamp_wins() -> None:
+    """Two parents at one stamp: the later message holds."""
+    tree = FrameTree()
+    put(tree, "a", "cup", 1, x=1.0)
+    put(tree, "b", "cup", 1, x=2.0)
+    assert x_of(tree, "b", "cup", 1) == 2.0
+    with pytest.raises(DisconnectedFramesError):
+        tree.lookup("a", "cup", S)
+
+
+def test_the_latest_time_heeds_changing_parents() -> None:
+    """The latest time is one at which the chain in force is known."""
+    tree = FrameTree()
+    for stamp, parent in ((0, "a"), (1, "a"), (2, "b")):
+        put(tree, parent, "cup", stamp)
+    assert tree.latest_before("a", "cup", round(1.5 * S)) == round(1.5 * S)
+    assert tree.latest_before("b", "cup", 3 * S) == 2 * S
+    put(tree, "base", "a", 1.2)
+    put(tree, "base", "a", 0.2)
+    assert tree.latest_before("base", "cup", round(1.9 * S)) == round(1.2 * S)
+
+
+def test_an_edge_given_both_ways_round_is_one_edge() -> None:
+    """A bag with a->b and b->a gives one history, said once."""
+    tree = FrameTree()
+    for n in range(5):
+        put(tree, "a", "b", n, x=n)
+        put(tree, "b", "a", n + 0.5, x=-(n + 0.5))
+    assert x_of(tree, "a", "b", 3.25) == pytest.approx(3.25)
+    assert x_of(tree, "b", "a", 3.25) == pytest.approx(-3.25)
+    assert tree.drain_notices() == [
+        "the transform b -> a from tf is kept as a -> b, as this pair of frames was given before"
+    ]
+    assert tree.drain_notices() == []
+
+
+def test_a_loop_is_ignored_with_a_notice() -> None:
+    """A transform of the same strength that would close a loop is ignored, and lookups end."""
+    tree = FrameTree()
+    put(tree, "a", "b", 1, x=1.0)
+    put(tree, "b", "c", 1, x=2.0)
+    put(tree, "c", "a", 1, x=4.0)
+    fix(tree, "c", "a", 4.0)
+    assert x_of(tree, "a", "c", 1) == 3.0
+    assert tree.drain_notices() == [
+        "the transform c -> a from tf is ignored: it would close a loop, a is above c already"
+    ]
+
+
+def test_a_loop_among_old_samples_is_an_error() -> None:
+    """Parents that changed at different stamps can meet in a loop at one time: an error there."""
+    tree = FrameTree()
+    put(tree, "a", "b", 1)
+    put(tree, "c", "b", 3)
+    put(tree, "b", "a", 2)
+    put(tree, "b", "a", 4)
+    with pytest.raises(DisconnectedFramesError, match="loop"):
+        tree.lookup("c", "a", round(2.5 * S))
+    with pytest.raises(DisconnectedFramesError, match="loop"):
+        tree.latest_before("c", "a", round(2.5 * S))
+    assert x_of(tree, "c", "a", 3) == 0.0
+
+
+# --- sources
+
+
+@pytest.mark.parametrize("order", [(ODOMETRY, TF, PARAMETER), (PARAMETER, TF, ODOMETRY)])
+def test_the_stronger_source_holds(order: tuple[TransformSource, ...]) -> None:
+    """Parameter over tf over odometry, in either order of arrival, each override said once."""
+    tree = FrameTree()
+    for _ in range(2):
+        for source in order:
+            put(tree, "odom", "base", 1, x=float(source), source=source)
+    assert x_of(tree, "odom", "base", 1) == 2.0
+    assert [edge.source for edge in tree.edges()] == [PARAMETER]
+    overrides = tree.drain_notices()
+    assert len(overrides) == len(set(overrides)) <= 3
+    assert any("odom -> base from tf is overruled by the parameters" in text for text in overrides)
+
+
+def test_tf_gives_another_parent_than_odometry() -> None:
+    """A frame's parent comes from the stronger source, even if it is another parent."""
+    for order in ((ODOMETRY, TF), (TF, ODOMETRY)):
+        tree = FrameTree()
+        for source in order * 2:
+            put(tree, "odom" if source is ODOMETRY else "map", "base", 1, x=3.0, source=source)
+        assert x_of(tree, "map", "base", 1) == 3.0
+        with pytest.raises(DisconnectedFramesError):
+            tree.lookup("odom", "base", S)
+        assert tree.drain_notices() == [
+            "the transform odom -> base from odometry is overruled by tf"
+        ]
+
+
+@pytest.mark.parametrize("order", [(ODOMETRY, TF), (TF, ODOMETRY)])
+def test_tf_gives_odometrys_pair_the_other_way_round(order: tuple[TransformSource, ...]) -> None:
+    """Odometry says odom->base, tf says map->base->odom: tf's tree stands whole."""
+    tree = FrameTree()
+    for stamp in (1, 2):
+        for source in order:
+            if source is ODOMETRY:
+                put(tree, "odom", "base", stamp, x=7.0, source=ODOMETRY)
+            else:
+                put(tree, "base", "odom", stamp, x=-3.0)
+                put(tree, "map", "base", stamp, x=10.0)
+    assert x_of(tree, "odom", "base", 2) == 3.0
+    assert x_of(tree, "map", "odom", 2) == 7.0
+    assert {edge.source for edge in tree.edges()} == {TF}
+    assert tree.drain_notices() == ["the transform odom -> base from odometry is overruled by tf"]
+
+
+@pytest.mark.parametrize("parameter_first", [True, False])
+def test_a_parameter_gives_tfs_pair_the_other_way_round(parameter_first: bool) -> None:
+    """The parameter a->b holds against tf's b->a, and b keeps the parent that tf gives it."""
+    tree = FrameTree()
+    if parameter_first:
+        fix(tree, "a", "b", 5.0, source=PARAMETER)
+    for stamp in (1, 2, 3):
+        put(tree, "map", "b", stamp, x=100.0)
+        put(tree, "b", "a", stamp, x=-1.0)
+        if not parameter_first and stamp == 2:
+            fix(tree, "a", "b", 5.0, source=PARAMETER)
+    assert x_of(tree, "a", "b", 3) == 5.0
+    assert x_of(tree, "map", "a", 3) == 95.0
+
+
+def test_a_stronger_source_opens_a_loop_at_its_weakest_edge() -> None:
+    """Odometry's edge gives way where tf's would close a longer loop with it."""
+    tree = FrameTree()
+    put(tree, "odom", "base", 1, x=9.0, source=ODOMETRY)
+    put(tree, "base", "footprint", 1, x=1.0)
+    put(tree, "footprint", "odom", 1, x=2.0)
+    assert x_of(tree, "base", "odom", 1) == 3.0
+    put(tree, "odom", "base", 2, x=9.0, source=ODOMETRY)
+    assert len(tree.edges()) == 2
+    assert len(tree.drain_notices()) == 2
+
+
+def test_static_and_stamped_replace_each_other() -> None:
+    """From one source the newest kind holds, as in Jazzy's tf2, and it is said."""
+    tree = FrameTree()
+    fix(tree, "a", "b", 1.0)
+    fix(tree, "a", "b", 2.0)
+    assert x_of(tree, "a", "b", 0) == 2.0
+    put(tree, "a", "b", 5, x=3.0)
+    with pytest.raises(ExtrapolationToPastError):
+        tree.lookup("a", "b", 0)
+    fix(tree, "a", "b", 4.0)
+    assert x_of(tree, "a", "b", 0) == 4.0
+    assert len(tree.drain_notices()) == 2
+
+
+# --- names and refusals
+
+
+def test_leading_slashes_do_not_count() -> None:
+    """Names with and without a leading slash are one frame, in data and in questions."""
+    tree = FrameTree()
+    fix(tree, "/map", "odom", 1.0)
+    fix(tree, "odom", "/base", 2.0)
+    assert x_of(tree, "map", "/base", 0) == 3.0
+    assert tree.frame_names() == ["base", "map", "odom"]
+    assert tree.has_frame("/odom")
+    assert tree.has_frame("base")
+    assert not tree.has_frame("sofa")
+
+
+@pytest.mark.parametrize(
+    ("parent", "child", "x", "w", "reason"),
+    [
+        ("", "b", 0.0, 1.0, "empty"),
+        ("a", "/", 0.0, 1.0, "empty"),
+        ("a", "a", 0.0, 1.0, "the same frame"),
+        ("/a", "a", 0.0, 1.0, "the same frame"),
+        ("a", "b", math.nan, 1.0, "not finite"),
+        ("a", "b", -math.inf, 1.0, "not finite"),
+        ("a", "b", 0.0, 0.0, "length 0, not 1"),
+        ("a", "b", 0.0, 1.0051, "length 1.0051, not 1"),
+    ],
+)
+def test_a_refused_transform_changes_nothing(
+    parent: str, child: str, x: float, w: float, reason: str
+) -> None:
+    """Unusable names and numbers are refused with the reason, and the tree is as before."""
+    tree = FrameTree()
+    fix(tree, "world", "house", 1.0)
+    before = tree.edges(), tree.frame_names()
+    with pytest.raises(InvalidTransformError, match=reason):
+        tree.set_transform(parent, child, S, (x, 0, 0), (0, 0, 0, w))
+    with pytest.raises(InvalidTransformError, match=reason):
+        tree.set_static(parent, child, (x, 0, 0), (0, 0, 0, w))
+    assert (tree.edges(), tree.frame_names(), tree.drain_notices()) == (*before, [])
+
+
+def test_near_unit_rotations_are_normalised() -> None:
+    """A quaternion within tf2's tolerance is taken, and what comes out has unit length."""
+    tree = FrameTree()
+    tree.set_transform("a", "b", S, (0, 0, 0), (0, 0, 0.6, np.float32(0.802)))
+    assert np.linalg.norm(tree.lookup("a", "b", S).rotation_xyzw) == pytest.approx(1, abs=1e-15)
+
+
+def test_edges_are_listed() -> None:
+    """The list has each edge's frames, source, kind, stamps and count."""
+    edges = moving().edges()
+    assert edges[0] == FrameEdge("base", "laser", TF, True, 0, 0, 1)
+    assert edges[2] == FrameEdge("odom", "base", TF, False, 0, 2 * S, 21)
+
+
+# --- properties, and a slow twin
+
+places = st.floats(-10, 10)
+turns = st.builds(
+    lambda *values: np.array(values) / np.linalg.norm(values),
+    *[st.floats(-1, 1).filter(lambda value: abs(value) > 0.01)] * 4,
+)
+poses = st.builds(
+    lambda x, y, z, turn: RigidTransform(np.array((x, y, z)), turn), places, places, places, turns
+)
+
+
+@given(poses, poses, st.floats(0, 1))
+def test_interpolation_is_linear_and_slerp(a: RigidTransform, b: RigidTransform, t: float) -> None:
+    """Between two samples the pose is scipy's slerp and the weighted mean."""
+    tree = FrameTree()
+    tree.set_transform("a", "b", 0, a.translation_m, a.rotation_xyzw)
+    tree.set_transform("a", "b", S, b.translation_m, b.rotation_xyzw)
+    stamp = round(t * S)
+    found, t = tree.lookup("a", "b", stamp), stamp / S
+    mean = (1 - t) * a.translation_m + t * b.translation_m
+    slerp = Slerp([0, 1], Rotation.from_quat([a.rotation_xyzw, b.rotation_xyzw]))
+    if abs(a.rotation_xyzw @ b.rotation_xyzw) > 1e-3:  # half a turn has two shortest arcs
+        np.testing.assert_allclose(found.rotation_matrix(), slerp(t).as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(found.translation_m, mean, atol=1e-12)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-8, 1e-4, 0.05, 0.0999, 0.1001, 0.3, 3.0])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_small_angles_are_exact(angle: float, sign: float) -> None:
+    """From parallel to nearly opposite, a third of the way is a third of the angle."""
+    tree = FrameTree()
+    end = sign * math.sin(angle / 2), sign * math.cos(angle / 2)
+    tree.set_transform("a", "b", 0, (0, 0, 0), UNTURNED)
+    tree.set_transform("a", "b", 3 * S, (0, 0, 0), (0, 0, *end))
+    assert tree.lookup("a", "b", S).yaw_rad() == pytest.approx(angle / 3, abs=1e-14)
+    _, rotations = tree.lookup_arrays("a", "b", np.array([S]))
+    assert 2 * math.atan2(rotations[0, 2], rotations[0, 3]) == pytest.approx(angle / 3, abs=1e-14)
+
+
+def random_tree(seed: int) -> FrameTree:
+    """Return six frames below one root, static and dynamic, sampled from 0 s to 4 s."""
+    dice, tree = np.random.default_rng(seed), FrameTree()
+    for frame in range(1, 7):
+        parent, times = f"f{dice.integers(frame)}", np.sort(dice.integers(1, 4 * S, 30))
+        for stamp in (0, *times.tolist(), 4 * S):
+            turn = dice.normal(size=4)
+            pose = dice.normal(size=3), turn / np.linalg.norm(turn)
+            if frame == 3:
+                tree.set_static(parent, f"f{frame}", *pose)
+            else:
+                tree.set_transform(parent, f"f{frame}", stamp, *pose)
+    return tree
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    st.integers(0, 5), st.lists(st.integers(0, 6), min_size=3, max_size=3), st.integers(0, 4 * S)
+)
+def test_lookups_compose_and_invert(seed: int, frames: list[int], stamp: int) -> None:
+    """lookup(a, b) @ lookup(b, c) is lookup(a, c), and lookup(b, a) undoes lookup(a, b)."""
+    tree, (a, b, c) = random_tree(seed), [f"f{number}" for number in frames]
+    direct = tree.lookup(a, c, stamp)
+    by_b = tree.lookup(a, b, stamp) @ tree.lookup(b, c, stamp)
+    np.testing.assert_allclose(by_b.matrix(), direct.matrix(), atol=1e-12)
+    back = tree.lookup(c, a, stamp)
+    np.testing.assert_allclose((back @ direct).matrix(), np.eye(4), atol=1e-12)
+
+
+@pytest.mark.parametrize("ascending", [True, False])
+def test_a_batch_gives_the_single_answers(ascending: bool) -> None:
+    """Many stamps at once, sorted or not, over more than a block, give what each gives alone."""
+    tree, stamps = random_tree(3), np.random.default_rng(9).integers(0, 4 * S + 1, 700)
+    stamps[:2] = 0, 4 * S
+    stamps = np.sort(stamps) if ascending else stamps
+    for target, source in (("f0", "f6"), ("f5", "f6"), ("f6", "f1"), ("f2", "f2")):
+        translations, rotations = tree.lookup_arrays(target, source, stamps)
+        for n, stamp in enumerate(stamps.tolist()):
+            alone = tree.lookup(target, source, stamp)
+            np.testing.assert_allclose(translations[n], alone.translation_m, atol=1e-13)
+            assert abs(rotations[n] @ alone.rotation_xyzw) == pytest.approx(1.0, abs=1e-13)
+
+
+def test_a_batch_fails_at_its_first_bad_stamp() -> None:
+    """One stamp outside fails the batch with that stamp's error; an empty batch is empty."""
+    tree = moving()
+    with pytest.raises(ExtrapolationToFutureError, match=r"at 2\.000000001 s"):
+        tree.lookup_arrays("map", "laser", np.array([S, 2 * S + 1, -1]))
+    with pytest.raises(UnknownFrameError):
+        tree.lookup_arrays("map", "sofa", np.array([S]))
+    translations, rotations = tree.lookup_arrays("map", "laser", np.array([], dtype=np.int64))
+    assert (translations.shape, rotations.shape) == ((0, 3), (0, 4))
+
+
+class SlowTree:
+    """The obvious twin: dictionaries of samples, matrices, scipy's slerp, parents one by one."""
+
+    def __init__(self) -> None:
+        self.samples: dict[str, dict[int, tuple[str, RigidTransform]]] = {}
+
+    def put(self, parent: str, child: str, stamp: int, pose: RigidTransform) -> None:
+        """Keep a sample; the first of a stamp stays unless its parent changes."""
+        kept = self.samples.setdefault(child, {})
+        if stamp not in kept or kept[stamp][0] != parent:
+            kept[stamp] = (parent, pose)
+
+    def edge(self, child: str, stamp: int) -> tuple[str, RigidTransform] | None:
+        """Return the parent at the stamp and parent_from_child, or None outside the samples."""
+        stamps = sorted(self.samples.get(child, {}))
+        if not stamps or not stamps[0] <= stamp <= stamps[-1]:
+            return None
+        before = max(s for s in stamps if s <= stamp)
+        parent, older = self.samples[child][before]
+        if before == stamp:
+            return parent, older
+        after = min(s for s in stamps if s > stamp)
+        its_parent, newer = self.samples[child][after]
+        if its_parent != parent:
+            return parent, older
+        t = (stamp - before) / (after - before)
+        turn = Slerp([0, 1], Rotation.from_quat([older.rotation_xyzw, newer.rotation_xyzw]))(t)
+        shift = (1 - t) * older.translation_m + t * newer.translation_m
+        return parent, RigidTransform(shift, turn.as_quat())
+
+    def up(self, frame: str, stamp: int) -> dict[str, RigidTransform]:
+        """Return ancestor_from_frame of all ancestors, the frame itself first."""
+        found, pose = {frame: RigidTransform.identity()}, RigidTransform.identity()
+        while (edge := self.edge(frame, stamp)) is not None and edge[0] not in found:
+            frame, pose = edge[0], edge[1] @ pose
+            found[frame] = pose
+        return found
+
+    def lookup(self, target: str, source: str, stamp: int) -> RigidTransform | None:
+        """Return target_from_source by way of the first common ancestor, or None."""
+        above_target, above_source = self.up(target, stamp), self.up(source, stamp)
+        for frame, pose in above_target.items():
+            if frame in above_source:
+                return pose.inverse() @ above_source[frame]
+        return None
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_random_arrivals_agree_with_the_slow_twin(seed: int) -> None:
+    """Shuffled samples, repeats and changing parents give the twin's poses and failures."""
+    dice, tree, twin = np.random.default_rng(seed), FrameTree(), SlowTree()
+    for _ in range(400):
+        child = int(dice.integers(1, 6))
+        parent = f"f{child - 1 if dice.random() < 0.8 else dice.integers(child)}"
+        stamp, turn = int(dice.integers(200)) * 10_000_000, dice.normal(size=4)
+        pose = RigidTransform(dice.normal(size=3), turn / np.linalg.norm(turn))
+        tree.set_transform(parent, f"f{child}", stamp, pose.translation_m, pose.rotation_xyzw)
+        twin.put(parent, f"f{child}", stamp, pose)
+    for _ in range(200):
+        target, source = (f"f{number}" for number in dice.integers(0, 6, 2))
+        stamp = int(dice.integers(-5, 205)) * 10_000_000 + int(dice.integers(2)) * 3_333_333
+        expected = twin.lookup(target, source, stamp)
+        if expected is None:
+            with pytest.raises((ExtrapolationToPastError, ExtrapolationToFutureError)):
+                tree.lookup(target, source, stamp)
+        else:
+            found = tree.lookup(target, source, stamp).matrix()
+            np.testing.assert_allclose(found, expected.matrix(), atol=1e-10)
