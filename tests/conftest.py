@@ -4,6 +4,10 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("are", deadline=None)  # kernels compile inside the first example
+settings.load_profile("are")
 
 
 @pytest.fixture(scope="session")

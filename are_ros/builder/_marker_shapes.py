@@ -1,13 +1,14 @@
 """How one artefact looks: a body, a label above it and an arrow for its heading."""
 
 from dataclasses import dataclass, field
-from enum import Enum, IntEnum
+from enum import IntEnum
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
+from are_ros.parameters.choices import Shape
 from are_ros.world.rigid_transform import RigidTransform
 
 Vector3 = tuple[float, float, float]
@@ -41,13 +42,6 @@ class MarkerAction(IntEnum):
     ADD = 0
     DELETE = 2
     DELETEALL = 3
-
-
-class MarkerShape(Enum):
-    """How an artefact's body is drawn: its bounding box, or its mesh where it has one."""
-
-    BOX = "box"
-    MESH = "mesh"
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +109,7 @@ def deletion(artefact_id: int) -> list[Marker]:
     ]
 
 
-def drawn(subject: MarkerSubject, shape: MarkerShape) -> list[Marker]:
+def drawn(subject: MarkerSubject, shape: Shape) -> list[Marker]:
     """Return the markers of an artefact: body, label, heading."""
     x, y, z = subject.box_centre_m
     top = z + 0.5 * subject.size_m[2] + GAP_M
@@ -123,7 +117,7 @@ def drawn(subject: MarkerSubject, shape: MarkerShape) -> list[Marker]:
     places = subject.map_from_artefact.apply(offsets)
     poses = [RigidTransform(place, subject.map_from_artefact.rotation_xyzw) for place in places]
     triangles_m = subject.mesh_triangles_m
-    if shape is MarkerShape.MESH and triangles_m is not None and len(triangles_m) > 0:
+    if shape is Shape.MESH and triangles_m is not None and len(triangles_m) > 0:
         body = _mesh(subject, triangles_m)
     else:
         body = _box(subject, poses[0])

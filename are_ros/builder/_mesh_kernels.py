@@ -12,6 +12,8 @@ MAX_LEVELS: Final = 48
 _EDGE: Final = 1e-9
 """Slack on barycentric coordinates: no ray slips between two triangles that share an edge."""
 _DEGENERATE: Final = 1e-300
+_FARTHEST: Final = 1e300
+"""Every hit is nearer than this, and no miss is: misses are at infinity."""
 
 Tree = tuple[
     npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.int64]
@@ -43,7 +45,7 @@ def cast(
     ix, iy, iz = inverse(dx), inverse(dy), inverse(dz)
     waiting = np.empty(MAX_LEVELS, dtype=np.int64)
     waiting[0], count = 0, 1
-    best, triangle = limit_m, -1
+    best, triangle = min(limit_m, _FARTHEST), -1
     while count > 0:
         count -= 1
         node = waiting[count]

@@ -86,7 +86,7 @@ class MixtureParameters:
     """The Poisson mixture that picks the row of an artefact (Eq. 1)."""
 
     weights: tuple[float, ...] = parameter(
-        (0.6, 0.12, 0.13, 0.05, 0.1),
+        (0.7, 0.12, 0.08, 0.02, 0.08),
         "Weights pi of the components; they sum to 1.",
         low=0.0,
         high=1.0,

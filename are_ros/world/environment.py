@@ -92,7 +92,7 @@ class Environment:
         x, y = np.moveaxis(_SAMPLES * boxes.half_sizes_m[:, None, :2], -1, 0)
         c, s = boxes.packed[:, 3, None], boxes.packed[:, 4, None]
         points_m = np.stack((x * c - y * s, x * s + y * c), axis=-1) + boxes.centres_m[:, None, :2]
-        heights_m = self.ground.heights(points_m.reshape(-1, 2)).reshape(len(boxes), -1)
+        heights_m = self.ground.heights(points_m.reshape(-1, 2)).reshape(len(boxes), len(_SAMPLES))
         return np.partition(heights_m, 4, axis=1)[:, 4]
 
     def _hits_voxels(self, boxes: OrientedBoxes, obstacles: "_Obstacles") -> NDArray[np.bool_]:

@@ -39,7 +39,7 @@ class Footprint:
         return cls(np.zeros((1, 2)), radius_m)
 
     @classmethod
-    def parsed(cls, text: str, source: str = "robot.footprint") -> "Footprint":
+    def parse(cls, text: str, source: str = "robot.footprint") -> "Footprint":
         """Return the hull of the points in Nav2's string form, "[[x, y], [x, y], ...]", in metres.
 
         Raises ParameterError, naming `source` and the reason, unless the text holds at least

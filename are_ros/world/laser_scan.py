@@ -41,11 +41,11 @@ class LaserScan:
     def checked(self, source: str = "scan") -> "LaserScan":
         """Return this scan, or raise InputError with `source`, field and reason.
 
-        Refused: an empty frame, an angle or range limit that is not finite, an increment of 0, a
-        negative range_min or one above range_max, no beam, intensities of another length, a time
-        increment that is not finite, and an angle_max that does not fit the count. Drivers disagree
-        whether angle_max is the last beam or one past it, and some round: the count may be off by
-        up to one beam either way from what the angles say.
+        Refused: an empty frame, an angle, a time or a range_min that is not finite, an increment of
+        0, a negative range_min or one above range_max (which may be infinite), no beam, intensities
+        of another length, and an angle_max that does not fit the count. Drivers disagree whether
+        angle_max is the last beam or one past it, and some round: the count may be off by up to
+        one beam either way from what the angles say.
         """
         reason = self._why_refused()
         if reason is not None:
@@ -71,7 +71,6 @@ class LaserScan:
             "time_increment": self.time_increment_s,
             "scan_time": self.scan_time_s,
             "range_min": self.range_min_m,
-            "range_max": self.range_max_m,
         }
         for name, number in numbers.items():
             if not math.isfinite(number):

@@ -13,10 +13,10 @@ from are_ros.builder.markers import (
     MarkerAction,
     MarkerBoard,
     MarkerKind,
-    MarkerShape,
     MarkerSubject,
 )
 from are_ros.conventions import NS_PER_S
+from are_ros.parameters.choices import Shape
 from are_ros.world.rigid_transform import RigidTransform
 
 MS = 1_000_000
@@ -143,7 +143,7 @@ def test_person_is_a_box_with_a_label_above_and_an_arrow_ahead() -> None:
 def test_perceived_is_opaque_and_the_rest_translucent() -> None:
     """The row's colour, its own alpha aside."""
     for perceived in (True, False):
-        for shape in MarkerShape:
+        for shape in Shape:
             subject = a_subject(perceived=perceived, mesh=True)
             body = added(MarkerBoard(shape).update(0, [subject]))["body"]
             alphas = {body.colour[3], *body.colours[:, 3].tolist()}
@@ -153,7 +153,7 @@ def test_perceived_is_opaque_and_the_rest_translucent() -> None:
 
 def test_mesh_is_a_list_of_triangles_in_the_artefacts_frame() -> None:
     """Corners as they are, each with its face's colour; a row without a mesh keeps its box."""
-    board = MarkerBoard(MarkerShape.MESH)
+    board = MarkerBoard(Shape.MESH)
     subject = a_subject(x=3.0, mesh=True)
     body = added(board.update(0, [subject]))["body"]
     assert body.kind is MarkerKind.TRIANGLE_LIST
@@ -169,7 +169,7 @@ def test_plain_mesh_has_the_rows_colour() -> None:
         *(1, "car", RigidTransform.identity(), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)),
         *((0.1, 0.2, 0.3, 1.0), False, TRIANGLES),
     )
-    body = added(MarkerBoard(MarkerShape.MESH).update(0, [plain]))["body"]
+    body = added(MarkerBoard(Shape.MESH).update(0, [plain]))["body"]
     assert_lawful(body)
     assert body.colours.shape == (0, 4)
     assert 0.0 < body.colour[3] < 1.0
@@ -283,9 +283,9 @@ SCENES = st.lists(
 
 
 @settings(max_examples=100, deadline=None)
-@given(shape=st.sampled_from(MarkerShape), scenes=SCENES)
+@given(shape=st.sampled_from(Shape), scenes=SCENES)
 def test_viewer_that_obeys_sees_exactly_the_scene(
-    shape: MarkerShape, scenes: list[tuple[int, list[MarkerSubject]]]
+    shape: Shape, scenes: list[tuple[int, list[MarkerSubject]]]
 ) -> None:
     """After any sequence of scenes, all markers being lawful, the viewer holds the last one."""
     board, viewer = MarkerBoard(shape), Viewer()

@@ -11,7 +11,8 @@ from are_ros.artefacts.artefact import GroundPose, Origin
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.outputs import ArtefactState, PerceivedArtefact, SceneMetrics
 from are_ros.messages.artefacts import make_artefacts, make_event, make_metrics, make_perceived
-from are_ros.messages.geometry import read_pose, read_vector
+from are_ros.messages.geometry import read_vector
+from are_ros.messages.poses import read_pose
 from are_ros.messages.times import read_time
 from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
 from are_ros.world.rigid_transform import RigidTransform

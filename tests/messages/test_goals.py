@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from are_ros.errors import InputError
-from are_ros.messages.geometry import make_pose
 from are_ros.messages.goals import (
     StampedPoints,
     make_clicked_point,
@@ -17,6 +16,7 @@ from are_ros.messages.goals import (
     read_stamped_pose,
 )
 from are_ros.messages.headers import make_header
+from are_ros.messages.poses import make_pose
 from are_ros.replay.message_types import RosbagsFactory
 from are_ros.world.rigid_transform import RigidTransform
 

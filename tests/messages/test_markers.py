@@ -8,9 +8,9 @@ import pytest
 
 from are_ros.builder.markers import Marker, MarkerAction, MarkerKind
 from are_ros.errors import InputError
-from are_ros.messages.geometry import read_pose
 from are_ros.messages.marker_encoding import encode_markers
 from are_ros.messages.markers import make_markers
+from are_ros.messages.poses import read_pose
 from are_ros.messages.times import read_time
 from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
 from are_ros.world.rigid_transform import RigidTransform

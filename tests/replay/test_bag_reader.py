@@ -160,7 +160,7 @@ def mcap(path: Path, *, schema: str = "", encoding: str = "cdr", data: bytes = b
     ],
 )
 def test_one_odd_type_does_not_spoil_the_others(
-    tmp_path: Path, options: dict[str, str], sentence: str
+    tmp_path: Path, options: dict[str, Any], sentence: str
 ) -> None:
     """A type that cannot be understood is an error only where it is needed."""
     with BagReader([mcap(tmp_path / "bag.mcap", **options)]) as reader:
@@ -227,10 +227,10 @@ def test_a_folder_that_lost_its_file_is_said(
     """metadata.yaml without its files, or malformed, is named."""
     file = write_bag(tmp_path / "bag.mcap", words)
     file.unlink()
-    with pytest.raises(BagError, match="files that its metadata.yaml names are missing"):
+    with pytest.raises(BagError, match=r"files that its metadata\.yaml names are missing"):
         BagReader([file.parent]).__enter__()
     (file.parent / "metadata.yaml").write_text("a: [")
-    with pytest.raises(BagError, match="its metadata.yaml is malformed"):
+    with pytest.raises(BagError, match=r"its metadata\.yaml is malformed"):
         BagReader([file.parent]).__enter__()
 
 

@@ -39,9 +39,10 @@ def test_several_of_a_type_are_listed() -> None:
     """Of two scans none is taken; both are listed with the option that chooses."""
     roles = find_roles(topics(front=SCAN, rear=SCAN), {})
     assert roles.topic("scan") is None
-    assert roles.sentences() == (
+    (sentence,) = roles.sentences()
+    assert sentence == (
         "scan: there is no /scan, and several topics are sensor_msgs/msg/LaserScan:"
-        " /front, /rear; choose one with --topic scan:=/NAME",
+        " /front, /rear; choose one with --topic scan:=/NAME"
     )
 
 

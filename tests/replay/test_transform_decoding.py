@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from are_ros.messages.transforms import StampedTransform, make_transforms, read_transforms
 from are_ros.replay.bag_reader import BagReader
@@ -13,8 +13,12 @@ from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
 from are_ros.replay.transform_decoding import decode_transforms_cdr, decode_transforms_ros1
 
 TYPE = "tf2_msgs/msg/TFMessage"
-ROS1_TYPE = "tf/msg/tfMessage"
 FACTORY = RosbagsFactory()
+ROS1_STORE = get_typestore(Stores.ROS1_NOETIC)
+ROS1_STORE.register(
+    get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage")
+)
+ROS1_FACTORY = RosbagsFactory(ROS1_STORE)
 FRAME = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=9)
 NUMBER = st.floats(allow_nan=False)
 TRANSFORM = st.builds(
@@ -39,25 +43,8 @@ def test_the_bytes_of_ros_2_are_read(transforms: list[StampedTransform]) -> None
 @given(st.lists(TRANSFORM, max_size=4))
 def test_the_bytes_of_ros_1_are_read(transforms: list[StampedTransform]) -> None:
     """Headers of ROS 1 have a sequence number before the stamp."""
-    store = get_typestore(Stores.ROS1_NOETIC)
-    factory = RosbagsFactory(store)
-    data = bytearray(len(transforms).to_bytes(4, "little"))
-    for message in make_transforms(factory_of_parts(factory), transforms):
-        data += store.serialize_ros1(message, "geometry_msgs/msg/TransformStamped")
+    data = ROS1_STORE.serialize_ros1(make_transforms(ROS1_FACTORY, transforms), TYPE)
     assert decode_transforms_ros1(bytes(data)) == transforms
-
-
-class factory_of_parts:  # noqa: N801 (used as a function)
-    """A factory that gives the list of transforms, for rosbags has no TFMessage of ROS 1."""
-
-    def __init__(self, factory: RosbagsFactory) -> None:
-        self._factory = factory
-
-    def make(self, type_name: str, /, **fields: object) -> object:
-        """Return the message, or the transforms of a TFMessage."""
-        if type_name == TYPE:
-            return fields["transforms"]
-        return self._factory.make(type_name, **fields)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,145 @@
+"""One artefact: a row of the catalogue with a life and a pose that is a function of time."""
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.conventions import NS_PER_S
+from are_ros.world.oriented_boxes import OrientedBoxes
+from are_ros.world.rigid_transform import RigidTransform
+
+
+class Origin(IntEnum):
+    """Where an artefact comes from; the numbers are those of are_msgs/Artefact."""
+
+    RANDOM = 0
+    SCRIPTED = 1
+    SERVICE = 2
+
+
+@dataclass(frozen=True, slots=True)
+class GroundPose:
+    """F_A projected vertically on the ground, in the map frame: metres and radians."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    yaw_rad: float
+
+
+class PoseHistory:
+    """The operators p(., t) and q(., t): linear between the poses given, held outside them.
+
+    Poses older than `history_ns` before the newest are forgotten, but for the one that is needed
+    to interpolate there. An artefact that stands still keeps one pose for ever; before it sets
+    off, the pose at the instant of the start is appended again, or it would drift from the old
+    instant on.
+    """
+
+    def __init__(self, t_ns: int, pose: GroundPose, history_ns: int = 2 * NS_PER_S) -> None:
+        self._history_ns = history_ns
+        self._times_ns = [t_ns]
+        self._poses = [pose]
+
+    def __len__(self) -> int:
+        """Count the poses kept."""
+        return len(self._times_ns)
+
+    @property
+    def latest_ns(self) -> int:
+        """Time of the newest pose."""
+        return self._times_ns[-1]
+
+    @property
+    def latest(self) -> GroundPose:
+        """The newest pose."""
+        return self._poses[-1]
+
+    def append(self, t_ns: int, pose: GroundPose) -> None:
+        """Say where the artefact is at `t_ns`; what was known of that instant or later goes."""
+        times, poses = self._times_ns, self._poses
+        while times and times[-1] >= t_ns:
+            times.pop()
+            poses.pop()
+        if len(times) > 1 and poses[-1] == pose and poses[-2] == pose:
+            times[-1] = t_ns
+        else:
+            times.append(t_ns)
+            poses.append(pose)
+        while len(times) > 1 and times[1] <= t_ns - self._history_ns:
+            del times[0], poses[0]
+
+    def pose_at(self, t_ns: int) -> GroundPose:
+        """Return the pose at `t_ns`: yaw by the shorter arc, in [-pi, pi] where interpolated."""
+        times, poses = self._times_ns, self._poses
+        after = bisect_right(times, t_ns)
+        if after == 0:
+            return poses[0]
+        if after == len(times):
+            return poses[-1]
+        start_ns = times[after - 1]
+        fraction = (t_ns - start_ns) / (times[after] - start_ns)
+        return _between(poses[after - 1], poses[after], fraction)
+
+
+def _between(start: GroundPose, end: GroundPose, fraction: float) -> GroundPose:
+    """Interpolate from `start` (0) to `end` (1)."""
+    if fraction == 0.0 or start == end:
+        return start
+    turn_rad = math.remainder(end.yaw_rad - start.yaw_rad, math.tau)
+    return GroundPose(
+        start.x_m + fraction * (end.x_m - start.x_m),
+        start.y_m + fraction * (end.y_m - start.y_m),
+        start.z_m + fraction * (end.z_m - start.z_m),
+        math.remainder(start.yaw_rad + fraction * turn_rad, math.tau),
+    )
+
+
+@dataclass(eq=False, slots=True)
+class Artefact:
+    """A living artefact; its life is the half-open interval [arrival, departure).
+
+    `departure_ns` is None as long as the end is not known in advance. Ids are never reused.
+    """
+
+    id: int
+    row: CatalogueRow
+    origin: Origin
+    arrival_ns: int
+    history: PoseHistory
+    departure_ns: int | None = None
+    behaviour: str = "standing"
+
+    def ground_pose_at(self, t_ns: int) -> GroundPose:
+        """Return the pose on the ground at `t_ns`, in the map frame."""
+        return self.history.pose_at(t_ns)
+
+    def is_present_at(self, t_ns: int) -> bool:
+        """Say whether `t_ns` lies in the artefact's life."""
+        return self.arrival_ns <= t_ns and (self.departure_ns is None or t_ns < self.departure_ns)
+
+
+def map_from_artefact(row: CatalogueRow, pose: GroundPose) -> RigidTransform:
+    """Return the pose of F_A (the centre of mass) over the pose on the ground."""
+    return RigidTransform.planar(pose.x_m, pose.y_m, pose.yaw_rad, z=pose.z_m + row.com_height_m)
+
+
+def boxes_of(rows: Sequence[CatalogueRow], poses: Sequence[GroundPose]) -> OrientedBoxes:
+    """Return the bounding boxes, in the map frame, of `rows` standing at `poses` (same length)."""
+    ground = np.array([(p.x_m, p.y_m, p.z_m, p.yaw_rad) for p in poses]).reshape(-1, 4)
+    sizes_m = np.array([row.size_m for row in rows]).reshape(-1, 3)
+    offsets_m = np.array([row.box_centre_in_artefact_m for row in rows]).reshape(-1, 3)
+    cos, sin = np.cos(ground[:, 3]), np.sin(ground[:, 3])
+    centres_m = np.column_stack(
+        (
+            ground[:, 0] + cos * offsets_m[:, 0] - sin * offsets_m[:, 1],
+            ground[:, 1] + sin * offsets_m[:, 0] + cos * offsets_m[:, 1],
+            ground[:, 2] + 0.5 * sizes_m[:, 2],
+        )
+    )
+    return OrientedBoxes(centres_m, ground[:, 3].copy(), 0.5 * sizes_m)

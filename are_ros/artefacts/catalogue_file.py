@@ -1,0 +1,237 @@
+"""Reading a catalogue of artefacts from YAML, with a sentence for whatever is wrong in it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from are_ros.artefacts._fields import Fields
+from are_ros.artefacts.catalogue import (
+    BEHAVIOURS,
+    Catalogue,
+    CatalogueRow,
+    MeshFile,
+    MotionLimits,
+    RewardWeights,
+)
+from are_ros.artefacts.meshes import BoxGeometry, file_geometry, shape_geometry
+from are_ros.artefacts.shapes import Shape
+from are_ros.errors import CatalogueError
+
+SHIPPED_CATALOGUE: Final = Path(__file__).parent / "data" / "catalogue.yaml"
+
+_LARGEST_M = 100.0
+_METRES: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+_AXES = ("x", "y", "z", "-x", "-y", "-z")
+_CLASS_KEYS = ("shape", "colour", "forever", "motion", "behaviours", "rewards", "features")
+_ROW_KEYS = ("label", "class", "size_m", "mesh", *_CLASS_KEYS)
+_MERGED = ("motion", "rewards", "features")
+_SHAPES = tuple(shape.value for shape in Shape)
+_GLB_AXES = ("y", "z")
+"""Up and forward in a GLB file, by the glTF 2.0 specification (3.4)."""
+
+
+def read_catalogue(path: Path = SHIPPED_CATALOGUE) -> Catalogue:
+    """Read the catalogue at `path`; the format is described in docs/catalogue.md.
+
+    CatalogueError, one sentence that names file, row, field and reason, for whatever is wrong.
+    Meshes of the user's are read too, for their boxes; built-in shapes are not built.
+    """
+    document = Fields(str(path), _load(path), ("classes", "rows"))
+    names = document.raw("classes")
+    if not isinstance(names, dict) or not names:
+        document.refuse("classes", "must map the name of each class to its defaults")
+    classes = {str(name): _class_defaults(path, str(name), names[name]) for name in names}
+    entries = document.raw("rows")
+    if not isinstance(entries, list) or not entries:
+        document.refuse("rows", "must be a list with at least one row")
+    rows = [_row(path, index, entry, classes) for index, entry in enumerate(entries)]
+    _check_labels(path, rows)
+    _check_blocks(path, rows, list(classes))
+    return Catalogue(tuple(rows))
+
+
+def _load(path: Path) -> object:
+    """Return the YAML document of a file."""
+    # The reader in C is ten times as quick, and not everywhere.
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    try:
+        return yaml.load(path.read_text(encoding="utf-8"), loader)  # noqa: S506  # a safe loader
+    except (OSError, UnicodeDecodeError) as cause:
+        reason = getattr(cause, "strerror", None) or "it is no UTF-8 text"
+        raise CatalogueError(f"the catalogue {path} cannot be read: {reason}") from cause
+    except yaml.YAMLError as cause:
+        reason = " ".join(str(cause).split())
+        raise CatalogueError(f"the catalogue {path} is no valid YAML: {reason}") from cause
+
+
+def _class_defaults(path: Path, name: str, values: object) -> dict[str, Any]:
+    """Check the defaults of a class on their own, so that a refusal names the class."""
+    place = f"{path}: class {name!r}"
+    given = Fields(place, values, _CLASS_KEYS)
+    if "shape" in given:
+        given.choice("shape", _SHAPES)
+    _habits(given)
+    return {key: given.raw(key) for key in given}
+
+
+def _row(
+    path: Path, index: int, entry: object, classes: Mapping[str, Mapping[str, Any]]
+) -> CatalogueRow:
+    """Read one row, completed by the defaults of its class."""
+    label = entry.get("label") if isinstance(entry, dict) else None
+    place = f"{path}: row {index}" + (f" ({label})" if isinstance(label, str) else "")
+    own = Fields(place, entry, _ROW_KEYS)
+    own.text("label")
+    class_name = own.choice("class", tuple(classes))
+    _habits(own)
+    given = Fields(place, _merged(classes[class_name], own), _ROW_KEYS)
+    surface, geometry = _geometry(path, place, own, given)
+    return CatalogueRow(
+        index=index,
+        label=own.text("label"),
+        class_name=class_name,
+        size_m=geometry.size_m,
+        box_centre_in_artefact_m=geometry.box_centre_in_artefact_m,
+        surface=surface,
+        **_habits(given),
+    )
+
+
+def _merged(defaults: Mapping[str, Any], own: Fields) -> dict[str, Any]:
+    """Complete a row: its own values win, and inside motion, rewards and features key by key."""
+    values = {**defaults, **{key: own.raw(key) for key in own}}
+    for key in _MERGED:
+        if key in defaults or key in own:
+            values[key] = {**(defaults.get(key) or {}), **(own.raw(key) or {})}  # type: ignore[dict-item]
+    return values
+
+
+def _geometry(
+    path: Path, place: str, own: Fields, given: Fields
+) -> tuple[Shape | MeshFile, BoxGeometry]:
+    """Return the row's surface and its box in F_A."""
+    if "mesh" not in own:
+        shape = Shape(given.choice("shape", _SHAPES))
+        x, y, z = _size(given)
+        return shape, shape_geometry(shape, (x, y, z))
+    for key in ("shape", "size_m"):
+        if key in own:
+            own.refuse(key, "is given beside mesh, whose file decides it")
+    source = _mesh_file(path, own.section("mesh", ("file", "unit", "scale", "up", "forward")))
+    try:
+        geometry = file_geometry(source)
+    except CatalogueError as cause:
+        raise CatalogueError(f"{place}: mesh.file: {cause}") from cause
+    if max(geometry.size_m) > _LARGEST_M:
+        size = " x ".join(f"{length:g}" for length in geometry.size_m)
+        own.refuse("mesh.unit", f"makes the artefact {size} m large; is the unit right?")
+    return source, geometry
+
+
+def _size(given: Fields) -> list[float]:
+    """Return the three lengths of the box."""
+    size_m = given.numbers("size_m", (3,), positive=True)
+    for number, length in enumerate(size_m):
+        if length > _LARGEST_M:
+            given.refuse(
+                f"size_m[{number}]", f"is {length:g}, but at most {_LARGEST_M:g} m are taken"
+            )
+    return size_m
+
+
+def _mesh_file(path: Path, mesh: Fields) -> MeshFile:
+    """Read where a mesh of the user's is, and how it stands in its file."""
+    file = path.parent / mesh.text("file")
+    up, forward = _GLB_AXES if file.suffix.lower() == ".glb" else ("z", "x")
+    up, forward = mesh.choice("up", _AXES, up), mesh.choice("forward", _AXES, forward)
+    if up[-1] == forward[-1]:
+        mesh.refuse("forward", f"is {forward!r}, along the axis that is up")
+    unit = _METRES[mesh.choice("unit", tuple(_METRES), "m")]
+    return MeshFile(file, unit * mesh.number("scale", 1.0, positive=True), up, forward)
+
+
+def _habits(given: Fields) -> dict[str, Any]:
+    """Read what classes and rows share; what is not given is left to the row's own defaults."""
+    habits: dict[str, Any] = {"forever": given.flag("forever", default=False)}
+    if "colour" in given:
+        habits["colour"] = _colour(given)
+    for key, kind in (("motion", MotionLimits), ("rewards", RewardWeights)):
+        known = asdict(kind())
+        section = given.section(key, tuple(known))
+        habits[key] = kind(**{name: section.number(name, value) for name, value in known.items()})
+    if "behaviours" in given:
+        habits["behaviours"] = _behaviours(given.section("behaviours", BEHAVIOURS), given)
+    habits["features"] = _features(given)
+    return habits
+
+
+def _behaviours(weights: Fields, given: Fields) -> dict[str, float]:
+    """Return the probability of each behaviour."""
+    numbers = {name: weights.number(name) for name in weights}
+    total = sum(numbers.values())
+    if not total > 0.0:
+        given.refuse("behaviours", "has no positive weight")
+    return {name: number / total for name, number in numbers.items()}
+
+
+def _features(given: Fields) -> dict[str, str]:
+    """Return free features as text: words, numbers, true and false."""
+    raw = given.raw("features")
+    section = given.section("features", tuple(raw) if isinstance(raw, dict) else ())
+    features = {}
+    for key in section:
+        value = section.raw(key)
+        if not isinstance(value, str | int | float | bool):
+            section.refuse(str(key), f"is {value!r}, but text, a number, true or false is needed")
+        features[str(key)] = str(value).lower() if isinstance(value, bool) else str(value)
+    return features
+
+
+def _colour(given: Fields) -> tuple[float, float, float, float]:
+    """Return a colour given as '#rrggbb', '#rrggbbaa', or three or four numbers in [0, 1]."""
+    raw = given.raw("colour")
+    if isinstance(raw, str):
+        digits = raw.removeprefix("#")
+        if not raw.startswith("#") or len(digits) not in {6, 8} or not _is_hexadecimal(digits):
+            given.refuse("colour", f"is {raw!r}, but '#rrggbb' or '#rrggbbaa' is needed")
+        values = [byte / 255.0 for byte in bytes.fromhex(digits)]
+    else:
+        values = given.numbers("colour", (3, 4))
+        if max(values) > 1.0:
+            given.refuse("colour", f"is {raw!r}, but each number must be in [0, 1]")
+    red, green, blue, alpha = [*values, 1.0][:4]
+    return (red, green, blue, alpha)
+
+
+def _is_hexadecimal(digits: str) -> bool:
+    return all(digit in "0123456789abcdefABCDEF" for digit in digits)
+
+
+def _check_labels(path: Path, rows: Sequence[CatalogueRow]) -> None:
+    """Refuse two rows of one label."""
+    first: dict[str, int] = {}
+    for row in rows:
+        if row.label in first:
+            msg = f"{path}: row {row.index} ({row.label}): label is that of row {first[row.label]}"
+            raise CatalogueError(f"{msg} already")
+        first[row.label] = row.index
+
+
+def _check_blocks(path: Path, rows: Sequence[CatalogueRow], classes: Sequence[str]) -> None:
+    """Refuse a class without rows, and one whose rows do not stand together."""
+    seen: list[str] = []
+    for row in rows:
+        if row.class_name in seen and seen[-1] != row.class_name:
+            msg = (
+                f"{path}: row {row.index} ({row.label}): class is {row.class_name!r}, whose block "
+                f"was ended by a row of {seen[-1]!r}; the rows of a class stand together"
+            )
+            raise CatalogueError(msg)
+        if row.class_name not in seen:
+            seen.append(row.class_name)
+    for name in classes:
+        if name not in seen:
+            raise CatalogueError(f"{path}: class {name!r} has no row")

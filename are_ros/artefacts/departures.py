@@ -1,0 +1,247 @@
+"""Departures: the two readings of the paper's leaving rate mu (section 3.2)."""
+
+from bisect import bisect_left, insort
+from typing import NamedTuple, Protocol
+
+from are_ros.artefacts.arrivals import ArrivalProcess, due_ns
+from are_ros.artefacts.randomness import Purpose, generator
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import ParameterError
+from are_ros.parameters.choices import Departures
+
+
+class Departure(NamedTuple):
+    """An artefact leaves at `time_ns`; it is not there at that instant any more."""
+
+    time_ns: int
+    artefact_id: int
+
+
+class DepartureLaw(Protocol):
+    """Who leaves, and when; times are integer nanoseconds, ids those of living artefacts."""
+
+    def arrived(self, artefact_id: int, now_ns: int) -> None:
+        """Let a life begin at `now_ns`; ids are never reused."""
+
+    def removed(self, artefact_id: int, now_ns: int) -> None:
+        """Censor a life: the artefact goes for another reason. Unknown ids are ignored."""
+
+    def set_mean_life(self, mean_life_s: float, now_ns: int) -> None:
+        """Let the mean 1/mu hold from `now_ns` on, also for what is left of present lives."""
+
+    def next(self) -> Departure | None:
+        """Return the next departure as it stands now, None if there is none."""
+
+    def pop(self) -> Departure:
+        """Take the next departure; `ParameterError` if there is none."""
+
+    def departure_of(self, artefact_id: int) -> int | None:
+        """Return when this artefact leaves [ns], None if that is not known in advance."""
+
+    def check(self, members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:
+        """Refuse (`ParameterError`) what would let the number of artefacts grow for ever."""
+
+    def restart(self, now_ns: int) -> None:
+        """Forget all lives and go on at `now_ns`, earlier or later."""
+
+    def reseed(self, seed: int, now_ns: int) -> None:
+        """Draw from another seed from `now_ns` on; lives already drawn stay."""
+
+
+def departure_law(kind: Departures, seed: int, mean_life_s: float) -> DepartureLaw:
+    """Return the law of `population.departures` with nobody alive."""
+    if kind is Departures.INDEPENDENT:
+        return IndependentLives(seed, mean_life_s)
+    return ConstantRateDepartures(seed, mean_life_s)
+
+
+class IndependentLives:
+    """Every life is exponential on its own: death rate i*mu, stationary law Poisson(lambda/mu).
+
+    The life of artefact a ends when mu, integrated since its arrival, reaches the first draw of
+    `generator(seed, Purpose.LIFE, a)`.
+    """
+
+    def __init__(self, seed: int, mean_life_s: float) -> None:
+        self._seed = seed
+        self._rate_per_s = leaving_rate_per_s(mean_life_s)
+        self._lives: dict[int, tuple[int, float]] = {}
+        self._departure_ns: dict[int, int] = {}
+        self._queue: list[Departure] = []
+
+    def arrived(self, artefact_id: int, now_ns: int) -> None:
+        """Draw the life that begins at `now_ns`."""
+        stream = generator(self._seed, Purpose.LIFE, artefact_id)
+        self._schedule(artefact_id, now_ns, float(stream.standard_exponential()))
+
+    def removed(self, artefact_id: int, now_ns: int) -> None:  # noqa: ARG002 - the law's interface
+        """Censor a life; the other lives do not change."""
+        self._lives.pop(artefact_id, None)
+        departure_ns = self._departure_ns.pop(artefact_id, None)
+        if departure_ns is not None:
+            del self._queue[bisect_left(self._queue, Departure(departure_ns, artefact_id))]
+
+    def set_mean_life(self, mean_life_s: float, now_ns: int) -> None:
+        """Stretch or shrink what is left at `now_ns` of each life; those due by then stay."""
+        before, rate_per_s = self._rate_per_s, leaving_rate_per_s(mean_life_s)
+        if rate_per_s == before:
+            return
+        self._rate_per_s = rate_per_s
+        for artefact_id, (start_ns, hazard) in list(self._lives.items()):
+            due = self._departure_ns.get(artefact_id)
+            if due is None or due > now_ns:
+                change_ns = max(now_ns, start_ns)
+                consumed = before * ((change_ns - start_ns) / NS_PER_S)
+                self.removed(artefact_id, now_ns)
+                self._schedule(artefact_id, change_ns, max(hazard - consumed, 0.0))
+
+    def next(self) -> Departure | None:
+        """Return the earliest end of a life, of two at once the lower id."""
+        return self._queue[0] if self._queue else None
+
+    def pop(self) -> Departure:
+        """Take the earliest end of a life."""
+        departure = _present(self.next())
+        self.removed(departure.artefact_id, departure.time_ns)
+        return departure
+
+    def departure_of(self, artefact_id: int) -> int | None:
+        """Return the end of a life [ns], which only another mean life changes."""
+        return self._departure_ns.get(artefact_id)
+
+    def check(self, members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:
+        """Accept everything: independent lives are always stationary."""
+
+    def restart(self, now_ns: int) -> None:  # noqa: ARG002 - the law's interface
+        """Forget all lives."""
+        self._lives.clear()
+        self._departure_ns.clear()
+        self._queue.clear()
+
+    def reseed(self, seed: int, now_ns: int) -> None:  # noqa: ARG002 - the law's interface
+        """Draw later lives from another seed."""
+        self._seed = seed
+
+    def _schedule(self, artefact_id: int, start_ns: int, hazard: float) -> None:
+        self._lives[artefact_id] = (start_ns, hazard)
+        departure_ns = due_ns(start_ns, hazard, self._rate_per_s)
+        if departure_ns is not None:
+            self._departure_ns[artefact_id] = departure_ns
+            insort(self._queue, Departure(departure_ns, artefact_id))
+
+
+class ConstantRateDepartures:
+    """The paper's transition matrix: one leaves at rate mu while anyone lives (geometric law).
+
+    The j-th departure has the unit exponential E_j, the first draw of
+    `generator(seed, Purpose.DEPARTURE, j)`, consumed by mu only while someone lives. The second
+    draw picks who leaves, uniform among those alive at that instant.
+    """
+
+    def __init__(self, seed: int, mean_life_s: float, now_ns: int = 0) -> None:
+        self._seed = seed
+        self._rate_per_s = leaving_rate_per_s(mean_life_s)
+        self._process = ArrivalProcess(seed, Purpose.DEPARTURE, rate_per_s=0.0, now_ns=now_ns)
+        self._mark = (-1, 0.0)
+        self._alive: list[int] = []
+        self._someone_since_ns = now_ns
+
+    def arrived(self, artefact_id: int, now_ns: int) -> None:
+        """Count the artefact among those who may leave."""
+        if not self._alive:
+            self._someone_since_ns = now_ns
+        insort(self._alive, artefact_id)
+        self._process.set_rate(self._rate_per_s, now_ns)
+
+    def removed(self, artefact_id: int, now_ns: int) -> None:
+        """Take the artefact from those who may leave; with the last one the clock stands."""
+        place = bisect_left(self._alive, artefact_id)
+        if self._alive[place : place + 1] == [artefact_id]:
+            del self._alive[place]
+        if not self._alive:
+            self._process.set_rate(0.0, now_ns)
+
+    def set_mean_life(self, mean_life_s: float, now_ns: int) -> None:
+        """Change what is left until the next departure."""
+        self._rate_per_s = leaving_rate_per_s(mean_life_s)
+        if self._alive:
+            self._process.set_rate(self._rate_per_s, now_ns)
+
+    def next(self) -> Departure | None:
+        """Return the next departure if nobody comes or goes before."""
+        time_ns = self._process.next_ns() if self._alive else None
+        if time_ns is None:
+            return None
+        leaver = self._alive[int(self._uniform() * len(self._alive))]
+        return Departure(max(time_ns, self._someone_since_ns), leaver)
+
+    def pop(self) -> Departure:
+        """Take the next departure."""
+        departure = _present(self.next())
+        self._process.pop()
+        self.removed(departure.artefact_id, departure.time_ns)
+        return departure
+
+    def departure_of(self, artefact_id: int) -> int | None:  # noqa: ARG002 - the law's interface
+        """Return None: who leaves is only drawn at that instant."""
+        return None
+
+    def check(self, members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:
+        """Refuse as many arrivals as departures where nothing bounds the number alive."""
+        check_stationary(members_per_s, mean_life_s, max_alive)
+
+    def restart(self, now_ns: int) -> None:
+        """Forget all lives; the present exponential goes on with the next arrival."""
+        self._alive.clear()
+        self._process.restart(now_ns)
+        self._process.set_rate(0.0, now_ns)
+
+    def reseed(self, seed: int, now_ns: int) -> None:
+        """Begin again at departure 0 of another seed, with the same artefacts alive."""
+        rate_per_s = self._rate_per_s if self._alive else 0.0
+        self._seed = seed
+        self._mark = (-1, 0.0)
+        self._process = ArrivalProcess(
+            seed, Purpose.DEPARTURE, rate_per_s=rate_per_s, now_ns=now_ns
+        )
+
+    def _uniform(self) -> float:
+        index = self._process.index
+        if self._mark[0] != index:
+            stream = generator(self._seed, Purpose.DEPARTURE, index)
+            stream.standard_exponential()
+            self._mark = (index, float(stream.random()))
+        return self._mark[1]
+
+
+def leaving_rate_per_s(mean_life_s: float) -> float:
+    """Return mu = 1/mean life [1/s]; `ParameterError` unless the mean is > 0 (infinite: for ever).
+
+    Means too short for a finite rate are refused too.
+    """
+    rate_per_s = 1.0 / mean_life_s if mean_life_s > 0.0 else float("inf")
+    if not rate_per_s < float("inf"):
+        raise ParameterError(f"a mean life of {mean_life_s} s is not a duration above 0")
+    return rate_per_s
+
+
+def check_stationary(members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:
+    """Refuse a constant-rate chain that would grow without bound.
+
+    Raises `ParameterError` if artefacts arrive at `members_per_s` >= mu and nothing bounds them.
+    """
+    rate_per_s = leaving_rate_per_s(mean_life_s)
+    if max_alive is None and members_per_s >= rate_per_s:
+        msg = (
+            f"with population.departures at constant_rate, {members_per_s:.6g} artefacts per second"
+            f" arrive and at most {rate_per_s:.6g} leave (mean life {mean_life_s:.6g} s), so their"
+            " number would grow for ever: lower population.arrival_rate, shorten"
+            " population.mean_life or bound population.max_alive"
+        )
+        raise ParameterError(msg)
+
+
+def _present(departure: Departure | None) -> Departure:
+    if departure is None:
+        raise ParameterError("nobody is due to leave")
+    return departure

@@ -1,0 +1,228 @@
+"""Placement: uniform over the feasible poses of an artefact (section 3.2)."""
+
+import math
+from collections.abc import Iterator
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.artefacts._candidates import (
+    CandidateCells,
+    needed_cells,
+    spine_of,
+    spines_are_clear,
+)
+from are_ros.artefacts.artefact import GroundPose
+from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.artefacts.surroundings import Disc, Surroundings
+from are_ros.world.environment import Environment
+from are_ros.world.oriented_boxes import OrientedBoxes
+from are_ros.world.region import SpawnRegion
+
+HEADINGS: Final = 16
+"""Headings of the lattice that is searched where drawing at random found nothing."""
+_PITCH_M: Final = 0.05
+_ALL_CELLS: Final = 1 << 17
+_BATCHES: Final = (32, 256, 1024, 4096)
+_CHUNK_CELLS: Final = 1 << 14
+_KEPT_POSES: Final = 1 << 21
+
+_Floats = npt.NDArray[np.float64]
+_Poses = npt.NDArray[np.int64]
+
+
+class Placer:
+    """Draws poses in one environment and one spawn region of it.
+
+    A pose is feasible if F_A's point on the ground lies in the region, the box covers free cells
+    only and hits no wall, and the surroundings leave room for it. Poses are uniform over the
+    feasible ones (position continuous, heading in [-pi, pi)), or by the region's weights.
+
+    Poses are drawn until one is feasible, some thousands at most. Then a lattice decides: the
+    centres of cells (of very many small ones, a sublattice of at most 5 cm) times `HEADINGS`
+    headings. The pose is uniform (or by weight) over those that are feasible; None only if none
+    is. What the static map alone decides there is remembered per footprint.
+    """
+
+    def __init__(self, environment: Environment, region: SpawnRegion) -> None:
+        self._environment = environment
+        self._region = region
+        self._grid = environment.grid
+        self._grid_yaw_rad = self._grid.origin.yaw_rad()
+        self._static: dict[tuple[float, ...], _Poses] = {}
+
+    def place(
+        self,
+        row: CatalogueRow,
+        generator: np.random.Generator,
+        surroundings: Surroundings | None = None,
+        within: Disc | None = None,
+    ) -> GroundPose | None:
+        """Draw a feasible pose for an artefact of this row, None if the lattice holds none.
+
+        `within` restricts its point on the ground. All draws come from `generator`; how many
+        depends on nothing but this artefact's own attempts.
+        """
+        static = self._static.get(_shape_key(row))
+        if static is not None and not static.size:
+            return None
+        surroundings = surroundings or Surroundings()
+        cells = self._cells if within is None else self._cells_near(within)
+        cells = cells.with_room(_inscribed_radius_m(row) / self._grid.resolution_m)
+        if not cells.flat.size:
+            return None
+        for size in _BATCHES:
+            poses = self._drawn(cells, generator.random((size, 4)))
+            found, heights_m = self._feasible(row, poses, surroundings, within)
+            if found.size:
+                return _ground_pose(poses[found[0]], heights_m[found[0]])
+        return self._searched(row, cells, generator, surroundings, within)
+
+    def _drawn(self, cells: CandidateCells, uniforms: _Floats) -> _Floats:
+        """Return poses (N, 3), x, y, yaw in the map frame, from uniform numbers (N, 4)."""
+        flat = cells.draw(uniforms[:, 0])
+        corners = np.column_stack((flat // self._grid.width, flat % self._grid.width))
+        points_m = self._grid.cells_to_points(corners + uniforms[:, 1:3] - 0.5)
+        return np.column_stack((points_m, (2.0 * uniforms[:, 3] - 1.0) * np.pi))
+
+    def _feasible(
+        self, row: CatalogueRow, poses: _Floats, around: Surroundings, within: Disc | None
+    ) -> tuple[_Poses, _Floats]:
+        """Return the indices of the feasible poses, and the ground's height (N,) under all."""
+        boxes, heights_m = self._standing(row, poses)
+        clear = self._environment.is_placeable(boxes)
+        if within is not None:
+            clear &= within.contains(poses)
+        clear[clear] = around.leave_room_for(boxes.take(clear))
+        return np.flatnonzero(clear), heights_m
+
+    def _standing(self, row: CatalogueRow, poses: _Floats) -> tuple[OrientedBoxes, _Floats]:
+        flat = _boxes_at(row, poses, np.zeros(len(poses)))
+        heights_m = self._environment.ground_heights_m(flat)
+        return _boxes_at(row, poses, heights_m), heights_m
+
+    def _searched(
+        self,
+        row: CatalogueRow,
+        cells: CandidateCells,
+        generator: np.random.Generator,
+        around: Surroundings,
+        within: Disc | None,
+    ) -> GroundPose | None:
+        """Visit the whole lattice; the feasible pose with the least exponential clock wins."""
+        best: tuple[float, _Floats, float] | None = None
+        for lattice_poses in self._static_poses(row, cells, keep=within is None):
+            if not lattice_poses.size:
+                continue
+            poses = self._lattice_points(lattice_poses)
+            found, heights_m = self._feasible(row, poses, around, within)
+            weights = self._weights(lattice_poses[found] // HEADINGS)
+            clocks = generator.standard_exponential(found.size) / weights
+            first = int(np.argmin(clocks)) if found.size else -1
+            if first >= 0 and (best is None or clocks[first] < best[0]):
+                best = (float(clocks[first]), poses[found[first]], heights_m[found[first]])
+        return None if best is None else _ground_pose(best[1], best[2])
+
+    def _static_poses(
+        self, row: CatalogueRow, cells: CandidateCells, *, keep: bool
+    ) -> Iterator[_Poses]:
+        """Yield, in pieces, the lattice poses that the static map allows; kept if not too many."""
+        known = self._static.get(_shape_key(row)) if keep else None
+        if known is not None:
+            yield from np.array_split(known, 1 + known.size // _CHUNK_CELLS)
+            return
+        pieces = [np.empty(0, np.int64)]
+        for piece in self._scan(row, self._on_lattice(cells.flat)):
+            if sum(map(len, pieces)) <= _KEPT_POSES:
+                pieces.append(piece)
+            yield piece
+        poses = np.concatenate(pieces)
+        if keep and poses.size <= _KEPT_POSES:
+            self._static[_shape_key(row)] = poses
+
+    def _scan(self, row: CatalogueRow, flat: _Poses) -> Iterator[_Poses]:
+        """Yield the lattice poses over some cells where the box is placeable."""
+        resolution_m = self._grid.resolution_m
+        half_m = (0.5 * row.size_m[0], 0.5 * row.size_m[1])
+        spine_m, radius_m = spine_of(*half_m, row.box_centre_in_artefact_m[:2])
+        angles = np.arange(HEADINGS) * (math.tau / HEADINGS)
+        turns = np.column_stack((np.cos(angles), np.sin(angles)))
+        least = needed_cells(radius_m / resolution_m)
+        for start in range(0, flat.size, _CHUNK_CELLS):
+            piece = flat[start : start + _CHUNK_CELLS]
+            poses = spines_are_clear(
+                piece, self._clearance_cells, spine_m / resolution_m, turns, least
+            )
+            if poses.size:
+                boxes, _ = self._standing(row, self._lattice_points(poses))
+                yield poses[self._environment.is_placeable(boxes)]
+
+    def _lattice_points(self, lattice_poses: _Poses) -> _Floats:
+        flat, heading = lattice_poses // HEADINGS, lattice_poses % HEADINGS
+        cells = np.column_stack((flat // self._grid.width, flat % self._grid.width))
+        turned = self._grid_yaw_rad + heading * (math.tau / HEADINGS)
+        return np.column_stack((self._grid.cells_to_points(cells), turned))
+
+    def _on_lattice(self, flat: _Poses) -> _Poses:
+        stride = max(1, int(_PITCH_M / self._grid.resolution_m + 1e-6))
+        if flat.size <= _ALL_CELLS:
+            return flat
+        rows, cols = flat // self._grid.width, flat % self._grid.width
+        is_on = (rows % stride == stride // 2) & (cols % stride == stride // 2)
+        return np.compress(is_on, flat)
+
+    def _weights(self, flat: _Poses) -> _Floats:
+        if self._region.weight is None:
+            return np.ones(flat.size)
+        return self._region.weight.ravel()[flat].astype(np.float64)
+
+    @cached_property
+    def _clearance_cells(self) -> npt.NDArray[np.float32]:
+        clearance_m = self._environment.clearance_m
+        return np.divide(clearance_m, self._grid.resolution_m, dtype=np.float32)
+
+    @cached_property
+    def _cells(self) -> CandidateCells:
+        return self._ordered(np.flatnonzero(self._region.mask))
+
+    def _ordered(self, flat: _Poses) -> CandidateCells:
+        weights = None if self._region.weight is None else self._weights(flat)
+        return CandidateCells.ordered(flat, self._clearance_cells.ravel()[flat], weights)
+
+    def _cells_near(self, disc: Disc) -> CandidateCells:
+        """Return the region's cells that meet the disc, and perhaps some beside it."""
+        centre = self._grid.points_to_cells(np.array([(disc.x_m, disc.y_m)]))[0]
+        reach = math.ceil(disc.radius_m / self._grid.resolution_m) + 1
+        low = np.clip(centre - reach, 0, self._region.mask.shape)
+        high = np.clip(centre + reach + 1, 0, self._region.mask.shape)
+        rows, cols = np.nonzero(self._region.mask[low[0] : high[0], low[1] : high[1]])
+        return self._ordered((rows + low[0]) * self._grid.width + cols + low[1])
+
+
+def _shape_key(row: CatalogueRow) -> tuple[float, ...]:
+    return (*row.size_m, *row.box_centre_in_artefact_m[:2])
+
+
+def _inscribed_radius_m(row: CatalogueRow) -> float:
+    """Return the radius of the largest disc about F_A within the box's footprint, at least 0."""
+    offset_x_m, offset_y_m, _ = row.box_centre_in_artefact_m
+    room_x_m = 0.5 * row.size_m[0] - abs(offset_x_m)
+    room_y_m = 0.5 * row.size_m[1] - abs(offset_y_m)
+    return max(0.0, min(room_x_m, room_y_m))
+
+
+def _boxes_at(row: CatalogueRow, poses: _Floats, heights_m: _Floats) -> OrientedBoxes:
+    """Return the boxes of one row at poses (N, 3), x, y, yaw, standing at heights (N,)."""
+    offset_x_m, offset_y_m, _ = row.box_centre_in_artefact_m
+    half_m = 0.5 * np.array(row.size_m)
+    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    x_m = poses[:, 0] + cos * offset_x_m - sin * offset_y_m
+    y_m = poses[:, 1] + sin * offset_x_m + cos * offset_y_m
+    centres_m = np.column_stack((x_m, y_m, heights_m + half_m[2]))
+    return OrientedBoxes(centres_m, poses[:, 2], np.broadcast_to(half_m, centres_m.shape))
+
+
+def _ground_pose(pose: _Floats, height_m: float) -> GroundPose:
+    return GroundPose(float(pose[0]), float(pose[1]), float(height_m), float(pose[2]))

@@ -1,0 +1,248 @@
+"""The population: marked Poisson arrivals and the birth-death chain of section 3.2."""
+
+from bisect import insort
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from are_ros.artefacts.arrivals import checked_rate
+from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.artefacts.departures import Departure, DepartureLaw, leaving_rate_per_s
+from are_ros.artefacts.population_events import Cause, Counts, EventKind, PopulationEvent
+from are_ros.artefacts.randomness import Purpose, generator
+from are_ros.artefacts.sources import RandomSource
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import InputError, PlacementError
+
+FIRST_ADMITTED_ID: Final = 1_000_000_000
+"""Scripted and requested artefacts count from here, so that they shift no random one's draws."""
+
+Place = Callable[
+    [int, CatalogueRow, np.random.Generator, tuple[float, float] | None], GroundPose | None
+]
+"""(id, row, generator, the (x, y) of the group's first member) -> a free pose, or None."""
+
+
+class Population:
+    """The artefacts alive, and the events that change them, one at a time and in order.
+
+    Of two events at one instant a departure comes before an arrival. The bound `max_alive` (None:
+    none) counts all the living. Artefacts of rows that live for ever, and those admitted with a
+    life of their own, do not take part in the law of departures.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        source: RandomSource,
+        departures: DepartureLaw,
+        *,
+        max_alive: int | None = 200,
+        history_ns: int = 2 * NS_PER_S,
+    ) -> None:
+        self.max_alive = max_alive
+        self._seed = seed
+        self._source = source
+        self._law = departures
+        self._history_ns = history_ns
+        self._living: dict[int, Artefact] = {}
+        self._scheduled: list[Departure] = []
+        self._outside_the_law: set[int] = set()
+        self._departed: list[Artefact] = []
+        self._next_admitted_id = FIRST_ADMITTED_ID
+        self.counts = Counts()
+
+    @property
+    def living(self) -> Mapping[int, Artefact]:
+        """The artefacts alive by id, in the order of their ids: a view, always up to date."""
+        return MappingProxyType(self._living)
+
+    def start(self, now_ns: int) -> None:
+        """Begin at `now_ns`, or again after the clock jumped: nobody lives; ids and counts go on.
+
+        Who was alive is forgotten without an event.
+        """
+        for kept in (self._living, self._scheduled, self._outside_the_law, self._departed):
+            kept.clear()
+        self._source.restart(now_ns)
+        self._law.restart(now_ns)
+
+    def reseed(self, seed: int, now_ns: int) -> None:
+        """Draw from another seed from `now_ns` on; the living stay, ids go on."""
+        self._seed = seed
+        self._source.reseed(seed, now_ns)
+        self._law.reseed(seed, now_ns)
+
+    def set_rates(
+        self, arrival_rate: float, area_m2: float, mean_life_s: float, now_ns: int
+    ) -> None:
+        """Let lambda [1/(m^2 s)], nu(M2D) [m^2] and 1/mu [s] hold from `now_ns` on.
+
+        Values that are already in force change nothing, bit for bit. Raises `ParameterError`, and
+        changes nothing, where one is out of its domain or the law of departures refuses them.
+        """
+        rate_per_s = checked_rate(arrival_rate * area_m2)
+        leaving_rate_per_s(mean_life_s)
+        members_per_s = rate_per_s * self._source.mean_group_size
+        self._law.check(members_per_s, mean_life_s, self.max_alive)
+        self._source.set_rate(rate_per_s, now_ns)
+        self._law.set_mean_life(mean_life_s, now_ns)
+        for artefact in self._living.values():
+            if artefact.id not in self._outside_the_law:
+                artefact.departure_ns = self._law.departure_of(artefact.id)
+
+    def next_event_ns(self) -> int | None:
+        """Return when `handle_next` has something to do [ns], None if never as things stand."""
+        departure, arrival_ns = self._next_departure(), self._source.next_ns()
+        if departure is None or arrival_ns is None:
+            return departure.time_ns if departure else arrival_ns
+        return min(departure.time_ns, arrival_ns)
+
+    def handle_next(self, place: Place) -> list[PopulationEvent]:
+        """Process the next event: one departure, or the arrival of one group.
+
+        `place` finds a pose for each member in turn; those before it live already. Returns what
+        happened, an event per artefact. Raises `ParameterError` if there is no event.
+        """
+        departure, arrival_ns = self._next_departure(), self._source.next_ns()
+        if departure and (arrival_ns is None or departure.time_ns <= arrival_ns):
+            if departure.artefact_id not in self._outside_the_law:
+                self._law.pop()
+            return [self.remove(departure.artefact_id, departure.time_ns, Cause.LIFE_OVER)]
+        return self._arrive(place)
+
+    def remove(self, artefact_id: int, now_ns: int, cause: Cause) -> PopulationEvent:
+        """Let an artefact depart at `now_ns`; `InputError` if none of this id lives.
+
+        It stays known to `present_at` for the history's length.
+        """
+        artefact = self._living.pop(artefact_id, None)
+        if artefact is None:
+            raise InputError(f"no artefact with id {artefact_id} is alive")
+        self._end_life(artefact_id, now_ns)
+        artefact.departure_ns = now_ns
+        self._departed.append(artefact)
+        self._forget_before(now_ns - self._history_ns)
+        return self._say(now_ns, EventKind.DEPARTED, artefact_id, artefact.row, cause)
+
+    def admit(
+        self,
+        row: CatalogueRow,
+        pose: GroundPose,
+        now_ns: int,
+        *,
+        origin: Origin,
+        life_ns: int | None = None,
+    ) -> PopulationEvent:
+        """Let a scripted or requested artefact live at a pose that the caller found free.
+
+        A given life [ns] ends on its own; None draws one by the law of departures, or for a row
+        that lives for ever gives no end. Raises `PlacementError` at the bound.
+        """
+        if self._is_full():
+            msg = (
+                f"{row.label} is refused: {len(self._living)} artefacts live, population.max_alive"
+            )
+            raise PlacementError(msg)
+        artefact_id = self._next_admitted_id
+        self._next_admitted_id += 1
+        end_ns = None if life_ns is None else now_ns + life_ns
+        return self._begin(artefact_id, row, pose, now_ns, origin, end_ns)
+
+    def present_at(self, t_ns: int) -> list[Artefact]:
+        """Return who was there at `t_ns` (arrival <= t < departure), in the order of their ids.
+
+        Complete as far back as the history reaches before the last departure.
+        """
+        everyone = [*self._departed, *self._living.values()]
+        present = [artefact for artefact in everyone if artefact.is_present_at(t_ns)]
+        return sorted(present, key=lambda artefact: artefact.id)
+
+    def _arrive(self, place: Place) -> list[PopulationEvent]:
+        offer = self._source.take()
+        events: list[PopulationEvent] = []
+        near: tuple[float, float] | None = None
+        for artefact_id, row in offer.members:
+            pose, cause = self._find_pose(artefact_id, row, near, place)
+            if pose is None:
+                blocked = EventKind.BLOCKED
+                events.append(self._say(offer.time_ns, blocked, artefact_id, row, cause))
+                continue
+            near = near or (pose.x_m, pose.y_m)
+            events.append(self._begin(artefact_id, row, pose, offer.time_ns, Origin.RANDOM, None))
+        return events
+
+    def _find_pose(
+        self, artefact_id: int, row: CatalogueRow, near: tuple[float, float] | None, place: Place
+    ) -> tuple[GroundPose | None, Cause]:
+        if self._is_full():
+            return None, Cause.MAX_ALIVE
+        stream = generator(self._seed, Purpose.PLACE, artefact_id)
+        return place(artefact_id, row, stream, near), Cause.NO_PLACE
+
+    def _begin(
+        self,
+        artefact_id: int,
+        row: CatalogueRow,
+        pose: GroundPose,
+        now_ns: int,
+        origin: Origin,
+        end_ns: int | None,
+    ) -> PopulationEvent:
+        end_ns = self._begin_life(artefact_id, row, now_ns, end_ns)
+        history = PoseHistory(now_ns, pose, self._history_ns)
+        self._living[artefact_id] = Artefact(artefact_id, row, origin, now_ns, history, end_ns)
+        self._sort_living()
+        return self._say(now_ns, EventKind.ARRIVED, artefact_id, row, None)
+
+    def _begin_life(
+        self, artefact_id: int, row: CatalogueRow, now_ns: int, end_ns: int | None
+    ) -> int | None:
+        if end_ns is not None:
+            insort(self._scheduled, Departure(end_ns, artefact_id))
+        if end_ns is not None or row.forever:
+            self._outside_the_law.add(artefact_id)
+            return end_ns
+        self._law.arrived(artefact_id, now_ns)
+        return self._law.departure_of(artefact_id)
+
+    def _end_life(self, artefact_id: int, now_ns: int) -> None:
+        if artefact_id in self._outside_the_law:
+            self._outside_the_law.remove(artefact_id)
+            self._scheduled = [end for end in self._scheduled if end.artefact_id != artefact_id]
+        else:
+            self._law.removed(artefact_id, now_ns)
+
+    def _sort_living(self) -> None:
+        """Put the newcomer, last in the dict, where its id belongs (admitted ids are high)."""
+        ids = list(self._living)
+        if len(ids) > 1 and ids[-1] < ids[-2]:
+            in_order = sorted(self._living.items())
+            self._living.clear()
+            self._living.update(in_order)
+
+    def _say(
+        self, now_ns: int, kind: EventKind, artefact_id: int, row: CatalogueRow, cause: Cause | None
+    ) -> PopulationEvent:
+        event = PopulationEvent(now_ns, kind, artefact_id, row, cause)
+        self.counts = self.counts.after(event)
+        return event
+
+    def _next_departure(self) -> Departure | None:
+        drawn = self._law.next()
+        if self._scheduled and (drawn is None or self._scheduled[0] < drawn):
+            return self._scheduled[0]
+        return drawn
+
+    def _is_full(self) -> bool:
+        return self.max_alive is not None and len(self._living) >= self.max_alive
+
+    def _forget_before(self, t_ns: int) -> None:
+        self._departed = [
+            artefact
+            for artefact in self._departed
+            if artefact.departure_ns is None or artefact.departure_ns > t_ns
+        ]

@@ -1,0 +1,61 @@
+"""What happens to a population: who came, who went, who could not come, and how many so far."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from are_ros.artefacts.catalogue import CatalogueRow
+
+
+class EventKind(Enum):
+    """What happened to an artefact."""
+
+    ARRIVED = "arrived"
+    DEPARTED = "departed"
+    BLOCKED = "blocked"
+
+
+class Cause(Enum):
+    """Why an artefact departed or was blocked."""
+
+    LIFE_OVER = "life_over"
+    DISPLACED = "displaced"
+    REMOVED = "removed"
+    ROBOT_CONTACT = "robot_contact"
+    MAX_ALIVE = "max_alive"
+    NO_PLACE = "no_place"
+
+
+@dataclass(frozen=True, eq=False)
+class PopulationEvent:
+    """One artefact came, went, or could not come, at `time_ns`; an arrival has no cause."""
+
+    time_ns: int
+    kind: EventKind
+    artefact_id: int
+    row: CatalogueRow
+    cause: Cause | None = None
+
+
+@dataclass(frozen=True)
+class Counts:
+    """How many so far: offered = arrived + blocked, alive = arrived - departed.
+
+    `displaced` are those of the departed who had to go for want of a safe pose: censored lives.
+    """
+
+    offered: int = 0
+    arrived: int = 0
+    blocked: int = 0
+    departed: int = 0
+    displaced: int = 0
+
+    def after(self, event: PopulationEvent) -> "Counts":
+        """Return the counts with one more event."""
+        kind = event.kind
+        return Counts(
+            offered=self.offered + (kind is not EventKind.DEPARTED),
+            arrived=self.arrived + (kind is EventKind.ARRIVED),
+            blocked=self.blocked + (kind is EventKind.BLOCKED),
+            departed=self.departed + (kind is EventKind.DEPARTED),
+            displaced=self.displaced + (event.cause is Cause.DISPLACED),
+        )

@@ -1,0 +1,33 @@
+"""Independent random streams, so that one artefact's life never changes another's."""
+
+from enum import IntEnum
+
+import numpy as np
+
+
+class Purpose(IntEnum):
+    """What a stream is drawn for; the numbers are part of every seed, so they never change.
+
+    A new purpose takes a new number at the end.
+    """
+
+    ARRIVAL = 0
+    GROUP = 1
+    ROW = 2
+    LIFE = 3
+    PLACE = 4
+    DEPARTURE = 5
+    BEHAVIOUR = 6
+    MOTION = 7
+    GOAL = 8
+    PERCEPTION = 9
+
+
+def generator(seed: int, purpose: Purpose, artefact_id: int) -> np.random.Generator:
+    """Return the stream of one artefact for one purpose, the same however many others there are.
+
+    `seed` and `artefact_id` are not negative. Streams of different seeds, purposes or artefacts
+    are independent (`numpy.random.SeedSequence` with the spawn key (purpose, artefact)).
+    """
+    sequence = np.random.SeedSequence(seed, spawn_key=(int(purpose), artefact_id))
+    return np.random.Generator(np.random.PCG64(sequence))

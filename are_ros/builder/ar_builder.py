@@ -1,0 +1,261 @@
+"""The AR-builder (section 3.3): composes world, artefacts and augmentation into ticks."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.artefacts.artefact import Artefact, boxes_of
+from are_ros.artefacts.catalogue import Catalogue
+from are_ros.builder import assembly
+from are_ros.builder.events import ArtefactEvent
+from are_ros.builder.grids import Grids
+from are_ros.builder.lives import Lives
+from are_ros.builder.markers import Marker
+from are_ros.builder.mesh_bank import MeshBank
+from are_ros.builder.observation import Observation, sight_events
+from are_ros.builder.outputs import ArtefactState, SceneMetrics
+from are_ros.builder.real_world import RealWorld
+from are_ros.builder.registration import CellPatch, clutter_ratio, covered_cells
+from are_ros.builder.scans import ScanAugmentation
+from are_ros.builder.sensor_path import ReleasedScan
+from are_ros.builder.states import artefact_state, marker_subject, perceived_artefact
+from are_ros.builder.tick import Demand, Tick
+from are_ros.errors import InputError
+from are_ros.parameters.choices import OdometryUse, Shape
+from are_ros.parameters.model import Parameters
+from are_ros.world.frame_tree import FrameTree, TransformSource
+from are_ros.world.laser_scan import LaserScan
+from are_ros.world.observer import Camera
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.rigid_transform import RigidTransform, Values
+
+_EVERYTHING = Demand()
+_NAN = float("nan")
+
+
+class ArBuilder:
+    """The real environment and the artefacts become what is perceived, tick by tick.
+
+    Inputs come in through the `receive_...` methods, in the order of the time at which they were
+    received; whatever is due before that time happens first, with what was known before. So
+    what happens does not depend on how often `step` is called. Bad input raises InputError or
+    FrameError and changes nothing. Time is integer nanoseconds; all outputs are in F_E, the map's
+    frame. Knows no middleware, no file and no clock.
+    """
+
+    def __init__(
+        self, parameters: Parameters, catalogue: Catalogue, demand: Demand = _EVERYTHING
+    ) -> None:
+        self.parameters = parameters
+        self.demand = demand
+        self.frames = FrameTree()
+        self.world = RealWorld(parameters.world, parameters.frames.map, self.frames)
+        self.robots = assembly.robot_tracker(parameters, self.frames)
+        resolver = assembly.collision_resolver(parameters)
+        self.lives = Lives(parameters, catalogue, self.world, self.robots, resolver)
+        self._meshes = MeshBank()
+        self._camera = assembly.default_camera(parameters)
+        self._watch = assembly.watch(parameters, self.robots, self._meshes)
+        self._gate = assembly.gate(parameters)
+        self._grids = assembly.grid_augmentation(parameters)
+        self._board = assembly.marker_board(parameters)
+        self._scans = ScanAugmentation(parameters, self.frames, self.lives, self._meshes)
+        self._seen: dict[int, str] = {}
+        assembly.set_static_frames(parameters, self.frames)
+
+    # ------------------------------------------------------------------------------ inputs
+
+    def receive_map(self, grid: OccupancyGrid, received_ns: int) -> None:
+        """Take the real map M2D, which must be in the map's frame."""
+        self._received(received_ns)
+        if grid.frame_id != self.parameters.frames.map:
+            wanted = self.parameters.frames.map
+            raise InputError(f"map: its frame is '{grid.frame_id}', but frames.map is '{wanted}'")
+        self.world.set_grid(grid)
+
+    def receive_cloud(
+        self,
+        centres_m: npt.NDArray[np.floating],
+        frame_id: str,
+        received_ns: int,
+        voxel_size_m: float | None = None,
+    ) -> None:
+        """Take the centres (N, 3) of M3D's occupied voxels, in any frame of the tree."""
+        self._received(received_ns)
+        self.world.set_cloud(centres_m, voxel_size_m, frame_id)
+
+    def receive_transform(
+        self,
+        parent: str,
+        child: str,
+        stamp_ns: int,
+        translation_m: Values,
+        rotation_xyzw: Values,
+        received_ns: int,
+        *,
+        is_static: bool = False,
+    ) -> None:
+        """Take one transform of /tf or /tf_static."""
+        self._received(received_ns)
+        if is_static:
+            self.frames.set_static(parent, child, translation_m, rotation_xyzw)
+        else:
+            self.frames.set_transform(parent, child, stamp_ns, translation_m, rotation_xyzw)
+        self._scans.transforms_came(received_ns)
+
+    def receive_odometry(
+        self, parent: str, child: str, stamp_ns: int, pose: RigidTransform, received_ns: int
+    ) -> None:
+        """Take a pose from odometry; an empty child frame means the robot's base."""
+        self._received(received_ns)
+        use = self.parameters.frames.odometry
+        if use is OdometryUse.IGNORE:
+            return
+        preferred = use is OdometryUse.USE
+        source = TransformSource.PARAMETER if preferred else TransformSource.ODOMETRY
+        self.frames.set_transform(
+            parent,
+            child or self.robots.base_frame(),
+            stamp_ns,
+            pose.translation_m.tolist(),
+            pose.rotation_xyzw.tolist(),
+            source=source,
+        )
+        self._scans.transforms_came(received_ns)
+
+    def receive_camera(self, camera: Camera, received_ns: int) -> None:
+        """Take the view model of the robot's camera, from its CameraInfo."""
+        self._received(received_ns)
+        self._camera = assembly.chosen_camera(self.parameters, camera)
+
+    def receive_scan(self, topic: str, scan: LaserScan, received_ns: int) -> None:
+        """Take a laser scan; it comes back, augmented, from `take_scans`."""
+        self._received(received_ns)
+        self._scans.push(topic, scan, received_ns)
+
+    def take_scans(self) -> list[ReleasedScan]:
+        """Return the scans that have left the sensor path since the last call."""
+        return self._scans.take()
+
+    # ------------------------------------------------------------------------------ time
+
+    def advance(self, now_ns: int) -> None:
+        """Let happen what is due up to `now_ns`: lives, motion, collisions, waiting scans."""
+        while (deadline_ns := self._scans.next_deadline_ns()) is not None:
+            if deadline_ns > now_ns:
+                break
+            self.lives.advance(deadline_ns)
+            self._scans.deadline_passed(deadline_ns)
+        self.lives.advance(now_ns)
+
+    def finish(self, now_ns: int) -> None:
+        """Let the scans go that still wait: the inputs have ended."""
+        self.advance(now_ns)
+        self._scans.flush(now_ns)
+
+    def step(self, now_ns: int) -> Tick:
+        """Run one tick: register, occlude, gate, augment (section 3.3)."""
+        self.advance(now_ns)
+        living = self.lives.present_at(now_ns)
+        states = [artefact_state(artefact, now_ns) for artefact in living]
+        observation = self._observe(now_ns, living)
+        patches = self._register(living, now_ns)
+        grids = self._augment(now_ns, observation, patches)
+        return Tick(
+            stamp_ns=now_ns,
+            frame_id=self.parameters.frames.map,
+            artefacts=tuple(states),
+            observer=self.robots.observer.name,
+            perceived=tuple(
+                perceived_artefact(state, observation.sightings[state.artefact_id], now_ns)
+                for state in states
+                if state.artefact_id in observation.sightings
+            ),
+            events=self._events(now_ns, observation, living),
+            metrics=self._metrics(observation, patches),
+            markers=self._markers(now_ns, living, states, observation),
+            grids=grids,
+            map_from_base=observation.map_from_base,
+            map_from_camera=observation.map_from_camera,
+        )
+
+    def _received(self, received_ns: int) -> None:
+        """Let happen what was due before an input that is about to be taken."""
+        self.advance(received_ns)
+        self.lives.touch(received_ns)
+
+    def _observe(self, now_ns: int, living: Sequence[Artefact]) -> Observation:
+        """Occlusion: which artefacts the camera sees."""
+        environment = self.world.environment
+        if environment is None or not self.demand.perception:
+            return self._watch.stand_by(now_ns)
+        settings = self.parameters.occlusion
+        observation = self._watch.observe(now_ns, self._camera, environment, living, settings)
+        self._scans.perceived = frozenset(observation.sightings)
+        return observation
+
+    def _register(self, living: Sequence[Artefact], now_ns: int) -> dict[int, CellPatch]:
+        """Registration: the cells that each artefact covers, by id."""
+        environment = self.world.environment
+        if environment is None or not living:
+            return {}
+        poses = [artefact.ground_pose_at(now_ns) for artefact in living]
+        boxes = boxes_of([artefact.row for artefact in living], poses)
+        patches = covered_cells(boxes, environment.grid)
+        return {artefact.id: patch for artefact, patch in zip(living, patches, strict=True)}
+
+    def _augment(
+        self, now_ns: int, observation: Observation, patches: Mapping[int, CellPatch]
+    ) -> Grids:
+        """Augmentation of the grids with the artefacts that the gate admits."""
+        environment = self.world.environment
+        admitted = self._gate.admitted(now_ns, observation.sightings, patches)
+        if environment is None or not self.demand.grids:
+            return Grids()
+        return self._grids.update(now_ns, environment, {i: patches[i] for i in admitted})
+
+    def _events(
+        self, now_ns: int, observation: Observation, living: Sequence[Artefact]
+    ) -> tuple[ArtefactEvent, ...]:
+        labels = {artefact.id: artefact.row.label for artefact in living}
+        seen = {i: labels[i] for i in observation.sightings}
+        sights = sight_events(now_ns, self._seen, seen, labels)
+        self._seen = seen
+        return (*self.lives.take_events(), *sights)
+
+    def _metrics(self, observation: Observation, patches: Mapping[int, CellPatch]) -> SceneMetrics:
+        environment, counts = self.world.environment, self.lives.population.counts
+        nu = (
+            _NAN if environment is None else clutter_ratio([*patches.values()], environment.classes)
+        )
+        return SceneMetrics(
+            alive=len(patches),
+            perceived=len(observation.sightings),
+            arrivals=counts.arrived,
+            departures=counts.departed,
+            blocked=counts.blocked,
+            displaced=self.lives.displaced,
+            robot_contacts=self.lives.robot_contacts,
+            area_m2=self.lives.area_m2,
+            clutter_ratio=nu,
+            rho=_NAN,
+        )
+
+    def _markers(
+        self,
+        now_ns: int,
+        living: Sequence[Artefact],
+        states: Sequence[ArtefactState],
+        observation: Observation,
+    ) -> tuple[Marker, ...]:
+        if not self.demand.markers:
+            return ()
+        meshes = self._meshes if self.parameters.markers.shape is Shape.MESH else None
+        subjects = [
+            marker_subject(
+                state, artefact.row, meshes, is_perceived=artefact.id in observation.sightings
+            )
+            for artefact, state in zip(living, states, strict=True)
+        ]
+        return tuple(self._board.update(now_ns, subjects))

@@ -1,0 +1,139 @@
+"""How the parameters become the parts that `ArBuilder` composes."""
+
+import math
+
+from are_ros.builder.collisions import CollisionResolver
+from are_ros.builder.costmap import InflatedCostmap
+from are_ros.builder.gates import ArtefactGate, gate_of
+from are_ros.builder.grids import GridAugmentation
+from are_ros.builder.markers import MarkerBoard
+from are_ros.builder.mesh_bank import MeshBank
+from are_ros.builder.observation import Watch
+from are_ros.builder.perception import Perception
+from are_ros.builder.robot_contact import ContactPolicy, Displace, Hold, Remove
+from are_ros.builder.robots import RobotTracker
+from are_ros.conventions import seconds_to_ns
+from are_ros.errors import ParameterError
+from are_ros.parameters.choices import CameraModel, OnRobotContact
+from are_ros.parameters.model import CameraParameters, Parameters, RobotParameters
+from are_ros.world.footprint import Footprint
+from are_ros.world.frame_tree import FrameTree, TransformSource
+from are_ros.world.observer import Camera, Observer, mounted_camera
+from are_ros.world.omnidirectional_view import OmnidirectionalView
+from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.view_models import PinholeView, ViewModel
+
+OBSERVER = "robot"
+_STATIC_FORM = "X Y Z YAW PITCH ROLL PARENT CHILD"
+
+
+def robot_tracker(parameters: Parameters, frames: FrameTree) -> RobotTracker:
+    """Return the tracker of the one robot."""
+    observer = Observer(OBSERVER, parameters.frames.base, robot_footprint(parameters.robot))
+    max_age_ns = seconds_to_ns(parameters.frames.max_age)
+    return RobotTracker(observer, frames, parameters.frames.map, max_age_ns)
+
+
+def robot_footprint(robot: RobotParameters) -> Footprint:
+    """Return the robot's outline on its base; ParameterError where its text is no polygon."""
+    return Footprint.parse(robot.footprint) if robot.footprint else Footprint.disc(robot.radius)
+
+
+def view_of_parameters(camera: CameraParameters) -> ViewModel:
+    """Return the view model that the parameters describe."""
+    if camera.model is CameraModel.OMNIDIRECTIONAL:
+        half = 0.5 * camera.vfov
+        return OmnidirectionalView(camera.width, camera.height, -half, half)
+    return PinholeView.from_field_of_view(camera.width, camera.height, camera.hfov)
+
+
+def default_camera(parameters: Parameters) -> Camera:
+    """Return the camera of the parameters: in `camera.frame`, else mounted on the base."""
+    camera = parameters.camera
+    if len(camera.mount) != len(("x", "y", "z", "yaw", "pitch", "roll")):
+        raise ParameterError(f"parameter 'camera.mount': {len(camera.mount)} numbers, not 6")
+    mounted = mounted_camera(view_of_parameters(camera), camera.mount)
+    return Camera(mounted.view, camera.frame, mounted.base_from_optical)
+
+
+def chosen_camera(parameters: Parameters, received: Camera) -> Camera:
+    """Return the camera to use when CameraInfo says `received`."""
+    if parameters.camera.model is not CameraModel.AUTO:
+        return default_camera(parameters)
+    frame_id = parameters.camera.frame or received.frame_id
+    return Camera(received.view, frame_id, received.base_from_optical)
+
+
+def watch(parameters: Parameters, robots: RobotTracker, meshes: MeshBank) -> Watch:
+    """Return what lets the robot look, at `camera.rate`."""
+    rate_hz, tick_rate_hz = parameters.camera.rate, parameters.builder.tick_rate
+    return Watch(robots, Perception(meshes), rate_hz, tick_rate_hz)
+
+
+def gate(parameters: Parameters) -> ArtefactGate:
+    """Return the gate of the grids."""
+    return gate_of(parameters.costmap.gate, seconds_to_ns(parameters.costmap.memory))
+
+
+def collision_resolver(parameters: Parameters) -> CollisionResolver:
+    """Return the resolver with the policy of `collisions.on_robot_contact`.
+
+    `auto` is the adapter's to decide, and means hold here.
+    """
+    policies: dict[OnRobotContact, ContactPolicy] = {
+        OnRobotContact.DISPLACE: Displace(),
+        OnRobotContact.REMOVE: Remove(),
+    }
+    settings = parameters.collisions
+    policy = policies.get(settings.on_robot_contact, Hold())
+    return CollisionResolver(policy, settings.search_radius)
+
+
+def grid_augmentation(parameters: Parameters) -> GridAugmentation:
+    """Return what keeps both grids."""
+    costmap = InflatedCostmap(
+        parameters.costmap.inflation_radius,
+        parameters.costmap.cost_scaling_factor,
+        robot_footprint(parameters.robot).inscribed_radius_m,
+    )
+    return GridAugmentation(costmap, parameters.augmented_map.max_rate)
+
+
+def marker_board(parameters: Parameters) -> MarkerBoard:
+    """Return the board of what rviz was shown."""
+    return MarkerBoard(parameters.markers.shape)
+
+
+def set_static_frames(parameters: Parameters, frames: FrameTree) -> None:
+    """Put the static transforms of `frames.static` into the tree; ParameterError if one is bad."""
+    for text in parameters.frames.static:
+        parent, child, transform = parse_static_transform(text)
+        frames.set_static(
+            parent,
+            child,
+            transform.translation_m.tolist(),
+            transform.rotation_xyzw.tolist(),
+            source=TransformSource.PARAMETER,
+        )
+
+
+def parse_static_transform(text: str) -> tuple[str, str, RigidTransform]:
+    """Return (parent, child, parent_from_child) of "X Y Z YAW PITCH ROLL PARENT CHILD".
+
+    Metres and radians, in the order that static_transform_publisher made familiar. Raises
+    ParameterError.
+    """
+    words = text.split()
+    if len(words) != len(_STATIC_FORM.split()):
+        raise ParameterError(f"static transform '{text}': it is not of the form {_STATIC_FORM}")
+    try:
+        numbers = [float(word) for word in words[:6]]
+    except ValueError as cause:
+        message = f"static transform '{text}': its first six words are not all numbers"
+        raise ParameterError(message) from cause
+    if not all(math.isfinite(number) for number in numbers):
+        raise ParameterError(f"static transform '{text}': a number is not finite")
+    parent, child = words[6].lstrip("/"), words[7].lstrip("/")
+    if not parent or not child or parent == child:
+        raise ParameterError(f"static transform '{text}': parent and child must be two frames")
+    return parent, child, RigidTransform.from_xyz_ypr(*numbers)

@@ -1,0 +1,253 @@
+"""The lives of the artefacts in the real world: arrivals, departures, sub-steps, collisions.
+
+`Lives.advance` lets happen what is due, in order: the events of the population at their exact
+times, and the sub-steps at multiples of `motion.step` since the epoch. What happens depends on
+the inputs and the seed, never on how often it is called.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, boxes_of
+from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
+from are_ros.artefacts.departures import departure_law
+from are_ros.artefacts.mixture import TruncatedPoissonMixture
+from are_ros.artefacts.population import Population
+from are_ros.artefacts.population_events import Cause, PopulationEvent
+from are_ros.artefacts.population_events import EventKind as PopulationEventKind
+from are_ros.artefacts.sources import RandomSource
+from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
+from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.builder.real_world import RealWorld
+from are_ros.builder.robot_contact import RobotContact
+from are_ros.builder.robots import RobotTracker
+from are_ros.builder.spawning import Spawning
+from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.errors import PlacementError
+from are_ros.parameters.model import Parameters
+from are_ros.world.footprint import Footprint
+from are_ros.world.oriented_boxes import OrientedBoxes
+
+_IDLE_NS = NS_PER_S
+"""Once nothing came in for this long, nothing can change between the population's events."""
+
+_EVENT_KINDS = {
+    PopulationEventKind.ARRIVED: EventKind.ARRIVED,
+    PopulationEventKind.DEPARTED: EventKind.DEPARTED,
+    PopulationEventKind.BLOCKED: EventKind.BLOCKED,
+}
+
+
+class Lives:
+    """The population, where it may stand, and what collides with it."""
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        catalogue: Catalogue,
+        world: RealWorld,
+        robots: RobotTracker,
+        resolver: CollisionResolver,
+    ) -> None:
+        self.population = random_population(parameters, catalogue)
+        self.displaced = 0
+        self.robot_contacts = 0
+        self._parameters = parameters
+        self._world = world
+        self._robots = robots
+        self._resolver = resolver
+        self._spawning = Spawning(parameters, robots.observer.footprint)
+        self._step_ns = seconds_to_ns(parameters.motion.step)
+        self._next_step_ns: int | None = None
+        self._last_input_ns = 0
+        self._has_started = False
+        self._in_contact: set[tuple[int, int]] = set()
+        self._events: list[ArtefactEvent] = []
+        self._standing: tuple[list[Artefact], OrientedBoxes] | None = None
+
+    @property
+    def area_m2(self) -> float:
+        """The area nu(M2D) on which artefacts arrive, 0 before it is known."""
+        return self._spawning.area_m2
+
+    def present_at(self, t_ns: int) -> list[Artefact]:
+        """Return who is, or was, there at `t_ns`, in the order of their ids."""
+        return self.population.present_at(t_ns)
+
+    def take_events(self) -> list[ArtefactEvent]:
+        """Return what happened since the last call, in the order of time."""
+        events, self._events = self._events, []
+        return events
+
+    def touch(self, received_ns: int) -> None:
+        """Say that an input came in: the next sub-steps have something to look at."""
+        self._last_input_ns = received_ns
+
+    def advance(self, now_ns: int) -> None:
+        """Run the population's events and the sub-steps that are due up to `now_ns`."""
+        if self._next_step_ns is None:
+            self._next_step_ns = -(-now_ns // self._step_ns) * self._step_ns
+        while True:
+            event_ns = self.population.next_event_ns() if self._has_started else None
+            if event_ns is not None and event_ns <= min(now_ns, self._next_step_ns):
+                self._run_event()
+            elif self._next_step_ns <= now_ns:
+                self._sub_step(self._next_step_ns)
+                self._next_step_ns = self._step_after(self._next_step_ns, now_ns)
+            else:
+                return
+
+    def place(
+        self,
+        row: CatalogueRow,
+        pose: GroundPose,
+        now_ns: int,
+        *,
+        origin: Origin = Origin.SERVICE,
+        life_ns: int | None = None,
+    ) -> int:
+        """Let an artefact live at this very pose, and return its id.
+
+        Raises PlacementError, and changes nothing, where it cannot stand there; it is never moved.
+        """
+        self.advance(now_ns)
+        reason = self._why_not_placed(row, pose)
+        if reason:
+            raise PlacementError(f"{row.label} at {pose.x_m:.2f}, {pose.y_m:.2f}: {reason}")
+        event = self.population.admit(row, pose, now_ns, origin=origin, life_ns=life_ns)
+        self._say(event)
+        return event.artefact_id
+
+    def _step_after(self, step_ns: int, now_ns: int) -> int:
+        """Return the next sub-step; the idle ones of a long pause of all inputs are left out."""
+        following_ns = step_ns + self._step_ns
+        if step_ns - self._last_input_ns < _IDLE_NS:
+            return following_ns
+        return max(following_ns, now_ns // self._step_ns * self._step_ns + self._step_ns)
+
+    def _run_event(self) -> None:
+        for event in self.population.handle_next(self._find_place):
+            self._say(event)
+
+    def _find_place(
+        self,
+        artefact_id: int,  # noqa: ARG002 - the population's interface
+        row: CatalogueRow,
+        generator: np.random.Generator,
+        near: tuple[float, float] | None,
+    ) -> GroundPose | None:
+        _, others = self._stand()
+        return self._spawning.place(row, generator, others, self._robots.last, near)
+
+    def _why_not_placed(self, row: CatalogueRow, pose: GroundPose) -> str:
+        environment = self._world.environment
+        if environment is None:
+            return "there is no map yet"
+        _, others = self._stand()
+        robot = self._robots.last
+        return self._spawning.why_not(boxes_of([row], [pose]), environment, others, robot)
+
+    def _sub_step(self, step_ns: int) -> None:
+        """Look where the robot is, start the process when all is known, resolve collisions."""
+        self._world.retry_cloud()
+        robot = self._robots.pose(step_ns) or self._robots.last
+        environment = self._world.environment
+        if environment is None:
+            return
+        self._refresh_region(step_ns)
+        artefacts, boxes = self._stand()
+        if not artefacts:
+            return
+        ids = np.array([artefact.id for artefact in artefacts], dtype=np.int64)
+        robots: Sequence[Footprint] = [robot.footprint] if robot else []
+        resolution = self._resolver.resolve(ids, boxes, boxes, environment, robots)
+        self._report_contacts(step_ns, resolution.contacts)
+        if not resolution.is_all_kept:
+            self._apply(step_ns, artefacts, resolution)
+
+    def _refresh_region(self, now_ns: int) -> None:
+        """Follow the environment and the robot; the process starts once the region is known."""
+        environment = self._world.environment
+        if environment is None or not self._spawning.refresh(environment, self._robots.last):
+            return
+        if not self._has_started:
+            if self._spawning.area_m2 <= 0.0:
+                return
+            self.population.start(now_ns)
+            self._has_started = True
+        population = self._parameters.population
+        area_m2 = self._spawning.area_m2
+        self.population.set_rates(population.arrival_rate, area_m2, population.mean_life, now_ns)
+
+    def _stand(self) -> tuple[list[Artefact], OrientedBoxes]:
+        """Return the living and their boxes; kept while nobody comes, goes or is moved."""
+        if self._standing is None:
+            artefacts = [*self.population.living.values()]
+            poses = [artefact.history.latest for artefact in artefacts]
+            boxes = boxes_of([artefact.row for artefact in artefacts], poses)
+            self._standing = (artefacts, boxes)
+        return self._standing
+
+    def _apply(self, step_ns: int, artefacts: Sequence[Artefact], resolution: Resolution) -> None:
+        """Move or remove those whose pose is no longer safe."""
+        for i, artefact in enumerate(artefacts):
+            outcome = Outcome(int(resolution.outcomes[i]))
+            if outcome is Outcome.DISPLACED_TO_SAFE:
+                self._shift(step_ns, artefact, resolution, i)
+            elif outcome is Outcome.LEAVES:
+                self._remove(step_ns, artefact, Cause.DISPLACED)
+            elif outcome is Outcome.LEAVES_ON_CONTACT:
+                self._remove(step_ns, artefact, Cause.ROBOT_CONTACT)
+
+    def _shift(self, now_ns: int, artefact: Artefact, resolution: Resolution, index: int) -> None:
+        was, (dx_m, dy_m) = artefact.history.latest, resolution.shifts_m[index].tolist()
+        bottom_m = resolution.boxes.centres_m[index, 2] - resolution.boxes.half_sizes_m[index, 2]
+        pose = GroundPose(was.x_m + dx_m, was.y_m + dy_m, float(bottom_m), was.yaw_rad)
+        artefact.history.append(now_ns - 1, was)
+        artefact.history.append(now_ns, pose)
+        self._standing = None
+        self.displaced += 1
+        distance_m = float(np.hypot(dx_m, dy_m))
+        label = artefact.row.label
+        event = ArtefactEvent(now_ns, EventKind.DISPLACED, artefact.id, label, "moved", distance_m)
+        self._events.append(event)
+
+    def _remove(self, now_ns: int, artefact: Artefact, cause: Cause) -> None:
+        self.displaced += cause is Cause.DISPLACED
+        self._say(self.population.remove(artefact.id, now_ns, cause))
+
+    def _report_contacts(self, now_ns: int, contacts: Sequence[RobotContact]) -> None:
+        """Say each contact once, when it begins."""
+        touching = {(contact.observer, contact.artefact_id) for contact in contacts}
+        for contact in contacts:
+            if (contact.observer, contact.artefact_id) in self._in_contact:
+                continue
+            self.robot_contacts += 1
+            label = self.population.living[contact.artefact_id].row.label
+            name, depth_m = self._robots.observer.name, contact.penetration_m
+            self._events.append(
+                ArtefactEvent(
+                    now_ns, EventKind.ROBOT_CONTACT, contact.artefact_id, label, name, depth_m
+                )
+            )
+        self._in_contact = touching
+
+    def _say(self, event: PopulationEvent) -> None:
+        self._standing = None
+        detail = event.cause.value if event.cause else ""
+        kind, label = _EVENT_KINDS[event.kind], event.row.label
+        self._events.append(ArtefactEvent(event.time_ns, kind, event.artefact_id, label, detail))
+
+
+def random_population(parameters: Parameters, catalogue: Catalogue) -> Population:
+    """Return the population of the random source; ParameterError where the mixture is bad."""
+    settings, mixture = parameters.population, parameters.mixture
+    law = TruncatedPoissonMixture(mixture.weights, mixture.rates, len(catalogue.rows))
+    return Population(
+        parameters.seed,
+        RandomSource(parameters.seed, catalogue.rows, law, settings.group_size),
+        departure_law(settings.departures, parameters.seed, settings.mean_life),
+        max_alive=settings.max_alive,
+        history_ns=seconds_to_ns(parameters.poses.history),
+    )

@@ -1,0 +1,47 @@
+"""The meshes of the rows that have arrived: for rays, and for markers."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.artefacts.meshes import mesh_of
+from are_ros.builder.mesh_casting import MeshPool, MeshSelection
+
+Triangles = npt.NDArray[np.float64]
+
+
+class MeshBank:
+    """Makes the mesh of a row when it is first asked for, and keeps it."""
+
+    def __init__(self) -> None:
+        self._pool = MeshPool.of([])
+        self._number_of_row: dict[int, int] = {}
+        self._solids: list[tuple[Triangles, npt.NDArray[np.int64]]] = []
+        self._drawings: dict[int, tuple[Triangles, npt.NDArray[np.float32]]] = {}
+
+    def selection(self, rows: Sequence[CatalogueRow]) -> MeshSelection:
+        """Return the meshes that stand in the boxes of artefacts of these rows."""
+        newcomers = {row.index: row for row in rows if row.index not in self._number_of_row}
+        if newcomers:
+            for row in newcomers.values():
+                self._add(row)
+            self._pool = MeshPool.of(self._solids)
+        indices = np.array([self._number_of_row[row.index] for row in rows], dtype=np.int64)
+        return MeshSelection(self._pool, indices)
+
+    def drawing(self, row: CatalogueRow) -> tuple[Triangles, npt.NDArray[np.float32]]:
+        """Return a row's triangles (T, 3, 3) in F_A and their colours (T, 4) in [0, 1]."""
+        if row.index not in self._drawings:
+            mesh = mesh_of(row)
+            triangles = np.asarray(mesh.triangles, dtype=np.float64)
+            colours = np.asarray(mesh.visual.face_colors, dtype=np.float32) / np.float32(255)
+            self._drawings[row.index] = (triangles, colours)
+        return self._drawings[row.index]
+
+    def _add(self, row: CatalogueRow) -> None:
+        mesh = mesh_of(row)
+        vertices_in_box = np.asarray(mesh.vertices) - np.array(row.box_centre_in_artefact_m)
+        self._number_of_row[row.index] = len(self._solids)
+        self._solids.append((vertices_in_box, np.asarray(mesh.faces, dtype=np.int64)))

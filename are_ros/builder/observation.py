@@ -1,0 +1,100 @@
+"""One observer's look at the scene: where it is, and which artefacts it perceives now."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from are_ros.artefacts.artefact import Artefact
+from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.builder.perception import Perception, Sighting
+from are_ros.builder.robots import RobotTracker
+from are_ros.conventions import NS_PER_S
+from are_ros.parameters.model import OcclusionParameters
+from are_ros.world.environment import Environment
+from are_ros.world.observer import Camera
+from are_ros.world.rigid_transform import RigidTransform
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What an observer sees: its poses (None: not known now), and A_f by id as of `seen_ns`."""
+
+    map_from_base: RigidTransform | None = None
+    map_from_camera: RigidTransform | None = None
+    sightings: Mapping[int, Sighting] = field(default_factory=dict)
+    seen_ns: int = 0
+
+
+class Watch:
+    """Lets an observer look at most `rate_hz` times a second; in between, what it saw stands.
+
+    `blind_ticks` counts the looks for which the camera's pose was missing or too old.
+    """
+
+    def __init__(
+        self, robots: RobotTracker, perception: Perception, rate_hz: float, tick_rate_hz: float
+    ) -> None:
+        self.blind_ticks = 0
+        self._robots = robots
+        self._perception = perception
+        self._period_ns = round(NS_PER_S / rate_hz)
+        self._looks_at_each_tick = rate_hz >= tick_rate_hz
+        self._last = Observation()
+        self._last_period = -1
+
+    def observe(
+        self,
+        now_ns: int,
+        camera: Camera,
+        environment: Environment,
+        artefacts: Sequence[Artefact],
+        settings: OcclusionParameters,
+    ) -> Observation:
+        """Return what is perceived at `now_ns`; those who departed are never in it."""
+        robot = self._robots.pose(now_ns)
+        map_from_base = robot.map_from_base if robot else None
+        if not self._is_due(now_ns):
+            return self._held(map_from_base, artefacts)
+        map_from_camera = self._robots.map_from_camera(camera, now_ns)
+        sightings: Mapping[int, Sighting] = {}
+        if map_from_camera is None:
+            self.blind_ticks += 1
+        else:
+            sightings = self._perception.look(
+                camera, map_from_camera, environment, artefacts, now_ns, settings
+            )
+        self._last = Observation(map_from_base, map_from_camera, sightings, now_ns)
+        return self._last
+
+    def stand_by(self, now_ns: int) -> Observation:
+        """Return where the observer is, without a look."""
+        robot = self._robots.pose(now_ns)
+        return Observation(robot.map_from_base if robot else None)
+
+    def forget(self) -> None:
+        """Forget what was seen: the clock jumped back."""
+        self._last, self._last_period = Observation(), -1
+
+    def _is_due(self, now_ns: int) -> bool:
+        period = now_ns // self._period_ns
+        is_due = self._looks_at_each_tick or period != self._last_period
+        self._last_period = period
+        return is_due
+
+    def _held(
+        self, map_from_base: RigidTransform | None, artefacts: Sequence[Artefact]
+    ) -> Observation:
+        last, alive = self._last, {artefact.id for artefact in artefacts}
+        sightings = {i: seen for i, seen in last.sightings.items() if i in alive}
+        return Observation(map_from_base, last.map_from_camera, sightings, last.seen_ns)
+
+
+def sight_events(
+    now_ns: int, before: Mapping[int, str], seen: Mapping[int, str], living: Mapping[int, str]
+) -> list[ArtefactEvent]:
+    """Return who came into sight, and who of the living was lost from it; all are labels by id."""
+    found = [i for i in sorted(seen) if i not in before]
+    lost = [i for i in sorted(before) if i not in seen and i in living]
+    return [
+        *(ArtefactEvent(now_ns, EventKind.PERCEIVED, i, seen[i]) for i in found),
+        *(ArtefactEvent(now_ns, EventKind.LOST, i, living[i]) for i in lost),
+    ]

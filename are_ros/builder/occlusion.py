@@ -1,0 +1,158 @@
+"""Which artefacts a camera sees: Z_a against Z_S, pixel by pixel (equation 2 and A_f)."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.builder._occlusion_kernels import render
+from are_ros.builder._occlusion_types import Boxes, Scratch, Tallies, Voxels
+from are_ros.builder._ray_tiles import PIXELS, TiledRays
+from are_ros.builder.mesh_casting import MeshSelection
+from are_ros.builder.ray_casting import VoxelField
+from are_ros.world.oriented_boxes import OrientedBoxes
+from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.view_models import ViewModel
+
+_FARTHEST_M: Final = 1e30
+"""In place of an endless range: misses are at infinity, and stay beyond it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Visibility:
+    """What a camera sees of N artefacts; all arrays are read-only.
+
+    `visible_pixels` int64 (N,): pixels where the artefact is seen; it is in A_f where they exceed
+    tau. `unoccluded_pixels` int64 (N,): pixels where its box is met within the range, whatever
+    stands before it. `rois` int64 (N, 4): x, y, width, height of the rectangle around the visible
+    pixels, zeros if there is none. `nearest_m` float64 (N,): least distance [m] among the visible
+    pixels, inf if there is none.
+    """
+
+    visible_pixels: npt.NDArray[np.int64]
+    unoccluded_pixels: npt.NDArray[np.int64]
+    rois: npt.NDArray[np.int64]
+    nearest_m: npt.NDArray[np.float64]
+
+    def visible_fractions(self) -> npt.NDArray[np.float64]:
+        """Return visible over unoccluded pixels, float64 (N,), 0 where there are none."""
+        fractions: npt.NDArray[np.float64] = self.visible_pixels / np.maximum(
+            self.unoccluded_pixels, 1
+        )
+        return fractions
+
+
+class ZBuffer:
+    """A view model with a range, made ready to tell which artefacts it sees.
+
+    Distances are Euclidean along the ray, in [0, max_range_m]. Z_a is the first hit on a's bounding
+    box, Z_S the first hit on the environment and on the shapes of the other artefacts; a is visible
+    at a pixel where Z_a is finite and Z_a <= Z_S + 1 mm. A camera inside a's box has Z_a = 0 in
+    every pixel that has a ray. A camera inside an occupied voxel looks out of that one voxel.
+    Rays are float32: a decision within a few micrometres of an edge may fall either way.
+    """
+
+    def __init__(self, view: ViewModel, max_range_m: float) -> None:
+        self._tiles = TiledRays.of(view.directions()).tiles
+        self._max_range_m = np.float32(min(max_range_m, _FARTHEST_M))
+
+    def visibility(
+        self,
+        map_from_camera: RigidTransform,
+        boxes: OrientedBoxes,
+        environment: VoxelField,
+        shapes: MeshSelection | None = None,
+        mutual: bool = True,
+    ) -> Visibility:
+        """Return what the camera sees of the artefacts with these boxes in the map frame.
+
+        `map_from_camera` is the pose of the optical frame. `shapes` are the artefacts as occluders
+        of each other, in the order of the boxes (None: the boxes themselves); `mutual` False lets
+        artefacts hide nothing from each other.
+        """
+        selection = MeshSelection.boxes_only(len(boxes)) if shapes is None else shapes
+        count = len(boxes)
+        tallies = _empty_tallies(count)
+        render(
+            self._tiles,
+            map_from_camera.rotation_matrix().astype(np.float32),
+            _boxes(map_from_camera.translation_m, boxes, selection.indices),
+            _voxels(map_from_camera.translation_m, environment),
+            selection.pool.tree,
+            mutual,
+            self._max_range_m,
+            tallies,
+            _scratch(count),
+        )
+        return _visibility(tallies)
+
+
+def _boxes(
+    camera_m: npt.NDArray[np.float64], boxes: OrientedBoxes, meshes: npt.NDArray[np.int64]
+) -> Boxes:
+    """Return the boxes as seen from the camera; differences are taken before rounding."""
+    apart = camera_m - boxes.centres_m
+    cosine, sine = np.cos(boxes.yaws_rad), np.sin(boxes.yaws_rad)
+    cameras = np.stack(
+        (
+            cosine * apart[:, 0] + sine * apart[:, 1],
+            cosine * apart[:, 1] - sine * apart[:, 0],
+            apart[:, 2],
+        ),
+        axis=1,
+    )
+    far = np.linalg.norm(apart, axis=1) + np.linalg.norm(boxes.half_sizes_m, axis=1)
+    return Boxes(
+        cameras.astype(np.float32),
+        np.stack((cosine, sine), axis=1).astype(np.float32),
+        boxes.half_sizes_m.astype(np.float32),
+        far.astype(np.float32),
+        meshes,
+    )
+
+
+def _voxels(camera_m: npt.NDArray[np.float64], environment: VoxelField) -> Voxels:
+    origin, ignored, matrix = environment.lattice_rays(camera_m)
+    per_m = (1.0 / np.array(environment.voxel_size_m)).astype(np.float32)
+    return Voxels(environment.distances, origin, ignored, matrix, per_m)
+
+
+def _empty_tallies(count: int) -> Tallies:
+    bounds = np.tile(np.array((2**31, 2**31, -1, -1), dtype=np.int64), (count, 1))
+    nearest = np.full(count, np.inf, dtype=np.float32)
+    return Tallies(
+        np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), bounds, nearest
+    )
+
+
+def _scratch(count: int) -> Scratch:
+    """Return room for one tile; one candidate more than boxes, as it is written before counted."""
+    return Scratch(
+        rays=np.empty((3, PIXELS), dtype=np.float32),
+        depths=np.empty((count + 1, PIXELS), dtype=np.float32),
+        candidates=np.empty(count + 1, dtype=np.int64),
+        nearest_m=np.empty(count + 1, dtype=np.float32),
+        last_m=np.empty(PIXELS, dtype=np.float32),
+        front_m=np.empty(PIXELS, dtype=np.float32),
+        mesh_rays=np.empty((3, PIXELS), dtype=np.float32),
+        limits_m=np.empty(PIXELS, dtype=np.float32),
+        environment_m=np.empty(PIXELS, dtype=np.float32),
+        lattice_rays=np.empty((3, PIXELS), dtype=np.float32),
+        hits_m=np.empty(PIXELS, dtype=np.float32),
+        traced=np.empty(PIXELS + 1, dtype=np.int64),
+    )
+
+
+def _visibility(tallies: Tallies) -> Visibility:
+    seen = tallies.visible > 0
+    rois = np.zeros((len(seen), 4), dtype=np.int64)
+    rois[:, :2] = tallies.bounds[:, :2]
+    rois[:, 2:] = tallies.bounds[:, 2:] - tallies.bounds[:, :2] + 1
+    rois[~seen] = 0
+    result = Visibility(
+        tallies.visible, tallies.unoccluded, rois, tallies.nearest_m.astype(np.float64)
+    )
+    for array in (result.visible_pixels, result.unoccluded_pixels, result.rois, result.nearest_m):
+        array.flags.writeable = False
+    return result

@@ -1,0 +1,134 @@
+"""The real environment as it arrives, kept up to date: M2D, M3D and the ground (section 3.1)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.errors import FrameError
+from are_ros.parameters.choices import GroundKind
+from are_ros.parameters.model import WorldParameters
+from are_ros.world.environment import Environment
+from are_ros.world.frame_tree import FrameTree
+from are_ros.world.ground import Ground, PlaneGround, VoxelGround
+from are_ros.world.occupancy_grid import OccupancyGrid, classify
+from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.voxel_map import VoxelMap
+
+_FLOOR_MARGIN_M = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class _Cloud:
+    centres_m: npt.NDArray[np.floating]
+    voxel_size_m: float | None
+    frame_id: str
+
+
+class RealWorld:
+    """Holds the newest map and cloud, and makes an `Environment` of them when one changed.
+
+    The environment is in the map's frame F_E. Without a cloud the walls of the map are extruded.
+    """
+
+    def __init__(self, parameters: WorldParameters, map_frame: str, frames: FrameTree) -> None:
+        self.environment: Environment | None = None
+        self._parameters = parameters
+        self._map_frame = map_frame
+        self._frames = frames
+        self._grid: OccupancyGrid | None = None
+        self._voxels: VoxelMap | None = None
+        self._last_cloud: _Cloud | None = None
+        self._pending_cloud: _Cloud | None = None
+
+    @property
+    def grid(self) -> OccupancyGrid | None:
+        """The newest map, None before the first."""
+        return self._grid
+
+    def set_grid(self, grid: OccupancyGrid) -> None:
+        """Take a map; one equal to the last changes nothing but its stamp."""
+        changed = self._grid is None or not _same_map(self._grid, grid)
+        self._grid = grid
+        if changed:
+            self._rebuild()
+
+    def set_cloud(
+        self, centres_m: npt.NDArray[np.floating], voxel_size_m: float | None, frame_id: str
+    ) -> None:
+        """Take the occupied voxels' centres (N, 3) in `frame_id`; used once its pose is known.
+
+        Raises InputError where they make no voxel map; the last good cloud stays then.
+        """
+        cloud = _Cloud(centres_m, self._parameters.voxel_size or voxel_size_m, frame_id)
+        if self._last_cloud is not None and _same_cloud(self._last_cloud, cloud):
+            return
+        self._last_cloud = self._pending_cloud = cloud
+        self._place_cloud()
+
+    def missing_frame(self) -> str:
+        """Return the frame of a cloud that waits for its pose, empty if none does."""
+        return self._pending_cloud.frame_id if self._pending_cloud else ""
+
+    def retry_cloud(self) -> None:
+        """Place the cloud that waits, if its frame is known by now."""
+        if self._pending_cloud is not None:
+            self._place_cloud()
+
+    def _place_cloud(self) -> None:
+        cloud, self._pending_cloud = self._pending_cloud, self._pending_cloud
+        if cloud is None:
+            return
+        try:
+            map_from_cloud = self._map_from(cloud.frame_id)
+        except FrameError:
+            return
+        self._pending_cloud = None
+        self._voxels = VoxelMap.from_centres(cloud.centres_m, cloud.voxel_size_m, map_from_cloud)
+        self._rebuild()
+
+    def _map_from(self, frame_id: str) -> RigidTransform:
+        """Return the newest pose of a frame in the map's; both may be the same."""
+        if frame_id == self._map_frame:
+            return RigidTransform.identity()
+        stamp_ns = self._frames.latest_common_time(self._map_frame, frame_id)
+        return self._frames.lookup(self._map_frame, frame_id, stamp_ns)
+
+    def _rebuild(self) -> None:
+        grid, settings = self._grid, self._parameters
+        if grid is None:
+            return
+        classes = classify(grid, settings.occupied_threshold, settings.free_threshold)
+        voxels = self._voxels
+        if voxels is None:
+            voxels = VoxelMap.extruded(
+                grid, classes.occupied, settings.wall_height, settings.ground_height
+            )
+        self.environment = Environment(
+            grid, classes, voxels, self._ground(voxels), self._clearance_m(voxels)
+        )
+
+    def _ground(self, voxels: VoxelMap) -> Ground:
+        height_m = self._parameters.ground_height
+        if self._parameters.ground is GroundKind.VOXELS and not voxels.is_extruded:
+            return VoxelGround.from_voxels(voxels, height_m)
+        return PlaneGround(height_m)
+
+    def _clearance_m(self, voxels: VoxelMap) -> float:
+        """Return how far above the ground a voxel's top may be and still be floor."""
+        if self._parameters.ground_clearance > 0.0:
+            return self._parameters.ground_clearance
+        return _FLOOR_MARGIN_M + (0.0 if voxels.is_extruded else voxels.voxel_size_m[2])
+
+
+def _same_map(one: OccupancyGrid, other: OccupancyGrid) -> bool:
+    return (
+        one.resolution_m == other.resolution_m
+        and np.array_equal(one.origin.translation_m, other.origin.translation_m)
+        and np.array_equal(one.origin.rotation_xyzw, other.origin.rotation_xyzw)
+        and np.array_equal(one.cells, other.cells)
+    )
+
+
+def _same_cloud(one: _Cloud, other: _Cloud) -> bool:
+    return one.frame_id == other.frame_id and np.array_equal(one.centres_m, other.centres_m)

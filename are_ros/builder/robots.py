@@ -1,0 +1,86 @@
+"""Where the observer is: its pose in the map's frame, from the frame tree."""
+
+from dataclasses import dataclass
+
+from are_ros.errors import FrameError
+from are_ros.world.footprint import Footprint
+from are_ros.world.frame_tree import FrameTree
+from are_ros.world.observer import Camera, Observer
+from are_ros.world.rigid_transform import RigidTransform
+
+_USUAL_BASES = ("base_footprint", "base_link")
+
+
+@dataclass(frozen=True, eq=False)
+class RobotPose:
+    """The robot at `stamp_ns`: base in the map's frame, and its footprint laid there."""
+
+    stamp_ns: int
+    map_from_base: RigidTransform
+    footprint: Footprint
+
+
+class RobotTracker:
+    """Looks up one observer in the frame tree; the last pose known is kept.
+
+    `missing` says in a sentence why there is no pose now, and is empty while there is one.
+    """
+
+    def __init__(
+        self, observer: Observer, frames: FrameTree, map_frame: str, max_age_ns: int
+    ) -> None:
+        self.observer = observer
+        self.last: RobotPose | None = None
+        self.missing = "no transform was received"
+        self._frames = frames
+        self._map_frame = map_frame
+        self._max_age_ns = max_age_ns
+
+    def base_frame(self) -> str:
+        """Return the base frame: the one configured, else the usual one that there is."""
+        if self.observer.base_frame:
+            return self.observer.base_frame
+        known = (name for name in _USUAL_BASES if self._frames.has_frame(name))
+        return next(known, _USUAL_BASES[0])
+
+    def pose(self, now_ns: int) -> RobotPose | None:
+        """Return the latest pose not after `now_ns`, or None if older than the oldest accepted."""
+        found = self.transform_of(self.base_frame(), now_ns)
+        if found is None:
+            return None
+        stamp_ns, map_from_base = found
+        if self.last is None or self.last.stamp_ns != stamp_ns:
+            x, y, _ = map_from_base.translation_m.tolist()
+            footprint = self.observer.footprint.at(x, y, map_from_base.yaw_rad())
+            self.last = RobotPose(stamp_ns, map_from_base, footprint)
+        return self.last
+
+    def transform_of(self, frame: str, now_ns: int) -> tuple[int, RigidTransform] | None:
+        """Return (stamp, map_from_frame), the latest not after `now_ns`, None if there is none."""
+        try:
+            stamp_ns = self._frames.latest_before(self._map_frame, frame, now_ns)
+            if now_ns - stamp_ns > self._max_age_ns:
+                self.missing = _too_old(self._map_frame, frame, now_ns - stamp_ns)
+                return None
+            found = self._frames.lookup(self._map_frame, frame, stamp_ns)
+        except FrameError as cause:
+            self.missing = str(cause)
+            return None
+        self.missing = ""
+        return stamp_ns, found
+
+    def map_from_camera(self, camera: Camera, now_ns: int) -> RigidTransform | None:
+        """Return the pose of a camera's optical frame as of `now_ns`, None if it is not known."""
+        frame = camera.frame_id or self.base_frame()
+        found = self.transform_of(frame, now_ns)
+        if found is None:
+            return None
+        return found[1] if camera.frame_id else found[1] @ camera.base_from_optical
+
+    def forget(self) -> None:
+        """Forget the last pose: the clock jumped back."""
+        self.last = None
+
+
+def _too_old(target: str, source: str, age_ns: int) -> str:
+    return f"the latest transform from '{source}' to '{target}' is {age_ns * 1e-9:.3f} s old"

@@ -1,0 +1,93 @@
+"""The augmented laser scans: one sensor path per topic, and what their beams may meet."""
+
+from are_ros.artefacts.artefact import boxes_of
+from are_ros.builder.augmented_scan import augment_scan
+from are_ros.builder.lives import Lives
+from are_ros.builder.mesh_bank import MeshBank
+from are_ros.builder.sensor_path import ReleasedScan, SensorPath, SensorPathCounts
+from are_ros.conventions import seconds_to_ns
+from are_ros.parameters.choices import SensorGate, Shape
+from are_ros.parameters.model import Parameters
+from are_ros.world.frame_tree import FrameTree
+from are_ros.world.laser_scan import LaserScan
+from are_ros.world.rigid_transform import RigidTransform
+
+
+class ScanAugmentation:
+    """Augments each scan at its own stamp with the artefacts that were there at that stamp.
+
+    `perceived` are the ids that `sensors.gate: perceived` lets through.
+    """
+
+    def __init__(
+        self, parameters: Parameters, frames: FrameTree, lives: Lives, meshes: MeshBank
+    ) -> None:
+        self.perceived: frozenset[int] = frozenset()
+        self._settings = parameters.sensors
+        self._frame_names = parameters.frames
+        self._frames = frames
+        self._lives = lives
+        self._meshes = meshes
+        self._paths: dict[str, SensorPath] = {}
+
+    def push(self, topic: str, scan: LaserScan, received_ns: int) -> None:
+        """Take a scan in; topics do not wait for each other."""
+        if topic not in self._paths:
+            self._paths[topic] = SensorPath(
+                self._frames,
+                self._frame_names.map,
+                self._frame_names.odom,
+                seconds_to_ns(self._settings.tf_wait),
+                self._augmented,
+            )
+        self._paths[topic].push(topic, scan, received_ns)
+
+    def transforms_came(self, now_ns: int) -> None:
+        """Release the scans whose transform has become known."""
+        for path in self._paths.values():
+            path.transforms_came(now_ns)
+
+    def next_deadline_ns(self) -> int | None:
+        """Return when the next scan must leave, None if none waits."""
+        deadlines = [path.next_deadline_ns() for path in self._paths.values()]
+        return min((deadline for deadline in deadlines if deadline is not None), default=None)
+
+    def deadline_passed(self, now_ns: int) -> None:
+        """Release the scans whose deadline is not after `now_ns`."""
+        for path in self._paths.values():
+            path.deadline_passed(now_ns)
+
+    def take(self) -> list[ReleasedScan]:
+        """Return what was released since the last call, topic by topic."""
+        return [scan for path in self._paths.values() for scan in path.take()]
+
+    def flush(self, now_ns: int) -> None:
+        """Release all that still waits: the input has ended."""
+        for path in self._paths.values():
+            path.flush(now_ns)
+
+    def clear(self) -> None:
+        """Drop what waits: the clock jumped back."""
+        for path in self._paths.values():
+            path.clear()
+
+    def counts(self) -> dict[str, SensorPathCounts]:
+        """Return how the scans of each topic left."""
+        return {topic: path.counts for topic, path in self._paths.items()}
+
+    def problems(self) -> dict[str, str]:
+        """Return, by topic, why the last scan that passed through unaugmented did."""
+        return {
+            topic: path.last_problem for topic, path in self._paths.items() if path.last_problem
+        }
+
+    def _augmented(self, scan: LaserScan, map_from_laser: RigidTransform) -> LaserScan:
+        present = self._lives.present_at(scan.stamp_ns)
+        if self._settings.gate is SensorGate.PERCEIVED:
+            present = [artefact for artefact in present if artefact.id in self.perceived]
+        if not present:
+            return scan
+        rows = [artefact.row for artefact in present]
+        boxes = boxes_of(rows, [artefact.ground_pose_at(scan.stamp_ns) for artefact in present])
+        shapes = self._meshes.selection(rows) if self._settings.shape is Shape.MESH else None
+        return augment_scan(scan, map_from_laser, boxes, shapes)

@@ -1,0 +1,120 @@
+"""The sensor path: each scan augmented at its own stamp, once its transform is there.
+
+A scan waits up to `wait_ns` for the transform at its stamp. Then it takes the last map->odom with
+the interpolated odom->sensor (a slow correction may be held, odometry may not), else it passes
+through unaugmented and is counted.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from are_ros.errors import FrameError
+from are_ros.world.frame_tree import FrameTree
+from are_ros.world.laser_scan import LaserScan
+from are_ros.world.rigid_transform import RigidTransform
+
+Augment = Callable[[LaserScan, RigidTransform], LaserScan]
+
+
+@dataclass(frozen=True, eq=False)
+class ReleasedScan:
+    """A scan that leaves the sensor path at `released_ns`, for the output of its topic."""
+
+    topic: str
+    scan: LaserScan
+    released_ns: int
+    is_augmented: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Waiting:
+    topic: str
+    scan: LaserScan
+    deadline_ns: int
+
+
+@dataclass
+class SensorPathCounts:
+    """How scans left: with their exact transform, with map->odom held, or as they came."""
+
+    exact: int = 0
+    held: int = 0
+    passed_through: int = 0
+
+
+class SensorPath:
+    """The queue of scans that wait, in the order of arrival."""
+
+    def __init__(
+        self, frames: FrameTree, map_frame: str, odom_frame: str, wait_ns: int, augment: Augment
+    ) -> None:
+        self.wait_ns = wait_ns
+        self.counts = SensorPathCounts()
+        self.last_problem = ""
+        self._frames = frames
+        self._map_frame = map_frame
+        self._odom_frame = odom_frame
+        self._augment = augment
+        self._waiting: deque[_Waiting] = deque()
+        self._released: list[ReleasedScan] = []
+
+    def push(self, topic: str, scan: LaserScan, received_ns: int) -> None:
+        """Take a scan in; it leaves at once if its transform is there already."""
+        self._waiting.append(_Waiting(topic, scan, received_ns + self.wait_ns))
+        self.transforms_came(received_ns)
+
+    def next_deadline_ns(self) -> int | None:
+        """Return when the scan that waits longest must leave, None if none waits."""
+        return self._waiting[0].deadline_ns if self._waiting else None
+
+    def transforms_came(self, now_ns: int) -> None:
+        """Release the scans whose transform has become known."""
+        while self._waiting:
+            item = self._waiting[0]
+            try:
+                pose = self._frames.lookup(self._map_frame, item.scan.frame_id, item.scan.stamp_ns)
+            except FrameError:
+                return
+            self.counts.exact += 1
+            self._release(now_ns, pose)
+
+    def deadline_passed(self, now_ns: int) -> None:
+        """Release the scans whose deadline is not after `now_ns`, as well as it can be done.
+
+        The last map->odom may be held, the motion since then may not.
+        """
+        while self._waiting and self._waiting[0].deadline_ns <= now_ns:
+            self._release(now_ns, self._held_pose(self._waiting[0].scan))
+
+    def take(self) -> list[ReleasedScan]:
+        """Return what was released since the last call."""
+        released, self._released = self._released, []
+        return released
+
+    def flush(self, now_ns: int) -> None:
+        """Release all that still waits: the input has ended."""
+        while self._waiting:
+            self._release(now_ns, self._held_pose(self._waiting[0].scan))
+
+    def clear(self) -> None:
+        """Drop what waits: the clock jumped back."""
+        self._waiting.clear()
+
+    def _held_pose(self, scan: LaserScan) -> RigidTransform | None:
+        try:
+            pose = self._frames.lookup_held(
+                self._map_frame, self._odom_frame, scan.frame_id, scan.stamp_ns
+            )
+        except FrameError as cause:
+            self.counts.passed_through += 1
+            self.last_problem = str(cause)
+            return None
+        self.counts.held += 1
+        return pose
+
+    def _release(self, now_ns: int, map_from_sensor: RigidTransform | None) -> None:
+        item = self._waiting.popleft()
+        scan = item.scan if map_from_sensor is None else self._augment(item.scan, map_from_sensor)
+        is_augmented = map_from_sensor is not None
+        self._released.append(ReleasedScan(item.topic, scan, now_ns, is_augmented))

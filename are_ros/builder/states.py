@@ -1,0 +1,94 @@
+"""The artefacts as what goes out: ground truth, what is perceived, what is drawn."""
+
+import math
+
+from are_ros.artefacts.artefact import Artefact, map_from_artefact
+from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.builder.markers import MarkerSubject
+from are_ros.builder.mesh_bank import MeshBank
+from are_ros.builder.outputs import ArtefactState, PerceivedArtefact, Vector3
+from are_ros.builder.perception import Sighting
+from are_ros.conventions import NS_PER_S
+
+_CERTAIN = (0.0,) * 36
+_VELOCITY_SPAN_NS = NS_PER_S // 20
+
+
+def artefact_state(artefact: Artefact, now_ns: int) -> ArtefactState:
+    """Return the ground truth of an artefact at `now_ns`, in the map's frame."""
+    row, pose = artefact.row, artefact.ground_pose_at(now_ns)
+    linear_m_s, angular_rad_s = _twist(artefact, now_ns)
+    return ArtefactState(
+        artefact_id=artefact.id,
+        row=row.index,
+        label=row.label,
+        class_name=row.class_name,
+        map_from_artefact=map_from_artefact(row, pose),
+        ground_pose=pose,
+        box_centre_m=row.box_centre_in_artefact_m,
+        size_m=row.size_m,
+        linear_velocity_m_s=linear_m_s,
+        angular_velocity_rad_s=angular_rad_s,
+        behaviour=artefact.behaviour,
+        arrival_ns=artefact.arrival_ns,
+        departure_ns=artefact.departure_ns or 0,
+        origin=artefact.origin,
+        features=row.features,
+    )
+
+
+def perceived_artefact(state: ArtefactState, sighting: Sighting, seen_ns: int) -> PerceivedArtefact:
+    """Return what an observer without any uncertainty knows of an artefact that it saw."""
+    return PerceivedArtefact(
+        artefact_id=state.artefact_id,
+        label=state.label,
+        classes=(state.class_name,),
+        probabilities=(1.0,),
+        map_from_artefact=state.map_from_artefact,
+        pose_covariance=_CERTAIN,
+        size_m=state.size_m,
+        linear_velocity_m_s=state.linear_velocity_m_s,
+        angular_velocity_rad_s=state.angular_velocity_rad_s,
+        twist_covariance=_CERTAIN,
+        visible_pixels=sighting.visible_pixels,
+        unoccluded_pixels=sighting.unoccluded_pixels,
+        visible_fraction=sighting.visible_pixels / max(sighting.unoccluded_pixels, 1),
+        range_m=sighting.range_m,
+        existence=1.0,
+        roi_px=sighting.roi_px,
+        last_seen_ns=seen_ns,
+    )
+
+
+def marker_subject(
+    state: ArtefactState, row: CatalogueRow, meshes: MeshBank | None, *, is_perceived: bool
+) -> MarkerSubject:
+    """Return an artefact as the marker board takes it; without meshes, it is drawn as its box."""
+    triangles, colours = (None, None) if meshes is None else meshes.drawing(row)
+    return MarkerSubject(
+        artefact_id=state.artefact_id,
+        label=state.label,
+        map_from_artefact=state.map_from_artefact,
+        box_centre_m=state.box_centre_m,
+        size_m=state.size_m,
+        colour=row.colour,
+        is_perceived=is_perceived,
+        mesh_triangles_m=triangles,
+        mesh_colours=colours,
+    )
+
+
+def _twist(artefact: Artefact, now_ns: int) -> tuple[Vector3, Vector3]:
+    """Return the mean velocities in F_A over the last sub-step or so, by the history."""
+    if len(artefact.history) == 1:
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    now = artefact.ground_pose_at(now_ns)
+    before = artefact.ground_pose_at(now_ns - _VELOCITY_SPAN_NS)
+    per_s = NS_PER_S / _VELOCITY_SPAN_NS
+    dx_m, dy_m = now.x_m - before.x_m, now.y_m - before.y_m
+    cos, sin = math.cos(now.yaw_rad), math.sin(now.yaw_rad)
+    turn_rad = math.remainder(now.yaw_rad - before.yaw_rad, math.tau)
+    return (
+        ((cos * dx_m + sin * dy_m) * per_s, (cos * dy_m - sin * dx_m) * per_s, 0.0),
+        (0.0, 0.0, turn_rad * per_s),
+    )

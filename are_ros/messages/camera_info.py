@@ -1,0 +1,57 @@
+"""sensor_msgs/CameraInfo <-> the numbers that a view model is made of."""
+
+from typing import Any
+
+import numpy as np
+
+from are_ros.messages.arrays import read_array
+from are_ros.messages.factory import MessageFactory
+from are_ros.messages.headers import Header, make_header
+from are_ros.world.camera_info import CameraInfo
+
+
+def read_camera_info(message: Any, source: str = "camera_info") -> CameraInfo:
+    """Return the numbers of a CameraInfo of ROS 2 (d, k, r, p) or of ROS 1 (D, K, R, P).
+
+    Nothing is checked here: `CameraInfo.view` does that, with `source` in its sentences.
+    """
+    roi = message.roi
+    return CameraInfo(
+        width=int(message.width),
+        height=int(message.height),
+        distortion_model=str(message.distortion_model),
+        d=_numbers(message, "d"),
+        k=_numbers(message, "k"),
+        r=_numbers(message, "r"),
+        p=_numbers(message, "p"),
+        binning_x=int(message.binning_x),
+        binning_y=int(message.binning_y),
+        roi=(int(roi.x_offset), int(roi.y_offset), int(roi.width), int(roi.height)),
+        source=source,
+    )
+
+
+def make_camera_info(factory: MessageFactory, header: Header, info: CameraInfo) -> Any:
+    """Return a sensor_msgs/CameraInfo of ROS 2."""
+    x, y, width, height = info.roi
+    return factory.make(
+        "sensor_msgs/msg/CameraInfo",
+        header=make_header(factory, header.frame_id, header.stamp_ns),
+        width=info.width,
+        height=info.height,
+        distortion_model=info.distortion_model,
+        d=np.array(info.d, dtype=np.float64),
+        k=np.array(info.k, dtype=np.float64),
+        r=np.array(info.r, dtype=np.float64),
+        p=np.array(info.p, dtype=np.float64),
+        binning_x=info.binning_x,
+        binning_y=info.binning_y,
+        roi=factory.make(
+            "sensor_msgs/msg/RegionOfInterest", x_offset=x, y_offset=y, width=width, height=height
+        ),
+    )
+
+
+def _numbers(message: Any, name: str) -> tuple[float, ...]:
+    values = getattr(message, name if hasattr(message, name) else name.upper())
+    return tuple(read_array(values, np.float64).tolist())

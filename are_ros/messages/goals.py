@@ -1,0 +1,78 @@
+"""The navigation stack's own messages that ARE listens to: a path and a clicked point."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.errors import InputError
+from are_ros.messages.factory import MessageFactory
+from are_ros.messages.geometry import make_point, read_vector
+from are_ros.messages.headers import make_header, read_header
+from are_ros.messages.poses import make_pose, read_pose
+from are_ros.world.rigid_transform import RigidTransform
+
+
+@dataclass(frozen=True, eq=False)
+class StampedPoints:
+    """Points (N, 3) float64 [m] in a frame at a stamp: a plan's way (N may be 0), or a click."""
+
+    frame_id: str
+    stamp_ns: int
+    points_m: npt.NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        self.points_m.flags.writeable = False
+
+
+def read_path(message: Any, source: str = "plan") -> StampedPoints:
+    """Return the positions of a nav_msgs/Path; InputError if one is not finite."""
+    frame_id, stamp_ns = read_header(message, source)
+    points = np.array([read_vector(stamped.pose.position) for stamped in message.poses])
+    return _checked(frame_id, stamp_ns, points.reshape(-1, 3), f"{source}: poses")
+
+
+def read_clicked_point(message: Any, source: str = "clicked_point") -> StampedPoints:
+    """Return the one point of a geometry_msgs/PointStamped; InputError if it is not finite."""
+    frame_id, stamp_ns = read_header(message, source)
+    point = np.array([read_vector(message.point)], dtype=np.float64)
+    return _checked(frame_id, stamp_ns, point, f"{source}: point")
+
+
+def read_stamped_pose(message: Any, source: str) -> tuple[str, int, RigidTransform]:
+    """Return frame, stamp [ns] and `frame_from_pose` of a geometry_msgs/PoseStamped."""
+    frame_id, stamp_ns = read_header(message, source)
+    return frame_id, stamp_ns, read_pose(message.pose, "pose", source)
+
+
+def make_path(factory: MessageFactory, path: StampedPoints) -> Any:
+    """Return a nav_msgs/Path through the points, its poses unturned."""
+    header = make_header(factory, path.frame_id, path.stamp_ns)
+    unturned = np.array((0.0, 0.0, 0.0, 1.0))
+    poses = [
+        factory.make(
+            "geometry_msgs/msg/PoseStamped",
+            header=header,
+            pose=make_pose(factory, RigidTransform(point.copy(), unturned)),
+        )
+        for point in path.points_m
+    ]
+    return factory.make("nav_msgs/msg/Path", header=header, poses=poses)
+
+
+def make_clicked_point(factory: MessageFactory, point: StampedPoints) -> Any:
+    """Return the geometry_msgs/PointStamped of the first point."""
+    return factory.make(
+        "geometry_msgs/msg/PointStamped",
+        header=make_header(factory, point.frame_id, point.stamp_ns),
+        point=make_point(factory, point.points_m[0]),
+    )
+
+
+def _checked(
+    frame_id: str, stamp_ns: int, points: npt.NDArray[np.float64], field: str
+) -> StampedPoints:
+    if not np.isfinite(points).all():
+        raise InputError(f"{field} holds a position that is not finite")
+    return StampedPoints(frame_id, stamp_ns, points)

@@ -1,0 +1,151 @@
+"""The augmented recording: an MCAP file that ROS 2, Foxglove and rosbags open."""
+
+from contextlib import suppress
+from dataclasses import dataclass
+from io import BufferedWriter
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from mcap.writer import CompressionType, Writer
+
+from are_ros._version import __version__
+from are_ros.errors import BagError
+from are_ros.replay.message_types import jazzy_typestore
+
+_CHUNK_BYTES = 4 * 1024 * 1024
+"""Holds several maps, which compress to almost nothing against each other."""
+
+_FOREVER = "{sec: 9223372036, nsec: 854775807}"
+_QOS = """\
+- history: keep_last
+  depth: {depth}
+  reliability: {reliability}
+  durability: {durability}
+  deadline: {forever}
+  lifespan: {forever}
+  liveliness: automatic
+  liveliness_lease_duration: {forever}
+  avoid_ros_namespace_conventions: false
+"""
+
+
+@dataclass(eq=False)
+class _Channel:
+    identifier: int
+    type_name: str
+    count: int = 0
+
+
+class BagWriter:
+    """Writes one MCAP file of ROS 2 messages; a context manager.
+
+    The file appears under its name only when the block ends without an exception; until then it
+    is `<name>.part`, which a failed run removes. The same calls give the same bytes: no clock, no
+    path and no order but that of the calls enters the file. BagError if it cannot be written.
+    """
+
+    def __init__(self, path: Path, typestore: Any = None) -> None:
+        """Prepare to write `path`; types come from `typestore` (`jazzy_typestore()`)."""
+        self._path = path
+        self._partial = path.with_name(path.name + ".part")
+        self._store = jazzy_typestore() if typestore is None else typestore
+        self._channels: dict[str, _Channel] = {}
+        self._schemas: dict[str, int] = {}
+        self._file: BufferedWriter
+        self._writer: Writer
+
+    def __enter__(self) -> "BagWriter":  # noqa: PYI034 (Self came with Python 3.11)
+        try:
+            self._file = self._partial.open("wb")
+        except OSError as cause:
+            message = f"{self._path} cannot be written: {cause.strerror}"
+            raise BagError(message) from cause
+        self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._writer.start(profile="ros2", library=f"are_ros {__version__}")
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        try:
+            if kind is None:
+                self._finish()
+        finally:
+            self._file.close()
+            with suppress(FileNotFoundError):
+                self._partial.unlink()
+
+    def add_topic(
+        self,
+        topic: str,
+        type_name: str,
+        *,
+        is_latched: bool = False,
+        is_reliable: bool = True,
+        depth: int = 10,
+    ) -> None:
+        """Announce a topic and the quality of service that a player is to offer.
+
+        Topics stand in the file in the order of these calls, also those without a message.
+        `is_latched`: transient local, late subscribers get the last `depth` messages.
+        """
+        qos = _QOS.format(
+            depth=depth,
+            reliability="reliable" if is_reliable else "best_effort",
+            durability="transient_local" if is_latched else "volatile",
+            forever=_FOREVER,
+        )
+        identifier = self._writer.register_channel(
+            topic=topic,
+            message_encoding="cdr",
+            schema_id=self._schema(type_name),
+            metadata={
+                "offered_qos_profiles": qos,
+                "topic_type_hash": self._store.hash_rihs01(type_name),
+            },
+        )
+        self._channels[topic] = _Channel(identifier, type_name)
+
+    def write(self, topic: str, log_time_ns: int, message: Any) -> None:
+        """Append a rosbags message object to a topic that was added."""
+        channel = self._channels[topic]
+        self.write_raw(topic, log_time_ns, self._store.serialize_cdr(message, channel.type_name))
+
+    def write_raw(self, topic: str, log_time_ns: int, data: bytes | memoryview) -> None:
+        """Append a message that is serialised already: CDR with its encapsulation header."""
+        channel = self._channels[topic]
+        try:
+            self._writer.add_message(
+                channel.identifier, log_time_ns, data, log_time_ns, sequence=channel.count
+            )
+        except OSError as cause:
+            message = f"{self._path} cannot be written: {cause.strerror}"
+            raise BagError(message) from cause
+        channel.count += 1
+
+    def counts(self) -> dict[str, int]:
+        """Return how many messages were written, by topic."""
+        return {topic: channel.count for topic, channel in self._channels.items()}
+
+    def _schema(self, type_name: str) -> int:
+        """Return the schema of a type, registered when it is first needed."""
+        if type_name not in self._schemas:
+            text, _ = self._store.generate_msgdef(type_name, ros_version=2)
+            self._schemas[type_name] = self._writer.register_schema(
+                name=type_name, encoding="ros2msg", data=text.encode()
+            )
+        return self._schemas[type_name]
+
+    def _finish(self) -> None:
+        """Write the index and give the file its name."""
+        try:
+            self._writer.finish()
+            self._file.close()
+            self._partial.replace(self._path)
+        except OSError as cause:
+            message = f"{self._path} cannot be written: {cause.strerror}"
+            raise BagError(message) from cause

@@ -1,0 +1,28 @@
+"""What a replay is asked to do."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from are_ros.builder.tick import Demand
+from are_ros.parameters.model import Parameters
+
+
+@dataclass(frozen=True)
+class ReplayOptions:
+    """The options of `are replay`; times are seconds from the beginning of the recording.
+
+    `parameters` are the effective ones. `map_file` and `octomap_file` replace what the recording
+    lacks or holds; `topics` are the user's choices by role. With `out` None nothing is written.
+    """
+
+    bags: tuple[Path, ...]
+    parameters: Parameters
+    out: Path | None = None
+    map_file: Path | None = None
+    octomap_file: Path | None = None
+    topics: Mapping[str, str] = field(default_factory=dict)
+    start_s: float = 0.0
+    duration_s: float | None = None
+    with_inputs: bool = False
+    demand: Demand = field(default_factory=Demand)

@@ -1,0 +1,140 @@
+"""A replay: the inputs of a recording through the builder, tick by tick."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol
+
+from are_ros.builder.ar_builder import ArBuilder
+from are_ros.builder.sensor_path import ReleasedScan
+from are_ros.builder.tick import Tick
+from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.errors import BagError
+from are_ros.replay.bag_reader import BagMessage, BagReader
+from are_ros.replay.feed import Feed
+from are_ros.replay.options import ReplayOptions
+from are_ros.replay.roles import RolesFound
+from are_ros.world.occupancy_grid import OccupancyGrid
+
+_FED_BEFORE_START = ("map", "octomap_point_cloud_centers", "camera/camera_info", "tf", "tf_static")
+_SCAN_ROLE = "scan"
+_DEFAULT_SCANS = ("scan",)
+_READ_ROLES = (*_FED_BEFORE_START, "odom", _SCAN_ROLE)
+
+Progress = Callable[[int], None]
+
+
+class Listener(Protocol):
+    """What takes the outputs of a replay, in their order."""
+
+    def take_tick(self, tick: Tick) -> None:
+        """Take a tick."""
+
+    def take_scans(self, scans: Sequence[ReleasedScan]) -> None:
+        """Take scans that left the sensor path."""
+
+    def take_input(self, message: BagMessage, received_ns: int) -> None:
+        """Take an input, after the builder did."""
+
+
+class Replay:
+    """Runs one builder over the window of a recording; messages lie in [start_ns, end_ns).
+
+    Ticks run at the multiples of the tick period since the epoch, each with what was received
+    before it. What was recorded before the window (maps, transforms) counts as received at its
+    beginning.
+    """
+
+    def __init__(
+        self, reader: BagReader, builder: ArBuilder, options: ReplayOptions, roles: RolesFound
+    ) -> None:
+        """Raise BagError where the window holds nothing, or a scan topic is absent."""
+        self.start_ns = reader.start_ns + seconds_to_ns(options.start_s)
+        self.end_ns = _end_ns(reader, self.start_ns, options)
+        self.role_of_topic = _topics_to_read(reader, options, roles)
+        self.feed = Feed(reader, builder, self.role_of_topic)
+        self.ticks = 0
+        self._reader = reader
+        self._builder = builder
+        self._period_ns = round(NS_PER_S / options.parameters.builder.tick_rate)
+        self._next_tick_ns = -(-self.start_ns // self._period_ns) * self._period_ns
+
+    def scan_topics(self) -> tuple[str, ...]:
+        """Return the topics of the scans that are augmented."""
+        roles = self.role_of_topic.items()
+        return tuple(topic for topic, role in roles if role == _SCAN_ROLE)
+
+    def run(self, listener: Listener, progress: Progress, grid: OccupancyGrid | None) -> None:
+        """Run to the end; `grid` is the map from a file. `progress` is told the time reached."""
+        if grid is not None:
+            self._builder.receive_map(grid, self.start_ns)
+        for message in self._messages():
+            received_ns = max(message.log_time_ns, self.start_ns)
+            self._run_ticks(received_ns, listener)
+            self.feed.take(message, received_ns)
+            listener.take_input(message, received_ns)
+            self._hand_over_scans(listener)
+            progress(received_ns)
+        self._run_ticks(self.end_ns, listener)
+        self._builder.finish(self.end_ns)
+        self._hand_over_scans(listener)
+
+    def _messages(self) -> Iterator[BagMessage]:
+        """Yield what is fed from before the window, then the window's messages."""
+        if self.start_ns > self._reader.start_ns:
+            early = [t for t, role in self.role_of_topic.items() if role in _FED_BEFORE_START]
+            yield from self._reader.messages(early, stop_ns=self.start_ns)
+        topics = list(self.role_of_topic)
+        yield from self._reader.messages(topics, self.start_ns, self.end_ns)
+
+    def _run_ticks(self, until_ns: int, listener: Listener) -> None:
+        while self._next_tick_ns <= until_ns:
+            listener.take_tick(self._builder.step(self._next_tick_ns))
+            self._hand_over_scans(listener)
+            self._next_tick_ns += self._period_ns
+            self.ticks += 1
+
+    def _hand_over_scans(self, listener: Listener) -> None:
+        if scans := self._builder.take_scans():
+            listener.take_scans(scans)
+
+
+def _end_ns(reader: BagReader, start_ns: int, options: ReplayOptions) -> int:
+    end_ns = reader.end_ns
+    if options.duration_s is not None:
+        end_ns = min(end_ns, start_ns + seconds_to_ns(options.duration_s))
+    if start_ns >= end_ns:
+        length_s = (reader.end_ns - reader.start_ns) / NS_PER_S
+        raise BagError(
+            f"--start {options.start_s:g}: the recording is {length_s:.1f} s long, "
+            f"so that nothing is left to replay"
+        )
+    return end_ns
+
+
+def _topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound) -> dict[str, str]:
+    """Return the role of each topic that the builder needs."""
+    chosen: dict[str, str] = {}
+    for role in _READ_ROLES:
+        topic = roles.topic(role)
+        if topic is not None and not _is_replaced(role, options):
+            chosen[topic] = role
+    if options.parameters.sensors.scans != _DEFAULT_SCANS:
+        chosen = {topic: role for topic, role in chosen.items() if role != _SCAN_ROLE}
+        chosen |= dict.fromkeys(_named_scans(reader, options), _SCAN_ROLE)
+    return chosen
+
+
+def _is_replaced(role: str, options: ReplayOptions) -> bool:
+    """Say whether a file stands in for a topic."""
+    by_file = {"map": options.map_file, "octomap_point_cloud_centers": options.octomap_file}
+    return by_file.get(role) is not None
+
+
+def _named_scans(reader: BagReader, options: ReplayOptions) -> list[str]:
+    """Return the topics that `sensors.scans` names; BagError where one is no scan there."""
+    names = [f"/{name.lstrip('/')}" for name in options.parameters.sensors.scans]
+    scans = {topic.name for topic in reader.topics if topic.type_name.endswith("/LaserScan")}
+    for name in names:
+        if name not in scans:
+            known = ", ".join(sorted(scans)) or "none"
+            raise BagError(f"sensors.scans: the recording has no scan '{name}'; its scans: {known}")
+    return names

@@ -1,0 +1,156 @@
+"""The simulated robot's topics: which there are, and what is said on them when."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from are_ros.messages.camera_info import make_camera_info
+from are_ros.messages.cloud import make_cloud
+from are_ros.messages.factory import MessageFactory
+from are_ros.messages.grid import make_grid
+from are_ros.messages.headers import Header
+from are_ros.messages.odometry import OdometryReading, make_odometry
+from are_ros.messages.scan import make_scan
+from are_ros.messages.transforms import make_transforms
+from are_ros.simulation.building import surface_centres_m
+from are_ros.simulation.mounts import (
+    BASE_FRAME,
+    CAMERA_FRAME,
+    CAMERA_INFO,
+    MAP_FRAME,
+    ODOM_FRAME,
+    fixed_joints,
+    stamped,
+)
+from are_ros.simulation.simulator import Simulator
+
+_MS: Final = 1_000_000
+
+
+class TimedMessage(NamedTuple):
+    """A message, and when it reaches a subscriber."""
+
+    topic: str
+    arrival_ns: int
+    message: Any
+
+
+@dataclass(frozen=True)
+class RobotTopic:
+    """A topic as its publisher offers it."""
+
+    name: str
+    type_name: str
+    is_latched: bool = False
+    is_reliable: bool = True
+    depth: int = 10
+
+
+ROBOT_TOPICS: Final = (
+    RobotTopic("/map", "nav_msgs/msg/OccupancyGrid", is_latched=True, depth=1),
+    RobotTopic(
+        "/octomap_point_cloud_centers", "sensor_msgs/msg/PointCloud2", is_latched=True, depth=1
+    ),
+    RobotTopic("/tf_static", "tf2_msgs/msg/TFMessage", is_latched=True, depth=100),
+    RobotTopic("/tf", "tf2_msgs/msg/TFMessage", depth=100),
+    RobotTopic("/odom", "nav_msgs/msg/Odometry"),
+    RobotTopic("/scan", "sensor_msgs/msg/LaserScan", is_reliable=False),
+    RobotTopic("/camera/camera_info", "sensor_msgs/msg/CameraInfo", is_reliable=False),
+)
+
+
+@dataclass(frozen=True)
+class _Beat:
+    """When something is said: every `period` steps from `phase` on, and how late it arrives."""
+
+    period: int
+    phase: int
+    latency_ns: tuple[int, int]
+
+    def is_due(self, steps: int) -> bool:
+        return steps >= self.phase and (steps - self.phase) % self.period == 0
+
+
+_ODOMETRY: Final = _Beat(4, 0, (1 * _MS, 3 * _MS))
+_BASE_TF: Final = _Beat(4, 0, (2 * _MS, 5 * _MS))
+_SCAN: Final = _Beat(12, 5, (18 * _MS, 23 * _MS))
+# A localiser stamps its correction as the scan that it matched, and needs that scan first.
+_CORRECTION: Final = _Beat(12, 5, (30 * _MS, 42 * _MS))
+_CAMERA: Final = _Beat(12, 2, (24 * _MS, 33 * _MS))
+
+MAX_LATENCY_NS: Final = max(
+    beat.latency_ns[1] for beat in (_ODOMETRY, _BASE_TF, _SCAN, _CORRECTION, _CAMERA)
+)
+"""Nothing arrives later than this after its stamp."""
+
+_LATCHED_AGE_NS: Final = 5 * _MS
+
+
+class RobotSpeech:
+    """Turns the state of a simulator into messages; ask once after each step.
+
+    Stamps are the simulator's time, arrivals a few milliseconds later, as in real systems, with
+    jitter drawn from `generator`.
+    """
+
+    def __init__(
+        self, simulator: Simulator, factory: MessageFactory, generator: np.random.Generator
+    ) -> None:
+        self._simulator = simulator
+        self._factory = factory
+        self._generator = generator
+
+    def latched(self) -> Iterator[TimedMessage]:
+        """Yield what is said once, at the start: map, voxel cloud and fixed joints."""
+        factory, building = self._factory, self._simulator.building
+        now_ns = self._simulator.now_ns
+        stamp_ns = now_ns - _LATCHED_AGE_NS
+        centres_m = surface_centres_m(building.voxels())
+        cloud = make_cloud(factory, MAP_FRAME, stamp_ns, centres_m.astype(np.float32))
+        yield TimedMessage("/map", now_ns, make_grid(factory, building.grid(stamp_ns)))
+        yield TimedMessage("/octomap_point_cloud_centers", now_ns, cloud)
+        joints = make_transforms(factory, fixed_joints(stamp_ns))
+        yield TimedMessage("/tf_static", now_ns, joints)
+
+    def due(self) -> Iterator[TimedMessage]:
+        """Yield what is stamped with the present step."""
+        steps = self._simulator.steps
+        for topic, beat, make in (
+            ("/odom", _ODOMETRY, self._odometry),
+            ("/tf", _BASE_TF, self._base_transform),
+            ("/scan", _SCAN, self._scan),
+            ("/tf", _CORRECTION, self._correction),
+            ("/camera/camera_info", _CAMERA, self._camera_info),
+        ):
+            if beat.is_due(steps):
+                latency_ns = int(self._generator.integers(*beat.latency_ns))
+                yield TimedMessage(topic, self._simulator.now_ns + latency_ns, make())
+
+    def _odometry(self) -> Any:
+        simulator = self._simulator
+        reading = OdometryReading(
+            ODOM_FRAME,
+            BASE_FRAME,
+            simulator.now_ns,
+            simulator.odom_from_base,
+            (simulator.state.speed_m_s, 0.0, 0.0),
+            (0.0, 0.0, simulator.state.turn_rate_rad_s),
+        )
+        return make_odometry(self._factory, reading)
+
+    def _base_transform(self) -> Any:
+        now_ns, pose = self._simulator.now_ns, self._simulator.odom_from_base
+        return make_transforms(self._factory, [stamped(ODOM_FRAME, BASE_FRAME, now_ns, pose)])
+
+    def _correction(self) -> Any:
+        now_ns, pose = self._simulator.now_ns, self._simulator.map_from_odom
+        return make_transforms(self._factory, [stamped(MAP_FRAME, ODOM_FRAME, now_ns, pose)])
+
+    def _scan(self) -> Any:
+        return make_scan(self._factory, self._simulator.scan())
+
+    def _camera_info(self) -> Any:
+        header = Header(CAMERA_FRAME, self._simulator.now_ns)
+        return make_camera_info(self._factory, header, CAMERA_INFO)

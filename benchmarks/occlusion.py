@@ -1,0 +1,168 @@
+"""Occlusion against Embree and numpy, side by side: one 640 x 480 pinhole, boxes as occluders.
+
+The peer traces the exposed faces of the voxels with embreex, one ray per pixel, tests each box by
+slabs in numpy over all pixels, and compares as equation 2 says. Both give the pixels that see each
+artefact; the largest difference is printed. Run: python benchmarks/occlusion.py [repetitions]
+"""
+
+import math
+import sys
+import time
+from collections.abc import Callable
+from statistics import median
+
+import numpy as np
+import numpy.typing as npt
+import trimesh
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+
+from are_ros.builder.mesh_casting import MeshPool, MeshSelection
+from are_ros.builder.occlusion import ZBuffer
+from are_ros.builder.ray_casting import VoxelField
+from are_ros.world.observer import FORWARD_FROM_OPTICAL
+from are_ros.world.oriented_boxes import OrientedBoxes
+from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.surface import exposed_faces
+from are_ros.world.view_models import PinholeView
+from are_ros.world.voxel_map import VoxelMap
+
+Floats = npt.NDArray[np.float32]
+Occupied = npt.NDArray[np.uint8]
+
+VIEW = PinholeView.from_field_of_view(640, 480, math.pi / 2)
+MAX_RANGE_M = 20.0
+CAMERA_M = (10.01, 7.52, 1.03)
+CAMERA = RigidTransform.from_xyz_ypr(*CAMERA_M, 0.7, 0.0, 0.0) @ FORWARD_FROM_OPTICAL
+
+
+def walls(generator: np.random.Generator, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
+    """Return the plan of a hall with short walls in it, clear around its middle."""
+    plan = np.zeros(shape, dtype=np.bool_)
+    plan[[0, -1]], plan[:, [0, -1]] = True, True
+    for x, y in generator.integers(0, (shape[0] - 40, shape[1] - 40), (14, 2)).tolist():
+        along_x = generator.random() < 0.5
+        plan[x : x + (40 if along_x else 2), y : y + (2 if along_x else 40)] = True
+    plan[160:240, 110:190] = False
+    return plan
+
+
+def hall() -> VoxelMap:
+    """Return 20 x 15 m of floor and walls of 0.05 m voxels."""
+    occupied = np.zeros((400, 300, 50), dtype=np.uint8)
+    plan = walls(np.random.default_rng(1), (400, 300))
+    occupied[plan, :20] = 1
+    occupied[:, :, 0] = 1
+    return VoxelMap(RigidTransform.identity(), (0.05, 0.05, 0.05), occupied)
+
+
+def extruded_hall() -> VoxelMap:
+    """Return the same walls as one layer of voxels of 2 m."""
+    plan = walls(np.random.default_rng(1), (400, 300)).astype(np.uint8)
+    return VoxelMap(RigidTransform.identity(), (0.05, 0.05, 2.0), plan[:, :, np.newaxis], True)
+
+
+def crowd(count: int) -> OrientedBoxes:
+    """Return people in view, 1.5 to 10 m away, on the floor."""
+    generator = np.random.default_rng(count)
+    ranges, bearings = generator.uniform(1.5, 10.0, count), generator.uniform(-0.1, 1.5, count)
+    x, y = CAMERA_M[0] + ranges * np.cos(bearings), CAMERA_M[1] + ranges * np.sin(bearings)
+    centres = np.column_stack((x, y, np.full(count, 0.95)))
+    half_sizes = np.tile((0.25, 0.25, 0.9), (count, 1))
+    return OrientedBoxes(centres, generator.uniform(-3.1, 3.1, count), half_sizes)
+
+
+def capsules(count: int) -> MeshSelection:
+    """Return a mesh of 960 triangles for every box."""
+    solid = trimesh.creation.capsule(height=1.3, radius=0.25, count=[16, 32])
+    vertices = np.array(solid.vertices) - (0.0, 0.0, 0.65)
+    return MeshSelection(MeshPool.of([(vertices, solid.faces)]), np.zeros(count, dtype=np.int64))
+
+
+class Peer:
+    """Embree over the exposed faces, and slabs in numpy."""
+
+    def __init__(self, voxels: VoxelMap) -> None:
+        surface = exposed_faces(voxels)
+        corners = np.asarray(surface.vertices, dtype=np.float32)[surface.faces]
+        self._scene = EmbreeScene()
+        self._mesh = TriangleMesh(self._scene, corners)
+        rays = VIEW.directions().reshape(-1, 3) @ CAMERA.rotation_matrix().T
+        self._rays: Floats = np.ascontiguousarray(rays, dtype=np.float32)
+        self._origin = CAMERA.translation_m
+        self._origins: Floats = np.tile(self._origin, (len(rays), 1)).astype(np.float32)
+
+    def environment(self) -> Floats:
+        """Return the environment's distance per pixel; Embree writes 1e37 for a miss."""
+        distances: Floats = self._scene.run(self._origins, self._rays, query="DISTANCE")
+        return distances
+
+    def box_depth(self, boxes: OrientedBoxes, index: int) -> Floats:
+        """Return where the rays enter a box, inf if they miss it or it is out of range."""
+        x, y, z, cosine, sine, *half = boxes.packed[index].astype(np.float32)
+        apart = self._origin - (x, y, z)
+        turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]], dtype=np.float32)
+        start, inverse = (apart @ turn).astype(np.float32), 1.0 / (self._rays @ turn)
+        a, b = (-np.array(half) - start) * inverse, (np.array(half) - start) * inverse
+        near = np.maximum(np.minimum(a, b).max(axis=1), 0.0)
+        met = (near <= np.maximum(a, b).min(axis=1)) & (near <= MAX_RANGE_M)
+        return np.where(met, near, np.float32(np.inf))
+
+    def visible(self, boxes: OrientedBoxes) -> npt.NDArray[np.int64]:
+        """Return how many pixels see each box; a box never hides itself."""
+        environment = self.environment()
+        depths = np.stack([self.box_depth(boxes, index) for index in range(len(boxes))])
+        front = np.minimum(depths.min(axis=0), environment) + np.float32(1e-3)
+        return np.count_nonzero((depths <= front) & np.isfinite(depths), axis=1)
+
+
+def milliseconds(action: Callable[[], object]) -> float:
+    """Return how long one call takes [ms]."""
+    start = time.perf_counter()
+    action()
+    return 1e3 * (time.perf_counter() - start)
+
+
+def compare(name: str, ours: Callable[[], object], peer: Callable[[], object], runs: int) -> None:
+    """Print the medians of interleaved runs, and their ratio."""
+    ours()
+    times = [(milliseconds(ours), milliseconds(peer)) for _ in range(runs)]
+    mine, theirs = median(t for t, _ in times), median(t for _, t in times)
+    print(f"{name:<52}{mine:9.2f} ms {theirs:10.1f} ms {theirs / mine:8.1f}x")
+
+
+def measure(title: str, voxels: VoxelMap, runs: int) -> None:
+    """Print all comparisons for one environment."""
+    print(f"\n{title}: {voxels.occupied_count} occupied voxels{'ours':>22}{'peer':>14}{'ratio':>9}")
+    field, peer, buffer = VoxelField.of(voxels), Peer(voxels), ZBuffer(VIEW, MAX_RANGE_M)
+    compare("map structure", lambda: VoxelField.of(voxels), lambda: Peer(voxels), max(1, runs // 4))
+    rays = VIEW.directions().reshape(-1, 3) @ CAMERA.rotation_matrix().T
+    origin = CAMERA.translation_m
+    compare(
+        "environment depth, every pixel",
+        lambda: field.first_hits(origin, rays, MAX_RANGE_M),
+        peer.environment,
+        runs,
+    )
+    for count in (5, 20, 200):
+        boxes, shapes = crowd(count), capsules(count)
+        compare(
+            f"occlusion, {count} artefacts, boxes",
+            lambda boxes=boxes: buffer.visibility(CAMERA, boxes, field),
+            lambda boxes=boxes: peer.visible(boxes),
+            max(2, runs // (1 + count // 20)),
+        )
+        by_mesh = median(
+            milliseconds(lambda: buffer.visibility(CAMERA, boxes, field, shapes))
+            for _ in range(runs)
+        )
+        seen = buffer.visibility(CAMERA, boxes, field).visible_pixels
+        apart = int(np.abs(seen - peer.visible(boxes)).max())
+        print(f"{'  with meshes of 960 triangles as occluders':<52}{by_mesh:9.2f} ms")
+        print(f"  {np.count_nonzero(seen)} seen; visible pixels differ by at most {apart}")
+
+
+if __name__ == "__main__":
+    repetitions = int(sys.argv[1]) if len(sys.argv) > 1 else 9
+    measure("Voxels of 0.05 m", hall(), repetitions)
+    measure("One layer of tall voxels", extruded_hall(), repetitions)

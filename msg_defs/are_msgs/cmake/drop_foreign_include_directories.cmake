@@ -1,0 +1,11 @@
+# Remove from every imported target the include directories that match PATTERN.
+function(drop_foreign_include_directories PATTERN)
+  get_property(targets DIRECTORY PROPERTY IMPORTED_TARGETS)
+  foreach(target IN LISTS targets)
+    get_target_property(directories ${target} INTERFACE_INCLUDE_DIRECTORIES)
+    if(directories)
+      list(FILTER directories EXCLUDE REGEX "${PATTERN}")
+      set_target_properties(${target} PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${directories}")
+    endif()
+  endforeach()
+endfunction()

@@ -1,0 +1,148 @@
+"""Oriented boxes against slow twins: clipped polygons, and all pairs."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from are_ros.world.oriented_boxes import OrientedBoxes, overlapping_pairs, overlaps, overlaps_any
+
+Polygon = list[tuple[float, float]]
+
+
+def _box(
+    x: float, y: float, yaw: float = 0.0, half: tuple[float, float] = (0.5, 0.5), z: float = 1.0
+) -> OrientedBoxes:
+    return OrientedBoxes(np.array([[x, y, z]]), np.array([yaw]), np.array([[*half, 1.0]]))
+
+
+def _random_boxes(count: int, side_m: float, seed: int) -> OrientedBoxes:
+    generator = np.random.default_rng(seed)
+    return OrientedBoxes(
+        generator.uniform(0.0, side_m, (count, 3)) * (1.0, 1.0, 0.2),
+        generator.uniform(-4.0, 4.0, count),
+        generator.uniform(0.1, 0.6, (count, 3)),
+    )
+
+
+def _clipped(polygon: Polygon, window: NDArray[np.float64]) -> Polygon:
+    """Clip a polygon by a convex window, counter-clockwise (Sutherland-Hodgman)."""
+    for (ax, ay), (bx, by) in itertools.pairwise([*window.tolist(), window[0].tolist()]):
+        sides = [(bx - ax) * (y - ay) - (by - ay) * (x - ax) for x, y in polygon]
+        kept: Polygon = []
+        for k, (x, y) in enumerate(polygon):
+            x0, y0 = polygon[k - 1]
+            if (sides[k] > 0.0) != (sides[k - 1] > 0.0):
+                share = sides[k - 1] / (sides[k - 1] - sides[k])
+                kept.append((x0 + share * (x - x0), y0 + share * (y - y0)))
+            if sides[k] > 0.0:
+                kept.append((x, y))
+        polygon = kept
+    return polygon
+
+
+def _area(polygon: Polygon) -> float:
+    return 0.5 * sum(
+        polygon[k - 1][0] * y - x * polygon[k - 1][1] for k, (x, y) in enumerate(polygon)
+    )
+
+
+def test_corners_run_counter_clockwise_from_the_front_left() -> None:
+    """A box of 2 m x 1 m that faces +y has its front left corner at low x, high y."""
+    corners = _box(1.0, 2.0, np.pi / 2, (1.0, 0.5)).footprints()
+    assert np.allclose(corners[0], [[0.5, 3.0], [0.5, 1.0], [1.5, 1.0], [1.5, 3.0]])
+
+
+def test_arrays_are_read_only_and_the_callers_are_not() -> None:
+    """The value's arrays refuse writing; the array that was given stays as it was."""
+    yaws = np.zeros(1)
+    boxes = OrientedBoxes(np.zeros((1, 3)), yaws, np.ones((1, 3)))
+    with pytest.raises(ValueError, match="read-only"):
+        boxes.yaws_rad[0] = 1.0
+    yaws[0] = 1.0
+
+
+def test_lengths_must_agree() -> None:
+    """Two centres and one yaw are refused."""
+    with pytest.raises(ValueError, match="differ in length"):
+        OrientedBoxes(np.zeros((2, 3)), np.zeros(1), np.ones((2, 3)))
+    with pytest.raises(ValueError, match="cannot pair"):
+        overlaps(_random_boxes(2, 1.0, 0), _random_boxes(3, 1.0, 0))
+
+
+def test_at_and_take_choose_boxes() -> None:
+    """An index gives one box, a mask the boxes chosen, and none is a set as well."""
+    boxes = _random_boxes(3, 5.0, 1)
+    assert boxes.at(-1).yaws_rad[0] == boxes.yaws_rad[2]
+    assert len(boxes.take(np.array([True, False, True]))) == 2
+    assert overlapping_pairs(OrientedBoxes.empty()).shape == (0, 2)
+    with pytest.raises(IndexError):
+        boxes.at(3)
+
+
+@pytest.mark.parametrize("yaw", [0.0, np.pi / 2, np.pi, 0.3])
+def test_touching_boxes_do_not_overlap(yaw: float) -> None:
+    """Side by side, at any common heading, is no overlap; two micrometres closer is one."""
+    direction = np.array([np.cos(yaw), np.sin(yaw)])
+    x, y = 0.1 + direction
+    assert not overlaps(_box(0.1, 0.1, yaw), _box(x, y, yaw))[0]
+    x, y = 0.1 + direction * (1.0 - 2e-6)
+    assert overlaps(_box(0.1, 0.1, yaw), _box(x, y, yaw))[0]
+
+
+def test_boxes_above_each_other_do_not_overlap() -> None:
+    """The z-interval counts: a box that stands on another only touches it."""
+    assert not overlaps(_box(0.0, 0.0, z=1.0), _box(0.2, 0.0, z=3.0))[0]
+    assert overlaps(_box(0.0, 0.0, z=1.0), _box(0.2, 0.0, z=2.9))[0]
+
+
+@given(
+    st.integers(-200, 200),
+    st.integers(-200, 200),
+    st.integers(-24, 24),
+    st.tuples(st.integers(1, 150), st.integers(1, 150)),
+)
+def test_overlap_is_a_common_area(x: int, y: int, turn: int, half: tuple[int, int]) -> None:
+    """Two footprints overlap exactly when one clipped by the other keeps an area."""
+    fixed = _box(0.0, 0.0, 0.2, (1.0, 0.4))
+    other = _box(x / 100, y / 100, turn * np.pi / 24, (half[0] / 100, half[1] / 100))
+    window = fixed.footprints()[0]
+    common = _area(_clipped([(a, b) for a, b in other.footprints()[0]], window))
+    if not 0.0 < common < 1e-8:
+        assert overlaps(fixed, other)[0] == (common > 0.0)
+
+
+@pytest.mark.parametrize(("count", "side_m"), [(2, 0.5), (60, 3.0), (300, 12.0)])
+def test_hashed_pairs_are_all_pairs(count: int, side_m: float) -> None:
+    """The hash finds each pair once and in order, as testing all of them does."""
+    boxes = _random_boxes(count, side_m, count)
+    expected = [
+        pair
+        for pair in itertools.combinations(range(count), 2)
+        if overlaps(boxes.at(pair[0]), boxes.at(pair[1]))[0]
+    ]
+    assert [tuple(pair) for pair in overlapping_pairs(boxes).tolist()] == expected
+
+
+def test_a_huge_box_and_a_far_one_break_no_pair() -> None:
+    """A wall over everything meets all; one box a thousand kilometres away meets none."""
+    crowd = _random_boxes(100, 6.0, 3)
+    centres = np.concatenate((crowd.centres_m, [[0.0, 0.0, 1.0], [1e6, -1e6, 1.0]]))
+    halves = np.concatenate((crowd.half_sizes_m, [[200.0, 200.0, 5.0], [0.5, 0.5, 1.0]]))
+    pairs = overlapping_pairs(OrientedBoxes(centres, np.append(crowd.yaws_rad, [0, 0]), halves))
+    assert np.count_nonzero(pairs[:, 1] == 100) == 100
+    assert not (pairs == 101).any()
+    assert len(pairs) == 100 + len(overlapping_pairs(crowd))
+
+
+def test_any_of_is_the_union_of_single_tests() -> None:
+    """A box overlaps any of the others if it overlaps one of them."""
+    boxes, others = _random_boxes(80, 8.0, 5), _random_boxes(30, 8.0, 6)
+    expected = np.zeros(80, dtype=bool)
+    for j in range(30):
+        expected |= overlaps(boxes, others.at(j))
+    assert np.array_equal(overlaps_any(boxes, others), expected)
+    assert 0 < np.count_nonzero(expected) < 80

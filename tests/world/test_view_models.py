@@ -1,0 +1,192 @@
+"""View models against OpenCV's forward projection, and their bounds against their own rays."""
+
+import math
+from typing import cast
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from are_ros.errors import ParameterError
+from are_ros.world.omnidirectional_view import OmnidirectionalView, Projection
+from are_ros.world.view_models import FisheyeView, PinholeView, ViewModel
+
+Floats = npt.NDArray[np.float64]
+
+MILD = (-0.32, 0.11, 0.0006, -0.0004, -0.02)
+RATIONAL = (0.5, 0.05, 0.001, -0.0007, 0.002, 0.8, 0.15, 0.01)
+PRISM = (*RATIONAL, 0.001, -0.0005, 0.0008, 0.0003)
+
+SIGNS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
+
+
+def _pinhole(distortion: tuple[float, ...], focal: float = 130.0) -> PinholeView:
+    padded = (*distortion, *([0.0] * (14 - len(distortion))))
+    return PinholeView(160, 120, focal, focal + 1.0, 81.5, 58.2, padded)
+
+
+def _projected(view: PinholeView | FisheyeView, rays: Floats) -> Floats:
+    """Return the pixels (N, 2) of rays (N, 3), by OpenCV."""
+    k = np.array([[view.fx, 0.0, view.cx], [0.0, view.fy, view.cy], [0.0, 0.0, 1.0]])
+    points, d, zero = rays.reshape(-1, 1, 3), np.array(view.distortion), np.zeros(3)
+    if isinstance(view, FisheyeView):
+        pixels = cv2.fisheye.projectPoints(points, zero, zero, k, d)[0]
+    else:
+        pixels = cv2.projectPoints(points, zero, zero, k, d)[0]
+    return cast("Floats", pixels.reshape(-1, 2))
+
+
+@pytest.mark.parametrize("distortion", [(), MILD, RATIONAL, PRISM])
+def test_every_pinhole_ray_projects_back_to_its_pixel(distortion: tuple[float, ...]) -> None:
+    """OpenCV projects the ray of pixel (u, v) to (u, v), within float32's rounding."""
+    view = _pinhole(distortion)
+    rays = view.directions()
+    assert rays.dtype == np.float32
+    assert rays.shape == (120, 160, 3)
+    np.testing.assert_allclose(np.linalg.norm(rays, axis=2), 1.0, atol=1e-6)
+    pixels = _projected(view, rays.reshape(-1, 3).astype(np.float64))
+    v, u = np.divmod(np.arange(160 * 120), 160)
+    np.testing.assert_allclose(pixels, np.stack((u, v), axis=1), atol=1e-3)
+
+
+def test_pixels_beyond_the_fold_of_a_lens_have_no_ray() -> None:
+    """Barrel distortion r (1 - 0.3 r^2) reaches 0.703 at most: pixels beyond it have zero rays."""
+    rays = _pinhole((-0.3, 0.0, 0.0, 0.0), focal=60.0).directions()
+    v, u = np.mgrid[0:120, 0:160]
+    radius = np.hypot((u - 81.5) / 60.0, (v - 58.2) / 61.0)
+    reach = (1.0 - 0.3 / 0.9) / math.sqrt(0.9)
+    np.testing.assert_array_equal(rays.any(axis=2), radius <= reach)
+
+
+@pytest.mark.parametrize("distortion", [(0.0, 0.0, 0.0, 0.0), (0.05, -0.01, 0.004, -0.001)])
+def test_every_fisheye_ray_projects_back_to_its_pixel(
+    distortion: tuple[float, float, float, float],
+) -> None:
+    """OpenCV's fisheye projects the rays in front of the camera back to their pixels."""
+    view = FisheyeView(160, 120, 60.0, 61.0, 81.5, 58.2, distortion)
+    rays = view.directions().reshape(-1, 3).astype(np.float64)
+    front = rays[:, 2] > 0.05
+    assert front.mean() > 0.9
+    v, u = np.divmod(np.arange(160 * 120), 160)
+    pixels = np.stack((u, v), axis=1)
+    np.testing.assert_allclose(_projected(view, rays[front]), pixels[front], atol=2e-3)
+
+
+def test_a_fisheye_sees_behind_itself_up_to_straight_back() -> None:
+    """An ideal equidistant lens has theta = radius / f; beyond pi there is no ray."""
+    rays = FisheyeView(101, 101, 12.0, 12.0, 50.0, 50.0).directions()
+    np.testing.assert_allclose(rays[50, 50], (0.0, 0.0, 1.0))
+    theta = 30.0 / 12.0
+    np.testing.assert_allclose(rays[50, 80], (math.sin(theta), 0.0, math.cos(theta)), atol=1e-6)
+    assert rays[50, 50 + 37].any()
+    assert not rays[50, 50 + 38].any()
+
+
+def test_the_default_pinhole_spans_its_field_of_view() -> None:
+    """The image's outer edges, half a pixel beyond the last centres, are at +- hfov / 2."""
+    view = PinholeView.from_field_of_view(640, 480, math.pi / 2)
+    assert (639.5 - view.cx) / view.fx == pytest.approx(1.0)
+    assert (-0.5 - view.cx) / view.fx == pytest.approx(-1.0)
+    assert view.fx == view.fy
+    ray = view.directions()[0, 639]
+    assert ray[0] > 0 > ray[1]
+
+
+@pytest.mark.parametrize("arguments", [(0, 480, 1.0), (640, 480, math.pi), (640, 480, 0.0)])
+def test_an_impossible_pinhole_is_refused(arguments: tuple[int, int, float]) -> None:
+    """A size or field of view outside the domain is refused."""
+    with pytest.raises(ParameterError, match="pinhole"):
+        PinholeView.from_field_of_view(*arguments)
+
+
+@pytest.mark.parametrize("projection", list(Projection))
+def test_the_omnidirectional_view_goes_all_around(projection: Projection) -> None:
+    """The middle looks forward, a quarter on looks right, the first row highest up."""
+    view = OmnidirectionalView(360, 91, -0.6, 0.6, projection)
+    rays = view.directions().astype(np.float64)
+    np.testing.assert_allclose(np.linalg.norm(rays, axis=2), 1.0, atol=1e-6)
+    azimuth = np.arctan2(rays[45, :, 0], rays[45, :, 2])
+    np.testing.assert_allclose(azimuth, np.deg2rad(np.arange(360) - 179.5), atol=1e-6)
+    np.testing.assert_allclose(rays[45, 180, 1], 0.0, atol=1e-6)
+    assert math.asin(-rays[0, 0, 1]) == pytest.approx(0.6, abs=0.02)
+    measure = -rays[:, 0, 1]
+    steps = np.arcsin(measure) if projection is Projection.SPHERE else np.tan(np.arcsin(measure))
+    np.testing.assert_allclose(np.diff(steps, n=2), 0.0, atol=1e-6)
+
+
+def test_an_impossible_omnidirectional_view_is_refused() -> None:
+    """Elevations out of order, or at the pole of a cylinder, are refused."""
+    with pytest.raises(ParameterError, match="sphere"):
+        OmnidirectionalView(360, 90, 0.5, 0.1)
+    with pytest.raises(ParameterError, match="cylinder"):
+        OmnidirectionalView(360, 90, -0.5, math.pi / 2, Projection.CYLINDER)
+
+
+def test_views_are_values_whose_rays_are_made_once() -> None:
+    """Equal numbers make equal views; the rays are read-only and kept."""
+    view, again = _pinhole(MILD), _pinhole(MILD)
+    assert view == again
+    assert hash(view) == hash(again)
+    assert view.directions() is view.directions()
+    assert not view.directions().flags.writeable
+
+
+TURNED = tuple(cv2.Rodrigues(np.array([0.0, -0.1, 0.02]))[0].reshape(-1).tolist())
+
+VIEWS: list[ViewModel] = [
+    _pinhole(()),
+    _pinhole(MILD),
+    PinholeView(160, 120, 90.0, 90.0, 80.0, 60.0, (), TURNED),
+    FisheyeView(160, 120, 40.0, 41.0, 80.0, 60.0, (0.01, 0.0, 0.0, 0.0)),
+    OmnidirectionalView(180, 60, -0.9, 0.7),
+    OmnidirectionalView(180, 60, -0.9, 0.7, Projection.CYLINDER),
+]
+
+
+def _meets_box(rays: Floats, centre: Floats, half: Floats) -> npt.NDArray[np.bool_]:
+    """Tell which rays from the origin meet a box with axes along the camera's."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        a, b = (centre - half) / rays, (centre + half) / rays
+    near, far = np.fmin(a, b).max(axis=-1), np.fmax(a, b).min(axis=-1)
+    meets: npt.NDArray[np.bool_] = rays.any(axis=-1) & (near <= far) & (far >= 0.0)
+    return meets
+
+
+@pytest.mark.parametrize("view", VIEWS, ids=lambda view: type(view).__name__)
+@settings(max_examples=60, deadline=None)
+@given(centre=st.tuples(*[st.floats(-4.0, 4.0)] * 3), half=st.tuples(*[st.floats(0.05, 1.5)] * 3))
+def test_image_bounds_hold_every_pixel_that_sees_the_box(
+    view: ViewModel, centre: tuple[float, float, float], half: tuple[float, float, float]
+) -> None:
+    """No pixel whose ray meets a box lies outside the box's rectangle, wherever the box is."""
+    corners = np.array(centre) + SIGNS * np.array(half)
+    x0, y0, x1, y1 = view.image_bounds(corners)
+    rays = view.directions().astype(np.float64)
+    sees = _meets_box(rays, np.array(centre), np.array(half))
+    sees[y0:y1, x0:x1] = False
+    assert not sees.any()
+
+
+@pytest.mark.parametrize("view", VIEWS, ids=lambda view: type(view).__name__)
+def test_image_bounds_of_a_small_box_ahead_are_small(view: ViewModel) -> None:
+    """A box of 0.2 m at 3 m fills a small part of the image."""
+    x0, y0, x1, y1 = view.image_bounds(np.array([0.2, 0.1, 3.0]) + 0.1 * SIGNS)
+    assert 0 < (x1 - x0) * (y1 - y0) < 0.02 * view.width * view.height
+
+
+def test_a_box_out_of_view_has_an_empty_rectangle() -> None:
+    """A box far to the side of a pinhole needs no pixel at all."""
+    x0, _, x1, _ = _pinhole(()).image_bounds(np.array([30.0, 0.0, 3.0]) + 0.1 * SIGNS)
+    assert x0 == x1
+
+
+def test_a_real_camera_reproduces_its_pixels() -> None:
+    """A Raspberry Pi camera's calibration (1280 x 960, plumb_bob) projects back to its pixels."""
+    distortion = (0.1639, -0.2711, 0.00106, -0.00104, 0.0)
+    view = PinholeView(1280, 960, 1006.1, 1004.9, 603.8, 459.7, (*distortion, *([0.0] * 9)))
+    rays = view.directions()[::40, ::40].reshape(-1, 3).astype(np.float64)
+    v, u = np.divmod(np.arange(24 * 32), 32)
+    np.testing.assert_allclose(_projected(view, rays), 40.0 * np.stack((u, v), axis=1), atol=1e-2)
