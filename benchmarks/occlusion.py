@@ -88,32 +88,39 @@ class Peer:
         self._scene = EmbreeScene()
         self._mesh = TriangleMesh(self._scene, corners)
         rays = VIEW.directions().reshape(-1, 3) @ CAMERA.rotation_matrix().T
-        self._rays: Floats = np.ascontiguousarray(rays, dtype=np.float32)
+        self.rays: Floats = np.ascontiguousarray(rays, dtype=np.float32)
         self._origin = CAMERA.translation_m
+        self._planes: Floats = np.ascontiguousarray(self.rays.T)
         self._origins: Floats = np.tile(self._origin, (len(rays), 1)).astype(np.float32)
 
     def environment(self) -> Floats:
         """Return the environment's distance per pixel; Embree writes 1e37 for a miss."""
-        distances: Floats = self._scene.run(self._origins, self._rays, query="DISTANCE")
+        distances: Floats = self._scene.run(self._origins, self.rays, query="DISTANCE")
         return distances
 
     def box_depth(self, boxes: OrientedBoxes, index: int) -> Floats:
         """Return where the rays enter a box, inf if they miss it or it is out of range."""
         x, y, z, cosine, sine, *half = boxes.packed[index].astype(np.float32)
-        apart = self._origin - (x, y, z)
-        turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]], dtype=np.float32)
-        start, inverse = (apart @ turn).astype(np.float32), 1.0 / (self._rays @ turn)
-        a, b = (-np.array(half) - start) * inverse, (np.array(half) - start) * inverse
-        near = np.maximum(np.minimum(a, b).max(axis=1), 0.0)
-        met = (near <= np.maximum(a, b).min(axis=1)) & (near <= MAX_RANGE_M)
-        return np.where(met, near, np.float32(np.inf))
+        apart = (self._origin - (x, y, z)).astype(np.float32)
+        turn = np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]], dtype=np.float32)
+        near, far = np.float32(0.0), np.float32(np.inf)
+        for start, ray, side in zip(turn @ apart, turn @ self._planes, half, strict=True):
+            inverse = 1.0 / ray
+            a, b = (-side - start) * inverse, (side - start) * inverse
+            near = np.maximum(near, np.minimum(a, b))
+            far = np.minimum(far, np.maximum(a, b))
+        met = (near <= far) & (near <= MAX_RANGE_M)
+        depth: Floats = np.where(met, near, np.float32(np.inf))
+        return depth
 
-    def visible(self, boxes: OrientedBoxes) -> npt.NDArray[np.int64]:
+    def visible(self, boxes: OrientedBoxes) -> list[int]:
         """Return how many pixels see each box; a box never hides itself."""
-        environment = self.environment()
-        depths = np.stack([self.box_depth(boxes, index) for index in range(len(boxes))])
-        front = np.minimum(depths.min(axis=0), environment) + np.float32(1e-3)
-        return np.count_nonzero((depths <= front) & np.isfinite(depths), axis=1)
+        depths = [self.box_depth(boxes, index) for index in range(len(boxes))]
+        front = self.environment()
+        for depth in depths:
+            np.minimum(front, depth, out=front)
+        front += np.float32(1e-3)
+        return [int(np.count_nonzero((d <= front) & np.isfinite(d))) for d in depths]
 
 
 def milliseconds(action: Callable[[], object]) -> float:
@@ -136,30 +143,38 @@ def measure(title: str, voxels: VoxelMap, runs: int) -> None:
     print(f"\n{title}: {voxels.occupied_count} occupied voxels{'ours':>22}{'peer':>14}{'ratio':>9}")
     field, peer, buffer = VoxelField.of(voxels), Peer(voxels), ZBuffer(VIEW, MAX_RANGE_M)
     compare("map structure", lambda: VoxelField.of(voxels), lambda: Peer(voxels), max(1, runs // 4))
-    rays = VIEW.directions().reshape(-1, 3) @ CAMERA.rotation_matrix().T
-    origin = CAMERA.translation_m
     compare(
         "environment depth, every pixel",
-        lambda: field.first_hits(origin, rays, MAX_RANGE_M),
+        lambda: field.first_hits(CAMERA.translation_m, peer.rays, MAX_RANGE_M),
         peer.environment,
         runs,
     )
     for count in (5, 20, 200):
-        boxes, shapes = crowd(count), capsules(count)
-        compare(
-            f"occlusion, {count} artefacts, boxes",
-            lambda boxes=boxes: buffer.visibility(CAMERA, boxes, field),
-            lambda boxes=boxes: peer.visible(boxes),
-            max(2, runs // (1 + count // 20)),
-        )
-        by_mesh = median(
-            milliseconds(lambda: buffer.visibility(CAMERA, boxes, field, shapes))
-            for _ in range(runs)
-        )
-        seen = buffer.visibility(CAMERA, boxes, field).visible_pixels
-        apart = int(np.abs(seen - peer.visible(boxes)).max())
-        print(f"{'  with meshes of 960 triangles as occluders':<52}{by_mesh:9.2f} ms")
-        print(f"  {np.count_nonzero(seen)} seen; visible pixels differ by at most {apart}")
+        measure_crowd(crowd(count), capsules(count), buffer, field, peer, runs)
+
+
+def measure_crowd(
+    boxes: OrientedBoxes,
+    shapes: MeshSelection,
+    buffer: ZBuffer,
+    field: VoxelField,
+    peer: Peer,
+    runs: int,
+) -> None:
+    """Print the whole job for some artefacts, and how far the answers are apart."""
+    compare(
+        f"occlusion, {len(boxes)} artefacts, boxes",
+        lambda: buffer.visibility(CAMERA, boxes, field),
+        lambda: peer.visible(boxes),
+        max(2, runs // (1 + len(boxes) // 20)),
+    )
+    by_mesh = median(
+        milliseconds(lambda: buffer.visibility(CAMERA, boxes, field, shapes)) for _ in range(runs)
+    )
+    print(f"{'  with meshes of 960 triangles as occluders':<52}{by_mesh:9.2f} ms")
+    seen = buffer.visibility(CAMERA, boxes, field).visible_pixels
+    apart = int(np.abs(seen - peer.visible(boxes)).max())
+    print(f"  {np.count_nonzero(seen)} seen; visible pixels differ by at most {apart}")
 
 
 if __name__ == "__main__":

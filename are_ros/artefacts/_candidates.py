@@ -20,26 +20,25 @@ than the clearance between the cells' centres: half a diagonal less half an edge
 class CandidateCells:
     """Cells in descending order of clearance: those with room for a disc are a prefix.
 
-    `flat` is int64 (N,), row * width + col. `depths` is uint16 (N,), ascending: how many quarters
+    `flat` is int32 (N,), row * width + col. `depths` is uint16 (N,), ascending: how many quarters
     of a cell the clearance, rounded down, falls short of the highest that is told apart.
     `cumulative` is None or float64 (N,), the running sum of the cells' weights.
     """
 
-    flat: npt.NDArray[np.int64]
+    flat: npt.NDArray[np.int32]
     depths: npt.NDArray[np.uint16]
     cumulative: npt.NDArray[np.float64] | None
 
     @classmethod
     def ordered(
         cls,
-        flat: npt.NDArray[np.int64],
-        clearance_cells: npt.NDArray[np.floating],
+        flat: npt.NDArray[np.int32],
+        clearance_cells: npt.NDArray[np.float32],
         weights: npt.NDArray[np.float64] | None,
     ) -> "CandidateCells":
         """Order cells (N,) with their clearance in cells (N,) and their weights (N,)."""
-        quarters = np.minimum(clearance_cells * _LEVELS_PER_CELL, _HIGHEST_LEVEL)
-        depths = (_HIGHEST_LEVEL - quarters.astype(np.int64)).astype(np.uint16)
-        order = np.argsort(depths, kind="stable")
+        depths = _depths(clearance_cells)
+        order = _order(depths)
         cumulative = None if weights is None else np.cumsum(weights[order])
         return cls(flat[order], depths[order], cumulative)
 
@@ -58,12 +57,34 @@ class CandidateCells:
         else:
             sought = uniforms * self.cumulative[-1]
             chosen = np.searchsorted(self.cumulative, sought, side="right")
-        return self.flat[np.minimum(chosen, len(self.flat) - 1)]
+        return self.flat[np.minimum(chosen, len(self.flat) - 1)].astype(np.int64)
+
+
+@compiled
+def _depths(clearance_cells: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
+    depths = np.empty(len(clearance_cells), np.uint16)
+    for index, clearance in enumerate(clearance_cells):
+        depths[index] = _HIGHEST_LEVEL - int(min(clearance * _LEVELS_PER_CELL, _HIGHEST_LEVEL))
+    return depths
+
+
+@compiled
+def _order(depths: npt.NDArray[np.uint16]) -> npt.NDArray[np.int32]:
+    """Return the stable ascending order, by counting."""
+    places = np.zeros(_HIGHEST_LEVEL + 2, np.int64)
+    for depth in depths:
+        places[depth + 1] += 1
+    places = np.cumsum(places)
+    order = np.empty(len(depths), np.int32)
+    for index, depth in enumerate(depths):
+        order[places[depth]] = index
+        places[depth] += 1
+    return order
 
 
 @compiled
 def spines_are_clear(
-    flat: npt.NDArray[np.int64],
+    flat: npt.NDArray[np.int32],
     clearance_cells: npt.NDArray[np.float32],
     spine: npt.NDArray[np.float64],
     turns: npt.NDArray[np.float64],
@@ -78,7 +99,7 @@ def spines_are_clear(
     headings = len(turns)
     found = np.empty(len(flat) * headings, np.int64)
     count = 0
-    for cell in flat:
+    for cell in flat.astype(np.int64):
         row, col = cell // width, cell % width
         for heading in range(headings):
             c, s = turns[heading]

@@ -35,6 +35,22 @@ def file_geometry(source: MeshFile) -> BoxGeometry:
     return BoxGeometry(_triple(high - low), _triple(0.5 * (low + high)))
 
 
+def surface_of(
+    row: CatalogueRow,
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    """Return the row's mesh in F_A as plain arrays; a built-in shape needs no trimesh for it.
+
+    Vertices (V, 3) [m], faces (F, 3) of vertex indices, and the faces' colours (F, 4) in [0, 1].
+    """
+    if isinstance(row.surface, MeshFile):
+        mesh = mesh_of(row)
+        colours = np.asarray(mesh.visual.face_colors, dtype=np.float64) / 255.0
+        return np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64), colours
+    solid = build_shape(row.surface, row.size_m, row.colour)
+    vertices_m = solid.vertices_m - solid.centre_of_mass_m()
+    return vertices_m, np.asarray(solid.faces, dtype=np.int64), np.asarray(solid.colours)
+
+
 def mesh_of(row: CatalogueRow) -> "trimesh.Trimesh":
     """Build the row's mesh in F_A, in metres: triangles, normals outwards, a colour per face.
 

@@ -23,14 +23,14 @@ from are_ros.world.region import SpawnRegion
 
 HEADINGS: Final = 16
 """Headings of the lattice that is searched where drawing at random found nothing."""
-_PITCH_M: Final = 0.05
-_ALL_CELLS: Final = 1 << 17
 _BATCHES: Final = (32, 256, 1024, 4096)
+_LATTICE_CELLS: Final = 1 << 18
 _CHUNK_CELLS: Final = 1 << 14
-_KEPT_POSES: Final = 1 << 21
+_KEPT_POSES: Final = _LATTICE_CELLS * HEADINGS
 
 _Floats = npt.NDArray[np.float64]
 _Poses = npt.NDArray[np.int64]
+_Cells = npt.NDArray[np.int32]
 
 
 class Placer:
@@ -41,9 +41,9 @@ class Placer:
     feasible ones (position continuous, heading in [-pi, pi)), or by the region's weights.
 
     Poses are drawn until one is feasible, some thousands at most. Then a lattice decides: the
-    centres of cells (of very many small ones, a sublattice of at most 5 cm) times `HEADINGS`
-    headings. The pose is uniform (or by weight) over those that are feasible; None only if none
-    is. What the static map alone decides there is remembered per footprint.
+    centres of cells (where more than 2**18 have room, of every second, third, ... row and column)
+    times `HEADINGS` headings. The pose is uniform (or by weight) over those that are feasible;
+    None only if none is. What the static map alone decides there is remembered per footprint.
     """
 
     def __init__(self, environment: Environment, region: SpawnRegion) -> None:
@@ -135,14 +135,18 @@ class Placer:
             return
         pieces = [np.empty(0, np.int64)]
         for piece in self._scan(row, self._on_lattice(cells.flat)):
-            if sum(map(len, pieces)) <= _KEPT_POSES:
-                pieces.append(piece)
+            pieces.append(piece)
             yield piece
-        poses = np.concatenate(pieces)
-        if keep and poses.size <= _KEPT_POSES:
-            self._static[_shape_key(row)] = poses
+        if keep:
+            self._remember(row, np.concatenate(pieces))
 
-    def _scan(self, row: CatalogueRow, flat: _Poses) -> Iterator[_Poses]:
+    def _remember(self, row: CatalogueRow, poses: _Poses) -> None:
+        """Keep the poses; of others only that there are none, if all together are too many."""
+        if poses.size + sum(known.size for known in self._static.values()) > _KEPT_POSES:
+            self._static = {key: known for key, known in self._static.items() if not known.size}
+        self._static[_shape_key(row)] = poses
+
+    def _scan(self, row: CatalogueRow, flat: _Cells) -> Iterator[_Poses]:
         """Yield the lattice poses over some cells where the box is placeable."""
         resolution_m = self._grid.resolution_m
         half_m = (0.5 * row.size_m[0], 0.5 * row.size_m[1])
@@ -165,9 +169,9 @@ class Placer:
         turned = self._grid_yaw_rad + heading * (math.tau / HEADINGS)
         return np.column_stack((self._grid.cells_to_points(cells), turned))
 
-    def _on_lattice(self, flat: _Poses) -> _Poses:
-        stride = max(1, int(_PITCH_M / self._grid.resolution_m + 1e-6))
-        if flat.size <= _ALL_CELLS:
+    def _on_lattice(self, flat: _Cells) -> _Cells:
+        stride = math.ceil(math.sqrt(flat.size / _LATTICE_CELLS))
+        if stride <= 1:
             return flat
         rows, cols = flat // self._grid.width, flat % self._grid.width
         is_on = (rows % stride == stride // 2) & (cols % stride == stride // 2)
@@ -188,8 +192,9 @@ class Placer:
         return self._ordered(np.flatnonzero(self._region.mask))
 
     def _ordered(self, flat: _Poses) -> CandidateCells:
+        clearance_cells = self._clearance_cells.ravel()[flat]
         weights = None if self._region.weight is None else self._weights(flat)
-        return CandidateCells.ordered(flat, self._clearance_cells.ravel()[flat], weights)
+        return CandidateCells.ordered(flat.astype(np.int32), clearance_cells, weights)
 
     def _cells_near(self, disc: Disc) -> CandidateCells:
         """Return the region's cells that meet the disc, and perhaps some beside it."""

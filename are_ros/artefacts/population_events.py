@@ -21,6 +21,7 @@ class Cause(Enum):
     DISPLACED = "displaced"
     REMOVED = "removed"
     ROBOT_CONTACT = "robot_contact"
+    CLOCK_JUMPED_BACK = "clock_jumped_back"
     MAX_ALIVE = "max_alive"
     NO_PLACE = "no_place"
 

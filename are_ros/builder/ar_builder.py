@@ -18,9 +18,10 @@ from are_ros.builder.outputs import ArtefactState, SceneMetrics
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.registration import CellPatch, clutter_ratio, covered_cells
 from are_ros.builder.scans import ScanAugmentation
-from are_ros.builder.sensor_path import ReleasedScan
+from are_ros.builder.sensor_path import ReleasedScan, SensorPathCounts
 from are_ros.builder.states import artefact_state, marker_subject, perceived_artefact
 from are_ros.builder.tick import Demand, Tick
+from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
 from are_ros.parameters.choices import OdometryUse, Shape
 from are_ros.parameters.model import Parameters
@@ -49,19 +50,22 @@ class ArBuilder:
     ) -> None:
         self.parameters = parameters
         self.demand = demand
+        self.notices: list[str] = []
         self.frames = FrameTree()
         self.world = RealWorld(parameters.world, parameters.frames.map, self.frames)
         self.robots = assembly.robot_tracker(parameters, self.frames)
         resolver = assembly.collision_resolver(parameters)
         self.lives = Lives(parameters, catalogue, self.world, self.robots, resolver)
         self._meshes = MeshBank()
-        self._camera = assembly.default_camera(parameters)
+        self.camera = assembly.default_camera(parameters)
         self._watch = assembly.watch(parameters, self.robots, self._meshes)
         self._gate = assembly.gate(parameters)
         self._grids = assembly.grid_augmentation(parameters)
         self._board = assembly.marker_board(parameters)
         self._scans = ScanAugmentation(parameters, self.frames, self.lives, self._meshes)
         self._seen: dict[int, str] = {}
+        self._now_ns = 0
+        self._idle_until_ns = 0
         assembly.set_static_frames(parameters, self.frames)
 
     # ------------------------------------------------------------------------------ inputs
@@ -127,27 +131,45 @@ class ArBuilder:
     def receive_camera(self, camera: Camera, received_ns: int) -> None:
         """Take the view model of the robot's camera, from its CameraInfo."""
         self._received(received_ns)
-        self._camera = assembly.chosen_camera(self.parameters, camera)
+        self.camera = assembly.chosen_camera(self.parameters, camera)
 
     def receive_scan(self, topic: str, scan: LaserScan, received_ns: int) -> None:
         """Take a laser scan; it comes back, augmented, from `take_scans`."""
         self._received(received_ns)
         self._scans.push(topic, scan, received_ns)
+        self._idle_until_ns = received_ns
 
     def take_scans(self) -> list[ReleasedScan]:
         """Return the scans that have left the sensor path since the last call."""
         return self._scans.take()
 
+    def scan_counts(self) -> Mapping[str, SensorPathCounts]:
+        """Return how the scans of each topic have left so far."""
+        return self._scans.counts()
+
     # ------------------------------------------------------------------------------ time
 
     def advance(self, now_ns: int) -> None:
         """Let happen what is due up to `now_ns`: lives, motion, collisions, waiting scans."""
+        if now_ns < self._idle_until_ns:
+            self._check_clock(now_ns)
+            return
+        self._now_ns = now_ns
         while (deadline_ns := self._scans.next_deadline_ns()) is not None:
             if deadline_ns > now_ns:
                 break
             self.lives.advance(deadline_ns)
             self._scans.deadline_passed(deadline_ns)
         self.lives.advance(now_ns)
+        self._idle_until_ns = self._next_due_ns()
+
+    def prepare(self) -> None:
+        """Make ready what a new map costs, so that the next tick need not."""
+        environment = self.world.environment
+        if environment is not None and self.demand.perception:
+            self._watch.prepare(environment)
+        if environment is not None and self.demand.grids:
+            self._grids.prepare(environment)
 
     def finish(self, now_ns: int) -> None:
         """Let the scans go that still wait: the inputs have ended."""
@@ -180,6 +202,29 @@ class ArBuilder:
             map_from_camera=observation.map_from_camera,
         )
 
+    def _next_due_ns(self) -> int:
+        """Return the time before which nothing is due unless an input comes."""
+        deadline_ns = self._scans.next_deadline_ns()
+        due_ns = self.lives.next_due_ns()
+        return due_ns if deadline_ns is None else min(due_ns, deadline_ns)
+
+    def _check_clock(self, now_ns: int) -> None:
+        """Start anew when the clock has jumped back, as it does when a recording loops."""
+        if now_ns >= self._now_ns:
+            self._now_ns = now_ns
+            return
+        self.notices.append(
+            f"the clock jumped back by {(self._now_ns - now_ns) / NS_PER_S:.3f} s: "
+            "all artefacts are gone, and later transforms and scans are forgotten"
+        )
+        self._now_ns = now_ns
+        self.frames.forget_after(now_ns)
+        self.robots.forget()
+        self.lives.restart(now_ns)
+        self._scans.clear()
+        self._watch.forget()
+        self._idle_until_ns = now_ns
+
     def _received(self, received_ns: int) -> None:
         """Let happen what was due before an input that is about to be taken."""
         self.advance(received_ns)
@@ -191,7 +236,7 @@ class ArBuilder:
         if environment is None or not self.demand.perception:
             return self._watch.stand_by(now_ns)
         settings = self.parameters.occlusion
-        observation = self._watch.observe(now_ns, self._camera, environment, living, settings)
+        observation = self._watch.observe(now_ns, self.camera, environment, living, settings)
         self._scans.perceived = frozenset(observation.sightings)
         return observation
 

@@ -178,11 +178,8 @@ class _Scene:
 
     def _displace(self, i: int, search: RingSearch) -> bool:
         """Put artefact i to the nearest safe place; tell whether there was one."""
-        others = self.present.copy()
-        others[i] = False
-        found = search.nearest(
-            self._safe.at(i), self._standing(others), self._robots, self._environment
-        )
+        others = self._standing_near(i, search.radius_m)
+        found = search.nearest(self._safe.at(i), others, self._robots, self._environment)
         self.present[i] = found is not None
         self.outcomes[i] = Outcome.LEAVES if found is None else Outcome.DISPLACED_TO_SAFE
         if found is not None:
@@ -190,9 +187,14 @@ class _Scene:
             self.current[i] = found[1].packed[0]
         return found is not None
 
-    def _standing(self, which: NDArray[np.bool_]) -> OrientedBoxes:
-        """Return the chosen boxes where they now are."""
-        return self.resolved().take(which)
+    def _standing_near(self, i: int, radius_m: float) -> OrientedBoxes:
+        """Return the other boxes, where they now are, that a search about box i may meet."""
+        reaches_m = self.current[:, 5] + self.current[:, 6]
+        offsets_m = np.abs(self.current[:, :2] - self.current[i, :2])
+        near = self.present & (offsets_m.max(axis=1) < radius_m + reaches_m + reaches_m[i])
+        near[i] = False
+        yaws_rad = np.arctan2(self.current[near, 4], self.current[near, 3])
+        return OrientedBoxes(self.current[near, :3], yaws_rad, self.current[near, 5:])
 
 
 def _all_kept(proposed: OrientedBoxes) -> Resolution:
@@ -205,5 +207,5 @@ def _check(ids: NDArray[np.int64], proposed: OrientedBoxes, last_safe: OrientedB
     """Raise ValueError where ids do not ascend or lengths differ."""
     if not len(ids) == len(proposed) == len(last_safe):
         raise ValueError("ids, proposed and last safe boxes differ in length")
-    if len(ids) > 1 and not (np.diff(ids) > 0).all():
+    if not (ids[1:] > ids[:-1]).all():
         raise ValueError("ids do not ascend strictly")

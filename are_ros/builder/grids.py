@@ -52,7 +52,7 @@ class GridAugmentation:
         self, now_ns: int, environment: Environment, patches: Mapping[int, CellPatch]
     ) -> Grids:
         """Return the grids that go out at `now_ns`, with the admitted artefacts' cells by id."""
-        self._use_environment(environment)
+        self.prepare(environment)
         changed = self._map.update(patches)
         self._changed = changed.united(self._changed) if changed else self._changed
         costmap_changed = self._costmap.update(patches)
@@ -69,7 +69,8 @@ class GridAugmentation:
         cells = where.of(self._map.cells).copy()
         return GridUpdate(environment.grid.frame_id, now_ns, where, cells)
 
-    def _use_environment(self, environment: Environment) -> None:
+    def prepare(self, environment: Environment) -> None:
+        """Inflate the real map, if it is another one than before."""
         if self._environment is environment:
             return
         classes, grid = environment.classes, environment.grid

@@ -98,6 +98,21 @@ class Lives:
             else:
                 return
 
+    def next_due_ns(self) -> int:
+        """Return when the next sub-step or event of the population is due."""
+        step_ns = self._next_step_ns or 0
+        event_ns = self.population.next_event_ns() if self._has_started else None
+        return step_ns if event_ns is None else min(step_ns, event_ns)
+
+    def restart(self, now_ns: int) -> None:
+        """Let all artefacts go, with an event each, and go on at an earlier time."""
+        for artefact_id in list(self.population.living):
+            self._say(self.population.remove(artefact_id, now_ns, Cause.CLOCK_JUMPED_BACK))
+        if self._has_started:
+            self.population.start(now_ns)
+        self._in_contact = set()
+        self._next_step_ns, self._last_input_ns = None, now_ns
+
     def place(
         self,
         row: CatalogueRow,

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.meshes import mesh_of
+from are_ros.artefacts.meshes import surface_of
 from are_ros.builder.mesh_casting import MeshPool, MeshSelection
 
 Triangles = npt.NDArray[np.float64]
@@ -18,7 +18,7 @@ class MeshBank:
     def __init__(self) -> None:
         self._pool = MeshPool.of([])
         self._number_of_row: dict[int, int] = {}
-        self._solids: list[tuple[Triangles, npt.NDArray[np.int64]]] = []
+        self._solids: list[tuple[Triangles, npt.NDArray[np.integer]]] = []
         self._drawings: dict[int, tuple[Triangles, npt.NDArray[np.float32]]] = {}
 
     def selection(self, rows: Sequence[CatalogueRow]) -> MeshSelection:
@@ -32,16 +32,16 @@ class MeshBank:
         return MeshSelection(self._pool, indices)
 
     def drawing(self, row: CatalogueRow) -> tuple[Triangles, npt.NDArray[np.float32]]:
-        """Return a row's triangles (T, 3, 3) in F_A and their colours (T, 4) in [0, 1]."""
+        """Return a row's triangles (T, 3, 3) in F_A and their colours (T, 4) in [0, 1].
+
+        The same arrays each time, so that a comparison of identities tells whether they changed.
+        """
         if row.index not in self._drawings:
-            mesh = mesh_of(row)
-            triangles = np.asarray(mesh.triangles, dtype=np.float64)
-            colours = np.asarray(mesh.visual.face_colors, dtype=np.float32) / np.float32(255)
-            self._drawings[row.index] = (triangles, colours)
+            vertices_m, faces, colours = surface_of(row)
+            self._drawings[row.index] = (vertices_m[faces], colours.astype(np.float32))
         return self._drawings[row.index]
 
     def _add(self, row: CatalogueRow) -> None:
-        mesh = mesh_of(row)
-        vertices_in_box = np.asarray(mesh.vertices) - np.array(row.box_centre_in_artefact_m)
+        vertices_m, faces, _ = surface_of(row)
         self._number_of_row[row.index] = len(self._solids)
-        self._solids.append((vertices_in_box, np.asarray(mesh.faces, dtype=np.int64)))
+        self._solids.append((vertices_m - np.array(row.box_centre_in_artefact_m), faces))

@@ -79,6 +79,9 @@ class MeshSelection:
     indices: npt.NDArray[np.int64]
 
     def __post_init__(self) -> None:
+        indices = np.ascontiguousarray(self.indices, dtype=np.int64).view()
+        indices.flags.writeable = False
+        object.__setattr__(self, "indices", indices)
         outside = (self.indices < -1) | (self.indices >= len(self.pool))
         if outside.any():
             index = int(self.indices[outside][0])

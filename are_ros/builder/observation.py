@@ -65,6 +65,10 @@ class Watch:
         self._last = Observation(map_from_base, map_from_camera, sightings, now_ns)
         return self._last
 
+    def prepare(self, environment: Environment) -> None:
+        """Make an environment ready to be looked at."""
+        self._perception.use_environment(environment)
+
     def stand_by(self, now_ns: int) -> Observation:
         """Return where the observer is, without a look."""
         robot = self._robots.pose(now_ns)

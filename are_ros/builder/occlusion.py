@@ -49,8 +49,9 @@ class ZBuffer:
     Distances are Euclidean along the ray, in [0, max_range_m]. Z_a is the first hit on a's bounding
     box, Z_S the first hit on the environment and on the shapes of the other artefacts; a is visible
     at a pixel where Z_a is finite and Z_a <= Z_S + 1 mm. A camera inside a's box has Z_a = 0 in
-    every pixel that has a ray. A camera inside an occupied voxel looks out of that one voxel.
-    Rays are float32: a decision within a few micrometres of an edge may fall either way.
+    every pixel that has a ray, and that box, as a shape, hides all others. A camera inside an
+    occupied voxel looks out of that one voxel. Rays are float32: a decision within a few
+    micrometres of an edge may fall either way.
     """
 
     def __init__(self, view: ViewModel, max_range_m: float) -> None:

@@ -47,7 +47,7 @@ class Perception:
         """Return A_f by id: the artefacts of which more than tau pixels are visible."""
         if not artefacts:
             return {}
-        self._use_environment(environment)
+        self.use_environment(environment)
         rows = [artefact.row for artefact in artefacts]
         boxes = boxes_of(rows, [artefact.ground_pose_at(now_ns) for artefact in artefacts])
         shapes = self._meshes.selection(rows) if settings.shape is Shape.MESH else None
@@ -67,7 +67,8 @@ class Perception:
             self._camera, self._max_range_m = camera, max_range_m
         return self._buffer
 
-    def _use_environment(self, environment: Environment) -> None:
+    def use_environment(self, environment: Environment) -> None:
+        """Make the rays ready for an environment, if it is another one than before."""
         if self._environment is not environment:
             self._environment = environment
             voxels = environment.voxels

@@ -25,11 +25,15 @@ class VoxelField:
     voxel_size_m: tuple[float, float, float]
     distances: npt.NDArray[np.uint8]
 
+    def __post_init__(self) -> None:
+        self.distances.flags.writeable = False
+
     @classmethod
     def of(cls, voxels: VoxelMap) -> "VoxelField":
         """Return the field of a map: about 3 ns per voxel of the lattice."""
+        if not voxels.occupied.size:
+            return cls.empty()
         distances = chessboard_distance(voxels.occupied)
-        distances.flags.writeable = False
         return cls(voxels.map_from_lattice, voxels.voxel_size_m, distances)
 
     @classmethod
@@ -46,7 +50,7 @@ class VoxelField:
         These are the origin (3,) [voxels], the flat index of the voxel to ignore (-1: none), and
         the matrix (3, 3) from directions in the map frame to voxels per metre.
         """
-        lattice_from_map = self.map_from_lattice.rotation_matrix().T
+        lattice_from_map = np.ascontiguousarray(self.map_from_lattice.rotation_matrix().T)
         matrix = lattice_from_map / np.array(self.voxel_size_m)[:, np.newaxis]
         origin = (matrix @ (origin_m - self.map_from_lattice.translation_m)).astype(np.float32)
         return origin, self._occupied_at(origin), matrix.astype(np.float32)

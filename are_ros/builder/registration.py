@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from are_ros.builder import _surface_kernels
-from are_ros.world.lattice_cover import covered, lattice_row
+from are_ros.world.lattice_cover import count_new, covered, lattice_row
 from are_ros.world.occupancy_grid import CellClasses, OccupancyGrid
 from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
@@ -62,9 +62,7 @@ def covered_count(patches: Sequence[CellPatch]) -> int:
     is_counted = np.zeros((rows, columns), dtype=np.bool_)
     count = 0
     for patch in patches:
-        counted = is_counted[patch.window]
-        count += int(np.count_nonzero(patch.mask & ~counted))
-        counted |= patch.mask
+        count += count_new(patch.mask, patch.row0, patch.col0, is_counted)
     return count
 
 

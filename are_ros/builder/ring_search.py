@@ -23,6 +23,7 @@ class RingSearch:
 
     def __init__(self, radius_m: float) -> None:
         """Prepare the offsets; a radius below the step leaves none."""
+        self.radius_m = radius_m
         rings = int(radius_m / _STEP_M + 1e-9)
         radii_m = _STEP_M * np.repeat(np.arange(1, rings + 1), _ANGLES)
         angles_rad = np.tile(np.arange(_ANGLES) * (2.0 * np.pi / _ANGLES), rings)

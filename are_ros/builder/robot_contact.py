@@ -39,6 +39,8 @@ def detect_contacts(
 
 def contacts_of(ids: NDArray[np.int64], depths: NDArray[np.float64]) -> tuple[RobotContact, ...]:
     """Return the contacts among depths (N, R) of robots into the artefacts `ids`."""
+    if not depths.any():
+        return ()
     return tuple(
         RobotContact(int(observer), int(ids[i]), float(depths[i, observer]))
         for i, observer in np.argwhere(depths > TOUCH_TOLERANCE_M)

@@ -12,7 +12,7 @@ from are_ros.replay.bag_reader import BagMessage, BagReader
 from are_ros.replay.feed import Feed
 from are_ros.replay.options import ReplayOptions
 from are_ros.replay.roles import RolesFound
-from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.replay.stopwatch import Stopwatch
 
 _FED_BEFORE_START = ("map", "octomap_point_cloud_centers", "camera/camera_info", "tf", "tf_static")
 _SCAN_ROLE = "scan"
@@ -44,7 +44,12 @@ class Replay:
     """
 
     def __init__(
-        self, reader: BagReader, builder: ArBuilder, options: ReplayOptions, roles: RolesFound
+        self,
+        reader: BagReader,
+        builder: ArBuilder,
+        options: ReplayOptions,
+        roles: RolesFound,
+        stopwatch: Stopwatch,
     ) -> None:
         """Raise BagError where the window holds nothing, or a scan topic is absent."""
         self.start_ns = reader.start_ns + seconds_to_ns(options.start_s)
@@ -54,6 +59,7 @@ class Replay:
         self.ticks = 0
         self._reader = reader
         self._builder = builder
+        self._stopwatch = stopwatch
         self._period_ns = round(NS_PER_S / options.parameters.builder.tick_rate)
         self._next_tick_ns = -(-self.start_ns // self._period_ns) * self._period_ns
 
@@ -62,10 +68,8 @@ class Replay:
         roles = self.role_of_topic.items()
         return tuple(topic for topic, role in roles if role == _SCAN_ROLE)
 
-    def run(self, listener: Listener, progress: Progress, grid: OccupancyGrid | None) -> None:
-        """Run to the end; `grid` is the map from a file. `progress` is told the time reached."""
-        if grid is not None:
-            self._builder.receive_map(grid, self.start_ns)
+    def run(self, listener: Listener, progress: Progress) -> None:
+        """Run to the end; `progress` is told the log time reached."""
         for message in self._messages():
             received_ns = max(message.log_time_ns, self.start_ns)
             self._run_ticks(received_ns, listener)
@@ -87,7 +91,9 @@ class Replay:
 
     def _run_ticks(self, until_ns: int, listener: Listener) -> None:
         while self._next_tick_ns <= until_ns:
-            listener.take_tick(self._builder.step(self._next_tick_ns))
+            with self._stopwatch.tick():
+                tick = self._builder.step(self._next_tick_ns)
+            listener.take_tick(tick)
             self._hand_over_scans(listener)
             self._next_tick_ns += self._period_ns
             self.ticks += 1

@@ -90,7 +90,7 @@ TURNED_FURNITURE: Final = (
     # x and y of the centre, length, width, height, heading [degrees]
     (2.75, 9.1, 1.6, 0.8, 0.75, 25.0),
     (9.1, 2.5, 0.8, 0.8, 0.75, 40.0),
-    (15.0, 4.8, 1.6, 0.6, 1.1, 75.0),
+    (14.7, 4.8, 1.6, 0.6, 1.1, 75.0),
 )
 
 CHAIR_RADIUS: Final = 0.24
@@ -120,7 +120,7 @@ CHAIRS: Final = (
     (13.6, 2.65),
     (14.5, 2.75),
     (12.05, 1.75),
-    (15.5, 5.1),
+    (15.35, 4.85),
 )
 
 COLUMNS: Final = (

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.conventions import FREE, OCCUPIED, UNKNOWN
+from are_ros.simulation.frames import MAP_FRAME
 from are_ros.simulation.solids import Cuboid, Solid
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
@@ -17,6 +18,7 @@ VOXEL_M: Final = 0.1
 _CELLS_PER_VOXEL: Final = 2
 _MARGIN_M: Final = 0.5
 _HEADROOM_M: Final = 1.9
+_SKIN_M: Final = 0.1
 
 
 @dataclass(frozen=True)
@@ -31,17 +33,25 @@ class Building:
     solids: tuple[Solid, ...]
 
     def grid(self, stamp_ns: int = 0) -> OccupancyGrid:
-        """Return M2D as map_server gives it: 0.05 m, unknown outside.
+        """Return M2D as map_server gives it after mapping: cells of 0.05 m, unknown outside.
 
-        Occupied is what stands in the way of a robot or a person: not the lintel of a door.
+        Occupied is what stands in the way of a robot or a person, not the lintel of a door. What
+        lies over 0.1 m deep in a solid was never seen, and is unknown.
         """
         cells = np.where(self._raster(self.floor), FREE, UNKNOWN).astype(np.int8)
-        cells[self._outlines(0.0, _HEADROOM_M)] = OCCUPIED
-        return OccupancyGrid(cells, CELL_M, self._origin(), "map", stamp_ns)
+        obstacles = [solid for solid in self.solids if solid.bottom_m < _HEADROOM_M]
+        for solid in obstacles:
+            cells[self._raster(solid, _SKIN_M)] = UNKNOWN
+        for solid in obstacles:
+            cells[self._raster(solid) & ~self._raster(solid, _SKIN_M)] = OCCUPIED
+        return OccupancyGrid(cells, CELL_M, self._origin(), MAP_FRAME, stamp_ns)
 
     def slice_at(self, height_m: float) -> VoxelMap:
         """Return what meets the plane at a height above the floor, extruded: for a level laser."""
-        occupied = self._outlines(height_m, height_m)
+        occupied = np.zeros(self._shape(), dtype=np.bool_)
+        for solid in self.solids:
+            if solid.bottom_m <= height_m < solid.top_m:
+                occupied |= self._raster(solid)
         highest_m = max(solid.top_m for solid in self.solids)
         return VoxelMap.extruded(self.grid(), occupied, highest_m, 0.0)
 
@@ -61,21 +71,13 @@ class Building:
         map_from_lattice = RigidTransform.planar(x, y, 0.0, -VOXEL_M)
         return VoxelMap(map_from_lattice, (VOXEL_M, VOXEL_M, VOXEL_M), occupied)
 
-    def _outlines(self, low_m: float, high_m: float) -> npt.NDArray[np.bool_]:
-        """Return the cells (height, width) of all solids that meet the heights [low, high]."""
-        outlines = np.zeros(self._shape(), dtype=np.bool_)
-        for solid in self.solids:
-            if solid.bottom_m <= high_m and solid.top_m > low_m:
-                outlines |= self._raster(solid)
-        return outlines
-
-    def _raster(self, solid: Solid) -> npt.NDArray[np.bool_]:
-        """Return the cells (height, width) whose centres lie inside the outline of a solid."""
+    def _raster(self, solid: Solid, depth_m: float = 0.0) -> npt.NDArray[np.bool_]:
+        """Return the cells (height, width) whose centres lie so deep inside a solid."""
         rows, columns = self._shape()
         x, y, _ = self._origin().translation_m
         x_m = x + (np.arange(columns) + 0.5) * CELL_M
         y_m = y + (np.arange(rows) + 0.5) * CELL_M
-        return solid.covers(x_m[np.newaxis, :], y_m[:, np.newaxis])
+        return solid.covers(x_m[np.newaxis, :], y_m[:, np.newaxis], depth_m)
 
     def _shape(self) -> tuple[int, int]:
         sides_m = self.floor.width_m + 2 * _MARGIN_M, self.floor.length_m + 2 * _MARGIN_M

@@ -1,47 +1,26 @@
-"""How the simulated robot is built: its frames, its fixed joints and its camera."""
+"""How the simulated robot is built: its fixed joints and its camera."""
 
 import math
 from typing import Final
 
 from are_ros.messages.transforms import StampedTransform
+from are_ros.simulation.frames import BASE_FRAME, CAMERA_FRAME, SCAN_FRAME
 from are_ros.world.camera_info import CameraInfo
 from are_ros.world.rigid_transform import RigidTransform
 
-MAP_FRAME: Final = "map"
-ODOM_FRAME: Final = "odom"
-BASE_FRAME: Final = "base_footprint"
-SCAN_FRAME: Final = "base_scan"
-CAMERA_FRAME: Final = "camera_optical_frame"
+BASE_FROM_SCAN: Final = RigidTransform.planar(0.0, 0.0, 0.0, z=0.2)
 
-ROBOT_RADIUS_M: Final = 0.22
-SCAN_HEIGHT_M: Final = 0.2
-
-BASE_FROM_SCAN: Final = RigidTransform.planar(0.0, 0.0, 0.0, SCAN_HEIGHT_M)
-
-_LINK_HEIGHT_M: Final = 0.05
-_CAMERA_HEIGHT_M: Final = 0.9
-_CAMERA_DOWN_RAD: Final = math.radians(8.0)
-
+_BASE_FROM_LINK: Final = RigidTransform.planar(0.0, 0.0, 0.0, z=0.05)
+_BASE_FROM_CAMERA: Final = RigidTransform.from_xyz_ypr(0.05, 0.0, 0.9, 0.0, math.radians(8.0), 0.0)
+# REP 103: z ahead, x to the right, y down.
+_CAMERA_FROM_OPTICAL: Final = RigidTransform.from_xyz_ypr(
+    0.0, 0.0, 0.0, -0.5 * math.pi, 0.0, -0.5 * math.pi
+)
 _JOINTS: Final = (
-    (BASE_FRAME, "base_link", RigidTransform.planar(0.0, 0.0, 0.0, _LINK_HEIGHT_M)),
-    (
-        "base_link",
-        SCAN_FRAME,
-        RigidTransform.planar(0.0, 0.0, 0.0, SCAN_HEIGHT_M - _LINK_HEIGHT_M),
-    ),
-    (
-        "base_link",
-        "camera_link",
-        RigidTransform.from_xyz_ypr(
-            0.05, 0.0, _CAMERA_HEIGHT_M - _LINK_HEIGHT_M, 0.0, _CAMERA_DOWN_RAD, 0.0
-        ),
-    ),
-    # REP 103: z ahead, x to the right, y down.
-    (
-        "camera_link",
-        CAMERA_FRAME,
-        RigidTransform.from_xyz_ypr(0.0, 0.0, 0.0, -0.5 * math.pi, 0.0, -0.5 * math.pi),
-    ),
+    (BASE_FRAME, "base_link", _BASE_FROM_LINK),
+    ("base_link", SCAN_FRAME, _BASE_FROM_LINK.inverse() @ BASE_FROM_SCAN),
+    ("base_link", "camera_link", _BASE_FROM_LINK.inverse() @ _BASE_FROM_CAMERA),
+    ("camera_link", CAMERA_FRAME, _CAMERA_FROM_OPTICAL),
 )
 
 _FOCAL_PX: Final = 457.0
@@ -59,7 +38,7 @@ CAMERA_INFO: Final = CameraInfo(
 
 
 def fixed_joints(stamp_ns: int) -> list[StampedTransform]:
-    """Return the transforms of /tf_static."""
+    """Return the transforms of /tf_static; the scan frame is level, 0.2 m up."""
     return [stamped(parent, child, stamp_ns, pose) for parent, child, pose in _JOINTS]
 
 

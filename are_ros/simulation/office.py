@@ -42,7 +42,7 @@ def office_driver(limits: DriveLimits) -> RouteFollower:
         Waypoint(13.6, 6.9),
         Waypoint(13.5, 5.4),
         Waypoint(12.4, 4.1, _headings(-70)),
-        Waypoint(11.2, 5.3, _headings(180)),
+        Waypoint(11.2, 5.3),
         Waypoint(9.9, 5.3, _headings(250)),
     )
     return RouteFollower(waypoints, limits)

@@ -2,8 +2,12 @@
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 from are_ros.world.rigid_transform import RigidTransform
+
+ROBOT_RADIUS_M: Final = 0.22
+"""Of the round base."""
 
 
 @dataclass(frozen=True)

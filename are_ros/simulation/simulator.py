@@ -7,7 +7,8 @@ import numpy as np
 from are_ros.builder.ray_casting import VoxelField
 from are_ros.conventions import NS_PER_S
 from are_ros.simulation.building import Building
-from are_ros.simulation.mounts import BASE_FROM_SCAN, SCAN_FRAME, SCAN_HEIGHT_M
+from are_ros.simulation.frames import SCAN_FRAME
+from are_ros.simulation.mounts import BASE_FROM_SCAN
 from are_ros.simulation.odometry import OdometryErrors, WheelOdometry, correction
 from are_ros.simulation.robot import Command, DriveLimits, RobotState, drive
 from are_ros.simulation.sensors import Lidar, LidarModel
@@ -32,7 +33,7 @@ class Simulator:
         building: Building,
         start: RobotState,
         *,
-        limits: DriveLimits = DriveLimits(),
+        limits: DriveLimits,
         start_ns: int = 0,
         seed: int = 0,
     ) -> None:
@@ -43,7 +44,8 @@ class Simulator:
         self.state = start
         self._limits = limits
         self._odometry = WheelOdometry(OdometryErrors(), _generator(seed, _ODOMETRY_STREAM))
-        field = VoxelField.of(building.slice_at(SCAN_HEIGHT_M))
+        scan_height_m = float(BASE_FROM_SCAN.translation_m[2])
+        field = VoxelField.of(building.slice_at(scan_height_m))
         self._lidar = Lidar(LidarModel(), field, SCAN_FRAME, _generator(seed, _LIDAR_STREAM))
 
     @property

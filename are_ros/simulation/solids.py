@@ -20,9 +20,12 @@ class Solid(Protocol):
         """Height of the upper face above the floor."""
 
     def covers(
-        self, x_m: npt.NDArray[np.float64], y_m: npt.NDArray[np.float64]
+        self, x_m: npt.NDArray[np.float64], y_m: npt.NDArray[np.float64], depth_m: float = 0.0
     ) -> npt.NDArray[np.bool_]:
-        """Tell which points of the floor lie inside the outline; x and y broadcast."""
+        """Tell which points of the floor lie deeper than `depth_m` inside the outline.
+
+        The arrays x and y broadcast.
+        """
 
 
 @dataclass(frozen=True)
@@ -52,14 +55,18 @@ class Cuboid:
         return cls(*centre, high_x_m - low_x_m, high_y_m - low_y_m, top_m, bottom_m)
 
     def covers(
-        self, x_m: npt.NDArray[np.float64], y_m: npt.NDArray[np.float64]
+        self, x_m: npt.NDArray[np.float64], y_m: npt.NDArray[np.float64], depth_m: float = 0.0
     ) -> npt.NDArray[np.bool_]:
-        """Tell which points of the floor lie inside the outline; x and y broadcast."""
+        """Tell which points of the floor lie deeper than `depth_m` inside the outline.
+
+        The arrays x and y broadcast.
+        """
         cosine, sine = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         dx, dy = x_m - self.x_m, y_m - self.y_m
         along, across = dx * cosine + dy * sine, dy * cosine - dx * sine
         inside: npt.NDArray[np.bool_]
-        inside = (abs(along) < 0.5 * self.length_m) & (abs(across) < 0.5 * self.width_m)
+        inside = abs(along) < 0.5 * self.length_m - depth_m
+        inside &= abs(across) < 0.5 * self.width_m - depth_m
         return inside
 
 
@@ -74,9 +81,12 @@ class Cylinder:
     bottom_m: float = 0.0
 
     def covers(
-        self, x_m: npt.NDArray[np.float64], y_m: npt.NDArray[np.float64]
+        self, x_m: npt.NDArray[np.float64], y_m: npt.NDArray[np.float64], depth_m: float = 0.0
     ) -> npt.NDArray[np.bool_]:
-        """Tell which points of the floor lie inside the outline; x and y broadcast."""
+        """Tell which points of the floor lie deeper than `depth_m` inside the outline.
+
+        The arrays x and y broadcast.
+        """
         inside: npt.NDArray[np.bool_]
-        inside = (x_m - self.x_m) ** 2 + (y_m - self.y_m) ** 2 < self.radius_m**2
+        inside = np.hypot(x_m - self.x_m, y_m - self.y_m) < self.radius_m - depth_m
         return inside

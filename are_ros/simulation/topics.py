@@ -15,15 +15,8 @@ from are_ros.messages.odometry import OdometryReading, make_odometry
 from are_ros.messages.scan import make_scan
 from are_ros.messages.transforms import make_transforms
 from are_ros.simulation.building import surface_centres_m
-from are_ros.simulation.mounts import (
-    BASE_FRAME,
-    CAMERA_FRAME,
-    CAMERA_INFO,
-    MAP_FRAME,
-    ODOM_FRAME,
-    fixed_joints,
-    stamped,
-)
+from are_ros.simulation.frames import BASE_FRAME, CAMERA_FRAME, MAP_FRAME, ODOM_FRAME
+from are_ros.simulation.mounts import CAMERA_INFO, fixed_joints, stamped
 from are_ros.simulation.simulator import Simulator
 
 _MS: Final = 1_000_000

@@ -81,15 +81,21 @@ def _undistorted(
 
 @compiled
 def _radial_inverse(radius: float, coefficients: npt.NDArray[np.float64], limit: float) -> float:
-    """Return the slope whose radial distortion is `radius`, by bisection; the limit if beyond."""
-    low, high = 0.0, limit
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if middle * _radial(middle * middle, coefficients)[0] < radius:
-            low = middle
-        else:
-            high = middle
-    return low
+    """Return the slope whose radial distortion is `radius`; the limit if it is beyond.
+
+    Newton's method, and a bisection wherever it would leave the bracket.
+    """
+    low, high, slope = 0.0, limit, min(radius, 0.5 * limit)
+    for _ in range(_STEPS * 2):
+        factor, change = _radial(slope * slope, coefficients)
+        error = slope * factor - radius
+        low, high = (slope, high) if error < 0.0 else (low, slope)
+        following = slope - error / (factor + 2.0 * slope * slope * change)
+        following = following if low < following < high else 0.5 * (low + high)
+        if abs(following - slope) < _CONVERGED:
+            break
+        slope = following
+    return slope
 
 
 @compiled
@@ -127,26 +133,37 @@ def _distorted(
 def undistort_angles(
     radii: npt.NDArray[np.float64], coefficients: npt.NDArray[np.float64], limit_rad: float
 ) -> npt.NDArray[np.float64]:
-    """Return the angles [rad] (N,) off the axis of equidistant image radii (N,), by bisection.
+    """Return the angles [rad] (N,) off the axis of equidistant image radii (N,).
 
     `limit_rad` is `angular_limit`; NaN where a radius lies beyond it.
     """
     angles = np.empty_like(radii)
-    outermost = _angular(limit_rad, coefficients)
+    outermost = _angular(limit_rad, coefficients)[0]
     for index in range(radii.size):
-        low, high = 0.0, limit_rad
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            if _angular(middle, coefficients) < radii[index]:
-                low = middle
-            else:
-                high = middle
-        angles[index] = 0.5 * (low + high) if radii[index] <= outermost else np.nan
+        beyond = radii[index] > outermost
+        angles[index] = np.nan if beyond else _angle(radii[index], coefficients, limit_rad)
     return angles
 
 
 @compiled
-def _angular(theta: float, coefficients: npt.NDArray[np.float64]) -> float:
+def _angle(radius: float, coefficients: npt.NDArray[np.float64], limit_rad: float) -> float:
+    """Return the angle whose image radius this is, by Newton's method kept in a bracket."""
+    low, high, theta = 0.0, limit_rad, min(radius, 0.5 * limit_rad)
+    for _ in range(_STEPS * 2):
+        value, slope = _angular(theta, coefficients)
+        low, high = (theta, high) if value < radius else (low, theta)
+        following = theta - (value - radius) / slope
+        following = following if low < following < high else 0.5 * (low + high)
+        if abs(following - theta) < _CONVERGED:
+            return following
+        theta = following
+    return theta
+
+
+@compiled
+def _angular(theta: float, coefficients: npt.NDArray[np.float64]) -> tuple[float, float]:
+    """Return the image radius of an angle, and its derivative."""
     s = theta * theta
     k1, k2, k3, k4 = coefficients[0], coefficients[1], coefficients[2], coefficients[3]
-    return float(theta * (1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4)))))
+    value = theta * (1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
+    return value, 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))

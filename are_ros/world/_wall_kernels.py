@@ -14,7 +14,9 @@ _FloatArray = NDArray[np.float64]
 _Field = NDArray[np.float32]
 _Mask = NDArray[np.bool_]
 
-_TWO_HALF_DIAGONALS = 1.4143  # in cells: the box's centre, and the cell's nearest point
+_TWO_HALF_DIAGONALS = (
+    1.42  # in cells, rounded up: of the box's centre, and of the cell that it meets
+)
 
 
 @compiled

@@ -42,9 +42,10 @@ def _cells(rectangles: _FloatArray, size: float) -> _IndexArray:
 
 
 @compiled
-def _bucket(x: int, y: int, mask: int) -> int:
-    """Return the bucket of a hash cell."""
-    return ((x * 73856093) ^ (y * 19349663)) & mask
+def _bucket(x: int, y: int, bits: int) -> int:
+    """Return the bucket of a hash cell: the plane wraps around, so that neighbours stay near."""
+    mask = (1 << bits) - 1
+    return ((y & mask) << bits) | (x & mask)
 
 
 @compiled
@@ -53,23 +54,23 @@ def _fill_buckets(cells: _IndexArray) -> tuple[_IndexArray, _IndexArray]:
     total = 0
     for i in range(cells.shape[0]):
         total += (cells[i, 2] - cells[i, 0] + 1) * (cells[i, 3] - cells[i, 1] + 1)
-    size = 16
-    while size < 2 * total:
-        size *= 2
-    starts = np.zeros(size + 1, np.int64)
+    bits = 2
+    while 1 << (2 * bits) < total:
+        bits += 1
+    starts = np.zeros((1 << (2 * bits)) + 1, np.int64)
     for i in range(cells.shape[0]):
-        for x in range(cells[i, 0], cells[i, 2] + 1):
-            for y in range(cells[i, 1], cells[i, 3] + 1):
-                starts[_bucket(x, y, size - 1)] += 1
+        for y in range(cells[i, 1], cells[i, 3] + 1):
+            for x in range(cells[i, 0], cells[i, 2] + 1):
+                starts[_bucket(x, y, bits)] += 1
     end = 0
-    for bucket in range(size + 1):
+    for bucket in range(starts.shape[0]):
         end += starts[bucket]
         starts[bucket] = end
     entries = np.empty((total, 3), np.int64)
     for i in range(cells.shape[0]):
-        for x in range(cells[i, 0], cells[i, 2] + 1):
-            for y in range(cells[i, 1], cells[i, 3] + 1):
-                bucket = _bucket(x, y, size - 1)
+        for y in range(cells[i, 1], cells[i, 3] + 1):
+            for x in range(cells[i, 0], cells[i, 2] + 1):
+                bucket = _bucket(x, y, bits)
                 starts[bucket] -= 1
                 entry = starts[bucket]
                 entries[entry, 0], entries[entry, 1], entries[entry, 2] = i, x, y

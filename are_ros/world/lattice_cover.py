@@ -102,6 +102,19 @@ def covered(
     for row in range(first_row, last_row + 1):
         start, end = column_range(row, x, y, top_x, top_y, right_x, right_y)
         start, end = max(start, first_column), min(end, last_column)
-        for column in range(start, end + 1):
-            mask[row - first_row, column - first_column] = True
+        if start <= end:  # a negative end would count from the back
+            mask[row - first_row, start - first_column : end + 1 - first_column] = True
     return first_row, first_column, mask
+
+
+@compiled
+def count_new(mask: NDArray[np.bool_], row0: int, col0: int, is_counted: NDArray[np.bool_]) -> int:
+    """Count the cells of a mask, laid at (row0, col0), that are not counted yet, and mark them."""
+    count = 0
+    for row in range(mask.shape[0]):
+        new = mask[row]
+        old = is_counted[row0 + row, col0 : col0 + mask.shape[1]]
+        for column in range(new.shape[0]):  # without branches, so that it vectorises
+            count += new[column] > old[column]
+            old[column] |= new[column]
+    return count

@@ -88,7 +88,8 @@ def overlapping_pairs(boxes: OrientedBoxes) -> NDArray[np.int64]:
     rectangles = box_kernels.bounds(boxes.packed)
     pairs = broad_phase.candidate_pairs(rectangles)
     pairs = pairs[box_kernels.filter_pairs(boxes.packed, pairs, TOUCH_TOLERANCE_M)]
-    return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+    keys = np.sort(pairs[:, 0] * len(boxes) + pairs[:, 1])
+    return np.column_stack(np.divmod(keys, max(len(boxes), 1)))
 
 
 def _readonly(values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:

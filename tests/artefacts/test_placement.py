@@ -339,8 +339,11 @@ def test_an_empty_region_has_no_place() -> None:
 @given(levels=st.lists(st.floats(1.0, 20.0), min_size=1, max_size=30), radius=st.floats(0.0, 25.0))
 def test_cells_with_room_are_those_with_clearance(levels: list[float], radius: float) -> None:
     """The prefix holds every cell with the clearance, and none that lacks half a cell of it."""
-    clearance = np.array(levels)
-    cells = CandidateCells.ordered(np.arange(len(levels)), clearance, None)
+    clearance = np.array(levels, np.float32)
+    cells = CandidateCells.ordered(np.arange(len(levels), dtype=np.int32), clearance, None)
+    np.testing.assert_array_equal(
+        cells.flat, np.argsort(-(clearance * 4).astype(int), kind="stable")
+    )
     kept = set(cells.with_room(radius).flat.tolist())
     assert set(np.flatnonzero(clearance >= radius - 0.2072).tolist()) <= kept
     assert kept <= set(np.flatnonzero(clearance >= radius - 0.71).tolist())

@@ -7,6 +7,7 @@ import numpy.typing as npt
 import pytest
 import trimesh
 
+from are_ros.builder._occlusion_kernels import render
 from are_ros.builder.mesh_casting import MeshPool, MeshSelection
 from are_ros.builder.occlusion import Visibility, ZBuffer
 from are_ros.builder.ray_casting import VoxelField
@@ -399,3 +400,13 @@ def test_the_same_scene_gives_the_same_answer_at_any_image_size() -> None:
         result = ZBuffer(view, 20.0).visibility(AHEAD, around, NOTHING)
         assert result.visible_pixels[0] == width * height
         assert result.rois[0].tolist() == [0, 0, width, height]
+
+
+def test_the_kernel_is_compiled_once_for_every_use() -> None:
+    """Boxes, meshes and any environment share one machine code: a second would stall a tick."""
+    buffer, boxes = ZBuffer(VIEW, 20.0), _boxes((3.0, 0.0, 1.0, 0.0, 1.0, 1.0, 1.0))
+    shapes = MeshSelection(MeshPool.of([_mesh_in(boxes.half_sizes_m[0], 0)]), np.array([0]))
+    for field in (NOTHING, _wall(-2.0, 2.0)):
+        buffer.visibility(AHEAD, boxes, field)
+        buffer.visibility(AHEAD, boxes, field, shapes, mutual=False)
+    assert len(getattr(render, "signatures")) == 1  # noqa: B009 - numba's, unknown to mypy

@@ -1,6 +1,7 @@
 """View models against OpenCV's forward projection, and their bounds against their own rays."""
 
 import math
+from pathlib import Path
 from typing import cast
 
 import cv2
@@ -11,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from are_ros.errors import ParameterError
+from are_ros.messages.camera_info import read_camera_info
 from are_ros.world.omnidirectional_view import OmnidirectionalView, Projection
 from are_ros.world.view_models import FisheyeView, PinholeView, ViewModel
 
@@ -183,10 +185,19 @@ def test_a_box_out_of_view_has_an_empty_rectangle() -> None:
     assert x0 == x1
 
 
-def test_a_real_camera_reproduces_its_pixels() -> None:
-    """A Raspberry Pi camera's calibration (1280 x 960, plumb_bob) projects back to its pixels."""
-    distortion = (0.1639, -0.2711, 0.00106, -0.00104, 0.0)
-    view = PinholeView(1280, 960, 1006.1, 1004.9, 603.8, 459.7, (*distortion, *([0.0] * 9)))
-    rays = view.directions()[::40, ::40].reshape(-1, 3).astype(np.float64)
-    v, u = np.divmod(np.arange(24 * 32), 32)
-    np.testing.assert_allclose(_projected(view, rays), 40.0 * np.stack((u, v), axis=1), atol=1e-2)
+def test_a_real_camera_reproduces_its_pixels(real_data: Path) -> None:
+    """Three calibrations of a Raspberry Pi camera project back to their pixels."""
+    from rosbags.highlevel import AnyReader
+
+    for bag in sorted((real_data / "ubiquity-raspicam").glob("*.bag")):
+        with AnyReader([bag]) as reader:
+            chosen = [c for c in reader.connections if c.msgtype.endswith("CameraInfo")]
+            connection, _, raw = next(reader.messages(chosen))
+            message = reader.deserialize(raw, connection.msgtype)
+        view = read_camera_info(message).view(rectified=False)
+        assert any(view.distortion)
+        rays = view.directions()[::40, ::40]
+        assert rays.any(axis=2).all()
+        v, u = np.mgrid[0 : view.height : 40, 0 : view.width : 40]
+        pixels = _projected(view, rays.reshape(-1, 3).astype(np.float64))
+        np.testing.assert_allclose(pixels, np.stack((u.ravel(), v.ravel()), axis=1), atol=1e-2)

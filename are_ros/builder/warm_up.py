@@ -1,0 +1,64 @@
+"""Compiling the kernels before they are needed: a miniature scene, run once."""
+
+import numpy as np
+
+from are_ros.artefacts.artefact import GroundPose
+from are_ros.artefacts.catalogue import Catalogue
+from are_ros.builder.ar_builder import ArBuilder
+from are_ros.conventions import FREE, NS_PER_S, OCCUPIED
+from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import Parameters
+from are_ros.world.laser_scan import LaserScan
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.rigid_transform import RigidTransform
+
+_NO_TURN = (0.0, 0.0, 0.0, 1.0)
+_SIDE = 120
+_MINIATURE = {
+    "population.arrival_rate": 0.5,
+    "population.mean_life": 1.0,
+    "camera.width": 32,
+    "camera.height": 24,
+    "occlusion.tau": 0,
+    "robot.clearance": 0.2,
+}
+
+
+def warm_up(catalogue: Catalogue) -> None:
+    """Compile, or load from the cache, every kernel of the builder: half a minute at the most.
+
+    Runs a room with a robot, a wall, voxels, a scan and some artefacts for two seconds.
+    """
+    builder = ArBuilder(with_values(Parameters(), _MINIATURE), catalogue)
+    builder.receive_map(_room(), 0)
+    builder.receive_cloud(_cloud(), "map", 0, 0.1)
+    row = catalogue.rows[0]
+    for tick in range(20):
+        now_ns = tick * NS_PER_S // 10
+        builder.receive_transform("map", "base_link", now_ns, (0.1 * tick, 0, 0), _NO_TURN, now_ns)
+        builder.receive_scan("scan", _scan(now_ns), now_ns)
+        if tick == 1:
+            builder.lives.place(row, GroundPose(2.0, 1.5, 0.0, 0.1), now_ns)
+        builder.step(now_ns)
+        builder.take_scans()
+
+
+def _room() -> OccupancyGrid:
+    cells = np.full((_SIDE, _SIDE), FREE, dtype=np.int8)
+    cells[:, -5:] = OCCUPIED
+    cells[:5, :20] = -1
+    return OccupancyGrid(cells, 0.05, RigidTransform.planar(-3.0, -3.0, 0.0), "map")
+
+
+def _cloud() -> "np.ndarray[tuple[int, ...], np.dtype[np.float64]]":
+    """Return a wall and some floor, as voxel centres."""
+    side = np.arange(10) * 0.1 + 0.05
+    wall = np.array([(2.85, y, z) for y in side for z in side])
+    floor = np.array([(x, y, -0.05) for x in side for y in side])
+    return np.concatenate((wall, floor))
+
+
+def _scan(stamp_ns: int) -> LaserScan:
+    ranges = np.full(36, 2.5, dtype=np.float32)
+    none = np.empty(0, dtype=np.float32)
+    return LaserScan("base_link", stamp_ns, -3.1, 3.1, 6.2 / 35, 0.0, 0.1, 0.05, 8.0, ranges, none)

@@ -1,0 +1,222 @@
+"""Transforms over time for the checks, with what was known when: plain chains, no tree of ARE."""
+
+from bisect import bisect_left, bisect_right
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from are_ros.replay._check_scene import time_ns
+
+Floats = NDArray[np.float64]
+
+ODOMETRY, TF, PARAMETER = 0, 1, 2
+"""Of several sources of one edge the highest counts."""
+
+_ALWAYS: Final = 2**63 - 1
+
+
+class Pose(NamedTuple):
+    """target_from_source: rotation (3, 3) and translation (3,) in metres."""
+
+    rotation: Floats
+    translation_m: Floats
+
+    def after(self, inner: "Pose") -> "Pose":
+        """Return the composition: first `inner`, then this."""
+        rotation: Floats = self.rotation @ inner.rotation
+        return Pose(rotation, self.rotation @ inner.translation_m + self.translation_m)
+
+    def inverse(self) -> "Pose":
+        """Return source_from_target."""
+        return Pose(self.rotation.T, -self.rotation.T @ self.translation_m)
+
+
+@dataclass(eq=False)
+class _Edge:
+    """One source's samples of one child frame, in order of stamp; a static one has a single one."""
+
+    parent: str
+    is_static: bool
+    stamps_ns: list[int] = field(default_factory=list)
+    logs_ns: list[int] = field(default_factory=list)
+    numbers: list[tuple[float, ...]] = field(default_factory=list)
+
+    def add(self, stamp_ns: int, log_ns: int, numbers: tuple[float, ...]) -> None:
+        """Take a sample; at a stamp that is taken the first stays."""
+        place = bisect_left(self.stamps_ns, stamp_ns)
+        if place < len(self.stamps_ns) and self.stamps_ns[place] == stamp_ns:
+            return
+        # A late sample counts as received with the one after it: what was known is a prefix.
+        later_ns = self.logs_ns[place] if place < len(self.logs_ns) else log_ns
+        self.stamps_ns.insert(place, stamp_ns)
+        self.logs_ns.insert(place, min(log_ns, later_ns))
+        self.numbers.insert(place, numbers)
+
+    def known(self, known_by_ns: int) -> int:
+        """Return how many of the samples had been received by then."""
+        return bisect_right(self.logs_ns, known_by_ns)
+
+    def newest_ns(self, known_by_ns: int) -> int | None:
+        """Return the newest stamp known by then, None if there is none."""
+        if self.is_static:
+            return _ALWAYS
+        count = self.known(known_by_ns)
+        return self.stamps_ns[count - 1] if count else None
+
+    def at(self, stamp_ns: int, known_by_ns: int) -> Pose | None:
+        """Return parent_from_child, interpolated; None outside of what was known."""
+        if self.is_static:
+            return _pose(self.numbers[-1])
+        count = self.known(known_by_ns)
+        after = bisect_left(self.stamps_ns, stamp_ns, 0, count)
+        if after == count:
+            return None
+        if self.stamps_ns[after] == stamp_ns:
+            return _pose(self.numbers[after])
+        if after == 0:
+            return None
+        span = self.stamps_ns[after] - self.stamps_ns[after - 1]
+        share = (stamp_ns - self.stamps_ns[after - 1]) / span
+        return _pose(_between(self.numbers[after - 1], self.numbers[after], share))
+
+
+class Frames:
+    """The edges by child frame; `known_by_ns` limits a question to what had been received then."""
+
+    def __init__(self) -> None:
+        self._edges: dict[str, dict[int, _Edge]] = {}
+
+    def add_message(self, message: Any, log_ns: int, *, is_static: bool) -> None:
+        """Take a TFMessage."""
+        for each in message.transforms:
+            place, turn = each.transform.translation, each.transform.rotation
+            numbers = (place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w)
+            stamp_ns = time_ns(each.header.stamp)
+            pair = (each.header.frame_id, each.child_frame_id)
+            self.add(*pair, stamp_ns, log_ns, numbers, TF, is_static=is_static)
+
+    def add(
+        self,
+        parent: str,
+        child: str,
+        stamp_ns: int,
+        log_ns: int,
+        numbers: tuple[float, ...],
+        source: int,
+        *,
+        is_static: bool,
+    ) -> None:
+        """Take parent_from_child: x y z, then the quaternion x y z w; others are left out."""
+        parent, child = parent.lstrip("/"), child.lstrip("/")
+        if not (parent and child) or abs(sum(n * n for n in numbers[3:]) - 1.0) > 0.01:
+            return
+        edges = self._edges.setdefault(child, {})
+        edge = edges.get(source)
+        if edge is None or edge.parent != parent or edge.is_static != is_static:
+            edge = edges[source] = _Edge(parent, is_static)
+        if is_static:
+            edge.numbers.append(numbers)
+        else:
+            edge.add(stamp_ns, log_ns, numbers)
+
+    def has(self, frame: str) -> bool:
+        """Tell whether a transform names this frame."""
+        parents = {edge.parent for edges in self._edges.values() for edge in edges.values()}
+        return frame in self._edges or frame in parents
+
+    def lookup(self, target: str, source: str, stamp_ns: int, known_by_ns: int) -> Pose | None:
+        """Return target_from_source at a stamp, None where the chain is not known there."""
+        up, down = self._chains(target, source)
+        identity = Pose(np.eye(3), np.zeros(3))
+        from_source = _composed(identity, up, stamp_ns, known_by_ns)
+        from_target = _composed(identity, down, stamp_ns, known_by_ns)
+        if from_source is None or from_target is None:
+            return None
+        return from_target.inverse().after(from_source)
+
+    def latest_ns(self, target: str, source: str, now_ns: int, known_by_ns: int) -> int | None:
+        """Return the newest stamp, not after now, at which the chain was known."""
+        up, down = self._chains(target, source)
+        latest = now_ns
+        for edge in (*up, *down):
+            newest = None if edge is None else edge.newest_ns(known_by_ns)
+            if newest is None:
+                return None
+            latest = min(latest, newest)
+        return latest
+
+    def lookup_held(
+        self, target: str, fixed: str, source: str, stamp_ns: int, known_by_ns: int
+    ) -> Pose | None:
+        """Return the last target_from_fixed with fixed_from_source at the stamp."""
+        held_ns = self.latest_ns(target, fixed, stamp_ns, known_by_ns)
+        if held_ns is None:
+            return None
+        outer = self.lookup(target, fixed, held_ns, known_by_ns)
+        inner = self.lookup(fixed, source, stamp_ns, known_by_ns)
+        return None if outer is None or inner is None else outer.after(inner)
+
+    def _chains(self, target: str, source: str) -> tuple[list[_Edge | None], list[_Edge | None]]:
+        """Return the edges from source and from target up to where they meet; [None] if never."""
+        ups, downs = self._ancestors(source), self._ancestors(target)
+        meeting = next((frame for frame in ups if frame in downs), None)
+        if meeting is None:
+            return [None], [None]
+        return _until(ups, meeting), _until(downs, meeting)
+
+    def _ancestors(self, frame: str) -> dict[str, _Edge | None]:
+        """Return the frames from this one to the root, each with the edge above it."""
+        found: dict[str, _Edge | None] = {}
+        while frame not in found:
+            edges = self._edges.get(frame)
+            found[frame] = None if edges is None else edges[max(edges)]
+            if edges is None:
+                break
+            frame = edges[max(edges)].parent
+        return found
+
+
+def _until(chain: dict[str, _Edge | None], meeting: str) -> list[_Edge | None]:
+    frames = list(chain)
+    return [chain[frame] for frame in frames[: frames.index(meeting)]]
+
+
+def _composed(
+    pose: Pose, edges: list[_Edge | None], stamp_ns: int, known_by_ns: int
+) -> Pose | None:
+    for edge in edges:
+        step = None if edge is None else edge.at(stamp_ns, known_by_ns)
+        if step is None:
+            return None
+        pose = step.after(pose)
+    return pose
+
+
+def _pose(numbers: tuple[float, ...]) -> Pose:
+    x, y, z, w = np.array(numbers[3:]) / np.linalg.norm(numbers[3:])
+    rotation = np.array(
+        (
+            (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
+            (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
+            (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
+        )
+    )
+    return Pose(rotation, np.array(numbers[:3]))
+
+
+def _between(a: tuple[float, ...], b: tuple[float, ...], share: float) -> tuple[float, ...]:
+    """Interpolate: translation linearly, rotation on the shorter arc."""
+    first, second = np.array(a), np.array(b)
+    q, r = (v[3:] / np.linalg.norm(v[3:]) for v in (first, second))
+    cosine = float(q @ r)
+    if cosine < 0.0:
+        r, cosine = -r, -cosine
+    angle = float(np.arccos(min(cosine, 1.0)))
+    if angle < 1e-9:
+        turn = q + share * (r - q)
+    else:
+        turn = (np.sin((1 - share) * angle) * q + np.sin(share * angle) * r) / np.sin(angle)
+    place = first[:3] + share * (second[:3] - first[:3])
+    return tuple(np.concatenate((place, turn)).tolist())

@@ -1,0 +1,87 @@
+"""What is perceived: members of A_f are alive, were seen by enough pixels, inside the image."""
+
+from typing import Any
+
+from are_ros.parameters.choices import CameraModel
+from are_ros.replay._check_lives import LOST, PERCEIVED, events_by_tick
+from are_ros.replay._check_record import Record
+from are_ros.replay._check_result import CheckResult, Tally, at_s, skipped
+from are_ros.replay._check_scene import time_ns
+
+
+def check_perceived(record: Record) -> CheckResult:
+    """Every member is alive and has more than tau pixels, in a region inside the image."""
+    name = "perceived"
+    if record.parameters is None:
+        return skipped(name, "there is no effective.yaml, which says tau")
+    tally = Tally(name, "sightings")
+    alive = {scene.log_ns: set(scene.ids.tolist()) for scene in record.scenes}
+    for log_ns, message in record.perceived:
+        sizes = _image_sizes(record, log_ns)
+        before = -1
+        for one in message.artefacts:
+            tally.look()
+            faults = [
+                "is not alive" if int(one.id) not in alive.get(log_ns, ()) else "",
+                "is not listed in the order of ids" if int(one.id) <= before else "",
+                _sighting_fault(one, record.parameters.occlusion.tau, log_ns),
+                "" if any(_is_inside(one.roi, *size) for size in sizes) else _roi_text(one.roi),
+            ]
+            before = int(one.id)
+            for fault in filter(None, faults):
+                tally.fail(f"{at_s(log_ns)} id {one.id} {fault}")
+    return tally.result()
+
+
+def check_sight_events(record: Record) -> CheckResult:
+    """PERCEIVED and LOST tell the differences between one tick's members and the next one's."""
+    tally = Tally("sight events", "ticks")
+    seen, before = record.perceived_ids(), frozenset[int]()
+    for scene, events, _ in events_by_tick(record):
+        tally.look()
+        now = seen.get(scene.log_ns, frozenset())
+        alive = set(scene.ids.tolist())
+        for kind, text, wanted in (
+            (PERCEIVED, "PERCEIVED", now - before),
+            (LOST, "LOST", (before - now) & alive),
+        ):
+            told = sorted(int(event.id) for event in events if event.kind == kind)
+            if told != sorted(wanted):
+                told_text = f"{text} tells of the ids {told}"
+                tally.fail(f"{at_s(scene.stamp_ns)} {told_text}, the lists of {sorted(wanted)}")
+        before = now
+    return tally.result()
+
+
+def _sighting_fault(one: Any, tau: int, log_ns: int) -> str:
+    """Check the numbers of one sighting."""
+    visible, whole = int(one.visible_pixels), int(one.unoccluded_pixels)
+    if visible <= tau:
+        return f"has {visible} visible pixels, tau is {tau}"
+    if visible > whole or abs(one.visible_fraction - visible / whole) > 1e-6:
+        return f"has {visible} of {whole} pixels, and the fraction {one.visible_fraction}"
+    if not 0.0 <= one.existence <= 1.0 or one.range < 0.0:
+        return f"has the existence {one.existence} and the range {one.range} m"
+    if len(one.classes) != len(one.probabilities) or abs(sum(one.probabilities) - 1.0) > 1e-4:
+        return f"has class probabilities that sum to {sum(one.probabilities)}"
+    if one.roi.width * one.roi.height < visible:
+        return f"has {visible} pixels in a region of {one.roi.width} x {one.roi.height}"
+    return "was last seen in the future" if time_ns(one.last_seen) > log_ns else ""
+
+
+def _image_sizes(record: Record, log_ns: int) -> list[tuple[int, int]]:
+    """Return width and height of the image that is looked at: of the camera, or the parameters."""
+    camera = record.settings.camera
+    known = [size for since_ns, *size in record.camera_sizes if since_ns <= log_ns]
+    if camera.model is CameraModel.AUTO and record.camera_sizes:
+        # What was held since the look before may be in the image of the camera info before.
+        return [(width, height) for width, height in known[-2:]] or [(camera.width, camera.height)]
+    return [(camera.width, camera.height)]
+
+
+def _is_inside(roi: Any, width: int, height: int) -> bool:
+    return bool(roi.x_offset + roi.width <= width and roi.y_offset + roi.height <= height)
+
+
+def _roi_text(roi: Any) -> str:
+    return f"has a region of {roi.width} x {roi.height} at {roi.x_offset}, {roi.y_offset}"

@@ -1,0 +1,95 @@
+"""What one check of a replay came to, and the tally that leads there."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from are_ros.conventions import NS_PER_S
+
+
+class Outcome(Enum):
+    """How a check ended."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    SKIPPED = "skipped"
+
+
+@dataclass(frozen=True)
+class CheckResult:
+    """One check: how many things were looked at, and the first that was wrong.
+
+    `looked_at` is a count of `noun`; `failures` of them were wrong. `reason` says why a check was
+    skipped, or what part of it could not be done; `counter_example` is empty unless it failed.
+    """
+
+    name: str
+    outcome: Outcome
+    looked_at: int = 0
+    noun: str = "messages"
+    failures: int = 0
+    counter_example: str = ""
+    reason: str = ""
+
+    def sentence(self) -> str:
+        """Return the result in one line of plain words, without a full stop."""
+        if self.outcome is Outcome.SKIPPED:
+            return f"{self.name}: skipped, {self.reason}"
+        reason = f" ({self.reason})" if self.reason else ""
+        if self.outcome is Outcome.PASSED:
+            return f"{self.name}: passed, {self.looked_at} {self.noun}{reason}"
+        wrong = f"{self.failures} wrong of {self.looked_at} {self.noun}{reason}"
+        return f"{self.name}: FAILED, {wrong}; the first: {self.counter_example}"
+
+
+class Tally:
+    """Counts what a check looks at, and keeps the first counter-example."""
+
+    def __init__(self, name: str, noun: str) -> None:
+        self.name = name
+        self.looked_at = 0
+        self.failures = 0
+        self._noun = noun
+        self._first = ""
+        self._notes: list[str] = []
+
+    def look(self, count: int = 1) -> None:
+        """Count things looked at."""
+        self.looked_at += count
+
+    def fail(self, counter_example: str) -> None:
+        """Count a thing that is wrong; the first text is kept."""
+        self.failures += 1
+        self._first = self._first or counter_example
+
+    def require(self, condition: bool, counter_example: str) -> None:
+        """Fail unless the condition holds."""
+        if not condition:
+            self.fail(counter_example)
+
+    def note(self, text: str) -> None:
+        """Say which part could not be done; the same text counts once."""
+        if text not in self._notes:
+            self._notes.append(text)
+
+    def result(self) -> CheckResult:
+        """Return the outcome; a check that had nothing to look at is skipped."""
+        notes = "; ".join(self._notes)
+        if self.failures:
+            outcome = Outcome.FAILED
+        elif self.looked_at:
+            outcome = Outcome.PASSED
+        else:
+            return skipped(self.name, notes or f"there are no {self._noun}")
+        return CheckResult(
+            self.name, outcome, self.looked_at, self._noun, self.failures, self._first, notes
+        )
+
+
+def skipped(name: str, reason: str) -> CheckResult:
+    """Return the result of a check that could not be done."""
+    return CheckResult(name, Outcome.SKIPPED, reason=reason)
+
+
+def at_s(stamp_ns: int) -> str:
+    """Return "at SECONDS s" with all nine digits, as ROS stamps are written."""
+    return f"at {stamp_ns // NS_PER_S}.{stamp_ns % NS_PER_S:09d} s"

@@ -1,0 +1,135 @@
+"""Each augmented scan beside its input: what changed, and whether it was allowed to."""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from are_ros.replay._check_file import PREFIX
+from are_ros.replay._check_scene import time_ns
+
+_PLAIN_FIELDS: Final = (
+    "angle_min",
+    "angle_max",
+    "angle_increment",
+    "time_increment",
+    "scan_time",
+    "range_min",
+    "range_max",
+)
+_Key = tuple[int, str]
+
+
+@dataclass(frozen=True, eq=False)
+class ChangedScan:
+    """An augmented scan that differs from its input, or that is at fault without geometry.
+
+    `points_m` (M, 3) are the ends of the M changed beams in the laser's frame; of a beam that came
+    out as -inf it is where `range_min` ends, and `too_close` (M,) is set.
+    """
+
+    topic: str
+    stamp_ns: int
+    released_ns: int
+    frame_id: str
+    range_min_m: float
+    points_m: NDArray[np.float64]
+    too_close: NDArray[np.bool_]
+    fault: str
+
+
+class ScanPairs:
+    """Finds the input of each augmented scan by stamp and frame, whichever comes first."""
+
+    def __init__(self) -> None:
+        self.changed: list[ChangedScan] = []
+        self.pairs = 0
+        self.input_topics: set[str] = set()
+        self._inputs: dict[_Key, list[tuple[str, Any]]] = {}
+        self._outputs: dict[_Key, list[tuple[str, int, Any]]] = {}
+
+    def add(self, topic: str, log_ns: int, message: Any) -> None:
+        """Take a LaserScan of any topic."""
+        key = (time_ns(message.header.stamp), message.header.frame_id.lstrip("/"))
+        if topic.startswith(PREFIX):
+            self._outputs.setdefault(key, []).append((topic, log_ns, message))
+        else:
+            self.input_topics.add(topic)
+            self._inputs.setdefault(key, []).append((topic, message))
+        self._match(key)
+
+    def unmatched(self) -> list[tuple[str, int]]:
+        """Return topic and stamp of the augmented scans that have no input."""
+        return [(topic, key[0]) for key, all_ in self._outputs.items() for topic, _, _ in all_]
+
+    def _match(self, key: _Key) -> None:
+        inputs, outputs = self._inputs.get(key, []), self._outputs.get(key, [])
+        for output in list(outputs):
+            found = next((i for i, each in enumerate(inputs) if _is_of(output[0], each[0])), None)
+            if found is None and len(self.input_topics) == 1 and inputs:
+                found = 0
+            if found is not None:
+                self._compare(key, inputs.pop(found)[1], *output)
+                outputs.remove(output)
+        if not outputs:
+            self._outputs.pop(key, None)
+        if not inputs:
+            self._inputs.pop(key, None)
+
+    def _compare(self, key: _Key, real: Any, topic: str, log_ns: int, output: Any) -> None:
+        self.pairs += 1
+        fault = _shape_fault(real, output)
+        which = np.empty(0, np.int64) if fault else _differing(real.ranges, output.ranges)
+        fault = fault or _values_fault(real, output, which)
+        if not fault and not which.size:
+            return
+        ranges = output.ranges[which].astype(np.float64)
+        too_close = np.isneginf(ranges)
+        ranges[~np.isfinite(ranges)] = output.range_min
+        angles = output.angle_min + which * float(output.angle_increment)
+        points = np.column_stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))))
+        points *= ranges[:, None]
+        changed = ChangedScan(
+            topic, key[0], log_ns, key[1], float(output.range_min), points, too_close, fault
+        )
+        self.changed.append(changed)
+
+
+def _is_of(output: str, source: str) -> bool:
+    """Tell whether an output's name is that of an input under the prefix."""
+    return output.removeprefix(PREFIX) == source.lstrip("/")
+
+
+def _shape_fault(real: Any, output: Any) -> str:
+    for name in _PLAIN_FIELDS:
+        ours, theirs = getattr(output, name), getattr(real, name)
+        if ours != theirs and not (np.isnan(ours) and np.isnan(theirs)):
+            return f"has {name} {ours}, its input {theirs}"
+    lengths = len(output.ranges), len(output.intensities)
+    wanted = len(real.ranges), len(real.intensities)
+    return "" if lengths == wanted else f"has {lengths} ranges and intensities, its input {wanted}"
+
+
+def _differing(real: NDArray[np.float32], output: NDArray[np.float32]) -> NDArray[np.int64]:
+    """Return the beams whose bits differ."""
+    return np.flatnonzero(real.view(np.uint32) != output.view(np.uint32))
+
+
+def _values_fault(real: Any, output: Any, which: NDArray[np.int64]) -> str:
+    """Check what needs no geometry: only shorter, valid or too close; the rest bit for bit."""
+    before, after = real.ranges[which], output.ranges[which]
+    low, high = np.float32(real.range_min), np.float32(real.range_max)
+    returned = (before >= low) & (before <= high)
+    valid = np.isneginf(after) | ((after >= low) & (after <= high))
+    wrong = ~valid | (returned & ~(after < before)) | np.isneginf(before)
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        return f"has {after[first]} m in beam {which[first]}, where its input has {before[first]} m"
+    if len(real.intensities):
+        kept = np.ones(len(real.ranges), np.bool_)
+        kept[which] = False
+        dimmed = _differing(real.intensities, output.intensities)
+        if len(real.intensities) == len(real.ranges) and kept[dimmed].any():
+            return f"changed the intensity of beam {dimmed[kept[dimmed]][0]}, but not its range"
+    return ""

@@ -1,0 +1,144 @@
+"""The artefacts in the overview picture: oriented footprints in the colours of their classes."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.artefacts.population import FIRST_ADMITTED_ID
+from are_ros.replay._picture_map import Window
+from are_ros.replay.scene_record import Life
+
+Floats = npt.NDArray[np.float64]
+
+_KNOWN_CLASSES: Final[Mapping[str, str]] = {
+    "person": "#d1495b",
+    "car": "#6a4c93",
+    "pallet": "#c9871f",
+    "robot": "#2a9d8f",
+    "structure": "#7d5a50",
+}
+_FURTHER: Final = ("#3a7d44", "#b5179e", "#8d99ae", "#e07a1f", "#5f0f40", "#606c38")
+_SMALLEST_PT: Final = 7.0
+_LABEL_PT: Final = 7.0
+_MOST_LABELS: Final = 80
+_SIDES: Final = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """A life as it is drawn: corners (4, 2) of its box and the middle of its front (2,) [m]."""
+
+    life: Life
+    centre_m: Floats
+    corners_m: Floats
+    front_m: Floats
+
+
+def class_colours(names: Sequence[str]) -> dict[str, str]:
+    """Return a colour for each class; those of the shipped catalogue always have their own."""
+    others = sorted(set(names) - set(_KNOWN_CLASSES))
+    further = {name: _FURTHER[i % len(_FURTHER)] for i, name in enumerate(others)}
+    return {**_KNOWN_CLASSES, **further}
+
+
+def drawn_lives(lives: Sequence[Life]) -> list[Drawn]:
+    """Return where each life is drawn: as it was first perceived, else where it stood last.
+
+    Those ever perceived come last, and so on top.
+    """
+    standing = [life for life in lives if len(life.footprints)]
+    return [_drawn(life) for life in sorted(standing, key=lambda life: life.is_perceived)]
+
+
+def draw_artefacts(
+    axes: Any, drawn: Sequence[Drawn], colours: Mapping[str, str], points_per_m: float
+) -> None:
+    """Draw the footprints: filled if ever perceived, else hatched; and where they moved."""
+    from matplotlib.patches import Polygon
+
+    for order, item in enumerate(drawn):
+        colour, layer = colours[item.life.row.class_name], 4.0 + order * 1e-4
+        look = _filled(colour) if item.life.is_perceived else _hatched(colour)
+        poses = item.life.footprints.poses
+        if len(poses) > 1:
+            axes.plot(poses[:, 0], poses[:, 1], color=colour, lw=0.8, alpha=0.6, zorder=3.5)
+        if np.ptp(item.corners_m, axis=0).max() * points_per_m < _SMALLEST_PT:
+            _draw_dot(axes, item, colour, layer)
+            continue
+        axes.add_patch(Polygon(item.corners_m, closed=True, zorder=layer, **look))
+        tick = np.array((item.centre_m, item.front_m))
+        tick_colour = "white" if item.life.is_perceived else colour
+        axes.plot(*tick.T, color=tick_colour, lw=1.1, zorder=layer, solid_capstyle="butt")
+
+
+def draw_labels(axes: Any, drawn: Sequence[Drawn], window: Window, points_per_m: float) -> None:
+    """Write ids beside the artefacts, the perceived ones first, where they cover nothing."""
+    height_m = _LABEL_PT / points_per_m
+    taken = [(*item.corners_m.min(axis=0), *item.corners_m.max(axis=0)) for item in drawn]
+    written = 0
+    for item in reversed(drawn):
+        text = id_text(item.life.artefact_id)
+        size_m = (0.66 * height_m * len(text), height_m)
+        spot = _free_spot(item, size_m, np.array(taken), window, 0.25 * height_m)
+        if spot is None or written == _MOST_LABELS:
+            continue
+        taken.append((*spot, spot[0] + size_m[0], spot[1] + size_m[1]))
+        written += 1
+        x_m, y_m = spot[0] + 0.5 * size_m[0], spot[1] + 0.5 * size_m[1]
+        axes.text(
+            x_m, y_m, text, fontsize=_LABEL_PT, color="#3b4148", ha="center", va="center", zorder=7
+        )
+
+
+def id_text(artefact_id: int) -> str:
+    """Return an id as short as it can be: requested ones count from s0, not from a billion."""
+    requested = artefact_id - FIRST_ADMITTED_ID
+    return str(artefact_id) if requested < 0 else f"s{requested}"
+
+
+def _drawn(life: Life) -> Drawn:
+    when_ns = life.first_seen_ns
+    stamps = life.footprints.stamps_ns
+    x_m, y_m, yaw_rad = life.footprint_at(int(stamps[-1]) if when_ns is None else when_ns)
+    forward = np.array((np.cos(yaw_rad), np.sin(yaw_rad)))
+    left = np.array((-forward[1], forward[0]))
+    ahead, aside = 0.5 * life.row.size_m[0] * forward, 0.5 * life.row.size_m[1] * left
+    centre = np.array((x_m, y_m))
+    corners = centre + np.array((ahead + aside, aside - ahead, -ahead - aside, ahead - aside))
+    return Drawn(life, centre, corners, centre + ahead)
+
+
+def _filled(colour: str) -> dict[str, Any]:
+    return {"facecolor": colour, "edgecolor": "white", "lw": 0.7}
+
+
+def _hatched(colour: str) -> dict[str, Any]:
+    return {"facecolor": "#ffffffd0", "edgecolor": colour, "lw": 1.0, "hatch": "/////"}
+
+
+def _draw_dot(axes: Any, item: Drawn, colour: str, layer: float) -> None:
+    """Draw what would be too small to be seen as a dot."""
+    face = colour if item.life.is_perceived else "white"
+    edge = "white" if item.life.is_perceived else colour
+    look = {"markerfacecolor": face, "markeredgecolor": edge, "markeredgewidth": 0.9}
+    axes.plot(*item.centre_m, "o", ms=_SMALLEST_PT - 1.0, zorder=layer, **look)
+
+
+def _free_spot(
+    item: Drawn, size_m: tuple[float, float], taken: Floats, window: Window, gap_m: float
+) -> Floats | None:
+    """Return the low corner of a place for a label beside an artefact, None if all are taken."""
+    half = 0.5 * np.array(size_m)
+    reach = 0.5 * np.ptp(item.corners_m, axis=0) + half + gap_m
+    for side in _SIDES:
+        low = item.centre_m + np.array(side) * reach - half
+        high = low + size_m
+        inside = low[0] > window.left and low[1] > window.bottom
+        inside = inside and high[0] < window.right and high[1] < window.top
+        apart = (low >= taken[:, 2:]).any(axis=1) | (high <= taken[:, :2]).any(axis=1)
+        if inside and apart.all():
+            return low
+    return None

@@ -1,0 +1,179 @@
+"""What surrounds the map in the overview picture: title, legend, time and scale."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from are_ros.builder.events import EventKind
+from are_ros.conventions import NS_PER_S
+from are_ros.replay._picture_map import Window
+from are_ros.replay._picture_robot import SEEN_COLOUR, time_colours
+from are_ros.replay.scene_record import SceneRecord
+
+_LARGEST_IN: Final = (11.5, 8.5)
+_SMALLEST_IN: Final = (7.6, 2.6)
+_MARGIN_IN: Final = 0.22
+_HEADER_IN: Final = 0.82
+_FOOTER_IN: Final = 0.74
+_DPI: Final = 120
+_PAPER: Final = "#eceef0"
+_INK: Final = "#23282e"
+_FAINT_INK: Final = "#66707a"
+_GREY: Final = "#6c757d"
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """The figure, the axes of the map on it, what they show, and points (1/72 inch) per metre."""
+
+    figure: Any
+    axes: Any
+    window: Window
+    points_per_m: float
+
+    @classmethod
+    def of(cls, window: Window) -> "Sheet":
+        """Lay out a sheet as large as the window's shape asks for."""
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        scale = min(_LARGEST_IN[0] / window.width_m, _LARGEST_IN[1] / window.height_m)
+        width = max(_SMALLEST_IN[0], window.width_m * scale)
+        height = max(_SMALLEST_IN[1], window.height_m * scale)
+        sides = (width + 2 * _MARGIN_IN, height + _HEADER_IN + _FOOTER_IN)
+        figure = Figure(figsize=sides, dpi=_DPI, facecolor="white")
+        FigureCanvasAgg(figure)
+        place = (_MARGIN_IN / sides[0], _FOOTER_IN / sides[1], width / sides[0], height / sides[1])
+        axes = figure.add_axes(place, facecolor=_PAPER, xticks=[], yticks=[])
+        axes.spines[:].set_color("#d3d7db")
+        middle = (0.5 * (window.left + window.right), 0.5 * (window.bottom + window.top))
+        half_m = (0.5 * width / scale, 0.5 * height / scale)
+        shown = Window(
+            middle[0] - half_m[0], middle[0] + half_m[0], middle[1] - half_m[1], middle[1] + half_m[1]
+        )
+        axes.set(xlim=(shown.left, shown.right), ylim=(shown.bottom, shown.top), autoscale_on=False)
+        return cls(figure, axes, shown, scale * 72.0)
+
+
+def draw_frame(sheet: Sheet, record: SceneRecord, colours: Mapping[str, str]) -> None:
+    """Write title and legend around the map, and the scale of length and of time."""
+    width_in, height_in = sheet.figure.get_size_inches()
+    left, top = _MARGIN_IN / width_in, 1.0 - 0.16 / height_in
+    sheet.figure.text(left, top, _title(record), size=15, weight="bold", color=_INK, va="top")
+    below = top - 0.34 / height_in
+    sheet.figure.text(left, below, _subtitle(record), size=9, color=_FAINT_INK, va="top")
+    _draw_legend(sheet, record, colours)
+    _draw_scale(sheet)
+    if len(record.robot):
+        _draw_time(sheet, record)
+
+
+def _title(record: SceneRecord) -> str:
+    arrived = record.metrics.arrivals if record.metrics else 0
+    perceived = sum(life.is_perceived for life in record.lives)
+    noun = "artefact" if arrived == 1 else "artefacts"
+    return f"{arrived} virtual {noun} arrived, {perceived} perceived"
+
+
+def _subtitle(record: SceneRecord) -> str:
+    steps = np.diff(record.robot.poses[:, :2], axis=0)
+    driven_m = float(np.linalg.norm(steps, axis=1).sum())
+    contacts = sum(event.kind is EventKind.ROBOT_CONTACT for event in record.events)
+    parts = [
+        f"{record.duration_ns / NS_PER_S:.0f} s",
+        f"robot drove {driven_m:.1f} m" if len(record.robot) else "no pose of the robot",
+        f"{contacts} robot contacts" if contacts else "",
+        f"seed {record.seed}",
+        "numbers are ids, as in metrics.json" if record.lives else "",
+    ]
+    return "   ·   ".join(part for part in parts if part)
+
+
+def _draw_legend(sheet: Sheet, record: SceneRecord, colours: Mapping[str, str]) -> None:
+    """Say in one line which colours are which classes, and in another what the rest means."""
+    from matplotlib.patches import Patch
+
+    classes, meanings = [], []
+    for name in sorted({life.row.class_name for life in record.lives}):
+        lives = [life for life in record.lives if life.row.class_name == name]
+        text = f"{name}  {sum(life.is_perceived for life in lives)} of {len(lives)}"
+        classes.append(Patch(facecolor=colours[name], edgecolor="white", label=text))
+    if record.lives:
+        outline = {"edgecolor": _GREY, "lw": 0.9}
+        meanings.append(Patch(facecolor=_GREY, label="perceived"))
+        meanings.append(Patch(facecolor="white", hatch="/////", label="never perceived", **outline))
+    if len(record.camera):
+        meanings.append(Patch(facecolor=SEEN_COLOUR, alpha=0.42, label="in view, where drawn"))
+        meanings.append(Patch(facecolor=SEEN_COLOUR, alpha=0.17, label="in view at some time"))
+    used_in = _add_legend(sheet, classes, _FOOTER_IN - 0.06)
+    _add_legend(sheet, meanings, _FOOTER_IN - 0.06 - used_in)
+
+
+def _add_legend(sheet: Sheet, handles: list[Any], top_in: float) -> float:
+    """Add a legend whose upper edge is so high above the sheet's edge; return its height."""
+    if not handles:
+        return 0.0
+    width_in, height_in = sheet.figure.get_size_inches()
+    columns = max(1, int((width_in - 2.3) / 1.3))
+    sheet.figure.legend(
+        handles=handles,
+        loc="upper left",
+        bbox_to_anchor=((_MARGIN_IN - 0.06) / width_in, top_in / height_in),
+        ncol=columns,
+        frameon=False,
+        fontsize=8.5,
+        labelcolor=_INK,
+        columnspacing=1.3,
+        handlelength=1.5,
+        borderpad=0.1,
+    )
+    return 0.21 * math.ceil(len(handles) / columns)
+
+
+def _draw_time(sheet: Sheet, record: SceneRecord) -> None:
+    """Draw the colours of the path as a bar from the first second to the last."""
+    width_in, height_in = sheet.figure.get_size_inches()
+    length = 1.6
+    left = (width_in - _MARGIN_IN - length) / width_in
+    place = (left, (_FOOTER_IN - 0.36) / height_in, length / width_in, 0.09 / height_in)
+    axes = sheet.figure.add_axes(place, yticks=[])
+    colours = np.linspace(0.0, 1.0, 256)[np.newaxis]
+    end_s = record.duration_ns / NS_PER_S
+    axes.imshow(colours, cmap=time_colours(), aspect="auto", extent=(0.0, 1.0, 0.0, 1.0))
+    axes.set_xticks([])
+    axes.text(0.0, -0.6, "0 s", fontsize=8, color=_INK, va="top")
+    axes.text(1.0, -0.6, f"{end_s:.0f} s", fontsize=8, color=_INK, va="top", ha="right")
+    axes.spines[:].set_visible(False)
+    axes.set_title("path of the robot", fontsize=8.5, color=_INK, pad=4)
+
+
+def _draw_scale(sheet: Sheet) -> None:
+    """Draw a bar of a round length into the lower left corner of the map."""
+    from matplotlib.patches import FancyBboxPatch
+
+    window, point_m = sheet.window, 1.0 / sheet.points_per_m
+    length_m = _round_length_m(0.18 * window.width_m)
+    left, bottom = window.left + 14 * point_m, window.bottom + 14 * point_m
+    size = (length_m, 11 * point_m)
+    style = f"round,pad={5 * point_m}"
+    box = FancyBboxPatch((left, bottom), *size, boxstyle=style, fc="white", ec="none", alpha=0.8)
+    box.set_zorder(9)
+    sheet.axes.add_patch(box)
+    ends = ((left, left, left + length_m, left + length_m), _bracket(bottom, point_m))
+    sheet.axes.plot(*ends, color=_INK, lw=1.2, zorder=9.1)
+    middle = (left + 0.5 * length_m, bottom + 7.5 * point_m)
+    text = f"{length_m:g} m"
+    sheet.axes.text(*middle, text, fontsize=8, color=_INK, ha="center", va="center", zorder=9.1)
+
+
+def _bracket(bottom: float, point_m: float) -> tuple[float, float, float, float]:
+    return (bottom + 3.0 * point_m, bottom, bottom, bottom + 3.0 * point_m)
+
+
+def _round_length_m(longest_m: float) -> float:
+    """Return the largest of 1, 2, 5 times a power of ten that is not longer."""
+    power = 10.0 ** math.floor(math.log10(longest_m))
+    return max(step * power for step in (1, 2, 5) if step * power <= longest_m * 1.000001)

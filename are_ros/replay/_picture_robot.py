@@ -1,0 +1,141 @@
+"""The robot in the overview picture: where it drove, and what its camera could see."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.conventions import NS_PER_S
+from are_ros.replay._picture_map import Window
+from are_ros.replay._picture_view import Fan
+from are_ros.replay.scene_record import SceneRecord
+from are_ros.world.footprint import Footprint
+
+Floats = npt.NDArray[np.float64]
+
+TIME_COLOURS: Final = ("#7cc0e8", "#2f7fc1", "#0b2f6b")
+SEEN_COLOUR: Final = "#4f9fd8"
+_MOST_VERTICES: Final = 2000
+_SMALLEST_ROBOT_PT: Final = 9.0
+_MASK_PIXELS: Final = 900
+
+
+def time_colours() -> Any:
+    """Return the colour map of the time along the path, from 0 to 1."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    return LinearSegmentedColormap.from_list("time", TIME_COLOURS)
+
+
+def time_fraction(record: SceneRecord, stamps_ns: npt.ArrayLike) -> Floats:
+    """Return the stamps as fractions of the record's duration."""
+    first_ns = record.series.stamps_ns[0]
+    passed_ns = np.asarray(stamps_ns, dtype=np.int64) - first_ns
+    return passed_ns / max(record.duration_ns, NS_PER_S // 1000)
+
+
+def draw_fans(
+    axes: Any, record: SceneRecord, swept: Sequence[Fan], shown: Sequence[Fan], window: Window
+) -> None:
+    """Tint what was ever in view, and outline a few fields of view in the colour of their time."""
+    from matplotlib.patches import Polygon
+
+    if swept:
+        _tint(axes, swept, window)
+    colours = time_colours()
+    for fan in shown:
+        colour = colours(float(time_fraction(record, fan.stamp_ns)))
+        axes.add_patch(Polygon(fan.outline_m, facecolor=colour, alpha=0.10, lw=0, zorder=1.2))
+        axes.add_patch(
+            Polygon(fan.outline_m, fill=False, edgecolor=colour, alpha=0.35, lw=0.6, zorder=1.3)
+        )
+
+
+def draw_path(
+    axes: Any, record: SceneRecord, shown: Sequence[Fan], points_per_m: float
+) -> None:
+    """Draw the path in the colours of time, with the robot at its ends and where fans begin."""
+    from matplotlib.collections import LineCollection
+
+    poses, stamps = record.robot.poses, record.robot.stamps_ns
+    if not len(poses):
+        return
+    some = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), _MOST_VERTICES)).astype(int))
+    points, fractions = poses[some, :2], time_fraction(record, stamps[some])
+    axes.plot(*points.T, color="white", lw=4.2, zorder=5.0, solid_capstyle="round")
+    pieces = np.stack((points[:-1], points[1:]), axis=1)
+    line = LineCollection(pieces, cmap=time_colours(), zorder=5.1, lw=2.2, capstyle="round")
+    line.set_array(fractions[1:])
+    line.set_clim(0.0, 1.0)
+    axes.add_collection(line, autolim=False)
+    at_fans = np.searchsorted(stamps, [fan.stamp_ns for fan in shown]).tolist()
+    for index in sorted({0, len(poses) - 1, *at_fans} - {len(poses)}):
+        _draw_robot(axes, record, index, points_per_m)
+    below_pt = 9.0 + points_per_m * _outline(record.footprint)[:, 1].max()
+    _mark(axes, poses[0], "start", TIME_COLOURS[1], below_pt)
+    if len(poses) > 1:
+        _mark(axes, poses[-1], "end", TIME_COLOURS[-1], below_pt)
+
+
+def _tint(axes: Any, fans: Sequence[Fan], window: Window) -> None:
+    """Tint the union of the fans, evenly however many overlap."""
+    import cv2
+
+    scale = _MASK_PIXELS / max(window.width_m, window.height_m)
+    shape = (max(1, round(window.height_m * scale)), max(1, round(window.width_m * scale)))
+    mask = np.zeros(shape, dtype=np.uint8)
+    for fan in fans:
+        outline = (fan.outline_m - (window.left, window.bottom)) * scale
+        corners = np.rint(np.clip(outline, -1e4, 1e4) * 16).astype(np.int32)
+        cv2.fillPoly(mask, [corners], 1, shift=4)
+    image = np.zeros((*shape, 4), dtype=np.uint8)
+    image[mask > 0] = (*(int(SEEN_COLOUR[i : i + 2], 16) for i in (1, 3, 5)), 34)
+    extent = (window.left, window.right, window.bottom, window.top)
+    axes.imshow(image, origin="lower", extent=extent, zorder=1.0, aspect="auto")
+
+
+def _draw_robot(axes: Any, record: SceneRecord, index: int, points_per_m: float) -> None:
+    """Draw the robot's outline at one pose, with a line to its front; as a dot if too small."""
+    from matplotlib.patches import Polygon
+
+    x_m, y_m, yaw_rad = record.robot.poses[index].tolist()
+    fraction = time_fraction(record, record.robot.stamps_ns[index])
+    colour = time_colours()(float(fraction))
+    outline = _outline(record.footprint.at(x_m, y_m, yaw_rad))
+    if np.ptp(outline, axis=0).max() * points_per_m < _SMALLEST_ROBOT_PT:
+        look = {"ms": _SMALLEST_ROBOT_PT - 2.0, "markeredgecolor": colour, "markeredgewidth": 1.5}
+        axes.plot(x_m, y_m, "o", markerfacecolor="white", zorder=5.2, **look)
+        return
+    axes.add_patch(Polygon(outline, facecolor="white", alpha=0.75, lw=0, zorder=5.2))
+    axes.add_patch(Polygon(outline, fill=False, edgecolor=colour, lw=1.5, zorder=5.3))
+    forward = np.array((np.cos(yaw_rad), np.sin(yaw_rad)))
+    reach_m = float(((outline - (x_m, y_m)) @ forward).max())
+    nose = np.array((x_m, y_m)) + np.outer((0.0, 1.0), forward * reach_m)
+    axes.plot(*nose.T, color=colour, lw=1.5, zorder=5.3)
+
+
+def _outline(footprint: Footprint) -> Floats:
+    """Return the corners of a rounded polygon: those of discs at its vertices, hull taken."""
+    import cv2
+
+    angles = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+    circle = footprint.radius_m * np.column_stack((np.cos(angles), np.sin(angles)))
+    points = (footprint.vertices_m[:, np.newaxis] + circle).reshape(-1, 2).astype(np.float32)
+    hull: Floats = cv2.convexHull(points)[:, 0].astype(np.float64)
+    return hull
+
+
+def _mark(axes: Any, pose: Floats, text: str, colour: str, below_pt: float) -> None:
+    axes.annotate(
+        text,
+        pose[:2],
+        xytext=(0, -below_pt),
+        textcoords="offset points",
+        ha="center",
+        va="center",
+        fontsize=7.5,
+        color="white",
+        zorder=8,
+        bbox={"boxstyle": "round,pad=0.25", "facecolor": colour, "edgecolor": "white", "lw": 0.6},
+    )

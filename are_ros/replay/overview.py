@@ -1,0 +1,81 @@
+"""overview.png: a replay seen from above, with what the robot perceived and what it did not."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.replay._picture_artefacts import class_colours, draw_artefacts, draw_labels, drawn_lives
+from are_ros.replay._picture_frame import Sheet, draw_frame
+from are_ros.replay._picture_map import KnownPart, Window, known_part, map_from_part, shaded, window_of
+from are_ros.replay._picture_robot import draw_fans, draw_path
+from are_ros.replay._picture_view import Fan, Sight, fan_at, spread_indices
+from are_ros.replay.scene_record import SceneRecord
+from are_ros.world.occupancy_grid import OccupancyGrid
+
+_SHOWN_FANS: Final = 3
+_SWEPT_FANS: Final = 60
+
+
+def draw_overview(
+    record: SceneRecord, grid: OccupancyGrid, path: Path, *, occupied_threshold: int = 65
+) -> None:
+    """Write the picture of a replay over its map, as PNG; the same input gives the same bytes.
+
+    It shows the known part of the map, the robot's path, some of its fields of view as far as the
+    walls of the map and taller artefacts let them reach, and each artefact where it was first
+    perceived, or else where it stood last. Settings of matplotlib in force change nothing.
+    """
+    import matplotlib as mpl
+
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update({"hatch.linewidth": 0.7, "font.family": "DejaVu Sans"})
+        figure = _figure(record, grid, occupied_threshold)
+        figure.savefig(path, format="png", metadata={"Software": None})
+
+
+def _figure(record: SceneRecord, grid: OccupancyGrid, occupied_threshold: int) -> Any:
+    part = known_part(grid)
+    drawn = drawn_lives(record.lives)
+    corners = [item.corners_m for item in drawn]
+    window = window_of(grid, part, np.concatenate((record.robot.poses[:, :2], *corners)))
+    colours = class_colours([life.row.class_name for life in record.lives])
+    sheet = Sheet.of(window)
+    swept, shown = _fans(record, Sight(grid, part, occupied_threshold))
+    _draw_map(sheet, grid, part)
+    draw_fans(sheet.axes, record, swept, shown, window)
+    draw_path(sheet.axes, record, shown, sheet.points_per_m)
+    draw_artefacts(sheet.axes, drawn, colours, sheet.points_per_m)
+    draw_labels(sheet.axes, drawn, window, sheet.points_per_m)
+    draw_frame(sheet, record, colours)
+    return sheet.figure
+
+
+def _fans(record: SceneRecord, sight: Sight) -> tuple[list[Fan], list[Fan]]:
+    """Return the fans that make up the area seen, and the few that are drawn one by one."""
+    return tuple(
+        [fan for index in spread_indices(record, count) if (fan := fan_at(record, sight, index))]
+        for count in (_SWEPT_FANS, _SHOWN_FANS)
+    )
+
+
+def _draw_map(sheet: Sheet, grid: OccupancyGrid, part: KnownPart) -> None:
+    from matplotlib.transforms import Affine2D
+
+    image, factor = shaded(part, sheet.points_per_m * grid.resolution_m)
+    corners = map_from_part(grid, part, [(0, 0), (factor, 0), (0, factor)])
+    (a, b), (c, d) = corners[1] - corners[0], corners[2] - corners[0]
+    place = Affine2D.from_values(a, b, c, d, *corners[0])
+    height, width = image.shape[:2]
+    sheet.axes.imshow(
+        image,
+        origin="lower",
+        extent=(0, width, 0, height),
+        transform=place + sheet.axes.transData,
+        interpolation="nearest",
+        zorder=0,
+        aspect="auto",
+    )

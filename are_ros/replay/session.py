@@ -1,0 +1,202 @@
+"""One replay from its options to its recording."""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from are_ros.artefacts.catalogue import Catalogue
+from are_ros.artefacts.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
+from are_ros.builder.ar_builder import ArBuilder
+from are_ros.builder.assembly import parse_static_transform, robot_footprint
+from are_ros.builder.sensor_path import SensorPathCounts
+from are_ros.builder.warm_up import warm_up
+from are_ros.errors import BagError
+from are_ros.messages.transforms import StampedTransform
+from are_ros.parameters.choices import CameraModel, OnRobotContact
+from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import Parameters
+from are_ros.replay.bag_reader import BagReader
+from are_ros.replay.bag_writer import BagWriter
+from are_ros.replay.feed import Refusals
+from are_ros.replay.input_copy import InputCopy
+from are_ros.replay.listeners import All, InputWriter, OutputWriter, RecordKeeper
+from are_ros.replay.message_types import RosbagsFactory
+from are_ros.replay.options import ReplayOptions
+from are_ros.replay.roles import RolesFound, find_roles
+from are_ros.replay.runner import Listener, Progress, Replay
+from are_ros.replay.scene_record import SceneRecord, SceneRecorder
+from are_ros.replay.stopwatch import Stopwatch
+from are_ros.replay.tick_writer import TickWriter
+from are_ros.world.map_file import read_map_file
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.octomap_file import read_octomap_file
+
+AUGMENTED = "augmented.mcap"
+
+Say = Callable[[str], None]
+OpenProgress = Callable[[int, int], Progress]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a replay did; the window is [start_ns, end_ns) of log time."""
+
+    options: ReplayOptions
+    start_ns: int
+    end_ns: int
+    record: SceneRecord
+    grid: OccupancyGrid
+    scans: Mapping[str, SensorPathCounts]
+    refusals: Refusals
+    messages_written: Mapping[str, int]
+    stopwatch: Stopwatch
+
+
+def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) -> Outcome:
+    """Run a replay, and write `augmented.mcap` into its folder if it has one.
+
+    `say` takes sentences for the user; `open_progress(start_ns, end_ns)` returns what is told the
+    log time reached. Raises AreError, and then leaves no recording behind.
+    """
+    options = _with_replay_policy(options)
+    stopwatch = Stopwatch()
+    with BagReader(options.bags) as reader:
+        with stopwatch.phase("start_up"):
+            roles = find_roles(reader.topics, options.topics)
+            _say_what_is_missing(options, roles, say)
+            catalogue = read_catalogue_of(options.parameters)
+            warm_up(catalogue)
+            builder = ArBuilder(options.parameters, catalogue, options.demand)
+            replay = Replay(reader, builder, options, roles, stopwatch)
+            _feed_files(options, builder, replay.start_ns)
+        recorder = _recorder(options.parameters, catalogue)
+        keeper = RecordKeeper(recorder, builder)
+        with ExitStack() as stack:
+            writers, counts = _open_writers(stack, options, reader, replay, builder)
+            with stopwatch.phase("replay"):
+                progress = open_progress(replay.start_ns, replay.end_ns)
+                replay.run(All([keeper, *writers]), progress)
+            _check_outcome(builder)
+    for notice in [*builder.notices, *builder.frames.drain_notices()]:
+        say(notice)
+    return _outcome(options, replay, builder, recorder, counts(), stopwatch)
+
+
+def read_catalogue_of(parameters: Parameters) -> Catalogue:
+    """Return the catalogue that the parameters name, or the shipped one."""
+    return read_catalogue(Path(parameters.catalogue) if parameters.catalogue else SHIPPED_CATALOGUE)
+
+
+def _with_replay_policy(options: ReplayOptions) -> ReplayOptions:
+    """Let artefacts make way, unless told otherwise: a recorded robot cannot react."""
+    if options.parameters.collisions.on_robot_contact is not OnRobotContact.AUTO:
+        return options
+    policy = {"collisions.on_robot_contact": OnRobotContact.DISPLACE}
+    return replace(options, parameters=with_values(options.parameters, policy))
+
+
+def _say_what_is_missing(options: ReplayOptions, roles: RolesFound, say: Say) -> None:
+    """Raise BagError where there is no map; say what stands in for the rest."""
+    for sentence in roles.sentences():
+        say(sentence)
+    if roles.topic("map") is None and options.map_file is None:
+        raise BagError(
+            "the recording has no map (nav_msgs/OccupancyGrid): give one with --map FILE.yaml"
+        )
+    camera = options.parameters.camera
+    if roles.topic("camera/camera_info") is None and camera.model is CameraModel.AUTO:
+        say(
+            f"no camera in the recording: a pinhole of {camera.width}x{camera.height} pixels on "
+            f"the base, {camera.mount[2]:g} m up, stands in for it (parameters camera.*)"
+        )
+
+
+def _feed_files(options: ReplayOptions, builder: ArBuilder, start_ns: int) -> None:
+    """Give the builder the map and the octomap that come from files."""
+    map_frame = options.parameters.frames.map
+    if options.map_file is not None:
+        builder.receive_map(read_map_file(options.map_file, map_frame), start_ns)
+    if options.octomap_file is not None:
+        centres_m, voxel_size_m = read_octomap_file(options.octomap_file)
+        builder.receive_cloud(centres_m, map_frame, start_ns, voxel_size_m)
+    builder.prepare()
+
+
+def _recorder(parameters: Parameters, catalogue: Catalogue) -> SceneRecorder:
+    return SceneRecorder(
+        catalogue,
+        seed=parameters.seed,
+        max_range_m=parameters.occlusion.max_range,
+        footprint=robot_footprint(parameters.robot),
+    )
+
+
+def _open_writers(
+    stack: ExitStack,
+    options: ReplayOptions,
+    reader: BagReader,
+    replay: Replay,
+    builder: ArBuilder,
+) -> tuple[Sequence[Listener], Callable[[], Mapping[str, int]]]:
+    """Return what writes the recording, and what tells how much it wrote."""
+    if options.out is None:
+        return (), dict
+    options.out.mkdir(parents=True, exist_ok=True)
+    writer = stack.enter_context(BagWriter(options.out / AUGMENTED))
+    factory = RosbagsFactory()
+    outputs = OutputWriter(TickWriter(writer, factory, replay.scan_topics()))
+    if not options.with_inputs:
+        return (outputs,), writer.counts
+    copy = InputCopy(reader, writer, factory, replay.role_of_topic)
+    if options.map_file is not None and builder.world.grid is not None:
+        copy.write_map("/map", builder.world.grid, replay.start_ns)
+    if statics := _static_transforms(options.parameters, replay.start_ns):
+        copy.write_static(statics, replay.start_ns)
+    return (outputs, InputWriter(copy)), writer.counts
+
+
+def _static_transforms(parameters: Parameters, stamp_ns: int) -> list[StampedTransform]:
+    """Return the static transforms of the parameters as messages have them."""
+    transforms = []
+    for text in parameters.frames.static:
+        parent, child, pose = parse_static_transform(text)
+        x, y, z = pose.translation_m.tolist()
+        i, j, k, w = pose.rotation_xyzw.tolist()
+        transforms.append(StampedTransform(parent, child, stamp_ns, (x, y, z), (i, j, k, w)))
+    return transforms
+
+
+def _check_outcome(builder: ArBuilder) -> None:
+    """Raise BagError where the map or the robot's pose was never known."""
+    if builder.world.grid is None:
+        raise BagError("no usable map was received: give one with --map FILE.yaml")
+    if builder.robots.last is None:
+        raise BagError(
+            f"the robot's pose in the map was never known ({builder.robots.missing}): "
+            "see `are inspect BAG`, and give what is missing with --static-tf or --map-frame"
+        )
+
+
+def _outcome(
+    options: ReplayOptions,
+    replay: Replay,
+    builder: ArBuilder,
+    recorder: SceneRecorder,
+    counts: Mapping[str, int],
+    stopwatch: Stopwatch,
+) -> Outcome:
+    grid = builder.world.grid
+    if grid is None:
+        raise BagError("no usable map was received: give one with --map FILE.yaml")
+    return Outcome(
+        options,
+        replay.start_ns,
+        replay.end_ns,
+        recorder.record(),
+        grid,
+        builder.scan_counts(),
+        replay.feed.refusals,
+        counts,
+        stopwatch,
+    )

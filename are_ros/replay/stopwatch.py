@@ -1,0 +1,30 @@
+"""What the wall clock says of a replay: for `timing.json` only."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+class Stopwatch:
+    """Adds up seconds by phase, and keeps the duration of every tick."""
+
+    def __init__(self) -> None:
+        self.phases_s: dict[str, float] = {}
+        self.tick_durations_s: list[float] = []
+
+    @contextmanager
+    def phase(self, name: str) -> Iterator[None]:
+        """Count the time inside the block to a phase."""
+        began_s = time.perf_counter()
+        try:
+            yield
+        finally:
+            taken_s = time.perf_counter() - began_s
+            self.phases_s[name] = self.phases_s.get(name, 0.0) + taken_s
+
+    @contextmanager
+    def tick(self) -> Iterator[None]:
+        """Keep the time inside the block as the duration of one tick."""
+        began_s = time.perf_counter()
+        yield
+        self.tick_durations_s.append(time.perf_counter() - began_s)

@@ -1,0 +1,39 @@
+"""Makes the sample recording: `python bags/make_sample_bag.py` writes sample_office.mcap here."""
+
+import argparse
+from pathlib import Path
+
+from are_ros.conventions import NS_PER_S
+from are_ros.replay.bag_writer import BagWriter
+from are_ros.replay.message_types import RosbagsFactory
+from are_ros.simulation.office import OFFICE_START, OFFICE_TOUR_S, office_building, office_driver
+from are_ros.simulation.recorder import record
+from are_ros.simulation.robot import DriveLimits
+from are_ros.simulation.simulator import Simulator
+
+START_NS = 1_700_000_000 * NS_PER_S
+SAMPLE = Path(__file__).with_name("sample_office.mcap")
+
+
+def main() -> None:
+    """Record the tour through the office and say what was written."""
+    arguments = _parsed_arguments()
+    limits = DriveLimits()
+    simulator = Simulator(office_building(), OFFICE_START, limits=limits, start_ns=START_NS)
+    with BagWriter(arguments.out) as writer:
+        record(simulator, office_driver(limits), writer, RosbagsFactory(), arguments.duration)
+    size_mb = arguments.out.stat().st_size / 1e6
+    print(f"{arguments.out}: {arguments.duration:g} s, {size_mb:.2f} MB")
+    for topic, count in writer.counts().items():
+        print(f"  {topic}: {count}")
+
+
+def _parsed_arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=SAMPLE, help="the file to write")
+    parser.add_argument("--duration", type=float, default=OFFICE_TOUR_S, help="seconds to record")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    main()
