@@ -6,7 +6,6 @@ was refused, or a check failed.
 
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -76,8 +75,12 @@ def _parameter_options(command: _Command) -> _Command:
     help="Let a topic play a part: map, octomap_point_cloud_centers, odom, scan, "
     "camera/camera_info, tf, tf_static. Repeatable.",
 )
-@click.option("--start", "start_s", type=click.FloatRange(min=0), default=0.0, help="Begin here [s].")
-@click.option("--duration", "duration_s", type=click.FloatRange(min=0), help="Length to replay [s].")
+@click.option(
+    "--start", "start_s", type=click.FloatRange(min=0), default=0.0, help="Begin here [s]."
+)
+@click.option(
+    "--duration", "duration_s", type=click.FloatRange(min=0), help="Length to replay [s]."
+)
 @click.option("--out", type=_FILE, default=Path("out"), show_default=True, help="Output folder.")
 @click.option("--with-inputs", is_flag=True, help="Write the inputs beside the outputs.")
 @click.option(

@@ -24,6 +24,7 @@ from are_ros.world.region import SpawnRegion
 HEADINGS: Final = 16
 """Headings of the lattice that is searched where drawing at random found nothing."""
 _BATCHES: Final = (32, 256, 1024, 4096)
+_PITCH_M: Final = 0.05
 _LATTICE_CELLS: Final = 1 << 18
 _CHUNK_CELLS: Final = 1 << 14
 _KEPT_POSES: Final = _LATTICE_CELLS * HEADINGS
@@ -41,9 +42,10 @@ class Placer:
     feasible ones (position continuous, heading in [-pi, pi)), or by the region's weights.
 
     Poses are drawn until one is feasible, some thousands at most. Then a lattice decides: the
-    centres of cells (where more than 2**18 have room, of every second, third, ... row and column)
-    times `HEADINGS` headings. The pose is uniform (or by weight) over those that are feasible;
-    None only if none is. What the static map alone decides there is remembered per footprint.
+    centres of cells times `HEADINGS` headings. (Where more than 2**17 cells have room, it takes
+    every n-th row and column, 5 cm apart, or so many that at most about 2**18 remain.) The pose
+    is uniform, or by weight, over those that are feasible; None only if none is. What the static
+    map alone decides there is remembered per footprint.
     """
 
     def __init__(self, environment: Environment, region: SpawnRegion) -> None:
@@ -170,9 +172,10 @@ class Placer:
         return np.column_stack((self._grid.cells_to_points(cells), turned))
 
     def _on_lattice(self, flat: _Cells) -> _Cells:
-        stride = math.ceil(math.sqrt(flat.size / _LATTICE_CELLS))
-        if stride <= 1:
+        if 2 * flat.size <= _LATTICE_CELLS:
             return flat
+        at_pitch = int(_PITCH_M / self._grid.resolution_m + 1e-6)
+        stride = max(1, at_pitch, math.ceil(math.sqrt(flat.size / _LATTICE_CELLS)))
         rows, cols = flat // self._grid.width, flat % self._grid.width
         is_on = (rows % stride == stride // 2) & (cols % stride == stride // 2)
         return np.compress(is_on, flat)

@@ -18,6 +18,8 @@ def check_perceived(record: Record) -> CheckResult:
     alive = {scene.log_ns: set(scene.ids.tolist()) for scene in record.scenes}
     for log_ns, message in record.perceived:
         sizes = _image_sizes(record, log_ns)
+        if not sizes:
+            tally.note("the size of the camera's image is not known without --with-inputs")
         before = -1
         for one in message.artefacts:
             tally.look()
@@ -25,7 +27,7 @@ def check_perceived(record: Record) -> CheckResult:
                 "is not alive" if int(one.id) not in alive.get(log_ns, ()) else "",
                 "is not listed in the order of ids" if int(one.id) <= before else "",
                 _sighting_fault(one, record.parameters.occlusion.tau, log_ns),
-                "" if any(_is_inside(one.roi, *size) for size in sizes) else _roi_text(one.roi),
+                _roi_fault(one.roi, sizes),
             ]
             before = int(one.id)
             for fault in filter(None, faults):
@@ -70,18 +72,20 @@ def _sighting_fault(one: Any, tau: int, log_ns: int) -> str:
 
 
 def _image_sizes(record: Record, log_ns: int) -> list[tuple[int, int]]:
-    """Return width and height of the image that is looked at: of the camera, or the parameters."""
+    """Return the sizes (width, height) that the image may have; none where nothing tells them."""
     camera = record.settings.camera
-    known = [size for since_ns, *size in record.camera_sizes if since_ns <= log_ns]
-    if camera.model is CameraModel.AUTO and record.camera_sizes:
-        # What was held since the look before may be in the image of the camera info before.
-        return [(width, height) for width, height in known[-2:]] or [(camera.width, camera.height)]
+    if camera.model is CameraModel.AUTO:
+        if record.camera_sizes:
+            known = [(w, h) for since_ns, w, h in record.camera_sizes if since_ns < log_ns]
+            # What is held since the look before may be in the image of the info before.
+            return known[-2:] or [(camera.width, camera.height)]
+        if not record.has_inputs():
+            return []
     return [(camera.width, camera.height)]
 
 
-def _is_inside(roi: Any, width: int, height: int) -> bool:
-    return bool(roi.x_offset + roi.width <= width and roi.y_offset + roi.height <= height)
-
-
-def _roi_text(roi: Any) -> str:
+def _roi_fault(roi: Any, sizes: list[tuple[int, int]]) -> str:
+    right, bottom = roi.x_offset + roi.width, roi.y_offset + roi.height
+    if not sizes or any(right <= width and bottom <= height for width, height in sizes):
+        return ""
     return f"has a region of {roi.width} x {roi.height} at {roi.x_offset}, {roi.y_offset}"

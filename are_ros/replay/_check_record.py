@@ -5,6 +5,7 @@ from typing import Any
 
 from are_ros.parameters.model import Parameters
 from are_ros.replay._check_cells import RealMap
+from are_ros.replay._check_file import PREFIX
 from are_ros.replay._check_frames import Frames
 from are_ros.replay._check_marker_decoding import MarkerChange
 from are_ros.replay._check_scan_pairs import ScanPairs
@@ -50,6 +51,10 @@ class Record:
     def settings(self) -> Parameters:
         """The parameters, the defaults where they are not known."""
         return Parameters() if self.parameters is None else self.parameters
+
+    def has_inputs(self) -> bool:
+        """Tell whether inputs were copied beside the outputs."""
+        return any(not topic.startswith(PREFIX) for topic in self.topics)
 
     def base_frame(self) -> str:
         """Return the robot's base: the one configured, else the usual one that there is."""

@@ -76,6 +76,10 @@ def draw_artefacts(
 
 def draw_labels(axes: Any, drawn: Sequence[Drawn], window: Window, points_per_m: float) -> None:
     """Write ids beside the artefacts, the perceived ones first, where they cover nothing."""
+    from matplotlib.patheffects import withStroke
+
+    look = {"fontsize": _LABEL_PT, "color": "#3b4148", "ha": "center", "va": "center"}
+    halo = [withStroke(linewidth=1.6, foreground="#ffffffc0")]
     height_m = _LABEL_PT / points_per_m
     taken = [(*item.corners_m.min(axis=0), *item.corners_m.max(axis=0)) for item in drawn]
     written = 0
@@ -88,9 +92,7 @@ def draw_labels(axes: Any, drawn: Sequence[Drawn], window: Window, points_per_m:
         taken.append((*spot, spot[0] + size_m[0], spot[1] + size_m[1]))
         written += 1
         x_m, y_m = spot[0] + 0.5 * size_m[0], spot[1] + 0.5 * size_m[1]
-        axes.text(
-            x_m, y_m, text, fontsize=_LABEL_PT, color="#3b4148", ha="center", va="center", zorder=7
-        )
+        axes.text(x_m, y_m, text, zorder=7, path_effects=halo, **look)
 
 
 def id_text(artefact_id: int) -> str:

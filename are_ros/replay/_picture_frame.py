@@ -52,7 +52,10 @@ class Sheet:
         middle = (0.5 * (window.left + window.right), 0.5 * (window.bottom + window.top))
         half_m = (0.5 * width / scale, 0.5 * height / scale)
         shown = Window(
-            middle[0] - half_m[0], middle[0] + half_m[0], middle[1] - half_m[1], middle[1] + half_m[1]
+            middle[0] - half_m[0],
+            middle[0] + half_m[0],
+            middle[1] - half_m[1],
+            middle[1] + half_m[1],
         )
         axes.set(xlim=(shown.left, shown.right), ylim=(shown.bottom, shown.top), autoscale_on=False)
         return cls(figure, axes, shown, scale * 72.0)
@@ -117,7 +120,7 @@ def _add_legend(sheet: Sheet, handles: list[Any], top_in: float) -> float:
     if not handles:
         return 0.0
     width_in, height_in = sheet.figure.get_size_inches()
-    columns = max(1, int((width_in - 2.3) / 1.3))
+    columns = max(1, int((width_in - 2.3) / 1.15))
     sheet.figure.legend(
         handles=handles,
         loc="upper left",
@@ -130,7 +133,7 @@ def _add_legend(sheet: Sheet, handles: list[Any], top_in: float) -> float:
         handlelength=1.5,
         borderpad=0.1,
     )
-    return 0.21 * math.ceil(len(handles) / columns)
+    return 0.2 * math.ceil(len(handles) / columns)
 
 
 def _draw_time(sheet: Sheet, record: SceneRecord) -> None:

@@ -54,7 +54,9 @@ def known_part(grid: OccupancyGrid) -> KnownPart:
     return KnownPart(part, int(rows[0]), int(cols[0]))
 
 
-def map_from_part(grid: OccupancyGrid, part: KnownPart, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def map_from_part(
+    grid: OccupancyGrid, part: KnownPart, points: npt.ArrayLike
+) -> npt.NDArray[np.float64]:
     """Return the points (N, 2) of the map's frame of points given as (col, row) in the part."""
     col_row = np.asarray(points, dtype=np.float64) + (part.col0, part.row0)
     matrix = grid.origin.matrix()

@@ -48,13 +48,11 @@ def draw_fans(
         colour = colours(float(time_fraction(record, fan.stamp_ns)))
         axes.add_patch(Polygon(fan.outline_m, facecolor=colour, alpha=0.10, lw=0, zorder=1.2))
         axes.add_patch(
-            Polygon(fan.outline_m, fill=False, edgecolor=colour, alpha=0.35, lw=0.6, zorder=1.3)
+            Polygon(fan.outline_m, fill=False, edgecolor=colour, alpha=0.25, lw=0.6, zorder=1.3)
         )
 
 
-def draw_path(
-    axes: Any, record: SceneRecord, shown: Sequence[Fan], points_per_m: float
-) -> None:
+def draw_path(axes: Any, record: SceneRecord, shown: Sequence[Fan], points_per_m: float) -> None:
     """Draw the path in the colours of time, with the robot at its ends and where fans begin."""
     from matplotlib.collections import LineCollection
 

@@ -7,9 +7,21 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.replay._picture_artefacts import class_colours, draw_artefacts, draw_labels, drawn_lives
+from are_ros.replay._picture_artefacts import (
+    class_colours,
+    draw_artefacts,
+    draw_labels,
+    drawn_lives,
+)
 from are_ros.replay._picture_frame import Sheet, draw_frame
-from are_ros.replay._picture_map import KnownPart, Window, known_part, map_from_part, shaded, window_of
+from are_ros.replay._picture_map import (
+    KnownPart,
+    Window,
+    known_part,
+    map_from_part,
+    shaded,
+    window_of,
+)
 from are_ros.replay._picture_robot import draw_fans, draw_path
 from are_ros.replay._picture_view import Fan, Sight, fan_at, spread_indices
 from are_ros.replay.scene_record import SceneRecord

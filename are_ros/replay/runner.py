@@ -8,6 +8,7 @@ from are_ros.builder.sensor_path import ReleasedScan
 from are_ros.builder.tick import Tick
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BagError
+from are_ros.replay.bag_clock import BagClock
 from are_ros.replay.bag_reader import BagMessage, BagReader
 from are_ros.replay.feed import Feed
 from are_ros.replay.options import ReplayOptions
@@ -36,7 +37,7 @@ class Listener(Protocol):
 
 
 class Replay:
-    """Runs one builder over the window of a recording; messages lie in [start_ns, end_ns).
+    """Runs one builder over the window [start_ns, end_ns) of a recording, by its `clock`.
 
     Ticks run at the multiples of the tick period since the epoch, each with what was received
     before it. What was recorded before the window (maps, transforms) counts as received at its
@@ -52,8 +53,11 @@ class Replay:
         stopwatch: Stopwatch,
     ) -> None:
         """Raise BagError where the window holds nothing, or a scan topic is absent."""
-        self.start_ns = reader.start_ns + seconds_to_ns(options.start_s)
-        self.end_ns = _end_ns(reader, self.start_ns, options)
+        self.clock = BagClock.of(reader, roles)
+        self._first_log_ns = reader.start_ns + seconds_to_ns(options.start_s)
+        self._last_log_ns = _end_ns(reader, self._first_log_ns, options)
+        self.start_ns = self.clock.at(self._first_log_ns)
+        self.end_ns = self.clock.at(self._last_log_ns)
         self.role_of_topic = _topics_to_read(reader, options, roles)
         self.feed = Feed(reader, builder, self.role_of_topic)
         self.ticks = 0
@@ -71,7 +75,7 @@ class Replay:
     def run(self, listener: Listener, progress: Progress) -> None:
         """Run to the end; `progress` is told the log time reached."""
         for message in self._messages():
-            received_ns = max(message.log_time_ns, self.start_ns)
+            received_ns = max(self.clock.at(message.log_time_ns), self.start_ns)
             self._run_ticks(received_ns, listener)
             self.feed.take(message, received_ns)
             listener.take_input(message, received_ns)
@@ -83,11 +87,11 @@ class Replay:
 
     def _messages(self) -> Iterator[BagMessage]:
         """Yield what is fed from before the window, then the window's messages."""
-        if self.start_ns > self._reader.start_ns:
+        if self._first_log_ns > self._reader.start_ns:
             early = [t for t, role in self.role_of_topic.items() if role in _FED_BEFORE_START]
-            yield from self._reader.messages(early, stop_ns=self.start_ns)
+            yield from self._reader.messages(early, stop_ns=self._first_log_ns)
         topics = list(self.role_of_topic)
-        yield from self._reader.messages(topics, self.start_ns, self.end_ns)
+        yield from self._reader.messages(topics, self._first_log_ns, self._last_log_ns)
 
     def _run_ticks(self, until_ns: int, listener: Listener) -> None:
         while self._next_tick_ns <= until_ns:

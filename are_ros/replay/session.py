@@ -69,6 +69,8 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             warm_up(catalogue)
             builder = ArBuilder(options.parameters, catalogue, options.demand)
             replay = Replay(reader, builder, options, roles, stopwatch)
+            if replay.clock.sentence:
+                say(replay.clock.sentence)
             _feed_files(options, builder, replay.start_ns)
         recorder = _recorder(options.parameters, catalogue)
         keeper = RecordKeeper(recorder, builder)

@@ -329,6 +329,22 @@ def test_memory_and_distant_neighbours_change_no_draw() -> None:
     assert used.place(row, _stream(7), Surroundings(others)) == expected
 
 
+def test_a_lattice_of_very_many_cells_is_thinned_evenly() -> None:
+    """Of 600 x 600 cells of 1 cm every fifth row and column stay, and a full slot is found."""
+    free = np.ones((600, 600), np.bool_)
+    placer = Placer(_environment(free, 0.01), _region(free))
+    thinned = placer._on_lattice(placer._cells.flat)
+    rows, cols = np.divmod(np.sort(thinned), 600)
+    assert thinned.size == 120 * 120
+    assert set(rows % 5) == set(cols % 5) == {2}
+    few = placer._on_lattice(np.arange(1000, dtype=np.int32))
+    assert few.size == 1000
+    corner = Surroundings(allowed=lambda boxes: boxes.centres_m[:, :2].max(axis=1) < 0.06)
+    pose = placer.place(_row(0.0, 0.0), _stream(1), corner)
+    assert pose is not None
+    assert max(pose.x_m, pose.y_m) < 0.06
+
+
 def test_an_empty_region_has_no_place() -> None:
     """Nowhere to arrive means blocked, for points too."""
     free = _free(ROOMS)

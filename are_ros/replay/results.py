@@ -1,0 +1,215 @@
+"""What a replay leaves in numbers: metrics.json (reproducible), timing.json (not), a summary.
+
+Wall-clock figures stand in timing.json only; nothing holds a date or a path of the machine.
+"""
+
+import json
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.builder.events import EventKind
+from are_ros.builder.sensor_path import SensorPathCounts
+from are_ros.conventions import NS_PER_S
+from are_ros.replay.scene_record import Life, SceneRecord
+
+Content = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class ReplayCounts:
+    """What was counted beside the scene, by topic: scans by outcome, messages refused, written."""
+
+    scans: Mapping[str, SensorPathCounts] = field(default_factory=dict)
+    refused: Mapping[str, int] = field(default_factory=dict)
+    written: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class WallClock:
+    """What a wall clock measured [s]: the phases of the replay by name, and each tick's step."""
+
+    phases_s: Mapping[str, float]
+    ticks_s: Sequence[float] = ()
+
+
+def metrics_content(record: SceneRecord, counts: ReplayCounts) -> Content:
+    """Return the content of metrics.json; times are seconds since the first tick.
+
+    Numbers that are not known are null. The same replay gives the same content.
+    """
+    series = record.series
+    return {
+        "seed": record.seed,
+        "ticks": len(series.stamps_ns),
+        "first_tick_ns": int(series.stamps_ns[0]) if len(series.stamps_ns) else None,
+        "duration_s": record.duration_ns / NS_PER_S,
+        "ticks_without_perception": series.blind_ticks,
+        **_population(record),
+        "alive": _mean_and_max(series.alive),
+        "perceived": _mean_and_max(series.perceived),
+        "perceived_ever": sum(life.is_perceived for life in record.lives),
+        "clutter_ratio": _mean_and_max(series.clutter_ratio),
+        "classes": _classes(record.lives),
+        "scans": {topic: asdict(counts.scans[topic]) for topic in sorted(counts.scans)},
+        "refused": {topic: counts.refused[topic] for topic in sorted(counts.refused)},
+        "written": {topic: counts.written[topic] for topic in sorted(counts.written)},
+        "lives": [_life(record, life) for life in record.lives],
+    }
+
+
+def timing_content(record: SceneRecord, clock: WallClock) -> Content:
+    """Return the content of timing.json; the real-time factor is simulated over all wall time."""
+    total_s = math.fsum(clock.phases_s.values())
+    ticks_ms = 1e3 * np.array(clock.ticks_s, dtype=np.float64)
+    names = {"p50": 50.0, "p90": 90.0, "p99": 99.0, "max": 100.0}
+    return {
+        "phases_s": {name: round(value, 6) for name, value in clock.phases_s.items()},
+        "total_s": round(total_s, 6),
+        "real_time_factor": record.duration_ns / NS_PER_S / total_s if total_s > 0.0 else None,
+        "tick_ms": {
+            name: float(np.percentile(ticks_ms, share)) if len(ticks_ms) else None
+            for name, share in names.items()
+        },
+    }
+
+
+def write_json(path: Path, content: Content) -> None:
+    """Write a content as indented JSON with a newline at its end."""
+    text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def summary_lines(metrics: Content, timing: Content | None = None) -> list[str]:
+    """Return what a person wants to know at the end of a replay, as aligned lines of text."""
+    entries = [
+        ("time", _time_text(metrics, timing)),
+        ("artefacts", _artefact_text(metrics)),
+        ("perceived", _perceived_text(metrics)),
+        *((f"  {name}", _class_text(one)) for name, one in metrics["classes"].items()),
+        ("robot", _robot_text(metrics)),
+        *((f"scan {topic}", _scan_text(one)) for topic, one in metrics["scans"].items()),
+        *((f"refused {topic}", f"{n} messages") for topic, n in metrics["refused"].items()),
+        ("written", _written_text(metrics["written"])),
+    ]
+    entries = [(name, text) for name, text in entries if text]
+    width = max(len(name) for name, _ in entries)
+    return [f"{name:<{width}}  {text}" for name, text in entries]
+
+
+def _population(record: SceneRecord) -> Content:
+    """Return the counts since the start, as SceneMetrics names them, and why."""
+    last = record.metrics
+    return {
+        "arrivals": last.arrivals if last else 0,
+        "departures": last.departures if last else 0,
+        "departures_by_cause": _by_detail(record, EventKind.DEPARTED),
+        "blocked": last.blocked if last else 0,
+        "blocked_by_cause": _by_detail(record, EventKind.BLOCKED),
+        "displaced": last.displaced if last else 0,
+        "robot_contacts": last.robot_contacts if last else 0,
+        "area_m2": _number(last.area_m2) if last else None,
+    }
+
+
+def _by_detail(record: SceneRecord, kind: EventKind) -> dict[str, int]:
+    counts = Counter(event.detail for event in record.events if event.kind is kind)
+    return dict(sorted(counts.items()))
+
+
+def _mean_and_max(values: npt.NDArray[Any]) -> Content:
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return {"mean": None, "max": None}
+    return {"mean": float(known.mean()), "max": known.max().item()}
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _classes(lives: Sequence[Life]) -> Content:
+    names = sorted({life.row.class_name for life in lives})
+    return {
+        name: {
+            "arrived": sum(life.row.class_name == name for life in lives),
+            "perceived": sum(life.row.class_name == name and life.is_perceived for life in lives),
+        }
+        for name in names
+    }
+
+
+def _life(record: SceneRecord, life: Life) -> Content:
+    def seconds(stamp_ns: int | None) -> float | None:
+        first_ns = int(record.series.stamps_ns[0])
+        return None if stamp_ns is None else (stamp_ns - first_ns) / NS_PER_S
+
+    return {
+        "id": life.artefact_id,
+        "row": life.row.index,
+        "label": life.row.label,
+        "class": life.row.class_name,
+        "arrival_s": seconds(life.arrival_ns),
+        "departure_s": seconds(life.departure_ns),
+        "left_by": life.left_by or None,
+        "first_perceived_s": seconds(life.first_seen_ns),
+        "last_perceived_s": seconds(life.last_seen_ns),
+        "ticks_perceived": life.seen_ticks,
+    }
+
+
+def _time_text(metrics: Content, timing: Content | None) -> str:
+    text = f"{metrics['duration_s']:.1f} s in {metrics['ticks']} ticks"
+    if timing is None or timing["real_time_factor"] is None:
+        return text
+    factor, total_s = timing["real_time_factor"], timing["total_s"]
+    return f"{text}, replayed in {total_s:.1f} s ({factor:.1f} times real time)"
+
+
+def _artefact_text(metrics: Content) -> str:
+    names = ("arrivals", "departures", "blocked", "displaced")
+    words = ("arrived", "departed", "blocked", "displaced")
+    pairs = [(metrics[name], word) for name, word in zip(names, words, strict=True)]
+    shown = [f"{n} {word}" for n, word in pairs if n or word == "arrived"]
+    alive = metrics["alive"]
+    if alive["mean"] is None:
+        return ", ".join(shown)
+    return f"{', '.join(shown)}; alive {alive['mean']:.1f} on average, {alive['max']} at most"
+
+
+def _perceived_text(metrics: Content) -> str:
+    total = sum(one["arrived"] for one in metrics["classes"].values())
+    blind = metrics["ticks_without_perception"]
+    warning = f"; {blind} of {metrics['ticks']} ticks without a pose of the camera" if blind else ""
+    return f"{metrics['perceived_ever']} of {total} at some time{warning}"
+
+
+def _class_text(one: Content) -> str:
+    return f"{one['perceived']} of {one['arrived']}"
+
+
+def _robot_text(metrics: Content) -> str:
+    contacts = metrics["robot_contacts"]
+    return f"{contacts} contacts with artefacts" if contacts else "no contact with an artefact"
+
+
+def _scan_text(one: Content) -> str:
+    texts = {
+        "exact": "augmented at their stamp",
+        "held": "with map->odom held",
+        "passed_through": "passed through unaugmented",
+    }
+    shown = [f"{one[name]} {text}" for name, text in texts.items() if one.get(name)]
+    return ", ".join(shown) or "none"
+
+
+def _written_text(written: Mapping[str, int]) -> str:
+    if not written:
+        return ""
+    return f"{sum(written.values())} messages on {len(written)} topics"
