@@ -99,8 +99,7 @@ def replay(**options: Any) -> None:
     """
     from are_ros.replay.command import replay_command
 
-    refused = replay_command(_say, **options)
-    if refused:
+    if not replay_command(_say, **options):
         sys.exit(IMPERFECT)
 
 

@@ -147,6 +147,10 @@ class ArBuilder:
         """Return how the scans of each topic have left so far."""
         return self._scans.counts()
 
+    def scan_problems(self) -> Mapping[str, str]:
+        """Return why the last scan of a topic that passed through unaugmented did."""
+        return self._scans.problems()
+
     # ------------------------------------------------------------------------------ time
 
     def advance(self, now_ns: int) -> None:

@@ -71,7 +71,7 @@ def clutter_ratio(patches: Sequence[CellPatch], classes: CellClasses) -> float:
 
     NaN where the map has no free cell.
     """
-    free = int(np.count_nonzero(classes.free))
+    free = classes.free_count
     return covered_count(patches) / free if free else float("nan")
 
 

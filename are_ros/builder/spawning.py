@@ -9,7 +9,6 @@ from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.placement import Placer
 from are_ros.artefacts.surroundings import Disc, KeepOut, Surroundings
 from are_ros.builder.robots import RobotPose
-from are_ros.parameters.choices import Region
 from are_ros.parameters.model import Parameters
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint, signed_distance_m
@@ -31,7 +30,6 @@ class Spawning:
         self._finder: RegionFinder | None = None
         self._region: SpawnRegion | None = None
         self._placer: Placer | None = None
-        self._last_point_m: tuple[float, float] | None = None
 
     @property
     def area_m2(self) -> float:
@@ -43,15 +41,11 @@ class Spawning:
 
         Raises ParameterError where `population.region` needs zones and there are none.
         """
-        if environment is not self._environment:
+        if self._finder is None or environment is not self._environment:
             self._finder = self._finder_for(environment)
-            self._environment, self._region = environment, None
-        point_m = _point_of(robot)
-        if point_m is None and self._population.region is Region.REACHABLE:
-            return False
-        self._last_point_m = point_m
-        region = self._finder.at(point_m) if self._finder else None
-        if region is None or region is self._region:
+            self._environment = environment
+        region = self._finder.at(_point_of(robot))
+        if region is self._region:
             return False
         self._region, self._placer = region, Placer(environment, region)
         return True
@@ -95,7 +89,7 @@ class Spawning:
             environment.clearance_m,
             self._robot_radius_m,
             zones=self._zones,
-            last_point_m=self._last_point_m,
+            last_point_m=self._finder.last_point_m if self._finder else None,
         )
 
 

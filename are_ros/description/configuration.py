@@ -44,11 +44,8 @@ def _outputs(parameters: Parameters) -> list[tuple[str, str]]:
         ("ticks", f"{parameters.builder.tick_rate:g} Hz, seed {parameters.seed}"),
         ("robot", f"footprint {robot.footprint or f'a disc of {robot.radius:g} m'}"),
         ("camera", _camera_text(parameters.camera)),
-        (
-            "perceived",
-            f"more than {occlusion.tau} px visible within {occlusion.max_range:g} m, "
-            f"hidden by {hidden_by} ({occlusion.shape.value})",
-        ),
+        ("perceived", f"more than {occlusion.tau} px visible within {occlusion.max_range:g} m"),
+        ("hidden by", f"{hidden_by} ({occlusion.shape.value})"),
         ("grids", _grid_text(parameters)),
         ("scans", f"{scans}; {_sensor_text(sensors.gate)}, as {sensors.shape.value}"),
     ]

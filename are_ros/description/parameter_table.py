@@ -19,7 +19,10 @@ values means: arrivals per minute, the expected population, how likely each clas
 This page and `config/are.yaml` are made from the declaration in `are_ros/parameters/model.py` by
 `python docs/make_parameter_docs.py`.
 """
-_HEADER: Final = "| parameter | default | unit | range or choices | live | meaning |\n|---|---|---|---|---|---|\n"
+_HEADER: Final = """\
+| parameter | default | unit | range or choices | live | meaning |
+|---|---|---|---|---|---|
+"""
 
 
 def parameter_table_markdown() -> str:
@@ -78,4 +81,4 @@ def _range(item: Description) -> str:
         return ", ".join(f"`{choice}`" for choice in item.choices)
     if item.low is None or item.high is None:
         return ""
-    return f"{item.low:g} to {item.high:g}"
+    return f"{_scalar(item.low)} to {_scalar(item.high)}"

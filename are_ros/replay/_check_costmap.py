@@ -13,7 +13,7 @@ Published = NDArray[np.int8]
 Mask = NDArray[np.bool_]
 
 _SLACK: Final = 3e-7
-"""Relative: a resolution of single precision, so that 14 cells of 0.05 m may or may not be 0.7 m."""
+"""Relative, for resolutions of single precision: 14 cells of 0.05 m may be 0.7 m or more."""
 
 
 class Inflation:
@@ -79,7 +79,7 @@ class Inflation:
         return _Patch(cover, window, low, high)
 
     def _squares(self, mask: Mask) -> NDArray[np.int64]:
-        """Return the squared distances [cells^2] from the nearest cell of a mask, up to the table."""
+        """Return squared distances [cells^2] from the nearest cell of a mask, up to the table."""
         from scipy.ndimage import distance_transform_edt
 
         last = len(self._low) - 1

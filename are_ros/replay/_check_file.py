@@ -1,6 +1,5 @@
 """The file itself: it opens in the mcap reader, with the topics, types and QoS of section 4."""
 
-from collections.abc import Callable
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -39,17 +38,17 @@ _QOS_NAMES: Final = MappingProxyType(
 """rosbag2 wrote numbers before Jazzy."""
 
 
-def check_file(path: Path, progress: Callable[[], None]) -> list[CheckResult]:
+def check_file(path: Path) -> list[CheckResult]:
     """Read every message with the mcap reader, checksums included, and look at each channel.
 
-    `progress` is called once per message. Never raises on a damaged file: that is a result.
+    Never raises on a damaged file: that is a result.
     """
     reading = Tally("mcap reader", "messages")
     order = Tally("log times", "messages")
     channels: dict[int, tuple[Any, Any]] = {}
     try:
         with path.open("rb") as stream:
-            _read_all(stream, channels, reading, order, progress)
+            _read_all(stream, channels, reading, order)
     except Exception as cause:  # noqa: BLE001 - the reader raises all kinds on bad bytes
         reading.look()
         reading.fail(sentence_of(cause))
@@ -57,11 +56,7 @@ def check_file(path: Path, progress: Callable[[], None]) -> list[CheckResult]:
 
 
 def _read_all(
-    stream: Any,
-    channels: dict[int, tuple[Any, Any]],
-    reading: Tally,
-    order: Tally,
-    progress: Callable[[], None],
+    stream: Any, channels: dict[int, tuple[Any, Any]], reading: Tally, order: Tally
 ) -> None:
     reader = make_reader(stream, validate_crcs=True)
     reading.require(reader.get_header().profile == "ros2", "its profile is not ros2")
@@ -81,7 +76,6 @@ def _read_all(
         if message.log_time < latest.get(channel.topic, 0):
             order.fail(f"{channel.topic} goes back in time {at_s(message.log_time)}")
         latest[channel.topic] = message.log_time
-        progress()
     promised = summary.statistics.message_count
     if reading.looked_at != promised:
         reading.fail(f"it holds {reading.looked_at} messages, its statistics say {promised}")

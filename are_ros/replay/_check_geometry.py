@@ -86,8 +86,8 @@ def _reach(boxes: Any, which: NDArray[np.int64], x: Floats, y: Floats) -> Floats
     """Return half the extent of boxes along directions (x, y)."""
     yaws, halves = boxes.yaws_rad[which], boxes.half_sizes_m[which]
     cos, sin = np.cos(yaws), np.sin(yaws)
-    reach: Floats = halves[:, 0] * np.abs(cos * x + sin * y)
-    reach = reach + halves[:, 1] * np.abs(cos * y - sin * x)
+    along, across = np.abs(cos * x + sin * y), np.abs(cos * y - sin * x)
+    reach: Floats = halves[:, 0] * along + halves[:, 1] * across
     return reach
 
 

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from are_ros.conventions import NS_PER_S, OCCUPIED
 from are_ros.parameters.model import Parameters
 from are_ros.replay._check_admission import AdmittedTick, admitted_by_tick
-from are_ros.replay._check_cells import Cover, RealMap, united
+from are_ros.replay._check_cells import RealMap, united
 from are_ros.replay._check_costmap import Inflation
+from are_ros.replay._check_currency import Currency
 from are_ros.replay._check_file import PREFIX
 from are_ros.replay._check_record import Record
 from are_ros.replay._check_result import CheckResult, Tally, at_s, skipped
@@ -73,10 +74,11 @@ class _GridChecks:
         interval_ns = -int(-NS_PER_S // parameters.augmented_map.max_rate)
         threshold = parameters.world.occupied_threshold
         self._ages = {
-            PREFIX + "augmented_map": _Currency(map_age, interval_ns, OCCUPIED),
-            PREFIX + "augmented_costmap": _Currency(costmap_age, interval_ns, threshold),
+            PREFIX + "augmented_map": Currency(map_age, interval_ns, OCCUPIED),
+            PREFIX + "augmented_costmap": Currency(costmap_age, interval_ns, threshold),
         }
         self._last_cells: NDArray[np.int8] | None = None
+        self._last_real: RealMap | None = None
         self._inflation: Inflation | None = None
 
     def take(self, tick: AdmittedTick, messages: list[Message]) -> None:
@@ -85,7 +87,10 @@ class _GridChecks:
         if tick.real is None:
             self.stray(messages)
             return
-        for name, judge in (("augmented_map", self._judge_map), ("augmented_costmap", self._judge_costs)):
+        for name, judge in (
+            ("augmented_map", self._judge_map),
+            ("augmented_costmap", self._judge_costs),
+        ):
             message = by_topic.get(PREFIX + name)
             if message is not None:
                 judge(tick, tick.real, message)
@@ -139,13 +144,18 @@ class _GridChecks:
             self._costmap.fail(f"{where} {_first_difference(within, grid.cells)}")
 
     def _follow_updates(self, tick: AdmittedTick, grid: Any, update: Any) -> None:
-        """The map before, with the update applied, is the next map."""
+        """Apply the update to the map before: that is the next map."""
         where = at_s(tick.scene.stamp_ns)
         cells = None
         if grid is not None:
             cells = np.asarray(grid.data, np.int8).reshape(grid.info.height, grid.info.width)
-        last, self._last_cells = self._last_cells, self._last_cells if cells is None else cells
+        last, last_real = self._last_cells, self._last_real
+        if cells is not None:
+            self._last_cells, self._last_real = cells, tick.real
         if update is None:
+            if cells is not None and last is not None and last_real is tick.real:
+                same = np.array_equal(last, cells)
+                self._updates.require(same, f"{where} the map changed without an update")
             return
         self._updates.look()
         if cells is None or last is None or last.shape != cells.shape:
@@ -157,43 +167,6 @@ class _GridChecks:
         elif not np.array_equal(applied, cells):
             text = _first_difference(cells, applied)
             self._updates.fail(f"{where} the map before with the update: {text}")
-
-
-class _Currency:
-    """What is published is what is: a change goes out at the first tick that may publish it."""
-
-    def __init__(self, tally: Tally, interval_ns: int, full_value: int) -> None:
-        self._tally = tally
-        self._interval_ns = interval_ns
-        self._full_value = full_value
-        self._last_ns: int | None = None
-        self._last: tuple[RealMap, list[Cover]] | None = None
-
-    def take(self, tick: AdmittedTick, real: RealMap, *, is_published: bool) -> None:
-        """Follow one tick."""
-        now_ns = tick.scene.stamp_ns
-        self._tally.look()
-        if is_published:
-            self._last_ns, self._last = now_ns, (real, tick.covers)
-        elif self._last is None or self._last_ns is None:
-            self._tally.fail(f"{at_s(now_ns)} there is a real map, but nothing was published")
-        elif now_ns - self._last_ns >= self._interval_ns and self._is_stale(*self._last, tick, real):
-            text = f"shows the artefacts of {at_s(self._last_ns).removeprefix('at ')}"
-            self._tally.fail(f"{at_s(now_ns)} the last one still {text}")
-
-    def _is_stale(
-        self, last_real: RealMap, last: list[Cover], tick: AdmittedTick, real: RealMap
-    ) -> bool:
-        """Tell whether some cell is certainly another than when the last one went out."""
-        if real is not last_real:
-            return not np.array_equal(real.cells, last_real.cells)
-        same = len(last) == len(tick.covers)
-        if same and all(a is b for a, b in zip(last, tick.covers, strict=True)):
-            return False
-        before, now = united(last), united(tick.covers)
-        either = np.concatenate((before.touched, now.touched))
-        changed = np.setdiff1d(np.setxor1d(before.sure, now.sure), either)
-        return bool((real.cells.reshape(-1)[changed] < self._full_value).any())
 
 
 def _grid_of(tally: Tally, tick: AdmittedTick, real: RealMap, message: Any) -> RealMap | None:
@@ -221,7 +194,7 @@ def _updated(cells: NDArray[np.int8], update: Any) -> NDArray[np.int8] | None:
     fits = 0 <= update.x <= width - update.width and 0 <= update.y <= height - update.height
     if not fits or data.size != update.width * update.height:
         return None
-    applied = cells.copy()
+    applied: NDArray[np.int8] = cells.copy()
     rows, cols = slice(update.y, update.y + update.height), slice(update.x, update.x + update.width)
     applied[rows, cols] = data.reshape(update.height, update.width)
     return applied

@@ -73,7 +73,9 @@ class _Story:
             self.arrived_ns[number] = stamp_ns
         elif event.kind == DEPARTED:
             lives = number in self.arrived_ns and number not in self.departed_ns
-            self._tally.require(lives, f"id {number} departs {at_s(stamp_ns)}, but it was not there")
+            self._tally.require(
+                lives, f"id {number} departs {at_s(stamp_ns)}, but it was not there"
+            )
             self.departed_ns[number] = stamp_ns
         elif event.kind not in {BLOCKED, DISPLACED, PERCEIVED, LOST, ROBOT_CONTACT}:
             self._tally.fail(f"an event {at_s(stamp_ns)} is of kind {event.kind}")
@@ -115,7 +117,7 @@ def _check_spans(tally: Tally, scene: Scene, arrived_ns: dict[int, int]) -> None
 
 
 def check_metrics(record: Record) -> CheckResult:
-    """The counts of the metrics are those of the events and lists so far."""
+    """Compare the counts of the metrics with those of the events and lists so far."""
     tally = Tally("metrics", "messages")
     metrics = dict(record.metrics)
     seen = record.perceived_ids()

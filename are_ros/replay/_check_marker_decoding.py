@@ -168,9 +168,7 @@ def _used_scale(scale: NDArray[np.float64], kind: int) -> NDArray[np.float64]:
     return scale[:2] if kind == POINTS else scale
 
 
-def _points_fault(
-    kind: int, points: NDArray[np.floating], colours: NDArray[np.floating]
-) -> str:
+def _points_fault(kind: int, points: NDArray[np.floating], colours: NDArray[np.floating]) -> str:
     """Check the points of lists, and their colours."""
     if kind not in _LISTS:
         return ""

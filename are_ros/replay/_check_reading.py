@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from rosbags.highlevel import AnyReader
 
+from are_ros.parameters.choices import OdometryUse
 from are_ros.replay._bag_errors import sentence_of
 from are_ros.replay._check_cells import RealMap
 from are_ros.replay._check_file import PREFIX
@@ -15,7 +16,6 @@ from are_ros.replay._check_marker_decoding import decode_markers
 from are_ros.replay._check_record import MarkerShow, Record
 from are_ros.replay._check_result import Tally, at_s
 from are_ros.replay._check_scene import read_scene, time_ns
-from are_ros.parameters.choices import OdometryUse
 
 GRID_TOPICS: Final = tuple(
     PREFIX + name for name in ("augmented_map", "augmented_map_updates", "augmented_costmap")
@@ -141,5 +141,7 @@ class Reading:
 def _image_size(info: Any) -> tuple[int, int]:
     """Return width and height of the image that a CameraInfo speaks of."""
     roi = info.roi
-    width, height = (roi.width, roi.height) if roi.width and roi.height else (info.width, info.height)
+    width, height = (
+        (roi.width, roi.height) if roi.width and roi.height else (info.width, info.height)
+    )
     return width // max(info.binning_x, 1), height // max(info.binning_y, 1)

@@ -1,5 +1,6 @@
 """What one check of a replay came to, and the tally that leads there."""
 
+from collections import Counter
 from dataclasses import dataclass
 from enum import Enum
 
@@ -51,6 +52,7 @@ class Tally:
         self._noun = noun
         self._first = ""
         self._notes: list[str] = []
+        self._left_out: Counter[str] = Counter()
 
     def look(self, count: int = 1) -> None:
         """Count things looked at."""
@@ -71,9 +73,14 @@ class Tally:
         if text not in self._notes:
             self._notes.append(text)
 
+    def leave_out(self, text: str) -> None:
+        """Count a thing that could not be looked at: the note says how many, then the text."""
+        self._left_out[text] += 1
+
     def result(self) -> CheckResult:
         """Return the outcome; a check that had nothing to look at is skipped."""
-        notes = "; ".join(self._notes)
+        left_out = [f"{count} {text}" for text, count in self._left_out.items()]
+        notes = "; ".join((*self._notes, *left_out))
         if self.failures:
             outcome = Outcome.FAILED
         elif self.looked_at:

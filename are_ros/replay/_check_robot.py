@@ -30,7 +30,7 @@ def check_robot(record: Record) -> CheckResult:
         reported |= {int(event.id) for event in events if event.kind == ROBOT_CONTACT}
         pose = _robot_at(record, record.parameters, base, scene.stamp_ns)
         if pose is None:
-            tally.note("at some ticks the robot's pose is not known")
+            tally.leave_out("ticks without the robot's pose")
             continue
         tally.look(len(scene.ids))
         depths = outline.depths_m(*pose, scene)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from are_ros.artefacts.population import FIRST_ADMITTED_ID
 from are_ros.replay._picture_map import Window
-from are_ros.replay.scene_record import Life
+from are_ros.replay.life_record import Life
 
 Floats = npt.NDArray[np.float64]
 
@@ -136,7 +136,7 @@ def _free_spot(
     half = 0.5 * np.array(size_m)
     reach = 0.5 * np.ptp(item.corners_m, axis=0) + half + gap_m
     for side in _SIDES:
-        low = item.centre_m + np.array(side) * reach - half
+        low: Floats = item.centre_m + np.array(side) * reach - half
         high = low + size_m
         inside = low[0] > window.left and low[1] > window.bottom
         inside = inside and high[0] < window.right and high[1] < window.top

@@ -105,7 +105,7 @@ def _draw_legend(sheet: Sheet, record: SceneRecord, colours: Mapping[str, str]) 
         text = f"{name}  {sum(life.is_perceived for life in lives)} of {len(lives)}"
         classes.append(Patch(facecolor=colours[name], edgecolor="white", label=text))
     if record.lives:
-        outline = {"edgecolor": _GREY, "lw": 0.9}
+        outline: dict[str, Any] = {"edgecolor": _GREY, "lw": 0.9}
         meanings.append(Patch(facecolor=_GREY, label="perceived"))
         meanings.append(Patch(facecolor="white", hatch="/////", label="never perceived", **outline))
     if len(record.camera):

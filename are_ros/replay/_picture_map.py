@@ -58,7 +58,7 @@ def map_from_part(
     grid: OccupancyGrid, part: KnownPart, points: npt.ArrayLike
 ) -> npt.NDArray[np.float64]:
     """Return the points (N, 2) of the map's frame of points given as (col, row) in the part."""
-    col_row = np.asarray(points, dtype=np.float64) + (part.col0, part.row0)
+    col_row = np.add(points, (part.col0, part.row0))
     matrix = grid.origin.matrix()
     moved: npt.NDArray[np.float64]
     moved = col_row * grid.resolution_m @ matrix[:2, :2].T + matrix[:2, 3]
@@ -110,4 +110,5 @@ def _thickened(cells: npt.NDArray[np.int8]) -> npt.NDArray[np.int8]:
 
     walls = np.where(cells >= _THICK_FROM, cells, -1).astype(np.int16)
     thick = cv2.dilate(walls, np.ones((3, 3), dtype=np.uint8))
-    return np.maximum(cells, np.asarray(thick)).astype(np.int8)
+    thickened: npt.NDArray[np.int8] = np.maximum(cells, np.asarray(thick)).astype(np.int8)
+    return thickened

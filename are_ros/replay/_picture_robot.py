@@ -32,7 +32,8 @@ def time_fraction(record: SceneRecord, stamps_ns: npt.ArrayLike) -> Floats:
     """Return the stamps as fractions of the record's duration."""
     first_ns = record.series.stamps_ns[0]
     passed_ns = np.asarray(stamps_ns, dtype=np.int64) - first_ns
-    return passed_ns / max(record.duration_ns, NS_PER_S // 1000)
+    fractions: Floats = passed_ns / max(record.duration_ns, NS_PER_S // 1000)
+    return fractions
 
 
 def draw_fans(
@@ -63,7 +64,7 @@ def draw_path(axes: Any, record: SceneRecord, shown: Sequence[Fan], points_per_m
     points, fractions = poses[some, :2], time_fraction(record, stamps[some])
     axes.plot(*points.T, color="white", lw=4.2, zorder=5.0, solid_capstyle="round")
     pieces = np.stack((points[:-1], points[1:]), axis=1)
-    line = LineCollection(pieces, cmap=time_colours(), zorder=5.1, lw=2.2, capstyle="round")
+    line = LineCollection([*pieces], cmap=time_colours(), zorder=5.1, lw=2.2, capstyle="round")
     line.set_array(fractions[1:])
     line.set_clim(0.0, 1.0)
     axes.add_collection(line, autolim=False)

@@ -1,11 +1,9 @@
 """overview.png: a replay seen from above, with what the robot perceived and what it did not."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from are_ros.replay._picture_artefacts import (
     class_colours,
@@ -16,7 +14,6 @@ from are_ros.replay._picture_artefacts import (
 from are_ros.replay._picture_frame import Sheet, draw_frame
 from are_ros.replay._picture_map import (
     KnownPart,
-    Window,
     known_part,
     map_from_part,
     shaded,
@@ -68,10 +65,12 @@ def _figure(record: SceneRecord, grid: OccupancyGrid, occupied_threshold: int) -
 
 def _fans(record: SceneRecord, sight: Sight) -> tuple[list[Fan], list[Fan]]:
     """Return the fans that make up the area seen, and the few that are drawn one by one."""
-    return tuple(
-        [fan for index in spread_indices(record, count) if (fan := fan_at(record, sight, index))]
-        for count in (_SWEPT_FANS, _SHOWN_FANS)
-    )
+
+    def fans(count: int) -> list[Fan]:
+        found = (fan_at(record, sight, index) for index in spread_indices(record, count))
+        return [fan for fan in found if fan is not None]
+
+    return fans(_SWEPT_FANS), fans(_SHOWN_FANS)
 
 
 def _draw_map(sheet: Sheet, grid: OccupancyGrid, part: KnownPart) -> None:

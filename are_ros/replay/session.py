@@ -26,7 +26,7 @@ from are_ros.replay.options import ReplayOptions
 from are_ros.replay.roles import RolesFound, find_roles
 from are_ros.replay.runner import Listener, Progress, Replay
 from are_ros.replay.scene_record import SceneRecord, SceneRecorder
-from are_ros.replay.stopwatch import Stopwatch
+from are_ros.replay.stopwatch import Stopwatch, said_if_slow
 from are_ros.replay.tick_writer import TickWriter
 from are_ros.world.map_file import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -48,6 +48,7 @@ class Outcome:
     record: SceneRecord
     grid: OccupancyGrid
     scans: Mapping[str, SensorPathCounts]
+    scan_problems: Mapping[str, str]
     refusals: Refusals
     messages_written: Mapping[str, int]
     stopwatch: Stopwatch
@@ -66,7 +67,8 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             roles = find_roles(reader.topics, options.topics)
             _say_what_is_missing(options, roles, say)
             catalogue = read_catalogue_of(options.parameters)
-            warm_up(catalogue)
+            with said_if_slow(say, "compiling the kernels: half a minute, this first time only"):
+                warm_up(catalogue)
             builder = ArBuilder(options.parameters, catalogue, options.demand)
             replay = Replay(reader, builder, options, roles, stopwatch)
             if replay.clock.sentence:
@@ -198,6 +200,7 @@ def _outcome(
         recorder.record(),
         grid,
         builder.scan_counts(),
+        builder.scan_problems(),
         replay.feed.refusals,
         counts,
         stopwatch,

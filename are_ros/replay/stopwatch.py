@@ -1,8 +1,23 @@
 """What the wall clock says of a replay: for `timing.json` only."""
 
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+
+
+_SLOW_S = 2.0
+
+
+@contextmanager
+def said_if_slow(say: Callable[[str], None], sentence: str) -> Iterator[None]:
+    """Say a sentence if the block is not over after two seconds."""
+    timer = threading.Timer(_SLOW_S, say, (sentence,))
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 class Stopwatch:

@@ -14,9 +14,7 @@ _FloatArray = NDArray[np.float64]
 _Field = NDArray[np.float32]
 _Mask = NDArray[np.bool_]
 
-_TWO_HALF_DIAGONALS = (
-    1.42  # in cells, rounded up: of the box's centre, and of the cell that it meets
-)
+_TWO_HALF_DIAGONALS = 1.42  # in cells, rounded up: of the centre's cell and of the one met
 
 
 @compiled

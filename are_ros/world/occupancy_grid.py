@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -121,6 +122,11 @@ class CellClasses:
     def __post_init__(self) -> None:
         self.occupied.flags.writeable = False
         self.free.flags.writeable = False
+
+    @cached_property
+    def free_count(self) -> int:
+        """Number of free cells, counted once."""
+        return int(np.count_nonzero(self.free))
 
 
 def classify(

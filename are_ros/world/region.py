@@ -39,7 +39,12 @@ class SpawnRegion:
 
 
 class RegionFinder(Protocol):
-    """Gives the spawn region of one map; the same object again as long as it is the same."""
+    """Gives the spawn region of one map; the same object again as long as it is the same.
+
+    `last_point_m` is the last point of the robot that decided on a region, None if none did.
+    """
+
+    last_point_m: tuple[float, float] | None
 
     def at(self, robot_point_m: tuple[float, float] | None) -> SpawnRegion:
         """Return the region while the robot is at (x, y) in the map frame (None: unknown)."""
@@ -49,6 +54,7 @@ class FixedRegion:
     """A region that does not depend on the robot."""
 
     def __init__(self, region: SpawnRegion) -> None:
+        self.last_point_m: tuple[float, float] | None = None
         self._region = region
 
     def at(self, robot_point_m: tuple[float, float] | None) -> SpawnRegion:  # noqa: ARG002 - as the others

@@ -1,0 +1,202 @@
+"""The commands of `are` that read recordings, without the shell: text goes out by a callable."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from are_ros.builder.assembly import parse_static_transform
+from are_ros.builder.tick import Demand
+from are_ros.conventions import NS_PER_S
+from are_ros.description.configuration import describe_lines
+from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import Parameters
+from are_ros.parameters.ros_yaml import parse_assignment, read_ros_parameters, write_ros_parameters
+from are_ros.replay.bag_reader import BagReader
+from are_ros.replay.inspection import inspect_bag
+from are_ros.replay.inspection_text import inspection_lines
+from are_ros.replay.options import ReplayOptions
+from are_ros.replay.overview import draw_overview
+from are_ros.replay.results import (
+    ReplayCounts,
+    WallClock,
+    metrics_content,
+    summary_lines,
+    timing_content,
+    write_json,
+)
+from are_ros.replay.roles import read_overrides
+from are_ros.replay.runner import Progress
+from are_ros.replay.session import Outcome, read_catalogue_of, run_replay
+from are_ros.world.map_file import read_map_file
+from are_ros.world.occupancy_grid import classify
+
+Say = Callable[[str], None]
+
+_PROGRESS_NS = NS_PER_S // 2
+
+
+def effective_parameters(
+    parameter_files: Sequence[Path],
+    assignments: Sequence[str],
+    seed: int | None,
+    map_frame: str | None = None,
+    static_transforms: Sequence[str] = (),
+) -> Parameters:
+    """Return the parameters of files, assignments and options, each overriding those before it.
+
+    `static_transforms` are added to those of `frames.static`. Raises ParameterError.
+    """
+    parameters = Parameters()
+    for path in parameter_files:
+        parameters = with_values(parameters, read_ros_parameters(path))
+    parameters = with_values(parameters, dict(parse_assignment(text) for text in assignments))
+    options: dict[str, Any] = {}
+    if seed is not None:
+        options["seed"] = seed
+    if map_frame is not None:
+        options["frames.map"] = map_frame
+    if static_transforms:
+        options["frames.static"] = (*parameters.frames.static, *static_transforms)
+    return with_values(parameters, options)
+
+
+def replay_command(say: Say, skip: Sequence[str], **options: Any) -> bool:
+    """Run `are replay`; return whether all input was good.
+
+    Raises AreError where there is no result.
+    """
+    parameters = effective_parameters(
+        options["parameter_files"],
+        options["assignments"],
+        options["seed"],
+        options["map_frame"],
+        options["static_transforms"],
+    )
+    replay = ReplayOptions(
+        bags=options["bags"],
+        parameters=parameters,
+        out=options["out"],
+        map_file=options["map_file"],
+        octomap_file=options["octomap_file"],
+        topics=read_overrides(options["topics"]),
+        start_s=options["start_s"],
+        duration_s=options["duration_s"],
+        with_inputs=options["with_inputs"],
+        demand=replace(Demand(), **dict.fromkeys(skip, False)),
+    )
+    outcome = run_replay(replay, say, _open_bar)
+    for line in write_results(outcome, options["out"]):
+        say(line)
+    for line in complaints(outcome):
+        say(line)
+    return not outcome.refusals.counts
+
+
+def write_results(outcome: Outcome, folder: Path) -> list[str]:
+    """Write picture, metrics, timing and effective parameters; return the summary."""
+    parameters = outcome.options.parameters
+    with outcome.stopwatch.phase("picture"):
+        draw_overview(
+            outcome.record,
+            outcome.grid,
+            folder / "overview.png",
+            occupied_threshold=parameters.world.occupied_threshold,
+        )
+    (folder / "effective.yaml").write_text(write_ros_parameters(parameters), encoding="utf-8")
+    counts = ReplayCounts(outcome.scans, outcome.refusals.counts, outcome.messages_written)
+    metrics = metrics_content(outcome.record, counts)
+    stopwatch = outcome.stopwatch
+    clock = WallClock(stopwatch.phases_s, stopwatch.tick_durations_s)
+    timing = timing_content(outcome.record, clock)
+    write_json(folder / "metrics.json", metrics)
+    write_json(folder / "timing.json", timing)
+    return [*summary_lines(metrics, timing), f"results in {folder}"]
+
+
+def complaints(outcome: Outcome) -> list[str]:
+    """Return a sentence for each topic that had messages refused, or scans left as they were."""
+    refusals = outcome.refusals
+    lines = [
+        f"refused: {sentence}" + (f" ({count} messages)" if count > 1 else "")
+        for topic, sentence in sorted(refusals.sentences.items())
+        if (count := refusals.counts[topic])
+    ]
+    for topic, problem in sorted(outcome.scan_problems.items()):
+        passed = outcome.scans[topic].passed_through
+        lines.append(f"{topic}: {passed} scans passed through unaugmented, the last for: {problem}")
+    return lines
+
+
+def describe_command(
+    echo: Say,
+    map_file: Path | None,
+    parameter_files: Sequence[Path],
+    assignments: Sequence[str],
+    seed: int | None,
+) -> None:
+    """Run `are describe`."""
+    parameters = effective_parameters(parameter_files, assignments, seed)
+    area_m2 = None if map_file is None else _free_area_m2(map_file, parameters)
+    for line in describe_lines(parameters, read_catalogue_of(parameters), area_m2):
+        echo(line)
+
+
+def _free_area_m2(map_file: Path, parameters: Parameters) -> float:
+    grid = read_map_file(map_file, parameters.frames.map)
+    world = parameters.world
+    classes = classify(grid, world.occupied_threshold, world.free_threshold)
+    return int(classes.free.sum()) * grid.cell_area_m2
+
+
+def inspect_command(
+    echo: Say,
+    bags: tuple[Path, ...],
+    topics: Sequence[str],
+    map_file: Path | None,
+    map_frame: str,
+    static_transforms: Sequence[str],
+) -> None:
+    """Run `are inspect`."""
+    given = [parse_static_transform(text)[:2] for text in static_transforms]
+    with BagReader(bags) as reader:
+        inspection = inspect_bag(
+            reader,
+            read_overrides(topics),
+            map_frame=map_frame,
+            has_map_file=map_file is not None,
+            given_edges=given,
+        )
+    for line in inspection_lines(inspection):
+        echo(line)
+
+
+def check_command(echo: Say, folder: Path, map_file: Path | None) -> bool:
+    """Run `are check`; return whether no check failed."""
+    from are_ros.replay._check_result import Outcome as CheckOutcome
+    from are_ros.replay.checks import check_replay
+
+    results = check_replay(folder, map_file, None)
+    for result in results:
+        echo(result.sentence())
+    return not any(result.outcome is CheckOutcome.FAILED for result in results)
+
+
+def _open_bar(start_ns: int, end_ns: int) -> Progress:
+    """Return what moves a progress bar over the recording's seconds."""
+    total_s = (end_ns - start_ns) / NS_PER_S
+    layout = "{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} s [{elapsed}<{remaining}]"
+    bar = tqdm(total=round(total_s, 3), desc="replay", bar_format=layout, leave=True)
+    reached_ns = start_ns
+
+    def move(now_ns: int) -> None:
+        nonlocal reached_ns
+        if now_ns - reached_ns >= _PROGRESS_NS or now_ns >= end_ns:
+            bar.update((min(now_ns, end_ns) - reached_ns) / NS_PER_S)
+            reached_ns = now_ns
+        if now_ns >= end_ns:
+            bar.close()
+
+    return move

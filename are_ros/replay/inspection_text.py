@@ -1,0 +1,33 @@
+"""What `are inspect` prints."""
+
+from are_ros.conventions import NS_PER_S
+from are_ros.description._tables import aligned, section
+from are_ros.replay.inspection import InspectedTopic, Inspection
+from are_ros.replay.roles import ROLE_TYPES
+
+
+def inspection_lines(inspection: Inspection) -> list[str]:
+    """Return topics, roles, frames and what is missing, as lines of aligned text."""
+    duration_s = (inspection.end_ns - inspection.start_ns) / NS_PER_S
+    topics = [_topic_cells(entry) for entry in inspection.topics]
+    roles = [(role, inspection.roles.topic(role) or "-") for role in ROLE_TYPES]
+    missing = inspection.missing or ("nothing: it can be replayed as it is",)
+    return [
+        f"{duration_s:.1f} s, {sum(entry.topic.count for entry in inspection.topics)} messages",
+        *section("topics", aligned(topics, numbers=(2, 3))),
+        *section("roles", [*aligned(roles), *inspection.roles.sentences()]),
+        *section("frames", [*inspection.frames.tree_lines(), *inspection.frames.oddities]),
+        *section("missing", list(missing)),
+    ]
+
+
+def _topic_cells(entry: InspectedTopic) -> tuple[str, ...]:
+    topic = entry.topic
+    return (
+        topic.name,
+        topic.type_name,
+        str(topic.count),
+        f"{entry.rate_hz:.1f} Hz",
+        entry.frame_id,
+        "latched" if topic.is_latched else "",
+    )
