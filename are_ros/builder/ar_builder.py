@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.artefact import Artefact, boxes_of
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.builder import assembly
 from are_ros.builder.events import ArtefactEvent
@@ -18,13 +17,15 @@ from are_ros.builder.outputs import ArtefactState, SceneMetrics
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.registration import CellPatch, clutter_ratio, covered_cells
 from are_ros.builder.scans import ScanAugmentation
+from are_ros.builder.scene import Scene
 from are_ros.builder.sensor_path import ReleasedScan, SensorPathCounts
-from are_ros.builder.states import artefact_state, marker_subject, perceived_artefact
+from are_ros.builder.states import StateKeeper, marker_subject, perceived_artefact
 from are_ros.builder.tick import Demand, Tick
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
 from are_ros.parameters.choices import OdometryUse, Shape
 from are_ros.parameters.model import Parameters
+from are_ros.world.environment import Environment
 from are_ros.world.frame_tree import FrameTree, TransformSource
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.observer import Camera
@@ -52,7 +53,7 @@ class ArBuilder:
         self.demand = demand
         self.notices: list[str] = []
         self.frames = FrameTree()
-        self.world = RealWorld(parameters.world, parameters.frames.map, self.frames)
+        self.world = RealWorld(parameters.world, parameters.frames.map, self.frames, self.notices)
         self.robots = assembly.robot_tracker(parameters, self.frames)
         resolver = assembly.collision_resolver(parameters)
         self.lives = Lives(parameters, catalogue, self.world, self.robots, resolver)
@@ -64,6 +65,9 @@ class ArBuilder:
         self._board = assembly.marker_board(parameters)
         self._scans = ScanAugmentation(parameters, self.frames, self.lives, self._meshes)
         self._seen: dict[int, str] = {}
+        self._states = StateKeeper()
+        self._registered: tuple[Environment | None, Scene | None, dict[int, CellPatch]]
+        self._registered = (None, None, {})
         self._now_ns = 0
         self._idle_until_ns = 0
         assembly.set_static_frames(parameters, self.frames)
@@ -183,10 +187,10 @@ class ArBuilder:
     def step(self, now_ns: int) -> Tick:
         """Run one tick: register, occlude, gate, augment (section 3.3)."""
         self.advance(now_ns)
-        living = self.lives.present_at(now_ns)
-        states = [artefact_state(artefact, now_ns) for artefact in living]
-        observation = self._observe(now_ns, living)
-        patches = self._register(living, now_ns)
+        scene = self.lives.scene_at(now_ns)
+        states = self._states.states(scene.artefacts, now_ns)
+        observation = self._observe(now_ns, scene)
+        patches = self._register(scene)
         grids = self._augment(now_ns, observation, patches)
         return Tick(
             stamp_ns=now_ns,
@@ -194,13 +198,15 @@ class ArBuilder:
             artefacts=tuple(states),
             observer=self.robots.observer.name,
             perceived=tuple(
-                perceived_artefact(state, observation.sightings[state.artefact_id], now_ns)
+                perceived_artefact(
+                    state, observation.sightings[state.artefact_id], observation.seen_ns
+                )
                 for state in states
                 if state.artefact_id in observation.sightings
             ),
-            events=self._events(now_ns, observation, living),
+            events=self._events(now_ns, observation, scene),
             metrics=self._metrics(observation, patches),
-            markers=self._markers(now_ns, living, states, observation),
+            markers=self._markers(now_ns, scene, states, observation),
             grids=grids,
             map_from_base=observation.map_from_base,
             map_from_camera=observation.map_from_camera,
@@ -234,25 +240,26 @@ class ArBuilder:
         self.advance(received_ns)
         self.lives.touch(received_ns)
 
-    def _observe(self, now_ns: int, living: Sequence[Artefact]) -> Observation:
+    def _observe(self, now_ns: int, scene: Scene) -> Observation:
         """Occlusion: which artefacts the camera sees."""
         environment = self.world.environment
         if environment is None or not self.demand.perception:
             return self._watch.stand_by(now_ns)
         settings = self.parameters.occlusion
-        observation = self._watch.observe(now_ns, self.camera, environment, living, settings)
+        observation = self._watch.observe(now_ns, self.camera, environment, scene, settings)
         self._scans.perceived = frozenset(observation.sightings)
         return observation
 
-    def _register(self, living: Sequence[Artefact], now_ns: int) -> dict[int, CellPatch]:
+    def _register(self, scene: Scene) -> dict[int, CellPatch]:
         """Registration: the cells that each artefact covers, by id."""
         environment = self.world.environment
-        if environment is None or not living:
+        if environment is None:
             return {}
-        poses = [artefact.ground_pose_at(now_ns) for artefact in living]
-        boxes = boxes_of([artefact.row for artefact in living], poses)
-        patches = covered_cells(boxes, environment.grid)
-        return {artefact.id: patch for artefact, patch in zip(living, patches, strict=True)}
+        if self._registered[:2] != (environment, scene):
+            patches = covered_cells(scene.boxes, environment.grid)
+            by_id = {a.id: patch for a, patch in zip(scene.artefacts, patches, strict=True)}
+            self._registered = (environment, scene, by_id)
+        return self._registered[2]
 
     def _augment(
         self, now_ns: int, observation: Observation, patches: Mapping[int, CellPatch]
@@ -265,9 +272,9 @@ class ArBuilder:
         return self._grids.update(now_ns, environment, {i: patches[i] for i in admitted})
 
     def _events(
-        self, now_ns: int, observation: Observation, living: Sequence[Artefact]
+        self, now_ns: int, observation: Observation, scene: Scene
     ) -> tuple[ArtefactEvent, ...]:
-        labels = {artefact.id: artefact.row.label for artefact in living}
+        labels = {artefact.id: artefact.row.label for artefact in scene.artefacts}
         seen = {i: labels[i] for i in observation.sightings}
         sights = sight_events(now_ns, self._seen, seen, labels)
         self._seen = seen
@@ -294,7 +301,7 @@ class ArBuilder:
     def _markers(
         self,
         now_ns: int,
-        living: Sequence[Artefact],
+        scene: Scene,
         states: Sequence[ArtefactState],
         observation: Observation,
     ) -> tuple[Marker, ...]:
@@ -305,6 +312,6 @@ class ArBuilder:
             marker_subject(
                 state, artefact.row, meshes, is_perceived=artefact.id in observation.sightings
             )
-            for artefact, state in zip(living, states, strict=True)
+            for artefact, state in zip(scene.artefacts, states, strict=True)
         ]
         return tuple(self._board.update(now_ns, subjects))

@@ -21,7 +21,8 @@ from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.robot_contact import RobotContact
-from are_ros.builder.robots import RobotTracker
+from are_ros.builder.robots import RobotPose, RobotTracker
+from are_ros.builder.scene import Scene
 from are_ros.builder.spawning import Spawning
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import PlacementError
@@ -61,19 +62,23 @@ class Lives:
         self._step_ns = seconds_to_ns(parameters.motion.step)
         self._next_step_ns: int | None = None
         self._last_input_ns = 0
-        self._has_started = False
+        self._robot: RobotPose | None = None
         self._in_contact: set[tuple[int, int]] = set()
         self._events: list[ArtefactEvent] = []
         self._standing: tuple[list[Artefact], OrientedBoxes] | None = None
+        self._scene = Scene.of((), 0)
 
     @property
     def area_m2(self) -> float:
         """The area nu(M2D) on which artefacts arrive, 0 before it is known."""
         return self._spawning.area_m2
 
-    def present_at(self, t_ns: int) -> list[Artefact]:
-        """Return who is, or was, there at `t_ns`, in the order of their ids."""
-        return self.population.present_at(t_ns)
+    def scene_at(self, t_ns: int) -> Scene:
+        """Return who is, or was, there at `t_ns`, and where; the same object while all stand."""
+        artefacts = self.population.present_at(t_ns)
+        if not self._scene.holds_for(artefacts):
+            self._scene = Scene.of(artefacts, t_ns)
+        return self._scene
 
     def take_events(self) -> list[ArtefactEvent]:
         """Return what happened since the last call, in the order of time."""
@@ -87,11 +92,12 @@ class Lives:
     def advance(self, now_ns: int) -> None:
         """Run the population's events and the sub-steps that are due up to `now_ns`."""
         if self._next_step_ns is None:
+            self.population.start(now_ns)
             self._next_step_ns = -(-now_ns // self._step_ns) * self._step_ns
         while True:
-            event_ns = self.population.next_event_ns() if self._has_started else None
+            event_ns = self.population.next_event_ns()
             if event_ns is not None and event_ns <= min(now_ns, self._next_step_ns):
-                self._run_event()
+                self._run_event(event_ns)
             elif self._next_step_ns <= now_ns:
                 self._sub_step(self._next_step_ns)
                 self._next_step_ns = self._step_after(self._next_step_ns, now_ns)
@@ -101,16 +107,15 @@ class Lives:
     def next_due_ns(self) -> int:
         """Return when the next sub-step or event of the population is due."""
         step_ns = self._next_step_ns or 0
-        event_ns = self.population.next_event_ns() if self._has_started else None
+        event_ns = self.population.next_event_ns()
         return step_ns if event_ns is None else min(step_ns, event_ns)
 
     def restart(self, now_ns: int) -> None:
         """Let all artefacts go, with an event each, and go on at an earlier time."""
         for artefact_id in list(self.population.living):
             self._say(self.population.remove(artefact_id, now_ns, Cause.CLOCK_JUMPED_BACK))
-        if self._has_started:
-            self.population.start(now_ns)
-        self._in_contact = set()
+        self.population.start(now_ns)
+        self._in_contact, self._robot = set(), None
         self._next_step_ns, self._last_input_ns = None, now_ns
 
     def place(
@@ -127,6 +132,7 @@ class Lives:
         Raises PlacementError, and changes nothing, where it cannot stand there; it is never moved.
         """
         self.advance(now_ns)
+        self._look(now_ns)
         reason = self._why_not_placed(row, pose)
         if reason:
             raise PlacementError(f"{row.label} at {pose.x_m:.2f}, {pose.y_m:.2f}: {reason}")
@@ -141,7 +147,8 @@ class Lives:
             return following_ns
         return max(following_ns, now_ns // self._step_ns * self._step_ns + self._step_ns)
 
-    def _run_event(self) -> None:
+    def _run_event(self, event_ns: int) -> None:
+        self._look(event_ns)
         for event in self.population.handle_next(self._find_place):
             self._say(event)
 
@@ -152,21 +159,28 @@ class Lives:
         generator: np.random.Generator,
         near: tuple[float, float] | None,
     ) -> GroundPose | None:
+        self._standing = None  # members of the same group may have come since
         _, others = self._stand()
-        return self._spawning.place(row, generator, others, self._robots.last, near)
+        return self._spawning.place(row, generator, others, self._robot, near)
 
     def _why_not_placed(self, row: CatalogueRow, pose: GroundPose) -> str:
         environment = self._world.environment
         if environment is None:
             return "there is no map yet"
         _, others = self._stand()
-        robot = self._robots.last
-        return self._spawning.why_not(boxes_of([row], [pose]), environment, others, robot)
+        return self._spawning.why_not(boxes_of([row], [pose]), environment, others, self._robot)
+
+    def _look(self, now_ns: int) -> None:
+        """Look where the robot is; unless that is known now, it is where it was last seen here.
+
+        What ticks saw in between does not count: nothing may depend on when they run.
+        """
+        self._robot = self._robots.pose(now_ns) or self._robot
 
     def _sub_step(self, step_ns: int) -> None:
         """Look where the robot is, start the process when all is known, resolve collisions."""
         self._world.retry_cloud()
-        robot = self._robots.pose(step_ns) or self._robots.last
+        self._look(step_ns)
         environment = self._world.environment
         if environment is None:
             return
@@ -175,22 +189,17 @@ class Lives:
         if not artefacts:
             return
         ids = np.array([artefact.id for artefact in artefacts], dtype=np.int64)
-        robots: Sequence[Footprint] = [robot.footprint] if robot else []
+        robots: Sequence[Footprint] = [self._robot.footprint] if self._robot else []
         resolution = self._resolver.resolve(ids, boxes, boxes, environment, robots)
         self._report_contacts(step_ns, resolution.contacts)
         if not resolution.is_all_kept:
             self._apply(step_ns, artefacts, resolution)
 
     def _refresh_region(self, now_ns: int) -> None:
-        """Follow the environment and the robot; the process starts once the region is known."""
+        """Follow the environment and the robot; nobody arrives before the region is known."""
         environment = self._world.environment
-        if environment is None or not self._spawning.refresh(environment, self._robots.last):
+        if environment is None or not self._spawning.refresh(environment, self._robot):
             return
-        if not self._has_started:
-            if self._spawning.area_m2 <= 0.0:
-                return
-            self.population.start(now_ns)
-            self._has_started = True
         population = self._parameters.population
         area_m2 = self._spawning.area_m2
         self.population.set_rates(population.arrival_rate, area_m2, population.mean_life, now_ns)

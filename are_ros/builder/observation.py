@@ -1,12 +1,12 @@
 """One observer's look at the scene: where it is, and which artefacts it perceives now."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from are_ros.artefacts.artefact import Artefact
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.perception import Perception, Sighting
 from are_ros.builder.robots import RobotTracker
+from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.model import OcclusionParameters
 from are_ros.world.environment import Environment
@@ -46,22 +46,20 @@ class Watch:
         now_ns: int,
         camera: Camera,
         environment: Environment,
-        artefacts: Sequence[Artefact],
+        scene: Scene,
         settings: OcclusionParameters,
     ) -> Observation:
         """Return what is perceived at `now_ns`; those who departed are never in it."""
         robot = self._robots.pose(now_ns)
         map_from_base = robot.map_from_base if robot else None
         if not self._is_due(now_ns):
-            return self._held(map_from_base, artefacts)
+            return self._held(map_from_base, scene)
         map_from_camera = self._robots.map_from_camera(camera, now_ns)
         sightings: Mapping[int, Sighting] = {}
         if map_from_camera is None:
             self.blind_ticks += 1
         else:
-            sightings = self._perception.look(
-                camera, map_from_camera, environment, artefacts, now_ns, settings
-            )
+            sightings = self._perception.look(camera, map_from_camera, environment, scene, settings)
         self._last = Observation(map_from_base, map_from_camera, sightings, now_ns)
         return self._last
 
@@ -84,10 +82,8 @@ class Watch:
         self._last_period = period
         return is_due
 
-    def _held(
-        self, map_from_base: RigidTransform | None, artefacts: Sequence[Artefact]
-    ) -> Observation:
-        last, alive = self._last, {artefact.id for artefact in artefacts}
+    def _held(self, map_from_base: RigidTransform | None, scene: Scene) -> Observation:
+        last, alive = self._last, {artefact.id for artefact in scene.artefacts}
         sightings = {i: seen for i, seen in last.sightings.items() if i in alive}
         return Observation(map_from_base, last.map_from_camera, sightings, last.seen_ns)
 

@@ -1,12 +1,11 @@
 """What an observer perceives: A_f by the z-buffer of its camera (section 3.3)."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from are_ros.artefacts.artefact import Artefact, boxes_of
 from are_ros.builder.mesh_bank import MeshBank
 from are_ros.builder.occlusion import Visibility, ZBuffer
 from are_ros.builder.ray_casting import VoxelField
+from are_ros.builder.scene import Scene
 from are_ros.parameters.choices import Shape
 from are_ros.parameters.model import OcclusionParameters
 from are_ros.world.environment import Environment
@@ -40,22 +39,19 @@ class Perception:
         camera: Camera,
         map_from_camera: RigidTransform,
         environment: Environment,
-        artefacts: Sequence[Artefact],
-        now_ns: int,
+        scene: Scene,
         settings: OcclusionParameters,
     ) -> dict[int, Sighting]:
         """Return A_f by id: the artefacts of which more than tau pixels are visible."""
-        if not artefacts:
+        if not len(scene):
             return {}
         self.use_environment(environment)
-        rows = [artefact.row for artefact in artefacts]
-        boxes = boxes_of(rows, [artefact.ground_pose_at(now_ns) for artefact in artefacts])
-        shapes = self._meshes.selection(rows) if settings.shape is Shape.MESH else None
+        shapes = self._meshes.selection(scene.rows) if settings.shape is Shape.MESH else None
         buffer = self._buffer_of(camera, settings.max_range)
-        seen = buffer.visibility(map_from_camera, boxes, self._field, shapes, settings.mutual)
+        seen = buffer.visibility(map_from_camera, scene.boxes, self._field, shapes, settings.mutual)
         return {
             artefact.id: _sighting(seen, i)
-            for i, artefact in enumerate(artefacts)
+            for i, artefact in enumerate(scene.artefacts)
             if seen.visible_pixels[i] > settings.tau
         }
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.errors import FrameError
+from are_ros.errors import FrameError, InputError
 from are_ros.parameters.choices import GroundKind
 from are_ros.parameters.model import WorldParameters
 from are_ros.world.environment import Environment
@@ -29,10 +29,18 @@ class RealWorld:
     """Holds the newest map and cloud, and makes an `Environment` of them when one changed.
 
     The environment is in the map's frame F_E. Without a cloud the walls of the map are extruded.
+    `notices` takes a sentence where a cloud that waited for its pose turns out to be useless.
     """
 
-    def __init__(self, parameters: WorldParameters, map_frame: str, frames: FrameTree) -> None:
+    def __init__(
+        self,
+        parameters: WorldParameters,
+        map_frame: str,
+        frames: FrameTree,
+        notices: list[str] | None = None,
+    ) -> None:
         self.environment: Environment | None = None
+        self.notices: list[str] = [] if notices is None else notices
         self._parameters = parameters
         self._map_frame = map_frame
         self._frames = frames
@@ -48,10 +56,9 @@ class RealWorld:
 
     def set_grid(self, grid: OccupancyGrid) -> None:
         """Take a map; one equal to the last changes nothing but its stamp."""
-        changed = self._grid is None or not _same_map(self._grid, grid)
+        if self._grid is None or not _same_map(self._grid, grid):
+            self.environment = self._built(grid, self._voxels)
         self._grid = grid
-        if changed:
-            self._rebuild()
 
     def set_cloud(
         self, centres_m: npt.NDArray[np.floating], voxel_size_m: float | None, frame_id: str
@@ -63,8 +70,13 @@ class RealWorld:
         cloud = _Cloud(centres_m, self._parameters.voxel_size or voxel_size_m, frame_id)
         if self._last_cloud is not None and _same_cloud(self._last_cloud, cloud):
             return
-        self._last_cloud = self._pending_cloud = cloud
-        self._place_cloud()
+        map_from_cloud = self._map_from(frame_id)
+        if map_from_cloud is None:
+            VoxelMap.from_centres(centres_m, cloud.voxel_size_m, RigidTransform.identity())
+            self._last_cloud = self._pending_cloud = cloud
+            return
+        self._use_cloud(cloud, map_from_cloud)
+        self._last_cloud = cloud
 
     def missing_frame(self) -> str:
         """Return the frame of a cloud that waits for its pose, empty if none does."""
@@ -72,40 +84,42 @@ class RealWorld:
 
     def retry_cloud(self) -> None:
         """Place the cloud that waits, if its frame is known by now."""
-        if self._pending_cloud is not None:
-            self._place_cloud()
-
-    def _place_cloud(self) -> None:
-        cloud, self._pending_cloud = self._pending_cloud, self._pending_cloud
-        if cloud is None:
-            return
-        try:
-            map_from_cloud = self._map_from(cloud.frame_id)
-        except FrameError:
+        cloud = self._pending_cloud
+        map_from_cloud = self._map_from(cloud.frame_id) if cloud else None
+        if cloud is None or map_from_cloud is None:
             return
         self._pending_cloud = None
-        self._voxels = VoxelMap.from_centres(cloud.centres_m, cloud.voxel_size_m, map_from_cloud)
-        self._rebuild()
+        try:
+            self._use_cloud(cloud, map_from_cloud)
+        except InputError as cause:
+            self.notices.append(f"the cloud in '{cloud.frame_id}' that waited is dropped: {cause}")
 
-    def _map_from(self, frame_id: str) -> RigidTransform:
-        """Return the newest pose of a frame in the map's; both may be the same."""
+    def _use_cloud(self, cloud: _Cloud, map_from_cloud: RigidTransform) -> None:
+        voxels = VoxelMap.from_centres(cloud.centres_m, cloud.voxel_size_m, map_from_cloud)
+        if self._grid is not None:
+            self.environment = self._built(self._grid, voxels)
+        self._voxels, self._pending_cloud = voxels, None
+
+    def _map_from(self, frame_id: str) -> RigidTransform | None:
+        """Return the newest pose of a frame in the map's, None if unknown; they may be one."""
         if frame_id == self._map_frame:
             return RigidTransform.identity()
-        stamp_ns = self._frames.latest_common_time(self._map_frame, frame_id)
-        return self._frames.lookup(self._map_frame, frame_id, stamp_ns)
+        try:
+            stamp_ns = self._frames.latest_common_time(self._map_frame, frame_id)
+            return self._frames.lookup(self._map_frame, frame_id, stamp_ns)
+        except FrameError:
+            return None
 
-    def _rebuild(self) -> None:
-        grid, settings = self._grid, self._parameters
-        if grid is None:
-            return
+    def _built(self, grid: OccupancyGrid, voxels: VoxelMap | None) -> Environment:
+        settings = self._parameters
         classes = classify(grid, settings.occupied_threshold, settings.free_threshold)
-        voxels = self._voxels
         if voxels is None:
             voxels = VoxelMap.extruded(
                 grid, classes.occupied, settings.wall_height, settings.ground_height
             )
-        self.environment = Environment(
-            grid, classes, voxels, self._ground(voxels), self._clearance_m(voxels)
+        version = 0 if self.environment is None else self.environment.version + 1
+        return Environment(
+            grid, classes, voxels, self._ground(voxels), self._clearance_m(voxels), version
         )
 
     def _ground(self, voxels: VoxelMap) -> Ground:

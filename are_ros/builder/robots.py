@@ -49,7 +49,12 @@ class RobotTracker:
         if found is None:
             return None
         stamp_ns, map_from_base = found
-        if self.last is None or self.last.stamp_ns != stamp_ns:
+        last = self.last
+        if (
+            last is None
+            or last.stamp_ns != stamp_ns
+            or not _equal(last.map_from_base, map_from_base)
+        ):
             x, y, _ = map_from_base.translation_m.tolist()
             footprint = self.observer.footprint.at(x, y, map_from_base.yaw_rad())
             self.last = RobotPose(stamp_ns, map_from_base, footprint)
@@ -80,6 +85,11 @@ class RobotTracker:
     def forget(self) -> None:
         """Forget the last pose: the clock jumped back."""
         self.last = None
+
+
+def _equal(one: RigidTransform, other: RigidTransform) -> bool:
+    same_place = one.translation_m.tolist() == other.translation_m.tolist()
+    return bool(same_place and one.rotation_xyzw.tolist() == other.rotation_xyzw.tolist())
 
 
 def _too_old(target: str, source: str, age_ns: int) -> str:

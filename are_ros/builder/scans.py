@@ -1,6 +1,5 @@
 """The augmented laser scans: one sensor path per topic, and what their beams may meet."""
 
-from are_ros.artefacts.artefact import boxes_of
 from are_ros.builder.augmented_scan import augment_scan
 from are_ros.builder.lives import Lives
 from are_ros.builder.mesh_bank import MeshBank
@@ -82,12 +81,10 @@ class ScanAugmentation:
         }
 
     def _augmented(self, scan: LaserScan, map_from_laser: RigidTransform) -> LaserScan:
-        present = self._lives.present_at(scan.stamp_ns)
+        scene = self._lives.scene_at(scan.stamp_ns)
         if self._settings.gate is SensorGate.PERCEIVED:
-            present = [artefact for artefact in present if artefact.id in self.perceived]
-        if not present:
+            scene = scene.only(self.perceived)
+        if not len(scene):
             return scan
-        rows = [artefact.row for artefact in present]
-        boxes = boxes_of(rows, [artefact.ground_pose_at(scan.stamp_ns) for artefact in present])
-        shapes = self._meshes.selection(rows) if self._settings.shape is Shape.MESH else None
-        return augment_scan(scan, map_from_laser, boxes, shapes)
+        shapes = self._meshes.selection(scene.rows) if self._settings.shape is Shape.MESH else None
+        return augment_scan(scan, map_from_laser, scene.boxes, shapes)

@@ -1,6 +1,7 @@
 """The artefacts as what goes out: ground truth, what is perceived, what is drawn."""
 
 import math
+from collections.abc import Sequence
 
 from are_ros.artefacts.artefact import Artefact, map_from_artefact
 from are_ros.artefacts.catalogue import CatalogueRow
@@ -12,6 +13,34 @@ from are_ros.conventions import NS_PER_S
 
 _CERTAIN = (0.0,) * 36
 _VELOCITY_SPAN_NS = NS_PER_S // 20
+
+
+class StateKeeper:
+    """Gives the state of each living artefact; of one that stands, the same object again."""
+
+    def __init__(self) -> None:
+        self._kept: dict[int, ArtefactState] = {}
+
+    def states(self, living: Sequence[Artefact], now_ns: int) -> list[ArtefactState]:
+        """Return the ground truth of all at `now_ns`, in their order."""
+        states = [self._state(artefact, now_ns) for artefact in living]
+        self._kept = {state.artefact_id: state for state in states}
+        return states
+
+    def _state(self, artefact: Artefact, now_ns: int) -> ArtefactState:
+        kept = self._kept.get(artefact.id)
+        if kept is not None and _still_holds(kept, artefact):
+            return kept
+        return artefact_state(artefact, now_ns)
+
+
+def _still_holds(state: ArtefactState, artefact: Artefact) -> bool:
+    return (
+        len(artefact.history) == 1
+        and state.ground_pose is artefact.history.latest
+        and state.departure_ns == (artefact.departure_ns or 0)
+        and state.behaviour == artefact.behaviour
+    )
 
 
 def artefact_state(artefact: Artefact, now_ns: int) -> ArtefactState:

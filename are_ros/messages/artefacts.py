@@ -17,13 +17,13 @@ from are_ros.messages.times import make_time
 
 
 def make_artefacts(
-    factory: MessageFactory, frame_id: str, stamp_ns: int, states: Iterable[ArtefactState]
+    factory: MessageFactory, frame_id: str, stamp_ns: int, artefacts: Iterable[Any]
 ) -> Any:
-    """Return an are_msgs/ArtefactArray of ground truth, in the map's frame."""
+    """Return an are_msgs/ArtefactArray of messages that `make_artefact` made."""
     return factory.make(
         "are_msgs/msg/ArtefactArray",
         header=make_header(factory, frame_id, stamp_ns),
-        artefacts=[_make_artefact(factory, state) for state in states],
+        artefacts=list(artefacts),
     )
 
 
@@ -76,7 +76,8 @@ def make_metrics(
     )
 
 
-def _make_artefact(factory: MessageFactory, state: ArtefactState) -> Any:
+def make_artefact(factory: MessageFactory, state: ArtefactState) -> Any:
+    """Return an are_msgs/Artefact: the ground truth of one artefact, in the map's frame."""
     return factory.make(
         "are_msgs/msg/Artefact",
         id=state.artefact_id,

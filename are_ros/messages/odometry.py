@@ -2,14 +2,28 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from are_ros.errors import InputError
 from are_ros.messages.factory import MessageFactory
 from are_ros.messages.geometry import Vector3, make_twist, read_vector
 from are_ros.messages.headers import make_header, read_header
-from are_ros.messages.poses import make_pose, read_pose
+from are_ros.messages.poses import checked_pose, make_pose
 from are_ros.world.rigid_transform import RigidTransform
+
+
+class OdometryNumbers(NamedTuple):
+    """What of an Odometry is used, as it was sent: nothing is checked here.
+
+    `pose` is x, y, z [m] and a quaternion x, y, z, w; `twist` linear [m/s] and angular velocity
+    [rad/s], x, y, z each.
+    """
+
+    frame_id: str
+    child_frame_id: str
+    stamp_ns: int
+    pose: tuple[float, ...]
+    twist: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,17 +44,34 @@ class OdometryReading:
 def read_odometry(message: Any, source: str = "odom") -> OdometryReading:
     """Return the reading of a nav_msgs/Odometry; InputError if a number is not finite."""
     frame_id, stamp_ns = read_header(message, source)
-    twist = message.twist.twist
-    linear, angular = read_vector(twist.linear), read_vector(twist.angular)
-    if not math.isfinite(sum(linear) + sum(angular)):
-        raise InputError(f"{source}: twist.twist is not finite: {linear}, {angular}")
+    pose, twist = message.pose.pose, message.twist.twist
+    rotation = pose.orientation
+    return checked_reading(
+        OdometryNumbers(
+            frame_id,
+            str(message.child_frame_id),
+            stamp_ns,
+            (*read_vector(pose.position), rotation.x, rotation.y, rotation.z, rotation.w),
+            (*read_vector(twist.linear), *read_vector(twist.angular)),
+        ),
+        source,
+    )
+
+
+def checked_reading(numbers: OdometryNumbers, source: str = "odom") -> OdometryReading:
+    """Return the reading of an odometry's numbers; InputError as `read_odometry`."""
+    frame_id, twist = numbers.frame_id.lstrip("/"), numbers.twist
+    if not frame_id:
+        raise InputError(f"{source}: header.frame_id is empty")
+    if not math.isfinite(sum(twist)):
+        raise InputError(f"{source}: twist.twist is not finite: {twist[:3]}, {twist[3:]}")
     return OdometryReading(
         frame_id,
-        str(message.child_frame_id).lstrip("/"),
-        stamp_ns,
-        read_pose(message.pose.pose, "pose.pose", source),
-        linear,
-        angular,
+        numbers.child_frame_id.lstrip("/"),
+        numbers.stamp_ns,
+        checked_pose(numbers.pose[:3], numbers.pose[3:], "pose.pose", source),
+        (twist[0], twist[1], twist[2]),
+        (twist[3], twist[4], twist[5]),
     )
 
 

@@ -1,7 +1,7 @@
 """The real map as the checks see it, and the cells that a box covers, by separating axes."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from are_ros.world.occupancy_grid import OccupancyGrid
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.int64]
+
+TOUCHED: Final = 1
+SURE: Final = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +94,8 @@ class Covers:
 
     def _compute(self, scene: Scene, index: int) -> Cover:
         """Return the cells whose open square meets the open footprint."""
+        if not np.isfinite(np.frombuffer(scene.box_key(index))).all():
+            return _NOTHING
         x0, y0, turn = self.real.corner
         cos, sin = np.cos(turn), np.sin(turn)
         dx, dy = scene.centres_m[index, :2] - (x0, y0)
@@ -133,10 +138,16 @@ def _depths(apart: Floats, yaw: float, half: Floats, half_cell: float) -> Floats
     return depths
 
 
-def united(covers: list[Cover]) -> Cover:
-    """Return the union: a cell is sure if it is so of any."""
-    if not covers:
-        return _NOTHING
-    sure = np.unique(np.concatenate([cover.sure for cover in covers]))
-    touched = np.unique(np.concatenate([cover.touched for cover in covers]))
-    return Cover(sure, np.setdiff1d(touched, sure, assume_unique=True))
+def layer(covers: list[Cover], real: RealMap) -> NDArray[np.int8]:
+    """Return what boxes do to each cell of a map, flat: SURE, TOUCHED or 0."""
+    cells = np.zeros(real.cells.size, np.int8)
+    for cover in covers:
+        cells[cover.touched] = TOUCHED
+    for cover in covers:
+        cells[cover.sure] = SURE
+    return cells
+
+
+def are_same(ours: list[Cover], theirs: list[Cover]) -> bool:
+    """Tell whether these are the covers of the very boxes of another tick."""
+    return len(ours) == len(theirs) and all(a is b for a, b in zip(ours, theirs, strict=True))

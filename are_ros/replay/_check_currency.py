@@ -3,7 +3,7 @@
 import numpy as np
 
 from are_ros.replay._check_admission import AdmittedTick
-from are_ros.replay._check_cells import Cover, RealMap, united
+from are_ros.replay._check_cells import SURE, Cover, RealMap, are_same, layer
 from are_ros.replay._check_result import Tally, at_s
 
 
@@ -42,10 +42,8 @@ class Currency:
         """Tell whether some cell is certainly another than when the last one went out."""
         if real is not last_real:
             return not np.array_equal(real.cells, last_real.cells)
-        same = len(last) == len(tick.covers)
-        if same and all(a is b for a, b in zip(last, tick.covers, strict=True)):
+        if are_same(last, tick.covers):
             return False
-        before, now = united(last), united(tick.covers)
-        either = np.concatenate((before.touched, now.touched))
-        changed = np.setdiff1d(np.setxor1d(before.sure, now.sure), either)
+        before, now = layer(last, real), layer(tick.covers, real)
+        changed = np.abs(before - now) == SURE
         return bool((real.cells.reshape(-1)[changed] < self._full_value).any())

@@ -1,8 +1,11 @@
 """The file itself: it opens in the mcap reader, with the topics, types and QoS of section 4."""
 
+from io import SEEK_END
 from pathlib import Path
+from struct import Struct
 from types import MappingProxyType
 from typing import Any, Final
+from zlib import crc32
 
 import yaml
 from mcap.reader import make_reader
@@ -28,6 +31,8 @@ OUTPUT_TYPES: Final = MappingProxyType(
 
 _OPTIONAL_TYPES: Final = MappingProxyType({"augmented_octomap": "sensor_msgs/msg/PointCloud2"})
 _SENSOR_TYPES: Final = tuple(f"sensor_msgs/msg/{t}" for t in ("LaserScan", "PointCloud2", "Image"))
+_FOOTER: Final = Struct("<QQI")
+_MAGIC: Final = b"\x89MCAP0\r\n"
 _LATCHED: Final = (PREFIX + "augmented_map", PREFIX + "augmented_costmap")
 _QOS_NAMES: Final = MappingProxyType(
     {
@@ -60,6 +65,7 @@ def _read_all(
 ) -> None:
     reader = make_reader(stream, validate_crcs=True)
     reading.require(reader.get_header().profile == "ros2", "its profile is not ros2")
+    reading.require(_is_summary_whole(stream), "its summary section is damaged")
     summary = reader.get_summary()
     if summary is None or summary.statistics is None:
         reading.look()
@@ -79,6 +85,15 @@ def _read_all(
     promised = summary.statistics.message_count
     if reading.looked_at != promised:
         reading.fail(f"it holds {reading.looked_at} messages, its statistics say {promised}")
+
+
+def _is_summary_whole(stream: Any) -> bool:
+    """Tell whether the checksum in the footer is that of the summary, which no reader looks at."""
+    end = stream.seek(-_FOOTER.size - len(_MAGIC), SEEK_END)
+    start, _, promised = _FOOTER.unpack(stream.read(_FOOTER.size))
+    stream.seek(start)
+    # The sum covers the footer's own head, up to where it stands itself.
+    return not promised or crc32(stream.read(end + _FOOTER.size - 4 - start)) == promised
 
 
 def _check_topics(channels: dict[int, tuple[Any, Any]]) -> CheckResult:

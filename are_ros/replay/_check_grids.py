@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from are_ros.conventions import NS_PER_S, OCCUPIED
 from are_ros.parameters.model import Parameters
 from are_ros.replay._check_admission import AdmittedTick, admitted_by_tick
-from are_ros.replay._check_cells import RealMap, united
+from are_ros.replay._check_cells import RealMap
 from are_ros.replay._check_costmap import Inflation
 from are_ros.replay._check_currency import Currency
 from are_ros.replay._check_file import PREFIX
@@ -117,11 +117,10 @@ class _GridChecks:
         grid = _grid_of(self._map, tick, real, message)
         if grid is None:
             return
-        cover = united(tick.covers)
         expected, found = real.cells.flatten(), grid.cells.reshape(-1)
-        expected[cover.sure] = OCCUPIED
-        touched = cover.touched[found[cover.touched] == OCCUPIED]
-        expected[touched] = OCCUPIED
+        for cover in tick.covers:
+            expected[cover.sure] = OCCUPIED
+            expected[cover.touched[found[cover.touched] == OCCUPIED]] = OCCUPIED
         if not np.array_equal(expected, found):
             text = _first_difference(expected.reshape(grid.cells.shape), grid.cells)
             self._map.fail(f"{where} {text}")

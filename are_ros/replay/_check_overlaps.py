@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from are_ros.parameters.model import Parameters
-from are_ros.replay._check_cells import Cover, Covers, RealMap, united
+from are_ros.replay._check_cells import SURE, Cover, Covers, RealMap, are_same, layer
 from are_ros.replay._check_geometry import TOUCHING_M, overlap_depths_m
 from are_ros.replay._check_record import Record
 from are_ros.replay._check_result import CheckResult, Tally, at_s, skipped
@@ -53,23 +53,32 @@ def check_clutter(record: Record) -> CheckResult:
     tally = Tally("clutter ratio", "ticks")
     if record.parameters is None:
         return skipped(tally.name, "there is no effective.yaml, which says what is free")
-    metrics, free = dict(record.metrics), 0
+    metrics = dict(record.metrics)
     last_real: RealMap | None = None
+    last_covers: list[Cover] = []
+    free = least = most = 0
     for scene, real, covers in covers_by_tick(record):
         if real is None or scene.log_ns not in metrics:
             continue
         if real is not last_real:
-            free, last_real = _free_count(real, record.parameters), real
-        tally.look()
-        found, cover = float(metrics[scene.log_ns].clutter_ratio), united(covers)
+            free = _free_count(real, record.parameters)
+        if real is not last_real or not are_same(covers, last_covers):
+            least, most = _counts(covers, real)
+        last_real, last_covers = real, covers
+        found = float(metrics[scene.log_ns].clutter_ratio)
         if isnan(found) and real.since_ns == scene.stamp_ns:
             continue  # the map of that very time may have come after the tick
-        least = len(cover.sure) / free if free else float("nan")
-        most = (len(cover.sure) + len(cover.touched)) / free if free else float("nan")
-        if free and not least - 1e-12 <= found <= most + 1e-12:
-            wanted = f"{len(cover.sure)} cells of {free} free ones are {least:.9g}"
+        tally.look()
+        if free and not least / free - 1e-12 <= found <= most / free + 1e-12:
+            wanted = f"{least} cells of {free} free ones are {least / free:.9g}"
             tally.fail(f"{at_s(scene.stamp_ns)} it is {found:.9g}, but {wanted}")
     return tally.result()
+
+
+def _counts(covers: list[Cover], real: RealMap) -> tuple[int, int]:
+    """Return how many cells the boxes cover, and how many if touching counts."""
+    cells = layer(covers, real)
+    return int(np.count_nonzero(cells == SURE)), int(np.count_nonzero(cells))
 
 
 def _free_count(real: RealMap, parameters: Parameters) -> int:

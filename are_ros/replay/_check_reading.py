@@ -22,7 +22,8 @@ GRID_TOPICS: Final = tuple(
 )
 _MARKERS: Final = PREFIX + "markers"
 _OBJECT_BYTES: Final = 16_000_000
-"""More bytes of markers than this become no objects: a corner of a mesh would be one each."""
+_SAMPLE: Final = 16
+"""Of more bytes of markers only each 16th message becomes objects: one per corner of a mesh."""
 
 
 class Reading:
@@ -84,7 +85,7 @@ class Reading:
         try:
             if connection.topic == _MARKERS:
                 self._take_markers(log_ns, data)
-                if self._marker_bytes > _OBJECT_BYTES:
+                if self._marker_bytes > _OBJECT_BYTES and len(self.record.shows) % _SAMPLE:
                     return None
             return reader.deserialize(data, connection.msgtype)
         except Exception as cause:  # noqa: BLE001 - so do its codecs
@@ -106,7 +107,7 @@ class Reading:
         self.record.shows.append(MarkerShow(log_ns, tuple(changes)))
         self._marker_bytes += len(data)
         if self._marker_bytes > _OBJECT_BYTES:
-            self.tally.note("most markers by a decoder of our own, rosbags takes long for them")
+            self.tally.note("most markers by a decoder of our own, each 16th by rosbags too")
 
     def _take_map(self, topic: str, log_ns: int, message: Any) -> None:
         del topic

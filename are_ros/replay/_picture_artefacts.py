@@ -23,7 +23,7 @@ _KNOWN_CLASSES: Final[Mapping[str, str]] = {
 _FURTHER: Final = ("#3a7d44", "#b5179e", "#8d99ae", "#e07a1f", "#5f0f40", "#606c38")
 _SMALLEST_PT: Final = 7.0
 _LABEL_PT: Final = 7.0
-_MOST_LABELS: Final = 80
+_MOST_LABELS: Final = 60
 _SIDES: Final = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
 
 
@@ -75,22 +75,22 @@ def draw_artefacts(
 
 
 def draw_labels(axes: Any, drawn: Sequence[Drawn], window: Window, points_per_m: float) -> None:
-    """Write ids beside the artefacts, the perceived ones first, where they cover nothing."""
+    """Write ids beside the artefacts, where they cover nothing; of many, the perceived only."""
     from matplotlib.patheffects import withStroke
 
     look = {"fontsize": _LABEL_PT, "color": "#3b4148", "ha": "center", "va": "center"}
     halo = [withStroke(linewidth=1.6, foreground="#ffffffc0")]
     height_m = _LABEL_PT / points_per_m
     taken = [(*item.corners_m.min(axis=0), *item.corners_m.max(axis=0)) for item in drawn]
-    written = 0
-    for item in reversed(drawn):
+    perceived = [item for item in drawn if item.life.is_perceived]
+    labelled = drawn if len(drawn) <= _MOST_LABELS else perceived[-_MOST_LABELS:]
+    for item in reversed(labelled):
         text = id_text(item.life.artefact_id)
         size_m = (0.66 * height_m * len(text), height_m)
         spot = _free_spot(item, size_m, np.array(taken), window, 0.25 * height_m)
-        if spot is None or written == _MOST_LABELS:
+        if spot is None:
             continue
         taken.append((*spot, spot[0] + size_m[0], spot[1] + size_m[1]))
-        written += 1
         x_m, y_m = spot[0] + 0.5 * size_m[0], spot[1] + 0.5 * size_m[1]
         axes.text(x_m, y_m, text, zorder=7, path_effects=halo, **look)
 

@@ -109,7 +109,9 @@ def _draw_legend(sheet: Sheet, record: SceneRecord, colours: Mapping[str, str]) 
         meanings.append(Patch(facecolor=_GREY, label="perceived"))
         meanings.append(Patch(facecolor="white", hatch="/////", label="never perceived", **outline))
     if len(record.camera):
-        meanings.append(Patch(facecolor=SEEN_COLOUR, alpha=0.42, label="in view, where drawn"))
+        meanings.append(
+            Patch(facecolor=SEEN_COLOUR, alpha=0.42, label="field of view, at poses drawn")
+        )
         meanings.append(Patch(facecolor=SEEN_COLOUR, alpha=0.17, label="in view at some time"))
     used_in = _add_legend(sheet, classes, _FOOTER_IN - 0.06)
     _add_legend(sheet, meanings, _FOOTER_IN - 0.06 - used_in)

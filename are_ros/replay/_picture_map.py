@@ -12,7 +12,7 @@ _MOST_PIXELS = 1400
 _THINNEST_WALL_PT = 0.9
 _THICK_FROM = 50
 _FREE_RGB = np.array((252, 252, 251))
-_WALL_RGB = np.array((64, 70, 78))
+_WALL_RGB = np.array((88, 95, 104))
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """What the camera could see, from above: fans of level rays that end at walls and artefacts."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,13 @@ from are_ros.world.rigid_transform import RigidTransform
 Floats = npt.NDArray[np.float64]
 
 _RAYS = 360
-_MARCH_STEPS = 120
+_MARCH_STEPS = 200
+_SURELY_LESS = 1.42
+"""Distances are between centres of cells; this much of them may lie within the two cells."""
+_LEAST_STEP = 0.25
+_PARALLEL = 1e-12
+_TURN_WEIGHT_M = 0.4
+_SHORTEST_PART_M = 0.2
 _ALL_AROUND_RAD = np.deg2rad(340.0)
 
 
@@ -33,7 +40,9 @@ class Sight:
         import cv2
 
         open_cells = (part.cells < occupied_threshold).astype(np.uint8)
-        self._clearance = np.asarray(cv2.distanceTransform(open_cells, cv2.DIST_L2, 5))
+        self._clearance = np.asarray(
+            cv2.distanceTransform(open_cells, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        )
         if open_cells.all():
             self._clearance = np.full(open_cells.shape, 1e6, dtype=np.float32)
         self._part = part
@@ -46,18 +55,26 @@ class Sight:
         corner = (self._part.col0, self._part.row0)
         start = (turn @ start_m + self._part_from_map[:2, 3]) / self._cell_m - corner
         steps, longest = rays @ turn.T, longest_m / self._cell_m
-        height, width = self._clearance.shape
         travelled, moving = np.zeros(len(rays)), np.arange(len(rays))
         for _ in range(_MARCH_STEPS):
-            at = np.floor(start + steps[moving] * travelled[moving, np.newaxis]).astype(np.int64)
-            inside = (at >= 0).all(axis=1) & (at[:, 0] < width) & (at[:, 1] < height)
-            travelled[moving[~inside]] += 4.0
-            ahead = np.where(inside, self._clearance[at[:, 1] * inside, at[:, 0] * inside], 4.0)
-            travelled[moving[inside]] += np.maximum(ahead[inside] - 0.7, 0.5) * (ahead[inside] > 0)
-            moving = moving[(ahead > 0) & (travelled[moving] < longest[moving])]
+            ahead = self._surely_free(start + steps[moving] * travelled[moving, np.newaxis])
+            travelled[moving] += ahead
+            moving = moving[(ahead > 0.0) & (travelled[moving] < longest[moving])]
             if not len(moving):
                 break
         return np.minimum(travelled, longest) * self._cell_m
+
+    def _surely_free(self, points: Floats) -> Floats:
+        """Return how far points (N, 2), as (col, row), are from walls at least; 0 inside one.
+
+        Near a wall it is a small step instead, so that rays arrive. Outside there are no walls.
+        """
+        size = self._clearance.shape[::-1]
+        nearest = np.clip(np.floor(points).astype(np.int64), 0, np.subtract(size, 1))
+        clearance = self._clearance[nearest[:, 1], nearest[:, 0]]
+        outside = np.maximum(-points, points - size).max(axis=1)
+        free = np.maximum(np.where(outside > 0.0, outside, clearance - _SURELY_LESS), _LEAST_STEP)
+        return np.where((outside > 0.0) | (clearance > 0.0), free, 0.0)
 
 
 def fan_at(record: SceneRecord, sight: Sight, index: int) -> Fan | None:
@@ -71,9 +88,8 @@ def fan_at(record: SceneRecord, sight: Sight, index: int) -> Fan | None:
     rays /= lengths[:, np.newaxis]
     longest_m = record.max_range_m * lengths
     reach_m = sight.free_lengths(pose[:2], rays, longest_m)
-    for life in record.lives:
-        if _may_hide(life, stamp_ns, pose[2]):
-            reach_m = np.minimum(reach_m, _far_side(life, stamp_ns, pose[:2], rays))
+    hiding = [life for life in record.lives if _may_hide(life, stamp_ns, pose[2])]
+    reach_m = np.minimum(reach_m, _far_sides(hiding, stamp_ns, pose[:2], rays))
     outline = pose[:2] + rays * reach_m[:, np.newaxis]
     is_closed = _spread_rad(rays) > _ALL_AROUND_RAD
     return Fan(stamp_ns, outline if is_closed else np.vstack((pose[:2], outline)))
@@ -83,14 +99,43 @@ def spread_indices(record: SceneRecord, count: int) -> list[int]:
     """Return at most `count` camera poses, evenly spread over what the robot drove and turned."""
     if not len(record.camera):
         return []
+    travelled = _travelled(record)
+    wanted = _middles(travelled, count)
+    return sorted(set(np.searchsorted(travelled, wanted).tolist()))
+
+
+def telling_indices(record: SceneRecord, count: int) -> list[int]:
+    """Return a camera pose of each of `count` parts of the way: one that perceived the most.
+
+    Of several, the one nearest to the middle of its part.
+    """
+    if not len(record.camera):
+        return []
+    travelled = _travelled(record)
+    middles = _middles(travelled, count)
+    part = np.argmin(np.abs(travelled[:, np.newaxis] - middles), axis=1)
+    at = np.searchsorted(record.series.stamps_ns, record.camera.stamps_ns)
+    perceived = record.series.perceived[at]
+    off_middle = np.abs(travelled - middles[part])
+    order = np.lexsort((off_middle, -perceived, part))
+    _, first = np.unique(part[order], return_index=True)
+    return sorted(order[first].tolist())
+
+
+def _travelled(record: SceneRecord) -> Floats:
+    """Return what was driven [m] and, of less weight, turned up to each camera pose."""
     x, y, z, w = record.camera.poses[:, 3:].T
     forward = 2.0 * np.column_stack((x * z + w * y, y * z - w * x))
     driven = np.linalg.norm(np.diff(record.camera.poses[:, :2], axis=0), axis=1)
     turned = np.linalg.norm(np.diff(forward, axis=0), axis=1)
-    travelled = np.concatenate(((0.0,), np.cumsum(driven + turned)))
-    count = max(1, min(count, int(travelled[-1] / 0.2) + 1))
-    wanted = (np.arange(count) + 0.5) / count * travelled[-1]
-    return sorted(set(np.searchsorted(travelled, wanted).tolist()))
+    return np.concatenate(((0.0,), np.cumsum(driven + _TURN_WEIGHT_M * turned)))
+
+
+def _middles(travelled: Floats, count: int) -> Floats:
+    """Return the middles of so many equal parts of the way, fewer if it is short."""
+    count = max(1, min(count, int(travelled[-1] / _SHORTEST_PART_M) + 1))
+    middles: Floats = (np.arange(count) + 0.5) / count * travelled[-1]
+    return middles
 
 
 def _level_rays(record: SceneRecord, index: int, pose: Floats) -> Floats:
@@ -115,17 +160,21 @@ def _may_hide(life: Life, stamp_ns: int, camera_height_m: float) -> bool:
     return is_there and life.row.size_m[2] > camera_height_m
 
 
-def _far_side(life: Life, stamp_ns: int, start_m: Floats, rays: Floats) -> Floats:
-    """Return where rays leave a footprint again (N,), infinite for those that miss it.
+def _far_sides(lives: Sequence[Life], stamp_ns: int, start_m: Floats, rays: Floats) -> Floats:
+    """Return where rays (N, 2) leave the first footprint that they meet (N,), else infinity.
 
     The far side, so that the picture does not cut off what it shows as seen.
     """
-    x_m, y_m, yaw_rad = life.footprint_at(stamp_ns)
+    if not lives:
+        return np.full(len(rays), np.inf)
+    x_m, y_m, yaw_rad = np.array([life.footprint_at(stamp_ns) for life in lives]).T
+    half = 0.5 * np.array([life.row.size_m[:2] for life in lives])[:, :, np.newaxis]
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    box_from_map = np.array(((cos, sin), (-sin, cos)))
-    start, directions = box_from_map @ (start_m - (x_m, y_m)), rays @ box_from_map.T
-    half = 0.5 * np.array(life.row.size_m[:2])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slabs = np.stack(((-half - start) / directions, (half - start) / directions))
-    near, far = np.nanmin(slabs, axis=0).max(axis=1), np.nanmax(slabs, axis=0).min(axis=1)
-    return np.where((near <= far) & (far > 0.0), far, np.inf)
+    box_from_map = np.array(((cos, sin), (-sin, cos))).transpose(2, 0, 1)
+    offsets = np.column_stack((start_m[0] - x_m, start_m[1] - y_m))[:, :, np.newaxis]
+    starts, directions = box_from_map @ offsets, box_from_map @ rays.T
+    directions = np.where(np.abs(directions) < _PARALLEL, _PARALLEL, directions)
+    low, high = (-half - starts) / directions, (half - starts) / directions
+    near, far = np.minimum(low, high).max(axis=1), np.maximum(low, high).min(axis=1)
+    ends: Floats = np.where((near <= far) & (far > 0.0), far, np.inf).min(axis=0)
+    return ends

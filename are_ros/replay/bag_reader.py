@@ -2,7 +2,7 @@
 
 import heapq
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from struct import error as StructError  # noqa: N812
@@ -11,10 +11,12 @@ from typing import Any, NamedTuple
 
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
+from are_ros.messages.odometry import OdometryReading, checked_reading, read_odometry
 from are_ros.messages.transforms import StampedTransform, read_transforms
 from are_ros.replay._bag_errors import as_bag_errors, sentence_of
 from are_ros.replay._bag_files import check_paths, open_reader
 from are_ros.replay._bag_types import BagTypes
+from are_ros.replay.odometry_decoding import decode_odometry_cdr, decode_odometry_ros1
 from are_ros.replay.transform_decoding import (
     decode_transforms_cdr,
     decode_transforms_ros1,
@@ -117,6 +119,16 @@ class BagReader:
         ]
         yield from heapq.merge(*streams, key=_log_time) if len(streams) > 1 else streams[0]
 
+    def learn_types(self, topics: Collection[str]) -> None:
+        """Make ready to deserialise the messages of some topics, which the first would else do.
+
+        A type that cannot be understood is left to the first message.
+        """
+        for connection in self._connections():
+            if connection.topic in topics:
+                with suppress(BagError):
+                    self._types.store_of(connection)
+
     def deserialize(self, message: BagMessage) -> Any:
         """Return the message object, its arrays numpy arrays.
 
@@ -141,6 +153,17 @@ class BagReader:
         except (StructError, UnicodeDecodeError) as cause:
             raise _malformed(message, cause) from cause
         return read_transforms(self.deserialize(message))
+
+    def odometry(self, message: BagMessage) -> OdometryReading:
+        """Return the reading of an Odometry; as `deserialize` and `read_odometry`, quicker."""
+        try:
+            if self.is_ros1:
+                return checked_reading(decode_odometry_ros1(message.data), message.topic)
+            if is_plain_cdr(message.data):
+                return checked_reading(decode_odometry_cdr(message.data), message.topic)
+        except (StructError, UnicodeDecodeError) as cause:
+            raise _malformed(message, cause) from cause
+        return read_odometry(self.deserialize(message), message.topic)
 
     def _connections(self) -> Iterator[Any]:
         for _, reader in self._readers:

@@ -63,11 +63,8 @@ def effective_parameters(
     return with_values(parameters, options)
 
 
-def replay_command(say: Say, skip: Sequence[str], **options: Any) -> bool:
-    """Run `are replay`; return whether all input was good.
-
-    Raises AreError where there is no result.
-    """
+def options_of(skip: Sequence[str], **options: Any) -> ReplayOptions:
+    """Return what the options of the command line ask for. Raises AreError."""
     parameters = effective_parameters(
         options["parameter_files"],
         options["assignments"],
@@ -75,7 +72,7 @@ def replay_command(say: Say, skip: Sequence[str], **options: Any) -> bool:
         options["map_frame"],
         options["static_transforms"],
     )
-    replay = ReplayOptions(
+    return ReplayOptions(
         bags=options["bags"],
         parameters=parameters,
         out=options["out"],
@@ -87,6 +84,14 @@ def replay_command(say: Say, skip: Sequence[str], **options: Any) -> bool:
         with_inputs=options["with_inputs"],
         demand=replace(Demand(), **dict.fromkeys(skip, False)),
     )
+
+
+def replay_command(say: Say, **options: Any) -> bool:
+    """Run `are replay`; return whether all input was good.
+
+    Raises AreError where there is no result.
+    """
+    replay = options_of(**options)
     outcome = run_replay(replay, say, _open_bar)
     for line in write_results(outcome, options["out"]):
         say(line)

@@ -10,13 +10,13 @@ from are_ros.messages.camera_info import read_camera_info
 from are_ros.messages.cloud import read_points
 from are_ros.messages.grid import read_grid
 from are_ros.messages.headers import read_header
-from are_ros.messages.odometry import read_odometry
 from are_ros.messages.scan import read_scan
 from are_ros.replay.bag_reader import BagMessage, BagReader
-from are_ros.world.camera_info import CameraInfo
 from are_ros.world.observer import Camera
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import ViewModel
+
+_STAMP_END = 12
+"""In CDR and in ROS 1 alike the stamp of a header ends here; what follows is the content."""
 
 Handler = Callable[[BagMessage, int], None]
 
@@ -45,8 +45,7 @@ class Feed:
         self.refusals = Refusals()
         self._reader = reader
         self._builder = builder
-        self._camera_info: CameraInfo | None = None
-        self._view: ViewModel | None = None
+        self._last_camera: tuple[bytes, Camera] | None = None
         makers: Mapping[str, Callable[[], Handler]] = {
             "map": lambda: self._map,
             "octomap_point_cloud_centers": lambda: self._cloud,
@@ -76,7 +75,7 @@ class Feed:
         self._builder.receive_cloud(points_m, frame_id, received_ns)
 
     def _odometry(self, message: BagMessage, received_ns: int) -> None:
-        reading = read_odometry(self._object(message), message.topic)
+        reading = self._reader.odometry(message)
         self._builder.receive_odometry(
             reading.frame_id,
             reading.child_frame_id,
@@ -90,14 +89,15 @@ class Feed:
         self._builder.receive_scan(message.topic, scan, received_ns)
 
     def _camera(self, message: BagMessage, received_ns: int) -> None:
-        raw = self._object(message)
-        info = read_camera_info(raw, message.topic)
-        if self._view is None or info != self._camera_info:
+        """Take a camera; one that says the same as the last, but for its stamp, is not read."""
+        content = message.data[_STAMP_END:]
+        if self._last_camera is None or self._last_camera[0] != content:
+            raw = self._object(message)
             rectified = self._builder.parameters.camera.rectified
-            self._camera_info, self._view = info, info.view(rectified=rectified)
-        frame_id = read_header(raw, message.topic).frame_id
-        camera = Camera(self._view, frame_id, RigidTransform.identity())
-        self._builder.receive_camera(camera, received_ns)
+            view = read_camera_info(raw, message.topic).view(rectified=rectified)
+            frame_id = read_header(raw, message.topic).frame_id
+            self._last_camera = content, Camera(view, frame_id, RigidTransform.identity())
+        self._builder.receive_camera(self._last_camera[1], received_ns)
 
     def _transforms(self, message: BagMessage, received_ns: int) -> None:
         self._take_transforms(message, received_ns, is_static=False)

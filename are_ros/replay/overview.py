@@ -20,7 +20,7 @@ from are_ros.replay._picture_map import (
     window_of,
 )
 from are_ros.replay._picture_robot import draw_fans, draw_path
-from are_ros.replay._picture_view import Fan, Sight, fan_at, spread_indices
+from are_ros.replay._picture_view import Fan, Sight, fan_at, spread_indices, telling_indices
 from are_ros.replay.scene_record import SceneRecord
 from are_ros.world.occupancy_grid import OccupancyGrid
 
@@ -66,11 +66,12 @@ def _figure(record: SceneRecord, grid: OccupancyGrid, occupied_threshold: int) -
 def _fans(record: SceneRecord, sight: Sight) -> tuple[list[Fan], list[Fan]]:
     """Return the fans that make up the area seen, and the few that are drawn one by one."""
 
-    def fans(count: int) -> list[Fan]:
-        found = (fan_at(record, sight, index) for index in spread_indices(record, count))
+    def fans(indices: list[int]) -> list[Fan]:
+        found = (fan_at(record, sight, index) for index in indices)
         return [fan for fan in found if fan is not None]
 
-    return fans(_SWEPT_FANS), fans(_SHOWN_FANS)
+    swept = spread_indices(record, _SWEPT_FANS)
+    return fans(swept), fans(telling_indices(record, _SHOWN_FANS))
 
 
 def _draw_map(sheet: Sheet, grid: OccupancyGrid, part: KnownPart) -> None:

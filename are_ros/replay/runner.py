@@ -63,6 +63,7 @@ class Replay:
         self.ticks = 0
         self._reader = reader
         self._builder = builder
+        reader.learn_types(self.role_of_topic)
         self._stopwatch = stopwatch
         self._period_ns = round(NS_PER_S / options.parameters.builder.tick_rate)
         self._next_tick_ns = -(-self.start_ns // self._period_ns) * self._period_ns

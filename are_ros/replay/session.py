@@ -45,6 +45,7 @@ class Outcome:
     options: ReplayOptions
     start_ns: int
     end_ns: int
+    role_of_topic: Mapping[str, str]
     record: SceneRecord
     grid: OccupancyGrid
     scans: Mapping[str, SensorPathCounts]
@@ -197,6 +198,7 @@ def _outcome(
         options,
         replay.start_ns,
         replay.end_ns,
+        replay.role_of_topic,
         recorder.record(),
         grid,
         builder.scan_counts(),

@@ -1,10 +1,18 @@
 """The outputs of the builder into a recording, under the names that they have live."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
+from are_ros.builder.outputs import ArtefactState
 from are_ros.builder.sensor_path import ReleasedScan
 from are_ros.builder.tick import Tick
-from are_ros.messages.artefacts import make_artefacts, make_event, make_metrics, make_perceived
+from are_ros.messages.artefacts import (
+    make_artefact,
+    make_artefacts,
+    make_event,
+    make_metrics,
+    make_perceived,
+)
 from are_ros.messages.factory import MessageFactory
 from are_ros.messages.grid import make_grid, make_grid_update
 from are_ros.messages.marker_encoding import encode_markers
@@ -31,6 +39,7 @@ class TickWriter:
         """Announce all output topics; `scan_topics` are the input topics of the scans."""
         self._writer = writer
         self._factory = factory
+        self._known: dict[int, tuple[ArtefactState, Any]] = {}
         self._scan_outputs = scan_outputs(scan_topics)
         for name in ("augmented_map", "augmented_costmap"):
             writer.add_topic(PREFIX + name, _GRID, is_latched=True, depth=1)
@@ -47,7 +56,8 @@ class TickWriter:
         self._write_grids(tick)
         for event in tick.events:
             self._write("events", now_ns, make_event(make, frame_id, event))
-        self._write("artefacts", now_ns, make_artefacts(make, frame_id, now_ns, tick.artefacts))
+        artefacts = make_artefacts(make, frame_id, now_ns, self._artefact_messages(tick))
+        self._write("artefacts", now_ns, artefacts)
         perceived = make_perceived(make, frame_id, now_ns, tick.observer, tick.perceived)
         self._write("perceived", now_ns, perceived)
         self._write("metrics", now_ns, make_metrics(make, frame_id, now_ns, tick.metrics))
@@ -61,6 +71,17 @@ class TickWriter:
             message = make_scan(self._factory, released.scan)
             output = self._scan_outputs[released.topic]
             self._writer.write(output, released.released_ns, message)
+
+    def _artefact_messages(self, tick: Tick) -> list[Any]:
+        """Return a message for each artefact; that of a state that is the same is kept."""
+        messages = {}
+        for state in tick.artefacts:
+            known = self._known.get(state.artefact_id)
+            if known is None or known[0] is not state:
+                known = (state, make_artefact(self._factory, state))
+            messages[state.artefact_id] = known
+        self._known = messages
+        return [message for _, message in messages.values()]
 
     def _write_grids(self, tick: Tick) -> None:
         grids, now_ns = tick.grids, tick.stamp_ns

@@ -98,6 +98,7 @@ class ReachableRegion:
         self._label = 0
         self._region = _region_of(np.zeros(free.shape, np.bool_), grid)
         self.last_point_m: tuple[float, float] | None = None
+        self._labelled: tuple[tuple[float, float] | None, int] = (None, 0)
         self.at(last_point_m)
 
     def at(self, robot_point_m: tuple[float, float] | None) -> SpawnRegion:
@@ -111,6 +112,12 @@ class ReachableRegion:
         return self._region
 
     def _label_near(self, point_m: tuple[float, float]) -> int:
+        if point_m == self._labelled[0]:
+            return self._labelled[1]
+        self._labelled = (point_m, self._nearest_to(point_m))
+        return self._labelled[1]
+
+    def _nearest_to(self, point_m: tuple[float, float]) -> int:
         cell = self._grid.points_to_cells(np.array([point_m]))
         row, col = (int(index) for index in cell[0])
         if self._grid.contains(cell)[0] and self._labels[row, col]:

@@ -10,7 +10,13 @@ import pytest
 from are_ros.artefacts.artefact import GroundPose, Origin
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.outputs import ArtefactState, PerceivedArtefact, SceneMetrics
-from are_ros.messages.artefacts import make_artefacts, make_event, make_metrics, make_perceived
+from are_ros.messages.artefacts import (
+    make_artefact,
+    make_artefacts,
+    make_event,
+    make_metrics,
+    make_perceived,
+)
 from are_ros.messages.geometry import read_vector
 from are_ros.messages.poses import read_pose
 from are_ros.messages.times import read_time
@@ -34,7 +40,7 @@ def test_ground_truth_is_all_there(
     factory: RosbagsFactory, over_the_wire: Callable[[Any], Any]
 ) -> None:
     """Each field of an artefact's state stands in its message."""
-    array = over_the_wire(make_artefacts(factory, "map", 9, [STATE]))
+    array = over_the_wire(make_artefacts(factory, "map", 9, [make_artefact(factory, STATE)]))
     (message,) = array.artefacts
     assert (array.header.frame_id, read_time(array.header.stamp)) == ("map", 9)
     assert (message.id, message.row, message.label) == (7, 3, "adult")

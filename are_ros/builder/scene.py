@@ -1,0 +1,53 @@
+"""The artefacts of one instant, with their boxes; kept while nobody comes, goes or moves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from are_ros.artefacts.artefact import Artefact, GroundPose, boxes_of
+from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.world.oriented_boxes import OrientedBoxes
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """N artefacts in the order of their ids, where they stand, and their boxes in the map frame."""
+
+    artefacts: tuple[Artefact, ...]
+    poses: tuple[GroundPose, ...]
+    boxes: OrientedBoxes
+
+    @classmethod
+    def of(cls, artefacts: Sequence[Artefact], t_ns: int) -> "Scene":
+        """Return the scene of these artefacts at `t_ns`."""
+        poses = tuple(artefact.ground_pose_at(t_ns) for artefact in artefacts)
+        boxes = boxes_of([artefact.row for artefact in artefacts], poses)
+        return cls(tuple(artefacts), poses, boxes)
+
+    @property
+    def rows(self) -> tuple[CatalogueRow, ...]:
+        """The rows of the artefacts."""
+        return tuple(artefact.row for artefact in self.artefacts)
+
+    def __len__(self) -> int:
+        """Count the artefacts."""
+        return len(self.artefacts)
+
+    def holds_for(self, artefacts: Sequence[Artefact]) -> bool:
+        """Say whether this is also the scene of these artefacts at any time: all of them stand."""
+        return len(artefacts) == len(self.artefacts) and all(
+            now is kept and len(now.history) == 1 and now.history.latest is pose
+            for now, kept, pose in zip(artefacts, self.artefacts, self.poses, strict=True)
+        )
+
+    def only(self, ids: frozenset[int]) -> "Scene":
+        """Return the scene of the artefacts with these ids."""
+        chosen = [i for i, artefact in enumerate(self.artefacts) if artefact.id in ids]
+        return Scene(
+            tuple(self.artefacts[i] for i in chosen),
+            tuple(self.poses[i] for i in chosen),
+            OrientedBoxes(
+                self.boxes.centres_m[chosen],
+                self.boxes.yaws_rad[chosen],
+                self.boxes.half_sizes_m[chosen],
+            ),
+        )

@@ -1,0 +1,785 @@
+"""Checks of a small replay written by hand, right and broken on purpose in every way.
+
+It has six ticks, two artefacts, one map, one robot and one laser.
+"""
+
+import copy
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from numpy.typing import NDArray
+
+from are_ros.builder.costmap import InflatedCostmap
+from are_ros.builder.registration import CellPatch, covered_cells
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import BagError
+from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import Parameters
+from are_ros.parameters.ros_yaml import write_ros_parameters
+from are_ros.replay.bag_writer import BagWriter
+from are_ros.replay.checks import CheckResult, Outcome, check_replay
+from are_ros.replay.message_types import RosbagsFactory
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.oriented_boxes import OrientedBoxes
+from are_ros.world.rigid_transform import RigidTransform
+
+MS = 1_000_000
+START_NS = 1000 * NS_PER_S
+TICKS_NS = tuple(START_NS + k * 100 * MS for k in range(6))
+SIZE_M = (0.3, 0.2, 1.0)
+PLACES = {1: (0.05, 0.0, 0.3), 2: (0.53, 0.41, 0.0)}
+LIVES_NS = {
+    1: (START_NS - 10 * MS, START_NS + 350 * MS),
+    2: (START_NS + 150 * MS, START_NS + 90 * NS_PER_S),
+}
+SEEN: tuple[set[int], ...] = (set(), {1}, {1}, set(), {2}, {2})
+ROBOT = (-0.6, -0.6)
+SCAN_NS = START_NS + 220 * MS
+
+OUT = "/ar_builder/"
+TYPES = {
+    "augmented_map": "nav_msgs/msg/OccupancyGrid",
+    "augmented_costmap": "nav_msgs/msg/OccupancyGrid",
+    "augmented_map_updates": "map_msgs/msg/OccupancyGridUpdate",
+    "artefacts": "are_msgs/msg/ArtefactArray",
+    "perceived": "are_msgs/msg/PerceivedArtefactArray",
+    "events": "are_msgs/msg/ArtefactEvent",
+    "metrics": "are_msgs/msg/SceneMetrics",
+    "markers": "visualization_msgs/msg/MarkerArray",
+    "scan": "sensor_msgs/msg/LaserScan",
+}
+INPUT_TYPES = {
+    "/map": "nav_msgs/msg/OccupancyGrid",
+    "/tf": "tf2_msgs/msg/TFMessage",
+    "/tf_static": "tf2_msgs/msg/TFMessage",
+    "/scan": "sensor_msgs/msg/LaserScan",
+}
+MAKE = RosbagsFactory().make
+
+
+@dataclass(eq=False)
+class Draft:
+    """What is to be written: by topic the type, whether it is latched, and (log time, message)."""
+
+    messages: dict[str, list[tuple[int, Any]]] = field(default_factory=dict)
+    types: dict[str, str] = field(default_factory=dict)
+    latched: set[str] = field(default_factory=set)
+    values: dict[str, Any] = field(default_factory=dict)
+
+    def of(self, name: str) -> list[tuple[int, Any]]:
+        """Return the messages of an output, by its name without the prefix."""
+        return self.messages[OUT + name]
+
+    def write(self, folder: Path) -> Path:
+        """Write augmented.mcap and effective.yaml."""
+        folder.mkdir(exist_ok=True)
+        with BagWriter(folder / "augmented.mcap") as writer:
+            for topic, type_name in self.types.items():
+                is_latched = topic in self.latched
+                writer.add_topic(topic, type_name, is_latched=is_latched, depth=1)
+            stream = [
+                (log_ns, topic, message)
+                for topic, messages in self.messages.items()
+                for log_ns, message in messages
+            ]
+            for log_ns, topic, message in stream:
+                if isinstance(message, bytes):
+                    writer.write_raw(topic, log_ns, message)
+                else:
+                    writer.write(topic, log_ns, message)
+        parameters = with_values(Parameters(), self.values)
+        (folder / "effective.yaml").write_text(write_ros_parameters(parameters))
+        return folder
+
+
+def make_draft() -> Draft:
+    """Return a replay in which everything is right."""
+    draft = Draft()
+    draft.types = INPUT_TYPES | {OUT + name: type_name for name, type_name in TYPES.items()}
+    draft.latched = {"/map", "/tf_static", OUT + "augmented_map", OUT + "augmented_costmap"}
+    draft.messages = {topic: [] for topic in draft.types}
+    draft.values = {
+        "robot.radius": 0.12,
+        "costmap.inflation_radius": 0.35,
+        "augmented_map.max_rate": 10.0,
+        "camera.model": "pinhole",
+    }
+    real = real_cells()
+    draft.messages["/map"].append((START_NS - 50 * MS, make_grid(real, START_NS)))
+    _add_frames(draft)
+    _add_scans(draft)
+    _add_ticks(draft, real)
+    return draft
+
+
+def real_cells() -> NDArray[np.int8]:
+    """Return the real map, 20 x 20 cells of 0.1 m from (-1, -1): walls about, some unknown."""
+    cells = np.zeros((20, 20), np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = 100
+    cells[15:18, 3:6] = -1
+    cells[4, 15] = 40
+    return cells
+
+
+def make_header(stamp_ns: int, frame_id: str = "map") -> Any:
+    """Return a Header."""
+    return MAKE("std_msgs/msg/Header", stamp=make_time(stamp_ns), frame_id=frame_id)
+
+
+def make_time(stamp_ns: int) -> Any:
+    """Return a Time."""
+    seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
+    return MAKE("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
+
+
+def make_pose(x: float, y: float, z: float, yaw: float) -> Any:
+    """Return a Pose."""
+    turn = MAKE("geometry_msgs/msg/Quaternion", z=math.sin(0.5 * yaw), w=math.cos(0.5 * yaw))
+    place = MAKE("geometry_msgs/msg/Point", x=x, y=y, z=z)
+    return MAKE("geometry_msgs/msg/Pose", position=place, orientation=turn)
+
+
+def make_grid(cells: NDArray[np.int8], stamp_ns: int) -> Any:
+    """Return an OccupancyGrid."""
+    info = MAKE(
+        "nav_msgs/msg/MapMetaData",
+        resolution=0.1,
+        width=cells.shape[1],
+        height=cells.shape[0],
+        origin=make_pose(-1.0, -1.0, 0.0, 0.0),
+    )
+    data = cells.reshape(-1).copy()
+    return MAKE("nav_msgs/msg/OccupancyGrid", header=make_header(stamp_ns), info=info, data=data)
+
+
+def make_artefact(number: int) -> Any:
+    """Return an Artefact at its place."""
+    x, y, yaw = PLACES[number]
+    arrival_ns, departure_ns = LIVES_NS[number]
+    return MAKE(
+        "are_msgs/msg/Artefact",
+        id=number,
+        label="crate",
+        pose=make_pose(x, y, 0.4, yaw),
+        ground_pose=make_pose(x, y, 0.0, yaw),
+        box_centre=MAKE("geometry_msgs/msg/Point", z=0.1),
+        size=MAKE("geometry_msgs/msg/Vector3", x=SIZE_M[0], y=SIZE_M[1], z=SIZE_M[2]),
+        arrival=make_time(arrival_ns),
+        departure=make_time(departure_ns),
+    )
+
+
+def make_event(kind: int, number: int, stamp_ns: int) -> Any:
+    """Return an ArtefactEvent."""
+    header = make_header(stamp_ns)
+    return MAKE("are_msgs/msg/ArtefactEvent", header=header, kind=kind, id=number, label="crate")
+
+
+def make_transforms(stamp_ns: int, edges: Iterable[tuple[str, str, float, float, float]]) -> Any:
+    """Return a TFMessage of edges (parent, child, x, y, z)."""
+    transforms = [
+        MAKE(
+            "geometry_msgs/msg/TransformStamped",
+            header=make_header(stamp_ns, parent),
+            child_frame_id=child,
+            transform=MAKE(
+                "geometry_msgs/msg/Transform",
+                translation=MAKE("geometry_msgs/msg/Vector3", x=x, y=y, z=z),
+            ),
+        )
+        for parent, child, x, y, z in edges
+    ]
+    return MAKE("tf2_msgs/msg/TFMessage", transforms=transforms)
+
+
+def make_marker(namespace: str, number: int, action: int = 0, kind: int = 1) -> Any:
+    """Return a Marker that lives for 3 s."""
+    x, y, yaw = PLACES[number]
+    return MAKE(
+        "visualization_msgs/msg/Marker",
+        header=make_header(START_NS),
+        ns=namespace,
+        id=number,
+        type=kind,
+        action=action,
+        pose=make_pose(x, y, 0.5, yaw),
+        scale=MAKE("geometry_msgs/msg/Vector3", x=0.3, y=0.2, z=1.0),
+        color=MAKE("std_msgs/msg/ColorRGBA", r=1.0, a=1.0),
+        lifetime=MAKE("builtin_interfaces/msg/Duration", sec=3),
+        text="crate",
+    )
+
+
+def make_scan(ranges: Iterable[float]) -> Any:
+    """Return a LaserScan whose first beam looks at artefact 1 from the robot."""
+    x, y, _ = PLACES[1]
+    values = np.array([*ranges], np.float32)
+    return MAKE(
+        "sensor_msgs/msg/LaserScan",
+        header=make_header(SCAN_NS, "laser"),
+        angle_min=math.atan2(y - ROBOT[1], x - ROBOT[0]),
+        angle_max=math.atan2(y - ROBOT[1], x - ROBOT[0]) + 3 * 1.5,
+        angle_increment=1.5,
+        range_min=0.1,
+        range_max=10.0,
+        ranges=values,
+        intensities=np.full(len(values), 7.0, np.float32),
+    )
+
+
+def patches(ids: Iterable[int]) -> dict[int, CellPatch]:
+    """Return the cells of artefacts at their places."""
+    numbers = [*ids]
+    places = np.array([PLACES[i] for i in numbers]).reshape(-1, 3)
+    centres = np.column_stack((places[:, :2], np.full(len(numbers), 0.5)))
+    half = np.tile(0.5 * np.array(SIZE_M), (len(numbers), 1))
+    origin = RigidTransform.planar(-1.0, -1.0, 0.0)
+    grid = OccupancyGrid(real_cells(), float(np.float32(0.1)), origin, "map")
+    covers = covered_cells(OrientedBoxes(centres, places[:, 2], half), grid)
+    return dict(zip(numbers, covers, strict=True))
+
+
+def _add_frames(draft: Draft) -> None:
+    static = make_transforms(START_NS, [("base_link", "laser", 0.0, 0.0, 0.3)])
+    draft.messages["/tf_static"].append((START_NS - 90 * MS, static))
+    for step in range(-4, 26):
+        stamp_ns = START_NS + step * 20 * MS
+        edges = [("map", "odom", 0.1, 0.0, 0.0), ("odom", "base_link", ROBOT[0] - 0.1, ROBOT[1], 0)]
+        draft.messages["/tf"].append((stamp_ns + 5 * MS, make_transforms(stamp_ns, edges)))
+
+
+def _add_scans(draft: Draft) -> None:
+    distance = math.hypot(PLACES[1][0] - ROBOT[0], PLACES[1][1] - ROBOT[1])
+    draft.messages["/scan"].append((SCAN_NS + MS, make_scan((3.0, 2.0, math.inf, 1.0))))
+    augmented = make_scan((distance - 0.1, 2.0, math.inf, 1.0))
+    augmented.intensities[0] = 0.0
+    draft.of("scan").append((SCAN_NS + 5 * MS, augmented))
+
+
+def _add_ticks(draft: Draft, real: NDArray[np.int8]) -> None:
+    costmap = InflatedCostmap(0.35, 3.0, 0.12)
+    costmap.set_map(real == 100, (real == -1) | (real == 40), float(np.float32(0.1)))
+    last: NDArray[np.int8] | None = None
+    for tick, now_ns in enumerate(TICKS_NS):
+        alive = [i for i, (since_ns, to_ns) in LIVES_NS.items() if since_ns <= now_ns < to_ns]
+        admitted = patches(i for i in alive if i in SEEN[tick])
+        cells = real.copy()
+        for patch in admitted.values():
+            cells[patch.window][patch.mask] = 100
+        costmap.update(admitted)
+        if last is None or not np.array_equal(cells, last):
+            draft.of("augmented_map").append((now_ns, make_grid(cells, now_ns)))
+            costs = make_grid(costmap.published().copy(), now_ns)
+            draft.of("augmented_costmap").append((now_ns, costs))
+            if last is not None:
+                draft.of("augmented_map_updates").append((now_ns, _update(last, cells, now_ns)))
+        last = cells
+        _add_lists(draft, tick, now_ns, alive)
+    _add_markers(draft)
+    for i, (arrival_ns, departure_ns) in LIVES_NS.items():
+        _add_event(draft, 0, i, arrival_ns)
+        _add_event(draft, 1, i, departure_ns)
+    for kind, i, tick in ((4, 1, 1), (5, 1, 3), (4, 2, 4)):
+        _add_event(draft, kind, i, TICKS_NS[tick])
+    draft.of("events").sort(key=lambda entry: entry[0])
+
+
+def _update(before: NDArray[np.int8], after: NDArray[np.int8], now_ns: int) -> Any:
+    rows, cols = np.nonzero(before != after)
+    part = after[rows.min() : rows.max() + 1, cols.min() : cols.max() + 1]
+    return MAKE(
+        "map_msgs/msg/OccupancyGridUpdate",
+        header=make_header(now_ns),
+        x=int(cols.min()),
+        y=int(rows.min()),
+        width=part.shape[1],
+        height=part.shape[0],
+        data=part.reshape(-1).copy(),
+    )
+
+
+def _add_lists(draft: Draft, tick: int, now_ns: int, alive: list[int]) -> None:
+    artefacts = [make_artefact(i) for i in alive]
+    array = MAKE("are_msgs/msg/ArtefactArray", header=make_header(now_ns), artefacts=artefacts)
+    draft.of("artefacts").append((now_ns, array))
+    seen = [_sighting(i, now_ns) for i in sorted(SEEN[tick])]
+    kind = "are_msgs/msg/PerceivedArtefactArray"
+    draft.of("perceived").append((now_ns, MAKE(kind, header=make_header(now_ns), artefacts=seen)))
+    covered = np.zeros((20, 20), np.bool_)
+    for patch in patches(alive).values():
+        covered[patch.window] |= patch.mask
+    real = real_cells()
+    metrics = MAKE(
+        "are_msgs/msg/SceneMetrics",
+        header=make_header(now_ns),
+        alive=len(alive),
+        perceived=len(seen),
+        arrivals=sum(since_ns <= now_ns for since_ns, _ in LIVES_NS.values()),
+        departures=sum(to_ns <= now_ns for _, to_ns in LIVES_NS.values()),
+        clutter_ratio=float(covered.sum() / ((real >= 0) & (real <= 25)).sum()),
+        rho=math.nan,
+    )
+    draft.of("metrics").append((now_ns, metrics))
+
+
+def _sighting(number: int, now_ns: int) -> Any:
+    return MAKE(
+        "are_msgs/msg/PerceivedArtefact",
+        id=number,
+        classes=["crate"],
+        probabilities=np.ones(1, np.float32),
+        visible_pixels=100,
+        unoccluded_pixels=200,
+        visible_fraction=0.5,
+        range=1.0,
+        existence=1.0,
+        roi=MAKE("sensor_msgs/msg/RegionOfInterest", x_offset=10, y_offset=10, width=20, height=30),
+        last_seen=make_time(now_ns),
+    )
+
+
+def _add_markers(draft: Draft) -> None:
+    names = ("body", "label")
+    shows: dict[int, list[Any]] = {
+        0: [make_marker("", 1, action=3), *(make_marker(name, 1) for name in names)],
+        2: [make_marker(name, 2) for name in names],
+        4: [make_marker(name, 1, action=2) for name in names],
+    }
+    shows[0][1] = _mesh(1)
+    for tick, markers in shows.items():
+        array = MAKE("visualization_msgs/msg/MarkerArray", markers=markers)
+        draft.of("markers").append((TICKS_NS[tick], array))
+
+
+def _mesh(number: int) -> Any:
+    marker = make_marker("body", number, kind=11)
+    marker.points = [MAKE("geometry_msgs/msg/Point", x=float(i), y=float(i * i)) for i in range(3)]
+    marker.colors = [MAKE("std_msgs/msg/ColorRGBA", g=0.5, a=1.0) for _ in range(3)]
+    return marker
+
+
+def _add_event(draft: Draft, kind: int, number: int, stamp_ns: int) -> None:
+    due = [tick_ns for tick_ns in TICKS_NS if tick_ns >= stamp_ns]
+    if due:
+        draft.of("events").append((due[0], make_event(kind, number, stamp_ns)))
+
+
+Break = Callable[[Draft], None]
+
+
+@pytest.fixture(scope="module")
+def right() -> Draft:
+    """Return a replay in which everything is right; not to be changed."""
+    return make_draft()
+
+
+def results_of(draft: Draft, folder: Path, map_file: Path | None = None) -> dict[str, CheckResult]:
+    """Write a replay, check it, and return the results by name."""
+    results = check_replay(draft.write(folder), map_file)
+    return {result.name: result for result in results}
+
+
+def test_a_right_replay_passes_every_check(right: Draft, tmp_path: Path) -> None:
+    """Nothing fails or is skipped where all inputs are there, and each check looks at something."""
+    shares: list[float] = []
+    results = check_replay(right.write(tmp_path), None, shares.append)
+    assert [r.sentence() for r in results if r.outcome is not Outcome.PASSED] == []
+    assert all(result.looked_at > 0 for result in results)
+    assert len({result.name for result in results}) == len(results) == 24
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def _drop(name: str, index: int) -> Break:
+    return lambda draft: draft.of(name).__delitem__(index)
+
+
+def _put(name: str, index: int, path: str, value: Any) -> Break:
+    """Return what sets a field of one message; numbers in the path are indices."""
+
+    def change(draft: Draft) -> None:
+        *parents, last = path.split(".")
+        target = (draft.messages[name] if name.startswith("/") else draft.of(name))[index][1]
+        for part in parents:
+            target = target[int(part)] if part.isdecimal() else getattr(target, part)
+        if last.isdecimal():
+            target[int(last)] = value
+        else:
+            setattr(target, last, value)
+
+    return change
+
+
+def _add_to_events(*entries: tuple[int, int, int]) -> Break:
+    """Return what adds events (kind, id, tick), stamped at their tick."""
+
+    def change(draft: Draft) -> None:
+        for kind, number, tick in entries:
+            event = make_event(kind, number, TICKS_NS[tick])
+            draft.of("events").append((TICKS_NS[tick], event))
+        draft.of("events").sort(key=lambda entry: entry[0])
+
+    return change
+
+
+def _move_artefact(number: int, x: float, y: float) -> Break:
+    """Return what puts an artefact elsewhere, in its lists only."""
+
+    def change(draft: Draft) -> None:
+        for _, message in draft.of("artefacts"):
+            for artefact in message.artefacts:
+                if artefact.id == number:
+                    for pose in (artefact.pose, artefact.ground_pose):
+                        pose.position.x, pose.position.y = x, y
+
+    return change
+
+
+def _move_robot(draft: Draft) -> None:
+    for _, message in draft.messages["/tf"]:
+        message.transforms[1].transform.translation.x = -0.2
+        message.transforms[1].transform.translation.y = 0.0
+
+
+def _list_the_dead(draft: Draft) -> None:
+    draft.of("artefacts")[4][1].artefacts.insert(0, make_artefact(1))
+
+
+def _perceive_the_dead(draft: Draft) -> None:
+    draft.of("perceived")[4][1].artefacts.insert(0, _sighting(1, TICKS_NS[4]))
+
+
+def _swap_ids(draft: Draft) -> None:
+    draft.of("artefacts")[2][1].artefacts.reverse()
+
+
+def _delete_all_last(draft: Draft) -> None:
+    markers = draft.of("markers")[0][1].markers
+    markers.append(markers.pop(0))
+
+
+def _show_twice(draft: Draft) -> None:
+    markers = draft.of("markers")[0][1].markers
+    markers.append(markers[1])
+
+
+def _cut_an_event(draft: Draft) -> None:
+    draft.of("events")[0] = (TICKS_NS[0], b"\0\1\0\0short")
+
+
+def _cut_markers(draft: Draft) -> None:
+    draft.of("markers")[0] = (TICKS_NS[0], b"\0\1\0\0\1\0\0\0")
+
+
+def _go_back_in_time(draft: Draft) -> None:
+    draft.messages["/tf_static"].append((START_NS - 95 * MS, draft.messages["/tf_static"][0][1]))
+
+
+def _retype(draft: Draft) -> None:
+    draft.types["/ar_builder/metrics"] = "std_msgs/msg/Header"
+    draft.messages["/ar_builder/metrics"] = []
+
+
+def _forget_topic(draft: Draft) -> None:
+    del draft.types["/ar_builder/markers"], draft.messages["/ar_builder/markers"]
+
+
+def _add_topic(draft: Draft) -> None:
+    draft.types["/ar_builder/secret"] = "std_msgs/msg/Header"
+
+
+def _short_lives(draft: Draft) -> None:
+    for marker in draft.of("markers")[2 - 1][1].markers:
+        marker.lifetime.sec, marker.lifetime.nanosec = 0, 150 * MS
+
+
+def _raise_cost(draft: Draft) -> None:
+    data = draft.of("augmented_costmap")[1][1].data
+    data[np.flatnonzero((data > 0) & (data < 98))[0]] += 1
+
+
+def _lower_cost(draft: Draft) -> None:
+    data = draft.of("augmented_costmap")[0][1].data
+    data[np.flatnonzero(data == 99)[0]] = 98
+
+
+def _forget_grids(draft: Draft) -> None:
+    for name in ("augmented_map", "augmented_map_updates", "augmented_costmap"):
+        del draft.of(name)[-1 if name.endswith("updates") else 2]
+
+
+def _scan_after_departure(draft: Draft) -> None:
+    for topic in ("/scan", "/ar_builder/scan"):
+        log_ns, message = draft.messages[topic][0]
+        message.header.stamp = make_time(START_NS + 380 * MS)
+        draft.messages[topic][0] = (log_ns + 160 * MS, message)
+
+
+def _too_close(beam: int) -> Break:
+    """Return what makes artefact 1 nearer than the laser measures, in one beam."""
+
+    def change(draft: Draft) -> None:
+        distance = float(draft.of("scan")[0][1].ranges[0])
+        for topic in ("/scan", "/ar_builder/scan"):
+            draft.messages[topic][0][1].range_min = 0.9 if beam == 0 else 0.1
+        ranges = draft.of("scan")[0][1].ranges
+        ranges[0] = 3.0 if beam else distance
+        draft.of("scan")[0][1].intensities[0] = 7.0 if beam else 0.0
+        ranges[beam] = -math.inf
+
+    return change
+
+
+def _without_text(draft: Draft) -> None:
+    marker = draft.of("markers")[1][1].markers[1]
+    marker.type, marker.text = 9, " "
+
+
+def _open_cell(draft: Draft) -> None:
+    data, real = draft.of("augmented_map")[1][1].data, real_cells().reshape(-1)
+    data[np.flatnonzero((data == 100) & (real == 0))[0]] = 0
+
+
+BROKEN: dict[str, tuple[str, Break, str]] = {
+    "cut event": ("rosbags reader", _cut_an_event, "/ar_builder/events at 1000.0"),
+    "cut markers": ("rosbags reader", _cut_markers, "/ar_builder/markers"),
+    "time goes back": ("log times", _go_back_in_time, "/tf_static goes back"),
+    "wrong type": ("topics and types", _retype, "/ar_builder/metrics of type std_msgs"),
+    "missing topic": ("topics and types", _forget_topic, "/ar_builder/markers"),
+    "unknown topic": ("topics and types", _add_topic, "/ar_builder/secret"),
+    "volatile map": (
+        "quality of service",
+        lambda draft: draft.latched.remove("/ar_builder/augmented_map"),
+        "/ar_builder/augmented_map is offered as reliable, volatile",
+    ),
+    "latched events": (
+        "quality of service",
+        lambda draft: draft.latched.add("/ar_builder/events"),
+        "/ar_builder/events",
+    ),
+    "no perceived": ("ticks", _drop("perceived", 3), "at 1000.300000000 s"),
+    "wrong frame": ("ticks", _put("artefacts", 0, "header.frame_id", "odom"), "'odom'"),
+    "frame of perceived": ("ticks", _put("perceived", 1, "header.frame_id", "odom"), "'odom'"),
+    "wrong stamp": ("ticks", _put("metrics", 1, "header.stamp.nanosec", 5), "~/metrics"),
+    "ids descend": ("ticks", _swap_ids, "do not ascend: [2, 1]"),
+    "above the ground": (
+        "ticks",
+        _put("artefacts", 1, "artefacts.0.ground_pose.position.z", -0.1),
+        "artefact 1 does not stand on its ground pose",
+    ),
+    "not finite": (
+        "ticks",
+        _put("artefacts", 1, "artefacts.0.pose.position.x", math.nan),
+        "artefact 1 has numbers that are not finite",
+    ),
+    "id reused": ("lives", _add_to_events((0, 1, 5)), "id 1 arrives again"),
+    "departs twice": ("lives", _add_to_events((1, 1, 5)), "id 1 departs"),
+    "event too late": ("lives", _put("events", 0, "header.stamp.sec", 2000), "at 2000."),
+    "dead in the list": ("lives", _list_the_dead, "in the ids [1]"),
+    "missing in the list": ("lives", _put("artefacts", 2, "artefacts", []), "in the ids [1, 2]"),
+    "listed early": ("lives", _put("artefacts", 2, "artefacts.1.arrival.sec", 1001), "id 2"),
+    "alive": ("metrics", _put("metrics", 2, "alive", 3), "alive is 3"),
+    "blocked": ("metrics", _put("metrics", 5, "blocked", 1), "blocked is 1"),
+    "blocked unsaid": ("metrics", _add_to_events((2, 0, 3)), "blocked is 0"),
+    "contacts": ("metrics", _add_to_events((6, 2, 5)), "robot_contacts is 0"),
+    "dead perceived": ("perceived", _perceive_the_dead, "id 1 is not alive"),
+    "few pixels": (
+        "perceived",
+        _put("perceived", 1, "artefacts.0.visible_pixels", 50),
+        "tau is 50",
+    ),
+    "region": ("perceived", _put("perceived", 1, "artefacts.0.roi.x_offset", 630), "630, 10"),
+    "fraction": (
+        "perceived",
+        _put("perceived", 1, "artefacts.0.visible_fraction", 0.9),
+        "fraction 0.89",
+    ),
+    "classes": ("perceived", _put("perceived", 1, "artefacts.0.classes", []), "probabilities"),
+    "LOST unsaid": ("sight events", _drop("events", 3), "at 1000.300000000 s LOST"),
+    "in the wall": ("walls", _move_artefact(2, 0.8, 0.41), "id 2 covers the occupied cell"),
+    "one in the other": (
+        "overlaps of artefacts",
+        _move_artefact(2, 0.1, 0.05),
+        "ids 1 and 2 overlap by",
+    ),
+    "in the robot": ("overlaps with the robot", _move_robot, "id 1 overlaps the robot"),
+    "clutter": ("clutter ratio", _put("metrics", 2, "clutter_ratio", 0.5), "it is 0.5"),
+    "four points": (
+        "marker rules",
+        lambda draft: draft.of("markers")[0][1].markers[1].points.pop(),
+        "marker 1 of 'body' has 2 points",
+    ),
+    "colours": (
+        "marker rules",
+        lambda draft: draft.of("markers")[0][1].markers[1].colors.pop(),
+        "2 colours for 3 points",
+    ),
+    "invisible": ("marker rules", _put("markers", 1, "markers.0.color.a", 0.0), "the colour"),
+    "flat": ("marker rules", _put("markers", 1, "markers.0.scale.z", 0.0), "the scale"),
+    "not turned": (
+        "marker rules",
+        _put("markers", 1, "markers.0.pose.orientation.w", 0.0),
+        "no unit quaternion",
+    ),
+    "marker frame": (
+        "marker rules",
+        _put("markers", 1, "markers.0.header.frame_id", "odom"),
+        "is in frame 'odom'",
+    ),
+    "no such action": ("marker rules", _put("markers", 1, "markers.0.action", 1), "the action 1"),
+    "no such type": ("marker rules", _put("markers", 1, "markers.0.type", 44), "of type 44"),
+    "no text": ("marker rules", _without_text, "has no text"),
+    "marker twice": ("marker rules", _show_twice, "twice"),
+    "DELETEALL late": ("marker rules", _delete_all_last, "is not the first"),
+    "dead on display": ("markers of the living", _drop("markers", 2), "stale [1]"),
+    "faded": ("markers of the living", _short_lives, "missing [2]"),
+    "byte outside": ("augmented map", _put("augmented_map", 1, "data.25", 1), "cell (1, 5) is 1"),
+    "unstamped map": (
+        "augmented map",
+        _put("augmented_map", 1, "header.stamp.sec", 1),
+        "another stamp",
+    ),
+    "hole inside": ("augmented map", _open_cell, "it must be 100"),
+    "map moved": (
+        "augmented map",
+        _put("augmented_map", 1, "info.origin.position.x", -0.9),
+        "geometry",
+    ),
+    "map is stale": ("augmented map is current", _forget_grids, "at 1000.300000000 s"),
+    "costmap is stale": ("costmap is current", _forget_grids, "at 1000.300000000 s"),
+    "wrong update": ("map updates", _put("augmented_map_updates", 1, "data.0", 7), "cell"),
+    "update unsaid": ("map updates", _drop("augmented_map_updates", 1), "without an update"),
+    "update too wide": ("map updates", _put("augmented_map_updates", 1, "x", 19), "beyond the map"),
+    "low cost": ("costmap is never lower than the real map's", _lower_cost, "must be 99"),
+    "other cost": ("costmap", _raise_cost, "it must be"),
+    "longer beam": ("scans", _put("scan", 0, "ranges.1", 2.5), "2.5 m in beam 1"),
+    "beam of nan": ("scans", _put("scan", 0, "ranges.1", math.nan), "nan m in beam 1"),
+    "intensity": ("scans", _put("scan", 0, "intensities.2", 1.0), "intensity of beam 2"),
+    "scan's range": ("scans", _put("scan", 0, "range_max", 9.0), "range_max"),
+    "no input scan": ("scans", _put("/scan", 0, "header.stamp.sec", 1), "no scan of this stamp"),
+    "beam at nothing": (
+        "ends of changed beams",
+        _put("scan", 0, "ranges.1", 1.5),
+        "where no artefact is; 1 such",
+    ),
+    "hole in the air": (
+        "ends of changed beams",
+        _put("scan", 0, "ranges.0", 0.6),
+        "where no artefact is",
+    ),
+    "beam at the dead": ("ends of changed beams", _scan_after_departure, "where no artefact is"),
+    "nothing too close": ("ends of changed beams", _too_close(1), "where no artefact is"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_what_is_broken_is_caught(case: str, right: Draft, tmp_path: Path) -> None:
+    """The check whose business it is fails, with a counter-example that names the place."""
+    name, break_it, text = BROKEN[case]
+    draft = copy.deepcopy(right)
+    break_it(draft)
+    result = results_of(draft, tmp_path)[name]
+    assert result.outcome is Outcome.FAILED, result.sentence()
+    assert text in result.counter_example
+    assert result.sentence().startswith(f"{name}: FAILED, {result.failures} wrong of")
+
+
+def test_a_reported_contact_may_overlap_the_robot(right: Draft, tmp_path: Path) -> None:
+    """From its ROBOT_CONTACT event on an artefact may overlap the robot, not before."""
+    draft = copy.deepcopy(right)
+    _move_robot(draft)
+    _add_to_events((6, 1, 0))(draft)
+    name = "overlaps with the robot"
+    assert results_of(draft, tmp_path)[name].outcome is Outcome.PASSED
+    draft = copy.deepcopy(right)
+    _move_robot(draft)
+    _add_to_events((6, 1, 2))(draft)
+    result = results_of(draft, tmp_path)[name]
+    assert result.failures == 2
+
+
+def test_an_artefact_may_be_too_close_to_measure(right: Draft, tmp_path: Path) -> None:
+    """A beam may become -inf where an artefact is nearer than range_min."""
+    draft = copy.deepcopy(right)
+    _too_close(0)(draft)
+    results = results_of(draft, tmp_path)
+    assert results["scans"].outcome is Outcome.PASSED, results["scans"].sentence()
+    ends = results["ends of changed beams"]
+    assert ends.outcome is Outcome.PASSED, ends.sentence()
+
+
+def test_memory_and_gate_decide_what_the_map_shows(right: Draft, tmp_path: Path) -> None:
+    """The same maps are wrong where the parameters admit more artefacts."""
+    for values in ({"costmap.gate": "all"}, {"costmap.memory": 0.2}):
+        draft = copy.deepcopy(right)
+        draft.values |= values
+        results = results_of(draft, tmp_path)
+        assert results["augmented map"].outcome is Outcome.FAILED
+        assert results["costmap"].outcome is Outcome.FAILED
+
+
+def test_a_damaged_file_is_a_result(right: Draft, tmp_path: Path) -> None:
+    """A flipped byte or a missing end fails both readers, and raises nothing."""
+    path = right.write(tmp_path) / "augmented.mcap"
+    whole = path.read_bytes()
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    damaged = [b"", whole[: len(whole) // 2]]
+    chunk = summary.chunk_indexes[0]
+    for place in (chunk.chunk_start_offset + chunk.chunk_length // 2, len(whole) - 200):
+        flipped = bytearray(whole)
+        flipped[place] ^= 0x01
+        damaged.append(bytes(flipped))
+    for data in damaged:
+        path.write_bytes(data)
+        results = {result.name: result for result in check_replay(tmp_path)}
+        assert results["mcap reader"].outcome is Outcome.FAILED
+        assert "skipped" not in results["mcap reader"].sentence()
+
+
+def test_what_cannot_be_checked_is_skipped_with_the_reason(right: Draft, tmp_path: Path) -> None:
+    """Without inputs robot, scans and grids are skipped; without parameters what needs them."""
+    draft = copy.deepcopy(right)
+    for topic in INPUT_TYPES:
+        del draft.types[topic], draft.messages[topic]
+    results = results_of(draft, tmp_path)
+    skipped = {name for name, result in results.items() if result.outcome is Outcome.SKIPPED}
+    assert {"overlaps with the robot", "scans", "costmap", "augmented map", "walls"} <= skipped
+    assert "--with-inputs" in results["scans"].sentence()
+    assert "no map file" in results["costmap"].sentence()
+    assert all(r.outcome is not Outcome.FAILED for r in results.values())
+    (tmp_path / "effective.yaml").unlink()
+    results = {result.name: result for result in check_replay(tmp_path)}
+    assert "effective.yaml" in results["perceived"].sentence()
+
+
+def test_the_real_map_may_come_from_a_file(right: Draft, tmp_path: Path) -> None:
+    """A map file stands in for the map of the recording, and another map does not fit."""
+    draft = copy.deepcopy(right)
+    for _, message in draft.messages["/map"]:
+        message.data[:] = 0
+    real = real_cells()
+    values = np.select([real == 100, real == 0], [0, 254], 205).astype(np.uint8)
+    (tmp_path / "map.pgm").write_bytes(b"P5 20 20 255\n" + np.flipud(values).tobytes())
+    text = "image: map.pgm\nresolution: 0.1\norigin: [-1.0, -1.0, 0.0]\nnegate: 0\n"
+    text += "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    (tmp_path / "map.yaml").write_text(text)
+    results = results_of(draft, tmp_path / "out")
+    assert results["augmented map"].outcome is Outcome.FAILED
+    results = results_of(draft, tmp_path / "out", tmp_path / "map.yaml")
+    assert results["augmented map"].counter_example.startswith("at 1000.000000000 s cell (4, 15)")
+    assert results["augmented map"].failures == 4  # the one cell that no map file can hold
+    assert results["walls"].outcome is Outcome.PASSED
+
+
+def test_without_a_recording_there_is_an_error(tmp_path: Path) -> None:
+    """A folder without augmented.mcap is refused."""
+    with pytest.raises(BagError, match=r"there is no augmented\.mcap"):
+        check_replay(tmp_path)

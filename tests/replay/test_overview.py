@@ -1,0 +1,262 @@
+"""Tests of the picture of a replay from above."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.artefacts.shapes import Shape
+from are_ros.builder.outputs import SceneMetrics
+from are_ros.replay._picture_map import known_part, shaded, window_of
+from are_ros.replay._picture_view import Sight, fan_at, spread_indices, telling_indices
+from are_ros.replay.life_record import Life, Track
+from are_ros.replay.overview import draw_overview
+from are_ros.replay.scene_record import SceneRecord, TickSeries
+from are_ros.world.footprint import Footprint
+from are_ros.world.observer import mounted_camera
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.omnidirectional_view import OmnidirectionalView
+from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.view_models import PinholeView, ViewModel
+
+PERSON_BGR = (0x5B, 0x49, 0xD1)
+PINHOLE = PinholeView.from_field_of_view(64, 48, math.pi / 2)
+ALL_AROUND = OmnidirectionalView(64, 16, -0.5, 0.5)
+Image = npt.NDArray[np.uint8]
+
+
+def _room(yaw_rad: float = 0.0, side: int = 60) -> OccupancyGrid:
+    """Return a walled room, 0.1 m cells, with unknown all around."""
+    cells = np.full((side, side), -1, dtype=np.int8)
+    cells[5:-5, 5:-5] = 100
+    cells[6:-6, 6:-6] = 0
+    return OccupancyGrid(cells, 0.1, RigidTransform.planar(-1.0, -2.0, yaw_rad), "map")
+
+
+def _life(
+    artefact_id: int, x_m: float, y_m: float, *, perceived: bool, name: str = "person"
+) -> Life:
+    row = CatalogueRow(0, f"{name}_a", name, (0.6, 0.9, 1.8), (0.0, 0.0, 0.9), Shape.WALL)
+    track = Track(np.array([10**9]), np.array([(x_m, y_m, 0.4)]))
+    seen = (3, 10**9, 2 * 10**9) if perceived else (0, None, None)
+    return Life(artefact_id, row, 10**9, None, "", track, *seen)
+
+
+def _record(
+    lives: Sequence[Life] = (),
+    way: Sequence[tuple[float, float, float]] = (),
+    view: ViewModel = PINHOLE,
+) -> SceneRecord:
+    stamps = np.arange(1, len(way) + 1, dtype=np.int64) * 10**9
+    camera = mounted_camera(view, (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)).base_from_optical
+    poses = [RigidTransform.planar(*pose) @ camera for pose in way]
+    numbers = [(*p.translation_m, *p.rotation_xyzw) for p in poses]
+    zeros = np.zeros(len(way), dtype=np.int64)
+    arrived = len(lives)
+    return SceneRecord(
+        seed=1,
+        max_range_m=30.0,
+        footprint=Footprint.disc(0.25),
+        robot=Track(stamps, np.array(way, dtype=np.float64).reshape(-1, 3)),
+        camera=Track(stamps.copy(), np.array(numbers, dtype=np.float64).reshape(-1, 7)),
+        views=(view,),
+        view_of_pose=zeros,
+        lives=tuple(lives),
+        events=(),
+        series=TickSeries(stamps.copy(), zeros.copy(), zeros.copy(), zeros.astype(float), 0),
+        metrics=SceneMetrics(arrived, 0, arrived, 0, 0, 0, 0, 1.0, 0.0, math.nan),
+    )
+
+
+def _drawn(record: SceneRecord, grid: OccupancyGrid, path: Path) -> Image:
+    draw_overview(record, grid, path)
+    image = cv2.imread(str(path))
+    assert image is not None
+    return np.asarray(image, dtype=np.uint8)
+
+
+def _count(image: Image, bgr: tuple[int, int, int]) -> int:
+    return int((image == bgr).all(axis=2).sum())
+
+
+WAY = ((0.5, 0.5, 0.0), (1.5, 0.5, 0.3), (2.5, 1.5, 1.0))
+
+
+def test_same_bytes(tmp_path: Path) -> None:
+    """The same record gives the same bytes."""
+    record = _record([_life(1, 2.0, 2.0, perceived=True)], WAY)
+    for name in ("a.png", "b.png"):
+        draw_overview(record, _room(), tmp_path / name)
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_settings_of_the_user_change_nothing(tmp_path: Path) -> None:
+    """Settings of matplotlib in force neither show in the picture nor are they changed."""
+    import matplotlib as mpl
+
+    draw_overview(_record((), WAY), _room(), tmp_path / "a.png")
+    with mpl.rc_context({"font.size": 30, "axes.facecolor": "red", "lines.linewidth": 9}):
+        draw_overview(_record((), WAY), _room(), tmp_path / "b.png")
+        assert mpl.rcParams["font.size"] == 30
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_perceived_is_filled_and_unperceived_is_not(tmp_path: Path) -> None:
+    """A perceived artefact fills its footprint with its class's colour, another one does not."""
+    filled, hatched = (
+        _count(
+            _drawn(_record([_life(1, 2.0, 2.0, perceived=seen)]), _room(), tmp_path / "a.png"),
+            PERSON_BGR,
+        )
+        for seen in (True, False)
+    )
+    assert filled > 3000
+    assert hatched < 0.3 * filled
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 0.7, math.pi / 2, -2.5])
+def test_rotated_origin(tmp_path: Path, yaw_rad: float) -> None:
+    """The map is drawn where it lies, also with a rotated origin: walls are there, in dark grey."""
+    image = _drawn(_record((), WAY), _room(yaw_rad), tmp_path / "a.png")
+    assert _count(image, (104, 95, 88)) > 1000
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [
+        np.full((3, 4), -1, dtype=np.int8),
+        np.zeros((1, 1), dtype=np.int8),
+        np.zeros((2, 500), dtype=np.int8),
+        np.zeros((500, 2), dtype=np.int8),
+    ],
+)
+def test_odd_maps_without_a_scene(tmp_path: Path, cells: npt.NDArray[np.int8]) -> None:
+    """Nothing to see, in maps of any shape, gives a picture all the same."""
+    grid = OccupancyGrid(cells, 0.05, RigidTransform.identity(), "map")
+    assert _drawn(_record(), grid, tmp_path / "a.png").shape[0] > 100
+
+
+def test_hundreds_of_artefacts(tmp_path: Path) -> None:
+    """Hundreds of artefacts of many classes, also unknown ones, are drawn."""
+    random = np.random.default_rng(1)
+    lives = [
+        _life(i, *random.uniform(-1, 4, 2).tolist(), perceived=i % 2 == 0, name=f"class{i % 9}")
+        for i in range(200)
+    ]
+    assert _drawn(_record(lives, WAY), _room(), tmp_path / "a.png").size > 0
+
+
+def test_one_pose_of_an_all_round_camera(tmp_path: Path) -> None:
+    """A robot that stands still with a camera that sees all around is drawn."""
+    record = _record((), [(1.0, 1.0, 0.0)], ALL_AROUND)
+    assert _drawn(record, _room(), tmp_path / "a.png").size > 0
+
+
+def test_known_part_and_window() -> None:
+    """The picture is cut to the known cells, and grows for what lies outside them."""
+    grid = _room()
+    part = known_part(grid)
+    assert (part.cells.shape, part.row0, part.col0) == ((50, 50), 5, 5)
+    window = window_of(grid, part, np.zeros((0, 2)))
+    assert (window.left, window.right) == pytest.approx((-0.6, 4.6))
+    assert (window.bottom, window.top) == pytest.approx((-1.6, 3.6))
+    assert window_of(grid, part, np.array([(9.0, 0.0)])).right > 9.0
+
+
+def test_pooling_keeps_thin_walls() -> None:
+    """In a map of many cells a wall of one cell is still there."""
+    cells = np.zeros((10, 3000), dtype=np.int8)
+    cells[7, 1234] = 100
+    grid = OccupancyGrid(cells, 0.01, RigidTransform.identity(), "map")
+    image, factor = shaded(known_part(grid), cell_pt=1.0)
+    assert factor == 3
+    assert image[7 // 3, 1234 // 3].tolist() == [88, 95, 104, 255]
+    assert (image[:, :, 0] == 88).sum() == 1
+
+
+def _marched_slowly(grid: OccupancyGrid, start: tuple[float, float], angle_rad: float) -> float:
+    """Return how far a ray gets, by steps of a fiftieth of a cell."""
+    step_m = grid.resolution_m / 50
+    lengths = np.arange(int(6.0 / step_m)) * step_m
+    ray = np.array((math.cos(angle_rad), math.sin(angle_rad)))
+    cells = grid.points_to_cells(np.array(start) + lengths[:, np.newaxis] * ray)
+    inside = grid.contains(cells)
+    hit = inside & (grid.cells[cells[:, 0] * inside, cells[:, 1] * inside] >= 65)
+    return float(lengths[np.argmax(hit)]) if hit.any() else 6.0
+
+
+def test_rays_end_at_walls() -> None:
+    """Rays stop at walls as slow stepping says, but for some that graze a corner."""
+    random = np.random.default_rng(5)
+    room = _room(0.6)
+    cells = room.cells.copy()
+    cells[10:50, 10:50][random.random((40, 40)) < 0.01] = 100
+    cells[18:23, 28:33] = 0
+    grid = OccupancyGrid(cells, 0.1, room.origin, "map")
+    start = tuple(grid.cells_to_points([(20, 30)])[0].tolist())
+    angles = np.linspace(-math.pi, math.pi, 300)
+    rays = np.column_stack((np.cos(angles), np.sin(angles)))
+    sight = Sight(grid, known_part(grid), 65)
+    fast = sight.free_lengths(np.array(start), rays, np.full(300, 6.0))
+    slow = np.array([_marched_slowly(grid, start, angle) for angle in angles.tolist()])
+    assert (np.abs(fast - slow) < 1.2 * grid.resolution_m).mean() > 0.97
+
+
+def test_rays_in_the_open_reach_the_range() -> None:
+    """Without walls, and outside the map, rays reach as far as they may."""
+    grid = OccupancyGrid(np.zeros((20, 20), np.int8), 0.1, RigidTransform.identity(), "map")
+    rays = np.array(((1.0, 0.0), (0.0, -1.0)))
+    sight = Sight(grid, known_part(grid), 65)
+    reach = sight.free_lengths(np.array((5.0, 1.0)), rays, np.array((30.0, 4.0)))
+    assert reach.tolist() == [30.0, 4.0]
+
+
+def test_taller_artefacts_end_a_fan() -> None:
+    """An artefact that reaches up to the camera casts a shadow; the ray ends behind it."""
+    blocked = _record([_life(1, 2.5, 0.5, perceived=True)], WAY[:1])
+    reaches = []
+    for record in (blocked, _record((), WAY[:1])):
+        fan = fan_at(record, Sight(_room(), known_part(_room()), 65), 0)
+        assert fan is not None
+        offsets = fan.outline_m[1:] - (0.5, 0.5)
+        ahead = np.argmin(np.abs(np.arctan2(offsets[:, 1], offsets[:, 0])))
+        reaches.append(float(fan.outline_m[1 + ahead, 0]))
+    assert reaches[0] == pytest.approx(2.5 + 0.3 / math.cos(0.4), abs=0.1)
+    assert reaches[1] == pytest.approx(4.4, abs=0.12)
+
+
+def test_fan_of_a_pinhole_is_as_wide_as_its_view() -> None:
+    """The fan of a pinhole camera begins at the camera and opens by its field of view."""
+    fan = fan_at(_record((), WAY[:1]), Sight(_room(), known_part(_room()), 65), 0)
+    assert fan is not None
+    assert fan.outline_m[0] == pytest.approx((0.5, 0.5))
+    offsets = fan.outline_m[[1, -1]] - fan.outline_m[0]
+    half = math.atan(63 / 64)
+    assert sorted(np.arctan2(offsets[:, 1], offsets[:, 0])) == pytest.approx(
+        [-half, half], abs=0.01
+    )
+
+
+def test_poses_are_spread_over_the_way() -> None:
+    """Poses are chosen by what the robot drove, not by how long it stood."""
+    way = [(0.0, 0.0, 0.0)] * 50 + [(0.1 * i, 0.0, 0.0) for i in range(40)]
+    chosen = spread_indices(_record((), way), 4)
+    assert len(chosen) == 4
+    assert [way[i][0] for i in chosen] == pytest.approx([0.5, 1.5, 2.5, 3.5], abs=0.11)
+    assert spread_indices(_record((), [(0.0, 0.0, 0.0)] * 9), 4) == [0]
+    assert spread_indices(_record(), 4) == []
+
+
+def test_telling_poses_are_those_that_perceived_most() -> None:
+    """Of each part of the way the pose is shown that perceived the most, else the middle one."""
+    record = _record((), [(0.1 * i, 0.0, 0.0) for i in range(41)])
+    record.series.perceived.flags.writeable = True
+    record.series.perceived[[3, 4, 33]] = (1, 2, 1)
+    assert telling_indices(record, 2) == [4, 33]
+    assert telling_indices(record, 4)[1] == 15
+    assert telling_indices(_record(), 4) == []

@@ -1,0 +1,148 @@
+"""Tests of the numbers that a replay leaves."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.artefacts.shapes import Shape
+from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.builder.outputs import SceneMetrics
+from are_ros.builder.sensor_path import SensorPathCounts
+from are_ros.replay.life_record import Life, Track
+from are_ros.replay.results import (
+    ReplayCounts,
+    WallClock,
+    metrics_content,
+    summary_lines,
+    timing_content,
+    write_json,
+)
+from are_ros.replay.scene_record import SceneRecord, TickSeries
+from are_ros.world.footprint import Footprint
+
+PERSON = CatalogueRow(3, "tall", "person", (0.4, 0.6, 1.8), (0.0, 0.0, 0.0), Shape.WALL)
+CAR = CatalogueRow(8, "small", "car", (4.0, 1.7, 1.5), (0.0, 0.0, 0.0), Shape.WALL)
+S = 1_000_000_000
+START_NS = 1_000 * S
+
+
+def _empty_track(width: int) -> Track:
+    return Track(np.zeros(0, dtype=np.int64), np.zeros((0, width)))
+
+
+def _record(ticks: int = 3) -> SceneRecord:
+    """Return two lives, one of them perceived; one artefact was blocked."""
+    lives = (
+        Life(
+            1, PERSON, START_NS, START_NS + S, "life_over", _empty_track(3), 2, START_NS, START_NS
+        ),
+        Life(2, CAR, START_NS + S // 2, None, "", _empty_track(3), 0, None, None),
+    )
+    events = (
+        ArtefactEvent(START_NS + S, EventKind.DEPARTED, 1, "tall", "life_over"),
+        ArtefactEvent(START_NS + S, EventKind.BLOCKED, 3, "small", "no_place"),
+    )
+    stamps = START_NS + S * np.arange(ticks, dtype=np.int64)
+    counts = np.arange(ticks, dtype=np.int64)
+    clutter = np.where(counts == 0, math.nan, 0.1 * counts)
+    return SceneRecord(
+        seed=5,
+        max_range_m=9.0,
+        footprint=Footprint.disc(0.2),
+        robot=_empty_track(3),
+        camera=_empty_track(7),
+        views=(),
+        view_of_pose=counts[:0],
+        lives=lives if ticks else (),
+        events=events if ticks else (),
+        series=TickSeries(stamps, counts, counts.copy(), clutter, 1 if ticks else 0),
+        metrics=SceneMetrics(1, 0, 2, 1, 1, 0, 0, math.nan, 0.2, math.nan) if ticks else None,
+    )
+
+
+COUNTS = ReplayCounts({"/scan": SensorPathCounts(7, 2, 1)}, {"/tf": 4}, {"/b": 3, "/a": 1})
+
+
+def test_metrics() -> None:
+    """The metrics say how many, of which class, why, and when."""
+    content = metrics_content(_record(), COUNTS)
+    assert (content["arrivals"], content["blocked_by_cause"]) == (2, {"no_place": 1})
+    assert content["departures_by_cause"] == {"life_over": 1}
+    assert content["classes"] == {
+        "car": {"arrived": 1, "perceived": 0},
+        "person": {"arrived": 1, "perceived": 1},
+    }
+    assert content["alive"] == {"mean": 1.0, "max": 2}
+    assert content["clutter_ratio"] == pytest.approx({"mean": 0.15, "max": 0.2})
+    assert (content["duration_s"], content["ticks"], content["perceived_ever"]) == (2.0, 3, 1)
+    assert content["scans"] == {"/scan": {"exact": 7, "held": 2, "passed_through": 1}}
+    assert list(content["written"]) == ["/a", "/b"]
+
+
+def test_lives_in_seconds_since_the_first_tick() -> None:
+    """Each life has its row and its instants; what did not happen is null."""
+    first, second = metrics_content(_record(), COUNTS)["lives"]
+    assert first == {
+        "id": 1,
+        "row": 3,
+        "label": "tall",
+        "class": "person",
+        "arrival_s": 0.0,
+        "departure_s": 1.0,
+        "left_by": "life_over",
+        "first_perceived_s": 0.0,
+        "last_perceived_s": 0.0,
+        "ticks_perceived": 2,
+    }
+    assert (second["arrival_s"], second["departure_s"], second["left_by"]) == (0.5, None, None)
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 3])
+def test_files_are_strict_json(tmp_path: Path, ticks: int) -> None:
+    """What is not known is null, never NaN, and the file reads back as it was written."""
+    content = metrics_content(_record(ticks), ReplayCounts())
+    write_json(tmp_path / "metrics.json", content)
+    text = (tmp_path / "metrics.json").read_text(encoding="utf-8")
+    assert text.endswith("}\n")
+    assert "NaN" not in text
+    assert json.loads(text) == content
+    assert content["area_m2"] is None
+
+
+def test_timing() -> None:
+    """Timing has phases, percentiles of a tick and the real-time factor over all phases."""
+    clock = WallClock({"start_up": 0.25, "replay": 0.75}, [0.001] * 99 + [0.101])
+    content = timing_content(_record(), clock)
+    assert content["real_time_factor"] == pytest.approx(2.0)
+    assert content["tick_ms"] == pytest.approx({"p50": 1.0, "p90": 1.0, "p99": 2.0, "max": 101.0})
+    assert content["phases_s"] == {"start_up": 0.25, "replay": 0.75}
+
+
+def test_timing_of_nothing() -> None:
+    """Without a tick and without a phase there are no figures, and no error."""
+    content = timing_content(_record(0), WallClock({}))
+    assert content["real_time_factor"] is None
+    assert content["tick_ms"]["p50"] is None
+
+
+def test_summary() -> None:
+    """The summary names what a person asks for first, in aligned lines."""
+    metrics = metrics_content(_record(), COUNTS)
+    lines = summary_lines(metrics, timing_content(_record(), WallClock({"replay": 0.5})))
+    text = "\n".join(lines)
+    assert "2.0 s in 3 ticks, replayed in 0.5 s (4.0 times real time)" in text
+    assert "2 arrived, 1 departed, 1 blocked; alive 1.0 on average, 2 at most" in text
+    assert "1 of 2 at some time; 1 of 3 ticks without a pose of the camera" in text
+    assert "7 augmented at their stamp, 2 with map->odom held, 1 passed through" in text
+    assert "4 messages on 2 topics" in text
+    assert len({line.index("  ", 2) for line in lines if line.startswith("  ")}) >= 1
+
+
+def test_summary_of_nothing() -> None:
+    """A replay without ticks is summed up, too."""
+    lines = summary_lines(metrics_content(_record(0), ReplayCounts()))
+    assert lines[0].endswith("0.0 s in 0 ticks")

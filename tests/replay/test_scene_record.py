@@ -1,0 +1,166 @@
+"""Tests of what a replay keeps of its ticks."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
+from are_ros.artefacts.shapes import Shape
+from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.builder.grids import Grids
+from are_ros.builder.outputs import SceneMetrics
+from are_ros.builder.perception import Sighting
+from are_ros.builder.states import artefact_state, perceived_artefact
+from are_ros.builder.tick import Tick
+from are_ros.replay.scene_record import SceneRecord, SceneRecorder
+from are_ros.world.footprint import Footprint
+from are_ros.world.observer import Camera
+from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.view_models import PinholeView
+
+PERSON = CatalogueRow(0, "tall", "person", (0.4, 0.6, 1.8), (0.1, 0.0, 0.0), Shape.WALL)
+CAR = CatalogueRow(1, "small", "car", (4.0, 1.7, 1.5), (0.0, 0.0, 0.0), Shape.WALL)
+CAMERA = Camera(PinholeView.from_field_of_view(8, 6, 1.5), "", RigidTransform.identity())
+SEEN = Sighting(100, 100, (0, 0, 4, 4), 2.0)
+STILL = GroundPose(1.0, 2.0, 0.0, 0.0)
+
+
+def _artefact(artefact_id: int, row: CatalogueRow, pose: GroundPose) -> Artefact:
+    return Artefact(artefact_id, row, Origin.RANDOM, 50, PoseHistory(50, pose))
+
+
+def _event(stamp_ns: int, kind: EventKind, row: CatalogueRow, artefact_id: int) -> ArtefactEvent:
+    detail = "life_over" if kind is EventKind.DEPARTED else ""
+    return ArtefactEvent(stamp_ns, kind, artefact_id, row.label, detail)
+
+
+def _tick(
+    stamp_ns: int,
+    artefacts: Sequence[Artefact] = (),
+    seen: Sequence[int] = (),
+    events: Sequence[ArtefactEvent] = (),
+    base: RigidTransform | None = None,
+) -> Tick:
+    states = tuple(artefact_state(artefact, stamp_ns) for artefact in artefacts)
+    perceived = [perceived_artefact(s, SEEN, stamp_ns) for s in states if s.artefact_id in seen]
+    clutter = 0.25 * len(states)
+    metrics = SceneMetrics(len(states), len(seen), 2, 0, 0, 0, 0, 10.0, clutter, math.nan)
+    return Tick(
+        stamp_ns=stamp_ns,
+        frame_id="map",
+        artefacts=states,
+        observer="robot",
+        perceived=tuple(perceived),
+        events=tuple(events),
+        metrics=metrics,
+        markers=(),
+        grids=Grids(),
+        map_from_base=base,
+        map_from_camera=base,
+    )
+
+
+def _record(ticks: Sequence[Tick], camera: Camera | None = CAMERA) -> SceneRecord:
+    catalogue = Catalogue((PERSON, CAR))
+    recorder = SceneRecorder(catalogue, seed=3, max_range_m=9.0, footprint=Footprint.disc(0.2))
+    for tick in ticks:
+        recorder.add(tick, camera)
+    return recorder.record()
+
+
+def test_nothing_recorded() -> None:
+    """Without ticks the record is empty, and lasts no time."""
+    record = _record([])
+    assert (record.lives, record.events, record.metrics) == ((), (), None)
+    assert record.duration_ns == 0
+    assert record.robot.poses.shape == (0, 3)
+    assert record.camera.poses.shape == (0, 7)
+
+
+def test_life_from_arrival_to_departure() -> None:
+    """A life has the instants of its events, and the ticks that perceived it."""
+    person = _artefact(7, PERSON, STILL)
+    record = _record(
+        [
+            _tick(100, [person], events=[_event(50, EventKind.ARRIVED, PERSON, 7)]),
+            _tick(200, [person], seen=[7]),
+            _tick(300, [person], seen=[7]),
+            _tick(400, events=[_event(390, EventKind.DEPARTED, PERSON, 7)]),
+        ]
+    )
+    (life,) = record.lives
+    assert (life.arrival_ns, life.departure_ns, life.left_by) == (50, 390, "life_over")
+    assert (life.seen_ticks, life.first_seen_ns, life.last_seen_ns) == (2, 200, 300)
+    assert life.is_perceived
+    assert [life.is_present_at(t) for t in (49, 50, 389, 390)] == [False, True, True, False]
+
+
+def test_poses_are_kept_once_per_change() -> None:
+    """Standing still costs one pose; the poses are those of the box's centre."""
+    person = _artefact(7, PERSON, STILL)
+    ticks = [_tick(100, [person]), _tick(200, [person])]
+    person.history.append(250, STILL)
+    person.history.append(300, GroundPose(3.0, 2.0, 0.0, math.pi / 2))
+    record = _record([*ticks, _tick(300, [person])])
+    track = record.lives[0].footprints
+    assert track.stamps_ns.tolist() == [100, 300]
+    assert track.poses == pytest.approx(np.array(((1.1, 2.0, 0.0), (3.0, 2.1, math.pi / 2))))
+    assert record.lives[0].footprint_at(299) == pytest.approx((1.1, 2.0, 0.0))
+    assert record.lives[0].footprint_at(0) == pytest.approx((1.1, 2.0, 0.0))
+
+
+def test_life_between_two_ticks() -> None:
+    """Who comes and goes between two ticks has a life, of the row of its label, without poses."""
+    events = [
+        _event(110, EventKind.ARRIVED, CAR, 4),
+        _event(120, EventKind.DEPARTED, CAR, 4),
+    ]
+    record = _record([_tick(100), _tick(200, events=events)])
+    (life,) = record.lives
+    assert (life.row, life.arrival_ns, life.departure_ns) == (CAR, 110, 120)
+    assert len(life.footprints) == 0
+    assert not life.is_perceived
+
+
+def test_poses_of_robot_and_camera() -> None:
+    """Ticks without a pose are blind, and leave no pose behind; equal views are kept once."""
+    base = RigidTransform.planar(1.0, 2.0, 0.5, z=1.0)
+    again = Camera(PinholeView.from_field_of_view(8, 6, 1.5), "", RigidTransform.identity())
+    record = _record([_tick(100), _tick(200, base=base), _tick(300, base=base)], again)
+    assert record.series.blind_ticks == 1
+    assert record.robot.stamps_ns.tolist() == [200, 300]
+    assert record.robot.poses[0] == pytest.approx((1.0, 2.0, 0.5))
+    assert record.camera.poses[0] == pytest.approx((1.0, 2.0, 1.0, *base.rotation_xyzw))
+    assert len(record.views) == 1
+    assert record.view_of_pose.tolist() == [0, 0]
+    assert record.duration_ns == 200
+
+
+def test_without_camera() -> None:
+    """Where no camera is known, its poses are not kept either."""
+    record = _record([_tick(100, base=RigidTransform.identity())], None)
+    assert len(record.camera) == 0
+    assert len(record.robot) == 1
+
+
+def test_series_per_tick() -> None:
+    """The series count the living and the perceived of each tick."""
+    both = [_artefact(1, PERSON, STILL), _artefact(2, CAR, GroundPose(5.0, 5.0, 0.0, 0.0))]
+    record = _record([_tick(100, both, seen=[2]), _tick(200, both[:1])])
+    assert record.series.alive.tolist() == [2, 1]
+    assert record.series.perceived.tolist() == [1, 0]
+    assert record.series.clutter_ratio.tolist() == [0.5, 0.25]
+    assert [life.artefact_id for life in record.lives] == [1, 2]
+    assert record.metrics is not None
+    assert record.metrics.alive == 1
+
+
+def test_false_alarm_is_no_life() -> None:
+    """What is perceived without being there has no life."""
+    ghost = _tick(100, [_artefact(9, PERSON, STILL)], seen=[9]).perceived
+    tick = _tick(100)
+    object.__setattr__(tick, "perceived", ghost)
+    assert _record([tick]).lives == ()
