@@ -1,6 +1,7 @@
 """The AR-builder (section 3.3): composes world, artefacts and augmentation into ticks."""
 
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +21,7 @@ from are_ros.builder.scans import ScanAugmentation
 from are_ros.builder.scene import Scene
 from are_ros.builder.sensor_path import ReleasedScan, SensorPathCounts
 from are_ros.builder.states import StateKeeper, marker_subject, perceived_artefact
-from are_ros.builder.tick import Demand, Tick
+from are_ros.builder.tick import EVERYTHING, Demand, Tick
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
 from are_ros.parameters.choices import OdometryUse, Shape
@@ -30,10 +31,13 @@ from are_ros.world.frame_tree import FrameTree, TransformSource
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.observer import Camera
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.rigid_transform import RigidTransform, Values
+from are_ros.world.rigid_transform import Values
 
-_EVERYTHING = Demand()
 _NAN = float("nan")
+_ODOMETRY_SOURCES: Final = {
+    OdometryUse.AUTO: TransformSource.ODOMETRY,
+    OdometryUse.USE: TransformSource.PARAMETER,
+}
 
 
 class ArBuilder:
@@ -47,7 +51,7 @@ class ArBuilder:
     """
 
     def __init__(
-        self, parameters: Parameters, catalogue: Catalogue, demand: Demand = _EVERYTHING
+        self, parameters: Parameters, catalogue: Catalogue, demand: Demand = EVERYTHING
     ) -> None:
         self.parameters = parameters
         self.demand = demand
@@ -68,6 +72,7 @@ class ArBuilder:
         self._states = StateKeeper()
         self._registered: tuple[Environment | None, Scene | None, dict[int, CellPatch]]
         self._registered = (None, None, {})
+        self._clutter_ratio = _NAN
         self._now_ns = 0
         self._idle_until_ns = 0
         assembly.set_static_frames(parameters, self.frames)
@@ -113,22 +118,22 @@ class ArBuilder:
         self._scans.transforms_came(received_ns)
 
     def receive_odometry(
-        self, parent: str, child: str, stamp_ns: int, pose: RigidTransform, received_ns: int
+        self,
+        parent: str,
+        child: str,
+        stamp_ns: int,
+        translation_m: Values,
+        rotation_xyzw: Values,
+        received_ns: int,
     ) -> None:
         """Take a pose from odometry; an empty child frame means the robot's base."""
         self._received(received_ns)
-        use = self.parameters.frames.odometry
-        if use is OdometryUse.IGNORE:
+        source = _ODOMETRY_SOURCES.get(self.parameters.frames.odometry)
+        if source is None:
             return
-        preferred = use is OdometryUse.USE
-        source = TransformSource.PARAMETER if preferred else TransformSource.ODOMETRY
+        child = child or self.robots.base_frame()
         self.frames.set_transform(
-            parent,
-            child or self.robots.base_frame(),
-            stamp_ns,
-            pose.translation_m.tolist(),
-            pose.rotation_xyzw.tolist(),
-            source=source,
+            parent, child, stamp_ns, translation_m, rotation_xyzw, source=source
         )
         self._scans.transforms_came(received_ns)
 
@@ -259,6 +264,7 @@ class ArBuilder:
             patches = covered_cells(scene.boxes, environment.grid)
             by_id = {a.id: patch for a, patch in zip(scene.artefacts, patches, strict=True)}
             self._registered = (environment, scene, by_id)
+            self._clutter_ratio = clutter_ratio(patches, environment.classes)
         return self._registered[2]
 
     def _augment(
@@ -281,10 +287,7 @@ class ArBuilder:
         return (*self.lives.take_events(), *sights)
 
     def _metrics(self, observation: Observation, patches: Mapping[int, CellPatch]) -> SceneMetrics:
-        environment, counts = self.world.environment, self.lives.population.counts
-        nu = (
-            _NAN if environment is None else clutter_ratio([*patches.values()], environment.classes)
-        )
+        counts = self.lives.population.counts
         return SceneMetrics(
             alive=len(patches),
             perceived=len(observation.sightings),
@@ -294,7 +297,7 @@ class ArBuilder:
             displaced=self.lives.displaced,
             robot_contacts=self.lives.robot_contacts,
             area_m2=self.lives.area_m2,
-            clutter_ratio=nu,
+            clutter_ratio=self._clutter_ratio,
             rho=_NAN,
         )
 

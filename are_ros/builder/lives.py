@@ -28,7 +28,6 @@ from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import PlacementError
 from are_ros.parameters.model import Parameters
 from are_ros.world.footprint import Footprint
-from are_ros.world.oriented_boxes import OrientedBoxes
 
 _IDLE_NS = NS_PER_S
 """Once nothing came in for this long, nothing can change between the population's events."""
@@ -65,7 +64,7 @@ class Lives:
         self._robot: RobotPose | None = None
         self._in_contact: set[tuple[int, int]] = set()
         self._events: list[ArtefactEvent] = []
-        self._standing: tuple[list[Artefact], OrientedBoxes] | None = None
+        self._standing: Scene | None = None
         self._scene = Scene.of((), 0)
 
     @property
@@ -160,14 +159,14 @@ class Lives:
         near: tuple[float, float] | None,
     ) -> GroundPose | None:
         self._standing = None  # members of the same group may have come since
-        _, others = self._stand()
+        others = self._stand().boxes
         return self._spawning.place(row, generator, others, self._robot, near)
 
     def _why_not_placed(self, row: CatalogueRow, pose: GroundPose) -> str:
         environment = self._world.environment
         if environment is None:
             return "there is no map yet"
-        _, others = self._stand()
+        others = self._stand().boxes
         return self._spawning.why_not(boxes_of([row], [pose]), environment, others, self._robot)
 
     def _look(self, now_ns: int) -> None:
@@ -185,15 +184,16 @@ class Lives:
         if environment is None:
             return
         self._refresh_region(step_ns)
-        artefacts, boxes = self._stand()
-        if not artefacts:
+        standing = self._stand()
+        if not len(standing):
             return
-        ids = np.array([artefact.id for artefact in artefacts], dtype=np.int64)
         robots: Sequence[Footprint] = [self._robot.footprint] if self._robot else []
-        resolution = self._resolver.resolve(ids, boxes, boxes, environment, robots)
+        resolution = self._resolver.resolve(
+            standing.ids, standing.boxes, standing.boxes, environment, robots
+        )
         self._report_contacts(step_ns, resolution.contacts)
         if not resolution.is_all_kept:
-            self._apply(step_ns, artefacts, resolution)
+            self._apply(step_ns, standing.artefacts, resolution)
 
     def _refresh_region(self, now_ns: int) -> None:
         """Follow the environment and the robot; nobody arrives before the region is known."""
@@ -204,13 +204,11 @@ class Lives:
         area_m2 = self._spawning.area_m2
         self.population.set_rates(population.arrival_rate, area_m2, population.mean_life, now_ns)
 
-    def _stand(self) -> tuple[list[Artefact], OrientedBoxes]:
-        """Return the living and their boxes; kept while nobody comes, goes or is moved."""
+    def _stand(self) -> Scene:
+        """Return the living where they are now; kept while nobody comes, goes or is moved."""
         if self._standing is None:
             artefacts = [*self.population.living.values()]
-            poses = [artefact.history.latest for artefact in artefacts]
-            boxes = boxes_of([artefact.row for artefact in artefacts], poses)
-            self._standing = (artefacts, boxes)
+            self._standing = Scene.now(artefacts)
         return self._standing
 
     def _apply(self, step_ns: int, artefacts: Sequence[Artefact], resolution: Resolution) -> None:

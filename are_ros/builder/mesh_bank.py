@@ -18,18 +18,26 @@ class MeshBank:
     def __init__(self) -> None:
         self._pool = MeshPool.of([])
         self._number_of_row: dict[int, int] = {}
+        self._selected: tuple[Sequence[CatalogueRow] | None, MeshSelection]
+        self._selected = (None, MeshSelection.boxes_only(0))
         self._solids: list[tuple[Triangles, npt.NDArray[np.integer]]] = []
         self._drawings: dict[int, tuple[Triangles, npt.NDArray[np.float32]]] = {}
 
     def selection(self, rows: Sequence[CatalogueRow]) -> MeshSelection:
-        """Return the meshes that stand in the boxes of artefacts of these rows."""
+        """Return the meshes that stand in the boxes of artefacts of these rows.
+
+        Asked again with the very same sequence, it gives the very same answer.
+        """
+        if rows is self._selected[0]:
+            return self._selected[1]
         newcomers = {row.index: row for row in rows if row.index not in self._number_of_row}
         if newcomers:
             for row in newcomers.values():
                 self._add(row)
             self._pool = MeshPool.of(self._solids)
         indices = np.array([self._number_of_row[row.index] for row in rows], dtype=np.int64)
-        return MeshSelection(self._pool, indices)
+        self._selected = (rows, MeshSelection(self._pool, indices))
+        return self._selected[1]
 
     def drawing(self, row: CatalogueRow) -> tuple[Triangles, npt.NDArray[np.float32]]:
         """Return a row's triangles (T, 3, 3) in F_A and their colours (T, 4) in [0, 1].

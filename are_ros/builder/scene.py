@@ -2,6 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, boxes_of
 from are_ros.artefacts.catalogue import CatalogueRow
@@ -23,7 +27,19 @@ class Scene:
         boxes = boxes_of([artefact.row for artefact in artefacts], poses)
         return cls(tuple(artefacts), poses, boxes)
 
-    @property
+    @classmethod
+    def now(cls, artefacts: Sequence[Artefact]) -> "Scene":
+        """Return the scene of these artefacts at their newest poses."""
+        poses = tuple(artefact.history.latest for artefact in artefacts)
+        boxes = boxes_of([artefact.row for artefact in artefacts], poses)
+        return cls(tuple(artefacts), poses, boxes)
+
+    @cached_property
+    def ids(self) -> npt.NDArray[np.int64]:
+        """The ids (N,), ascending."""
+        return np.array([artefact.id for artefact in self.artefacts], dtype=np.int64)
+
+    @cached_property
     def rows(self) -> tuple[CatalogueRow, ...]:
         """The rows of the artefacts."""
         return tuple(artefact.row for artefact in self.artefacts)

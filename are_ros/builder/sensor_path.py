@@ -72,9 +72,9 @@ class SensorPath:
         """Release the scans whose transform has become known."""
         while self._waiting:
             item = self._waiting[0]
-            try:
-                pose = self._frames.lookup(self._map_frame, item.scan.frame_id, item.scan.stamp_ns)
-            except FrameError:
+            scan = item.scan
+            pose = self._frames.try_lookup(self._map_frame, scan.frame_id, scan.stamp_ns)
+            if pose is None:
                 return
             self.counts.exact += 1
             self._release(now_ns, pose)

@@ -1,6 +1,7 @@
 """What one tick of the builder gives out, and what it is asked for."""
 
 from dataclasses import dataclass
+from typing import Final
 
 from are_ros.builder.events import ArtefactEvent
 from are_ros.builder.grids import Grids
@@ -19,6 +20,9 @@ class Demand:
     perception: bool = True
     grids: bool = True
     markers: bool = True
+
+
+EVERYTHING: Final = Demand()
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 from are_ros.errors import InputError
 from are_ros.messages.factory import MessageFactory
 from are_ros.messages.geometry import Vector3, make_twist, read_vector
-from are_ros.messages.headers import make_header, read_header
-from are_ros.messages.poses import checked_pose, make_pose
+from are_ros.messages.headers import make_header
+from are_ros.messages.poses import make_pose, read_pose
+from are_ros.messages.times import read_time
 from are_ros.world.rigid_transform import RigidTransform
 
 
@@ -41,25 +42,22 @@ class OdometryReading:
     angular_velocity_rad_s: Vector3
 
 
-def read_odometry(message: Any, source: str = "odom") -> OdometryReading:
-    """Return the reading of a nav_msgs/Odometry; InputError if a number is not finite."""
-    frame_id, stamp_ns = read_header(message, source)
-    pose, twist = message.pose.pose, message.twist.twist
+def read_odometry_numbers(message: Any) -> OdometryNumbers:
+    """Return the numbers of a nav_msgs/Odometry, whatever they are."""
+    header, pose, twist = message.header, message.pose.pose, message.twist.twist
     rotation = pose.orientation
-    return checked_reading(
-        OdometryNumbers(
-            frame_id,
-            str(message.child_frame_id),
-            stamp_ns,
-            (*read_vector(pose.position), rotation.x, rotation.y, rotation.z, rotation.w),
-            (*read_vector(twist.linear), *read_vector(twist.angular)),
-        ),
-        source,
+    return OdometryNumbers(
+        str(header.frame_id),
+        str(message.child_frame_id),
+        read_time(header.stamp),
+        (*read_vector(pose.position), rotation.x, rotation.y, rotation.z, rotation.w),
+        (*read_vector(twist.linear), *read_vector(twist.angular)),
     )
 
 
-def checked_reading(numbers: OdometryNumbers, source: str = "odom") -> OdometryReading:
-    """Return the reading of an odometry's numbers; InputError as `read_odometry`."""
+def read_odometry(message: Any, source: str = "odom") -> OdometryReading:
+    """Return the reading of a nav_msgs/Odometry; InputError if a number is not finite."""
+    numbers = read_odometry_numbers(message)
     frame_id, twist = numbers.frame_id.lstrip("/"), numbers.twist
     if not frame_id:
         raise InputError(f"{source}: header.frame_id is empty")
@@ -69,7 +67,7 @@ def checked_reading(numbers: OdometryNumbers, source: str = "odom") -> OdometryR
         frame_id,
         numbers.child_frame_id.lstrip("/"),
         numbers.stamp_ns,
-        checked_pose(numbers.pose[:3], numbers.pose[3:], "pose.pose", source),
+        read_pose(message.pose.pose, "pose.pose", source),
         (twist[0], twist[1], twist[2]),
         (twist[3], twist[4], twist[5]),
     )

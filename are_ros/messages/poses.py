@@ -1,6 +1,5 @@
 """geometry_msgs/Pose <-> rigid transforms."""
 
-from collections.abc import Sequence
 from typing import Any
 
 from are_ros.errors import InputError, InvalidTransformError
@@ -15,16 +14,10 @@ def read_pose(pose: Any, field: str, source: str) -> RigidTransform:
     `field` is its name in the message, `source` the topic: the error's sentence begins so.
     """
     at, rotation = pose.position, pose.orientation
-    quaternion = (rotation.x, rotation.y, rotation.z, rotation.w)
-    return checked_pose((at.x, at.y, at.z), quaternion, field, source)
-
-
-def checked_pose(
-    translation_m: Sequence[float], rotation_xyzw: Sequence[float], field: str, source: str
-) -> RigidTransform:
-    """Return 3 + 4 numbers of a message as a transform; InputError as `read_pose`."""
     try:
-        return RigidTransform.checked(translation_m, rotation_xyzw)
+        return RigidTransform.checked(
+            (at.x, at.y, at.z), (rotation.x, rotation.y, rotation.z, rotation.w)
+        )
     except InvalidTransformError as cause:
         message = f"{source}: {field}: {cause}"
         raise InputError(message) from cause

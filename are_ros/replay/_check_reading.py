@@ -1,8 +1,9 @@
 """Reads a recording with rosbags: every message is deserialised, what matters is kept."""
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from types import MappingProxyType
+from types import MappingProxyType, TracebackType
 from typing import Any, Final
 
 from rosbags.highlevel import AnyReader
@@ -27,7 +28,10 @@ _SAMPLE: Final = 16
 
 
 class Reading:
-    """One pass over all but the grids, a second over these, both counted in `tally`."""
+    """One pass over all but the grids, a second over these, both counted in `tally`.
+
+    A context manager, open inside `with`.
+    """
 
     def __init__(self, path: Path, record: Record, progress: Callable[[], None]) -> None:
         self.tally = Tally("rosbags reader", "messages")
@@ -35,6 +39,7 @@ class Reading:
         self._path = path
         self._progress = progress
         self._marker_bytes = 0
+        self._reader: AnyReader | None = None
         self._takers: dict[str, Callable[[str, int, Any], None]] = {
             "nav_msgs/msg/OccupancyGrid": self._take_map,
             "tf2_msgs/msg/TFMessage": self._take_transforms,
@@ -49,6 +54,23 @@ class Reading:
                 PREFIX + "metrics": record.metrics,
             }
         )
+
+    def __enter__(self) -> "Reading":  # noqa: PYI034 (Self came with Python 3.11)
+        """Open the recording; one that cannot be opened is a fault, and holds no messages."""
+        with self._faults():
+            reader = AnyReader([self._path])
+            reader.open()
+            self._reader = reader
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._reader is not None:
+            self._reader.close()
 
     def read_all_but_grids(self) -> None:
         """Fill the record."""
@@ -65,17 +87,25 @@ class Reading:
 
     def _messages(self, *, wants_grids: bool) -> Iterator[tuple[str, str, int, Any]]:
         """Yield what can be deserialised; a fault of the file ends it."""
+        reader = self._reader
+        if reader is None:
+            return
+        chosen = [c for c in reader.connections if (c.topic in GRID_TOPICS) == wants_grids]
+        self.record.topics |= {connection.topic for connection in chosen}
+        if not chosen:  # rosbags would take none as all
+            return
+        with self._faults():
+            for connection, log_ns, data in reader.messages(connections=chosen):
+                message = self._deserialized(reader, connection, log_ns, data)
+                self._progress()
+                if message is not None:
+                    yield connection.topic, connection.msgtype, log_ns, message
+
+    @contextmanager
+    def _faults(self) -> Iterator[None]:
+        """Count what the reader raises as a fault of the file."""
         try:
-            with AnyReader([self._path]) as reader:
-                chosen = [c for c in reader.connections if (c.topic in GRID_TOPICS) == wants_grids]
-                self.record.topics |= {connection.topic for connection in chosen}
-                if not chosen:  # rosbags would take none as all
-                    return
-                for connection, log_ns, data in reader.messages(connections=chosen):
-                    message = self._deserialized(reader, connection, log_ns, data)
-                    self._progress()
-                    if message is not None:
-                        yield connection.topic, connection.msgtype, log_ns, message
+            yield
         except Exception as cause:  # noqa: BLE001 - the reader raises all kinds on bad bytes
             self.tally.look()
             self.tally.fail(sentence_of(cause))

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
-from are_ros.messages.odometry import OdometryReading, checked_reading, read_odometry
+from are_ros.messages.odometry import OdometryNumbers, read_odometry_numbers
 from are_ros.messages.transforms import StampedTransform, read_transforms
 from are_ros.replay._bag_errors import as_bag_errors, sentence_of
 from are_ros.replay._bag_files import check_paths, open_reader
@@ -154,16 +154,16 @@ class BagReader:
             raise _malformed(message, cause) from cause
         return read_transforms(self.deserialize(message))
 
-    def odometry(self, message: BagMessage) -> OdometryReading:
-        """Return the reading of an Odometry; as `deserialize` and `read_odometry`, quicker."""
+    def odometry(self, message: BagMessage) -> OdometryNumbers:
+        """Return the numbers of an Odometry; as `deserialize` and `read_odometry_numbers`."""
         try:
             if self.is_ros1:
-                return checked_reading(decode_odometry_ros1(message.data), message.topic)
+                return decode_odometry_ros1(message.data)
             if is_plain_cdr(message.data):
-                return checked_reading(decode_odometry_cdr(message.data), message.topic)
+                return decode_odometry_cdr(message.data)
         except (StructError, UnicodeDecodeError) as cause:
             raise _malformed(message, cause) from cause
-        return read_odometry(self.deserialize(message), message.topic)
+        return read_odometry_numbers(self.deserialize(message))
 
     def _connections(self) -> Iterator[Any]:
         for _, reader in self._readers:

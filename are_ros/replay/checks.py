@@ -63,12 +63,12 @@ def check_replay(
     record = Record(_read_parameters(folder / PARAMETERS))
     results = check_file(path)
     meter.expect(results[0].looked_at)
-    reading = Reading(path, record, meter.step)
-    reading.read_all_but_grids()
-    if map_file is not None:
-        record.maps = [_read_map(map_file, record.world_frame)]
-    results += _scene_results(record)
-    results += check_grids(record, reading.grids())
+    real = None if map_file is None else _read_map(map_file, record.world_frame)
+    with Reading(path, record, meter.step) as reading:
+        reading.read_all_but_grids()
+        record.maps = record.maps if real is None else [real]
+        results += _scene_results(record)
+        results += check_grids(record, reading.grids())
     results += check_scans(record)
     meter.finish()
     return (results[0], reading.tally.result(), *results[1:])

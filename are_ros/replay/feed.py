@@ -75,12 +75,13 @@ class Feed:
         self._builder.receive_cloud(points_m, frame_id, received_ns)
 
     def _odometry(self, message: BagMessage, received_ns: int) -> None:
-        reading = self._reader.odometry(message)
+        numbers = self._reader.odometry(message)
         self._builder.receive_odometry(
-            reading.frame_id,
-            reading.child_frame_id,
-            reading.stamp_ns,
-            reading.frame_from_child,
+            numbers.frame_id,
+            numbers.child_frame_id,
+            numbers.stamp_ns,
+            numbers.pose[:3],
+            numbers.pose[3:],
             received_ns,
         )
 

@@ -150,7 +150,7 @@ def _open_writers(
     options.out.mkdir(parents=True, exist_ok=True)
     writer = stack.enter_context(BagWriter(options.out / AUGMENTED))
     factory = RosbagsFactory()
-    outputs = OutputWriter(TickWriter(writer, factory, replay.scan_topics()))
+    outputs = OutputWriter(TickWriter(writer, factory, replay.scan_topics(), options.demand))
     if not options.with_inputs:
         return (outputs,), writer.counts
     copy = InputCopy(reader, writer, factory, replay.role_of_topic)

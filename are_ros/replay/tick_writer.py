@@ -5,7 +5,7 @@ from typing import Any
 
 from are_ros.builder.outputs import ArtefactState
 from are_ros.builder.sensor_path import ReleasedScan
-from are_ros.builder.tick import Tick
+from are_ros.builder.tick import EVERYTHING, Demand, Tick
 from are_ros.messages.artefacts import (
     make_artefact,
     make_artefacts,
@@ -34,9 +34,14 @@ class TickWriter:
     """Turns ticks and released scans into messages and appends them."""
 
     def __init__(
-        self, writer: BagWriter, factory: MessageFactory, scan_topics: Sequence[str]
+        self,
+        writer: BagWriter,
+        factory: MessageFactory,
+        scan_topics: Sequence[str],
+        demand: Demand = EVERYTHING,
     ) -> None:
         """Announce all output topics; `scan_topics` are the input topics of the scans."""
+        self._demand = demand
         self._writer = writer
         self._factory = factory
         self._known: dict[int, tuple[ArtefactState, Any]] = {}
@@ -58,8 +63,9 @@ class TickWriter:
             self._write("events", now_ns, make_event(make, frame_id, event))
         artefacts = make_artefacts(make, frame_id, now_ns, self._artefact_messages(tick))
         self._write("artefacts", now_ns, artefacts)
-        perceived = make_perceived(make, frame_id, now_ns, tick.observer, tick.perceived)
-        self._write("perceived", now_ns, perceived)
+        if self._demand.perception:
+            perceived = make_perceived(make, frame_id, now_ns, tick.observer, tick.perceived)
+            self._write("perceived", now_ns, perceived)
         self._write("metrics", now_ns, make_metrics(make, frame_id, now_ns, tick.metrics))
         if tick.markers:
             data = encode_markers(frame_id, now_ns, tick.markers)

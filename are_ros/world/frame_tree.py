@@ -128,6 +128,16 @@ class FrameTree:
         self.lookup_into(target, source, stamp_ns, values)
         return RigidTransform.adopt(values)
 
+    def try_lookup(self, target: str, source: str, stamp_ns: int) -> RigidTransform | None:
+        """Return what `lookup` does, None where it would raise: for those who can wait."""
+        numbers = self._numbers
+        to, of = numbers.get(target.lstrip("/")), numbers.get(source.lstrip("/"))
+        if to is None or of is None:
+            return None
+        values = np.empty(7)
+        status = look_up(self._table.samples, self._table.frames, to, of, stamp_ns, values)
+        return None if status else RigidTransform.adopt(values)
+
     def lookup_into(self, target: str, source: str, stamp_ns: int, out: Floats) -> None:
         """Write what `lookup` returns into `out`, float64 (7,), C order: x y z, then x y z w.
 

@@ -95,6 +95,22 @@ class OccupancyGrid:
         bounded = np.clip(np.nan_to_num(cells, nan=_OUTSIDE), _OUTSIDE, -_OUTSIDE)
         return bounded.astype(np.int64)
 
+    def cell_at(self, x_m: float, y_m: float) -> tuple[int, int] | None:
+        """Return the cell (row, col) that holds one point, as `points_to_cells`; None outside."""
+        x0_m, y0_m, cosine, sine = self._frame
+        dx_m, dy_m = x_m - x0_m, y_m - y0_m
+        row = math.floor((dy_m * cosine - dx_m * sine) / self.resolution_m)
+        col = math.floor((dx_m * cosine + dy_m * sine) / self.resolution_m)
+        inside = 0 <= row < self.cells.shape[0] and 0 <= col < self.cells.shape[1]
+        return (row, col) if inside else None
+
+    @cached_property
+    def _frame(self) -> tuple[float, float, float, float]:
+        """The origin x, y [m] and the cosine and sine of its yaw."""
+        x_m, y_m, _ = self.origin.translation_m.tolist()
+        cosine, sine = cosine_and_sine(self.origin.rotation_xyzw)
+        return x_m, y_m, float(cosine), float(sine)
+
     def cells_to_points(self, cells: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """Return the centres (N, 2) in the map frame of cells (N, 2) given as (row, col)."""
         indices = np.asarray(cells, dtype=np.float64)

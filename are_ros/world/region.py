@@ -98,7 +98,6 @@ class ReachableRegion:
         self._label = 0
         self._region = _region_of(np.zeros(free.shape, np.bool_), grid)
         self.last_point_m: tuple[float, float] | None = None
-        self._labelled: tuple[tuple[float, float] | None, int] = (None, 0)
         self.at(last_point_m)
 
     def at(self, robot_point_m: tuple[float, float] | None) -> SpawnRegion:
@@ -112,16 +111,11 @@ class ReachableRegion:
         return self._region
 
     def _label_near(self, point_m: tuple[float, float]) -> int:
-        if point_m == self._labelled[0]:
-            return self._labelled[1]
-        self._labelled = (point_m, self._nearest_to(point_m))
-        return self._labelled[1]
-
-    def _nearest_to(self, point_m: tuple[float, float]) -> int:
+        inside = self._grid.cell_at(*point_m)
+        if inside is not None and (label := int(self._labels[inside])):
+            return label
         cell = self._grid.points_to_cells(np.array([point_m]))
         row, col = (int(index) for index in cell[0])
-        if self._grid.contains(cell)[0] and self._labels[row, col]:
-            return int(self._labels[row, col])
         return _nearest_label(self._labels, row, col, self._snap_cells)
 
     def _grown(self, label: int) -> npt.NDArray[np.bool_]:

@@ -1,0 +1,200 @@
+"""The real environment as it arrives: maps and clouds, good and bad, in any frame and order."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from are_ros.builder.real_world import RealWorld
+from are_ros.errors import InputError
+from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import Parameters
+from are_ros.world.frame_tree import FrameTree
+from are_ros.world.occupancy_grid import OccupancyGrid
+
+Room = Callable[..., OccupancyGrid]
+CUBE = np.argwhere(np.ones((4, 4, 4))) * 0.1 + 0.05
+NO_TURN = (0.0, 0.0, 0.0, 1.0)
+
+
+def world(**values: Any) -> tuple[RealWorld, FrameTree]:
+    """Return a world with some values of `world.` set, and its frames."""
+    paths = {f"world.{name}": value for name, value in values.items()}
+    frames = FrameTree()
+    return RealWorld(with_values(Parameters(), paths).world, "map", frames), frames
+
+
+@pytest.fixture
+def room(make_scene: Callable[..., Any]) -> Room:
+    """Return a maker of rooms."""
+    maker: Room = make_scene().room
+    return maker
+
+
+def low_corner(real: RealWorld) -> npt.NDArray[np.float64]:
+    """Return the low corner of M3D."""
+    assert real.environment is not None
+    assert real.environment.voxels is not None
+    return real.environment.voxels.bounds_m()[0]
+
+
+def test_without_a_cloud_the_walls_are_extruded(room: Room) -> None:
+    """One tall voxel for each occupied cell, from the ground to world.wall_height."""
+    real, _ = world(wall_height=1.2, ground_height=0.5)
+    assert real.environment is None
+    real.set_grid(room())
+    assert real.environment is not None
+    voxels = real.environment.voxels
+    assert voxels is not None
+    assert voxels.is_extruded
+    assert voxels.occupied_count == 40 * 40 - 38 * 38
+    np.testing.assert_allclose(voxels.bounds_m(), [[0.0, 0.0, 0.5], [4.0, 4.0, 1.7]])
+    assert real.environment.ground.heights(np.zeros((1, 2))).tolist() == [0.5]
+
+
+def test_an_equal_map_changes_nothing_and_another_one_all(room: Room) -> None:
+    """Environments are told apart by their version, which increases."""
+    real, _ = world()
+    real.set_grid(room())
+    first = real.environment
+    again = room()
+    real.set_grid(again)
+    assert real.environment is first
+    assert real.grid is again
+    real.set_grid(room((5, 6, 5, 6)))
+    assert real.environment is not None
+    assert first is not None
+    assert real.environment.version > first.version
+
+
+def test_thresholds_that_contradict_refuse_every_map(room: Room) -> None:
+    """The second time as the first, and there is no environment."""
+    real, _ = world(occupied_threshold=20, free_threshold=30)
+    for _ in range(2):
+        with pytest.raises(InputError, match="threshold"):
+            real.set_grid(room())
+    assert real.environment is None
+    assert real.grid is None
+
+
+def test_a_cloud_may_come_before_the_map(room: Room) -> None:
+    """It is used once there is one."""
+    real, _ = world()
+    real.set_cloud(CUBE, None, "map")
+    assert real.environment is None
+    real.set_grid(room())
+    assert real.environment is not None
+    assert real.environment.voxels is not None
+    assert real.environment.voxels.occupied_count == 64
+    np.testing.assert_allclose(low_corner(real), 0.0, atol=1e-9)
+
+
+def test_an_equal_cloud_changes_nothing(room: Room) -> None:
+    """As octomap_server sends it again and again."""
+    real, _ = world()
+    real.set_grid(room())
+    real.set_cloud(CUBE, None, "map")
+    first = real.environment
+    real.set_cloud(CUBE.copy(), None, "map")
+    assert real.environment is first
+
+
+def test_a_cloud_is_placed_by_the_newest_pose_of_its_frame(room: Room) -> None:
+    """It waits for its frame without disturbing anybody, and is placed once."""
+    real, frames = world()
+    real.set_grid(room())
+    before = real.environment
+    real.set_cloud(CUBE, None, "laser")
+    real.retry_cloud()
+    assert real.environment is before
+    assert real.missing_frame() == "laser"
+    for stamp_ns, x in ((1, 1.0), (2, 2.0)):
+        frames.set_transform("map", "laser", stamp_ns, (x, 0.5, 0.0), NO_TURN)
+    real.retry_cloud()
+    np.testing.assert_allclose(low_corner(real), (2.0, 0.5, 0.0), atol=1e-9)
+    after = real.environment
+    frames.set_transform("map", "laser", 3, (3.0, 0.5, 0.0), NO_TURN)
+    real.retry_cloud()
+    assert real.environment is after
+    assert real.missing_frame() == ""
+
+
+def test_a_bad_cloud_is_refused_at_once_in_any_frame(room: Room) -> None:
+    """Also when its frame is not known yet, each time anew; the last good one stays."""
+    real, _ = world()
+    real.set_grid(room())
+    real.set_cloud(CUBE, None, "map")
+    good = real.environment
+    for frame_id in ("map", "unknown"):
+        for _ in range(2):
+            with pytest.raises(InputError):
+                real.set_cloud(np.zeros((1, 3)), None, frame_id)
+    real.retry_cloud()
+    assert real.environment is good
+    assert real.missing_frame() == ""
+
+
+def test_a_cloud_that_turns_out_tilted_is_dropped_with_a_sentence(room: Room) -> None:
+    """A retry never raises: it runs inside a tick."""
+    real, frames = world()
+    real.set_grid(room())
+    before = real.environment
+    real.set_cloud(CUBE, None, "tilted")
+    half = float(np.sqrt(0.5))
+    frames.set_static("map", "tilted", (0.0, 0.0, 0.0), (half, 0.0, 0.0, half))
+    real.retry_cloud()
+    assert real.environment is before
+    assert real.missing_frame() == ""
+    (sentence,) = real.notices
+    assert "'tilted'" in sentence
+    assert "tilts" in sentence
+
+
+def test_a_newer_good_cloud_replaces_the_one_that_waits(room: Room) -> None:
+    """The older one never comes back when its frame becomes known."""
+    real, frames = world()
+    real.set_grid(room())
+    real.set_cloud(CUBE, None, "late")
+    real.set_cloud(CUBE + 1.0, None, "map")
+    frames.set_static("map", "late", (3.0, 3.0, 0.0), NO_TURN)
+    real.retry_cloud()
+    np.testing.assert_allclose(low_corner(real), 1.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("given", "parameter", "expected"), [(None, 0.0, 0.1), (0.1, 0.0, 0.1), (0.1, 0.2, 0.2)]
+)
+def test_the_voxel_size_is_the_parameters_else_the_files_else_inferred(
+    room: Room, given: float | None, parameter: float, expected: float
+) -> None:
+    """In this order."""
+    real, _ = world(voxel_size=parameter)
+    real.set_grid(room())
+    centres_m = CUBE if expected == 0.1 else CUBE * 2.0
+    real.set_cloud(centres_m, given, "map")
+    assert real.environment is not None
+    assert real.environment.voxels is not None
+    assert real.environment.voxels.voxel_size_m == pytest.approx((expected,) * 3)
+
+
+def test_the_ground_is_the_plane_or_the_floor_voxels(room: Room) -> None:
+    """With world.ground voxels, artefacts stand on the top of the floor; a voxel's edge is slack."""
+    floor = np.argwhere(np.ones((10, 10, 1))) * 0.1 + 0.05
+    for kind, height_m in (("plane", 0.0), ("voxels", 0.1)):
+        real, _ = world(ground=kind)
+        real.set_grid(room())
+        real.set_cloud(floor, 0.1, "map")
+        assert real.environment is not None
+        heights = real.environment.ground.heights(np.array([[0.5, 0.5]]))
+        assert heights[0] == pytest.approx(height_m)
+        assert real.environment.ground_clearance_m == pytest.approx(0.11)
+
+
+def test_the_clearance_can_be_set(room: Room) -> None:
+    """Else it is a voxel and a centimetre."""
+    real, _ = world(ground_clearance=0.3)
+    real.set_grid(room())
+    assert real.environment is not None
+    assert real.environment.ground_clearance_m == 0.3

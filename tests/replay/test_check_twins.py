@@ -1,0 +1,173 @@
+"""The checks' own geometry, transforms and decoding against those of the builder's side."""
+
+import ast
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import are_ros.replay.checks
+from are_ros.builder.markers import Marker, MarkerAction, MarkerKind
+from are_ros.builder.registration import covered_cells
+from are_ros.errors import FrameError
+from are_ros.messages.marker_encoding import encode_markers
+from are_ros.replay._check_cells import Covers, RealMap
+from are_ros.replay._check_frames import TF, Frames
+from are_ros.replay._check_geometry import Outline, distances_m, overlap_depths_m
+from are_ros.replay._check_marker_decoding import decode_markers
+from are_ros.replay._check_scene import Scene
+from are_ros.world.footprint import Footprint, penetration_m
+from are_ros.world.frame_tree import FrameTree
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.oriented_boxes import OrientedBoxes, overlaps
+from are_ros.world.rigid_transform import RigidTransform
+
+MS = 1_000_000
+KNOWN = 10**15
+
+
+def make_boxes(count: int, seed: int) -> tuple[OrientedBoxes, Scene]:
+    """Return random boxes in some square metres, in both forms."""
+    generator = np.random.default_rng(seed)
+    centres = generator.uniform(-2.0, 2.0, (count, 3))
+    yaws = generator.uniform(-math.pi, math.pi, count)
+    halves = generator.uniform(0.05, 0.8, (count, 3))
+    ids, zeros = np.arange(count), np.zeros(count, np.int64)
+    scene = Scene(0, 0, "map", ids, centres, yaws, halves, zeros, zeros, ())
+    return OrientedBoxes(centres, yaws, halves), scene
+
+
+def test_no_check_imports_what_it_checks() -> None:
+    """The modules of the checks import nothing of builder, artefacts or kernels."""
+    folder = Path(are_ros.replay.checks.__file__).parent
+    files = [*folder.glob("_check_*.py"), folder / "checks.py"]
+    assert len(files) > 10
+    for file in files:
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            for name in names:
+                assert not name.startswith(("are_ros.builder", "are_ros.artefacts")), file.name
+                assert "kernel" not in name, file.name
+
+
+def test_overlaps_are_the_builders() -> None:
+    """Two boxes overlap by a positive depth exactly where the builder's test says so."""
+    boxes, scene = make_boxes(60, 1)
+    first, second = np.triu_indices(60, 1)
+    ours = overlap_depths_m(scene, first, second) > 0.0
+    theirs = overlaps(boxes.take(first), boxes.take(second))
+    assert ours.any()
+    assert (~ours).any()
+    np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("text", ["", "[[0.4, 0.3], [-0.3, 0.3], [-0.4, -0.3], [0.3, -0.2]]"])
+def test_penetration_is_the_builders(text: str) -> None:
+    """The depth of a robot in a box is the penetration depth, and not positive where apart."""
+    boxes, scene = make_boxes(200, 2)
+    footprint = Footprint(np.array(ast.literal_eval(text))) if text else Footprint.disc(0.35)
+    outline = Outline.of(text, 0.35)
+    assert outline.inscribed_m() == pytest.approx(footprint.inscribed_radius_m, abs=1e-12)
+    ours = outline.depths_m(0.3, -0.2, 0.7, scene)
+    theirs = penetration_m(footprint.at(0.3, -0.2, 0.7), boxes)
+    assert (theirs > 0.0).any()
+    np.testing.assert_allclose(np.maximum(ours, 0.0), theirs, atol=1e-9)
+
+
+def test_distances_from_a_box_are_those_of_its_samples() -> None:
+    """The distance from a box is that from a dense lattice of points in it, 0 inside."""
+    half, yaw, centre = np.array((0.5, 0.2, 0.3)), 0.6, np.array((1.0, 2.0, 3.0))
+    shares = np.array(np.meshgrid(*[np.linspace(-1.0, 1.0, 41)] * 3)).reshape(3, -1).T
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    inside = shares * half @ np.array(((cos, sin, 0.0), (-sin, cos, 0.0), (0.0, 0.0, 1.0))) + centre
+    points = centre + np.random.default_rng(3).uniform(-1.0, 1.0, (40, 3))
+    wanted = np.linalg.norm(points[:, None] - inside[None], axis=2).min(axis=1)
+    found = distances_m(points, centre, yaw, half)
+    np.testing.assert_allclose(found, wanted, atol=0.03)
+    assert distances_m(inside, centre, yaw, half).max() < 1e-12
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4])
+def test_cells_are_the_builders(turn: float) -> None:
+    """On a straight and on a turned map boxes cover the cells that the builder registers."""
+    boxes, scene = make_boxes(80, 4)
+    cells: NDArray[np.int8] = np.zeros((70, 50), np.int8)
+    grid = OccupancyGrid(cells, 0.05, RigidTransform.planar(-1.2, -1.4, turn), "map")
+    for cover, patch in zip(
+        Covers(RealMap.of_grid(grid)).of(scene), covered_cells(boxes, grid), strict=True
+    ):
+        covered = np.zeros((70, 50), np.bool_)
+        covered[patch.window] = patch.mask
+        np.testing.assert_array_equal(cover.sure, np.flatnonzero(covered))
+
+
+def test_a_box_that_touches_a_cell_may_or_may_not_cover_it() -> None:
+    """A box that ends on the edges of cells covers those inside, and touches those beyond."""
+    grid = OccupancyGrid(np.zeros((6, 6), np.int8), 0.5, RigidTransform.identity(), "map")
+    zeros = np.zeros(1, np.int64)
+    place, half = np.array(((1.5, 1.5, 0.5),)), np.array(((0.5, 0.5, 0.5),))
+    scene = Scene(0, 0, "map", zeros, place, np.zeros(1), half, zeros, zeros, ())
+    (cover,) = Covers(RealMap.of_grid(grid)).of(scene)
+    assert cover.sure.tolist() == [14, 15, 20, 21]
+    assert len(cover.touched) == 12
+
+
+def test_lookups_are_those_of_the_frame_tree() -> None:
+    """Chains up and down, interpolated or latest, give what the builder's tree gives."""
+    generator, tree, frames = np.random.default_rng(5), FrameTree(), Frames()
+    edges = (("map", "odom", 90), ("odom", "base", 20), ("base", "laser", 0), ("base", "arm", 35))
+    for parent, child, period in edges:
+        for stamp_ns in range(0, 1000 * MS, period * MS) if period else (0,):
+            place = generator.normal(size=3)
+            turn = generator.normal(size=4)
+            numbers = (*place, *(turn / np.linalg.norm(turn)))
+            frames.add(parent, child, stamp_ns, stamp_ns, numbers, TF, is_static=not period)
+            if period:
+                tree.set_transform(parent, child, stamp_ns, numbers[:3], numbers[3:])
+            else:
+                tree.set_static(parent, child, numbers[:3], numbers[3:])
+    for target, source in (("map", "laser"), ("laser", "map"), ("arm", "laser"), ("odom", "arm")):
+        latest_ns = tree.latest_before(target, source, 997 * MS)
+        assert frames.latest_ns(target, source, 997 * MS, KNOWN) == latest_ns
+        for stamp_ns in (latest_ns, 123 * MS, 700 * MS):
+            ours = frames.lookup(target, source, stamp_ns, KNOWN)
+            assert ours is not None
+            theirs = tree.lookup(target, source, stamp_ns).matrix()
+            np.testing.assert_allclose(ours.rotation, theirs[:3, :3], atol=1e-9)
+            np.testing.assert_allclose(ours.translation_m, theirs[:3, 3], atol=1e-9)
+    with pytest.raises(FrameError):
+        tree.lookup("map", "laser", 999 * MS)
+    assert frames.lookup("map", "laser", 999 * MS, KNOWN) is None
+    assert frames.lookup("map", "laser", 123 * MS, 122 * MS) is None
+    assert frames.lookup("map", "nowhere", 123 * MS, KNOWN) is None
+
+
+def test_markers_are_decoded_as_they_were_encoded() -> None:
+    """Actions, keys and lifetimes come back from the bytes, whatever the lengths of the texts."""
+    markers = [Marker.delete_all()]
+    for number, text in enumerate(("a", "bc", "def", "ghij")):
+        points, colours = np.ones((3 * number, 3)), np.ones((3 * number, 4), np.float32)
+        markers.append(
+            Marker(
+                f"ns{text}",
+                number,
+                MarkerKind.TRIANGLE_LIST if number else MarkerKind.TEXT_VIEW_FACING,
+                MarkerAction.ADD,
+                text=text,
+                points=points,
+                colours=colours,
+                lifetime_ns=number * 1500 * MS,
+            )
+        )
+    data = encode_markers("map", 7, markers)
+    changes = decode_markers(data, "map")
+    assert [change.fault for change in changes] == [""] * 5
+    assert [change.key for change in changes] == [(m.namespace, m.marker_id) for m in markers]
+    assert [change.action for change in changes] == [int(m.action) for m in markers]
+    assert changes[4].lifetime_ns == 4500 * MS
+    assert decode_markers(data, "odom")[1].fault
+    for cut in (data[:-20], data + bytes(8), b"\0\0" + data[2:]):
+        with pytest.raises(ValueError, match=r"early|malformed|too many|little-endian|end"):
+            decode_markers(cut, "map")
