@@ -9,7 +9,8 @@ OUT ?= out
 .PHONY: demo test test-long lint bench constraints clean
 
 demo: $(VENV)/ready
-	$(BIN)/are replay bags/sample_office.mcap --out $(OUT)/demo
+	$(BIN)/are replay bags/sample_office.mcap --params bags/sample_office.yaml --out $(OUT)/demo
+	@echo 'picture: $(OUT)/demo/overview.png'
 
 test: $(VENV)/ready-for-tests
 	$(BIN)/pytest -n $(JOBS)

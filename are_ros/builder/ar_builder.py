@@ -20,11 +20,11 @@ from are_ros.builder.registration import CellPatch, clutter_ratio, covered_cells
 from are_ros.builder.scans import ScanAugmentation
 from are_ros.builder.scene import Scene
 from are_ros.builder.sensor_path import ReleasedScan, SensorPathCounts
-from are_ros.builder.states import StateKeeper, marker_subject, perceived_artefact
+from are_ros.builder.states import StateKeeper, perceived_artefact
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
-from are_ros.parameters.choices import OdometryUse, Shape
+from are_ros.parameters.choices import OdometryUse
 from are_ros.parameters.model import Parameters
 from are_ros.world.environment import Environment
 from are_ros.world.frame_tree import FrameTree, TransformSource
@@ -66,7 +66,7 @@ class ArBuilder:
         self._watch = assembly.watch(parameters, self.robots, self._meshes)
         self._gate = assembly.gate(parameters)
         self._grids = assembly.grid_augmentation(parameters)
-        self._board = assembly.marker_board(parameters)
+        self._display = assembly.display(parameters, self._meshes)
         self._scans = ScanAugmentation(parameters, self.frames, self.lives, self._meshes)
         self._seen: dict[int, str] = {}
         self._states = StateKeeper()
@@ -211,7 +211,7 @@ class ArBuilder:
             ),
             events=self._events(now_ns, observation, scene),
             metrics=self._metrics(observation, patches),
-            markers=self._markers(now_ns, scene, states, observation),
+            markers=self._draw(now_ns, scene, states, observation),
             grids=grids,
             map_from_base=observation.map_from_base,
             map_from_camera=observation.map_from_camera,
@@ -301,7 +301,7 @@ class ArBuilder:
             rho=_NAN,
         )
 
-    def _markers(
+    def _draw(
         self,
         now_ns: int,
         scene: Scene,
@@ -310,11 +310,4 @@ class ArBuilder:
     ) -> tuple[Marker, ...]:
         if not self.demand.markers:
             return ()
-        meshes = self._meshes if self.parameters.markers.shape is Shape.MESH else None
-        subjects = [
-            marker_subject(
-                state, artefact.row, meshes, is_perceived=artefact.id in observation.sightings
-            )
-            for artefact, state in zip(scene.artefacts, states, strict=True)
-        ]
-        return tuple(self._board.update(now_ns, subjects))
+        return self._display.update(now_ns, states, scene.rows, observation.sightings)

@@ -4,6 +4,7 @@ import math
 
 from are_ros.builder.collisions import CollisionResolver
 from are_ros.builder.costmap import InflatedCostmap
+from are_ros.builder.display import Display
 from are_ros.builder.gates import ArtefactGate, gate_of
 from are_ros.builder.grids import GridAugmentation
 from are_ros.builder.markers import MarkerBoard
@@ -14,7 +15,7 @@ from are_ros.builder.robot_contact import ContactPolicy, Displace, Hold, Remove
 from are_ros.builder.robots import RobotTracker
 from are_ros.conventions import seconds_to_ns
 from are_ros.errors import ParameterError
-from are_ros.parameters.choices import CameraModel, OnRobotContact
+from are_ros.parameters.choices import CameraModel, OnRobotContact, Shape
 from are_ros.parameters.model import CameraParameters, Parameters, RobotParameters
 from are_ros.world.footprint import Footprint
 from are_ros.world.frame_tree import FrameTree, TransformSource
@@ -86,7 +87,7 @@ def collision_resolver(parameters: Parameters) -> CollisionResolver:
     }
     settings = parameters.collisions
     policy = policies.get(settings.on_robot_contact, Hold())
-    return CollisionResolver(policy, settings.search_radius)
+    return CollisionResolver(policy, settings.search_radius, parameters.robot.clearance)
 
 
 def grid_augmentation(parameters: Parameters) -> GridAugmentation:
@@ -99,9 +100,10 @@ def grid_augmentation(parameters: Parameters) -> GridAugmentation:
     return GridAugmentation(costmap, parameters.augmented_map.max_rate)
 
 
-def marker_board(parameters: Parameters) -> MarkerBoard:
-    """Return the board of what rviz was shown."""
-    return MarkerBoard(parameters.markers.shape)
+def display(parameters: Parameters, meshes: MeshBank) -> Display:
+    """Return what draws the artefacts, in `markers.shape`."""
+    shape = parameters.markers.shape
+    return Display(MarkerBoard(shape), meshes if shape is Shape.MESH else None)
 
 
 def set_static_frames(parameters: Parameters, frames: FrameTree) -> None:

@@ -60,9 +60,11 @@ class CollisionResolver:
     The last scene found safe is remembered, so that standing artefacts cost a comparison.
     """
 
-    def __init__(self, policy: ContactPolicy, search_radius_m: float) -> None:
+    def __init__(
+        self, policy: ContactPolicy, search_radius_m: float, robot_clearance_m: float = 0.0
+    ) -> None:
         self._policy = policy
-        self._search = RingSearch(search_radius_m)
+        self._search = RingSearch(search_radius_m, robot_clearance_m)
         self._scene: tuple[Environment, NDArray[np.float64]] | None = None
 
     def resolve(

@@ -18,12 +18,14 @@ class RingSearch:
     """Tries rings of growing radius, 0.1 m apart up to `radius_m`, at 32 fixed angles each.
 
     The order is fixed: nearest ring first, on a ring counter-clockwise from the map's +x. The
-    heading is kept.
+    heading is kept. Places at least `robot_clearance_m` from the robots are tried first, so that
+    who makes way for a robot is not in its way again at once.
     """
 
-    def __init__(self, radius_m: float) -> None:
+    def __init__(self, radius_m: float, robot_clearance_m: float = 0.0) -> None:
         """Prepare the offsets; a radius below the step leaves none."""
         self.radius_m = radius_m
+        self._robot_clearance_m = robot_clearance_m
         rings = int(radius_m / _STEP_M + 1e-9)
         radii_m = _STEP_M * np.repeat(np.arange(1, rings + 1), _ANGLES)
         angles_rad = np.tile(np.arange(_ANGLES) * (2.0 * np.pi / _ANGLES), rings)
@@ -43,6 +45,19 @@ class RingSearch:
         `box` is of length one. A new pose is safe if it is placeable (free cells only: nobody is
         pushed into the unknown), overlaps none of the others and no robot.
         """
+        wider = [robot.padded(self._robot_clearance_m) for robot in robots]
+        found = self._nearest(box, others, wider, environment)
+        if found is None and robots and self._robot_clearance_m > 0.0:
+            found = self._nearest(box, others, robots, environment)
+        return found
+
+    def _nearest(
+        self,
+        box: OrientedBoxes,
+        others: OrientedBoxes,
+        robots: Sequence[Footprint],
+        environment: Environment,
+    ) -> tuple[NDArray[np.float64], OrientedBoxes] | None:
         for offsets_m in self._chunks:
             candidates = _standing_at(box, offsets_m, environment)
             placeable = np.flatnonzero(environment.is_placeable(candidates))

@@ -1,12 +1,9 @@
-"""The artefacts as what goes out: ground truth, what is perceived, what is drawn."""
+"""The artefacts as what goes out: ground truth, and what is perceived of it."""
 
 import math
 from collections.abc import Sequence
 
 from are_ros.artefacts.artefact import Artefact, map_from_artefact
-from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.builder.markers import MarkerSubject
-from are_ros.builder.mesh_bank import MeshBank
 from are_ros.builder.outputs import ArtefactState, PerceivedArtefact, Vector3
 from are_ros.builder.perception import Sighting
 from are_ros.conventions import NS_PER_S
@@ -86,24 +83,6 @@ def perceived_artefact(state: ArtefactState, sighting: Sighting, seen_ns: int) -
         existence=1.0,
         roi_px=sighting.roi_px,
         last_seen_ns=seen_ns,
-    )
-
-
-def marker_subject(
-    state: ArtefactState, row: CatalogueRow, meshes: MeshBank | None, *, is_perceived: bool
-) -> MarkerSubject:
-    """Return an artefact as the marker board takes it; without meshes, it is drawn as its box."""
-    triangles, colours = (None, None) if meshes is None else meshes.drawing(row)
-    return MarkerSubject(
-        artefact_id=state.artefact_id,
-        label=state.label,
-        map_from_artefact=state.map_from_artefact,
-        box_centre_m=state.box_centre_m,
-        size_m=state.size_m,
-        colour=row.colour,
-        is_perceived=is_perceived,
-        mesh_triangles_m=triangles,
-        mesh_colours=colours,
     )
 
 

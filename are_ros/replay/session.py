@@ -23,6 +23,7 @@ from are_ros.replay.input_copy import InputCopy
 from are_ros.replay.listeners import All, InputWriter, OutputWriter, RecordKeeper
 from are_ros.replay.message_types import RosbagsFactory
 from are_ros.replay.options import ReplayOptions
+from are_ros.replay.results import REPLAY_PHASE
 from are_ros.replay.roles import RolesFound, find_roles
 from are_ros.replay.runner import Listener, Progress, Replay
 from are_ros.replay.scene_record import SceneRecord, SceneRecorder
@@ -79,7 +80,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         keeper = RecordKeeper(recorder, builder)
         with ExitStack() as stack:
             writers, counts = _open_writers(stack, options, reader, replay, builder)
-            with stopwatch.phase("replay"):
+            with stopwatch.phase(REPLAY_PHASE):
                 progress = open_progress(replay.start_ns, replay.end_ns)
                 replay.run(All([keeper, *writers]), progress)
             _check_outcome(builder)

@@ -114,10 +114,11 @@ def test_files_are_strict_json(tmp_path: Path, ticks: int) -> None:
 
 
 def test_timing() -> None:
-    """Timing has phases, percentiles of a tick and the real-time factor over all phases."""
+    """Timing has phases, percentiles of a tick, and the real-time factor proper and overall."""
     clock = WallClock({"start_up": 0.25, "replay": 0.75}, [0.001] * 99 + [0.101])
     content = timing_content(_record(), clock)
-    assert content["real_time_factor"] == pytest.approx(2.0)
+    assert content["real_time_factor"] == pytest.approx(2.0 / 0.75)
+    assert content["real_time_factor_overall"] == pytest.approx(2.0)
     assert content["tick_ms"] == pytest.approx({"p50": 1.0, "p90": 1.0, "p99": 2.0, "max": 101.0})
     assert content["phases_s"] == {"start_up": 0.25, "replay": 0.75}
 
@@ -134,7 +135,7 @@ def test_summary() -> None:
     metrics = metrics_content(_record(), COUNTS)
     lines = summary_lines(metrics, timing_content(_record(), WallClock({"replay": 0.5})))
     text = "\n".join(lines)
-    assert "2.0 s in 3 ticks, replayed in 0.5 s (4.0 times real time)" in text
+    assert "2.0 s in 3 ticks, 4 times real time; 0.5 s with start-up and picture" in text
     assert "2 arrived, 1 departed, 1 blocked; alive 1.0 on average, 2 at most" in text
     assert "1 of 2 at some time; 1 of 3 ticks without a pose of the camera" in text
     assert "7 augmented at their stamp, 2 with map->odom held, 1 passed through" in text

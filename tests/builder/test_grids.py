@@ -1,0 +1,146 @@
+"""The grids that go out: on change, at most so often, and losing nothing."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from are_ros.builder.costmap import InflatedCostmap
+from are_ros.builder.grids import GridAugmentation, Grids
+from are_ros.builder.registration import CellPatch
+from are_ros.conventions import OCCUPIED
+from are_ros.world.environment import Environment
+from are_ros.world.ground import PlaneGround
+from are_ros.world.occupancy_grid import OccupancyGrid, classify
+from are_ros.world.rigid_transform import RigidTransform
+
+MS = 1_000_000
+
+
+def environment(cells: Any) -> Environment:
+    """Return the environment of some cells of 0.1 m, on a turned origin."""
+    array = np.array(cells, dtype=np.int8)
+    grid = OccupancyGrid(array, 0.1, RigidTransform.planar(1.0, 2.0, 0.3), "map", 5)
+    return Environment(grid, classify(grid), None, PlaneGround(0.0), 0.01)
+
+
+def patch(row0: int, col0: int, rows: int = 1, cols: int = 1) -> CellPatch:
+    """Return a full patch."""
+    return CellPatch(row0, col0, np.ones((rows, cols), dtype=np.bool_))
+
+
+@pytest.fixture
+def grids() -> GridAugmentation:
+    """Return grids that may go out ten times a second, inflated by one cell."""
+    return GridAugmentation(InflatedCostmap(0.1, 3.0, 0.05), 10.0)
+
+
+FREE = environment(np.zeros((6, 6)))
+
+
+def sent(result: Grids) -> tuple[bool, bool, bool]:
+    """Return which of map, update and costmap went out."""
+    return (result.augmented_map is not None, result.update is not None, result.costmap is not None)
+
+
+def test_the_first_tick_gives_the_map_and_nothing_after_it(grids: GridAugmentation) -> None:
+    """Geometry, frame and bytes are the real map's; the stamp is the tick's."""
+    real = environment(np.arange(36).reshape(6, 6) - 1)
+    first = grids.update(7, real, {})
+    assert sent(first) == (True, False, True)
+    assert first.augmented_map is not None
+    assert first.augmented_map.cells.tobytes() == real.grid.cells.tobytes()
+    assert first.augmented_map.origin is real.grid.origin
+    assert (first.augmented_map.frame_id, first.augmented_map.stamp_ns) == ("map", 7)
+    assert first.augmented_map.resolution_m == 0.1
+    assert sent(grids.update(200 * MS, real, {})) == (False, False, False)
+
+
+def test_a_change_goes_out_with_its_rectangle(grids: GridAugmentation) -> None:
+    """Only the cells that changed, as they now are."""
+    grids.update(0, FREE, {})
+    result = grids.update(100 * MS, FREE, {1: patch(2, 3, 2, 1)})
+    assert sent(result) == (True, True, True)
+    assert result.update is not None
+    where = result.update.rectangle
+    assert (where.row0, where.col0, where.height, where.width) == (2, 3, 2, 1)
+    assert result.update.cells.tolist() == [[OCCUPIED], [OCCUPIED]]
+    assert (result.update.frame_id, result.update.stamp_ns) == ("map", 100 * MS)
+
+
+def test_a_change_that_comes_too_early_is_kept(grids: GridAugmentation) -> None:
+    """Both changes go out together at the end of the interval, in one rectangle."""
+    grids.update(0, FREE, {})
+    assert sent(grids.update(50 * MS, FREE, {1: patch(0, 0)})) == (False, False, False)
+    assert sent(grids.update(90 * MS, FREE, {1: patch(5, 5)})) == (False, False, False)
+    result = grids.update(100 * MS, FREE, {1: patch(5, 5)})
+    assert result.update is not None
+    where = result.update.rectangle
+    assert (where.row0, where.col0, where.height, where.width) == (0, 0, 6, 6)
+    assert int((result.update.cells == OCCUPIED).sum()) == 1
+
+
+def test_what_came_and_went_in_between_is_told_as_it_now_is(grids: GridAugmentation) -> None:
+    """A reader that has only the updates ends with the same map."""
+    grids.update(0, FREE, {})
+    grids.update(50 * MS, FREE, {1: patch(1, 1)})
+    result = grids.update(100 * MS, FREE, {})
+    assert result.update is not None
+    assert result.update.cells.tolist() == [[0]]
+    assert result.augmented_map is not None
+    assert not result.augmented_map.cells.any()
+
+
+def test_what_goes_out_is_a_copy(grids: GridAugmentation) -> None:
+    """Later ticks do not change what was given out."""
+    first = grids.update(0, FREE, {1: patch(1, 1)})
+    grids.update(100 * MS, FREE, {})
+    assert first.augmented_map is not None
+    assert first.costmap is not None
+    assert first.augmented_map.cells[1, 1] == OCCUPIED
+    assert first.costmap.cells[1, 1] == OCCUPIED
+
+
+def test_a_new_map_starts_anew(grids: GridAugmentation) -> None:
+    """Another size, with the artefacts that stand in it, and no update of the old one."""
+    grids.update(0, FREE, {1: patch(1, 1)})
+    larger = environment(np.zeros((9, 8)))
+    result = grids.update(100 * MS, larger, {1: patch(4, 4)})
+    assert sent(result) == (True, False, True)
+    assert result.augmented_map is not None
+    assert np.argwhere(result.augmented_map.cells).tolist() == [[4, 4]]
+
+
+def test_a_new_map_waits_for_the_interval_like_any_change(grids: GridAugmentation) -> None:
+    """And it is not lost."""
+    grids.update(0, FREE, {})
+    larger = environment(np.zeros((9, 8)))
+    assert sent(grids.update(50 * MS, larger, {})) == (False, False, False)
+    assert sent(grids.update(100 * MS, larger, {})) == (True, False, True)
+
+
+def test_to_prepare_loses_nothing(grids: GridAugmentation) -> None:
+    """Preparing a map before its first tick, or twice, changes nothing of what goes out."""
+    grids.prepare(FREE)
+    grids.prepare(FREE)
+    assert sent(grids.update(0, FREE, {1: patch(1, 1)})) == (True, False, True)
+
+
+def test_the_costmap_is_that_of_walls_artefacts_and_unknown(
+    make_scene: Callable[..., Any],
+) -> None:
+    """With the builder's parameters: lethal in the cell, inscribed around it, unknown kept."""
+    scene = make_scene({"costmap.inflation_radius": 0.3, "costmap.gate": "all"})
+    cells = scene.room().cells.copy()
+    cells[30:35, 30:35] = -1
+    scene.builder.receive_map(
+        OccupancyGrid(cells, 0.1, RigidTransform.identity(), "map"), scene.ns(0.0)
+    )
+    scene.place(0, (2.0, 2.0), 0.0)
+    costmap = scene.tick(0.1).grids.costmap.cells
+    assert (costmap[18:22, 18:22] == 100).all()
+    assert costmap[20, 22] == costmap[20, 23] == 99
+    assert 0 < costmap[20, 24] < 99
+    assert costmap[20, 25] == 0
+    assert costmap[32, 32] == -1

@@ -1,0 +1,249 @@
+"""The sensor path: what waits, for what and how long; and the scans of several topics."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from are_ros.builder.sensor_path import SensorPath
+from are_ros.world.frame_tree import FrameTree
+from are_ros.world.laser_scan import LaserScan
+from are_ros.world.rigid_transform import RigidTransform
+
+WAIT_NS = 50
+NO_TURN = (0.0, 0.0, 0.0, 1.0)
+NONE = np.empty(0, dtype=np.float32)
+SCAN = LaserScan("laser", 0, 0.0, 1.0, 1.0, 0.0, 0.1, 0.1, 10.0, np.full(2, 5.0, np.float32), NONE)
+
+
+class Path:
+    """A sensor path whose augmentation writes the laser's x into the ranges; x is its stamp."""
+
+    def __init__(self) -> None:
+        self.frames = FrameTree()
+        self.frames.set_static("base", "laser", (0.25, 0.0, 0.0), NO_TURN)
+        self.queue = SensorPath(self.frames, "map", "odom", WAIT_NS, self._marked)
+
+    @staticmethod
+    def _marked(scan: LaserScan, pose: RigidTransform) -> LaserScan:
+        x = np.full(2, pose.translation_m[0], dtype=np.float32)
+        return scan.with_ranges(x, scan.intensities)
+
+    def odom(self, stamp_ns: int) -> None:
+        """Take odometry: the robot is at x = stamp."""
+        self.frames.set_transform("odom", "base", stamp_ns, (float(stamp_ns), 0, 0), NO_TURN)
+
+    def correction(self, stamp_ns: int, x: float = 0.0) -> None:
+        """Take map -> odom."""
+        self.frames.set_transform("map", "odom", stamp_ns, (x, 0, 0), NO_TURN)
+
+    def push(self, stamp_ns: int, received_ns: int) -> None:
+        """Take a scan."""
+        self.queue.push("scan", replace(SCAN, stamp_ns=stamp_ns), received_ns)
+
+    def out(self) -> list[tuple[int, float, int, bool]]:
+        """Return stamp, x, release and whether augmented, of all that was released."""
+        return [
+            (r.scan.stamp_ns, float(r.scan.ranges[0]), r.released_ns, r.is_augmented)
+            for r in self.queue.take()
+        ]
+
+    def counts(self) -> tuple[int, int, int]:
+        """Return exact, held, passed through."""
+        counts = self.queue.counts
+        return counts.exact, counts.held, counts.passed_through
+
+
+def test_a_scan_whose_transform_is_there_leaves_at_once() -> None:
+    """At the pose of its own stamp, interpolated."""
+    path = Path()
+    for stamp_ns in (0, 100):
+        path.correction(stamp_ns)
+        path.odom(stamp_ns)
+    path.push(40, 105)
+    assert path.out() == [(40, 40.25, 105, True)]
+    assert path.out() == []
+    assert path.counts() == (1, 0, 0)
+    assert path.queue.next_deadline_ns() is None
+
+
+def test_a_scan_waits_for_its_transform() -> None:
+    """It leaves when that comes, still at its own stamp."""
+    path = Path()
+    path.correction(0)
+    path.odom(0)
+    path.push(40, 42)
+    assert path.queue.next_deadline_ns() == 92
+    path.odom(100)
+    path.queue.transforms_came(60)
+    assert path.out() == []
+    path.correction(100)
+    path.queue.transforms_came(80)
+    assert path.out() == [(40, 40.25, 80, True)]
+
+
+def test_after_the_wait_the_last_correction_is_held() -> None:
+    """The latest map->odom not after the stamp, with odometry of the very stamp."""
+    path = Path()
+    path.correction(0, x=1000.0)
+    path.correction(30, x=2000.0)
+    path.odom(0)
+    path.odom(100)
+    path.push(40, 42)
+    path.queue.deadline_passed(91)
+    assert path.out() == []
+    path.queue.deadline_passed(92)
+    assert path.out() == [(40, 2040.25, 92, True)]
+    assert path.counts() == (0, 1, 0)
+
+
+def test_odometry_is_never_held() -> None:
+    """Where it is missing the scan passes through as it came, is counted, and the reason told."""
+    path = Path()
+    path.correction(0)
+    path.correction(100)
+    path.odom(0)
+    path.odom(30)
+    path.push(40, 42)
+    path.queue.deadline_passed(92)
+    assert path.out() == [(40, 5.0, 92, False)]
+    assert path.counts() == (0, 0, 1)
+    assert path.queue.last_problem
+
+
+def test_nobody_overtakes() -> None:
+    """A scan that waits holds back the ones behind it, though theirs is known."""
+    path = Path()
+    path.correction(0)
+    path.correction(100)
+    path.odom(50)
+    path.odom(100)
+    path.push(40, 55)
+    path.push(60, 65)
+    assert path.out() == []
+    path.queue.deadline_passed(105)
+    path.queue.transforms_came(105)
+    assert path.out() == [(40, 5.0, 105, False), (60, 60.25, 105, True)]
+
+
+def test_the_end_releases_everything() -> None:
+    """As well as it can be done then."""
+    path = Path()
+    path.correction(0)
+    path.odom(0)
+    path.odom(50)
+    path.push(40, 42)
+    path.push(60, 62)
+    path.queue.flush(63)
+    assert path.out() == [(40, 40.25, 63, True), (60, 5.0, 63, False)]
+    assert path.queue.next_deadline_ns() is None
+
+
+def test_what_waits_can_be_dropped() -> None:
+    """As when the clock jumps back."""
+    path = Path()
+    path.push(40, 42)
+    path.queue.clear()
+    path.queue.flush(99)
+    assert path.out() == []
+    assert path.counts() == (0, 0, 0)
+
+
+# --- the scans of a builder
+
+
+def with_odometry(scene: Any) -> None:
+    """Receive the room, map -> odom and odom -> base_link at 0 s, and the laser."""
+    scene.map(0.0)
+    scene.laser(0.0)
+    for parent, child in (("map", "odom"), ("odom", "base_link")):
+        scene.builder.receive_transform(
+            parent, child, scene.ns(0.0), (1.0, 1.0, 0.0), NO_TURN, scene.ns(0.0)
+        )
+
+
+def odometry(scene: Any, t_s: float) -> None:
+    """Receive odom -> base_link, now: the robot stands still at (2, 2)."""
+    now_ns = scene.ns(t_s)
+    scene.builder.receive_transform("odom", "base_link", now_ns, (1.0, 1.0, 0.0), NO_TURN, now_ns)
+
+
+def test_a_late_correction_is_held_in_the_builder(make_scene: Callable[..., Any]) -> None:
+    """Released at its deadline exactly, whatever comes when after it; and augmented."""
+    scene = make_scene()
+    with_odometry(scene)
+    scene.place(0, (3.0, 2.0), 0.0)
+    scene.scan(0.103, stamp_s=0.1)
+    odometry(scene, 0.12)
+    assert scene.builder.take_scans() == []
+    scene.builder.advance(scene.ns(0.5))
+    (released,) = scene.builder.take_scans()
+    assert released.released_ns == scene.ns(0.153)
+    assert released.is_augmented
+    assert released.scan.ranges[180] == pytest.approx(0.8)
+    counts = scene.builder.scan_counts()["scan"]
+    assert (counts.exact, counts.held, counts.passed_through) == (0, 1, 0)
+    assert scene.builder.scan_problems() == {}
+
+
+def test_missing_odometry_passes_through_in_the_builder(make_scene: Callable[..., Any]) -> None:
+    """Byte for byte, whoever stands in the way; the problem is told by topic."""
+    scene = make_scene()
+    with_odometry(scene)
+    scene.place(0, (3.0, 2.0), 0.0)
+    scan = scene.scan(0.103, stamp_s=0.1)
+    scene.tick(0.2)
+    (released,) = scene.builder.take_scans()
+    assert released.scan is scan
+    assert scene.builder.scan_counts()["scan"].passed_through == 1
+    assert list(scene.builder.scan_problems()) == ["scan"]
+
+
+def test_topics_do_not_wait_for_each_other(make_scene: Callable[..., Any]) -> None:
+    """A scan in an unknown frame holds up its own topic only."""
+    scene = make_scene()
+    with_odometry(scene)
+    scene.builder.receive_transform(
+        "map", "odom", scene.ns(0.2), (1.0, 1.0, 0.0), NO_TURN, scene.ns(0.05)
+    )
+    odometry(scene, 0.2)
+    scan = scene.scan(0.2, stamp_s=0.1)
+    scene.builder.receive_scan("rear", replace(scan, frame_id="nowhere"), scene.ns(0.21))
+    scene.builder.receive_scan("front", scan, scene.ns(0.22))
+    assert [r.topic for r in scene.builder.take_scans()] == ["scan", "front"]
+    scene.builder.advance(scene.ns(0.3))
+    assert [r.topic for r in scene.builder.take_scans()] == ["rear"]
+
+
+def test_a_moved_artefact_is_met_where_it_was_at_the_stamp(make_scene: Callable[..., Any]) -> None:
+    """A scan from before the move that is released after it sees the old place."""
+    scene = make_scene()
+    with_odometry(scene)
+    scene.place(0, (3.0, 2.0), 0.0)
+    scene.map(0.11, (18, 22, 31, 33))
+    scene.scan(0.149, stamp_s=0.1)
+    scene.builder.advance(scene.ns(0.18))
+    (state,) = scene.tick(0.18).artefacts
+    assert state.ground_pose.x_m < 3.0
+    scene.builder.receive_transform(
+        "map", "odom", scene.ns(0.2), (1.0, 1.0, 0.0), NO_TURN, scene.ns(0.185)
+    )
+    odometry(scene, 0.19)
+    (released,) = scene.builder.take_scans()
+    assert released.scan.ranges[180] == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize("shape", ["box", "mesh"])
+def test_the_shape_that_a_laser_meets(make_scene: Callable[..., Any], shape: str) -> None:
+    """A crate's mesh fills its box, so that both are met at the same distance."""
+    scene = make_scene({"sensors.shape": shape})
+    scene.map(0.0)
+    scene.laser(0.0)
+    scene.robot(0.0, 2.0, 2.0)
+    scene.robot(0.2, 2.0, 2.0)
+    scene.place(0, (3.0, 2.0), 0.2)
+    scene.scan(0.2)
+    (released,) = scene.builder.take_scans()
+    assert released.scan.ranges[180] == pytest.approx(0.8, abs=0.03)

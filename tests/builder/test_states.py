@@ -1,0 +1,104 @@
+"""The artefacts as they go out: ground truth, and what is perceived of it."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.builder.mesh_bank import MeshBank
+from are_ros.builder.perception import Sighting
+from are_ros.builder.states import StateKeeper, artefact_state, perceived_artefact
+from are_ros.conventions import NS_PER_S
+
+HERE = GroundPose(1.0, 2.0, 0.5, math.pi / 2)
+
+
+@pytest.fixture
+def row(make_scene: Callable[..., Any]) -> CatalogueRow:
+    """Return a crate whose centre of mass is not its box's centre."""
+    crate: CatalogueRow = make_scene().row(1)
+    return replace(crate, box_centre_in_artefact_m=(0.1, 0.0, 0.05), features={"mass_kg": "4"})
+
+
+def an_artefact(row: CatalogueRow, departure_ns: int | None = 900) -> Artefact:
+    """Return an artefact that stands since 0."""
+    return Artefact(7, row, Origin.SCRIPTED, 100, PoseHistory(100, HERE), departure_ns)
+
+
+def test_the_ground_truth_of_one_that_stands(row: CatalogueRow) -> None:
+    """F_A is the centre of mass, over the pose on the ground; the twist is 0."""
+    state = artefact_state(an_artefact(row), 500)
+    assert (state.artefact_id, state.row, state.label) == (7, 1, "crate")
+    np.testing.assert_allclose(state.map_from_artefact.translation_m, (1.0, 2.0, 0.5 + 0.15 - 0.05))
+    assert state.map_from_artefact.yaw_rad() == pytest.approx(math.pi / 2)
+    assert state.ground_pose == HERE
+    assert (state.arrival_ns, state.departure_ns, state.origin) == (100, 900, Origin.SCRIPTED)
+    assert state.linear_velocity_m_s == state.angular_velocity_rad_s == (0.0, 0.0, 0.0)
+    assert state.features == {"mass_kg": "4"}
+    assert (state.class_name, state.size_m) == ("thing", (0.6, 0.3, 0.3))
+
+
+def test_an_end_that_is_not_known_is_0(row: CatalogueRow) -> None:
+    """As are_msgs/Artefact says it."""
+    assert artefact_state(an_artefact(row, None), 500).departure_ns == 0
+
+
+def test_the_twist_of_one_that_moves_is_in_its_own_frame(row: CatalogueRow) -> None:
+    """Heading +y at 2 m/s along +y is 2 m/s forward; a turn is about z."""
+    artefact = an_artefact(row, None)
+    start_ns, end_ns = NS_PER_S, 2 * NS_PER_S
+    artefact.history.append(start_ns, HERE)
+    artefact.history.append(end_ns, GroundPose(1.0, 4.0, 0.5, math.pi / 2))
+    state = artefact_state(artefact, NS_PER_S * 3 // 2)
+    assert state.linear_velocity_m_s == pytest.approx((2.0, 0.0, 0.0), abs=1e-6)
+    turning = an_artefact(row, None)
+    turning.history.append(start_ns, HERE)
+    turning.history.append(end_ns, GroundPose(1.0, 2.0, 0.5, math.pi / 2 + 0.8))
+    assert artefact_state(turning, NS_PER_S * 3 // 2).angular_velocity_rad_s == pytest.approx(
+        (0.0, 0.0, 0.8)
+    )
+
+
+def test_the_state_of_one_that_stands_is_the_same_object_again(row: CatalogueRow) -> None:
+    """Until it moves, or its end or its behaviour changes; then it says what is now."""
+    keeper, artefact = StateKeeper(), an_artefact(row)
+    (first,) = keeper.states([artefact], 200)
+    assert keeper.states([artefact], 300)[0] is first
+    artefact.departure_ns = 800
+    (second,) = keeper.states([artefact], 300)
+    assert second.departure_ns == 800
+    artefact.behaviour = "stopping"
+    assert keeper.states([artefact], 300)[0].behaviour == "stopping"
+    artefact.history.append(399, HERE)
+    artefact.history.append(400, GroundPose(1.5, 2.0, 0.5, 0.0))
+    assert keeper.states([artefact], 400)[0].ground_pose.x_m == 1.5
+    assert keeper.states([], 500) == []
+
+
+def test_what_is_perceived_holds_no_uncertainty_of_its_own(row: CatalogueRow) -> None:
+    """One class, certain; the fraction is visible over unoccluded pixels."""
+    state = artefact_state(an_artefact(row), 500)
+    seen = perceived_artefact(state, Sighting(30, 120, (4, 5, 6, 7), 2.5), 450)
+    assert (seen.artefact_id, seen.label) == (7, "crate")
+    assert (seen.classes, seen.probabilities, seen.existence) == (("thing",), (1.0,), 1.0)
+    assert (seen.visible_pixels, seen.unoccluded_pixels) == (30, 120)
+    assert seen.visible_fraction == 0.25
+    assert (seen.roi_px, seen.range_m, seen.last_seen_ns) == ((4, 5, 6, 7), 2.5, 450)
+    assert set(seen.pose_covariance) == set(seen.twist_covariance) == {0.0}
+    assert seen.map_from_artefact is state.map_from_artefact
+    assert not hasattr(seen, "departure_ns")
+
+
+def test_the_bank_selects_a_mesh_for_each_artefact(make_scene: Callable[..., Any]) -> None:
+    """Rows of the same type share theirs; a newcomer moves nobody."""
+    scene, bank = make_scene(), MeshBank()
+    post, crate, screen = (scene.row(i) for i in range(3))
+    first = bank.selection((post, crate, post))
+    assert first.indices.tolist() == [0, 1, 0]
+    assert bank.selection((screen, crate)).indices.tolist() == [2, 1]
+    assert bank.selection((post, crate, post)).indices.tolist() == [0, 1, 0]

@@ -1,0 +1,143 @@
+"""The ros__parameters file, and assignments of a command line."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from are_ros.errors import ParameterError
+from are_ros.parameters.declaration import Description, describe, flatten, with_values
+from are_ros.parameters.model import Parameters
+from are_ros.parameters.ros_yaml import (
+    parse_assignment,
+    read_ros_parameters,
+    write_ros_parameters,
+)
+
+
+def read(tmp_path: Path, text: str) -> dict[str, Any]:
+    """Return what a file of this text says."""
+    path = tmp_path / "some.yaml"
+    path.write_text(text, encoding="utf-8")
+    return read_ros_parameters(path)
+
+
+def test_nested_and_dotted_names_are_the_same(tmp_path: Path) -> None:
+    """As ROS reads them."""
+    nested = "ar_builder:\n  ros__parameters:\n    robot:\n      radius: 0.3\n    seed: 4\n"
+    dotted = "ar_builder:\n  ros__parameters:\n    robot.radius: 0.3\n    seed: 4\n"
+    assert read(tmp_path, nested) == {"robot.radius": 0.3, "seed": 4}
+    assert read(tmp_path, dotted) == read(tmp_path, nested)
+
+
+def test_sections_for_us_count_and_later_ones_win(tmp_path: Path) -> None:
+    """All nodes, ours, ours in a namespace; not those of others."""
+    text = (
+        "/**:\n  ros__parameters: {seed: 1, catalogue: a}\n"
+        "/robot/ar_builder:\n  ros__parameters: {seed: 2}\n"
+        "controller_server:\n  ros__parameters: {seed: 3}\n"
+    )
+    assert read(tmp_path, text) == {"seed": 2, "catalogue": "a"}
+
+
+def test_what_rclpy_owns_is_left_to_it(tmp_path: Path) -> None:
+    """use_sim_time and the like are no parameters of ours, nor errors."""
+    text = (
+        "ar_builder:\n  ros__parameters:\n    use_sim_time: true\n    seed: 1\n"
+        "    qos_overrides:\n      /map: {publisher: {depth: 3}}\n"
+    )
+    assert read(tmp_path, text) == {"seed": 1}
+
+
+@pytest.mark.parametrize("number", ["1e-3", "1.0e-3", "0.001", "1E-3", ".1e-2", "+1e-3"])
+def test_numbers_with_exponents_are_numbers(tmp_path: Path, number: str) -> None:
+    """YAML 1.1 takes 1e-3 for a string; ROS does not."""
+    text = f"ar_builder:\n  ros__parameters: {{population.arrival_rate: {number}}}\n"
+    assert read(tmp_path, text) == {"population.arrival_rate": 0.001}
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("- 1\n- 2\n", "its top level is not a mapping"),
+        ("", "its top level is not a mapping"),
+        ("ar_builder:\n  seed: 1\n", "'ar_builder' has no ros__parameters mapping"),
+        ("ar_builder: 3\n", "'ar_builder' has no ros__parameters mapping"),
+        ("ar_builder:\n  ros__parameters:\n    - seed\n", "has no ros__parameters mapping"),
+        ("ar_builder:\n  ros__parameters: {seed: [1\n", "line 3: not YAML"),
+        ("ar_builder: !!python/object:os.system {}\n", "not YAML"),
+    ],
+)
+def test_a_bad_file_is_refused_with_its_name_and_the_reason(
+    tmp_path: Path, text: str, reason: str
+) -> None:
+    """One sentence, and never anything executed."""
+    with pytest.raises(ParameterError, match="some.yaml") as caught:
+        read(tmp_path, text)
+    assert reason in str(caught.value)
+
+
+def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    """It is missing, or no text."""
+    with pytest.raises(ParameterError, match="No such file"):
+        read_ros_parameters(tmp_path / "missing.yaml")
+    (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ParameterError, match="not UTF-8 text"):
+        read_ros_parameters(tmp_path / "binary.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("seed:=4", ("seed", 4)),
+        (" robot.radius := 1e-1", ("robot.radius", 0.1)),
+        ("mixture.weights:=[0.5, 0.5]", ("mixture.weights", [0.5, 0.5])),
+        ("camera.rectified:=true", ("camera.rectified", True)),
+        ("catalogue:=", ("catalogue", "")),
+        ("catalogue:=a:=b", ("catalogue", "a:=b")),
+    ],
+)
+def test_assignments(text: str, expected: tuple[str, Any]) -> None:
+    """The value is read as YAML."""
+    assert parse_assignment(text) == expected
+
+
+@pytest.mark.parametrize("text", ["seed=4", "seed", ":=4", "seed:=[1"])
+def test_bad_assignments_are_refused(text: str) -> None:
+    """With the text in the sentence."""
+    with pytest.raises(ParameterError, match="name:=value|'seed'"):
+        parse_assignment(text)
+
+
+def some_value(item: Description) -> st.SearchStrategy[Any]:
+    """Return values that a parameter accepts."""
+    if item.choices:
+        return st.sampled_from(item.choices)
+    if isinstance(item.default, bool):
+        return st.booleans()
+    if isinstance(item.default, int):
+        low, high = int(item.low or 0), int(item.high or 10**6)
+        return st.integers(low, high)
+    if isinstance(item.default, float):
+        return st.floats(item.low, item.high, allow_nan=False, allow_infinity=False)
+    if isinstance(item.default, str):
+        return st.text(max_size=12)
+    if item.default and isinstance(item.default[0], float):
+        return st.lists(st.floats(item.low, item.high), min_size=1, max_size=4).map(tuple)
+    return st.lists(st.text(max_size=8), max_size=3).map(tuple)
+
+
+@given(data=st.data())
+def test_what_is_written_is_read_back(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    """Every parameter, with any value that it accepts, whatever characters it has."""
+    items = describe(Parameters())
+    chosen = data.draw(st.lists(st.sampled_from(items), max_size=6, unique_by=lambda i: i.path))
+    values = {item.path: data.draw(some_value(item)) for item in chosen}
+    parameters = with_values(Parameters(), values)
+    path = tmp_path_factory.getbasetemp() / "written.yaml"
+    path.write_text(write_ros_parameters(parameters), encoding="utf-8")
+    assert flatten(with_values(Parameters(), read_ros_parameters(path))) == flatten(parameters)
