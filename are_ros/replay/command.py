@@ -5,11 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from are_ros.builder.assembly import parse_static_transform
 from are_ros.builder.tick import Demand
-from are_ros.conventions import NS_PER_S
 from are_ros.description.configuration import describe_lines
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
@@ -19,6 +16,7 @@ from are_ros.replay.inspection import inspect_bag
 from are_ros.replay.inspection_text import inspection_lines
 from are_ros.replay.options import ReplayOptions
 from are_ros.replay.overview import draw_overview
+from are_ros.replay.progress_bar import ProgressBar
 from are_ros.replay.results import (
     ReplayCounts,
     WallClock,
@@ -28,14 +26,11 @@ from are_ros.replay.results import (
     write_json,
 )
 from are_ros.replay.roles import read_overrides
-from are_ros.replay.runner import Progress
 from are_ros.replay.session import Outcome, read_catalogue_of, run_replay
 from are_ros.world.map_file import read_map_file
 from are_ros.world.occupancy_grid import classify
 
 Say = Callable[[str], None]
-
-_PROGRESS_NS = NS_PER_S // 2
 
 
 def effective_parameters(
@@ -92,7 +87,8 @@ def replay_command(say: Say, **options: Any) -> bool:
     Raises AreError where there is no result.
     """
     replay = options_of(**options)
-    outcome = run_replay(replay, say, _open_bar)
+    with ProgressBar() as bar:
+        outcome = run_replay(replay, say, bar.open)
     for line in write_results(outcome, options["out"]):
         say(line)
     for line in complaints(outcome):
@@ -187,21 +183,3 @@ def check_command(echo: Say, folder: Path, map_file: Path | None) -> bool:
     for result in results:
         echo(result.sentence())
     return not any(result.outcome is CheckOutcome.FAILED for result in results)
-
-
-def _open_bar(start_ns: int, end_ns: int) -> Progress:
-    """Return what moves a progress bar over the recording's seconds."""
-    total_s = (end_ns - start_ns) / NS_PER_S
-    layout = "{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} s [{elapsed}<{remaining}]"
-    bar = tqdm(total=round(total_s, 3), desc="replay", bar_format=layout, leave=True)
-    reached_ns = start_ns
-
-    def move(now_ns: int) -> None:
-        nonlocal reached_ns
-        if now_ns - reached_ns >= _PROGRESS_NS or now_ns >= end_ns:
-            bar.update((min(now_ns, end_ns) - reached_ns) / NS_PER_S)
-            reached_ns = now_ns
-        if now_ns >= end_ns:
-            bar.close()
-
-    return move

@@ -85,6 +85,8 @@ class Replay:
         self._run_ticks(self.end_ns, listener)
         self._builder.finish(self.end_ns)
         self._hand_over_scans(listener)
+        progress(self.end_ns)
+        progress(self.end_ns)
 
     def _messages(self) -> Iterator[BagMessage]:
         """Yield what is fed from before the window, then the window's messages."""

@@ -99,10 +99,10 @@ class OccupancyGrid:
         """Return the cell (row, col) that holds one point, as `points_to_cells`; None outside."""
         x0_m, y0_m, cosine, sine = self._frame
         dx_m, dy_m = x_m - x0_m, y_m - y0_m
-        row = math.floor((dy_m * cosine - dx_m * sine) / self.resolution_m)
-        col = math.floor((dx_m * cosine + dy_m * sine) / self.resolution_m)
-        inside = 0 <= row < self.cells.shape[0] and 0 <= col < self.cells.shape[1]
-        return (row, col) if inside else None
+        row = (dy_m * cosine - dx_m * sine) / self.resolution_m
+        col = (dx_m * cosine + dy_m * sine) / self.resolution_m
+        inside = 0.0 <= row < self.cells.shape[0] and 0.0 <= col < self.cells.shape[1]
+        return (int(row), int(col)) if inside else None
 
     @cached_property
     def _frame(self) -> tuple[float, float, float, float]:

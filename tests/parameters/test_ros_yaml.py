@@ -113,6 +113,7 @@ def test_bad_assignments_are_refused(text: str) -> None:
 
 def some_value(item: Description) -> st.SearchStrategy[Any]:
     """Return values that a parameter accepts."""
+    numbers = st.floats(item.low, item.high, allow_nan=False, allow_infinity=False)
     if item.choices:
         return st.sampled_from(item.choices)
     if isinstance(item.default, bool):
@@ -121,11 +122,11 @@ def some_value(item: Description) -> st.SearchStrategy[Any]:
         low, high = int(item.low or 0), int(item.high or 10**6)
         return st.integers(low, high)
     if isinstance(item.default, float):
-        return st.floats(item.low, item.high, allow_nan=False, allow_infinity=False)
+        return numbers
     if isinstance(item.default, str):
         return st.text(max_size=12)
     if item.default and isinstance(item.default[0], float):
-        return st.lists(st.floats(item.low, item.high), min_size=1, max_size=4).map(tuple)
+        return st.lists(numbers, min_size=1, max_size=4).map(tuple)
     return st.lists(st.text(max_size=8), max_size=3).map(tuple)
 
 

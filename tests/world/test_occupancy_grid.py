@@ -149,3 +149,20 @@ def test_thresholds_that_cross_are_refused() -> None:
     """A cell would be free and occupied at once."""
     with pytest.raises(InputError, match="not below"):
         classify(grid_with(), 25, 25)
+
+
+@given(
+    x_m=st.floats(-5.0, 5.0, allow_nan=False),
+    y_m=st.floats(-5.0, 5.0, allow_nan=False),
+    yaw_rad=st.floats(-3.0, 3.0),
+)
+def test_one_point_has_the_cell_that_many_points_have(
+    x_m: float, y_m: float, yaw_rad: float
+) -> None:
+    """`cell_at` agrees with `points_to_cells`, and gives None outside the grid and for NaN."""
+    origin = RigidTransform.planar(-1.0, 0.5, yaw_rad)
+    grid = OccupancyGrid(np.zeros((30, 20), np.int8), 0.1, origin, "map")
+    row, col = grid.points_to_cells(np.array([(x_m, y_m)]))[0].tolist()
+    inside = 0 <= row < 30 and 0 <= col < 20
+    assert grid.cell_at(x_m, y_m) == ((row, col) if inside else None)
+    assert grid.cell_at(math.nan, y_m) is None

@@ -2,7 +2,6 @@
 
 from collections import deque
 from pathlib import Path
-from time import perf_counter
 
 import numpy as np
 import numpy.typing as npt
@@ -186,14 +185,12 @@ def test_regions_are_read_only() -> None:
     assert not region.weight.flags.writeable
 
 
-def test_the_hall_is_reachable_quickly(real_data: Path) -> None:
-    """2051 x 765 cells: the robot in the hall reaches most of it, in well under a second."""
+def test_the_hall_is_reachable(real_data: Path) -> None:
+    """2051 x 765 cells: the robot in the hall reaches most of it."""
     grid = read_map_file(real_data / "drl-jarvis-hall" / "i-108_10mm.yaml", "map")
     free = np.ascontiguousarray(classify(grid).free)
     clearance_m = _clearance_m(free, grid.resolution_m)
-    start_s = perf_counter()
     point = grid.cells_to_points(np.argwhere(clearance_m == clearance_m.max())[:1])[0]
     region = ReachableRegion(grid, free, clearance_m, 0.3).at((float(point[0]), float(point[1])))
-    assert perf_counter() - start_s < 5.0
     assert 100.0 < region.area_m2 <= free.sum() * grid.cell_area_m2
     assert not (region.mask & ~free).any()

@@ -1,0 +1,48 @@
+"""The progress bar of a replay, over the seconds of the recording."""
+
+from types import TracebackType
+
+from tqdm import tqdm
+
+from are_ros.conventions import NS_PER_S
+from are_ros.replay.runner import Progress
+
+_STEP_NS = NS_PER_S // 2
+_LAYOUT = "{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} s [{elapsed}<{remaining}]"
+
+
+class ProgressBar:
+    """A bar on stderr; a context manager, so that what is said after it has a line of its own."""
+
+    def __init__(self) -> None:
+        self._bar: tqdm[None] | None = None
+
+    def __enter__(self) -> "ProgressBar":  # noqa: PYI034 (Self came with Python 3.11)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+    def open(self, start_ns: int, end_ns: int) -> Progress:
+        """Show the bar; what is returned moves it, and closes it at `end_ns`."""
+        total_s = (end_ns - start_ns) / NS_PER_S
+        bar = tqdm(total=round(total_s, 3), desc="replay", bar_format=_LAYOUT, leave=True)
+        self._bar = bar
+        reached_ns = start_ns
+
+        def move(now_ns: int) -> None:
+            nonlocal reached_ns
+            if now_ns - reached_ns < _STEP_NS and now_ns < end_ns:
+                return
+            bar.update((min(now_ns, end_ns) - reached_ns) / NS_PER_S)
+            reached_ns = now_ns
+            if now_ns >= end_ns:
+                bar.close()
+
+        return move
