@@ -32,7 +32,9 @@ class ProgressBar:
     def open(self, start_ns: int, end_ns: int) -> Progress:
         """Show the bar; what is returned moves it, and closes it at `end_ns`."""
         total_s = (end_ns - start_ns) / NS_PER_S
-        bar = tqdm(total=round(total_s, 3), desc="replay", bar_format=_LAYOUT, leave=True)
+        bar: tqdm[None] = tqdm(
+            total=round(total_s, 3), desc="replay", bar_format=_LAYOUT, leave=True
+        )
         self._bar = bar
         reached_ns = start_ns
 
