@@ -1,34 +1,40 @@
 """`are`: the command line, a thin shell over replay, inspection, checks and description.
 
 Exit status: 0 all well; 1 an error, said in a sentence; 2 wrong usage; 3 finished, but some input
-was refused, or a check failed.
+was refused, or a check failed; 130 interrupted.
 """
 
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import click
 
 from are_ros._version import __version__
 from are_ros.errors import AreError
 
-FAILED, IMPERFECT = 1, 3
+FAILED, IMPERFECT, INTERRUPTED = 1, 3, 130
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 _FILE = click.Path(path_type=Path)
 _SKIPPABLE = ("perception", "grids", "markers")
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+@click.pass_context
 @click.version_option(__version__, prog_name="are")
-def are() -> None:
+def are(context: click.Context) -> None:
     """ARE: an Augmented Reality Environment for mobile robots.
 
     Virtual people, cars and pallets in a real robot's place; what its camera could see of
     them reaches its navigation stack.
     """
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
 
 
 def _parameter_options(command: _Command) -> _Command:
@@ -145,15 +151,21 @@ def check(folder: Path, map_file: Path | None) -> None:
 
 
 def main() -> None:
-    """Run `are`; an error of ours is one sentence, and exit status 1."""
+    """Run `are`; an error is one sentence, with exit status 1, or 2 for wrong usage."""
     try:
-        are()
+        sys.exit(are(standalone_mode=False))
     except AreError as error:
-        click.secho(f"are: {error}", err=True, fg="red")
-        sys.exit(FAILED)
-    except KeyboardInterrupt:
-        click.echo("are: interrupted", err=True)
-        sys.exit(130)
+        _fail(str(error), FAILED)
+    except click.UsageError as error:
+        command = error.ctx.command_path if error.ctx else "are"
+        _fail(f"{error.format_message().rstrip('.')} (see `{command} --help`)", error.exit_code)
+    except (KeyboardInterrupt, click.Abort):
+        _fail("interrupted", INTERRUPTED)
+
+
+def _fail(sentence: str, status: int) -> NoReturn:
+    click.secho(f"are: {sentence}", err=True, fg="red")
+    sys.exit(status)
 
 
 def _say(sentence: str) -> None:

@@ -3,7 +3,6 @@
 import importlib
 import pkgutil
 import re
-import sys
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -18,11 +17,9 @@ PROJECT = Path(__file__).resolve().parents[1]
 
 def project_table() -> dict[str, Any]:
     """Return pyproject.toml; skip below Python 3.11, which cannot read it."""
-    if sys.version_info < (3, 11):
-        pytest.skip("tomllib comes with Python 3.11")
-    import tomllib
-
-    return tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))
+    tomllib = pytest.importorskip("tomllib")
+    table: dict[str, Any] = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))
+    return table
 
 
 def manifest() -> ET.Element:

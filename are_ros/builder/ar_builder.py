@@ -179,9 +179,12 @@ class ArBuilder:
     def prepare(self) -> None:
         """Make ready what a new map costs, so that the next tick need not."""
         environment = self.world.environment
-        if environment is not None and self.demand.perception:
+        if environment is None:
+            return
+        environment.prepare()
+        if self.demand.perception:
             self._watch.prepare(environment)
-        if environment is not None and self.demand.grids:
+        if self.demand.grids:
             self._grids.prepare(environment)
 
     def finish(self, now_ns: int) -> None:

@@ -20,7 +20,6 @@ class MeshBank:
         self._number_of_row: dict[int, int] = {}
         self._selected: tuple[Sequence[CatalogueRow] | None, MeshSelection]
         self._selected = (None, MeshSelection.boxes_only(0))
-        self._solids: list[tuple[Triangles, npt.NDArray[np.integer]]] = []
         self._drawings: dict[int, tuple[Triangles, npt.NDArray[np.float32]]] = {}
 
     def selection(self, rows: Sequence[CatalogueRow]) -> MeshSelection:
@@ -32,9 +31,7 @@ class MeshBank:
             return self._selected[1]
         newcomers = {row.index: row for row in rows if row.index not in self._number_of_row}
         if newcomers:
-            for row in newcomers.values():
-                self._add(row)
-            self._pool = MeshPool.of(self._solids)
+            self._add([*newcomers.values()])
         indices = np.array([self._number_of_row[row.index] for row in rows], dtype=np.int64)
         self._selected = (rows, MeshSelection(self._pool, indices))
         return self._selected[1]
@@ -49,7 +46,13 @@ class MeshBank:
             self._drawings[row.index] = (vertices_m[faces], colours.astype(np.float32))
         return self._drawings[row.index]
 
-    def _add(self, row: CatalogueRow) -> None:
-        vertices_m, faces, _ = surface_of(row)
-        self._number_of_row[row.index] = len(self._solids)
-        self._solids.append((vertices_m - np.array(row.box_centre_in_artefact_m), faces))
+    def _add(self, newcomers: Sequence[CatalogueRow]) -> None:
+        for number, row in enumerate(newcomers, start=len(self._pool)):
+            self._number_of_row[row.index] = number
+        self._pool = self._pool.extended([_solid(row) for row in newcomers])
+
+
+def _solid(row: CatalogueRow) -> tuple[Triangles, npt.NDArray[np.int64]]:
+    """Return vertices in the frame of the row's box, and faces."""
+    vertices_m, faces, _ = surface_of(row)
+    return vertices_m - np.array(row.box_centre_in_artefact_m), faces

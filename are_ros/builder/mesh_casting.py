@@ -29,21 +29,41 @@ class MeshPool:
         Raises InputError for a mesh without triangles, with a vertex that is not finite, or with an
         index that names no vertex.
         """
-        trees = [_tree(number, *mesh) for number, mesh in enumerate(meshes)]
-        rows, node, triangle = np.zeros((len(trees), 3), dtype=np.int64), 0, 0
-        for row, (boxes, corners, _) in zip(rows, trees, strict=True):
-            row[:] = node, (len(boxes) + 1).bit_length() - 2, triangle
-            node, triangle = node + len(boxes), triangle + len(corners)
-        boxes_of, corners_of, numbers_of = zip(*trees, strict=True) if trees else ((), (), ())
+        none = (
+            np.empty((0, 6)),
+            np.empty((0, 9)),
+            np.empty((0, 3), dtype=np.int64),
+            np.empty(0, dtype=np.int64),
+        )
+        return cls(none).extended(meshes)
+
+    def extended(
+        self, meshes: Sequence[tuple[npt.NDArray[np.floating], npt.NDArray[np.integer]]]
+    ) -> "MeshPool":
+        """Return a pool that has these meshes after its own, which keep their numbers.
+
+        Arguments and errors as in `of`.
+        """
+        boxes, corners = [self.tree[0]], [self.tree[1]]
+        rows, numbers = [self.tree[2]], [self.tree[3]]
+        node, triangle = len(self.tree[0]), len(self.tree[1])
+        for number, mesh in enumerate(meshes, start=len(self)):
+            own_boxes, own_corners, own_numbers = _tree(number, *mesh)
+            row = (node, (len(own_boxes) + 1).bit_length() - 2, triangle)
+            rows.append(np.array([row], dtype=np.int64))
+            boxes.append(own_boxes)
+            corners.append(own_corners)
+            numbers.append(own_numbers)
+            node, triangle = node + len(own_boxes), triangle + len(own_corners)
         tree = (
-            np.concatenate((np.empty((0, 6)), *boxes_of)),
-            np.concatenate((np.empty((0, 9)), *corners_of)),
-            rows,
-            np.concatenate((np.empty(0, dtype=np.int64), *numbers_of)),
+            np.concatenate(boxes),
+            np.concatenate(corners),
+            np.concatenate(rows),
+            np.concatenate(numbers),
         )
         for array in tree:
             array.flags.writeable = False
-        return cls(tree)
+        return MeshPool(tree)
 
     def __len__(self) -> int:
         """Return the number of meshes."""

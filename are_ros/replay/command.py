@@ -15,6 +15,7 @@ from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.inspection import inspect_bag
 from are_ros.replay.inspection_text import inspection_lines
 from are_ros.replay.options import ReplayOptions
+from are_ros.replay.output_folder import all_or_nothing
 from are_ros.replay.overview import draw_overview
 from are_ros.replay.progress_bar import ProgressBar
 from are_ros.replay.results import (
@@ -89,7 +90,9 @@ def replay_command(say: Say, **options: Any) -> bool:
     replay = options_of(**options)
     with ProgressBar() as bar:
         outcome = run_replay(replay, say, bar.open)
-    for line in write_results(outcome, options["out"]):
+    with all_or_nothing(options["out"]):
+        summary = write_results(outcome, options["out"])
+    for line in summary:
         say(line)
     for line in complaints(outcome):
         say(line)

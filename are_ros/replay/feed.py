@@ -28,10 +28,10 @@ class Refusals:
     counts: dict[str, int] = field(default_factory=dict)
     sentences: dict[str, str] = field(default_factory=dict)
 
-    def add(self, topic: str, cause: AreError) -> None:
-        """Count one more refused message of a topic."""
+    def add(self, topic: str, role: str, cause: AreError) -> None:
+        """Count one more refused message of a topic that plays a role."""
         self.counts[topic] = self.counts.get(topic, 0) + 1
-        self.sentences.setdefault(topic, _about(topic, cause))
+        self.sentences.setdefault(topic, _about(topic, role, cause))
 
 
 class Feed:
@@ -45,6 +45,7 @@ class Feed:
         self.refusals = Refusals()
         self._reader = reader
         self._builder = builder
+        self._roles = dict(roles)
         self._last_camera: tuple[bytes, Camera] | None = None
         makers: Mapping[str, Callable[[], Handler]] = {
             "map": lambda: self._map,
@@ -62,7 +63,7 @@ class Feed:
         try:
             self._handlers[message.topic](message, received_ns)
         except (InputError, FrameError) as cause:
-            self.refusals.add(message.topic, cause)
+            self.refusals.add(message.topic, self._roles[message.topic], cause)
 
     def _map(self, message: BagMessage, received_ns: int) -> None:
         grid = read_grid(self._object(message), message.topic)
@@ -121,6 +122,7 @@ class Feed:
         return self._reader.deserialize(message)
 
 
-def _about(topic: str, cause: AreError) -> str:
-    text = str(cause)
-    return text if text.startswith(topic) else f"{topic}: {text}"
+def _about(topic: str, role: str, cause: AreError) -> str:
+    """Return the cause with its topic in front, whether it named topic, role or neither."""
+    text = str(cause).removeprefix(f"{topic}: ").removeprefix(f"{role}: ")
+    return f"{topic}: {text}"

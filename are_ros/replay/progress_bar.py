@@ -1,6 +1,7 @@
 """The progress bar of a replay, over the seconds of the recording."""
 
 from types import TracebackType
+from typing import NoReturn
 
 from tqdm import tqdm
 
@@ -15,7 +16,7 @@ class ProgressBar:
     """A bar on stderr; a context manager, so that what is said after it has a line of its own."""
 
     def __init__(self) -> None:
-        self._bar: tqdm[None] | None = None
+        self._bar: tqdm[NoReturn] | None = None
 
     def __enter__(self) -> "ProgressBar":  # noqa: PYI034 (Self came with Python 3.11)
         return self
@@ -31,10 +32,8 @@ class ProgressBar:
 
     def open(self, start_ns: int, end_ns: int) -> Progress:
         """Show the bar; what is returned moves it, and closes it at `end_ns`."""
-        total_s = (end_ns - start_ns) / NS_PER_S
-        bar: tqdm[None] = tqdm(
-            total=round(total_s, 3), desc="replay", bar_format=_LAYOUT, leave=True
-        )
+        total_s = round((end_ns - start_ns) / NS_PER_S, 3)
+        bar: tqdm[NoReturn] = tqdm(total=total_s, desc="replay", bar_format=_LAYOUT, leave=True)
         self._bar = bar
         reached_ns = start_ns
 

@@ -86,7 +86,6 @@ class Replay:
         self._builder.finish(self.end_ns)
         self._hand_over_scans(listener)
         progress(self.end_ns)
-        progress(self.end_ns)
 
     def _messages(self) -> Iterator[BagMessage]:
         """Yield what is fed from before the window, then the window's messages."""
@@ -116,9 +115,11 @@ def _end_ns(reader: BagReader, start_ns: int, options: ReplayOptions) -> int:
         end_ns = min(end_ns, start_ns + seconds_to_ns(options.duration_s))
     if start_ns >= end_ns:
         length_s = (reader.end_ns - reader.start_ns) / NS_PER_S
+        option = f"--start {options.start_s:g}"
+        if start_ns < reader.end_ns:
+            option = f"--duration {options.duration_s:g}"
         raise BagError(
-            f"--start {options.start_s:g}: the recording is {length_s:.1f} s long, "
-            f"so that nothing is left to replay"
+            f"{option}: the recording is {length_s:.1f} s long, and nothing of it is to be replayed"
         )
     return end_ns
 

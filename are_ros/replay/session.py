@@ -23,6 +23,7 @@ from are_ros.replay.input_copy import InputCopy
 from are_ros.replay.listeners import All, InputWriter, OutputWriter, RecordKeeper
 from are_ros.replay.message_types import RosbagsFactory
 from are_ros.replay.options import ReplayOptions
+from are_ros.replay.output_folder import AUGMENTED, prepare_folder
 from are_ros.replay.results import REPLAY_PHASE
 from are_ros.replay.roles import RolesFound, find_roles
 from are_ros.replay.runner import Listener, Progress, Replay
@@ -32,8 +33,6 @@ from are_ros.replay.tick_writer import TickWriter
 from are_ros.world.map_file import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.octomap_file import read_octomap_file
-
-AUGMENTED = "augmented.mcap"
 
 Say = Callable[[str], None]
 OpenProgress = Callable[[int, int], Progress]
@@ -83,10 +82,10 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             with stopwatch.phase(REPLAY_PHASE):
                 progress = open_progress(replay.start_ns, replay.end_ns)
                 replay.run(All([keeper, *writers]), progress)
-            _check_outcome(builder)
+            grid = _known_map(builder, replay)
     for notice in [*builder.notices, *builder.frames.drain_notices()]:
         say(notice)
-    return _outcome(options, replay, builder, recorder, counts(), stopwatch)
+    return _outcome(options, replay, builder, grid, recorder, counts(), stopwatch)
 
 
 def read_catalogue_of(parameters: Parameters) -> Catalogue:
@@ -148,7 +147,7 @@ def _open_writers(
     """Return what writes the recording, and what tells how much it wrote."""
     if options.out is None:
         return (), dict
-    options.out.mkdir(parents=True, exist_ok=True)
+    prepare_folder(options.out)
     writer = stack.enter_context(BagWriter(options.out / AUGMENTED))
     factory = RosbagsFactory()
     outputs = OutputWriter(TickWriter(writer, factory, replay.scan_topics(), options.demand))
@@ -173,28 +172,36 @@ def _static_transforms(parameters: Parameters, stamp_ns: int) -> list[StampedTra
     return transforms
 
 
-def _check_outcome(builder: ArBuilder) -> None:
-    """Raise BagError where the map or the robot's pose was never known."""
-    if builder.world.grid is None:
-        raise BagError("no usable map was received: give one with --map FILE.yaml")
+def _known_map(builder: ArBuilder, replay: Replay) -> OccupancyGrid:
+    """Return the last map; BagError where there was none, or the robot's pose was never known."""
+    grid = builder.world.grid
+    if grid is None:
+        raise BagError(_why_no_map(replay))
     if builder.robots.last is None:
         raise BagError(
             f"the robot's pose in the map was never known ({builder.robots.missing}): "
             "see `are inspect BAG`, and give what is missing with --static-tf or --map-frame"
         )
+    return grid
+
+
+def _why_no_map(replay: Replay) -> str:
+    """Return what became of the maps that the recording holds."""
+    sentences = replay.feed.refusals.sentences
+    refused = [sentences[t] for t, role in replay.role_of_topic.items() if role == "map"]
+    reason = "; ".join(refused) or "the recording has none before its end"
+    return f"no usable map was received ({reason}): give one with --map FILE.yaml"
 
 
 def _outcome(
     options: ReplayOptions,
     replay: Replay,
     builder: ArBuilder,
+    grid: OccupancyGrid,
     recorder: SceneRecorder,
     counts: Mapping[str, int],
     stopwatch: Stopwatch,
 ) -> Outcome:
-    grid = builder.world.grid
-    if grid is None:
-        raise BagError("no usable map was received: give one with --map FILE.yaml")
     return Outcome(
         options,
         replay.start_ns,

@@ -48,6 +48,10 @@ class Environment:
         field.flags.writeable = False
         return field
 
+    def prepare(self) -> None:
+        """Compute now what else the first question would have to wait for."""
+        self.is_placeable(OrientedBoxes(np.zeros((1, 3)), np.zeros(1), np.full((1, 3), 1e-3)))
+
     def lookup(self, points_m: NDArray[np.floating]) -> NDArray[np.float32]:
         """Return the clearance (N,) of the cells that hold points (N, 2); 0 outside the grid."""
         cells = self.grid.points_to_cells(points_m)
@@ -116,7 +120,7 @@ class Environment:
         """What of M3D the grid does not imply."""
         if self.voxels is None or self.voxels.is_extruded:
             return None
-        lowest_m = _lowest_ground_m(self.voxels, self.ground)
+        lowest_m = self.ground.lowest_m()
         return _obstacles_above(self.voxels, lowest_m, self.ground_clearance_m)
 
 
@@ -129,15 +133,6 @@ class _Obstacles:
     layers_m: tuple[float, float]
     field: NDArray[np.float32]
     lowest_ground_m: float
-
-
-def _lowest_ground_m(voxels: VoxelMap, ground: Ground) -> float:
-    """Return the least height of the ground over the columns of a voxel map."""
-    nx, ny, _ = voxels.occupied.shape
-    columns = np.indices((nx, ny)).reshape(2, -1).T + 0.5
-    local_m = np.column_stack((columns * voxels.voxel_size_m[:2], np.zeros(len(columns))))
-    points_m = voxels.map_from_lattice.apply(local_m)[:, :2]
-    return float(ground.heights(points_m).min())
 
 
 def _obstacles_above(voxels: VoxelMap, lowest_m: float, clearance_m: float) -> _Obstacles:

@@ -19,6 +19,10 @@ _UNKNOWN: Final = np.int32(-(2**31))
 class Ground(Protocol):
     """What tells the height of the floor, z in the map frame [m]."""
 
+    def lowest_m(self) -> float:
+        """Return the least height that there is."""
+        ...
+
     def heights(self, points_m: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
         """Return the floor's height (N,) at each of the finite points (N, 2) of the map frame."""
         ...
@@ -33,6 +37,10 @@ class PlaneGround:
     """A level floor at `height_m`."""
 
     height_m: float = 0.0
+
+    def lowest_m(self) -> float:
+        """Return the plane's height."""
+        return self.height_m
 
     def heights(self, points_m: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
         """Return the plane's height (N,) for points (N, 2)."""
@@ -96,6 +104,10 @@ class VoxelGround:
             fill_from_nearest(tops, int(_UNKNOWN))
             heights_m = base_m + tops * size_z
         return cls(voxels.map_from_lattice, (size_x, size_y), heights_m, seen)
+
+    def lowest_m(self) -> float:
+        """Return the least height of a column."""
+        return float(self.heights_m.min())
 
     def heights(self, points_m: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
         """Return the floor's height (N,) at each of the finite points (N, 2) of the map frame."""

@@ -101,7 +101,8 @@ def _yaml_mapping(path: Path) -> Mapping[str, Any]:
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as cause:
-        raise ParameterError(f"{path}: the zones file cannot be read: {cause}") from cause
+        reason = getattr(cause, "strerror", None) or "not UTF-8 text"
+        raise ParameterError(f"{path}: the zones file cannot be read ({reason})") from cause
     except yaml.YAMLError as cause:
         reason = " ".join(str(cause).split())
         raise ParameterError(f"{path}: the zones file is no YAML: {reason}") from cause

@@ -1,6 +1,7 @@
 """The builder composed: the order of inputs and ticks, and what reaches which output when."""
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,7 @@ def kinds(tick: Tick) -> list[EventKind]:
 
 def added_cells(tick: Tick, scene: Scene) -> int:
     """Return how many cells of the augmented map are not the real map's."""
+    assert tick.grids.augmented_map is not None
     return int((tick.grids.augmented_map.cells != scene.builder.world.grid.cells).sum())
 
 
@@ -456,6 +458,11 @@ def outline(events: Iterable[ArtefactEvent]) -> list[ArtefactEvent]:
     return [event for event in events if event.kind not in SIGHT]
 
 
+def change_map(scene: Scene, block: tuple[int, int, int, int], t_s: float) -> None:
+    """Receive a map with a block in it."""
+    scene.map(t_s, block)
+
+
 def run(scene: Scene, tick_times_s: Iterable[float]) -> tuple[list[Any], list[Any]]:
     """Drive for two seconds with maps and scans; return events and scans, and final poses.
 
@@ -464,11 +471,11 @@ def run(scene: Scene, tick_times_s: Iterable[float]) -> tuple[list[Any], list[An
     inputs: list[tuple[float, Callable[[float], object]]] = []
     for step in range(40):
         x, y = 1.0 + 0.04 * step, 2.0 + 0.5 * np.sin(0.3 * step)
-        inputs.append((0.0503 * step, lambda t, x=x, y=y: scene.robot(t, x, y)))
+        inputs.append((0.0503 * step, partial(scene.robot, x=x, y=y)))
         inputs.append((0.0503 * step + 0.0201, scene.scan))
     for step in range(7):
         block = (3 * step + 5, 3 * step + 15, 12, 28)
-        inputs.append((0.27 * step + 0.013, lambda t, b=block: scene.map(t, b)))
+        inputs.append((0.27 * step + 0.013, partial(change_map, scene, block)))
     inputs += [(t_s, scene.tick) for t_s in tick_times_s]
     events: list[ArtefactEvent] = []
     scene.map(0.0)

@@ -11,8 +11,10 @@ from are_ros.builder.real_world import RealWorld
 from are_ros.errors import InputError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
+from are_ros.world.environment import Environment
 from are_ros.world.frame_tree import FrameTree
 from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.voxel_map import VoxelMap
 
 Room = Callable[..., OccupancyGrid]
 CUBE = np.argwhere(np.ones((4, 4, 4))) * 0.1 + 0.05
@@ -33,25 +35,40 @@ def room(make_scene: Callable[..., Any]) -> Room:
     return maker
 
 
+def now(real: RealWorld) -> Environment:
+    """Return the environment, which there must be."""
+    assert real.environment is not None
+    return real.environment
+
+
+def voxels_of(real: RealWorld) -> VoxelMap:
+    """Return M3D, which there must be."""
+    voxels = now(real).voxels
+    assert voxels is not None
+    return voxels
+
+
 def low_corner(real: RealWorld) -> npt.NDArray[np.float64]:
     """Return the low corner of M3D."""
-    assert real.environment is not None
-    assert real.environment.voxels is not None
-    return real.environment.voxels.bounds_m()[0]
+    corner: npt.NDArray[np.float64] = voxels_of(real).bounds_m()[0]
+    return corner
+
+
+def is_nowhere(real: RealWorld) -> bool:
+    """Say whether there is no environment yet."""
+    return real.environment is None
 
 
 def test_without_a_cloud_the_walls_are_extruded(room: Room) -> None:
     """One tall voxel for each occupied cell, from the ground to world.wall_height."""
     real, _ = world(wall_height=1.2, ground_height=0.5)
-    assert real.environment is None
+    assert is_nowhere(real)
     real.set_grid(room())
-    assert real.environment is not None
-    voxels = real.environment.voxels
-    assert voxels is not None
+    voxels = voxels_of(real)
     assert voxels.is_extruded
     assert voxels.occupied_count == 40 * 40 - 38 * 38
     np.testing.assert_allclose(voxels.bounds_m(), [[0.0, 0.0, 0.5], [4.0, 4.0, 1.7]])
-    assert real.environment.ground.heights(np.zeros((1, 2))).tolist() == [0.5]
+    assert now(real).ground.heights(np.zeros((1, 2))).tolist() == [0.5]
 
 
 def test_an_equal_map_changes_nothing_and_another_one_all(room: Room) -> None:
@@ -64,9 +81,8 @@ def test_an_equal_map_changes_nothing_and_another_one_all(room: Room) -> None:
     assert real.environment is first
     assert real.grid is again
     real.set_grid(room((5, 6, 5, 6)))
-    assert real.environment is not None
     assert first is not None
-    assert real.environment.version > first.version
+    assert now(real).version > first.version
 
 
 def test_thresholds_that_contradict_refuse_every_map(room: Room) -> None:
@@ -75,7 +91,7 @@ def test_thresholds_that_contradict_refuse_every_map(room: Room) -> None:
     for _ in range(2):
         with pytest.raises(InputError, match="threshold"):
             real.set_grid(room())
-    assert real.environment is None
+    assert is_nowhere(real)
     assert real.grid is None
 
 
@@ -83,11 +99,9 @@ def test_a_cloud_may_come_before_the_map(room: Room) -> None:
     """It is used once there is one."""
     real, _ = world()
     real.set_cloud(CUBE, None, "map")
-    assert real.environment is None
+    assert is_nowhere(real)
     real.set_grid(room())
-    assert real.environment is not None
-    assert real.environment.voxels is not None
-    assert real.environment.voxels.occupied_count == 64
+    assert voxels_of(real).occupied_count == 64
     np.testing.assert_allclose(low_corner(real), 0.0, atol=1e-9)
 
 
@@ -174,27 +188,23 @@ def test_the_voxel_size_is_the_parameters_else_the_files_else_inferred(
     real.set_grid(room())
     centres_m = CUBE if expected == 0.1 else CUBE * 2.0
     real.set_cloud(centres_m, given, "map")
-    assert real.environment is not None
-    assert real.environment.voxels is not None
-    assert real.environment.voxels.voxel_size_m == pytest.approx((expected,) * 3)
+    assert voxels_of(real).voxel_size_m == pytest.approx((expected,) * 3)
 
 
 def test_the_ground_is_the_plane_or_the_floor_voxels(room: Room) -> None:
-    """With world.ground voxels, artefacts stand on the top of the floor; a voxel's edge is slack."""
+    """With voxels, artefacts stand on the top of the floor; a voxel and a centimetre is slack."""
     floor = np.argwhere(np.ones((10, 10, 1))) * 0.1 + 0.05
     for kind, height_m in (("plane", 0.0), ("voxels", 0.1)):
         real, _ = world(ground=kind)
         real.set_grid(room())
         real.set_cloud(floor, 0.1, "map")
-        assert real.environment is not None
-        heights = real.environment.ground.heights(np.array([[0.5, 0.5]]))
+        heights = now(real).ground.heights(np.array([[0.5, 0.5]]))
         assert heights[0] == pytest.approx(height_m)
-        assert real.environment.ground_clearance_m == pytest.approx(0.11)
+        assert now(real).ground_clearance_m == pytest.approx(0.11)
 
 
 def test_the_clearance_can_be_set(room: Room) -> None:
     """Else it is a voxel and a centimetre."""
     real, _ = world(ground_clearance=0.3)
     real.set_grid(room())
-    assert real.environment is not None
-    assert real.environment.ground_clearance_m == 0.3
+    assert now(real).ground_clearance_m == 0.3

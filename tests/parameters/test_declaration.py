@@ -31,7 +31,7 @@ class Inner:
     """A section."""
 
     length: float = parameter(1.5, "A length.", unit="m", low=0.0, high=2.0, live=True)
-    colour: Colour = parameter(Colour.RED, "A colour.")
+    colour: Colour = parameter(Colour.RED, "A colour.")  # noqa: RUF009 - it returns a field
 
 
 @dataclass(frozen=True)

@@ -5,18 +5,58 @@ import pytest
 from are_ros.parameters.declaration import Description, describe, flatten, with_values
 from are_ros.parameters.model import Parameters
 
-FIXED = """
-seed builder.tick_rate population.arrival_rate population.mean_life population.departures
-population.max_alive population.group_size population.region mixture.weights mixture.rates
-catalogue world.occupied_threshold world.free_threshold world.wall_height world.voxel_size
-world.ground world.ground_clearance frames.map frames.odom frames.base frames.max_age
-frames.odometry robot.footprint robot.radius robot.clearance camera.model camera.frame
-camera.mount camera.width camera.height camera.hfov camera.rate camera.rectified occlusion.tau
-occlusion.max_range occlusion.shape occlusion.mutual costmap.gate costmap.memory
-costmap.inflation_radius costmap.cost_scaling_factor motion.step collisions.search_radius
-collisions.on_robot_contact sensors.gate sensors.shape sensors.tf_wait sensors.scans
-augmented_map.max_rate poses.history
-""".split()
+FIXED = (
+    "seed",
+    "builder.tick_rate",
+    "population.arrival_rate",
+    "population.mean_life",
+    "population.departures",
+    "population.max_alive",
+    "population.group_size",
+    "population.region",
+    "mixture.weights",
+    "mixture.rates",
+    "catalogue",
+    "world.occupied_threshold",
+    "world.free_threshold",
+    "world.wall_height",
+    "world.voxel_size",
+    "world.ground",
+    "world.ground_clearance",
+    "frames.map",
+    "frames.odom",
+    "frames.base",
+    "frames.max_age",
+    "frames.odometry",
+    "robot.footprint",
+    "robot.radius",
+    "robot.clearance",
+    "camera.model",
+    "camera.frame",
+    "camera.mount",
+    "camera.width",
+    "camera.height",
+    "camera.hfov",
+    "camera.rate",
+    "camera.rectified",
+    "occlusion.tau",
+    "occlusion.max_range",
+    "occlusion.shape",
+    "occlusion.mutual",
+    "costmap.gate",
+    "costmap.memory",
+    "costmap.inflation_radius",
+    "costmap.cost_scaling_factor",
+    "motion.step",
+    "collisions.search_radius",
+    "collisions.on_robot_contact",
+    "sensors.gate",
+    "sensors.shape",
+    "sensors.tf_wait",
+    "sensors.scans",
+    "augmented_map.max_rate",
+    "poses.history",
+)
 LIVE = ("population.arrival_rate", "population.mean_life", "mixture.weights", "mixture.rates")
 ITEMS = {item.path: item for item in describe(Parameters())}
 

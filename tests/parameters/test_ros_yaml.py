@@ -74,7 +74,7 @@ def test_a_bad_file_is_refused_with_its_name_and_the_reason(
     tmp_path: Path, text: str, reason: str
 ) -> None:
     """One sentence, and never anything executed."""
-    with pytest.raises(ParameterError, match="some.yaml") as caught:
+    with pytest.raises(ParameterError, match=r"some\.yaml") as caught:
         read(tmp_path, text)
     assert reason in str(caught.value)
 
@@ -107,7 +107,7 @@ def test_assignments(text: str, expected: tuple[str, Any]) -> None:
 @pytest.mark.parametrize("text", ["seed=4", "seed", ":=4", "seed:=[1"])
 def test_bad_assignments_are_refused(text: str) -> None:
     """With the text in the sentence."""
-    with pytest.raises(ParameterError, match="name:=value|'seed'"):
+    with pytest.raises(ParameterError, match=r"name:=value|'seed'"):
         parse_assignment(text)
 
 
@@ -116,18 +116,13 @@ def some_value(item: Description) -> st.SearchStrategy[Any]:
     numbers = st.floats(item.low, item.high, allow_nan=False, allow_infinity=False)
     if item.choices:
         return st.sampled_from(item.choices)
-    if isinstance(item.default, bool):
-        return st.booleans()
-    if isinstance(item.default, int):
-        low, high = int(item.low or 0), int(item.high or 10**6)
-        return st.integers(low, high)
-    if isinstance(item.default, float):
-        return numbers
-    if isinstance(item.default, str):
-        return st.text(max_size=12)
-    if item.default and isinstance(item.default[0], float):
-        return st.lists(numbers, min_size=1, max_size=4).map(tuple)
-    return st.lists(st.text(max_size=8), max_size=3).map(tuple)
+    if isinstance(item.default, tuple):
+        is_numbers = bool(item.default) and isinstance(item.default[0], float)
+        elements: st.SearchStrategy[Any] = numbers if is_numbers else st.text(max_size=8)
+        return st.lists(elements, min_size=1, max_size=4).map(tuple)
+    whole = st.integers(int(item.low or 0), int(item.high or 10**6))
+    kinds = {bool: st.booleans(), int: whole, float: numbers, str: st.text(max_size=12)}
+    return kinds[type(item.default)]
 
 
 @given(data=st.data())
