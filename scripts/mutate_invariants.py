@@ -286,7 +286,7 @@ BREAKAGES = (
         REFUSED,
         "refusals are not counted",
         "are_ros/replay/feed.py",
-        "            self.refusals.add(message.topic, cause)\n",
+        "            self.refusals.add(message.topic, self._roles[message.topic], cause)\n",
         "            del cause\n",
         (_REFUSED_TEST,),
     ),

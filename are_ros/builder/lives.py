@@ -148,6 +148,7 @@ class Lives:
 
     def _run_event(self, event_ns: int) -> None:
         self._look(event_ns)
+        self._refresh_region(event_ns)
         for event in self.population.handle_next(self._find_place):
             self._say(event)
 

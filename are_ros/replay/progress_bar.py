@@ -35,14 +35,15 @@ class ProgressBar:
         total_s = round((end_ns - start_ns) / NS_PER_S, 3)
         bar: tqdm[NoReturn] = tqdm(total=total_s, desc="replay", bar_format=_LAYOUT, leave=True)
         self._bar = bar
-        reached_ns = start_ns
+        shown_ns = start_ns
 
         def move(now_ns: int) -> None:
-            nonlocal reached_ns
-            if now_ns - reached_ns < _STEP_NS and now_ns < end_ns:
+            nonlocal shown_ns
+            if now_ns - shown_ns < _STEP_NS and now_ns < end_ns:
                 return
-            bar.update((min(now_ns, end_ns) - reached_ns) / NS_PER_S)
-            reached_ns = now_ns
+            shown_ns = now_ns
+            bar.n = min((now_ns - start_ns) / NS_PER_S, total_s)
+            bar.update(0)
             if now_ns >= end_ns:
                 bar.close()
 

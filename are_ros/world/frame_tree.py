@@ -49,6 +49,7 @@ class FrameTree:
 
     def clear(self) -> None:
         """Forget all frames and transforms, the static ones too."""
+        self._said_overruled: set[tuple[int, TransformSource]] = set()
         self._table = EdgeTable(self._history_ns)
         self._names = FrameNames()
         self._numbers = self._names.numbers
@@ -88,15 +89,14 @@ class FrameTree:
         above, below = numbers.get(parent), numbers.get(child)
         if above is not None and below is not None:
             edge = table.edges.get(below)
-            if (
-                edge is not None
-                and edge.parent == above
-                and edge.source == source
-                and not edge.is_static
-                and stamp_ns > edge.newest_ns
-            ):
-                table.append(edge, above, stamp_ns, pose)
-                return
+            if edge is not None and edge.parent == above:
+                if edge.source == source and not edge.is_static and stamp_ns > edge.newest_ns:
+                    table.append(edge, above, stamp_ns, pose)
+                    return
+                if edge.source > source and (below, source) in self._said_overruled:
+                    return
+                if edge.source > source:
+                    self._said_overruled.add((below, source))
         above, below = self._number_pair(parent, child)
         self._receive(Claim(above, below, stamp_ns, pose, source, is_static=False))
 

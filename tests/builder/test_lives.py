@@ -144,6 +144,26 @@ def test_arrivals_overlap_nothing_at_the_instant_they_come(
     assert lives.displaced == 0
 
 
+def test_an_arrival_heeds_a_map_that_has_just_come(make_scene: Make) -> None:
+    """Also before the next sub-step: nobody ever arrives in a wall of the newest map."""
+    scene = make_scene({"population.arrival_rate": 5.0, "population.mean_life": 0.05})
+    scene.robot(0.0, 1.0, 2.0)
+    lives, arrived = scene.builder.lives, 0
+    for step in range(60):
+        scene.map(0.1 * step + 0.051, (10, 30, 18, 38) if step % 2 else (2, 8, 18, 38))
+        due_ns = lives.population.next_event_ns()
+        while due_ns is not None and due_ns < scene.ns(0.1 * step + 0.1):
+            scene.builder.advance(due_ns)
+            scene_now = lives.scene_at(due_ns)
+            new = np.array([a.arrival_ns == due_ns for a in scene_now.artefacts], dtype=np.bool_)
+            walls = scene.builder.world.environment.hits_wall(scene_now.boxes)
+            assert not walls[new].any()
+            arrived += int(new.sum())
+            due_ns = lives.population.next_event_ns()
+        scene.builder.advance(scene.ns(0.1 * step + 0.1))
+    assert arrived > 50
+
+
 def test_a_full_place_blocks_arrivals_and_says_so(make_scene: Make) -> None:
     """Where nothing fits, each arrival is an event, with the cause."""
     scene = make_scene(BUSY | {"population.max_alive": 0})

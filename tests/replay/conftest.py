@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr, redirect_stdout
+from functools import cache
 from io import StringIO
 from pathlib import Path
 from subprocess import CompletedProcess
@@ -11,7 +12,7 @@ import pytest
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from are_ros.cli import main
 from are_ros.conventions import NS_PER_S
@@ -23,7 +24,7 @@ WriteBag = Callable[[Path, Records], Path]
 RunAre = Callable[..., CompletedProcess[str]]
 ReplaySample = Callable[..., Path]
 
-MANY = ("--set", "population.arrival_rate:=0.006", "--set", "population.mean_life:=8")
+MANY = ("--set", "population.arrival_rate:=0.012", "--set", "population.mean_life:=4")
 
 
 @pytest.fixture(scope="session")
@@ -35,7 +36,28 @@ def factory() -> RosbagsFactory:
 @pytest.fixture(scope="session")
 def ros1_factory() -> RosbagsFactory:
     """Return a factory of messages as ROS 1 has them."""
-    return RosbagsFactory(get_typestore(Stores.ROS1_NOETIC))
+    return RosbagsFactory(_ros1_store())
+
+
+@pytest.fixture(scope="session")
+def as_ros1(ros1_factory: RosbagsFactory) -> Callable[[Any], Any]:
+    """Return what makes of a ROS 2 message the ROS 1 message of its name, field by field."""
+    types = _ros1_store().fielddefs
+
+    def element(value: Any) -> Any:
+        return convert(value) if hasattr(value, "__msgtype__") else value
+
+    def convert(message: Any) -> Any:
+        fields = {}
+        for name, _ in types[message.__msgtype__][1]:
+            source = name if hasattr(message, name) else name.lower()
+            value = getattr(message, source, None)
+            if value is not None:
+                parts = isinstance(value, list)
+                fields[name] = [element(one) for one in value] if parts else element(value)
+        return ros1_factory.make(message.__msgtype__, **fields)
+
+    return convert
 
 
 @pytest.fixture(scope="session")
@@ -55,8 +77,17 @@ def write_bag() -> WriteBag:
     return write
 
 
-def _write_ros1(path: Path, records: Records) -> Path:
+@cache
+def _ros1_store() -> Any:
+    """Return the types of ROS 1, with the one of tf2_msgs that rosbags leaves out."""
     store = get_typestore(Stores.ROS1_NOETIC)
+    text = "geometry_msgs/TransformStamped[] transforms\n"
+    store.register(get_types_from_msg(text, "tf2_msgs/msg/TFMessage"))
+    return store
+
+
+def _write_ros1(path: Path, records: Records) -> Path:
+    store = _ros1_store()
     connections: dict[str, Any] = {}
     with Ros1Writer(path) as writer:
         for topic, log_time_ns, message in records:
@@ -110,14 +141,14 @@ def sample_bag() -> Path:
 def replay_sample(
     run_are: RunAre, sample_bag: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> ReplaySample:
-    """Return a replayer of 12 seconds of the sample among many artefacts, into a new folder.
+    """Return a replayer of 8 seconds of the sample among many artefacts, into a new folder.
 
     Words are options after those; the folder is returned.
     """
 
     def replay(*words: object) -> Path:
         out = tmp_path_factory.mktemp("replay")
-        window = ("--start", 20, "--duration", 12)
+        window = ("--start", 20, "--duration", 8)
         done = run_are("replay", sample_bag, *window, *MANY, "--seed", 3, *words, "--out", out)
         assert done.returncode == 0, done.stderr
         return out
@@ -127,7 +158,7 @@ def replay_sample(
 
 @pytest.fixture(scope="session")
 def sample_replay(replay_sample: ReplaySample) -> Path:
-    """Return the results of the sample's twelve seconds with its inputs."""
+    """Return the results of the sample's eight seconds with its inputs."""
     return replay_sample("--with-inputs")
 
 
