@@ -1,0 +1,391 @@
+"""Bad input of every kind, through the command line: one clear sentence, never a traceback."""
+
+import copy
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from subprocess import CompletedProcess
+from typing import Any
+
+import numpy as np
+import pytest
+
+from are_ros.conventions import NS_PER_S
+
+Records = Sequence[tuple[str, int, Any]]
+WriteBag = Callable[[Path, Records], Path]
+RunAre = Callable[..., CompletedProcess[str]]
+
+NAN = float("nan")
+MAP_YAML = (
+    "image: {image}\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\n"
+    "occupied_thresh: 0.65\nfree_thresh: 0.2\n"
+)
+
+
+@pytest.fixture(scope="module")
+def shop(
+    tmp_path_factory: pytest.TempPathFactory,
+    write_bag: WriteBag,
+    sample_bag: Path,
+    sample_records: Records,
+    as_ros1: Callable[[Any], Any],
+) -> Path:
+    """Return a folder with bad files of every kind, and a good recording."""
+    folder = tmp_path_factory.mktemp("shop")
+    (folder / "good.mcap").write_bytes(sample_bag.read_bytes())
+    _write_bad_texts(folder)
+    _write_bad_bags(folder, write_bag, sample_records, as_ros1)
+    return folder
+
+
+def _write_bad_texts(folder: Path) -> None:
+    texts = {
+        "text.mcap": "this is no recording\n",
+        "text.bag": "this is no recording\n",
+        "text.db3": "this is no recording\n",
+        "text.txt": "this is no recording\n",
+        "open.yaml": "image: [\n",
+        "list.yaml": "- 1\n- 2\n",
+        "no_image.yaml": MAP_YAML.replace("image: {image}\n", ""),
+        "lost_image.yaml": MAP_YAML.format(image="lost.pgm"),
+        "cut_image.yaml": MAP_YAML.format(image="cut.pgm"),
+        "word.yaml": MAP_YAML.format(image="cut.pgm").replace("0.05", "fine"),
+        "cut.pgm": "P5 10 10 255\nabc",
+        "typo.yaml": "ar_builder:\n  ros__parameters:\n    population:\n      mean_live: 3.0\n",
+        "word_for_number.yaml": "ar_builder:\n  ros__parameters:\n    seed: many\n",
+        "out_of_range.yaml": "ar_builder:\n  ros__parameters:\n    costmap:\n      memory: -1.0\n",
+        "bare.yaml": "ar_builder:\n  population: 3\n",
+        "rows.yaml": "rows: 3\n",
+        "cut.bt": "# Octomap OcTree binary file\nid OcTree\nsize 9\nres 0.1\ndata\na",
+        "file": "in the way",
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text)
+
+
+def _write_bad_bags(
+    folder: Path, write_bag: WriteBag, records: Records, as_ros1: Callable[[Any], Any]
+) -> None:
+    in_ros1 = [(topic, at, as_ros1(message)) for topic, at, message in records]
+    for suffix, content in ((".mcap", records), (".db3", records), (".bag", in_ros1)):
+        data = write_bag(folder / f"whole_{suffix[1:]}{suffix}", content).read_bytes()
+        (folder / f"cut{suffix}").write_bytes(data[: len(data) * 2 // 3])
+    write_bag(folder / "empty.mcap", [])
+    for name, topics in (("no_map", {"/map"}), ("no_tf", {"/tf", "/tf_static"})):
+        write_bag(folder / f"{name}.mcap", [one for one in records if one[0] not in topics])
+    (folder / "no_metadata").mkdir()
+    (folder / "no_metadata" / "a.mcap").write_bytes(b"")
+    (folder / "taken" / "metrics.json").mkdir(parents=True)
+
+
+STATIC = ("replay", "good.mcap", "--static-tf")
+SET = ("replay", "good.mcap", "--set")
+MAP = ("replay", "good.mcap", "--map")
+TOPIC = ("replay", "good.mcap", "--topic")
+PARAMS = ("replay", "good.mcap", "--params")
+CASES = (
+    # recordings
+    (("replay", "none.mcap"), "none.mcap: there is no such file or folder"),
+    (("replay", "text.txt"), "text.txt: no recording; rosbag2 folders, .mcap, .db3 and .bag"),
+    (("replay", "text.mcap"), "text.mcap: its first bytes are not those of a bag"),
+    (("replay", "text.bag"), "text.bag: its first bytes are not those of a bag"),
+    (("replay", "text.db3"), "text.db3: it is no rosbag2 database"),
+    (("replay", "cut.mcap"), "cut.mcap: it ends too early"),
+    (("replay", "cut.bag"), "cut.bag: it ends too early or is damaged; `rosbag reindex`"),
+    (("replay", "cut.db3"), "cut.db3: it is "),
+    (("replay", "empty/empty.mcap"), "the recording holds no message"),
+    (("replay", "no_metadata"), "a folder without metadata.yaml is no rosbag2 recording; give"),
+    (("replay", "good.mcap", "whole_bag.bag"), "ROS 1 and of ROS 2 cannot be read together"),
+    (("replay", "no_map"), "no map (nav_msgs/OccupancyGrid): give one with --map FILE.yaml"),
+    (("replay", "no_tf"), "the robot's pose in the map was never known"),
+    (("inspect", "none.mcap"), "none.mcap: there is no such file or folder"),
+    (("inspect", "cut.mcap"), "cut.mcap: it ends too early"),
+    (("check", "none"), "none: there is no augmented.mcap to check"),
+    # windows and frames
+    (("replay", "good.mcap", "--start", "1e4"), "--start 10000: the recording is 60.0 s long"),
+    (("replay", "good.mcap", "--duration", "0"), "--duration 0: the recording is 60.0 s long"),
+    (("replay", "good.mcap", "--map-frame", "moon"), "is 'map', but frames.map is 'moon'"),
+    (("replay", "good.mcap", "--map-frame", ""), "frames.map"),
+    ((*STATIC, "1 2 3 4 5 6 a"), "not of the form X Y Z YAW PITCH ROLL PARENT CHILD"),
+    ((*STATIC, "1 2 3 4 5 x a b"), "its first six words are not all numbers"),
+    ((*STATIC, "1 2 3 4 5 nan a b"), "a number is not finite"),
+    ((*STATIC, "1 2 3 4 5 6 a /a"), "parent and child must be two frames"),
+    # maps and octomaps
+    ((*MAP, "none.yaml"), "none.yaml: the map file cannot be read (No such file or directory)"),
+    ((*MAP, "open.yaml"), "open.yaml: the map file is no YAML"),
+    ((*MAP, "list.yaml"), "list.yaml: the map file is no mapping"),
+    ((*MAP, "no_image.yaml"), "no_image.yaml: the field image is missing"),
+    ((*MAP, "word.yaml"), "word.yaml: resolution must be a finite number, it is or holds 'fine'"),
+    ((*MAP, "lost_image.yaml"), "lost.pgm: the image cannot be read (No such file or directory)"),
+    ((*MAP, "cut_image.yaml"), "cut.pgm: the image is truncated, 3 pixels of 100"),
+    (("describe", "--map", "none.yaml"), "none.yaml: the map file cannot be read"),
+    (("replay", "good.mcap", "--octomap", "none.bt"), "none.bt: the octomap cannot be read"),
+    (("replay", "good.mcap", "--octomap", "text.txt"), "text.txt: this is no octomap"),
+    (("replay", "good.mcap", "--octomap", "cut.bt"), "cut.bt: the octomap's data are truncated"),
+    # topics
+    ((*TOPIC, "lidar:=/scan"), "--topic lidar:=/scan: there is no such role; the roles are map,"),
+    ((*TOPIC, "scan:=/nix"), "the recording has no such topic; of type sensor_msgs/msg/LaserScan"),
+    ((*TOPIC, "scan:=/odom"), "that topic is of type nav_msgs/msg/Odometry"),
+    ((*TOPIC, "scan"), "--topic scan: it must be ROLE:=/TOPIC"),
+    # parameters
+    ((*PARAMS, "none.yaml"), "none.yaml: cannot be read (No such file or directory)"),
+    ((*PARAMS, "open.yaml"), "open.yaml, line 2: not YAML"),
+    ((*PARAMS, "list.yaml"), "list.yaml: its top level is not a mapping"),
+    ((*PARAMS, "bare.yaml"), "bare.yaml: 'ar_builder' has no ros__parameters mapping"),
+    ((*PARAMS, "typo.yaml"), "'population.mean_live': there is no such parameter; did you mean "),
+    ((*PARAMS, "word_for_number.yaml"), "parameter 'seed': 'many' is not"),
+    ((*PARAMS, "out_of_range.yaml"), "parameter 'costmap.memory': -1.0 is below 0"),
+    ((*SET, "population.arival_rate:=1"), "did you mean 'population.arrival_rate'?"),
+    ((*SET, "population.arrival_rate:=much"), "'population.arrival_rate': 'much' is not a number"),
+    ((*SET, "population.arrival_rate:=-1"), "-1.0 is below 0.0 1/(m^2 s)"),
+    ((*SET, "population.arrival_rate:=.nan"), "parameter 'population.arrival_rate': "),
+    ((*SET, "seed=1"), "'seed=1': a parameter is set as name:=value"),
+    ((*SET, "seed:=[1"), "parameter 'seed': '[1' is not a YAML value"),
+    ((*SET, "seed:=-4"), "parameter 'seed': -4 is below 0"),
+    ((*SET, "population.departures:=never"), "'never' is none of independent, constant_rate"),
+    ((*SET, "mixture.weights:=[0.5, 0.5]", "--set", "mixture.rates:=[3]"), "2 numbers and"),
+    ((*SET, "mixture.weights:=[0.5, 0.4]", "--set", "mixture.rates:=[3, 5]"), "sums to 0.9"),
+    ((*SET, "sensors.scans:=[nix]"), "the recording has no scan '/nix'; its scans: /scan"),
+    ((*SET, "camera.mount:=[1, 2]"), "parameter 'camera.mount': 2 numbers, not 6"),
+    ((*SET, "robot.footprint:='[[1, 2]]'"), "footprint"),
+    # files that parameters name
+    ((*SET, "catalogue:=none.yaml"), "none.yaml cannot be read: No such file or directory"),
+    ((*SET, "catalogue:=rows.yaml"), "rows.yaml: classes must map"),
+    ((*SET, "population.region:=zones"), "population.zones names no file"),
+    ((*SET, "population.zones:=none.yaml"), "none.yaml: the zones file cannot be read (No such"),
+    # the output folder
+    (("replay", "good.mcap", "--out", "file"), "--out file: the folder cannot be made (it is a"),
+    (("replay", "good.mcap", "--out", "file/out"), "--out file/out: the folder cannot be made"),
+    (("replay", "good.mcap", "--out", "taken"), "metrics.json cannot be written, a folder has"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("words", "part"), CASES, ids=[" ".join(words) for words, _ in CASES])
+def test_bad_input_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch,
+    shop: Path,
+    run_are: RunAre,
+    words: tuple[str, ...],
+    part: str,
+) -> None:
+    """Each kind has a sentence that says what is wrong, status 1, and leaves no result behind."""
+    monkeypatch.chdir(shop)
+    before = {path: path.stat().st_mtime_ns for path in shop.rglob("*") if path.is_file()}
+    if words[0] == "replay" and "--duration" not in words:
+        words = (*words, "--duration", "1")
+    done = run_are(*words)
+    said = [line for line in done.stderr.splitlines() if line.startswith("are: ")]
+    assert done.returncode == 1
+    assert len(said) == 1, done.stderr
+    assert done.stderr.splitlines()[-1] == said[0]
+    assert part in said[0]
+    assert "Errno" not in said[0]
+    assert done.stdout == ""
+    assert {p: p.stat().st_mtime_ns for p in shop.rglob("*") if p.is_file()} == before
+
+
+def test_a_bad_row_is_named(tmp_path: Path, run_are: RunAre, sample_bag: Path) -> None:
+    """A catalogue with one bad row says which, and what is wrong with it."""
+    import yaml
+
+    from are_ros.artefacts.catalogue_file import SHIPPED_CATALOGUE
+
+    content = yaml.safe_load(SHIPPED_CATALOGUE.read_text())
+    content["rows"][7]["size"] = [0.3, -1.0, 0.3]
+    (tmp_path / "bad.yaml").write_text(yaml.safe_dump(content))
+    out = tmp_path / "out"
+    words = ("--set", f"catalogue:={tmp_path / 'bad.yaml'}", "--out", out)
+    done = run_are("replay", sample_bag, *words)
+    assert (done.returncode, out.exists()) == (1, False)
+    (line,) = done.stderr.splitlines()
+    assert content["rows"][7]["label"] in line
+    assert "size" in line
+
+
+def test_a_failed_replay_leaves_the_last_results(
+    tmp_path: Path, shop: Path, run_are: RunAre
+) -> None:
+    """A set that was complete stays complete when a later replay into its folder fails."""
+    assert run_are("replay", shop / "good.mcap", "--duration", 1, "--out", tmp_path).returncode == 0
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    assert run_are("replay", shop / "no_tf", "--duration", 1, "--out", tmp_path).returncode == 1
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+    assert len(before) == 5
+
+
+# ------------------------------------------------------------------------------ messages
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A way to break a message of a topic, and what must be said of it."""
+
+    topic: str
+    break_: Callable[[Any], None]
+    parts: tuple[str, ...]
+
+
+def _set(path: str, value: Any) -> Callable[[Any], None]:
+    """Return what sets an attribute deep in a message; numbers in the path are indices."""
+    *parents, last = path.split(".")
+
+    def change(message: Any) -> None:
+        for name in parents:
+            message = message[int(name)] if name.isdigit() else getattr(message, name)
+        setattr(message, last, value)
+
+    return change
+
+
+def _first_zero(name: str) -> Callable[[Any], None]:
+    def change(message: Any) -> None:
+        numbers = np.array(getattr(message, name))
+        numbers[0] = 0.0
+        setattr(message, name, numbers)
+
+    return change
+
+
+def _shorter(message: Any) -> None:
+    message.data = message.data[:-3]
+
+
+def _without_x(message: Any) -> None:
+    message.fields[0].name = "u"
+
+
+CLOUD, CAMERA = "/octomap_point_cloud_centers", "/camera/camera_info"
+TURN = "transforms.0.transform.rotation."
+FAULTS = (
+    (
+        Fault("/map", _shorter, ("data",)),
+        Fault("/odom", _set("pose.pose.position.x", NAN), ("finite",)),
+        Fault("/tf", _set(TURN + "z", NAN), ("finite",)),
+        Fault("/scan", _set("angle_increment", NAN), ("angle_increment",)),
+        Fault(CAMERA, _first_zero("k"), ("focal length",)),
+        Fault(CLOUD, _set("row_step", 1), ("row_step 1", "width")),
+    ),
+    (
+        Fault("/map", _set("info.resolution", 0.0), ("resolution",)),
+        Fault("/odom", _set("pose.pose.orientation.w", 0.3), ("rotation",)),
+        Fault("/tf", _set(TURN + "w", 0.5), ("rotation",)),
+        Fault("/scan", _set("header.frame_id", ""), ("frame_id",)),
+        Fault(CAMERA, _set("width", 0), ("width",)),
+        Fault(CLOUD, _without_x, ("fields have no x",)),
+    ),
+    (
+        Fault("/map", _set("info.origin.position.x", NAN), ("origin", "finite")),
+        Fault("/odom", _set("header.frame_id", ""), ("frame",)),
+        Fault("/tf", _set("transforms.0.child_frame_id", "odom"), ("odom",)),
+        Fault("/scan", _set("range_max", NAN), ("range_max",)),
+        Fault(CAMERA, _set("distortion_model", "wavy"), ("distortion_model", "wavy")),
+        Fault(CLOUD, _shorter, ("data has",)),
+    ),
+)
+
+
+def _with_bad(records: Records, faults: Sequence[Fault]) -> Records:
+    """Return the records with a broken copy of one message of each topic, amid the good ones."""
+    found = list(records)
+    for fault in faults:
+        times = [at for topic, at, _ in records if topic == fault.topic]
+        message = copy.deepcopy(next(one for topic, _, one in records if topic == fault.topic))
+        fault.break_(message)
+        at = times[0] + NS_PER_S if len(times) == 1 else times[len(times) // 2]
+        found.append((fault.topic, at, message))
+    return sorted(found, key=lambda record: record[1])
+
+
+def _replay(run_are: RunAre, bag: Path, out: Path) -> tuple[CompletedProcess[str], Any]:
+    many = ("--set", "population.arrival_rate:=0.02", "--set", "population.mean_life:=2")
+    done = run_are("replay", bag, *many, "--out", out)
+    return done, json.loads((out / "metrics.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def clean(
+    run_are: RunAre,
+    write_bag: WriteBag,
+    sample_records: Records,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
+    """Return the results of the recording without a bad message."""
+    folder = tmp_path_factory.mktemp("clean")
+    bag = write_bag(folder / "bag.mcap", sample_records)
+    done, metrics = _replay(run_are, bag, folder / "out")
+    assert (done.returncode, metrics["refused"]) == (0, {})
+    assert metrics["arrivals"] > 0
+    return folder / "out"
+
+
+@pytest.mark.parametrize("faults", FAULTS, ids=["first", "second", "third"])
+def test_bad_messages_are_refused_and_change_nothing(
+    run_are: RunAre,
+    write_bag: WriteBag,
+    sample_records: Records,
+    clean: Path,
+    tmp_path: Path,
+    faults: Sequence[Fault],
+) -> None:
+    """A sentence and a count for each, status 3, and the bytes of the recording without them."""
+    bag = write_bag(tmp_path / "bad.mcap", _with_bad(sample_records, faults))
+    done, metrics = _replay(run_are, bag, tmp_path / "out")
+    assert done.returncode == 3
+    assert metrics["refused"] == {fault.topic: 1 for fault in faults}
+    lines = done.stderr.splitlines()
+    for fault in faults:
+        said = [line for line in lines if line.startswith(f"refused: {fault.topic}: ")]
+        assert len(said) == 1, (fault.topic, lines)
+        assert all(part in said[0] for part in fault.parts), said
+    assert sum(line.startswith("refused: ") for line in lines) == len(faults)
+    assert (tmp_path / "out" / "augmented.mcap").read_bytes() == (
+        clean / "augmented.mcap"
+    ).read_bytes()
+    reference = json.loads((clean / "metrics.json").read_text())
+    assert metrics | {"refused": {}} == reference
+
+
+def test_a_bad_first_message_gives_way_to_the_next(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, clean: Path, tmp_path: Path
+) -> None:
+    """Where the first map, cloud and camera are bad, the good ones after them are used."""
+    start_ns = sample_records[0][1]
+    firsts = []
+    for fault in FAULTS[0]:
+        message = copy.deepcopy(
+            next(one for topic, _, one in sample_records if topic == fault.topic)
+        )
+        fault.break_(message)
+        firsts.append((fault.topic, start_ns, message))
+    bag = write_bag(tmp_path / "bad.mcap", [*firsts, *sample_records])
+    done, metrics = _replay(run_are, bag, tmp_path / "out")
+    assert done.returncode == 3
+    assert metrics["refused"] == {fault.topic: 1 for fault in FAULTS[0]}
+    reference = json.loads((clean / "metrics.json").read_text())
+    assert metrics["lives"] == reference["lives"]
+
+
+def test_messages_of_damaged_bytes_are_refused(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """A message whose bytes are no message of its type is refused like a malformed one."""
+    from are_ros.replay.bag_reader import BagReader
+    from are_ros.replay.bag_writer import BagWriter
+
+    source = write_bag(tmp_path / "good.mcap", sample_records)
+    damaged: set[str] = set()
+    with BagReader([source]) as reader, BagWriter(tmp_path / "damaged.mcap") as writer:
+        for topic in reader.topics:
+            writer.add_topic(topic.name, topic.type_name)
+        for message in reader.messages():
+            if message.log_time_ns > reader.start_ns + NS_PER_S and message.topic not in damaged:
+                damaged.add(message.topic)
+                writer.write_raw(message.topic, message.log_time_ns, bytes(message.data[:30]))
+            writer.write_raw(message.topic, message.log_time_ns, bytes(message.data))
+    done, metrics = _replay(run_are, tmp_path / "damaged.mcap", tmp_path / "out")
+    assert done.returncode == 3
+    assert metrics["refused"] == dict.fromkeys(damaged, 1)
+    assert damaged == {"/odom", "/tf", "/scan", CAMERA}
+    assert done.stderr.count(" ns is no ") == len(damaged)

@@ -1,0 +1,132 @@
+"""Recordings whose log times lie far from their stamps."""
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from subprocess import CompletedProcess
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from are_ros.conventions import NS_PER_S
+from are_ros.replay.bag_clock import BagClock
+from are_ros.replay.bag_reader import BagReader
+from are_ros.replay.message_types import RosbagsFactory
+from are_ros.replay.roles import find_roles
+
+Records = Sequence[tuple[str, int, Any]]
+WriteBag = Callable[[Path, Records], Path]
+RunAre = Callable[..., CompletedProcess[str]]
+
+YEARS_NS = 3 * 365 * 86_400 * NS_PER_S
+MANY = ("--set", "population.arrival_rate:=0.02", "--set", "population.mean_life:=2")
+
+
+def clock_of(log_ns: list[int], clock_ns: list[int]) -> BagClock:
+    """Return a clock that is known at some instants."""
+    return BagClock(np.array(log_ns, np.int64), np.array(clock_ns, np.int64))
+
+
+def test_an_agreeing_clock_is_the_log_s(sample_bag: Path) -> None:
+    """Where stamps and log times agree, nothing is changed and nothing said."""
+    with BagReader([sample_bag]) as reader:
+        clock = BagClock.of(reader, find_roles(reader.topics, {}))
+    assert clock.sentence == ""
+    assert clock.at(123) == 123
+
+
+def test_between_instants_the_clock_goes_evenly() -> None:
+    """Before, between and after what is known."""
+    clock = clock_of([100, 200, 300], [1000, 1050, 1300])
+    assert [clock.at(at) for at in (90, 100, 150, 199, 200, 240, 300, 310)] == [
+        990, 1000, 1025, 1049, 1050, 1150, 1300, 1310,
+    ]  # fmt: skip
+
+
+def test_instants_of_one_log_time_are_no_division_by_zero() -> None:
+    """Of several stamps at one log time the last one holds."""
+    clock = clock_of([100, 100, 200], [1000, 1020, 1030])
+    assert [clock.at(at) for at in (100, 150, 200)] == [1020, 1025, 1030]
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 10**12), st.integers(0, 10**12)), min_size=1, max_size=8),
+    st.lists(st.integers(-(10**12), 2 * 10**12), min_size=2, max_size=20),
+)
+def test_the_clock_never_goes_back(known: list[tuple[int, int]], asked: list[int]) -> None:
+    """Whatever is known of it, the clock does not decrease."""
+    log_ns, clock_ns = (sorted(times) for times in zip(*known, strict=True))
+    clock = clock_of(log_ns, clock_ns)
+    times = [clock.at(at) for at in sorted(asked)]
+    assert times == sorted(times)
+
+
+# ------------------------------------------------------------------------------ whole replays
+
+
+def replayed(run_are: RunAre, bag: Path, out: Path) -> tuple[list[tuple[str, int, bytes]], str]:
+    """Return the messages that a replay writes, and what it says."""
+    done = run_are("replay", bag, *MANY, "--out", out)
+    assert done.returncode == 0, done.stderr
+    with BagReader([out / "augmented.mcap"]) as reader:
+        messages = [(m.topic, m.log_time_ns, bytes(m.data)) for m in reader.messages()]
+    return messages, done.stderr
+
+
+@pytest.fixture(scope="module")
+def usual(
+    run_are: RunAre,
+    write_bag: WriteBag,
+    sample_records: Records,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
+    """Return the results of the recording as it was made."""
+    folder = tmp_path_factory.mktemp("usual")
+    messages, said = replayed(run_are, write_bag(folder / "a.mcap", sample_records), folder / "out")
+    assert messages
+    assert "the replay goes by the clock" not in said
+    return folder / "out"
+
+
+def test_a_recorded_clock_is_followed(
+    run_are: RunAre,
+    write_bag: WriteBag,
+    factory: RosbagsFactory,
+    sample_records: Records,
+    usual: Path,
+    tmp_path: Path,
+) -> None:
+    """Log times three years off, and /clock beside them: everything comes out as it was."""
+    shifted: list[tuple[str, int, Any]] = []
+    for topic, at, message in sample_records:
+        time = factory.make(
+            "builtin_interfaces/msg/Time", sec=at // NS_PER_S, nanosec=at % NS_PER_S
+        )
+        shifted.append(
+            ("/clock", at + YEARS_NS, factory.make("rosgraph_msgs/msg/Clock", clock=time))
+        )
+        shifted.append((topic, at + YEARS_NS, message))
+    messages, said = replayed(run_are, write_bag(tmp_path / "b.mcap", shifted), tmp_path / "out")
+    assert f"the stamps lie -{YEARS_NS / NS_PER_S:.1f} s from the times of recording" in said
+    assert "the replay goes by the clock of /clock" in said
+    assert messages
+    for name in ("augmented.mcap", "metrics.json", "overview.png"):
+        assert (tmp_path / "out" / name).read_bytes() == (usual / name).read_bytes(), name
+
+
+def test_without_a_clock_the_odometry_s_is_followed(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, usual: Path, tmp_path: Path
+) -> None:
+    """Without /clock the stamps of the odometry serve: the same lives, the robot always known."""
+    shifted = [(topic, at + YEARS_NS, message) for topic, at, message in sample_records]
+    _, said = replayed(run_are, write_bag(tmp_path / "b.mcap", shifted), tmp_path / "out")
+    assert "the replay goes by the clock of /odom" in said
+    ours = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    theirs = json.loads((usual / "metrics.json").read_text())
+    assert ours["ticks_without_perception"] <= 2
+    assert [life["row"] for life in ours["lives"]] == [life["row"] for life in theirs["lives"]]
+    assert ours["scans"]["/scan"]["passed_through"] == 0
+    assert abs(ours["first_tick_ns"] - theirs["first_tick_ns"]) < NS_PER_S

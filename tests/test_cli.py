@@ -1,0 +1,191 @@
+"""The command line: help, usage, exit status, and processes of its own."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from are_ros import cli
+from are_ros._version import __version__
+from are_ros.cli import are, main
+from are_ros.errors import BagError
+
+PROJECT = Path(__file__).resolve().parents[1]
+SAMPLE = PROJECT / "bags" / "sample_office.mcap"
+COMMANDS = ("replay", "inspect", "describe", "check")
+
+
+def run_process(*words: object) -> subprocess.CompletedProcess[str]:
+    """Run the installed `are` as a process of its own."""
+    command = [str(Path(sys.executable).with_name("are")), *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def end_of(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
+    """Run `are` in this process, and return its exit status."""
+    monkeypatch.setattr("sys.argv", ["are", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return int(ended.value.code or 0)
+
+
+@pytest.mark.parametrize("command", [None, *COMMANDS])
+def test_help_reads_well(command: str | None) -> None:
+    """Help has a sentence for the command and for each option, in lines of 100 columns."""
+    words = ["--help"] if command is None else [command, "--help"]
+    done = CliRunner().invoke(are, words, terminal_width=100)
+    assert done.exit_code == 0
+    assert all(len(line) <= 100 for line in done.output.splitlines())
+    assert "Usage: are" in done.output
+    group_or_command = are if command is None else are.commands[command]
+    assert group_or_command.help
+    for parameter in group_or_command.params:
+        if isinstance(parameter, click.Option):
+            assert parameter.help, parameter.name
+            assert parameter.opts[0] in done.output
+
+
+def test_every_command_is_listed() -> None:
+    """The group lists the commands, each with a short sentence; bare `are` shows the same."""
+    listed = CliRunner().invoke(are, ["--help"]).output
+    assert tuple(sorted(COMMANDS)) == tuple(sorted(are.commands))
+    assert all(are.commands[name].short_help for name in COMMANDS)
+    bare = CliRunner().invoke(are, [])
+    assert (bare.exit_code, bare.output) == (0, listed)
+
+
+def test_version_is_the_package_s() -> None:
+    """`are --version` says the one version."""
+    done = run_process("--version")
+    assert (done.returncode, done.stdout) == (0, f"are, version {__version__}\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (("nix",), ("nix", "(see `are --help`)")),
+        (("replay",), ("BAG...", "(see `are replay --help`)")),
+        (("replay", "--nix", "a"), ("--nix", "(see `are replay --help`)")),
+        (("check", "a", "b"), ("(b)", "(see `are check --help`)")),
+        (("replay", "a.bag", "--seed", "-1"), ("'--seed': -1 is not in the range x>=0",)),
+        (("replay", "a.bag", "--skip", "all"), ("'--skip'", "'grids'")),
+    ],
+)
+def test_wrong_usage_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: tuple[str, ...],
+    parts: tuple[str, ...],
+) -> None:
+    """What the options do not allow is said in a line, with exit status 2."""
+    assert end_of(monkeypatch, *words) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    (line,) = said.err.splitlines()
+    assert line.startswith("are: ")
+    assert all(part in line for part in parts)
+
+
+@pytest.mark.parametrize(
+    ("raised", "status", "sentence"),
+    [
+        (BagError("the recording is gone"), 1, "are: the recording is gone\n"),
+        (KeyboardInterrupt(), 130, "are: interrupted\n"),
+        (None, 0, ""),
+    ],
+)
+def test_errors_become_a_sentence_and_a_status(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    raised: BaseException | None,
+    status: int,
+    sentence: str,
+) -> None:
+    """An error of ours is said; an interruption, too; an end is an end."""
+
+    def command(**_: object) -> None:
+        if raised is not None:
+            raise raised
+
+    monkeypatch.setattr(cli, "are", command)
+    assert end_of(monkeypatch) == status
+    assert capsys.readouterr().err == sentence
+
+
+def test_other_errors_are_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mistake of the program itself keeps its traceback."""
+
+    def command(**_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(cli, "are", command)
+    with pytest.raises(ZeroDivisionError):
+        main()
+
+
+def test_describe_and_inspect_print(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both print to stdout, as text of moderate width."""
+    for words in (("describe",), ("inspect", str(SAMPLE))):
+        assert end_of(monkeypatch, *words) == 0
+        said = capsys.readouterr()
+        assert said.err == ""
+        assert len(said.out.splitlines()) > 20
+        assert all(len(line) <= 120 for line in said.out.splitlines())
+
+
+def test_describe_knows_the_map_and_the_parameters(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """The free area of --map and the values of --params, --set and --seed enter."""
+    (tmp_path / "m.pgm").write_bytes(b"P5 20 10 255\n" + bytes([254]) * 200)
+    (tmp_path / "m.yaml").write_text(
+        "image: m.pgm\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.25\n"
+    )
+    (tmp_path / "p.yaml").write_text(
+        "ar_builder:\n  ros__parameters:\n    population:\n"
+        "      mean_life: 20.0\n      arrival_rate: 0.5\n"
+    )
+    words = ("--params", str(tmp_path / "p.yaml"), "--set", "population.arrival_rate:=0.01")
+    map_words = ("--map", str(tmp_path / "m.yaml"), "--seed", "7")
+    assert end_of(monkeypatch, "describe", *words, *map_words) == 0
+    text = capsys.readouterr().out
+    assert "50 m^2" in text
+    assert "30 artefacts per minute" in text
+    assert "mean 20 s" in text
+    assert "seed 7" in text
+
+
+@pytest.mark.parametrize(
+    ("words", "status"),
+    [
+        (("inspect", "none.mcap"), 1),
+        (("replay", SAMPLE, "--duration", 1, "--map-frame", "nonsense"), 1),
+        (("replay", SAMPLE, "--seed", "x"), 2),
+        (("check", "none"), 1),
+    ],
+)
+def test_a_process_of_its_own_says_one_sentence(
+    tmp_path: Path, words: tuple[object, ...], status: int
+) -> None:
+    """From a real shell: one line on stderr, no traceback, a status, nothing written."""
+    out = ("--out", tmp_path / "out") if words[0] == "replay" else ()
+    done = run_process(*words, *out)
+    assert done.returncode == status
+    assert "Traceback" not in done.stderr
+    assert sum(line.startswith("are: ") for line in done.stderr.splitlines()) == 1
+    assert list(tmp_path.glob("out/*")) == []
+
+
+def test_a_process_of_its_own_replays(tmp_path: Path) -> None:
+    """`are replay` and `are check` from a real shell."""
+    out = tmp_path / "out"
+    done = run_process("replay", SAMPLE, "--duration", 1, "--out", out, "--with-inputs")
+    assert (done.returncode, done.stdout) == (0, "")
+    checked = run_process("check", out)
+    assert (checked.returncode, checked.stderr) == (0, "")
