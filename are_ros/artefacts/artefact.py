@@ -1,7 +1,7 @@
 """One artefact: a row of the catalogue with a life and a pose that is a function of time."""
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -12,6 +12,8 @@ from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.conventions import NS_PER_S
 from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
+
+_JUMP_NS = 1_000_000
 
 
 class Origin(IntEnum):
@@ -85,6 +87,22 @@ class PoseHistory:
         start_ns = times[after - 1]
         fraction = (t_ns - start_ns) / (times[after] - start_ns)
         return _between(poses[after - 1], poses[after], fraction)
+
+    def velocity_at(self, t_ns: int) -> tuple[float, float, float]:
+        """Return the rates of x, y [m/s] and yaw [rad/s] in the map frame as of `t_ns`.
+
+        At an instant where two motions meet it is that of the earlier one. A jump (two poses
+        within a millisecond) is no motion, and outside the poses there is none.
+        """
+        times, poses = self._times_ns, self._poses
+        end = bisect_left(times, t_ns)
+        if not 0 < end < len(times) or times[end] - times[end - 1] < _JUMP_NS:
+            return 0.0, 0.0, 0.0
+        before, after = poses[end - 1], poses[end]
+        per_s = NS_PER_S / (times[end] - times[end - 1])
+        turn_rad = math.remainder(after.yaw_rad - before.yaw_rad, math.tau)
+        dx_m, dy_m = after.x_m - before.x_m, after.y_m - before.y_m
+        return dx_m * per_s, dy_m * per_s, turn_rad * per_s
 
 
 def _between(start: GroundPose, end: GroundPose, fraction: float) -> GroundPose:

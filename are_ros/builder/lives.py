@@ -75,7 +75,7 @@ class Lives:
     def scene_at(self, t_ns: int) -> Scene:
         """Return who is, or was, there at `t_ns`, and where; the same object while all stand."""
         artefacts = self.population.present_at(t_ns)
-        if not self._scene.holds_for(artefacts):
+        if not self._scene.holds_for(artefacts, t_ns):
             self._scene = Scene.of(artefacts, t_ns)
         return self._scene
 

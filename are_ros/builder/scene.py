@@ -48,10 +48,10 @@ class Scene:
         """Count the artefacts."""
         return len(self.artefacts)
 
-    def holds_for(self, artefacts: Sequence[Artefact]) -> bool:
-        """Say whether this is also the scene of these artefacts at any time: all of them stand."""
+    def holds_for(self, artefacts: Sequence[Artefact], t_ns: int) -> bool:
+        """Say whether this is also the scene of these artefacts at `t_ns`: all of them stand."""
         return len(artefacts) == len(self.artefacts) and all(
-            now is kept and len(now.history) == 1 and now.history.latest is pose
+            now is kept and now.history.latest_ns <= t_ns and now.history.latest is pose
             for now, kept, pose in zip(artefacts, self.artefacts, self.poses, strict=True)
         )
 

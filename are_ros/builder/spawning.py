@@ -9,6 +9,8 @@ from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.placement import Placer
 from are_ros.artefacts.surroundings import Disc, KeepOut, Surroundings
 from are_ros.builder.robots import RobotPose
+from are_ros.errors import ParameterError
+from are_ros.parameters.choices import Region
 from are_ros.parameters.model import Parameters
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint, signed_distance_m
@@ -26,6 +28,8 @@ class Spawning:
         self._robot_radius_m = footprint.inscribed_radius_m
         zones = parameters.population.zones
         self._zones = read_zones_file(Path(zones)) if zones else Zones()
+        if parameters.population.region is Region.ZONES and not self._zones.zones:
+            raise ParameterError("population.region is zones, but population.zones lists none")
         self._environment: Environment | None = None
         self._finder: RegionFinder | None = None
         self._region: SpawnRegion | None = None
@@ -37,10 +41,7 @@ class Spawning:
         return self._region.area_m2 if self._region else 0.0
 
     def refresh(self, environment: Environment, robot: RobotPose | None) -> bool:
-        """Follow environment and robot; return whether the region is another one than before.
-
-        Raises ParameterError where `population.region` needs zones and there are none.
-        """
+        """Follow environment and robot; return whether the region is another one than before."""
         if self._finder is None or environment is not self._environment:
             self._finder = self._finder_for(environment)
             self._environment = environment

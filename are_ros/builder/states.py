@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from are_ros.artefacts.artefact import Artefact, map_from_artefact
 from are_ros.builder.outputs import ArtefactState, PerceivedArtefact, Vector3
 from are_ros.builder.perception import Sighting
-from are_ros.conventions import NS_PER_S
 
 _CERTAIN = (0.0,) * 36
-_VELOCITY_SPAN_NS = NS_PER_S // 20
 
 
 class StateKeeper:
@@ -26,15 +24,16 @@ class StateKeeper:
 
     def _state(self, artefact: Artefact, now_ns: int) -> ArtefactState:
         kept = self._kept.get(artefact.id)
-        if kept is not None and _still_holds(kept, artefact):
+        if kept is not None and _still_holds(kept, artefact, now_ns):
             return kept
         return artefact_state(artefact, now_ns)
 
 
-def _still_holds(state: ArtefactState, artefact: Artefact) -> bool:
+def _still_holds(state: ArtefactState, artefact: Artefact, now_ns: int) -> bool:
     return (
-        len(artefact.history) == 1
+        artefact.history.latest_ns <= now_ns
         and state.ground_pose is artefact.history.latest
+        and not any((*state.linear_velocity_m_s, *state.angular_velocity_rad_s))
         and state.departure_ns == (artefact.departure_ns or 0)
         and state.behaviour == artefact.behaviour
     )
@@ -87,16 +86,9 @@ def perceived_artefact(state: ArtefactState, sighting: Sighting, seen_ns: int) -
 
 
 def _twist(artefact: Artefact, now_ns: int) -> tuple[Vector3, Vector3]:
-    """Return the mean velocities in F_A over the last sub-step or so, by the history."""
-    if len(artefact.history) == 1:
-        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    now = artefact.ground_pose_at(now_ns)
-    before = artefact.ground_pose_at(now_ns - _VELOCITY_SPAN_NS)
-    per_s = NS_PER_S / _VELOCITY_SPAN_NS
-    dx_m, dy_m = now.x_m - before.x_m, now.y_m - before.y_m
-    cos, sin = math.cos(now.yaw_rad), math.sin(now.yaw_rad)
-    turn_rad = math.remainder(now.yaw_rad - before.yaw_rad, math.tau)
-    return (
-        ((cos * dx_m + sin * dy_m) * per_s, (cos * dy_m - sin * dx_m) * per_s, 0.0),
-        (0.0, 0.0, turn_rad * per_s),
-    )
+    """Return the velocities in F_A, linear and angular."""
+    vx_m_s, vy_m_s, turn_rad_s = artefact.history.velocity_at(now_ns)
+    yaw_rad = artefact.ground_pose_at(now_ns).yaw_rad
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+    forward_m_s, left_m_s = cos * vx_m_s + sin * vy_m_s, cos * vy_m_s - sin * vx_m_s
+    return (forward_m_s, left_m_s, 0.0), (0.0, 0.0, turn_rad_s)

@@ -21,6 +21,7 @@ from are_ros.replay.bag_writer import BagWriter
 from are_ros.replay.feed import Refusals
 from are_ros.replay.input_copy import InputCopy
 from are_ros.replay.listeners import All, InputWriter, OutputWriter, RecordKeeper
+from are_ros.replay.map_files import MapFiles
 from are_ros.replay.message_types import RosbagsFactory
 from are_ros.replay.options import ReplayOptions
 from are_ros.replay.output_folder import AUGMENTED, prepare_folder
@@ -30,9 +31,7 @@ from are_ros.replay.runner import Listener, Progress, Replay
 from are_ros.replay.scene_record import SceneRecord, SceneRecorder
 from are_ros.replay.stopwatch import Stopwatch, said_if_slow
 from are_ros.replay.tick_writer import TickWriter
-from are_ros.world.map_file import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.octomap_file import read_octomap_file
 
 Say = Callable[[str], None]
 OpenProgress = Callable[[int, int], Progress]
@@ -68,13 +67,16 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             roles = find_roles(reader.topics, options.topics)
             _say_what_is_missing(options, roles, say)
             catalogue = read_catalogue_of(options.parameters)
-            with said_if_slow(say, "compiling the kernels: half a minute, this first time only"):
-                warm_up(catalogue)
             builder = ArBuilder(options.parameters, catalogue, options.demand)
             replay = Replay(reader, builder, options, roles, stopwatch)
+            files = MapFiles.read(options)
+            if options.out is not None:
+                prepare_folder(options.out)
             if replay.clock.sentence:
                 say(replay.clock.sentence)
-            _feed_files(options, builder, replay.start_ns)
+            with said_if_slow(say, "compiling the kernels: half a minute, this first time only"):
+                warm_up(catalogue)
+            files.feed(builder, replay.start_ns)
         recorder = _recorder(options.parameters, catalogue)
         keeper = RecordKeeper(recorder, builder)
         with ExitStack() as stack:
@@ -117,17 +119,6 @@ def _say_what_is_missing(options: ReplayOptions, roles: RolesFound, say: Say) ->
         )
 
 
-def _feed_files(options: ReplayOptions, builder: ArBuilder, start_ns: int) -> None:
-    """Give the builder the map and the octomap that come from files."""
-    map_frame = options.parameters.frames.map
-    if options.map_file is not None:
-        builder.receive_map(read_map_file(options.map_file, map_frame), start_ns)
-    if options.octomap_file is not None:
-        centres_m, voxel_size_m = read_octomap_file(options.octomap_file)
-        builder.receive_cloud(centres_m, map_frame, start_ns, voxel_size_m)
-    builder.prepare()
-
-
 def _recorder(parameters: Parameters, catalogue: Catalogue) -> SceneRecorder:
     return SceneRecorder(
         catalogue,
@@ -147,7 +138,6 @@ def _open_writers(
     """Return what writes the recording, and what tells how much it wrote."""
     if options.out is None:
         return (), dict
-    prepare_folder(options.out)
     writer = stack.enter_context(BagWriter(options.out / AUGMENTED))
     factory = RosbagsFactory()
     outputs = OutputWriter(TickWriter(writer, factory, replay.scan_topics(), options.demand))

@@ -175,3 +175,17 @@ def test_boxes_stand_on_the_ground_round_the_centre_given_in_the_artefacts_frame
 def test_no_artefacts_have_no_boxes() -> None:
     """An empty population is no special case."""
     assert len(boxes_of([], [])) == 0
+
+
+def test_velocity_is_that_of_the_motion_under_way() -> None:
+    """Between two poses their slope, at rest and outside the poses nothing, a jump is no motion."""
+    history = PoseHistory(0, GroundPose(0.0, 0.0, 0.0, 3.0))
+    history.append(NS_PER_S // 2, GroundPose(1.0, -0.5, 0.0, -3.0))
+    turn_rad_s = 2.0 * (math.tau - 6.0)
+    assert history.velocity_at(NS_PER_S // 4) == pytest.approx((2.0, -1.0, turn_rad_s))
+    assert history.velocity_at(NS_PER_S // 2) == pytest.approx((2.0, -1.0, turn_rad_s))
+    assert history.velocity_at(0) == (0.0, 0.0, 0.0)
+    assert history.velocity_at(NS_PER_S // 2 + 1) == (0.0, 0.0, 0.0)
+    history.append(NS_PER_S - 1, history.latest)
+    history.append(NS_PER_S, GroundPose(9.0, 9.0, 0.0, -3.0))
+    assert history.velocity_at(NS_PER_S) == (0.0, 0.0, 0.0)

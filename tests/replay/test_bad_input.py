@@ -153,7 +153,7 @@ CASES = (
     # files that parameters name
     ((*SET, "catalogue:=none.yaml"), "none.yaml cannot be read: No such file or directory"),
     ((*SET, "catalogue:=rows.yaml"), "rows.yaml: classes must map"),
-    ((*SET, "population.region:=zones"), "population.zones names no file"),
+    ((*SET, "population.region:=zones"), "population.region is zones, but population.zones"),
     ((*SET, "population.zones:=none.yaml"), "none.yaml: the zones file cannot be read (No such"),
     # the output folder
     (("replay", "good.mcap", "--out", "file"), "--out file: the folder cannot be made (it is a"),
