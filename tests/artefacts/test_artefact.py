@@ -17,6 +17,7 @@ from are_ros.artefacts.artefact import (
 )
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.shapes import Shape
+from are_ros.conventions import NS_PER_S
 
 MS = 1_000_000
 HERE = GroundPose(1.0, 2.0, 0.0, 0.5)
