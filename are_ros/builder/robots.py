@@ -35,6 +35,8 @@ class RobotTracker:
         self._frames = frames
         self._map_frame = map_frame
         self._max_age_ns = max_age_ns
+        self._asked: tuple[str, int, int] | None = None
+        self._answer: tuple[int, RigidTransform] | None = None
 
     def base_frame(self) -> str:
         """Return the base frame: the one configured, else the usual one that there is."""
@@ -62,6 +64,12 @@ class RobotTracker:
 
     def transform_of(self, frame: str, now_ns: int) -> tuple[int, RigidTransform] | None:
         """Return (stamp, map_from_frame), the latest not after `now_ns`, None if there is none."""
+        asked = (frame, now_ns, self._frames.changes)
+        if asked != self._asked:
+            self._asked, self._answer = asked, self._looked_up(frame, now_ns)
+        return self._answer
+
+    def _looked_up(self, frame: str, now_ns: int) -> tuple[int, RigidTransform] | None:
         try:
             stamp_ns = self._frames.latest_before(self._map_frame, frame, now_ns)
             if now_ns - stamp_ns > self._max_age_ns:

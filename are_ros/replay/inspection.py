@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from are_ros.conventions import NS_PER_S
-from are_ros.errors import AreError
+from are_ros.errors import AreError, InputError
 from are_ros.messages.transforms import StampedTransform
 from are_ros.replay.bag_reader import BagReader, BagTopic
 from are_ros.replay.frame_survey import FrameSurvey, FrameSurveyor
@@ -13,6 +13,7 @@ from are_ros.replay.roles import ROLE_TYPES, RolesFound, find_roles
 
 _BASE_FRAMES = ("base_footprint", "base_link")
 _SENSOR_ROLES = ("scan", "points", "camera/camera_info", "camera/image", "camera/depth")
+_GIVEN = "given"
 _COMPRESSED = "sensor_msgs/msg/CompressedImage"
 
 
@@ -75,6 +76,7 @@ def inspect_bag(
     missing = [
         *_missing_map(map_topic, has_map_file=has_map_file),
         *_missing_pose(survey, map_frame, base_frame),
+        *_turned_round(survey),
         *_missing_mounts(survey, roles, frame_ids, base_frame),
         *_missing_images(reader.topics, roles),
     ]
@@ -120,12 +122,15 @@ def _survey(
     static_topic = roles.topic("tf_static")
     topics = [topic for topic in (roles.topic("tf"), static_topic) if topic is not None]
     for message in reader.messages(topics):
-        transforms = reader.transforms(message)
+        try:
+            transforms = reader.transforms(message)
+        except InputError:
+            continue  # a replay counts it, and goes on
         is_static = message.topic == static_topic
         surveyor.see(transforms, message.topic, message.log_time_ns, is_static=is_static)
     _survey_odometry(reader, roles.topic("odom"), surveyor)
     given = [_edge(parent, child, reader.start_ns) for parent, child in given_edges]
-    surveyor.see(given, "given", reader.start_ns, is_static=True)
+    surveyor.see(given, _GIVEN, reader.start_ns, is_static=True)
     return surveyor.survey()
 
 
@@ -162,6 +167,18 @@ def _missing_pose(survey: FrameSurvey, map_frame: str, base_frame: str) -> Itera
             f"nothing joins {map_frame} to {base_frame}, which hangs together with {beside}:"
             f" give the transform with --static-tf, or set frames.map"
         )
+
+
+def _turned_round(survey: FrameSurvey) -> Iterable[str]:
+    """Say which given transform takes a frame from the parent that it has in the recording."""
+    for given in survey.edges:
+        others = [e.parent for e in survey.edges if e.child == given.child and e != given]
+        if given.topics == (_GIVEN,) and others:
+            yield (
+                f"{given.child} hangs below {others[0]} in the recording, so that it cannot hang"
+                f" below {given.parent}: give the inverse transform, with {given.child} as PARENT"
+                f" and {given.parent} as CHILD"
+            )
 
 
 def _missing_mounts(

@@ -2,7 +2,7 @@
 
 import ast
 from dataclasses import dataclass
-from math import hypot
+from math import cos, hypot, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +52,7 @@ class Footprint:
 
     def at(self, x_m: float, y_m: float, yaw_rad: float) -> "Footprint":
         """Return the footprint of a base that stands at this pose, in the frame of the pose."""
-        c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+        c, s = cos(yaw_rad), sin(yaw_rad)
         moved = self.vertices_m @ np.array([[c, s], [-s, c]]) + (x_m, y_m)
         footprint = object.__new__(Footprint)
         footprint._keep(moved, self.radius_m)

@@ -1,0 +1,124 @@
+"""What the options of the command line come to, and what is said at the end."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from subprocess import CompletedProcess
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from are_ros.builder.tick import Demand
+from are_ros.errors import ParameterError
+from are_ros.messages.transforms import StampedTransform, make_transforms
+from are_ros.replay.bag_writer import BagWriter
+from are_ros.replay.command import complaints, effective_parameters, options_of
+from are_ros.replay.feed import Refusals
+from are_ros.replay.message_types import RosbagsFactory
+
+WriteBag = Callable[[Path, Sequence[tuple[str, int, Any]]], Path]
+RunAre = Callable[..., CompletedProcess[str]]
+
+
+def parameter_file(path: Path, **values: Any) -> Path:
+    """Write a parameter file of top-level values."""
+    lines = [f"    {name}: {value}\n" for name, value in values.items()]
+    path.write_text("ar_builder:\n  ros__parameters:\n" + "".join(lines))
+    return path
+
+
+def test_later_sources_win(tmp_path: Path) -> None:
+    """Default, files in their order, assignments in theirs, and then the options of their own."""
+    one = parameter_file(tmp_path / "one.yaml", seed=1, frames="{map: a, odom: b}")
+    two = parameter_file(tmp_path / "two.yaml", seed=2, frames="{map: c}")
+    assert effective_parameters([], [], None).seed == 0
+    assert effective_parameters([two, one], [], None).seed == 1
+    both = effective_parameters([one, two], [], None)
+    assert (both.seed, both.frames.map, both.frames.odom) == (2, "c", "b")
+    assert effective_parameters([one, two], ["seed:=3", "seed:=4"], None).seed == 4
+    assert effective_parameters([one, two], ["seed:=3"], 5).seed == 5
+    assert effective_parameters([one], ["frames.map:=d"], None, "e").frames.map == "e"
+
+
+def test_static_transforms_add_up() -> None:
+    """Those of the option come after those of the parameters."""
+    given = ["frames.static:=['0 0 0 0 0 0 a b']"]
+    parameters = effective_parameters([], given, None, None, ["1 0 0 0 0 0 c d"])
+    assert parameters.frames.static == ("0 0 0 0 0 0 a b", "1 0 0 0 0 0 c d")
+
+
+def test_nothing_is_set_where_one_value_is_bad() -> None:
+    """A bad assignment is an error, also after good ones."""
+    with pytest.raises(ParameterError, match="no such parameter"):
+        effective_parameters([], ["seed:=3", "sed:=4"], None)
+
+
+def test_options_become_what_is_asked_for() -> None:
+    """Every option has its place; skipped parts are in nobody's demand."""
+    options = options_of(
+        skip=("grids", "markers"),
+        bags=(Path("a.bag"),),
+        parameter_files=(),
+        assignments=("seed:=1",),
+        seed=None,
+        map_frame="earth",
+        static_transforms=(),
+        map_file=Path("m.yaml"),
+        octomap_file=None,
+        topics=("scan:=/front",),
+        start_s=1.5,
+        duration_s=None,
+        out=Path("o"),
+        with_inputs=True,
+    )
+    assert options.demand == Demand(perception=True, grids=False, markers=False)
+    assert options.parameters.frames.map == "earth"
+    assert options.topics == {"scan": "/front"}
+    assert (options.start_s, options.duration_s, options.with_inputs) == (1.5, None, True)
+    assert (options.map_file, options.out) == (Path("m.yaml"), Path("o"))
+
+
+def test_complaints_name_topics_and_numbers() -> None:
+    """A sentence for each topic with refused messages, and for scans that were left alone."""
+    refusals = Refusals({"/b": 3, "/a": 1}, {"/b": "/b: too short", "/a": "/a: too long"})
+    outcome: Any = SimpleNamespace(
+        refusals=refusals,
+        scan_problems={"/scan": "no frame"},
+        scans={"/scan": SimpleNamespace(passed_through=7)},
+    )
+    assert complaints(outcome) == [
+        "refused: /a: too long",
+        "refused: /b: too short (3 messages)",
+        "/scan: 7 scans passed through unaugmented, the last for: no frame",
+    ]
+
+
+def test_inspect_says_which_transform_must_be_turned_round(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag, run_are: RunAre
+) -> None:
+    """A given transform that takes a frame from its parent is no way to hang a map."""
+    edges = [
+        StampedTransform("odom", child, 1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        for child in ("map", "base_link")
+    ]
+    bag = write_bag(tmp_path / "bag.mcap", [("/tf", 1, make_transforms(factory, edges))])
+    static = ("--map-frame", "pgm", "--map", "any.yaml", "--static-tf")
+    wrong = run_are("inspect", bag, *static, "1 2 0 0 0 0 pgm map").stdout
+    assert "map hangs below odom in the recording, so that it cannot hang below pgm" in wrong
+    assert "with map as PARENT and pgm as CHILD" in wrong
+    right = run_are("inspect", bag, *static, "-1 -2 0 0 0 0 map pgm").stdout
+    assert "nothing: it can be replayed as it is" in right
+
+
+def test_inspect_passes_over_a_damaged_transform(
+    tmp_path: Path, factory: RosbagsFactory, run_are: RunAre
+) -> None:
+    """One message that is none does not keep the others from being shown."""
+    edge = StampedTransform("map", "base_link", 1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    with BagWriter(tmp_path / "bag.mcap") as writer:
+        writer.add_topic("/tf", "tf2_msgs/msg/TFMessage")
+        writer.write_raw("/tf", 1, b"\0\1\0\0\7\0\0\0")
+        writer.write("/tf", 2, make_transforms(factory, [edge]))
+    done = run_are("inspect", tmp_path / "bag.mcap")
+    assert done.returncode == 0
+    assert "  base_link (0.0 Hz, /tf)" in done.stdout

@@ -1,0 +1,186 @@
+"""Messages of a recording become calls of the builder; bad ones are counted."""
+
+import copy
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from are_ros.errors import InputError, InvalidTransformError
+from are_ros.messages.transforms import StampedTransform, make_transforms
+from are_ros.replay.bag_reader import BagReader
+from are_ros.replay.feed import Feed, Refusals
+from are_ros.replay.message_types import RosbagsFactory
+from are_ros.world.frame_tree import FrameTree
+
+Records = Sequence[tuple[str, int, Any]]
+WriteBag = Callable[[Path, Records], Path]
+Call = tuple[str, tuple[Any, ...]]
+
+ROLES = {
+    "/map": "map",
+    "/octomap_point_cloud_centers": "octomap_point_cloud_centers",
+    "/odom": "odom",
+    "/scan": "scan",
+    "/camera/camera_info": "camera/camera_info",
+    "/tf": "tf",
+    "/tf_static": "tf_static",
+}
+NAN = float("nan")
+UNIT = (0.0, 0.0, 0.0, 1.0)
+
+
+class Notebook:
+    """Stands in for the builder: notes what it receives, with the checks of the frame tree."""
+
+    def __init__(self) -> None:
+        self.calls: list[Call] = []
+        self.parameters = SimpleNamespace(camera=SimpleNamespace(rectified=False))
+        self._frames = FrameTree()
+
+    def __getattr__(self, name: str) -> Callable[..., None]:
+        def note(*values: Any, **flags: Any) -> None:
+            if name == "receive_transform":
+                self._frames.set_transform(*values[:5])
+                values = (*values, flags["is_static"])
+            self.calls.append((name, values))
+
+        return note
+
+
+def fed(path: Path, roles: dict[str, str]) -> tuple[list[Call], Refusals]:
+    """Feed a whole recording, each message as received 5 ns after it was recorded."""
+    builder: Any = Notebook()
+    with BagReader([path]) as reader:
+        feed = Feed(reader, builder, roles)
+        for message in reader.messages(tuple(roles)):
+            feed.take(message, message.log_time_ns + 5)
+    return builder.calls, feed.refusals
+
+
+def transforms(factory: RosbagsFactory, *edges: tuple[str, str, tuple[float, ...]]) -> Any:
+    """Return a TFMessage of edges with these rotations."""
+    stamped: list[Any] = [StampedTransform(a, b, 7, (1.0, 2.0, 3.0), q) for a, b, q in edges]  # type: ignore[arg-type]
+    return make_transforms(factory, stamped)
+
+
+def test_each_role_has_its_way_into_the_builder(
+    tmp_path: Path, write_bag: WriteBag, sample_records: Records
+) -> None:
+    """Every input of the sample is received once, at the time given, by the method of its role."""
+    path = write_bag(tmp_path / "bag.mcap", sample_records)
+    calls, refusals = fed(path, ROLES)
+    assert refusals.counts == {}
+    counts = {name: sum(call[0] == name for call in calls) for name, _ in calls}
+    edges = sum(len(m.transforms) for topic, _, m in sample_records if topic.startswith("/tf"))
+    assert counts == {
+        "receive_map": 1,
+        "receive_cloud": 1,
+        "receive_odometry": sum(topic == "/odom" for topic, _, _ in sample_records),
+        "receive_scan": sum(topic == "/scan" for topic, _, _ in sample_records),
+        "receive_camera": sum(topic == "/camera/camera_info" for topic, _, _ in sample_records),
+        "receive_transform": edges,
+    }
+    statics = [values for name, values in calls if name == "receive_transform" and values[-1]]
+    assert {(values[0], values[1]) for values in statics} >= {("base_footprint", "base_link")}
+    times = {at + 5 for _, at, _ in sample_records}
+    maps = [values[1] for name, values in calls if name == "receive_map"]
+    assert set(maps) <= times
+
+
+def test_the_numbers_arrive_as_they_were_sent(
+    tmp_path: Path, write_bag: WriteBag, sample_records: Records
+) -> None:
+    """An odometry's names, stamp and pose, and a scan's ranges."""
+    odometry = next(record for record in sample_records if record[0] == "/odom")
+    scan = next(record for record in sample_records if record[0] == "/scan")
+    path = write_bag(tmp_path / "bag.mcap", sorted((odometry, scan), key=lambda one: one[1]))
+    calls = dict(fed(path, ROLES)[0])
+    parent, child, stamp_ns, translation_m, rotation_xyzw, received_ns = calls["receive_odometry"]
+    sent = odometry[2]
+    assert (parent, child) == (sent.header.frame_id, sent.child_frame_id)
+    assert stamp_ns == sent.header.stamp.sec * 10**9 + sent.header.stamp.nanosec
+    position, turn = sent.pose.pose.position, sent.pose.pose.orientation
+    assert tuple(translation_m) == (position.x, position.y, position.z)
+    assert tuple(rotation_xyzw) == (turn.x, turn.y, turn.z, turn.w)
+    assert received_ns == odometry[1] + 5
+    topic, received, received_ns = calls["receive_scan"]
+    assert (topic, received_ns) == ("/scan", scan[1] + 5)
+    assert received.ranges.tobytes() == scan[2].ranges.tobytes()
+
+
+def test_a_camera_that_says_the_same_is_read_once(
+    tmp_path: Path, write_bag: WriteBag, sample_records: Records
+) -> None:
+    """Only a changed CameraInfo makes a new view; each is received."""
+    infos = [record for record in sample_records if record[0] == "/camera/camera_info"][:4]
+    changed = copy.deepcopy(infos[2][2])
+    changed.width = 320
+    infos[2] = (infos[2][0], infos[2][1], changed)
+    calls, _ = fed(write_bag(tmp_path / "bag.mcap", infos), ROLES)
+    cameras = [values[0] for _, values in calls]
+    assert len(cameras) == 4
+    assert cameras[0] is cameras[1]
+    assert [camera.view.width for camera in cameras] == [640, 640, 320, 640]
+
+
+def test_a_bad_transform_does_not_spoil_its_message(
+    tmp_path: Path, write_bag: WriteBag, factory: RosbagsFactory
+) -> None:
+    """Those before and after it are taken; the message counts as refused, once."""
+    edges = [
+        ("a", "b", UNIT),
+        ("b", "c", (0.0, 0.0, 0.0, 0.5)),
+        ("b", "d", UNIT),
+        ("d", "e", (0.0, 0.0, NAN, 1.0)),
+        ("d", "f", UNIT),
+    ]
+    path = write_bag(tmp_path / "bag.mcap", [("/tf", 1, transforms(factory, *edges))])
+    calls, refusals = fed(path, ROLES)
+    assert [values[1] for _, values in calls] == ["b", "d", "f"]
+    assert refusals.counts == {"/tf": 1}
+    assert refusals.sentences["/tf"].startswith("/tf: ")
+    assert "c" in refusals.sentences["/tf"]
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".db3", ".bag"])
+def test_a_good_message_after_a_bad_one_is_taken(
+    tmp_path: Path,
+    write_bag: WriteBag,
+    factory: RosbagsFactory,
+    as_ros1: Callable[[Any], Any],
+    suffix: str,
+) -> None:
+    """Bad, good, bad, good: two taken, two counted, the first sentence kept."""
+    records = [
+        ("/tf", 1, transforms(factory, ("a", "a", UNIT))),
+        ("/tf", 2, transforms(factory, ("a", "b", UNIT))),
+        ("/tf", 3, transforms(factory, ("", "b", UNIT))),
+        ("/tf", 4, transforms(factory, ("a", "c", UNIT))),
+    ]
+    if suffix == ".bag":
+        records = [(topic, at, as_ros1(message)) for topic, at, message in records]
+    calls, refusals = fed(write_bag(tmp_path / f"bag{suffix}", records), ROLES)
+    assert [values[1] for _, values in calls] == ["b", "c"]
+    assert refusals.counts == {"/tf": 2}
+    assert "a -> a" in refusals.sentences["/tf"]
+
+
+@pytest.mark.parametrize(
+    ("cause", "sentence"),
+    [
+        (InputError("/scan: ranges are odd"), "/scan: ranges are odd"),
+        (InputError("scan: ranges are odd"), "/scan: ranges are odd"),
+        (InvalidTransformError("the rotation is odd"), "/scan: the rotation is odd"),
+        (InputError("/scan_2: ranges are odd"), "/scan: /scan_2: ranges are odd"),
+    ],
+)
+def test_a_refusal_names_its_topic_once(cause: InputError, sentence: str) -> None:
+    """Whether the cause named the topic, the role or neither."""
+    refusals = Refusals()
+    refusals.add("/scan", "scan", cause)
+    refusals.add("/scan", "scan", InputError("another"))
+    assert refusals.counts == {"/scan": 2}
+    assert refusals.sentences == {"/scan": sentence}

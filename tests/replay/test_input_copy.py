@@ -1,0 +1,114 @@
+"""Inputs written beside the outputs, from recordings of every kind."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from are_ros.messages.transforms import StampedTransform
+from are_ros.replay.bag_reader import BagReader
+from are_ros.replay.bag_writer import BagWriter
+from are_ros.replay.input_copy import InputCopy, converted
+from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.rigid_transform import RigidTransform
+
+Records = Sequence[tuple[str, int, Any]]
+WriteBag = Callable[[Path, Records], Path]
+ROLES = {
+    "/map": "map",
+    "/octomap_point_cloud_centers": "octomap_point_cloud_centers",
+    "/odom": "odom",
+    "/scan": "scan",
+    "/camera/camera_info": "camera/camera_info",
+    "/tf": "tf",
+    "/tf_static": "tf_static",
+}
+
+
+def copied(source: Path, target: Path) -> list[tuple[str, int, bytes]]:
+    """Copy a recording, each message as received 3 ns after it was recorded."""
+    with BagReader([source]) as reader, BagWriter(target) as writer:
+        copy = InputCopy(reader, writer, RosbagsFactory(), ROLES)
+        for message in reader.messages():
+            copy.write(message, message.log_time_ns + 3)
+    with BagReader([target]) as reader:
+        return [(m.topic, m.log_time_ns, bytes(m.data)) for m in reader.messages()]
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".db3", ".bag"])
+def test_messages_come_out_as_they_went_in(
+    tmp_path: Path,
+    write_bag: WriteBag,
+    sample_records: Records,
+    as_ros1: Callable[[Any], Any],
+    suffix: str,
+) -> None:
+    """Topics and bytes are those of the ROS 2 messages, from ROS 1 too."""
+    records = [next(r for r in sample_records if r[0] == topic) for topic in ROLES]
+    records.sort(key=lambda record: record[1])
+    sent = [(t, at, as_ros1(m) if suffix == ".bag" else m) for t, at, m in records]
+    store = jazzy_typestore()
+    expected = [
+        (topic, at + 3, bytes(store.serialize_cdr(message, message.__msgtype__)))
+        for topic, at, message in records
+    ]
+    source = write_bag(tmp_path / f"in{suffix}", sent)
+    assert sorted(copied(source, tmp_path / "copy.mcap")) == sorted(expected)
+
+
+def test_latched_topics_stay_latched(
+    tmp_path: Path, write_bag: WriteBag, sample_records: Records
+) -> None:
+    """Map, cloud and tf_static are for late subscribers, too; others are not."""
+    copied(write_bag(tmp_path / "in.mcap", sample_records), tmp_path / "copy.mcap")
+    with BagReader([tmp_path / "copy.mcap"]) as reader:
+        latched = {topic.name for topic in reader.topics if topic.is_latched}
+    assert latched == {"/map", "/octomap_point_cloud_centers", "/tf_static"}
+
+
+def test_topics_without_a_role_are_left_out(
+    tmp_path: Path, write_bag: WriteBag, factory: RosbagsFactory
+) -> None:
+    """What the replay does not read is not copied."""
+    text = factory.make("std_msgs/msg/String", data="x")
+    transforms = factory.make("tf2_msgs/msg/TFMessage")
+    source = write_bag(tmp_path / "in.mcap", [("/chatter", 1, text), ("/tf", 2, transforms)])
+    assert [topic for topic, _, _ in copied(source, tmp_path / "copy.mcap")] == ["/tf"]
+
+
+def test_what_came_by_option_is_written_once(
+    tmp_path: Path, write_bag: WriteBag, factory: RosbagsFactory
+) -> None:
+    """A map from a file and static transforms stand under the topics that they replace."""
+    source = write_bag(tmp_path / "in.mcap", [("/odom", 1, factory.make("nav_msgs/msg/Odometry"))])
+    grid = OccupancyGrid(np.array([[0, 100]], np.int8), 0.5, RigidTransform.identity(), "earth")
+    edge = StampedTransform("earth", "odom", 9, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    with BagReader([source]) as reader, BagWriter(tmp_path / "copy.mcap") as writer:
+        copy = InputCopy(reader, writer, factory, {"/odom": "odom"})
+        copy.write_map("/map", grid, 9)
+        copy.write_static([edge], 9)
+    with BagReader([tmp_path / "copy.mcap"]) as reader:
+        found = {m.topic: reader.deserialize(m) for m in reader.messages()}
+        latched = {topic.name for topic in reader.topics if topic.is_latched}
+    assert latched == {"/map", "/tf_static"}
+    assert found["/map"].data.tolist() == [0, 100]
+    assert found["/map"].header.frame_id == "earth"
+    (written,) = found["/tf_static"].transforms
+    assert (written.header.frame_id, written.child_frame_id) == ("earth", "odom")
+
+
+def test_ros1_fields_find_their_ros2_names(
+    factory: RosbagsFactory, ros1_factory: RosbagsFactory
+) -> None:
+    """CameraInfo's upper-case fields are folded, seq is dropped, what is new has its default."""
+    numbers = np.arange(9, dtype=np.float64)
+    header = ros1_factory.make("std_msgs/msg/Header", seq=7, frame_id="eye")
+    info = ros1_factory.make("sensor_msgs/msg/CameraInfo", header=header, width=4, K=numbers)
+    made = converted(factory, info, "sensor_msgs/msg/CameraInfo")
+    assert (made.header.frame_id, made.width, made.k.tolist()) == ("eye", 4, numbers.tolist())
+    assert not hasattr(made.header, "seq")
+    path = ros1_factory.make("nav_msgs/msg/Path", poses=[])
+    assert converted(factory, path, "nav_msgs/msg/Path").poses == []

@@ -1,0 +1,48 @@
+"""The folder of a replay's results."""
+
+from pathlib import Path
+
+import pytest
+
+from are_ros.errors import BagError
+from are_ros.replay.output_folder import RESULTS, all_or_nothing, prepare_folder
+
+
+def test_a_folder_is_made_with_its_parents(tmp_path: Path) -> None:
+    """A new one is made, one that is there is kept as it is."""
+    folder = tmp_path / "a" / "b"
+    prepare_folder(folder)
+    (folder / "metrics.json").write_text("{}")
+    prepare_folder(folder)
+    assert [file.name for file in folder.iterdir()] == ["metrics.json"]
+
+
+def test_what_is_in_the_way_is_said(tmp_path: Path) -> None:
+    """A file in the folder's place, or above it, and a folder in a result's place."""
+    (tmp_path / "file").write_text("")
+    (tmp_path / "taken" / "overview.png").mkdir(parents=True)
+    for name, reason in (
+        ("file", "the folder cannot be made (it is a file)"),
+        ("file/below", "the folder cannot be made (not a directory)"),
+        ("taken", "overview.png cannot be written, a folder has that name"),
+    ):
+        with pytest.raises(BagError) as caught:
+            prepare_folder(tmp_path / name)
+        assert str(caught.value) == f"--out {tmp_path / name}: {reason}"
+
+
+def test_half_a_set_is_no_set(tmp_path: Path) -> None:
+    """When one result cannot be written all are removed, and nothing else."""
+    for name in (*RESULTS[:3], "notes.txt"):
+        (tmp_path / name).write_text("")
+    full = OSError(28, "No space left on device")
+    said = r"no space left on device.*none is left"
+    with pytest.raises(BagError, match=said), all_or_nothing(tmp_path):
+        raise full
+    assert [file.name for file in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_other_errors_pass(tmp_path: Path) -> None:
+    """A mistake of the program is not taken for the system's."""
+    with pytest.raises(ZeroDivisionError), all_or_nothing(tmp_path):
+        raise ZeroDivisionError

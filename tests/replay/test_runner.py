@@ -1,0 +1,153 @@
+"""A replay's order of things: inputs, ticks, and what lies before the window."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from are_ros.builder.ar_builder import ArBuilder
+from are_ros.builder.sensor_path import ReleasedScan
+from are_ros.builder.tick import Tick
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import BagError
+from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import Parameters
+from are_ros.replay.bag_reader import BagMessage, BagReader
+from are_ros.replay.options import ReplayOptions
+from are_ros.replay.roles import find_roles
+from are_ros.replay.runner import Replay
+from are_ros.replay.session import read_catalogue_of
+from are_ros.replay.stopwatch import Stopwatch
+
+Records = Sequence[tuple[str, int, Any]]
+WriteBag = Callable[[Path, Records], Path]
+
+
+class Diary:
+    """A listener that notes (kind, time, what) in the order in which it is told."""
+
+    def __init__(self) -> None:
+        self.entries: list[tuple[str, int, str]] = []
+
+    def take_tick(self, tick: Tick) -> None:
+        """Note a tick."""
+        self.entries.append(("tick", tick.stamp_ns, ""))
+
+    def take_scans(self, scans: Sequence[ReleasedScan]) -> None:
+        """Note scans by the time of their release."""
+        self.entries += [("scan", scan.released_ns, scan.topic) for scan in scans]
+
+    def take_input(self, message: BagMessage, received_ns: int) -> None:
+        """Note an input."""
+        self.entries.append(("input", received_ns, message.topic))
+
+    def times(self, kind: str) -> list[int]:
+        """Return the times of one kind."""
+        return [at for name, at, _ in self.entries if name == kind]
+
+
+@pytest.fixture(scope="module")
+def bag(
+    write_bag: WriteBag, sample_records: Records, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """Return a recording of the sample's first seconds."""
+    return write_bag(tmp_path_factory.mktemp("bag") / "bag.mcap", sample_records)
+
+
+def prepared(reader: BagReader, values: dict[str, Any], **options: Any) -> Replay:
+    """Return a replay that sees nothing, which is quick."""
+    parameters = with_values(Parameters(), {"camera.rate": 0.1, **values})
+    builder = ArBuilder(parameters, read_catalogue_of(parameters))
+    asked = ReplayOptions((), parameters, **options)
+    return Replay(reader, builder, asked, find_roles(reader.topics, {}), Stopwatch())
+
+
+def diary(bag: Path, values: dict[str, Any] | None = None, **options: Any) -> tuple[Diary, Replay]:
+    """Run a replay and return what it told."""
+    told = Diary()
+    with BagReader([bag]) as reader:
+        replay = prepared(reader, values or {}, **options)
+        replay.run(told, lambda _: None)
+    return told, replay
+
+
+@pytest.mark.parametrize("rate_hz", [7.0, 10.0])
+def test_ticks_run_at_multiples_with_what_came_before(bag: Path, rate_hz: float) -> None:
+    """Each multiple of the period since the epoch once, after all inputs before it."""
+    told, replay = diary(bag, {"builder.tick_rate": rate_hz})
+    period_ns = round(NS_PER_S / rate_hz)
+    ticks = told.times("tick")
+    first, last = -(-replay.start_ns // period_ns), replay.end_ns // period_ns
+    assert ticks == [k * period_ns for k in range(first, last + 1)]
+    assert replay.ticks == len(ticks)
+    for index, (kind, now_ns, _) in enumerate(told.entries):
+        if kind == "tick":
+            assert all(at < now_ns for name, at, _ in told.entries[:index] if name == "input")
+            assert all(at >= now_ns for name, at, _ in told.entries[index:] if name == "input")
+
+
+def test_every_input_and_every_scan_comes_through(bag: Path, sample_records: Records) -> None:
+    """All messages of the roles are told once; each scan is released once, none before it came."""
+    told, _ = diary(bag)
+    inputs = [topic for kind, _, topic in told.entries if kind == "input"]
+    assert sorted(inputs) == sorted(topic for topic, _, _ in sample_records)
+    assert len(told.times("scan")) == inputs.count("/scan")
+    received = [at for kind, at, topic in told.entries if (kind, topic) == ("input", "/scan")]
+    pairs = zip(told.times("scan"), received, strict=True)
+    assert all(released >= came for released, came in pairs)
+
+
+def test_before_the_window_only_what_lasts_is_fed(bag: Path, sample_records: Records) -> None:
+    """Map, cloud, camera and transforms from before count as received at its start."""
+    told, replay = diary(bag, start_s=2.0, duration_s=1.0)
+    start_ns = sample_records[0][1] + 2 * NS_PER_S
+    assert (replay.start_ns, replay.end_ns) == (start_ns, start_ns + NS_PER_S)
+    assert min(told.times("input")) == start_ns
+    early = sum(at < start_ns for _, at, _ in sample_records)
+    skipped = sum(at < start_ns and t in {"/odom", "/scan"} for t, at, _ in sample_records)
+    at_start = sum(at == start_ns for _, at, _ in sample_records)
+    assert told.times("input").count(start_ns) == early - skipped + at_start
+    assert max(told.times("input")) < start_ns + NS_PER_S
+    assert min(told.times("tick")) == start_ns
+
+
+def test_progress_ends_at_the_end(bag: Path) -> None:
+    """What is told the time reached hears times that do not go back, and at last the end."""
+    heard: list[int] = []
+    with BagReader([bag]) as reader:
+        replay = prepared(reader, {}, duration_s=1.5)
+        replay.run(Diary(), heard.append)
+    assert heard == sorted(heard)
+    assert heard[-1] == replay.end_ns
+
+
+def test_topics_are_those_of_the_roles(bag: Path) -> None:
+    """A file stands in for the map's topic; `sensors.scans` names the scans."""
+    with BagReader([bag]) as reader:
+        usual = prepared(reader, {})
+        replaced = prepared(reader, {}, map_file=Path("any.yaml"), octomap_file=Path("any.bt"))
+        assert set(usual.role_of_topic) - set(replaced.role_of_topic) == {
+            "/map",
+            "/octomap_point_cloud_centers",
+        }
+        assert usual.scan_topics() == ("/scan",)
+        assert prepared(reader, {"sensors.scans": ["/scan"]}).scan_topics() == ("/scan",)
+        assert prepared(reader, {"sensors.scans": []}).scan_topics() == ()
+
+
+@pytest.mark.parametrize(
+    ("options", "values", "sentence"),
+    [
+        ({"start_s": 100.0}, {}, "--start 100: the recording is 5.0 s long"),
+        ({"duration_s": 0.0}, {}, "--duration 0: the recording is 5.0 s long"),
+        ({}, {"sensors.scans": ["nix"]}, "sensors.scans: the recording has no scan '/nix'"),
+    ],
+)
+def test_what_cannot_be_replayed_is_said(
+    bag: Path, options: dict[str, Any], values: dict[str, Any], sentence: str
+) -> None:
+    """An empty window and a scan that is not there."""
+    with BagReader([bag]) as reader, pytest.raises(BagError) as caught:
+        prepared(reader, values, **options)
+    assert str(caught.value).startswith(sentence)

@@ -1,0 +1,162 @@
+"""Ticks and scans as messages of a recording."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from are_ros.artefacts.artefact import GroundPose, Origin
+from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.builder.grids import Grids
+from are_ros.builder.outputs import ArtefactState, SceneMetrics
+from are_ros.builder.sensor_path import ReleasedScan
+from are_ros.builder.tick import EVERYTHING, Demand, Tick
+from are_ros.messages.artefacts import make_artefact
+from are_ros.messages.factory import MessageFactory
+from are_ros.replay.bag_reader import BagReader
+from are_ros.replay.bag_writer import BagWriter
+from are_ros.replay.message_types import RosbagsFactory
+from are_ros.replay.tick_writer import PREFIX, TickWriter, scan_outputs
+from are_ros.world.laser_scan import LaserScan
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.rigid_transform import RigidTransform
+
+MS = 1_000_000
+METRICS = SceneMetrics(1, 0, 2, 1, 0, 0, 0, 12.5, 0.25, float("nan"))
+
+
+def state(artefact_id: int, x_m: float = 1.0) -> ArtefactState:
+    """Return a standing artefact."""
+    still = (0.0, 0.0, 0.0)
+    return ArtefactState(
+        artefact_id=artefact_id,
+        row=3,
+        label="box",
+        class_name="things",
+        map_from_artefact=RigidTransform.planar(x_m, 2.0, 0.5, z=0.4),
+        ground_pose=GroundPose(x_m, 2.0, 0.0, 0.5),
+        box_centre_m=still,
+        size_m=(0.5, 0.4, 0.8),
+        linear_velocity_m_s=still,
+        angular_velocity_rad_s=still,
+        behaviour="standing",
+        arrival_ns=5 * MS,
+        departure_ns=0,
+        origin=Origin.RANDOM,
+        features={"colour": "red"},
+    )
+
+
+def tick(now_ns: int, *states: ArtefactState, **parts: Any) -> Tick:
+    """Return a tick of these artefacts, nothing perceived."""
+    values: dict[str, Any] = {
+        "stamp_ns": now_ns,
+        "frame_id": "earth",
+        "artefacts": states,
+        "observer": "robot",
+        "perceived": (),
+        "events": (),
+        "metrics": METRICS,
+        "markers": (),
+        "grids": Grids(),
+        "map_from_base": None,
+        "map_from_camera": None,
+    }
+    return Tick(**(values | parts))
+
+
+def written(path: Path, *ticks: Tick, demand: Demand = EVERYTHING) -> list[tuple[str, int, Any]]:
+    """Write ticks, and return what stands in the recording."""
+    with BagWriter(path) as writer:
+        tick_writer = TickWriter(writer, RosbagsFactory(), (), demand)
+        for one in ticks:
+            tick_writer.write_tick(one)
+    with BagReader([path]) as reader:
+        return [(m.topic, m.log_time_ns, reader.deserialize(m)) for m in reader.messages()]
+
+
+def test_a_tick_becomes_messages_of_its_time(tmp_path: Path) -> None:
+    """List, sightings, metrics and each event are written at the tick's time, in its frame."""
+    event = ArtefactEvent(90 * MS, EventKind.ARRIVED, 1, "box", "", 0.0)
+    found = written(tmp_path / "a.mcap", tick(100 * MS, state(1), events=(event, event)))
+    names = [topic.removeprefix(PREFIX) for topic, _, _ in found]
+    assert names == ["events", "events", "artefacts", "perceived", "metrics"]
+    assert {at for _, at, _ in found} == {100 * MS}
+    assert {message.header.frame_id for _, _, message in found} == {"earth"}
+    by_name = dict(zip(names, (message for _, _, message in found), strict=True))
+    assert by_name["events"].header.stamp.nanosec == 90 * MS
+    assert by_name["perceived"].observer == "robot"
+    assert by_name["metrics"].area_m2 == 12.5
+    (artefact,) = by_name["artefacts"].artefacts
+    assert (artefact.id, artefact.row, artefact.label) == (1, 3, "box")
+
+
+def test_without_perception_no_list_of_it_is_written(tmp_path: Path) -> None:
+    """Nobody is told that nothing was seen where nobody looked."""
+    demand = Demand(perception=False)
+    found = written(tmp_path / "a.mcap", tick(0), demand=demand)
+    assert [topic.removeprefix(PREFIX) for topic, _, _ in found] == ["artefacts", "metrics"]
+
+
+def test_states_that_are_kept_are_encoded_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The message of a state is made again only for a new state, and forgotten with it."""
+    made: list[int] = []
+
+    def counting(factory: MessageFactory, one: ArtefactState) -> Any:
+        made.append(one.artefact_id)
+        return make_artefact(factory, one)
+
+    monkeypatch.setattr(f"{TickWriter.__module__}.make_artefact", counting)
+    one, two, moved = state(1), state(2), state(1, x_m=7.0)
+    scenes = ((one,), (one, two), (moved, two), (two,), (one, two))
+    ticks = [tick(k * MS, *scene) for k, scene in enumerate(scenes)]
+    found = written(tmp_path / "a.mcap", *ticks)
+    lists = [message.artefacts for topic, _, message in found if topic == PREFIX + "artefacts"]
+    assert [[(a.id, a.ground_pose.position.x) for a in artefacts] for artefacts in lists] == [
+        [(one.artefact_id, one.ground_pose.x_m) for one in scene] for scene in scenes
+    ]
+    assert made == [1, 2, 1, 1]
+
+
+def test_grids_are_written_when_there_are_some(tmp_path: Path) -> None:
+    """A whole map and a costmap go out, latched, when they changed."""
+    cells = np.array([[0, 100], [-1, 0]], np.int8)
+    grid = OccupancyGrid(cells, 0.5, RigidTransform.identity(), "earth")
+    grids = Grids(augmented_map=grid, costmap=grid)
+    found = written(tmp_path / "a.mcap", tick(0, grids=grids), tick(MS))
+    maps = [(topic, message) for topic, _, message in found if hasattr(message, "info")]
+    assert [topic for topic, _ in maps] == [
+        PREFIX + "augmented_map",
+        PREFIX + "augmented_costmap",
+    ]
+    assert all(message.data.tolist() == [0, 100, -1, 0] for _, message in maps)
+    with BagReader([tmp_path / "a.mcap"]) as reader:
+        latched = {topic.name.removeprefix(PREFIX) for topic in reader.topics if topic.is_latched}
+    assert latched == {"augmented_map", "augmented_costmap"}
+
+
+def test_scans_are_written_when_they_were_released(tmp_path: Path) -> None:
+    """Log time is the release, the stamp the scan's own; the topic is the input's under ~/."""
+    ranges = np.array([1.0, 2.0], np.float32)
+    scan = LaserScan(
+        "laser", 40 * MS, 0.0, 0.1, 0.1, 0.0, 0.1, 0.1, 9.0, ranges, np.empty(0, np.float32)
+    )
+    with BagWriter(tmp_path / "a.mcap") as writer:
+        tick_writer = TickWriter(writer, RosbagsFactory(), ("/front/scan", "/rear/scan"))
+        tick_writer.write_scans([ReleasedScan("/rear/scan", scan, 70 * MS, is_augmented=True)])
+    with BagReader([tmp_path / "a.mcap"]) as reader:
+        (message,) = reader.messages()
+        content = reader.deserialize(message)
+    assert (message.topic, message.log_time_ns) == (PREFIX + "rear/scan", 70 * MS)
+    assert content.header.stamp.nanosec == 40 * MS
+    assert content.ranges.tolist() == [1.0, 2.0]
+
+
+def test_names_of_scan_outputs() -> None:
+    """One scan is ~/scan whatever its name was; several keep their own under ~/."""
+    assert scan_outputs(()) == {}
+    assert scan_outputs(("/base_scan",)) == {"/base_scan": PREFIX + "scan"}
+    assert scan_outputs(("/a/scan", "/b")) == {"/a/scan": PREFIX + "a/scan", "/b": PREFIX + "b"}
