@@ -4,6 +4,7 @@ Exit status: 0 all well; 1 an error, said in a sentence; 2 wrong usage; 3 finish
 was refused, or a check failed; 130 interrupted.
 """
 
+import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +20,22 @@ FAILED, IMPERFECT, INTERRUPTED = 1, 3, 130
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 _FILE = click.Path(path_type=Path)
 _SKIPPABLE = ("perception", "grids", "markers")
+
+
+class _Seconds(click.FloatRange):
+    """A length of time in a recording: a number, neither endless nor undefined."""
+
+    def __init__(self) -> None:
+        super().__init__(min=0.0, max=1e9)
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Return the seconds; a range alone lets nan through."""
+        seconds = float(super().convert(value, param, ctx))
+        if math.isnan(seconds):
+            self.fail(f"{value!r} is not a number.", param, ctx)
+        return seconds
 
 
 @click.group(
@@ -81,12 +98,8 @@ def _parameter_options(command: _Command) -> _Command:
     help="Let a topic play a part: map, octomap_point_cloud_centers, odom, scan, "
     "camera/camera_info, tf, tf_static. Repeatable.",
 )
-@click.option(
-    "--start", "start_s", type=click.FloatRange(min=0), default=0.0, help="Begin here [s]."
-)
-@click.option(
-    "--duration", "duration_s", type=click.FloatRange(min=0), help="Length to replay [s]."
-)
+@click.option("--start", "start_s", type=_Seconds(), default=0.0, help="Begin here [s].")
+@click.option("--duration", "duration_s", type=_Seconds(), help="Length to replay [s].")
 @click.option("--out", type=_FILE, default=Path("out"), show_default=True, help="Output folder.")
 @click.option("--with-inputs", is_flag=True, help="Write the inputs beside the outputs.")
 @click.option(

@@ -46,7 +46,8 @@ def peer_pairs(boxes: OrientedBoxes) -> npt.NDArray[np.int64]:
             depth = np.minimum(a.max(1), b.max(1)) - np.maximum(a.min(1), b.min(1))
             overlap &= depth > 1e-9
     found = pairs[overlap]
-    return found[np.lexsort((found[:, 1], found[:, 0]))]
+    ordered: npt.NDArray[np.int64] = found[np.lexsort((found[:, 1], found[:, 0]))]
+    return ordered
 
 
 def sub_step(boxes: OrientedBoxes, generator: np.random.Generator) -> Callable[[], object]:
@@ -55,7 +56,7 @@ def sub_step(boxes: OrientedBoxes, generator: np.random.Generator) -> Callable[[
     grid = OccupancyGrid(
         np.zeros((side, side), dtype=np.int8), 0.1, RigidTransform.identity(), "map"
     )
-    environment = Environment(grid, classify(grid), None, PlaneGround(0.0), 0.06)
+    environment = Environment(grid, classify(grid, 65, 25), None, PlaneGround(0.0), 0.06)
     resolver, robots = CollisionResolver(Displace(), 2.0), (Footprint.disc(0.22).at(5.0, 5.0, 0.0),)
     ids = np.arange(len(boxes))
     settled = resolver.resolve(ids, boxes, boxes, environment, robots)

@@ -72,6 +72,10 @@ def test_version_is_the_package_s() -> None:
         (("check", "a", "b"), ("(b)", "(see `are check --help`)")),
         (("replay", "a.bag", "--seed", "-1"), ("'--seed': -1 is not in the range x>=0",)),
         (("replay", "a.bag", "--skip", "all"), ("'--skip'", "'grids'")),
+        (("replay", "a.bag", "--start", "nan"), ("'--start': 'nan' is not a number",)),
+        (("replay", "a.bag", "--start", "-1"), ("'--start'", "not in the range")),
+        (("replay", "a.bag", "--duration", "inf"), ("'--duration'", "not in the range")),
+        (("replay", "a.bag", "--duration", "1e300"), ("'--duration'", "not in the range")),
     ],
 )
 def test_wrong_usage_is_one_sentence(

@@ -3,11 +3,10 @@
 import importlib
 import pkgutil
 import re
+import sys
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
-
-import pytest
 
 import are_ros
 from are_ros._version import __version__
@@ -16,8 +15,8 @@ PROJECT = Path(__file__).resolve().parents[1]
 
 
 def project_table() -> dict[str, Any]:
-    """Return pyproject.toml; skip below Python 3.11, which cannot read it."""
-    tomllib = pytest.importorskip("tomllib")
+    """Return pyproject.toml; below Python 3.11 by tomli, which pytest brings along there."""
+    tomllib = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
     table: dict[str, Any] = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))
     return table
 

@@ -5,8 +5,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-import yaml
-
 from are_ros.artefacts._fields import Fields
 from are_ros.artefacts.catalogue import (
     BEHAVIOURS,
@@ -19,6 +17,7 @@ from are_ros.artefacts.catalogue import (
 from are_ros.artefacts.meshes import BoxGeometry, file_geometry, shape_geometry
 from are_ros.artefacts.shapes import Shape
 from are_ros.errors import CatalogueError
+from are_ros.yaml_text import read_yaml
 
 SHIPPED_CATALOGUE: Final = Path(__file__).parent / "data" / "catalogue.yaml"
 
@@ -39,7 +38,8 @@ def read_catalogue(path: Path = SHIPPED_CATALOGUE) -> Catalogue:
     CatalogueError, one sentence that names file, row, field and reason, for whatever is wrong.
     Meshes of the user's are read too, for their boxes; built-in shapes are not built.
     """
-    document = Fields(str(path), _load(path), ("classes", "rows"))
+    content = read_yaml(path, f"the catalogue {path}", CatalogueError)
+    document = Fields(str(path), content, ("classes", "rows"))
     names = document.raw("classes")
     if not isinstance(names, dict) or not names:
         document.refuse("classes", "must map the name of each class to its defaults")
@@ -51,20 +51,6 @@ def read_catalogue(path: Path = SHIPPED_CATALOGUE) -> Catalogue:
     _check_labels(path, rows)
     _check_blocks(path, rows, list(classes))
     return Catalogue(tuple(rows))
-
-
-def _load(path: Path) -> object:
-    """Return the YAML document of a file."""
-    # The reader in C is ten times as quick, and not everywhere.
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    try:
-        return yaml.load(path.read_text(encoding="utf-8"), loader)  # noqa: S506  # a safe loader
-    except (OSError, UnicodeDecodeError) as cause:
-        reason = getattr(cause, "strerror", None) or "it is no UTF-8 text"
-        raise CatalogueError(f"the catalogue {path} cannot be read: {reason}") from cause
-    except yaml.YAMLError as cause:
-        reason = " ".join(str(cause).split())
-        raise CatalogueError(f"the catalogue {path} is no valid YAML: {reason}") from cause
 
 
 def _class_defaults(path: Path, name: str, values: object) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from are_ros.builder.states import StateKeeper, perceived_artefact
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
-from are_ros.parameters.choices import OdometryUse
+from are_ros.parameters.choices import CameraModel, OdometryUse
 from are_ros.parameters.model import Parameters
 from are_ros.world.environment import Environment
 from are_ros.world.frame_tree import FrameTree, TransformSource
@@ -34,6 +34,9 @@ from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import Values
 
 _NAN = float("nan")
+_BEFORE_ALL_NS: Final = -(2**63)
+_CLOCK_JITTER_NS: Final = NS_PER_S // 10
+"""Inputs that come out of order by no more than this are taken as if they came now."""
 _ODOMETRY_SOURCES: Final = {
     OdometryUse.AUTO: TransformSource.ODOMETRY,
     OdometryUse.USE: TransformSource.PARAMETER,
@@ -62,7 +65,7 @@ class ArBuilder:
         resolver = assembly.collision_resolver(parameters)
         self.lives = Lives(parameters, catalogue, self.world, self.robots, resolver)
         self._meshes = MeshBank()
-        self.camera = assembly.default_camera(parameters)
+        self.camera: Camera | None = assembly.default_camera(parameters)
         self._watch = assembly.watch(parameters, self.robots, self._meshes)
         self._gate = assembly.gate(parameters)
         self._grids = assembly.grid_augmentation(parameters)
@@ -73,8 +76,8 @@ class ArBuilder:
         self._registered: tuple[Environment | None, Scene | None, dict[int, CellPatch]]
         self._registered = (None, None, {})
         self._clutter_ratio = _NAN
-        self._now_ns = 0
-        self._idle_until_ns = 0
+        self._now_ns = _BEFORE_ALL_NS
+        self._idle_until_ns = _BEFORE_ALL_NS
         assembly.set_static_frames(parameters, self.frames)
 
     # ------------------------------------------------------------------------------ inputs
@@ -86,6 +89,7 @@ class ArBuilder:
             wanted = self.parameters.frames.map
             raise InputError(f"map: its frame is '{grid.frame_id}', but frames.map is '{wanted}'")
         self.world.set_grid(grid)
+        self._settle(received_ns)
 
     def receive_cloud(
         self,
@@ -93,10 +97,16 @@ class ArBuilder:
         frame_id: str,
         received_ns: int,
         voxel_size_m: float | None = None,
+        stamp_ns: int | None = None,
     ) -> None:
-        """Take the centres (N, 3) of M3D's occupied voxels, in any frame of the tree."""
+        """Take the centres (N, 3) of M3D's occupied voxels, in any frame of the tree.
+
+        The frame's pose is that at the stamp where it is known, else (None, or too long ago) the
+        newest; a frame that is not known yet is waited for.
+        """
         self._received(received_ns)
-        self.world.set_cloud(centres_m, voxel_size_m, frame_id)
+        self.world.set_cloud(centres_m, voxel_size_m, frame_id, stamp_ns)
+        self._settle(received_ns)
 
     def receive_transform(
         self,
@@ -152,6 +162,16 @@ class ArBuilder:
         """Return the scans that have left the sensor path since the last call."""
         return self._scans.take()
 
+    @property
+    def looks(self) -> int:
+        """How often the camera's pose was known when it was time to look."""
+        return self._watch.looks
+
+    def await_camera(self) -> None:
+        """Perceive nothing before the first CameraInfo, unless the parameters are the camera."""
+        if self.parameters.camera.model is CameraModel.AUTO:
+            self.camera = None
+
     def scan_counts(self) -> Mapping[str, SensorPathCounts]:
         """Return how the scans of each topic have left so far."""
         return self._scans.counts()
@@ -167,7 +187,7 @@ class ArBuilder:
         if now_ns < self._idle_until_ns:
             self._check_clock(now_ns)
             return
-        self._now_ns = now_ns
+        self._now_ns = max(self._now_ns, now_ns)
         while (deadline_ns := self._scans.next_deadline_ns()) is not None:
             if deadline_ns > now_ns:
                 break
@@ -220,6 +240,11 @@ class ArBuilder:
             map_from_camera=observation.map_from_camera,
         )
 
+    def _settle(self, received_ns: int) -> None:
+        """Let artefacts make way for a new environment; what is due may have changed with it."""
+        self.lives.settle(received_ns)
+        self._idle_until_ns = received_ns
+
     def _next_due_ns(self) -> int:
         """Return the time before which nothing is due unless an input comes."""
         deadline_ns = self._scans.next_deadline_ns()
@@ -228,8 +253,8 @@ class ArBuilder:
 
     def _check_clock(self, now_ns: int) -> None:
         """Start anew when the clock has jumped back, as it does when a recording loops."""
-        if now_ns >= self._now_ns:
-            self._now_ns = now_ns
+        if now_ns >= self._now_ns - _CLOCK_JITTER_NS:
+            self._now_ns = max(self._now_ns, now_ns)
             return
         self.notices.append(
             f"the clock jumped back by {(self._now_ns - now_ns) / NS_PER_S:.3f} s: "
@@ -250,11 +275,11 @@ class ArBuilder:
 
     def _observe(self, now_ns: int, scene: Scene) -> Observation:
         """Occlusion: which artefacts the camera sees."""
-        environment = self.world.environment
-        if environment is None or not self.demand.perception:
+        environment, camera = self.world.environment, self.camera
+        if environment is None or camera is None or not self.demand.perception:
             return self._watch.stand_by(now_ns)
         settings = self.parameters.occlusion
-        observation = self._watch.observe(now_ns, self.camera, environment, scene, settings)
+        observation = self._watch.observe(now_ns, camera, environment, scene, settings)
         self._scans.perceived = frozenset(observation.sightings)
         return observation
 
@@ -275,7 +300,7 @@ class ArBuilder:
     ) -> Grids:
         """Augmentation of the grids with the artefacts that the gate admits."""
         environment = self.world.environment
-        admitted = self._gate.admitted(now_ns, observation.sightings, patches)
+        admitted = self._gate.admitted(now_ns, observation.sightings, patches, observation.seen_ns)
         if environment is None or not self.demand.grids:
             return Grids()
         return self._grids.update(now_ns, environment, {i: patches[i] for i in admitted})

@@ -14,9 +14,16 @@ class ArtefactGate(Protocol):
     """What decides, tick by tick, which artefacts are admitted."""
 
     def admitted(
-        self, now_ns: int, perceived_ids: Iterable[int], alive_ids: Iterable[int]
+        self,
+        now_ns: int,
+        perceived_ids: Iterable[int],
+        alive_ids: Iterable[int],
+        seen_ns: int | None = None,
     ) -> tuple[int, ...]:
-        """Return the ids to show at `now_ns`, ascending; always a subset of the living."""
+        """Return the ids to show at `now_ns`, ascending; always a subset of the living.
+
+        `seen_ns` is when the perceived were looked at, if not now.
+        """
         ...
 
 
@@ -35,7 +42,11 @@ class GateMemory:
         self._now_ns: int | None = None
 
     def admitted(
-        self, now_ns: int, perceived_ids: Iterable[int], alive_ids: Iterable[int]
+        self,
+        now_ns: int,
+        perceived_ids: Iterable[int],
+        alive_ids: Iterable[int],
+        seen_ns: int | None = None,
     ) -> tuple[int, ...]:
         """Return the ids of the living seen recently enough, ascending.
 
@@ -44,10 +55,11 @@ class GateMemory:
         if self._now_ns is not None and now_ns < self._now_ns:
             self._last_seen_ns.clear()
         self._now_ns = now_ns
-        self._last_seen_ns.update(dict.fromkeys(perceived_ids, now_ns))
-        alive = set(alive_ids)
+        perceived, alive = set(perceived_ids), set(alive_ids)
+        self._last_seen_ns.update(dict.fromkeys(perceived, now_ns if seen_ns is None else seen_ns))
         self._last_seen_ns = {i: seen for i, seen in self._last_seen_ns.items() if i in alive}
-        return tuple(sorted(i for i in alive if self._is_remembered(i, now_ns)))
+        shown = (i for i in alive if i in perceived or self._is_remembered(i, now_ns))
+        return tuple(sorted(shown))
 
     def _is_remembered(self, artefact_id: int, now_ns: int) -> bool:
         seen_ns = self._last_seen_ns.get(artefact_id)
@@ -65,10 +77,14 @@ class OpenGate:
     """Admits every living artefact."""
 
     def admitted(
-        self, now_ns: int, perceived_ids: Iterable[int], alive_ids: Iterable[int]
+        self,
+        now_ns: int,
+        perceived_ids: Iterable[int],
+        alive_ids: Iterable[int],
+        seen_ns: int | None = None,
     ) -> tuple[int, ...]:
         """Return the ids of the living, ascending."""
-        del now_ns, perceived_ids
+        del now_ns, perceived_ids, seen_ns
         return tuple(sorted(set(alive_ids)))
 
 

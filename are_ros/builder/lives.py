@@ -27,6 +27,7 @@ from are_ros.builder.spawning import Spawning
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import PlacementError
 from are_ros.parameters.model import Parameters
+from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint
 
 _IDLE_NS = NS_PER_S
@@ -65,6 +66,7 @@ class Lives:
         self._in_contact: set[tuple[int, int]] = set()
         self._events: list[ArtefactEvent] = []
         self._standing: Scene | None = None
+        self._settled: Environment | None = None
         self._scene = Scene.of((), 0)
 
     @property
@@ -184,17 +186,28 @@ class Lives:
         environment = self._world.environment
         if environment is None:
             return
-        self._refresh_region(step_ns)
+        self._resolve(step_ns)
+
+    def settle(self, now_ns: int) -> None:
+        """Let whoever a new map or cloud covers make way at once, not at the next sub-step."""
+        if self._world.environment is not self._settled:
+            self._look(now_ns)
+            self._resolve(now_ns)
+
+    def _resolve(self, now_ns: int) -> None:
+        """Follow the environment, and apply the remedies to those whose pose is not safe."""
+        environment = self._settled = self._world.environment
+        self._refresh_region(now_ns)
         standing = self._stand()
-        if not len(standing):
+        if environment is None or not len(standing):
             return
         robots: Sequence[Footprint] = [self._robot.footprint] if self._robot else []
         resolution = self._resolver.resolve(
             standing.ids, standing.boxes, standing.boxes, environment, robots
         )
-        self._report_contacts(step_ns, resolution.contacts)
+        self._report_contacts(now_ns, resolution.contacts)
         if not resolution.is_all_kept:
-            self._apply(step_ns, standing.artefacts, resolution)
+            self._apply(now_ns, standing.artefacts, resolution)
 
     def _refresh_region(self, now_ns: int) -> None:
         """Follow the environment and the robot; nobody arrives before the region is known."""

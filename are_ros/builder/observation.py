@@ -27,13 +27,14 @@ class Observation:
 class Watch:
     """Lets an observer look at most `rate_hz` times a second; in between, what it saw stands.
 
-    `blind_ticks` counts the looks for which the camera's pose was missing or too old.
+    `looks` counts them, `blind_ticks` those that the camera's pose was missing or too old for.
     """
 
     def __init__(
         self, robots: RobotTracker, perception: Perception, rate_hz: float, tick_rate_hz: float
     ) -> None:
         self.blind_ticks = 0
+        self.looks = 0
         self._robots = robots
         self._perception = perception
         self._period_ns = round(NS_PER_S / rate_hz)
@@ -59,6 +60,7 @@ class Watch:
         if map_from_camera is None:
             self.blind_ticks += 1
         else:
+            self.looks += 1
             sightings = self._perception.look(camera, map_from_camera, environment, scene, settings)
         self._last = Observation(map_from_base, map_from_camera, sightings, now_ns)
         return self._last

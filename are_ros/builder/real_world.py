@@ -23,6 +23,7 @@ class _Cloud:
     centres_m: npt.NDArray[np.floating]
     voxel_size_m: float | None
     frame_id: str
+    stamp_ns: int | None = None
 
 
 class RealWorld:
@@ -48,6 +49,7 @@ class RealWorld:
         self._voxels: VoxelMap | None = None
         self._last_cloud: _Cloud | None = None
         self._pending_cloud: _Cloud | None = None
+        self._map_from_cloud: RigidTransform | None = None
 
     @property
     def grid(self) -> OccupancyGrid | None:
@@ -61,22 +63,36 @@ class RealWorld:
         self._grid = grid
 
     def set_cloud(
-        self, centres_m: npt.NDArray[np.floating], voxel_size_m: float | None, frame_id: str
+        self,
+        centres_m: npt.NDArray[np.floating],
+        voxel_size_m: float | None,
+        frame_id: str,
+        stamp_ns: int | None = None,
     ) -> None:
         """Take the occupied voxels' centres (N, 3) in `frame_id`; used once its pose is known.
 
         Raises InputError where they make no voxel map; the last good cloud stays then.
         """
-        cloud = _Cloud(centres_m, self._parameters.voxel_size or voxel_size_m, frame_id)
-        if self._last_cloud is not None and _same_cloud(self._last_cloud, cloud):
+        size_m = self._parameters.voxel_size or voxel_size_m
+        cloud = _Cloud(centres_m, size_m, frame_id, stamp_ns)
+        map_from_cloud = self._map_from(cloud)
+        if self._is_known(cloud, map_from_cloud):
             return
-        map_from_cloud = self._map_from(frame_id)
         if map_from_cloud is None:
             VoxelMap.from_centres(centres_m, cloud.voxel_size_m, RigidTransform.identity())
             self._last_cloud = self._pending_cloud = cloud
             return
         self._use_cloud(cloud, map_from_cloud)
         self._last_cloud = cloud
+
+    def _is_known(self, cloud: _Cloud, map_from_cloud: RigidTransform | None) -> bool:
+        """Say whether this is the last cloud again, at the same place."""
+        if self._last_cloud is None or not _same_cloud(self._last_cloud, cloud):
+            return False
+        placed = self._map_from_cloud
+        if map_from_cloud is None or placed is None:
+            return map_from_cloud is None
+        return np.array_equal(placed.matrix(), map_from_cloud.matrix())
 
     def missing_frame(self) -> str:
         """Return the frame of a cloud that waits for its pose, empty if none does."""
@@ -85,7 +101,7 @@ class RealWorld:
     def retry_cloud(self) -> None:
         """Place the cloud that waits, if its frame is known by now."""
         cloud = self._pending_cloud
-        map_from_cloud = self._map_from(cloud.frame_id) if cloud else None
+        map_from_cloud = self._map_from(cloud) if cloud else None
         if cloud is None or map_from_cloud is None:
             return
         self._pending_cloud = None
@@ -99,11 +115,17 @@ class RealWorld:
         if self._grid is not None:
             self.environment = self._built(self._grid, voxels)
         self._voxels, self._pending_cloud = voxels, None
+        self._map_from_cloud = map_from_cloud
 
-    def _map_from(self, frame_id: str) -> RigidTransform | None:
-        """Return the newest pose of a frame in the map's, None if unknown; they may be one."""
+    def _map_from(self, cloud: _Cloud) -> RigidTransform | None:
+        """Return the pose of a cloud's frame in the map's, None if it is not known yet."""
+        frame_id = cloud.frame_id
         if frame_id == self._map_frame:
             return RigidTransform.identity()
+        if cloud.stamp_ns is not None:
+            found = self._frames.try_lookup(self._map_frame, frame_id, cloud.stamp_ns)
+            if found is not None:
+                return found
         try:
             stamp_ns = self._frames.latest_common_time(self._map_frame, frame_id)
             return self._frames.lookup(self._map_frame, frame_id, stamp_ns)

@@ -11,6 +11,9 @@ from are_ros.world.rigid_transform import RigidTransform
 _USUAL_BASES = ("base_footprint", "base_link")
 
 
+_Answer = tuple[tuple[int, RigidTransform] | None, str]
+
+
 @dataclass(frozen=True, eq=False)
 class RobotPose:
     """The robot at `stamp_ns`: base in the map's frame, and its footprint laid there."""
@@ -23,7 +26,8 @@ class RobotPose:
 class RobotTracker:
     """Looks up one observer in the frame tree; the last pose known is kept.
 
-    `missing` says in a sentence why there is no pose now, and is empty while there is one.
+    `missing` and `camera_missing` say in a sentence why there was no pose when it was last asked
+    for, and are empty where there was one.
     """
 
     def __init__(
@@ -32,22 +36,36 @@ class RobotTracker:
         self.observer = observer
         self.last: RobotPose | None = None
         self.missing = "no transform was received"
+        self.camera_missing = ""
+        self._base_frame = ""
         self._frames = frames
         self._map_frame = map_frame
         self._max_age_ns = max_age_ns
         self._asked: tuple[str, int, int] | None = None
-        self._answer: tuple[int, RigidTransform] | None = None
+        self._answer: _Answer = (None, "")
 
     def base_frame(self) -> str:
-        """Return the base frame: the one configured, else the usual one that there is."""
-        if self.observer.base_frame:
-            return self.observer.base_frame
-        known = (name for name in _USUAL_BASES if self._frames.has_frame(name))
-        return next(known, _USUAL_BASES[0])
+        """Return the base frame: the one configured, else the usual one that there is.
+
+        Once a usual one is joined to the map it stays the base, whatever is named later.
+        """
+        if self.observer.base_frame or self._base_frame:
+            return self.observer.base_frame or self._base_frame
+        known = [name for name in _USUAL_BASES if self._frames.has_frame(name)]
+        joined = (name for name in known if self._is_joined(name))
+        self._base_frame = next(joined, "")
+        return self._base_frame or next(iter(known), _USUAL_BASES[0])
+
+    def _is_joined(self, frame: str) -> bool:
+        try:
+            self._frames.latest_common_time(self._map_frame, frame)
+        except FrameError:
+            return False
+        return True
 
     def pose(self, now_ns: int) -> RobotPose | None:
         """Return the latest pose not after `now_ns`, or None if older than the oldest accepted."""
-        found = self.transform_of(self.base_frame(), now_ns)
+        found, self.missing = self._transform_of(self.base_frame(), now_ns)
         if found is None:
             return None
         stamp_ns, map_from_base = found
@@ -62,30 +80,26 @@ class RobotTracker:
             self.last = RobotPose(stamp_ns, map_from_base, footprint)
         return self.last
 
-    def transform_of(self, frame: str, now_ns: int) -> tuple[int, RigidTransform] | None:
-        """Return (stamp, map_from_frame), the latest not after `now_ns`, None if there is none."""
+    def _transform_of(self, frame: str, now_ns: int) -> _Answer:
+        """Return (stamp, map_from_frame), the latest not after `now_ns`, or None and the reason."""
         asked = (frame, now_ns, self._frames.changes)
         if asked != self._asked:
             self._asked, self._answer = asked, self._looked_up(frame, now_ns)
         return self._answer
 
-    def _looked_up(self, frame: str, now_ns: int) -> tuple[int, RigidTransform] | None:
+    def _looked_up(self, frame: str, now_ns: int) -> _Answer:
         try:
             stamp_ns = self._frames.latest_before(self._map_frame, frame, now_ns)
             if now_ns - stamp_ns > self._max_age_ns:
-                self.missing = _too_old(self._map_frame, frame, now_ns - stamp_ns)
-                return None
-            found = self._frames.lookup(self._map_frame, frame, stamp_ns)
+                return None, _too_old(self._map_frame, frame, now_ns - stamp_ns)
+            return (stamp_ns, self._frames.lookup(self._map_frame, frame, stamp_ns)), ""
         except FrameError as cause:
-            self.missing = str(cause)
-            return None
-        self.missing = ""
-        return stamp_ns, found
+            return None, str(cause)
 
     def map_from_camera(self, camera: Camera, now_ns: int) -> RigidTransform | None:
         """Return the pose of a camera's optical frame as of `now_ns`, None if it is not known."""
         frame = camera.frame_id or self.base_frame()
-        found = self.transform_of(frame, now_ns)
+        found, self.camera_missing = self._transform_of(frame, now_ns)
         if found is None:
             return None
         return found[1] if camera.frame_id else found[1] @ camera.base_from_optical

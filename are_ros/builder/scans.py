@@ -1,5 +1,7 @@
 """The augmented laser scans: one sensor path per topic, and what their beams may meet."""
 
+from operator import attrgetter
+
 from are_ros.builder.augmented_scan import augment_scan
 from are_ros.builder.lives import Lives
 from are_ros.builder.mesh_bank import MeshBank
@@ -57,8 +59,9 @@ class ScanAugmentation:
             path.deadline_passed(now_ns)
 
     def take(self) -> list[ReleasedScan]:
-        """Return what was released since the last call, topic by topic."""
-        return [scan for path in self._paths.values() for scan in path.take()]
+        """Return what was released since the last call, in the order of release."""
+        released = [scan for path in self._paths.values() for scan in path.take()]
+        return sorted(released, key=attrgetter("released_ns")) if len(self._paths) > 1 else released
 
     def flush(self, now_ns: int) -> None:
         """Release all that still waits: the input has ended."""

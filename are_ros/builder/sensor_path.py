@@ -69,15 +69,12 @@ class SensorPath:
         return self._waiting[0].deadline_ns if self._waiting else None
 
     def transforms_came(self, now_ns: int) -> None:
-        """Release the scans whose transform has become known."""
+        """Release the scans whose transform has become known; none overtakes another."""
         while self._waiting:
-            item = self._waiting[0]
-            scan = item.scan
-            pose = self._frames.try_lookup(self._map_frame, scan.frame_id, scan.stamp_ns)
+            pose = self._exact_pose(self._waiting[0].scan)
             if pose is None:
                 return
-            self.counts.exact += 1
-            self._release(now_ns, pose)
+            self._release(self._waiting.popleft(), now_ns, pose)
 
     def deadline_passed(self, now_ns: int) -> None:
         """Release the scans whose deadline is not after `now_ns`, as well as it can be done.
@@ -85,7 +82,8 @@ class SensorPath:
         The last map->odom may be held, the motion since then may not.
         """
         while self._waiting and self._waiting[0].deadline_ns <= now_ns:
-            self._release(now_ns, self._held_pose(self._waiting[0].scan))
+            self._release_head(now_ns)
+            self.transforms_came(now_ns)
 
     def take(self) -> list[ReleasedScan]:
         """Return what was released since the last call."""
@@ -95,14 +93,28 @@ class SensorPath:
     def flush(self, now_ns: int) -> None:
         """Release all that still waits: the input has ended."""
         while self._waiting:
-            self._release(now_ns, self._held_pose(self._waiting[0].scan))
+            self._release_head(now_ns)
 
     def clear(self) -> None:
         """Drop what waits: the clock jumped back."""
         self._waiting.clear()
 
+    def _release_head(self, now_ns: int) -> None:
+        """Let the scan go that has waited longest, with the best pose that there is."""
+        item = self._waiting.popleft()
+        pose = self._exact_pose(item.scan) or self._held_pose(item.scan)
+        self._release(item, now_ns, pose)
+
+    def _exact_pose(self, scan: LaserScan) -> RigidTransform | None:
+        pose = self._frames.try_lookup(self._map_frame, scan.frame_id, scan.stamp_ns)
+        self.counts.exact += pose is not None
+        return pose
+
     def _held_pose(self, scan: LaserScan) -> RigidTransform | None:
+        has_odometry = self._frames.has_frame(self._odom_frame)
         try:
+            if not has_odometry:
+                return self._frames.lookup(self._map_frame, scan.frame_id, scan.stamp_ns)
             pose = self._frames.lookup_held(
                 self._map_frame, self._odom_frame, scan.frame_id, scan.stamp_ns
             )
@@ -113,8 +125,7 @@ class SensorPath:
         self.counts.held += 1
         return pose
 
-    def _release(self, now_ns: int, map_from_sensor: RigidTransform | None) -> None:
-        item = self._waiting.popleft()
+    def _release(self, item: _Waiting, now_ns: int, map_from_sensor: RigidTransform | None) -> None:
         scan = item.scan if map_from_sensor is None else self._augment(item.scan, map_from_sensor)
         is_augmented = map_from_sensor is not None
         self._released.append(ReleasedScan(item.topic, scan, now_ns, is_augmented))

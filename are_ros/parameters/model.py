@@ -28,7 +28,7 @@ class BuilderParameters:
         10.0,
         "Ticks per second; tick k runs at k periods since the epoch.",
         unit="Hz",
-        low=0.1,
+        low=0.5,
         high=100.0,
     )
 

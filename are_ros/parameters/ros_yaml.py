@@ -1,6 +1,5 @@
 """The `ros__parameters` file of node and replay, and `name:=value` of a command line."""
 
-import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,19 +9,10 @@ import yaml
 from are_ros.errors import ParameterError
 from are_ros.parameters.declaration import Value, describe, flatten
 from are_ros.parameters.model import Parameters
+from are_ros.yaml_text import parse_yaml, read_yaml
 
 _NODE = "ar_builder"
 
-
-class _Loader(yaml.SafeLoader):
-    """YAML 1.1 as ROS reads it: 1e-3 is a number, too."""
-
-
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
-    list("-+.0123456789"),
-)
 
 _OF_ROS_ITSELF = ("use_sim_time", "qos_overrides", "start_type_description_service", "autostart")
 
@@ -33,7 +23,7 @@ def read_ros_parameters(path: Path) -> dict[str, Any]:
     Sections `/**`, `ar_builder` and any `/name/space/ar_builder` count, later ones win; names that
     rclpy itself owns (use_sim_time and the like) are left to it. Raises ParameterError.
     """
-    content = _loaded(path)
+    content = read_yaml(path, f"parameter file {path}", ParameterError)
     if not isinstance(content, Mapping):
         raise ParameterError(f"parameter file {path.name}: its top level is not a mapping")
     values: dict[str, Any] = {}
@@ -48,38 +38,13 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     name, separator, value = text.partition(":=")
     if not separator or not name.strip():
         raise ParameterError(f"'{text}': a parameter is set as name:=value")
-    try:
-        return name.strip(), _parsed(value) if value.strip() else ""
-    except yaml.YAMLError as cause:
-        message = f"parameter '{name.strip()}': {value!r} is not a YAML value"
-        raise ParameterError(message) from cause
+    subject = f"parameter '{name.strip()}': {value!r}"
+    return name.strip(), parse_yaml(value, subject, ParameterError) if value.strip() else ""
 
 
 def write_ros_parameters(parameters: Parameters) -> str:
     """Return the text of a parameter file with every value, its meaning as a comment."""
     return "".join(_lines(parameters))
-
-
-def _parsed(text: str) -> Any:
-    return yaml.load(text, _Loader)  # noqa: S506 - derived from the safe loader
-
-
-def _loaded(path: Path) -> Any:
-    try:
-        return _parsed(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as cause:
-        message = f"parameter file {path}: cannot be read ({_reason(cause)})"
-        raise ParameterError(message) from cause
-    except yaml.YAMLError as cause:
-        mark = getattr(cause, "problem_mark", None)
-        where = f", line {mark.line + 1}" if mark else ""
-        problem = getattr(cause, "problem", None) or "malformed"
-        message = f"parameter file {path}{where}: not YAML ({problem})"
-        raise ParameterError(message) from cause
-
-
-def _reason(cause: Exception) -> str:
-    return getattr(cause, "strerror", None) or "not UTF-8 text"
 
 
 def _is_for_us(node: str) -> bool:

@@ -96,11 +96,14 @@ def fan_at(record: SceneRecord, sight: Sight, index: int) -> Fan | None:
 
 
 def spread_indices(record: SceneRecord, count: int) -> list[int]:
-    """Return at most `count` camera poses, evenly spread over what the robot drove and turned."""
+    """Return at most `count` camera poses, evenly spread over what the robot drove and turned.
+
+    The last is among them: what was seen at the end of the way is to be in view there.
+    """
     if not len(record.camera):
         return []
     travelled = _travelled(record)
-    wanted = _middles(travelled, count)
+    wanted = np.append(_middles(travelled, count - 1), travelled[-1])
     return sorted(set(np.searchsorted(travelled, wanted).tolist()))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
-from are_ros.errors import InputError
+from are_ros.errors import BagError, InputError
 from are_ros.messages.times import read_time
 from are_ros.replay.bag_reader import BagMessage, BagReader
 from are_ros.replay.roles import RolesFound
@@ -23,6 +23,7 @@ from are_ros.replay.roles import RolesFound
 _CLOCK = "/clock"
 _DISAGREEMENT_NS = 10 * NS_PER_S
 _LOOKED_AT = 50
+_LOOP_NS = NS_PER_S
 _STAMPED_ROLES = ("odom", "tf", "scan")
 
 _Stamps = npt.NDArray[np.int64]
@@ -41,12 +42,17 @@ class BagClock:
     sentence: str = ""
 
     @classmethod
-    def of(cls, reader: BagReader, roles: RolesFound) -> "BagClock":
-        """Return the clock of an open recording."""
+    def of(cls, reader: BagReader, roles: RolesFound, start_ns: int, stop_ns: int) -> "BagClock":
+        """Return the clock of an open recording between two log times.
+
+        Raises BagError where the stamps jump back, as they do in a recording that looped.
+        """
         source = _reference_topic(reader, roles)
         if source is None or _disagreement_ns(reader, source) < _DISAGREEMENT_NS:
             return cls(np.empty(0, np.int64), np.empty(0, np.int64))
-        instants = np.array(list(_instants(reader, source)), dtype=np.int64).reshape(-1, 2)
+        window = _instants(reader, source, start_ns, stop_ns)
+        instants = np.array(list(window), dtype=np.int64).reshape(-1, 2)
+        _check_no_loop(source, instants, reader.start_ns)
         clock_ns = np.maximum.accumulate(instants[:, 1])
         apart_s = float(np.median(clock_ns - instants[:, 0])) / NS_PER_S
         return cls(
@@ -62,7 +68,7 @@ class BagClock:
             return log_time_ns
         index = int(np.searchsorted(self.log_ns, log_time_ns, side="right"))
         if index == 0:
-            return int(self.clock_ns[0] - self.log_ns[0]) + log_time_ns
+            return max(0, int(self.clock_ns[0] - self.log_ns[0]) + log_time_ns)
         since_ns = log_time_ns - int(self.log_ns[index - 1])
         if index == len(self.log_ns):
             return int(self.clock_ns[-1]) + since_ns
@@ -84,9 +90,22 @@ def _disagreement_ns(reader: BagReader, topic: str) -> float:
     return float(np.median(apart)) if apart else 0.0
 
 
-def _instants(reader: BagReader, topic: str) -> Iterator[tuple[int, int]]:
+def _check_no_loop(topic: str, instants: _Stamps, bag_start_ns: int) -> None:
+    back_ns = -np.diff(instants[:, 1])
+    if len(back_ns) and back_ns.max() > _LOOP_NS:
+        worst = int(back_ns.argmax())
+        at_s = (int(instants[worst + 1, 0]) - bag_start_ns) / NS_PER_S
+        raise BagError(
+            f"{topic}: the stamps jump back by {back_ns[worst] / NS_PER_S:.1f} s, {at_s:.1f} s "
+            "into the recording (it looped): replay one pass of it with --start and --duration"
+        )
+
+
+def _instants(
+    reader: BagReader, topic: str, start_ns: int | None = None, stop_ns: int | None = None
+) -> Iterator[tuple[int, int]]:
     """Yield (log time, stamp) of the messages of a topic that have one."""
-    for message in reader.messages((topic,)):
+    for message in reader.messages((topic,), start_ns, stop_ns):
         try:
             stamp_ns = _stamp_ns(reader, message)
         except InputError:

@@ -96,7 +96,7 @@ def replay_command(say: Say, **options: Any) -> bool:
         say(line)
     for line in complaints(outcome):
         say(line)
-    return not outcome.refusals.counts
+    return not (outcome.refusals.counts or outcome.camera_problem)
 
 
 def write_results(outcome: Outcome, folder: Path) -> list[str]:
@@ -131,6 +131,10 @@ def complaints(outcome: Outcome) -> list[str]:
     for topic, problem in sorted(outcome.scan_problems.items()):
         passed = outcome.scans[topic].passed_through
         lines.append(f"{topic}: {passed} scans passed through unaugmented, the last for: {problem}")
+    if outcome.camera_problem:
+        lines.append(
+            f"nothing was perceived, the camera's pose is not known: {outcome.camera_problem}"
+        )
     return lines
 
 

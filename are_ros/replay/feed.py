@@ -72,8 +72,10 @@ class Feed:
     def _cloud(self, message: BagMessage, received_ns: int) -> None:
         cloud = self._object(message)
         points_m = read_points(cloud, message.topic)
-        frame_id = read_header(cloud, message.topic).frame_id
-        self._builder.receive_cloud(points_m, frame_id, received_ns)
+        header = read_header(cloud, message.topic)
+        self._builder.receive_cloud(
+            points_m, header.frame_id, received_ns, stamp_ns=header.stamp_ns
+        )
 
     def _odometry(self, message: BagMessage, received_ns: int) -> None:
         numbers = self._reader.odometry(message)

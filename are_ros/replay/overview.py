@@ -29,7 +29,7 @@ _SWEPT_FANS: Final = 60
 
 
 def draw_overview(
-    record: SceneRecord, grid: OccupancyGrid, path: Path, *, occupied_threshold: int = 65
+    record: SceneRecord, grid: OccupancyGrid, path: Path, *, occupied_threshold: int
 ) -> None:
     """Write the picture of a replay over its map, as PNG; the same input gives the same bytes.
 

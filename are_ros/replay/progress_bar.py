@@ -13,7 +13,10 @@ _LAYOUT = "{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} s [{elapsed}<{re
 
 
 class ProgressBar:
-    """A bar on stderr; a context manager, so that what is said after it has a line of its own."""
+    """A bar on stderr; a context manager, so that what is said after it has a line of its own.
+
+    Where stderr is no terminal (a file, CI) there is none.
+    """
 
     def __init__(self) -> None:
         self._bar: tqdm[NoReturn] | None = None
@@ -33,7 +36,9 @@ class ProgressBar:
     def open(self, start_ns: int, end_ns: int) -> Progress:
         """Show the bar; what is returned moves it, and closes it at `end_ns`."""
         total_s = round((end_ns - start_ns) / NS_PER_S, 3)
-        bar: tqdm[NoReturn] = tqdm(total=total_s, desc="replay", bar_format=_LAYOUT, leave=True)
+        bar: tqdm[NoReturn] = tqdm(
+            total=total_s, desc="replay", bar_format=_LAYOUT, leave=True, disable=None
+        )
         self._bar = bar
         shown_ns = start_ns
 

@@ -1,6 +1,6 @@
 """A replay: the inputs of a recording through the builder, tick by tick."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from are_ros.builder.ar_builder import ArBuilder
@@ -17,6 +17,8 @@ from are_ros.replay.stopwatch import Stopwatch
 
 _FED_BEFORE_START = ("map", "octomap_point_cloud_centers", "camera/camera_info", "tf", "tf_static")
 _SCAN_ROLE = "scan"
+_MOVING_ROLES = ("tf", "odom", "scan", "camera/camera_info")
+_LONG_BEFORE_NS = 60 * NS_PER_S
 _DEFAULT_SCANS = ("scan",)
 _READ_ROLES = (*_FED_BEFORE_START, "odom", _SCAN_ROLE)
 
@@ -53,12 +55,13 @@ class Replay:
         stopwatch: Stopwatch,
     ) -> None:
         """Raise BagError where the window holds nothing, or a scan topic is absent."""
-        self.clock = BagClock.of(reader, roles)
-        self._first_log_ns = reader.start_ns + seconds_to_ns(options.start_s)
+        self.role_of_topic = _topics_to_read(reader, options, roles)
+        begin_ns, self.sentence = _beginning(reader, self.role_of_topic)
+        self._first_log_ns = begin_ns + seconds_to_ns(options.start_s)
         self._last_log_ns = _end_ns(reader, self._first_log_ns, options)
+        self.clock = BagClock.of(reader, roles, self._first_log_ns, self._last_log_ns)
         self.start_ns = self.clock.at(self._first_log_ns)
         self.end_ns = self.clock.at(self._last_log_ns)
-        self.role_of_topic = _topics_to_read(reader, options, roles)
         self.feed = Feed(reader, builder, self.role_of_topic)
         self.ticks = 0
         self._reader = reader
@@ -82,7 +85,7 @@ class Replay:
             listener.take_input(message, received_ns)
             self._hand_over_scans(listener)
             progress(received_ns)
-        self._run_ticks(self.end_ns, listener)
+        self._run_ticks(self.end_ns - 1, listener)
         self._builder.finish(self.end_ns)
         self._hand_over_scans(listener)
         progress(self.end_ns)
@@ -107,6 +110,21 @@ class Replay:
     def _hand_over_scans(self, listener: Listener) -> None:
         if scans := self._builder.take_scans():
             listener.take_scans(scans)
+
+
+def _beginning(reader: BagReader, role_of_topic: Mapping[str, str]) -> tuple[int, str]:
+    """Return the log time at which the recording begins, and what is to be said of it.
+
+    What lies long before everything that moves (a latched map with the time of its making, or
+    with none) does not count.
+    """
+    moving = [topic for topic, role in role_of_topic.items() if role in _MOVING_ROLES]
+    firsts = (next(reader.messages((topic,)), None) for topic in moving)
+    begin_ns = min((first.log_time_ns for first in firsts if first), default=reader.start_ns)
+    if begin_ns - reader.start_ns <= _LONG_BEFORE_NS:
+        return reader.start_ns, ""
+    ahead_s = (begin_ns - reader.start_ns) / NS_PER_S
+    return begin_ns, f"nothing moves in the first {ahead_s:.0f} s: the replay begins after them"
 
 
 def _end_ns(reader: BagReader, start_ns: int, options: ReplayOptions) -> int:

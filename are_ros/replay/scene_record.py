@@ -67,9 +67,19 @@ class SceneRecorder:
     """Collects a `SceneRecord`, tick by tick."""
 
     def __init__(
-        self, catalogue: Catalogue, *, seed: int, max_range_m: float, footprint: Footprint
+        self,
+        catalogue: Catalogue,
+        *,
+        seed: int,
+        max_range_m: float,
+        footprint: Footprint,
+        is_perceiving: bool = True,
     ) -> None:
-        """Take the rows that the artefacts are of, and the robot's outline on its base."""
+        """Take the rows that the artefacts are of, and the robot's outline on its base.
+
+        Where perception is left out (not `is_perceiving`), no tick counts as blind.
+        """
+        self._is_perceiving = is_perceiving
         self._rows = {row.label: row for row in catalogue.rows}
         self._seed, self._max_range_m, self._footprint = seed, max_range_m, footprint
         self._lives: dict[int, LifeRecorder] = {}
@@ -142,7 +152,7 @@ class SceneRecorder:
     def _add_camera(self, tick: Tick, camera: Camera | None) -> None:
         pose = tick.map_from_camera
         if pose is None:
-            self._blind_ticks += 1
+            self._blind_ticks += self._is_perceiving
         elif camera is not None:
             if not self._views or self._views[-1] != camera.view:
                 self._views.append(camera.view)

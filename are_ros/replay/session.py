@@ -49,6 +49,7 @@ class Outcome:
     grid: OccupancyGrid
     scans: Mapping[str, SensorPathCounts]
     scan_problems: Mapping[str, str]
+    camera_problem: str
     refusals: Refusals
     messages_written: Mapping[str, int]
     stopwatch: Stopwatch
@@ -72,12 +73,14 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             files = MapFiles.read(options)
             if options.out is not None:
                 prepare_folder(options.out)
-            if replay.clock.sentence:
-                say(replay.clock.sentence)
-            with said_if_slow(say, "compiling the kernels: half a minute, this first time only"):
+            for sentence in filter(None, (replay.sentence, replay.clock.sentence)):
+                say(sentence)
+            if "camera/camera_info" in replay.role_of_topic.values():
+                builder.await_camera()
+            with said_if_slow(say, "preparing the kernels (half a minute the first time)"):
                 warm_up(catalogue)
             files.feed(builder, replay.start_ns)
-        recorder = _recorder(options.parameters, catalogue)
+        recorder = _recorder(options, catalogue)
         keeper = RecordKeeper(recorder, builder)
         with ExitStack() as stack:
             writers, counts = _open_writers(stack, options, reader, replay, builder)
@@ -119,12 +122,14 @@ def _say_what_is_missing(options: ReplayOptions, roles: RolesFound, say: Say) ->
         )
 
 
-def _recorder(parameters: Parameters, catalogue: Catalogue) -> SceneRecorder:
+def _recorder(options: ReplayOptions, catalogue: Catalogue) -> SceneRecorder:
+    parameters = options.parameters
     return SceneRecorder(
         catalogue,
         seed=parameters.seed,
         max_range_m=parameters.occlusion.max_range,
         footprint=robot_footprint(parameters.robot),
+        is_perceiving=options.demand.perception,
     )
 
 
@@ -183,6 +188,15 @@ def _why_no_map(replay: Replay) -> str:
     return f"no usable map was received ({reason}): give one with --map FILE.yaml"
 
 
+def _camera_problem(options: ReplayOptions, builder: ArBuilder) -> str:
+    """Return why nothing can have been perceived, empty if something could."""
+    if not options.demand.perception or builder.looks:
+        return ""
+    if builder.camera is None:
+        return "no usable CameraInfo was received"
+    return f"{builder.robots.camera_missing}; give it with --static-tf, or set camera.frame"
+
+
 def _outcome(
     options: ReplayOptions,
     replay: Replay,
@@ -201,6 +215,7 @@ def _outcome(
         grid,
         builder.scan_counts(),
         builder.scan_problems(),
+        _camera_problem(options, builder),
         replay.feed.refusals,
         counts,
         stopwatch,

@@ -13,6 +13,7 @@ COEFFICIENTS: Final = 14
 
 _STEPS: Final = 30
 _CONVERGED: Final = 1e-9
+_NEGLIGIBLE: Final = 1e-60
 _FAR: Final = 1e3
 """Slope of the steepest ray that is kept: 89.94 degrees off the axis."""
 
@@ -39,7 +40,8 @@ def angular_limit(coefficients: npt.NDArray[np.float64]) -> float:
 
 def _first_root(polynomial: np.poly1d) -> float:
     """Return the least positive real root, inf if there is none."""
-    roots = polynomial.roots
+    weights = polynomial.coeffs
+    roots = np.poly1d(np.where(np.abs(weights) < _NEGLIGIBLE, 0.0, weights)).roots
     real = roots.real[(np.abs(roots.imag) < 1e-9 * (1.0 + np.abs(roots))) & (roots.real > 0.0)]
     return float(real.min(initial=np.inf))
 

@@ -24,11 +24,15 @@ _FIRST_SIZE: Final = 64
 
 
 class TransformSource(IntEnum):
-    """Where a transform comes from; the higher one wins where two speak of the same edge."""
+    """Where a transform comes from; the higher one wins where two speak of the same edge.
+
+    Odometry messages are below tf or, where the user prefers them, above it.
+    """
 
     ODOMETRY = 0
     TF = 1
-    PARAMETER = 2
+    PREFERRED_ODOMETRY = 2
+    PARAMETER = 3
 
 
 @dataclass(slots=True)

@@ -16,6 +16,7 @@ from are_ros.world._frame_names import FrameNames
 _NAMES = {
     TransformSource.ODOMETRY: "odometry",
     TransformSource.TF: "tf",
+    TransformSource.PREFERRED_ODOMETRY: "preferred odometry",
     TransformSource.PARAMETER: "the parameters",
 }
 

@@ -22,6 +22,7 @@ _MIN_SHARE: Final = 0.99
 _ALIGNED: Final = 1e-3
 _FEWEST_TO_JUDGE: Final = 16
 _MAX_LEVEL: Final = 16
+_MAX_INFERRED_M: Final = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +83,13 @@ def _inferred(points_m: npt.NDArray[np.floating], source: str) -> VoxelLattice:
         message = (
             f"{source}: the voxel size cannot be inferred from {len(points_m)} points that show"
             f" no common spacing; set world.voxel_size"
+        )
+        raise InputError(message)
+    if spacing > _MAX_INFERRED_M:  # one wild point drowns the lattice of all others
+        farthest_m = float(np.abs(points_m).max())
+        message = (
+            f"{source}: a point lies {farthest_m:g} m from the origin, which would make voxels of"
+            f" {spacing:g} m; crop the cloud or set world.voxel_size"
         )
         raise InputError(message)
     with_leaves = _fitted(points_m, 2.0 * spacing)

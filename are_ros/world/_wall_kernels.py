@@ -53,7 +53,10 @@ def hits_cells(
     unit: float,
     tolerance_m: float,
 ) -> _Mask:
-    """Tell which footprints meet an occupied cell; the field is 0 on all that is not free."""
+    """Tell which footprints meet an occupied cell or reach outside the grid.
+
+    The field is the distance from all that is not free, the cells outside the grid among it.
+    """
     out = np.zeros(packed.shape[0], np.bool_)
     for i in range(packed.shape[0]):
         out[i] = _hits_cells(packed, i, lattice, occupied, field, unit, tolerance_m)
@@ -74,10 +77,13 @@ def _hits_cells(
     if _is_far(field, unit, x, y, (top_x, top_y), (right_x, right_y)):
         return False
     first, last = row_range(y, top_y)
-    for row in range(max(first, 0), min(last + 1, field.shape[0])):
+    if first < 0 or last >= field.shape[0]:
+        return True
+    for row in range(first, last + 1):
         start, end = column_range(row, x, y, top_x, top_y, right_x, right_y)
-        end = min(end, field.shape[1] - 1)
-        column = _next_zero(field, unit, row, max(start, 0), end)
+        if start < 0 or end >= field.shape[1]:
+            return True
+        column = _next_zero(field, unit, row, start, end)
         while column <= end:
             if occupied[row, column]:
                 return True

@@ -12,6 +12,9 @@ from are_ros.world._distortion import COEFFICIENTS
 from are_ros.world.view_models import FisheyeView, PinholeView
 
 MAX_PIXELS: Final = 1 << 26
+_MAX_NUMBER: Final = 1e9
+_MIN_FOCAL_LENGTH_PX: Final = 1e-3
+"""Beyond these no lens is described, and a ray's slope might overflow."""
 
 _LENGTHS: Final = {
     "": (0, 4, 5),
@@ -53,9 +56,9 @@ class CameraInfo:
         then binning divides centre and focal lengths. Equal infos give equal views.
 
         Raises InputError, with field and reason: a size, region or binning that gives no image, a
-        number that is not finite, a focal length that is not positive (K of zeros: an uncalibrated
-        camera), an unknown distortion model, a wrong number of coefficients, tilted-sensor
-        coefficients, or an R that is no rotation.
+        number that is not finite or is beyond 1e9, a focal length below 1e-3 px (K of zeros: an
+        uncalibrated camera), an unknown distortion model, a wrong number of coefficients,
+        tilted-sensor coefficients, or an R that is no rotation.
         """
         for name, numbers, length in (("k", self.k, 9), ("r", self.r, 9), ("p", self.p, 12)):
             self._require_numbers(name, numbers, length)
@@ -82,6 +85,8 @@ class CameraInfo:
             raise self._error(name, f"has {len(numbers)} numbers, not {length}")
         if not all(math.isfinite(number) for number in numbers):
             raise self._error(name, f"has a number that is not finite: {list(numbers)}")
+        if any(abs(number) > _MAX_NUMBER for number in numbers):
+            raise self._error(name, f"has a number beyond {_MAX_NUMBER:g}: {list(numbers)}")
 
     def _region(self) -> tuple[int, int, int, int]:
         """Return the region of interest; raise InputError if it is not within the image."""
@@ -119,6 +124,8 @@ class CameraInfo:
             raise self._error(name, "is all zeros, so this camera is not calibrated")
         if fx <= 0.0 or fy <= 0.0:
             raise self._error(name, f"has focal lengths {fx} and {fy}, which are not positive")
+        if min(fx, fy) < _MIN_FOCAL_LENGTH_PX:
+            raise self._error(name, f"has focal lengths {fx} and {fy}, which are too small")
         x, y, _, _ = self._region()
         across, down = self._binning()
         return fx / across, fy / down, (cx - x) / across, (cy - y) / down

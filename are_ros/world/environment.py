@@ -63,7 +63,8 @@ class Environment:
     def hits_wall(self, boxes: OrientedBoxes) -> NDArray[np.bool_]:
         """Tell which boxes meet an occupied cell or an occupied voxel above their floor: (N,).
 
-        What lies outside the grid and outside the voxel map is no wall.
+        All that is outside the grid is wall, too: nothing stands where no map tells of the place
+        (an artefact may find itself there when the map becomes smaller). Unknown cells are none.
         """
         hits = _wall_kernels.hits_cells(
             boxes.packed,

@@ -14,6 +14,7 @@ from are_ros.conventions import FREE, OCCUPIED, UNKNOWN
 from are_ros.errors import InputError, MapError
 from are_ros.world._map_image import MapImage, read_map_image
 from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.yaml_text import read_yaml
 
 _OPAQUE = 255
 
@@ -113,17 +114,7 @@ def _read_metadata(path: Path) -> _Metadata:
 
 
 def _read_yaml(path: Path) -> Mapping[str, Any]:
-    import yaml
-
-    try:
-        fields = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        message = f"{path}: the map file cannot be read ({error.strerror})"
-        raise MapError(message) from error
-    except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())
-        message = f"{path}: the map file is no YAML ({reason})"
-        raise MapError(message) from error
+    fields = read_yaml(path, f"{path}: the map file", MapError)
     if not isinstance(fields, dict):
         raise MapError(f"{path}: the map file is no mapping of fields to values")
     for key in ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh"):
@@ -140,7 +131,7 @@ def _image_path(path: Path, fields: Mapping[str, Any]) -> Path:
 
 
 def _number(path: Path, field: str, value: object) -> float:
-    """Return a finite number; YAML 1.1 leaves 5e-2 a string, yaml-cpp does not."""
+    """Return a finite number; a quoted one is a string for YAML, and a number for yaml-cpp."""
     number = math.nan
     if isinstance(value, int | float | str) and not isinstance(value, bool):
         try:

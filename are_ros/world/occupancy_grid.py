@@ -12,9 +12,12 @@ import numpy.typing as npt
 from are_ros.conventions import OCCUPIED, UNKNOWN
 from are_ros.errors import InputError
 from are_ros.world._planar import MAX_TILT_RAD, cosine_and_sine, tilt_rad, yaw_only
-from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.rigid_transform import MAX_REACH_M, RigidTransform
 
 MAX_SIDE: Final = 32767
+MAX_CELLS: Final = 2**28
+"""What is kept for each cell, several bytes, must fit into memory."""
+
 _MIN_RESOLUTION_M: Final = 1e-6
 _NORM_TOLERANCE: Final = 1e-4
 _OUTSIDE: Final = -(2**31)
@@ -145,9 +148,7 @@ class CellClasses:
         return int(np.count_nonzero(self.free))
 
 
-def classify(
-    grid: OccupancyGrid, occupied_threshold: int = 65, free_threshold: int = 25
-) -> CellClasses:
+def classify(grid: OccupancyGrid, occupied_threshold: int, free_threshold: int) -> CellClasses:
     """Return the classes: occupied at >= occupied_threshold, free at 0..free_threshold.
 
     Unknown cells (-1) are neither. Raises InputError unless free_threshold is the lower one.
@@ -171,6 +172,9 @@ def _check_header(source: str, frame_id: str, width: int, height: int, resolutio
     for field, size in (("width", width), ("height", height)):
         if not 0 < size <= MAX_SIDE:
             raise InputError(f"{source}: info.{field} is {size}, it must be 1 to {MAX_SIDE} cells")
+    if width * height > MAX_CELLS:
+        sides = f"info.width x info.height is {width} x {height}"
+        raise InputError(f"{source}: {sides}, it must be at most {MAX_CELLS} cells")
 
 
 def _checked_origin(
@@ -180,7 +184,10 @@ def _checked_origin(
     rotation = np.array(rotation_xyzw, dtype=np.float64)
     if position.shape != (3,) or not np.isfinite(position).all():
         raise InputError(f"{source}: info.origin.position {xyz_m} is not three finite numbers")
-    squared_norm = float(rotation @ rotation) if rotation.shape == (4,) else math.nan
+    if not np.abs(position).max() <= MAX_REACH_M:
+        raise InputError(f"{source}: info.origin.position {xyz_m} exceeds {MAX_REACH_M:g} m")
+    is_quaternion = rotation.shape == (4,)
+    squared_norm = sum(q * q for q in rotation.tolist()) if is_quaternion else math.nan
     if not abs(squared_norm - 1.0) <= _NORM_TOLERANCE:
         message = (
             f"{source}: info.origin.orientation {rotation_xyzw} is no unit quaternion"

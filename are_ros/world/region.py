@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final, Protocol
 
 import numpy as np
@@ -15,6 +16,7 @@ from are_ros.world.zones import Zones, polygon_mask
 SNAP_M: Final = 1.0
 """How far from the robot its component is looked for when it stands in none."""
 _ROUNDING: Final = 1e-3
+_KEPT_REGIONS: Final = 8
 
 _Mask = npt.NDArray[np.bool_]
 
@@ -95,20 +97,22 @@ class ReachableRegion:
         self._labels: npt.NDArray[np.int32] = cv2.connectedComponents(
             eroded.view(np.uint8), connectivity=4, ltype=cv2.CV_32S
         )[1]
-        self._label = 0
+        # A robot between two components goes to and fro: the regions last used stay as they are.
+        self._region_of_label = lru_cache(maxsize=_KEPT_REGIONS)(self._region_made_for)
         self._region = _region_of(np.zeros(free.shape, np.bool_), grid)
         self.last_point_m: tuple[float, float] | None = None
         self.at(last_point_m)
 
     def at(self, robot_point_m: tuple[float, float] | None) -> SpawnRegion:
-        """Return the region of the robot's component; computed only when that changes."""
+        """Return the region of the robot's component, the same object again for the same one."""
         label = 0 if robot_point_m is None else self._label_near(robot_point_m)
         if label:
             self.last_point_m = robot_point_m
-        if label and label != self._label:
-            self._label = label
-            self._region = _region_of(_without(self._grown(label), self._no_spawn), self._grid)
+            self._region = self._region_of_label(label)
         return self._region
+
+    def _region_made_for(self, label: int) -> SpawnRegion:
+        return _region_of(_without(self._grown(label), self._no_spawn), self._grid)
 
     def _label_near(self, point_m: tuple[float, float]) -> int:
         inside = self._grid.cell_at(*point_m)

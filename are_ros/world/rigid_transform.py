@@ -22,6 +22,9 @@ The bound of tf2 (10e-3, in BufferCore) for transforms that enter its tree. Reco
 quaternions of float32 and of printed decimals: what is within the bound is normalised.
 """
 
+MAX_REACH_M = 1e6
+"""No coordinate of a translation is farther from 0: kernels of float32 stay far from overflow."""
+
 
 @dataclass(frozen=True, eq=False)
 class RigidTransform:
@@ -48,8 +51,8 @@ class RigidTransform:
     def checked(cls, translation_m: Values, rotation_xyzw: Values) -> "RigidTransform":
         """Return the transform of 3 + 4 numbers, the quaternion normalised.
 
-        InvalidTransformError if a number is not finite or the quaternion is not of unit length
-        (its squared norm further than `UNIT_TOLERANCE` from 1).
+        InvalidTransformError if a number is not finite, a coordinate exceeds `MAX_REACH_M`, or the
+        quaternion is not of unit length (its squared norm further than `UNIT_TOLERANCE` from 1).
         """
         x, y, z = (float(value) for value in translation_m)
         i, j, k, w = (float(value) for value in rotation_xyzw)
@@ -144,12 +147,14 @@ class RigidTransform:
 def why_invalid(x: float, y: float, z: float, i: float, j: float, k: float, w: float) -> str | None:
     """Return why a translation (x, y, z) [m] and a quaternion (i, j, k, w) are refused, or None."""
     norm2 = i * i + j * j + k * k + w * w
-    if not math.isfinite(x + y + z + norm2):
+    is_near = abs(x) <= MAX_REACH_M and abs(y) <= MAX_REACH_M and abs(z) <= MAX_REACH_M
+    if is_near and abs(norm2 - 1.0) <= UNIT_TOLERANCE:
+        return None
+    if not all(map(math.isfinite, (x, y, z, i, j, k, w))):
         return f"a number is not finite: translation {x, y, z}, rotation {i, j, k, w}"
-    if abs(norm2 - 1.0) > UNIT_TOLERANCE:
-        length = math.sqrt(norm2)
-        return f"the rotation {i, j, k, w} has length {length:.6g}, not 1"
-    return None
+    if not is_near:
+        return f"the translation {x, y, z} exceeds {MAX_REACH_M:g} m in one coordinate or more"
+    return f"the rotation {i, j, k, w} has length {math.sqrt(norm2):.6g}, not 1"
 
 
 def normalised(i: float, j: float, k: float, w: float) -> Quaternion:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from are_ros.errors import ParameterError
 from are_ros.world._planar import cosine_and_sine
 from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.yaml_text import read_yaml
 
 _FILE_FIELDS: Final = frozenset({"zones", "no_spawn"})
 _ZONE_FIELDS: Final = frozenset({"name", "polygon", "weight"})
@@ -96,16 +97,7 @@ def _toggle_right_of_edge(
 
 
 def _yaml_mapping(path: Path) -> Mapping[str, Any]:
-    import yaml
-
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as cause:
-        reason = getattr(cause, "strerror", None) or "not UTF-8 text"
-        raise ParameterError(f"{path}: the zones file cannot be read ({reason})") from cause
-    except yaml.YAMLError as cause:
-        reason = " ".join(str(cause).split())
-        raise ParameterError(f"{path}: the zones file is no YAML: {reason}") from cause
+    content = read_yaml(path, f"{path}: the zones file", ParameterError)
     if not isinstance(content, dict):
         raise ParameterError(f"{path}: the file must map zones and no_spawn to lists")
     return content

@@ -245,7 +245,7 @@ def test_wrong_rows_and_classes_are_refused(
         (b"", "classes must map"),
         (b"- 1\n", "is a list, but a mapping is needed"),
         (b"rows: [\n", "is no valid YAML"),
-        (b"\xff\xfe\x00\x01", "no UTF-8 text"),
+        (b"\xff\xfe\x00\x01", "not UTF-8 text"),
         (b"row: []\nclasses: {}\n", "row is not known; did you mean 'rows'?"),
         (b"classes: !!python/object:os.system {}\n", "is no valid YAML"),
     ],

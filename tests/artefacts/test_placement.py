@@ -58,7 +58,7 @@ def _environment(
 ) -> Environment:
     cells = np.where(free, 0, 100).astype(np.int8)
     grid = OccupancyGrid(cells, resolution_m, origin or RigidTransform.identity(), "map")
-    return Environment(grid, classify(grid), None, PlaneGround(ground_m), 0.06)
+    return Environment(grid, classify(grid, 65, 25), None, PlaneGround(ground_m), 0.06)
 
 
 def _region(mask: Mask, weight: npt.NDArray[np.float32] | None = None) -> SpawnRegion:

@@ -692,3 +692,42 @@ def test_demand_may_change_while_it_runs(scene: Scene) -> None:
     tick = scene.tick(0.5)
     assert added_cells(tick, scene) == 16
     assert drawn(tick, MarkerAction.ADD) == {artefact_id}
+
+
+def test_a_little_disorder_is_no_jump_of_the_clock(scene: Scene) -> None:
+    """An input 50 ms late is taken as if it came now; nobody leaves for it."""
+    artefact_id = scene.place(0, (3.0, 2.0), 0.1)
+    scene.tick(0.5)
+    scene.robot(0.45, 1.0, 2.0)
+    assert [state.artefact_id for state in scene.tick(0.6).artefacts] == [artefact_id]
+    assert scene.builder.notices == []
+
+
+def test_a_cloud_is_placed_where_its_frame_was_at_its_stamp(scene: Scene) -> None:
+    """And the same points again, from where the robot is later, make another map."""
+    points = np.array([(1.0, 0.0, 0.5), (1.1, 0.0, 0.5)])
+    for t_s in (0.2, 0.4):
+        scene.robot(t_s, 5.0 * t_s, 2.0)
+    builder = scene.builder
+    lows = []
+    for t_s in (0.3, 0.4):
+        builder.receive_cloud(points, "base_link", scene.ns(0.5), 0.1, stamp_ns=scene.ns(t_s))
+        environment = builder.world.environment
+        assert environment is not None
+        assert environment.voxels is not None
+        lows.append(float(environment.voxels.bounds_m()[0, 0]))
+    assert lows == pytest.approx([1.5 + 0.95, 2.0 + 0.95])
+
+
+def test_nothing_is_perceived_before_the_camera_that_is_awaited(scene: Scene) -> None:
+    """Until CameraInfo comes there is no view model, and none of the parameters steps in."""
+    scene.robot(0.0, 1.0, 2.0)
+    scene.place(0, (3.0, 2.0), 0.0)
+    camera = scene.builder.camera
+    scene.builder.await_camera()
+    assert scene.tick(0.1).perceived == ()
+    assert camera is not None
+    scene.builder.receive_camera(camera, scene.ns(0.15))
+    scene.robot(0.2, 1.0, 2.0)
+    assert len(scene.tick(0.2).perceived) == 1
+    assert scene.builder.looks == 1

@@ -23,7 +23,7 @@ def _environment(*walls: tuple[int, int, int, int]) -> Environment:
     for row, col, end_row, end_col in walls:
         cells[row:end_row, col:end_col] = OCCUPIED
     grid = OccupancyGrid(cells, 0.1, RigidTransform.identity(), "map")
-    return Environment(grid, classify(grid), None, PlaneGround(0.0), 0.06)
+    return Environment(grid, classify(grid, 65, 25), None, PlaneGround(0.0), 0.06)
 
 
 _OPEN = _environment()

@@ -87,3 +87,12 @@ def test_negative_memory_is_refused() -> None:
     """A negative memory is a parameter error."""
     with pytest.raises(ParameterError, match="negative"):
         GateMemory(-1)
+
+
+def test_a_held_sighting_counts_from_the_look() -> None:
+    """Between looks the seen stay; the memory then counts from the look, not from the last tick."""
+    gate = GateMemory(100)
+    assert gate.admitted(50, {1}, {1}, 50) == (1,)
+    assert gate.admitted(120, {1}, {1}, 50) == (1,)
+    assert gate.admitted(150, (), {1}, 140) == (1,)
+    assert gate.admitted(151, (), {1}, 140) == ()

@@ -22,7 +22,7 @@ def environment(cells: Any) -> Environment:
     """Return the environment of some cells of 0.1 m, on a turned origin."""
     array = np.array(cells, dtype=np.int8)
     grid = OccupancyGrid(array, 0.1, RigidTransform.planar(1.0, 2.0, 0.3), "map", 5)
-    return Environment(grid, classify(grid), None, PlaneGround(0.0), 0.01)
+    return Environment(grid, classify(grid, 65, 25), None, PlaneGround(0.0), 0.01)
 
 
 def patch(row0: int, col0: int, rows: int = 1, cols: int = 1) -> CellPatch:

@@ -46,7 +46,7 @@ def post(make_scene: Callable[..., Any]) -> CatalogueRow:
 def environment(make_scene: Callable[..., Any]) -> Environment:
     """Return the room, its walls extruded."""
     grid = make_scene().room()
-    classes = classify(grid)
+    classes = classify(grid, 65, 25)
     voxels = VoxelMap.extruded(grid, classes.occupied, 2.5, 0.0)
     return Environment(grid, classes, voxels, PlaneGround(0.0), 0.01)
 
@@ -161,7 +161,7 @@ def test_the_newest_environment_and_settings_count(
 ) -> None:
     """One perception serves them all in turn: a wall, then none, a range too short, a high tau."""
     grid = make_scene().room((10, 30, 20, 22))
-    classes = classify(grid)
+    classes = classify(grid, 65, 25)
     voxels = VoxelMap.extruded(grid, classes.occupied, 2.5, 0.0)
     walled = Environment(grid, classes, voxels, PlaneGround(0.0), 0.01)
     eye, scene = Perception(MeshBank()), standing(post, (2.8, 2.0))

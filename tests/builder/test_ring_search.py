@@ -19,7 +19,7 @@ def _environment(*columns: tuple[int, int, int]) -> Environment:
     for first, last, value in columns:
         cells[:, first:last] = value
     grid = OccupancyGrid(cells, 0.1, RigidTransform.identity(), "map")
-    return Environment(grid, classify(grid), None, PlaneGround(0.5), 0.06)
+    return Environment(grid, classify(grid, 65, 25), None, PlaneGround(0.5), 0.06)
 
 
 def _box(x: float, y: float, yaw: float = 0.0) -> OrientedBoxes:

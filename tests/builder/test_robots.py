@@ -91,8 +91,21 @@ def test_a_camera_is_found_by_its_frame_or_by_its_mount() -> None:
     np.testing.assert_allclose(on_base.translation_m, (1.1, 2.0, 1.0))
     np.testing.assert_allclose(on_base.rotation_matrix()[:, 2], (1.0, 0.0, 0.0), atol=1e-12)
     assert robots.map_from_camera(framed, 120) is None
-    assert "lens" in robots.missing
+    assert "lens" in robots.camera_missing
     frames.set_static("base_link", "lens", (0.0, 0.0, 0.7), NO_TURN)
     in_frame = robots.map_from_camera(framed, 120)
     assert in_frame is not None
     np.testing.assert_allclose(in_frame.translation_m, (1.0, 2.0, 0.7))
+
+
+def test_the_base_is_the_usual_frame_that_is_joined_to_the_map() -> None:
+    """A base_footprint that hangs on nothing is not it, and the choice is kept."""
+    frames = FrameTree()
+    observer = Observer("robot", "", Footprint.disc(0.2))
+    robots = RobotTracker(observer, frames, "map", 10**9)
+    frames.set_transform("map", "base_link", 100, (1.0, 2.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    frames.set_static("base_footprint", "imu", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    assert robots.pose(100) is not None
+    assert robots.base_frame() == "base_link"
+    frames.set_static("base_link", "base_footprint", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    assert robots.base_frame() == "base_link"

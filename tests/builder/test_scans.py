@@ -247,3 +247,19 @@ def test_the_shape_that_a_laser_meets(make_scene: Callable[..., Any], shape: str
     scene.scan(0.2)
     (released,) = scene.builder.take_scans()
     assert released.scan.ranges[180] == pytest.approx(0.8, abs=0.03)
+
+
+def test_one_that_is_stuck_does_not_spoil_those_behind_it() -> None:
+    """When the first has to go as it came, the next leaves at once, at its exact pose."""
+    path = Path()
+    path.correction(0)
+    path.odom(0)
+    path.push(900, 10)
+    for stamp_ns in (30, 40):
+        path.correction(stamp_ns)
+        path.odom(stamp_ns)
+    path.push(30, 41)
+    assert path.out() == []
+    path.queue.deadline_passed(60)
+    assert path.out() == [(900, 5.0, 60, False), (30, 30.25, 60, True)]
+    assert path.counts() == (1, 0, 1)

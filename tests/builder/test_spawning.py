@@ -30,7 +30,7 @@ SPLIT = (0, 40, 19, 21)
 
 def surroundings(grid: OccupancyGrid) -> Environment:
     """Return the environment of a map without a cloud."""
-    return Environment(grid, classify(grid), None, PlaneGround(0.0), 0.01)
+    return Environment(grid, classify(grid, 65, 25), None, PlaneGround(0.0), 0.01)
 
 
 def robot_at(x: float, y: float) -> RobotPose:

@@ -66,8 +66,8 @@ def test_numbers_with_exponents_are_numbers(tmp_path: Path, number: str) -> None
         ("ar_builder:\n  seed: 1\n", "'ar_builder' has no ros__parameters mapping"),
         ("ar_builder: 3\n", "'ar_builder' has no ros__parameters mapping"),
         ("ar_builder:\n  ros__parameters:\n    - seed\n", "has no ros__parameters mapping"),
-        ("ar_builder:\n  ros__parameters: {seed: [1\n", "line 3: not YAML"),
-        ("ar_builder: !!python/object:os.system {}\n", "not YAML"),
+        ("ar_builder:\n  ros__parameters: {seed: [1\n", "is no valid YAML, line 3: "),
+        ("ar_builder: !!python/object:os.system {}\n", "is no valid YAML"),
     ],
 )
 def test_a_bad_file_is_refused_with_its_name_and_the_reason(

@@ -252,6 +252,12 @@ def _shorter(message: Any) -> None:
     message.data = message.data[:-3]
 
 
+def _far_away(message: Any) -> None:
+    data = np.array(message.data)
+    data.view("<f4")[0] = 1e30
+    message.data = data
+
+
 def _without_x(message: Any) -> None:
     message.fields[0].name = "u"
 
@@ -282,6 +288,14 @@ FAULTS = (
         Fault("/scan", _set("range_max", NAN), ("range_max",)),
         Fault(CAMERA, _set("distortion_model", "wavy"), ("distortion_model", "wavy")),
         Fault(CLOUD, _shorter, ("data has",)),
+    ),
+    (
+        Fault("/map", _set("info.origin.position.x", 1e300), ("origin", "exceeds")),
+        Fault("/odom", _set("pose.pose.position.x", 1e300), ("exceeds",)),
+        Fault("/tf", _set("transforms.0.transform.translation.z", -1e300), ("exceeds",)),
+        Fault("/scan", _set("range_min", 1e3), ("range_min",)),
+        Fault(CAMERA, _set("d", np.array([1e300, 0, 0, 0, 0])), ("d has a number beyond",)),
+        Fault(CLOUD, _far_away, ("a point lies",)),
     ),
 )
 
@@ -320,7 +334,7 @@ def clean(
     return folder / "out"
 
 
-@pytest.mark.parametrize("faults", FAULTS, ids=["first", "second", "third"])
+@pytest.mark.parametrize("faults", FAULTS, ids=["first", "second", "third", "fourth"])
 def test_bad_messages_are_refused_and_change_nothing(
     run_are: RunAre,
     write_bag: WriteBag,

@@ -33,7 +33,7 @@ def clock_of(log_ns: list[int], clock_ns: list[int]) -> BagClock:
 def test_an_agreeing_clock_is_the_log_s(sample_bag: Path) -> None:
     """Where stamps and log times agree, nothing is changed and nothing said."""
     with BagReader([sample_bag]) as reader:
-        clock = BagClock.of(reader, find_roles(reader.topics, {}))
+        clock = BagClock.of(reader, find_roles(reader.topics, {}), reader.start_ns, reader.end_ns)
     assert clock.sentence == ""
     assert clock.at(123) == 123
 
@@ -130,3 +130,36 @@ def test_without_a_clock_the_odometry_s_is_followed(
     assert [life["row"] for life in ours["lives"]] == [life["row"] for life in theirs["lives"]]
     assert ours["scans"]["/scan"]["passed_through"] == 0
     assert abs(ours["first_tick_ns"] - theirs["first_tick_ns"]) < NS_PER_S
+
+
+def test_a_recording_that_looped_is_refused(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """Stamps that jump back while the log goes on: one pass can be replayed, not both at once."""
+    length_ns = sample_records[-1][1] - sample_records[0][1] + NS_PER_S
+    twice = [
+        (topic, at + YEARS_NS + lap * length_ns, message)
+        for lap in range(2)
+        for topic, at, message in sample_records
+    ]
+    bag = write_bag(tmp_path / "b.mcap", twice)
+    done = run_are("replay", bag, "--out", tmp_path / "out")
+    assert done.returncode == 1
+    assert "the stamps jump back by" in done.stderr
+    done = run_are("replay", bag, "--duration", 2, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_map_from_long_before_does_not_stretch_the_replay(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """A latched map with a log time of 0: the replay begins where the robot does."""
+    maps = [(topic, 0, message) for topic, _, message in sample_records if topic == "/map"]
+    rest = [record for record in sample_records if record[0] != "/map"]
+    bag = write_bag(tmp_path / "b.mcap", [*maps, *rest])
+    done = run_are("replay", bag, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert "nothing moves in the first" in done.stderr
+    metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    assert 0 < metrics["ticks"] < 1000
+    assert metrics["area_m2"] > 0.0

@@ -84,12 +84,14 @@ def test_complaints_name_topics_and_numbers() -> None:
     outcome: Any = SimpleNamespace(
         refusals=refusals,
         scan_problems={"/scan": "no frame"},
+        camera_problem="frame 'lens' was never seen",
         scans={"/scan": SimpleNamespace(passed_through=7)},
     )
     assert complaints(outcome) == [
         "refused: /a: too long",
         "refused: /b: too short (3 messages)",
         "/scan: 7 scans passed through unaugmented, the last for: no frame",
+        "nothing was perceived, the camera's pose is not known: frame 'lens' was never seen",
     ]
 
 

@@ -1,6 +1,9 @@
 """Messages of a recording become calls of the builder; bad ones are counted."""
 
 import copy
+import math
+import random
+import struct
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import SimpleNamespace
@@ -8,11 +11,15 @@ from typing import Any
 
 import pytest
 
+from are_ros.builder.ar_builder import ArBuilder
 from are_ros.errors import InputError, InvalidTransformError
 from are_ros.messages.transforms import StampedTransform, make_transforms
+from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import Parameters
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.feed import Feed, Refusals
 from are_ros.replay.message_types import RosbagsFactory
+from are_ros.replay.session import read_catalogue_of
 from are_ros.world.frame_tree import FrameTree
 
 Records = Sequence[tuple[str, int, Any]]
@@ -166,6 +173,47 @@ def test_a_good_message_after_a_bad_one_is_taken(
     assert [values[1] for _, values in calls] == ["b", "c"]
     assert refusals.counts == {"/tf": 2}
     assert "a -> a" in refusals.sentences["/tf"]
+
+
+def _damaged(data: bytes, chance: random.Random) -> bytes:
+    """Return a message with a byte, a number or its end spoilt."""
+    spoilt = bytearray(data)
+    at = chance.randrange(4, min(len(data), 250))
+    number = chance.choice((NAN, math.inf, 1e300, -1e300, 1e-310, 0.0, -1.0))
+    if chance.random() < 0.4:
+        spoilt[at] = chance.randrange(256)
+    elif chance.random() < 0.9:
+        spoilt[at : at + 8] = struct.pack("<d", number)
+    else:
+        del spoilt[at:]
+    return bytes(spoilt)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_damaged_messages_never_stop_the_builder(
+    tmp_path: Path, write_bag: WriteBag, sample_records: Records, seed: int
+) -> None:
+    """Whatever bytes are spoilt, a message is taken or refused, and the next tick runs."""
+    chance = random.Random(seed)  # noqa: S311 - damage, no secret
+    parameters = with_values(
+        Parameters(), {"population.arrival_rate": 0.02, "camera.rate": 2.0, "camera.width": 64}
+    )
+    builder = ArBuilder(parameters, read_catalogue_of(parameters))
+    path = write_bag(tmp_path / "bag.mcap", sample_records[:120])
+    with BagReader([path]) as reader:
+        feed = Feed(reader, builder, ROLES)
+        messages = list(reader.messages())
+        for message in messages:
+            feed.take(message, message.log_time_ns)
+        assert feed.refusals.counts == {}
+        firsts = {message.topic: message for message in reversed(messages)}
+        now_ns = messages[-1].log_time_ns
+        for _ in range(120):
+            now_ns += 10_000_000
+            message = firsts[chance.choice(sorted(firsts))]
+            feed.take(message._replace(data=_damaged(message.data, chance)), now_ns)
+            builder.step(now_ns)
+    assert sum(feed.refusals.counts.values()) > 20
 
 
 @pytest.mark.parametrize(

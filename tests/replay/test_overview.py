@@ -74,7 +74,7 @@ def _record(
 
 
 def _drawn(record: SceneRecord, grid: OccupancyGrid, path: Path) -> Image:
-    draw_overview(record, grid, path)
+    draw_overview(record, grid, path, occupied_threshold=65)
     image = cv2.imread(str(path))
     assert image is not None
     return np.asarray(image, dtype=np.uint8)
@@ -91,7 +91,7 @@ def test_same_bytes(tmp_path: Path) -> None:
     """The same record gives the same bytes."""
     record = _record([_life(1, 2.0, 2.0, perceived=True)], WAY)
     for name in ("a.png", "b.png"):
-        draw_overview(record, _room(), tmp_path / name)
+        draw_overview(record, _room(), tmp_path / name, occupied_threshold=65)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
@@ -99,9 +99,9 @@ def test_settings_of_the_user_change_nothing(tmp_path: Path) -> None:
     """Settings of matplotlib in force neither show in the picture nor are they changed."""
     import matplotlib as mpl
 
-    draw_overview(_record((), WAY), _room(), tmp_path / "a.png")
+    draw_overview(_record((), WAY), _room(), tmp_path / "a.png", occupied_threshold=65)
     with mpl.rc_context({"font.size": 30, "axes.facecolor": "red", "lines.linewidth": 9}):
-        draw_overview(_record((), WAY), _room(), tmp_path / "b.png")
+        draw_overview(_record((), WAY), _room(), tmp_path / "b.png", occupied_threshold=65)
         assert mpl.rcParams["font.size"] == 30
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 

@@ -1,12 +1,32 @@
 """The bar that shows how far a replay has come."""
 
+import sys
+
 import pytest
 
 from are_ros.conventions import NS_PER_S
 from are_ros.replay.progress_bar import ProgressBar
 
+Terminal = pytest.CaptureFixture[str]
 
-def test_the_bar_ends_full_on_a_line_of_its_own(capsys: pytest.CaptureFixture[str]) -> None:
+
+@pytest.fixture
+def terminal(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Terminal:
+    """Let stderr, which is captured, count as a terminal."""
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    return capsys
+
+
+def test_there_is_no_bar_without_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    """A log of CI gets nothing, and the bar can be moved all the same."""
+    with ProgressBar() as bar:
+        move = bar.open(0, 2 * NS_PER_S)
+        move(NS_PER_S)
+        move(2 * NS_PER_S)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_the_bar_ends_full_on_a_line_of_its_own(terminal: Terminal) -> None:
     """At the end it shows the whole, rounded as it may be, and leaves its line."""
     start_ns, end_ns = 7 * NS_PER_S, 7 * NS_PER_S + 1_499_999_999
     with ProgressBar() as bar:
@@ -14,15 +34,15 @@ def test_the_bar_ends_full_on_a_line_of_its_own(capsys: pytest.CaptureFixture[st
         for now_ns in range(start_ns, end_ns, NS_PER_S // 10):
             move(now_ns)
         move(end_ns)
-        assert capsys.readouterr().err.endswith("\n")
+        assert terminal.readouterr().err.endswith("\n")
     with ProgressBar() as bar:
         bar.open(0, NS_PER_S)(NS_PER_S)
-    shown = capsys.readouterr().err.split("\r")[-1]
+    shown = terminal.readouterr().err.split("\r")[-1]
     assert "100%" in shown
     assert "1/1 s" in shown
 
 
-def test_a_bar_is_closed_where_the_replay_fails(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_bar_is_closed_where_the_replay_fails(terminal: Terminal) -> None:
     """What is said afterwards has a line of its own; a bar never opened shows nothing."""
 
     def fail() -> None:
@@ -32,7 +52,7 @@ def test_a_bar_is_closed_where_the_replay_fails(capsys: pytest.CaptureFixture[st
 
     with pytest.raises(ZeroDivisionError):
         fail()
-    assert capsys.readouterr().err.endswith("\n")
+    assert terminal.readouterr().err.endswith("\n")
     with ProgressBar():
         pass
-    assert capsys.readouterr().err == ""
+    assert terminal.readouterr().err == ""

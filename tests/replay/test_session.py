@@ -157,7 +157,7 @@ def test_tick_rates_give_the_same_lives(
     ]
     ours, theirs = places(sample_replay), places(other)
     common = ours.keys() & theirs.keys()
-    assert len(common) == 8 * min(rate_hz, 10) + 1
+    assert len(common) == 8 * min(rate_hz, 10)
     assert any(ours[now_ns] for now_ns in common)
     assert all(ours[now_ns] == theirs[now_ns] for now_ns in common)
 
@@ -191,8 +191,8 @@ def test_what_was_recorded_before_the_start_counts(sample_replay: Path, sample_b
 def test_duration_ends_the_replay(
     sample_replay: Path, sample_bag: Path, tmp_path: Path, run_are: RunAre
 ) -> None:
-    """Eight seconds have 81 ticks; a duration beyond the end is cut there."""
-    assert metrics(sample_replay)["ticks"] == 81
+    """Eight seconds have 80 ticks, none at the end; a duration beyond the end is cut there."""
+    assert metrics(sample_replay)["ticks"] == 80
     words = ("--start", 58.5, "--duration", 1000, "--out", tmp_path)
     assert run_are("replay", sample_bag, *words).returncode == 0
     assert 14 <= metrics(tmp_path)["ticks"] <= 16

@@ -27,7 +27,7 @@ def _grid(
 def _environment(
     grid: OccupancyGrid, voxels: VoxelMap | None = None, clearance_m: float = 0.06
 ) -> Environment:
-    return Environment(grid, classify(grid), voxels, PlaneGround(0.0), clearance_m)
+    return Environment(grid, classify(grid, 65, 25), voxels, PlaneGround(0.0), clearance_m)
 
 
 def _scattered(generator: np.random.Generator, shape: tuple[int, int]) -> NDArray[np.int8]:
@@ -60,16 +60,19 @@ def _covered(grid: OccupancyGrid, boxes: OrientedBoxes, i: int) -> tuple[NDArray
 
 @pytest.mark.parametrize("resolution_m", [0.02, 0.1])
 def test_leaping_over_free_space_misses_no_cell(resolution_m: float) -> None:
-    """Boxes hit a wall or are placeable just as their covered cells, one by one, say."""
+    """Boxes hit a wall or are placeable just as their covered cells, one by one, say.
+
+    Cells outside the grid are walls.
+    """
     generator = np.random.default_rng(7)
     grid = _grid(_scattered(generator, (40, 60)), resolution_m)
-    classes = classify(grid)
+    classes = classify(grid, 65, 25)
     boxes = _boxes_over(grid, 300, generator)
     environment = _environment(grid)
     hits, placeable = environment.hits_wall(boxes), environment.is_placeable(boxes)
     for i in range(len(boxes)):
         cells, is_outside = _covered(grid, boxes, i)
-        assert hits[i] == (cells & classes.occupied).any()
+        assert hits[i] == (is_outside or (cells & classes.occupied).any())
         assert placeable[i] == (not is_outside and bool(classes.free[cells].all()))
     assert 20 < np.count_nonzero(hits) < 280
     assert 5 < np.count_nonzero(placeable) < 280
@@ -95,16 +98,39 @@ def test_lookup_gives_the_clearance_of_points() -> None:
     assert environment.lookup(points_m) == pytest.approx([0.3, 0.0])
 
 
-def test_outside_the_map_is_neither_wall_nor_placeable() -> None:
-    """A box half outside hits nothing, but cannot be placed; unknown cells are the same."""
+def test_outside_the_map_is_a_wall() -> None:
+    """A box half or wholly outside hits it; unknown cells are no wall, but not placeable."""
     cells = np.zeros((20, 20), dtype=np.int8)
     cells[:, 15:] = UNKNOWN
     grid = _grid(cells, 0.1, RigidTransform.planar(0.0, 0.0, 0.0))
     centres_m = [[0.0, 1.0, 1.0], [-9.0, 1.0, 1.0], [1.5, 1.0, 1.0], [1.0, 1.0, 1.0]]
     boxes = OrientedBoxes(np.array(centres_m), np.zeros(4), np.full((4, 3), 0.5))
     environment = _environment(grid)
-    assert environment.hits_wall(boxes).tolist() == [False] * 4
+    assert environment.hits_wall(boxes).tolist() == [True, True, False, False]
     assert environment.is_placeable(boxes).tolist() == [False, False, False, True]
+
+
+def test_a_box_against_the_edge_of_the_map_only_touches_it() -> None:
+    """Flush with the edge is inside, a millimetre beyond is a hit: on each side, and turned."""
+    for yaw_rad in (0.0, 0.7):
+        origin = RigidTransform.planar(3.0, -2.0, yaw_rad)
+        grid = _grid(np.zeros((10, 20), dtype=np.int8), 0.1, origin)
+        for beyond_m in (0.0, 0.001):
+            low, x_high, y_high = 0.2 - beyond_m, 1.8 + beyond_m, 0.8 + beyond_m
+            local_m = [[low, 0.5, 1.0], [x_high, 0.5, 1.0], [1.0, low, 1.0], [1.0, y_high, 1.0]]
+            centres_m = origin.apply(np.array(local_m))
+            boxes = OrientedBoxes(centres_m, np.full(4, yaw_rad), np.full((4, 3), 0.2))
+            environment = _environment(grid)
+            assert environment.hits_wall(boxes).tolist() == [beyond_m > 0.0] * 4
+            assert environment.is_placeable(boxes).tolist() == [beyond_m == 0.0] * 4
+
+
+def test_a_box_larger_than_the_map_hits_its_outside() -> None:
+    """On a map that became a single cell, and far beside it."""
+    environment = _environment(_grid(np.zeros((1, 1), dtype=np.int8)))
+    centres_m = np.array([[-1.0, 0.5, 1.0], [-1.0, 0.6, 1.0], [1e6, 0.5, 1.0], [-9.0, -9e5, 1.0]])
+    boxes = OrientedBoxes(centres_m, np.arange(4.0), np.full((4, 3), 0.3))
+    assert environment.hits_wall(boxes).all()
 
 
 def test_a_box_against_a_wall_only_touches_it() -> None:
@@ -149,6 +175,7 @@ def test_voxels_are_hit_as_oriented_boxes_are(
     environment = _environment(grid, voxels)
     boxes = _boxes_over(grid, 40, generator)
     expected = _slow_voxel_hits(voxels, boxes, np.zeros(40), 0.06)
+    expected |= _environment(grid).hits_wall(boxes)
     assert np.array_equal(environment.hits_wall(boxes), expected)
     free = _environment(grid).is_placeable(boxes)
     assert np.array_equal(environment.is_placeable(boxes), free & ~expected)
@@ -175,7 +202,7 @@ def test_the_floor_is_that_under_each_box() -> None:
     voxels = VoxelMap(RigidTransform.planar(0.0, 0.0, 0.0), (0.1, 0.1, 0.1), occupied)
     grid = _grid(np.zeros((10, 20), dtype=np.int8), 0.1, RigidTransform.planar(0.0, 0.0, 0.0))
     ground = VoxelGround.from_voxels(voxels, plane_height_m=0.1, step_m=0.1)
-    environment = Environment(grid, classify(grid), voxels, ground, 0.02)
+    environment = Environment(grid, classify(grid, 65, 25), voxels, ground, 0.02)
     centres_m = np.array([[0.5, 0.5, 0.4], [1.5, 0.5, 0.5], [0.9, 0.5, 0.4]])
     boxes = OrientedBoxes(centres_m, np.zeros(3), np.full((3, 3), 0.3))
     assert environment.ground_heights_m(boxes) == pytest.approx([0.1, 0.2, 0.1])
@@ -186,7 +213,7 @@ def test_extruded_walls_are_implied_by_the_grid() -> None:
     """With or without its extrusion, a grid gives the same answers."""
     generator = np.random.default_rng(3)
     grid = _grid(_scattered(generator, (30, 30)))
-    walls = VoxelMap.extruded(grid, classify(grid).occupied, 2.0, 0.0)
+    walls = VoxelMap.extruded(grid, classify(grid, 65, 25).occupied, 2.0, 0.0)
     boxes = _boxes_over(grid, 100, generator)
     bare, walled = _environment(grid), _environment(grid, walls)
     assert np.array_equal(bare.hits_wall(boxes), walled.hits_wall(boxes))

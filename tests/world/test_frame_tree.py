@@ -19,7 +19,7 @@ from are_ros.world.frame_tree import STATIC, FrameEdge, FrameTree, TransformSour
 from are_ros.world.rigid_transform import RigidTransform
 
 UNTURNED = (0.0, 0.0, 0.0, 1.0)
-ODOMETRY, TF, PARAMETER = TransformSource
+ODOMETRY, TF, PREFERRED_ODOMETRY, PARAMETER = TransformSource
 S = 1_000_000_000
 
 
@@ -301,11 +301,38 @@ def test_the_stronger_source_holds(order: tuple[TransformSource, ...]) -> None:
     for _ in range(2):
         for source in order:
             put(tree, "odom", "base", 1, x=float(source), source=source)
-    assert x_of(tree, "odom", "base", 1) == 2.0
+    assert x_of(tree, "odom", "base", 1) == float(PARAMETER)
     assert [edge.source for edge in tree.edges()] == [PARAMETER]
     overrides = tree.drain_notices()
     assert len(overrides) == len(set(overrides)) <= 3
     assert any("odom -> base from tf is overruled by the parameters" in text for text in overrides)
+
+
+@pytest.mark.parametrize("order", [(PREFERRED_ODOMETRY, TF), (TF, PREFERRED_ODOMETRY)])
+def test_preferred_odometry_overrules_tf(order: tuple[TransformSource, ...]) -> None:
+    """Its samples hold, whichever came first, and the notice says what was preferred."""
+    tree = FrameTree()
+    for source in order * 2:
+        put(tree, "odom", "base", 1, x=float(source), source=source)
+    assert x_of(tree, "odom", "base", 1) == float(PREFERRED_ODOMETRY)
+    assert tree.drain_notices() == [
+        "the transform odom -> base from tf is overruled by preferred odometry"
+    ]
+
+
+@pytest.mark.parametrize("parameter_first", [True, False])
+def test_a_static_parameter_overrules_preferred_odometry(parameter_first: bool) -> None:
+    """What is said by hand holds against all else."""
+    tree = FrameTree()
+    for given in (parameter_first, not parameter_first):
+        if given:
+            fix(tree, "odom", "base", 5.0, PARAMETER)
+        else:
+            put(tree, "odom", "base", 1, x=2.0, source=PREFERRED_ODOMETRY)
+    assert x_of(tree, "odom", "base", 1) == 5.0
+    assert tree.drain_notices() == [
+        "the transform odom -> base from preferred odometry is overruled by the parameters"
+    ]
 
 
 def test_tf_gives_another_parent_than_odometry() -> None:

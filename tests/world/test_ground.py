@@ -216,7 +216,7 @@ def test_the_floor_of_a_real_ship_is_level(real_data: Path) -> None:
     voxels = VoxelMap.from_centres(centres, size, RigidTransform.identity())
     ground = VoxelGround.from_voxels(voxels)
     grid = read_map_file(folder / "ship_interior_10mm.yaml", "map")
-    points = grid.cells_to_points(np.argwhere(classify(grid).free))
+    points = grid.cells_to_points(np.argwhere(classify(grid, 65, 25).free))
     heights = ground.heights(points)
     assert np.mean(np.abs(heights) < 1e-6) > 0.99
     columns = voxels.points_to_voxels(np.column_stack((points, heights)))[:, :2]

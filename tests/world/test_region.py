@@ -119,6 +119,16 @@ def test_the_last_region_stays_when_the_robot_is_nowhere() -> None:
     assert finder.at((9.5, 3.5)) is not region
 
 
+def test_a_robot_between_two_components_meets_the_same_regions() -> None:
+    """To and fro: each component's region is made once, and is the same object again."""
+    finder = _reachable(_free(TWO_ROOMS), 1.5)
+    left, right = finder.at((3.5, 3.5)), finder.at((9.5, 3.5))
+    assert not (left.mask & right.mask).any()
+    for _ in range(3):
+        assert finder.at((3.4, 3.5)) is left
+        assert finder.at((9.4, 3.5)) is right
+
+
 def test_a_new_map_tries_the_last_point_of_the_old_one() -> None:
     """With the robot lost, the component that it was last seen in is taken over."""
     free = _free(TWO_ROOMS)
@@ -188,7 +198,7 @@ def test_regions_are_read_only() -> None:
 def test_the_hall_is_reachable(real_data: Path) -> None:
     """2051 x 765 cells: the robot in the hall reaches most of it."""
     grid = read_map_file(real_data / "drl-jarvis-hall" / "i-108_10mm.yaml", "map")
-    free = np.ascontiguousarray(classify(grid).free)
+    free = np.ascontiguousarray(classify(grid, 65, 25).free)
     clearance_m = _clearance_m(free, grid.resolution_m)
     point = grid.cells_to_points(np.argwhere(clearance_m == clearance_m.max())[:1])[0]
     region = ReachableRegion(grid, free, clearance_m, 0.3).at((float(point[0]), float(point[1])))

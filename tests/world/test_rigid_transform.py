@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from are_ros.errors import InvalidTransformError
-from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.rigid_transform import MAX_REACH_M, RigidTransform
 
 metres = st.floats(-100, 100)
 angles = st.floats(-math.pi, math.pi)
@@ -86,6 +86,10 @@ def test_checked_numbers_are_normalised() -> None:
         ((math.nan, 0, 0), (0, 0, 0, 1), "not finite"),
         ((0, math.inf, 0), (0, 0, 0, 1), "not finite"),
         ((0, 0, 0), (0, math.nan, 0, 1), "not finite"),
+        ((0, 0, 0), (0, 0, 0, -math.inf), "not finite"),
+        ((0, 0, MAX_REACH_M * 1.001), (0, 0, 0, 1), "exceeds 1e"),
+        ((-1e300, 0, 0), (0, 0, 0, 1), "exceeds 1e"),
+        ((0, 0, 0), (1e200, 0, 0, 1), "length inf, not 1"),
         ((0, 0, 0), (0, 0, 0, 0), "length 0, not 1"),
         ((0, 0, 0), (0, 0, 0, 1.0051), "length 1.0051, not 1"),
     ],
@@ -95,6 +99,12 @@ def test_unusable_numbers_are_refused(
     rotation: tuple[float, float, float, float],
     reason: str,
 ) -> None:
-    """Numbers that are not finite, or no rotation, are refused with the reason."""
+    """Numbers that are not finite, too far, or no rotation, are refused with the reason."""
     with pytest.raises(InvalidTransformError, match=reason):
         RigidTransform.checked(translation, rotation)
+
+
+def test_the_farthest_translation_is_taken() -> None:
+    """The bound itself is allowed, in every coordinate at once."""
+    far = (MAX_REACH_M, -MAX_REACH_M, MAX_REACH_M)
+    assert RigidTransform.checked(far, (0, 0, 0, 1)).translation_m.tolist() == list(far)

@@ -65,7 +65,7 @@ def test_lists_may_be_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("zones: [", "no YAML"),
+        ("zones: [", "is no valid YAML"),
         ("[1, 2]", "must map zones and no_spawn"),
         ("", "must map zones and no_spawn"),
         ("zones: 3", "zones is no list"),

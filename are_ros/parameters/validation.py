@@ -1,0 +1,71 @@
+"""What parameters must be beside each other: the checks that no single one can tell."""
+
+import math
+from dataclasses import replace
+from typing import Final
+
+from are_ros.errors import ParameterError
+from are_ros.parameters.model import (
+    CameraParameters,
+    FramesParameters,
+    MixtureParameters,
+    Parameters,
+    WorldParameters,
+)
+
+_SUM_TOLERANCE: Final = 1e-6
+_MOUNT: Final = ("x", "y", "z", "yaw", "pitch", "roll")
+
+
+def validated(parameters: Parameters) -> Parameters:
+    """Return the parameters as they are used: frames without leading slashes, as tf2 has them.
+
+    ParameterError, naming the parameters, unless world.free_threshold is below
+    world.occupied_threshold, mixture.weights and mixture.rates are of one length, not 0, the
+    weights sum to 1 within 1e-6, camera.mount has six numbers, and frames.map is not empty.
+    """
+    _check_thresholds(parameters.world)
+    _check_mixture(parameters.mixture)
+    _check_mount(parameters.camera)
+    return replace(
+        parameters,
+        frames=_checked_frames(parameters.frames),
+        camera=replace(parameters.camera, frame=parameters.camera.frame.lstrip("/")),
+    )
+
+
+def _check_thresholds(world: WorldParameters) -> None:
+    if not world.free_threshold < world.occupied_threshold:
+        message = (
+            f"parameter 'world.free_threshold': {world.free_threshold} is not below "
+            f"world.occupied_threshold, {world.occupied_threshold}"
+        )
+        raise ParameterError(message)
+
+
+def _check_mixture(mixture: MixtureParameters) -> None:
+    weights, rates = mixture.weights, mixture.rates
+    if not weights or len(weights) != len(rates):
+        message = (
+            f"parameters 'mixture.weights' and 'mixture.rates': {len(weights)} weights and "
+            f"{len(rates)} rates, but as many of the one as of the other are needed, at least one"
+        )
+        raise ParameterError(message)
+    total = math.fsum(weights)
+    if not abs(total - 1.0) <= _SUM_TOLERANCE:
+        raise ParameterError(f"parameter 'mixture.weights': they sum to {total:.9g}, not to 1")
+
+
+def _check_mount(camera: CameraParameters) -> None:
+    if len(camera.mount) != len(_MOUNT):
+        message = f"parameter 'camera.mount': {len(camera.mount)} numbers, not 6"
+        raise ParameterError(f"{message} ({', '.join(_MOUNT)})")
+
+
+def _checked_frames(frames: FramesParameters) -> FramesParameters:
+    map_frame = frames.map.lstrip("/")
+    if not map_frame:
+        raise ParameterError("parameter 'frames.map': it is empty, but the world frame has a name")
+    return replace(
+        frames, map=map_frame, odom=frames.odom.lstrip("/"), base=frames.base.lstrip("/")
+    )

@@ -1,0 +1,123 @@
+"""YAML text: what it says, and one sentence for all that is wrong with it."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from are_ros.artefacts.catalogue_file import read_catalogue
+from are_ros.errors import AreError, CatalogueError, MapError, ParameterError
+from are_ros.parameters.ros_yaml import parse_assignment, read_ros_parameters
+from are_ros.world.map_file import read_map_file
+from are_ros.world.zones import read_zones_file
+from are_ros.yaml_text import parse_yaml, read_yaml
+
+FAULTS = (
+    "2001-99-99",
+    "2001-01-01 99:99:99",
+    "!!timestamp x",
+    "!!bool x",
+    "!!int x",
+    '!!int ""',
+    "!!float x",
+    '!!float ""',
+    "!!binary é",
+    "!!set [1]",
+    "? [1]\n: 2",
+    "!!python/object:os.system {}",
+    "[1",
+    "a: b: c",
+    "*missing",
+    "&own [*own]",
+    "&own {a: *own}",
+    "\0",
+    "\ud800",
+    "[" * 101 + "]" * 101,
+    "[" * 200_000,
+    "{a: " * 200_000,
+    "- " * 200_000 + "1",
+)
+"""Texts for which PyYAML raises errors of many kinds, loops for ever, or ends the process."""
+
+
+@pytest.mark.parametrize("text", FAULTS, ids=lambda text: repr(text[:24]))
+def test_whatever_is_wrong_is_one_sentence(text: str) -> None:
+    """It begins with the subject and is of the kind that was asked for."""
+    with pytest.raises(MapError) as caught:
+        parse_yaml(text, "the text", MapError)
+    sentence = str(caught.value)
+    assert sentence.startswith("the text is no valid YAML")
+    assert sentence.rpartition(": ")[2].strip()
+    assert "\n" not in sentence
+    assert len(sentence) < 300
+
+
+@given(st.text(max_size=40) | st.text(alphabet="!&*[]{}:-?,<| \n'\"#.~0123a", max_size=20))
+def test_no_text_gives_another_error(text: str) -> None:
+    """Whatever the text: a value, or an error of the family."""
+    try:
+        parse_yaml(text, "the text", ParameterError)
+    except ParameterError as error:
+        assert "\n" not in str(error)
+
+
+@pytest.mark.parametrize(
+    "text", ["{a: [1, 2.5, true, ~, x], b: {c: 0x1f}}", "- &a {x: 1}\n- *a\n", "", "[1e, e3, .e1]"]
+)
+def test_values_are_those_of_yaml(text: str) -> None:
+    """Plain values come as PyYAML's safe loader gives them, shared ones too."""
+    assert parse_yaml(text, "the text", ParameterError) == yaml.safe_load(text)
+
+
+@pytest.mark.parametrize("number", ["1e-3", "+1E-3", "0.1e-2", ".1e-2"])
+def test_an_exponent_makes_a_number(number: str) -> None:
+    """With or without a point, as ROS reads it."""
+    assert parse_yaml(number, "the text", ParameterError) == 0.001
+
+
+def test_a_line_is_named() -> None:
+    """The line where the reader stumbles, counted from 1."""
+    with pytest.raises(ParameterError, match="no valid YAML, line 3: "):
+        parse_yaml("a: 1\nb:\n  c: d: e\n", "the text", ParameterError)
+
+
+def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    """It is missing, a folder, no text, or has an impossible name."""
+    (tmp_path / "bytes").write_bytes(b"\xff\xfe\x00")
+    for path, reason in (
+        (tmp_path / "missing", "No such file"),
+        (tmp_path, "directory"),
+        (tmp_path / "bytes", "not UTF-8 text"),
+        (Path("a\0b"), ""),
+    ):
+        with pytest.raises(CatalogueError, match=f"it cannot be read: .*{reason}"):
+            read_yaml(path, "it", CatalogueError)
+
+
+READERS = (
+    (read_ros_parameters, ParameterError, "ar_builder: {{ros__parameters: {{x: {}}}}}"),
+    (read_catalogue, CatalogueError, "rows: {}"),
+    (read_zones_file, ParameterError, "zones: {}"),
+    (read_map_file, MapError, "image: {}"),
+)
+
+
+@pytest.mark.parametrize("scalar", ["2001-99-99", "!!timestamp x", "!!bool x", "&a [*a]"])
+@pytest.mark.parametrize(("reader", "kind", "text"), READERS)
+def test_every_reader_of_yaml_names_its_file(
+    reader: Any, kind: type[AreError], text: str, scalar: str, tmp_path: Path
+) -> None:
+    """Parameters, catalogue, zones and map: their error, with the file's name."""
+    path = tmp_path / "some.yaml"
+    path.write_text(text.format(scalar), encoding="utf-8")
+    with pytest.raises(kind, match=r"some\.yaml.* is no valid YAML"):
+        reader(path)
+
+
+def test_a_bad_value_of_an_assignment_names_its_parameter() -> None:
+    """No date has a month 99."""
+    with pytest.raises(ParameterError, match=r"'population\.zones': '2001-99-99' is no valid"):
+        parse_assignment("population.zones:=2001-99-99")
