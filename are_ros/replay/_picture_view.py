@@ -103,8 +103,8 @@ def spread_indices(record: SceneRecord, count: int) -> list[int]:
     if not len(record.camera):
         return []
     travelled = _travelled(record)
-    wanted = np.append(_middles(travelled, count - 1), travelled[-1])
-    return sorted(set(np.searchsorted(travelled, wanted).tolist()))
+    spread = np.searchsorted(travelled, _middles(travelled, count - 1)).tolist()
+    return sorted({*spread, len(travelled) - 1})
 
 
 def telling_indices(record: SceneRecord, count: int) -> list[int]:

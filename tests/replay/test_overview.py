@@ -243,12 +243,12 @@ def test_fan_of_a_pinhole_is_as_wide_as_its_view() -> None:
 
 
 def test_poses_are_spread_over_the_way() -> None:
-    """Poses are chosen by what the robot drove, not by how long it stood."""
+    """Poses are chosen by what the robot drove, not by how long it stood, and the last is one."""
     way = [(0.0, 0.0, 0.0)] * 50 + [(0.1 * i, 0.0, 0.0) for i in range(40)]
     chosen = spread_indices(_record((), way), 4)
     assert len(chosen) == 4
-    assert [way[i][0] for i in chosen] == pytest.approx([0.5, 1.5, 2.5, 3.5], abs=0.11)
-    assert spread_indices(_record((), [(0.0, 0.0, 0.0)] * 9), 4) == [0]
+    assert [way[i][0] for i in chosen] == pytest.approx([0.65, 1.95, 3.25, 3.9], abs=0.11)
+    assert spread_indices(_record((), [(0.0, 0.0, 0.0)] * 9), 4) == [0, 8]
     assert spread_indices(_record(), 4) == []
 
 
