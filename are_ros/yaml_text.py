@@ -53,7 +53,7 @@ def parse_yaml(text: str, subject: str, error: type[AreError]) -> Any:
         return yaml.load(text, _Loader)  # noqa: S506 - derived from the safe loader
     except _FAULTS as cause:
         mark = getattr(cause, "problem_mark", None)
-        where = f", line {mark.line + 1}" if mark else ""
+        where = f", line {mark.line + 1}" if mark and "\n" in text else ""
         raise error(f"{subject} is no valid YAML{where}: {_reason(cause)}") from cause
 
 
@@ -63,7 +63,7 @@ def read_yaml(path: Path, subject: str, error: type[AreError]) -> Any:
         text = path.read_text(encoding="utf-8")
     except (OSError, ValueError) as cause:
         reason = getattr(cause, "strerror", None) or "not UTF-8 text"
-        raise error(f"{subject} cannot be read: {reason}") from cause
+        raise error(f"{subject} cannot be read ({reason})") from cause
     return parse_yaml(text, subject, error)
 
 

@@ -191,7 +191,7 @@ BREAKAGES = (
         ROBOT,
         "contacts are not reported",
         "are_ros/builder/lives.py",
-        "        self._report_contacts(step_ns, resolution.contacts)\n",
+        "        self._report_contacts(now_ns, resolution.contacts)\n",
         "",
         (
             _RUN + "test_none_overlaps_the_robot_but_for_reported_contacts",
@@ -306,8 +306,8 @@ BREAKAGES = (
         REFUSED,
         "a bad cloud takes the place of the good one",
         "are_ros/builder/real_world.py",
-        "        map_from_cloud = self._map_from(frame_id)\n",
-        "        self.environment, map_from_cloud = None, self._map_from(frame_id)\n",
+        "        if self._is_known(cloud, map_from_cloud):\n",
+        "        self.environment = None\n        if self._is_known(cloud, map_from_cloud):\n",
         ("tests/builder/test_real_world.py::test_a_bad_cloud_is_refused_at_once_in_any_frame",),
     ),
     Breakage(

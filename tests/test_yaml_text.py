@@ -1,5 +1,6 @@
 """YAML text: what it says, and one sentence for all that is wrong with it."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -58,10 +59,8 @@ def test_whatever_is_wrong_is_one_sentence(text: str) -> None:
 @given(st.text(max_size=40) | st.text(alphabet="!&*[]{}:-?,<| \n'\"#.~0123a", max_size=20))
 def test_no_text_gives_another_error(text: str) -> None:
     """Whatever the text: a value, or an error of the family."""
-    try:
+    with suppress(ParameterError):
         parse_yaml(text, "the text", ParameterError)
-    except ParameterError as error:
-        assert "\n" not in str(error)
 
 
 @pytest.mark.parametrize(
@@ -93,7 +92,7 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
         (tmp_path / "bytes", "not UTF-8 text"),
         (Path("a\0b"), ""),
     ):
-        with pytest.raises(CatalogueError, match=f"it cannot be read: .*{reason}"):
+        with pytest.raises(CatalogueError, match=rf"it cannot be read \(.*{reason}.*\)"):
             read_yaml(path, "it", CatalogueError)
 
 

@@ -39,7 +39,7 @@ _CLOCK_JITTER_NS: Final = NS_PER_S // 10
 """Inputs that come out of order by no more than this are taken as if they came now."""
 _ODOMETRY_SOURCES: Final = {
     OdometryUse.AUTO: TransformSource.ODOMETRY,
-    OdometryUse.USE: TransformSource.PARAMETER,
+    OdometryUse.USE: TransformSource.PREFERRED_ODOMETRY,
 }
 
 

@@ -11,6 +11,7 @@ from are_ros.description.configuration import describe_lines
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import parse_assignment, read_ros_parameters, write_ros_parameters
+from are_ros.parameters.validation import validated
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.inspection import inspect_bag
 from are_ros.replay.inspection_text import inspection_lines
@@ -56,7 +57,7 @@ def effective_parameters(
         options["frames.map"] = map_frame
     if static_transforms:
         options["frames.static"] = (*parameters.frames.static, *static_transforms)
-    return with_values(parameters, options)
+    return validated(with_values(parameters, options))
 
 
 def options_of(skip: Sequence[str], **options: Any) -> ReplayOptions:

@@ -86,7 +86,7 @@ class FrameTree:
         """Take parent_from_child at a stamp: translation (3,) [m], quaternion (4,) x y z w.
 
         The quaternion is normalised; InvalidTransformError if its squared norm is further than 0.01
-        from 1, a number is not finite, a coordinate exceeds 1e6 m, a name is empty or both names
+        from 1, a number is not finite, a coordinate exceeds 1e7 m, a name is empty or both names
         are the same.
         """
         pose = checked_pose(parent, child, translation_m, rotation_xyzw)

@@ -22,7 +22,7 @@ The bound of tf2 (10e-3, in BufferCore) for transforms that enter its tree. Reco
 quaternions of float32 and of printed decimals: what is within the bound is normalised.
 """
 
-MAX_REACH_M = 1e6
+MAX_REACH_M = 1e7
 """No coordinate of a translation is farther from 0: kernels of float32 stay far from overflow."""
 
 

@@ -114,7 +114,7 @@ CASES = (
     ((*STATIC, "1 2 3 4 5 6 a /a"), "parent and child must be two frames"),
     # maps and octomaps
     ((*MAP, "none.yaml"), "none.yaml: the map file cannot be read (No such file or directory)"),
-    ((*MAP, "open.yaml"), "open.yaml: the map file is no YAML"),
+    ((*MAP, "open.yaml"), "open.yaml: the map file is no valid YAML"),
     ((*MAP, "list.yaml"), "list.yaml: the map file is no mapping"),
     ((*MAP, "no_image.yaml"), "no_image.yaml: the field image is missing"),
     ((*MAP, "word.yaml"), "word.yaml: resolution must be a finite number, it is or holds 'fine'"),
@@ -130,8 +130,8 @@ CASES = (
     ((*TOPIC, "scan:=/odom"), "that topic is of type nav_msgs/msg/Odometry"),
     ((*TOPIC, "scan"), "--topic scan: it must be ROLE:=/TOPIC"),
     # parameters
-    ((*PARAMS, "none.yaml"), "none.yaml: cannot be read (No such file or directory)"),
-    ((*PARAMS, "open.yaml"), "open.yaml, line 2: not YAML"),
+    ((*PARAMS, "none.yaml"), "none.yaml cannot be read (No such file or directory)"),
+    ((*PARAMS, "open.yaml"), "open.yaml is no valid YAML, line 2: "),
     ((*PARAMS, "list.yaml"), "list.yaml: its top level is not a mapping"),
     ((*PARAMS, "bare.yaml"), "bare.yaml: 'ar_builder' has no ros__parameters mapping"),
     ((*PARAMS, "typo.yaml"), "'population.mean_live': there is no such parameter; did you mean "),
@@ -142,7 +142,7 @@ CASES = (
     ((*SET, "population.arrival_rate:=-1"), "-1.0 is below 0.0 1/(m^2 s)"),
     ((*SET, "population.arrival_rate:=.nan"), "parameter 'population.arrival_rate': "),
     ((*SET, "seed=1"), "'seed=1': a parameter is set as name:=value"),
-    ((*SET, "seed:=[1"), "parameter 'seed': '[1' is not a YAML value"),
+    ((*SET, "seed:=[1"), "parameter 'seed': '[1' is no valid YAML: "),
     ((*SET, "seed:=-4"), "parameter 'seed': -4 is below 0"),
     ((*SET, "population.departures:=never"), "'never' is none of independent, constant_rate"),
     ((*SET, "mixture.weights:=[0.5, 0.5]", "--set", "mixture.rates:=[3]"), "2 numbers and"),
@@ -151,7 +151,7 @@ CASES = (
     ((*SET, "camera.mount:=[1, 2]"), "parameter 'camera.mount': 2 numbers, not 6"),
     ((*SET, "robot.footprint:='[[1, 2]]'"), "footprint"),
     # files that parameters name
-    ((*SET, "catalogue:=none.yaml"), "none.yaml cannot be read: No such file or directory"),
+    ((*SET, "catalogue:=none.yaml"), "none.yaml cannot be read (No such file or directory)"),
     ((*SET, "catalogue:=rows.yaml"), "rows.yaml: classes must map"),
     ((*SET, "population.region:=zones"), "population.region is zones, but population.zones"),
     ((*SET, "population.zones:=none.yaml"), "none.yaml: the zones file cannot be read (No such"),

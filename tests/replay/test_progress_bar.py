@@ -13,7 +13,7 @@ Terminal = pytest.CaptureFixture[str]
 @pytest.fixture
 def terminal(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Terminal:
     """Let stderr, which is captured, count as a terminal."""
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setattr(type(sys.stderr), "isatty", lambda _: True)
     return capsys
 
 

@@ -324,8 +324,8 @@ def test_preferred_odometry_overrules_tf(order: tuple[TransformSource, ...]) -> 
 def test_a_static_parameter_overrules_preferred_odometry(parameter_first: bool) -> None:
     """What is said by hand holds against all else."""
     tree = FrameTree()
-    for given in (parameter_first, not parameter_first):
-        if given:
+    for is_parameter in (parameter_first, not parameter_first):
+        if is_parameter:
             fix(tree, "odom", "base", 5.0, PARAMETER)
         else:
             put(tree, "odom", "base", 1, x=2.0, source=PREFERRED_ODOMETRY)

@@ -179,7 +179,7 @@ def test_bad_fields_are_refused_by_name(
     ("text", "reason"),
     [
         (b"image: [", "is no valid YAML"),
-        (b"\xff\xfe\x00", "cannot be read: not UTF-8 text"),
+        (b"\xff\xfe\x00", "cannot be read .not UTF-8 text"),
         (b"", "is no mapping"),
         (b"- 1\n- 2\n", "is no mapping"),
         (b"just words", "is no mapping"),
