@@ -146,7 +146,10 @@ CASES = (
     ((*SET, "seed:=-4"), "parameter 'seed': -4 is below 0"),
     ((*SET, "population.departures:=never"), "'never' is none of independent, constant_rate"),
     ((*SET, "mixture.weights:=[0.5, 0.5]", "--set", "mixture.rates:=[3]"), "2 weights and 1 rates"),
-    ((*SET, "mixture.weights:=[0.5, 0.4]", "--set", "mixture.rates:=[3, 5]"), "they sum to 0.9, not to 1"),
+    (
+        (*SET, "mixture.weights:=[0.5, 0.4]", "--set", "mixture.rates:=[3, 5]"),
+        "they sum to 0.9, not to 1",
+    ),
     ((*SET, "sensors.scans:=[nix]"), "the recording has no scan '/nix'; its scans: /scan"),
     ((*SET, "camera.mount:=[1, 2]"), "parameter 'camera.mount': 2 numbers, not 6"),
     ((*SET, "robot.footprint:='[[1, 2]]'"), "footprint"),
