@@ -16,9 +16,3 @@ def compiled(function: _Function) -> _Function:
     """
     options = {"cache": True, "nogil": True, "error_model": "numpy"}
     return cast("_Function", numba.njit(**options)(function))
-
-
-def compiled_fast(function: _Function) -> _Function:
-    """Compile like `compiled`, but let floating point be reordered (no NaN, no infinity)."""
-    options = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": True}
-    return cast("_Function", numba.njit(**options)(function))
