@@ -50,6 +50,8 @@ def augment_scan(
         selection.pool.tree,
         hits,
     )
+    if hits.min() == np.inf:
+        return scan
     ranges, replaced = _merged(scan, hits.astype(np.float32))
     if not replaced.any():
         return scan
