@@ -90,6 +90,11 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             grid = _known_map(builder, replay)
     for notice in [*builder.notices, *builder.frames.drain_notices()]:
         say(notice)
+    if frame := builder.world.missing_frame():
+        say(
+            f"the voxel cloud was not used: nothing joins its frame '{frame}' to the map; "
+            "give the transform with --static-tf"
+        )
     return _outcome(options, replay, builder, grid, recorder, counts(), stopwatch)
 
 

@@ -1,5 +1,6 @@
 """Whole replays of the sample recording, through the command line."""
 
+import copy
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -332,3 +333,17 @@ def test_a_recording_without_camera_and_scan_is_enough(
     assert "no camera in the recording: a pinhole of 640x480 pixels on the base" in said
     assert metrics(out)["scans"] == {}
     assert metrics(out)["ticks_without_perception"] <= 1
+
+
+def test_a_cloud_whose_frame_is_joined_to_nothing_is_said(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """The replay goes on with the walls of the map, and says why and what would help."""
+    records = [(topic, at, copy.deepcopy(message)) for topic, at, message in sample_records]
+    for topic, _, message in records:
+        if topic == "/octomap_point_cloud_centers":
+            message.header.frame_id = "nowhere"
+    bag = write_bag(tmp_path / "a.mcap", records)
+    done = run_are("replay", bag, "--duration", 1, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert "the voxel cloud was not used: nothing joins its frame 'nowhere'" in done.stderr
