@@ -17,13 +17,20 @@ LAYERS = (
     ("messages",),
     ("description",),
     ("node", "replay", "simulation"),
+    ("recording",),
     ("experiments",),
     ("cli",),
 )
-"""From the bottom up. `description` says what a configuration means; adapters may use it."""
+"""From the bottom up. `description` says what a configuration means; adapters may use it.
+`recording` joins the two adapters: it plays recordings to live nodes, and records them."""
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
 CORE = (*BASE, "world", "artefacts", "builder")
-ADAPTERS = {"rclpy": ("node",), "rosbags": ("replay",), "mcap": ("replay",), "click": ("cli",)}
+ADAPTERS = {
+    "rclpy": ("node", "recording"),
+    "rosbags": ("replay",),
+    "mcap": ("replay",),
+    "click": ("cli",),
+}
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 
@@ -96,7 +103,7 @@ def test_the_core_knows_no_middleware() -> None:
 
 
 def test_each_middleware_stays_behind_its_adapter() -> None:
-    """Rclpy in node only, rosbags and mcap in replay only, click in the command line only."""
+    """Rclpy in node and recording, rosbags and mcap in replay, click in the command line only."""
     wrong = [
         f"{module} imports {name}"
         for part, module, name in imports()
