@@ -1,7 +1,7 @@
 """The population: marked Poisson arrivals and the birth-death chain of section 3.2."""
 
 from bisect import insort
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
@@ -13,7 +13,7 @@ from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.departures import Departure, DepartureLaw, leaving_rate_per_s
 from are_ros.artefacts.population_events import Cause, Counts, EventKind, PopulationEvent
 from are_ros.artefacts.randomness import Purpose, generator
-from are_ros.artefacts.sources import RandomSource
+from are_ros.artefacts.sources import RandomSource, RowLaw
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError, PlacementError
 
@@ -93,6 +93,13 @@ class Population:
         for artefact in self._living.values():
             if artefact.id not in self._outside_the_law:
                 artefact.departure_ns = self._law.departure_of(artefact.id)
+
+    def set_marks(
+        self, rows: Sequence[CatalogueRow], law: RowLaw, mean_group_size: float
+    ) -> None:
+        """Let later arrivals be drawn from other rows, by another law, in other groups."""
+        self._source.set_mean_group_size(mean_group_size)
+        self._source.set_rows(rows, law)
 
     def next_event_ns(self) -> int | None:
         """Return when `handle_next` has something to do [ns], None if never as things stand."""

@@ -21,6 +21,7 @@ class Purpose(IntEnum):
     MOTION = 7
     GOAL = 8
     PERCEPTION = 9
+    REQUEST = 10
 
 
 def generator(seed: int, purpose: Purpose, artefact_id: int) -> np.random.Generator:

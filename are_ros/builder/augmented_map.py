@@ -101,11 +101,15 @@ class RateLimit:
     """
 
     def __init__(self, max_rate_hz: float) -> None:
+        self.set_rate(max_rate_hz)
+        self._last_ns: int | None = None
+        self._is_pending = False
+
+    def set_rate(self, max_rate_hz: float) -> None:
+        """Let another rate hold from now on; a change that waits goes on waiting."""
         if not 0.0 < max_rate_hz < math.inf:
             raise ParameterError(f"max_rate {max_rate_hz} Hz is not positive and finite")
         self._interval_ns = math.ceil(NS_PER_S / max_rate_hz)
-        self._last_ns: int | None = None
-        self._is_pending = False
 
     def allows(self, now_ns: int, changed: bool) -> bool:
         """Return whether to publish at `now_ns`: there is a change, and the interval is over.

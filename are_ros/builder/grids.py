@@ -48,6 +48,11 @@ class GridAugmentation:
         self._changed: ChangedRectangle | None = None
         self._is_first = True
 
+    def limit_rate(self, max_rate_hz: float) -> None:
+        """Let grids out at most so often from now on."""
+        for limit in (self._map_limit, self._costmap_limit):
+            limit.set_rate(max_rate_hz)
+
     def update(
         self, now_ns: int, environment: Environment, patches: Mapping[int, CellPatch]
     ) -> Grids:

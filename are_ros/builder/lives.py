@@ -1,8 +1,10 @@
 """The lives of the artefacts in the real world: arrivals, departures, sub-steps, collisions.
 
 `Lives.advance` lets happen what is due, in order: the events of the population at their exact
-times, and the sub-steps at multiples of `motion.step` since the epoch. What happens depends on
-the inputs and the seed, never on how often it is called.
+times, and the sub-steps at multiples of `motion.step` since the epoch. A sub-step looks at what
+was received before it: the environment, the robot, its goal. Events between two sub-steps go by
+what the first of them saw. So what happens depends on the seed and on what was received before
+which sub-step, never on how often `advance` is called, nor on the instant of reception itself.
 """
 
 from collections.abc import Sequence
@@ -18,9 +20,9 @@ from are_ros.artefacts.population_events import Cause, PopulationEvent
 from are_ros.artefacts.population_events import EventKind as PopulationEventKind
 from are_ros.artefacts.sources import RandomSource
 from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
+from are_ros.builder.contact_log import ContactLog
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.real_world import RealWorld
-from are_ros.builder.robot_contact import RobotContact
 from are_ros.builder.robots import RobotPose, RobotTracker
 from are_ros.builder.scene import Scene
 from are_ros.builder.spawning import Spawning
@@ -53,26 +55,38 @@ class Lives:
     ) -> None:
         self.population = random_population(parameters, catalogue)
         self.displaced = 0
-        self.robot_contacts = 0
+        self.is_paused = False
+        self.goal: Footprint | None = None
+        self._catalogue = catalogue
         self._parameters = parameters
         self._world = world
         self._robots = robots
         self._resolver = resolver
         self._spawning = Spawning(parameters, robots.observer.footprint)
+        self._contacts = ContactLog(robots.observer.name)
         self._step_ns = seconds_to_ns(parameters.motion.step)
         self._next_step_ns: int | None = None
         self._last_input_ns = 0
         self._robot: RobotPose | None = None
-        self._in_contact: set[tuple[int, int]] = set()
         self._events: list[ArtefactEvent] = []
         self._standing: Scene | None = None
-        self._settled: Environment | None = None
+        self._environment: Environment | None = None
         self._scene = Scene.of((), 0)
 
     @property
     def area_m2(self) -> float:
         """The area nu(M2D) on which artefacts arrive, 0 before it is known."""
         return self._spawning.area_m2
+
+    @property
+    def robot_contacts(self) -> int:
+        """How often the robot has come to touch an artefact."""
+        return self._contacts.count
+
+    @property
+    def environment(self) -> Environment | None:
+        """The environment that the last sub-step saw; before one, the newest."""
+        return self._environment or self._world.environment
 
     def scene_at(self, t_ns: int) -> Scene:
         """Return who is, or was, there at `t_ns`, and where; the same object while all stand."""
@@ -98,7 +112,7 @@ class Lives:
         while True:
             event_ns = self.population.next_event_ns()
             if event_ns is not None and event_ns <= min(now_ns, self._next_step_ns):
-                self._run_event(event_ns)
+                self._run_event()
             elif self._next_step_ns <= now_ns:
                 self._sub_step(self._next_step_ns)
                 self._next_step_ns = self._step_after(self._next_step_ns, now_ns)
@@ -113,11 +127,40 @@ class Lives:
 
     def restart(self, now_ns: int) -> None:
         """Let all artefacts go, with an event each, and go on at an earlier time."""
-        for artefact_id in list(self.population.living):
-            self._say(self.population.remove(artefact_id, now_ns, Cause.CLOCK_JUMPED_BACK))
+        self.clear(now_ns, Cause.CLOCK_JUMPED_BACK)
         self.population.start(now_ns)
-        self._in_contact, self._robot = set(), None
+        self._contacts.forget()
+        self._robot = self.goal = None
         self._next_step_ns, self._last_input_ns = None, now_ns
+
+    def clear(self, now_ns: int, cause: Cause = Cause.REMOVED) -> int:
+        """Let all artefacts go, with an event each; return how many."""
+        ids = list(self.population.living)
+        for artefact_id in ids:
+            self.remove(artefact_id, now_ns, cause)
+        return len(ids)
+
+    def remove(self, artefact_id: int, now_ns: int, cause: Cause = Cause.REMOVED) -> None:
+        """Let an artefact depart; InputError if none of this id lives."""
+        self._say(self.population.remove(artefact_id, now_ns, cause))
+
+    def pause(self, now_ns: int, *, is_paused: bool) -> None:
+        """Stop or resume arrivals, what is left of the lives drawn, and collisions."""
+        self.is_paused = is_paused
+        self._set_rates(now_ns)
+
+    def reconfigure(self, parameters: Parameters, resolver: CollisionResolver, now_ns: int) -> None:
+        """Let other values of the live parameters hold from `now_ns` on.
+
+        Raises ParameterError, and changes nothing, where the mixture is bad.
+        """
+        settings = parameters.population
+        law = mixture_of(parameters, self._catalogue)
+        self._parameters, self._resolver = parameters, resolver
+        self._spawning.reconfigure(parameters)
+        self.population.max_alive = settings.max_alive
+        self.population.set_marks(self._catalogue.rows, law, settings.group_size)
+        self._set_rates(now_ns)
 
     def place(
         self,
@@ -133,8 +176,7 @@ class Lives:
         Raises PlacementError, and changes nothing, where it cannot stand there; it is never moved.
         """
         self.advance(now_ns)
-        self._look(now_ns)
-        reason = self._why_not_placed(row, pose)
+        reason = self._why_not_placed(row, pose, self._robots.pose(now_ns) or self._robot)
         if reason:
             raise PlacementError(f"{row.label} at {pose.x_m:.2f}, {pose.y_m:.2f}: {reason}")
         event = self.population.admit(row, pose, now_ns, origin=origin, life_ns=life_ns)
@@ -148,9 +190,7 @@ class Lives:
             return following_ns
         return max(following_ns, now_ns // self._step_ns * self._step_ns + self._step_ns)
 
-    def _run_event(self, event_ns: int) -> None:
-        self._look(event_ns)
-        self._refresh_region(event_ns)
+    def _run_event(self) -> None:
         for event in self.population.handle_next(self._find_place):
             self._say(event)
 
@@ -165,58 +205,49 @@ class Lives:
         others = self._stand().boxes
         return self._spawning.place(row, generator, others, self._robot, near)
 
-    def _why_not_placed(self, row: CatalogueRow, pose: GroundPose) -> str:
+    def _why_not_placed(self, row: CatalogueRow, pose: GroundPose, robot: RobotPose | None) -> str:
         environment = self._world.environment
         if environment is None:
             return "there is no map yet"
         others = self._stand().boxes
-        return self._spawning.why_not(boxes_of([row], [pose]), environment, others, self._robot)
-
-    def _look(self, now_ns: int) -> None:
-        """Look where the robot is; unless that is known now, it is where it was last seen here.
-
-        What ticks saw in between does not count: nothing may depend on when they run.
-        """
-        self._robot = self._robots.pose(now_ns) or self._robot
+        return self._spawning.why_not(boxes_of([row], [pose]), environment, others, robot)
 
     def _sub_step(self, step_ns: int) -> None:
-        """Look where the robot is, start the process when all is known, resolve collisions."""
+        """Look at the environment, the robot and its goal; resolve collisions."""
         self._world.retry_cloud()
-        self._look(step_ns)
-        environment = self._world.environment
-        if environment is None:
+        # Unless the robot's pose is known now, it is where the last sub-step saw it. What ticks
+        # saw in between does not count: nothing may depend on when they run.
+        self._robot = self._robots.pose(step_ns) or self._robot
+        self._environment = self._world.environment
+        self._spawning.goal = self.goal
+        if self._environment is None:
             return
-        self._resolve(step_ns)
+        if self._spawning.refresh(self._environment, self._robot):
+            self._set_rates(step_ns)
+        if not self.is_paused:
+            self._resolve(step_ns, self._environment)
 
-    def settle(self, now_ns: int) -> None:
-        """Let whoever a new map or cloud covers make way at once, not at the next sub-step."""
-        if self._world.environment is not self._settled:
-            self._look(now_ns)
-            self._resolve(now_ns)
+    def _set_rates(self, now_ns: int) -> None:
+        """Let the rates of the parameters hold; nobody arrives before the region is known."""
+        settings, area_m2 = self._parameters.population, self._spawning.area_m2
+        rate, mean_life_s = settings.arrival_rate, settings.mean_life
+        if self.is_paused:
+            rate, mean_life_s = 0.0, float("inf")
+        self.population.set_rates(rate, area_m2, mean_life_s, now_ns)
 
-    def _resolve(self, now_ns: int) -> None:
-        """Follow the environment, and apply the remedies to those whose pose is not safe."""
-        environment = self._settled = self._world.environment
-        self._refresh_region(now_ns)
+    def _resolve(self, now_ns: int, environment: Environment) -> None:
+        """Apply the remedies to those whose pose is not safe."""
         standing = self._stand()
-        if environment is None or not len(standing):
+        if not len(standing):
             return
         robots: Sequence[Footprint] = [self._robot.footprint] if self._robot else []
         resolution = self._resolver.resolve(
             standing.ids, standing.boxes, standing.boxes, environment, robots
         )
-        self._report_contacts(now_ns, resolution.contacts)
+        living = self.population.living
+        self._events += self._contacts.begun(now_ns, resolution.contacts, living)
         if not resolution.is_all_kept:
             self._apply(now_ns, standing.artefacts, resolution)
-
-    def _refresh_region(self, now_ns: int) -> None:
-        """Follow the environment and the robot; nobody arrives before the region is known."""
-        environment = self._world.environment
-        if environment is None or not self._spawning.refresh(environment, self._robot):
-            return
-        population = self._parameters.population
-        area_m2 = self._spawning.area_m2
-        self.population.set_rates(population.arrival_rate, area_m2, population.mean_life, now_ns)
 
     def _stand(self) -> Scene:
         """Return the living where they are now; kept while nobody comes, goes or is moved."""
@@ -232,9 +263,10 @@ class Lives:
             if outcome is Outcome.DISPLACED_TO_SAFE:
                 self._shift(step_ns, artefact, resolution, i)
             elif outcome is Outcome.LEAVES:
-                self._remove(step_ns, artefact, Cause.DISPLACED)
+                self.displaced += 1
+                self.remove(artefact.id, step_ns, Cause.DISPLACED)
             elif outcome is Outcome.LEAVES_ON_CONTACT:
-                self._remove(step_ns, artefact, Cause.ROBOT_CONTACT)
+                self.remove(artefact.id, step_ns, Cause.ROBOT_CONTACT)
 
     def _shift(self, now_ns: int, artefact: Artefact, resolution: Resolution, index: int) -> None:
         was, (dx_m, dy_m) = artefact.history.latest, resolution.shifts_m[index].tolist()
@@ -249,26 +281,6 @@ class Lives:
         event = ArtefactEvent(now_ns, EventKind.DISPLACED, artefact.id, label, "moved", distance_m)
         self._events.append(event)
 
-    def _remove(self, now_ns: int, artefact: Artefact, cause: Cause) -> None:
-        self.displaced += cause is Cause.DISPLACED
-        self._say(self.population.remove(artefact.id, now_ns, cause))
-
-    def _report_contacts(self, now_ns: int, contacts: Sequence[RobotContact]) -> None:
-        """Say each contact once, when it begins."""
-        touching = {(contact.observer, contact.artefact_id) for contact in contacts}
-        for contact in contacts:
-            if (contact.observer, contact.artefact_id) in self._in_contact:
-                continue
-            self.robot_contacts += 1
-            label = self.population.living[contact.artefact_id].row.label
-            name, depth_m = self._robots.observer.name, contact.penetration_m
-            self._events.append(
-                ArtefactEvent(
-                    now_ns, EventKind.ROBOT_CONTACT, contact.artefact_id, label, name, depth_m
-                )
-            )
-        self._in_contact = touching
-
     def _say(self, event: PopulationEvent) -> None:
         self._standing = None
         detail = event.cause.value if event.cause else ""
@@ -278,8 +290,7 @@ class Lives:
 
 def random_population(parameters: Parameters, catalogue: Catalogue) -> Population:
     """Return the population of the random source; ParameterError where the mixture is bad."""
-    settings, mixture = parameters.population, parameters.mixture
-    law = TruncatedPoissonMixture(mixture.weights, mixture.rates, len(catalogue.rows))
+    settings, law = parameters.population, mixture_of(parameters, catalogue)
     return Population(
         parameters.seed,
         RandomSource(parameters.seed, catalogue.rows, law, settings.group_size),
@@ -287,3 +298,9 @@ def random_population(parameters: Parameters, catalogue: Catalogue) -> Populatio
         max_alive=settings.max_alive,
         history_ns=seconds_to_ns(parameters.poses.history),
     )
+
+
+def mixture_of(parameters: Parameters, catalogue: Catalogue) -> TruncatedPoissonMixture:
+    """Return the law of the rows (Eq. 1); ParameterError where the mixture is bad."""
+    mixture = parameters.mixture
+    return TruncatedPoissonMixture(mixture.weights, mixture.rates, len(catalogue.rows))

@@ -1,92 +1,138 @@
-"""The artefacts as markers for rviz: values, and a board that gives out only what changed."""
+"""The board that draws the artefacts as markers for rviz, and gives out only what changed."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from itertools import chain
 from typing import Final
 
+import numpy as np
+import numpy.typing as npt
+
 from are_ros.builder._marker_shapes import (
-    Marker,
-    MarkerAction,
-    MarkerKind,
+    REFRESH_NS,
+    Figure,
     MarkerSubject,
     deletion,
-    drawn,
+    figure_of,
     looks_equal,
 )
-from are_ros.conventions import NS_PER_S
-from are_ros.parameters.choices import Shape
-
-REFRESH_NS: Final = NS_PER_S
-
-__all__ = (
-    "Marker",
-    "MarkerAction",
-    "MarkerBoard",
-    "MarkerKind",
-    "MarkerSubject",
+from are_ros.builder.marker_batch import (
+    DELETE_ALL,
+    MarkerAction,
+    MarkerBatch,
+    MarkerKind,
+    MarkerLook,
 )
+from are_ros.parameters.choices import Shape
+from are_ros.world.rigid_transform import rotation_matrices
 
+Poses = npt.NDArray[np.float64]
 
-@dataclass(frozen=True, eq=False)
-class _Shown:
-    """A subject as rviz has it, and when it was last given out."""
+__all__ = ("MarkerAction", "MarkerBatch", "MarkerBoard", "MarkerKind", "MarkerLook", "MarkerSubject")
 
-    subject: MarkerSubject
-    sent_ns: int
+_NOWHERE: Final = np.full((1, 7), np.nan)
+"""Where somebody was who had not been given out: it differs from every pose."""
 
 
 class MarkerBoard:
     """Remembers what viewers have been given, and gives out the difference.
 
     A marker fades 3 s after it was last given out, so that a dead ARE leaves none; each is
-    refreshed once a second. All poses are in the map's frame.
+    refreshed once a second, at an instant of its own, so that a tick has its share of all. All
+    poses are in the map's frame.
     """
 
     def __init__(self, shape: Shape = Shape.BOX) -> None:
         self._shape = shape
-        self._shown: dict[int, _Shown] = {}
-        self._now_ns: int | None = None
+        self._forget()
 
-    def update(self, now_ns: int, shown: Sequence[MarkerSubject]) -> list[Marker]:
+    def update(
+        self,
+        now_ns: int,
+        shown: Sequence[MarkerSubject],
+        poses: Poses,
+        *,
+        everything: bool = False,
+    ) -> MarkerBatch:
         """Return the markers that bring viewers up to date with the artefacts of now.
 
+        `poses` (N, 7) are those of the N `shown`, whose ids are distinct: x y z [m] and x y z w.
         DELETE for those who departed, ADD for those who came, moved, changed their looks or were
-        due for a refresh. The first update, and one after the clock jumped back, begins with a
-        DELETEALL and gives everything. Ids in `shown` are distinct.
+        due for a refresh. A DELETEALL and everything if asked for (there is a new viewer), at the
+        first update and after the clock jumped back. It is quickest with the very same subjects.
         """
         if self._now_ns is None or now_ns < self._now_ns:
-            self._shown = {subject.artefact_id: _Shown(subject, now_ns) for subject in shown}
-            return self.everything(now_ns)
+            self._forget()
+            everything = True
         self._now_ns = now_ns
-        departed = self._shown.keys() - {subject.artefact_id for subject in shown}
-        markers = [marker for i in sorted(departed) for marker in self._delete(i)]
-        due = [subject for subject in shown if self._is_due(now_ns, subject)]
-        return markers + self._draw(now_ns, due)
+        departed = self._arrange(tuple(shown))
+        due = (poses != self._poses).any(axis=1) | (self._due_ns <= now_ns) | everything
+        self._poses = poses.copy()
+        left = [look for gone in sorted(departed) for look in deletion(gone)]
+        first = DELETE_ALL if everything else MarkerBatch.unposed(*left)
+        return first.followed_by(self._draw(now_ns, due))
 
-    def everything(self, now_ns: int) -> list[Marker]:
-        """Return a DELETEALL and all that is shown since the last update: for a new subscriber."""
-        self._now_ns = now_ns
-        subjects = [shown.subject for shown in self._shown.values()]
-        return [Marker.delete_all(), *self._draw(now_ns, subjects)]
-
-    def delete_all(self) -> list[Marker]:
+    def delete_all(self) -> MarkerBatch:
         """Return a DELETEALL, and start anew: the next update gives everything."""
-        self._shown, self._now_ns = {}, None
-        return [Marker.delete_all()]
+        self._forget()
+        return DELETE_ALL
 
-    def _is_due(self, now_ns: int, subject: MarkerSubject) -> bool:
-        shown = self._shown.get(subject.artefact_id)
-        if shown is None or now_ns - shown.sent_ns >= REFRESH_NS:
-            return True
-        return not looks_equal(shown.subject, subject)
+    def _forget(self) -> None:
+        self._now_ns: int | None = None
+        self._subjects: tuple[MarkerSubject, ...] = ()
+        self._places: dict[int, int] = {}
+        self._poses = np.empty((0, 7))
+        self._due_ns = np.empty(0, dtype=np.int64)
+        self._set_figures([])
 
-    def _draw(self, now_ns: int, subjects: Iterable[MarkerSubject]) -> list[Marker]:
-        markers: list[Marker] = []
+    def _set_figures(self, figures: list[Figure]) -> None:
+        self._figures = figures
+        self._looks = _looks_of(figures)
+        self._offsets_m = np.array([figure.offsets_m for figure in figures]).reshape(-1, 3, 3)
+        self._phases_ns = np.array([figure.phase_ns for figure in figures], dtype=np.int64)
+
+    def _arrange(self, subjects: tuple[MarkerSubject, ...]) -> set[int]:
+        """Take over who is shown, and return who departed; who is new has been nowhere yet."""
+        if subjects == self._subjects:
+            return set()
+        figures, places, before = [], [], self._places
         for subject in subjects:
-            self._shown[subject.artefact_id] = _Shown(subject, now_ns)
-            markers.extend(drawn(subject, self._shape))
-        return markers
+            place = before.get(subject.artefact_id, -1)
+            if place < 0 or not looks_equal(self._figures[place].subject, subject):
+                figures.append(figure_of(subject, self._shape))
+                places.append(-1)
+            else:
+                figures.append(self._figures[place])
+                places.append(place)
+        self._poses = np.concatenate((self._poses, _NOWHERE))[places]
+        self._due_ns = np.append(self._due_ns, 0)[places]
+        self._subjects = subjects
+        self._places = {subject.artefact_id: place for place, subject in enumerate(subjects)}
+        self._set_figures(figures)
+        return before.keys() - self._places.keys()
 
-    def _delete(self, artefact_id: int) -> list[Marker]:
-        del self._shown[artefact_id]
-        return deletion(artefact_id)
+    def _draw(self, now_ns: int, due: npt.NDArray[np.bool_]) -> MarkerBatch:
+        """Return the markers of those who are due, and note when they are due again."""
+        late_ns = (now_ns - self._phases_ns[due]) % REFRESH_NS
+        self._due_ns[due] = now_ns + REFRESH_NS - late_ns
+        if due.all():
+            return MarkerBatch(self._looks, _marker_poses(self._poses, self._offsets_m))
+        looks = _looks_of([self._figures[place] for place in np.flatnonzero(due).tolist()])
+        return MarkerBatch(looks, _marker_poses(self._poses[due], self._offsets_m[due]))
+
+
+def _looks_of(figures: list[Figure]) -> tuple[MarkerLook, ...]:
+    return tuple(chain.from_iterable(figure.looks for figure in figures))
+
+
+def _marker_poses(poses: Poses, offsets_m: npt.NDArray[np.float64]) -> Poses:
+    """Return the poses (K * M, 7) of K figures' M markers, at offsets (K, M, 3) from the figures'.
+
+    p + R(q) o, turned as the figure is.
+    """
+    count, markers = offsets_m.shape[:2]
+    placed = np.empty((count, markers, 7))
+    # The product of each figure's own small matrices, as RigidTransform.apply forms it.
+    rotations = rotation_matrices(poses[:, 3:]).transpose(0, 2, 1)
+    placed[:, :, :3] = offsets_m @ rotations + poses[:, None, :3]
+    placed[:, :, 3:] = poses[:, None, 3:]
+    return placed.reshape(count * markers, 7)

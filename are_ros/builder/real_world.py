@@ -158,7 +158,7 @@ class RealWorld:
 
 
 def _same_map(one: OccupancyGrid, other: OccupancyGrid) -> bool:
-    return (
+    return one is other or (
         one.resolution_m == other.resolution_m
         and np.array_equal(one.origin.translation_m, other.origin.translation_m)
         and np.array_equal(one.origin.rotation_xyzw, other.origin.rotation_xyzw)
@@ -167,4 +167,5 @@ def _same_map(one: OccupancyGrid, other: OccupancyGrid) -> bool:
 
 
 def _same_cloud(one: _Cloud, other: _Cloud) -> bool:
-    return one.frame_id == other.frame_id and np.array_equal(one.centres_m, other.centres_m)
+    is_same = one.centres_m is other.centres_m or np.array_equal(one.centres_m, other.centres_m)
+    return one.frame_id == other.frame_id and is_same

@@ -8,7 +8,7 @@ from are_ros.builder.mesh_bank import MeshBank
 from are_ros.builder.sensor_path import ReleasedScan, SensorPath, SensorPathCounts
 from are_ros.conventions import seconds_to_ns
 from are_ros.parameters.choices import SensorGate, Shape
-from are_ros.parameters.model import Parameters
+from are_ros.parameters.model import Parameters, SensorsParameters
 from are_ros.world.frame_tree import FrameTree
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.rigid_transform import RigidTransform
@@ -30,6 +30,12 @@ class ScanAugmentation:
         self._lives = lives
         self._meshes = meshes
         self._paths: dict[str, SensorPath] = {}
+
+    def reconfigure(self, settings: SensorsParameters) -> None:
+        """Let other settings hold from now on, the wait also for the next scans of known topics."""
+        self._settings = settings
+        for path in self._paths.values():
+            path.wait_ns = seconds_to_ns(settings.tf_wait)
 
     def push(self, topic: str, scan: LaserScan, received_ns: int) -> None:
         """Take a scan in; topics do not wait for each other."""

@@ -20,11 +20,14 @@ from are_ros.world.zones import Zones, read_zones_file
 
 
 class Spawning:
-    """Keeps region and placer in step with the environment and with the robot's place in it."""
+    """Keeps region and placer in step with the environment and with the robot's place in it.
+
+    `goal` is where the robot is going, None where that is not known: nobody arrives there.
+    """
 
     def __init__(self, parameters: Parameters, footprint: Footprint) -> None:
-        self._population = parameters.population
-        self._clearance_m = parameters.robot.clearance
+        self.goal: Footprint | None = None
+        self.reconfigure(parameters)
         self._robot_radius_m = footprint.inscribed_radius_m
         zones = parameters.population.zones
         self._zones = read_zones_file(Path(zones)) if zones else Zones()
@@ -34,6 +37,11 @@ class Spawning:
         self._finder: RegionFinder | None = None
         self._region: SpawnRegion | None = None
         self._placer: Placer | None = None
+
+    def reconfigure(self, parameters: Parameters) -> None:
+        """Keep other distances from now on; region and zones stay."""
+        self._population = parameters.population
+        self._clearance_m = parameters.robot.clearance
 
     @property
     def area_m2(self) -> float:
@@ -62,7 +70,8 @@ class Spawning:
         """Draw a pose for an artefact, near the first of its group; None if there is none."""
         if self._placer is None:
             return None
-        keep_out = (KeepOut(robot.footprint, self._clearance_m),) if robot else ()
+        shapes = ([robot.footprint] if robot else []) + ([self.goal] if self.goal else [])
+        keep_out = tuple(KeepOut(shape, self._clearance_m) for shape in shapes)
         within = None if near is None else Disc(*near, self._population.group_radius)
         return self._placer.place(row, generator, Surroundings(others, keep_out), within)
 

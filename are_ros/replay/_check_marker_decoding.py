@@ -1,4 +1,4 @@
-"""A MarkerArray from its bytes, and what the rules of visualization_msgs say of each marker.
+"""A MarkerArray from its bytes, as plain values.
 
 Recordings hold millions of corners of meshes: they are looked at as arrays, not as objects.
 """
@@ -13,26 +13,44 @@ from numpy.typing import NDArray
 from are_ros.conventions import NS_PER_S
 
 ADD, DELETE, DELETE_ALL = 0, 2, 3
-ARROW, CUBE, LINE_STRIP, LINE_LIST, POINTS, TEXT, MESH, TRIANGLES = 0, 1, 4, 5, 8, 9, 10, 11
-_LAST_TYPE: Final = 12
-_LISTS: Final = (LINE_STRIP, LINE_LIST, 6, 7, POINTS, TRIANGLES, _LAST_TYPE)
-_GROUP_SIZES: Final = {LINE_LIST: 2, TRIANGLES: 3}
+ARROW, CUBE, SPHERE, CYLINDER, LINE_STRIP, LINE_LIST = range(6)
+CUBE_LIST, SPHERE_LIST, POINTS, TEXT, MESH, TRIANGLES, ARROW_STRIP = range(6, 13)
 
 _STAMP, _INTEGERS, _COUNT = Struct("<iI"), Struct("<3i"), Struct("<I")
 _POSE_AND_SCALE, _COLOUR, _LIFETIME = Struct("<10d"), Struct("<4f"), Struct("<iIB")
+_FLAG: Final = Struct("<B")
 
 
-class MarkerChange(NamedTuple):
-    """What one marker does to a viewer, and what is wrong with it ("" if nothing is)."""
+class MarkerFields(NamedTuple):
+    """One visualization_msgs/Marker; lengths in metres, in `frame_id` and relative to the pose.
 
+    `position` (3,), `rotation_xyzw` (4,), `scale` (3,), `points` (N, 3) float64; `colour` (4,) and
+    `colours` (M, 4) red, green, blue, alpha as they came; `texture_points` counts the coordinates
+    of a texture.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    namespace: str
+    number: int
+    kind: int
     action: int
-    key: tuple[str, int]
+    position: NDArray[np.float64]
+    rotation_xyzw: NDArray[np.float64]
+    scale: NDArray[np.float64]
+    colour: NDArray[np.float64]
     lifetime_ns: int
-    fault: str
+    is_frame_locked: bool
+    points: NDArray[np.floating]
+    colours: NDArray[np.floating]
+    texture_points: int
+    text: str
+    mesh: str
+    keeps_materials: bool
 
 
-class _Bytes:
-    """A cursor over little-endian XCDR1."""
+class CdrCursor:
+    """A cursor over little-endian XCDR1; ValueError where the bytes are no such thing."""
 
     def __init__(self, data: bytes) -> None:
         if data[:2] != b"\x00\x01":
@@ -50,6 +68,11 @@ class _Bytes:
     def count(self) -> int:
         """Return the length of a sequence."""
         return int(self.unpack(_COUNT)[0])
+
+    def time_ns(self) -> int:
+        """Return a Time in nanoseconds."""
+        seconds, nanoseconds = self.unpack(_STAMP)
+        return int(seconds) * NS_PER_S + int(nanoseconds)
 
     def text(self) -> str:
         """Return a string."""
@@ -86,96 +109,59 @@ class _Bytes:
         self._at += -(self._at - 4) % alignment
 
 
-def decode_markers(data: bytes, frame_id: str) -> list[MarkerChange]:
-    """Return what the markers of an array do; ValueError with the reason for malformed bytes."""
+def decode_markers(data: bytes) -> list[MarkerFields]:
+    """Return the markers of an array; ValueError with the reason for malformed bytes."""
     try:
-        cursor = _Bytes(data)
-        changes = [_read_marker(cursor, frame_id) for _ in range(cursor.count())]
+        cursor = CdrCursor(data)
+        markers = [_read_marker(cursor) for _ in range(cursor.count())]
     except (StructError, UnicodeDecodeError) as cause:
         message = f"is malformed: {cause}"
         raise ValueError(message) from cause
     if cursor.left() > 3:
         message = f"has {cursor.left()} bytes too many"
         raise ValueError(message)
-    return changes
+    return markers
 
 
-def _read_marker(cursor: _Bytes, wanted_frame: str) -> MarkerChange:
-    cursor.unpack(_STAMP)
-    frame_id, namespace = cursor.text(), cursor.text()
+def _read_marker(cursor: CdrCursor) -> MarkerFields:
+    stamp_ns, frame_id, namespace = cursor.time_ns(), cursor.text(), cursor.text()
     number, kind, action = (int(value) for value in cursor.unpack(_INTEGERS))
     numbers = np.array(cursor.unpack(_POSE_AND_SCALE, 8))
     colour = np.array(cursor.unpack(_COLOUR))
-    seconds, nanoseconds, _ = cursor.unpack(_LIFETIME)
+    seconds, nanoseconds, locked = cursor.unpack(_LIFETIME)
     points, colours = cursor.rows("<f8", 3), cursor.rows("<f4", 4)
-    _skip_texture(cursor)
+    texture_points = _read_texture(cursor)
     text, mesh = cursor.text(), cursor.text()
     cursor.text()
     cursor.skip(cursor.count())
-    cursor.skip(1)
-    lifetime_ns = int(seconds) * NS_PER_S + int(nanoseconds)
-    faults = [_place_fault(frame_id, wanted_frame, kind, action)]
-    if action == ADD:
-        faults += [
-            _looks_fault(numbers, colour, kind, lifetime_ns),
-            _points_fault(kind, points, colours),
-            "has no text" if kind == TEXT and not text.strip() else "",
-            "has no mesh" if kind == MESH and not mesh else "",
-        ]
-    fault = next((fault for fault in faults if fault), "")
-    return MarkerChange(action, (namespace, number), lifetime_ns, fault)
+    (keeps_materials,) = cursor.unpack(_FLAG, 1)
+    return MarkerFields(
+        stamp_ns,
+        frame_id,
+        namespace,
+        number,
+        kind,
+        action,
+        numbers[:3],
+        numbers[3:7],
+        numbers[7:],
+        colour,
+        int(seconds) * NS_PER_S + int(nanoseconds),
+        bool(locked),
+        points,
+        colours,
+        texture_points,
+        text,
+        mesh,
+        bool(keeps_materials),
+    )
 
 
-def _skip_texture(cursor: _Bytes) -> None:
-    """Pass over resource, image and coordinates of a texture."""
+def _read_texture(cursor: CdrCursor) -> int:
+    """Pass over resource, image and coordinates of a texture; return the number of these."""
     cursor.text()
-    cursor.unpack(_STAMP)
+    cursor.time_ns()
     cursor.text()
     cursor.text()
     cursor.skip(cursor.count())
-    cursor.rows("<f4", 2)
-
-
-def _place_fault(frame_id: str, wanted: str, kind: int, action: int) -> str:
-    if frame_id != wanted:
-        return f"is in frame '{frame_id}', not '{wanted}'"
-    if action not in {ADD, DELETE, DELETE_ALL}:
-        return f"has the action {action}, which there is not"
-    return "" if 0 <= kind <= _LAST_TYPE else f"is of type {kind}, which there is not"
-
-
-def _looks_fault(
-    numbers: NDArray[np.float64], colour: NDArray[np.float64], kind: int, lifetime_ns: int
-) -> str:
-    """Check pose, scale, colour and lifetime."""
-    if not (np.isfinite(numbers).all() and np.isfinite(colour).all()):
-        return "has numbers that are not finite"
-    if abs(np.linalg.norm(numbers[3:7]) - 1.0) > 1e-4:
-        return "has a rotation that is no unit quaternion"
-    if (_used_scale(numbers[7:], kind) <= 0.0).any():
-        return f"has the scale {numbers[7:].tolist()}"
-    if colour.min() < 0.0 or colour.max() > 1.0 or (colour[3] == 0.0 and kind != MESH):
-        return f"has the colour {colour.tolist()}"
-    return "has a negative lifetime" if lifetime_ns < 0 else ""
-
-
-def _used_scale(scale: NDArray[np.float64], kind: int) -> NDArray[np.float64]:
-    """Return the components of the scale that a type uses."""
-    if kind == TEXT:
-        return scale[2:]
-    if kind in {LINE_STRIP, LINE_LIST}:
-        return scale[:1]
-    return scale[:2] if kind == POINTS else scale
-
-
-def _points_fault(kind: int, points: NDArray[np.floating], colours: NDArray[np.floating]) -> str:
-    """Check the points of lists, and their colours."""
-    if kind not in _LISTS:
-        return ""
-    if not len(points) or len(points) % _GROUP_SIZES.get(kind, 1):
-        return f"has {len(points)} points"
-    if len(colours) not in {0, len(points)}:
-        return f"has {len(colours)} colours for {len(points)} points"
-    if not np.isfinite(points).all() or not ((colours >= 0.0) & (colours <= 1.0)).all():
-        return "has points that are not finite, or colours outside of 0 to 1"
-    return ""
+    return len(cursor.rows("<f4", 2))

@@ -4,7 +4,8 @@ from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from are_ros.replay._check_marker_decoding import ADD, DELETE_ALL, MarkerChange
+from are_ros.replay._check_marker_decoding import ADD, DELETE_ALL
+from are_ros.replay._check_marker_rules import MarkerChange
 from are_ros.replay._check_record import MarkerShow, Record
 from are_ros.replay._check_result import CheckResult, Tally, at_s
 from are_ros.replay._check_scene import Scene

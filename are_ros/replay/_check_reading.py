@@ -14,6 +14,7 @@ from are_ros.replay._check_cells import RealMap
 from are_ros.replay._check_file import PREFIX
 from are_ros.replay._check_frames import ODOMETRY, PARAMETER
 from are_ros.replay._check_marker_decoding import decode_markers
+from are_ros.replay._check_marker_rules import change_of
 from are_ros.replay._check_record import MarkerShow, Record
 from are_ros.replay._check_result import Tally, at_s
 from are_ros.replay._check_scene import read_scene, time_ns
@@ -133,8 +134,9 @@ class Reading:
             self.tally.fail(f"{topic} {at_s(log_ns)}: {cause}")
 
     def _take_markers(self, log_ns: int, data: bytes) -> None:
-        changes = decode_markers(bytes(data), self.record.world_frame)
-        self.record.shows.append(MarkerShow(log_ns, tuple(changes)))
+        frame_id = self.record.world_frame
+        changes = tuple(change_of(each, frame_id) for each in decode_markers(bytes(data)))
+        self.record.shows.append(MarkerShow(log_ns, changes))
         self._marker_bytes += len(data)
         if self._marker_bytes > _OBJECT_BYTES:
             self.tally.note("most markers by a decoder of our own, each 16th by rosbags too")

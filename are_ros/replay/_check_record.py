@@ -7,7 +7,7 @@ from are_ros.parameters.model import Parameters
 from are_ros.replay._check_cells import RealMap
 from are_ros.replay._check_file import PREFIX
 from are_ros.replay._check_frames import Frames
-from are_ros.replay._check_marker_decoding import MarkerChange
+from are_ros.replay._check_marker_rules import MarkerChange
 from are_ros.replay._check_scan_pairs import ScanPairs
 from are_ros.replay._check_scene import Scene
 

@@ -12,16 +12,16 @@ from typing import Any, NamedTuple
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
 from are_ros.messages.odometry import OdometryNumbers, read_odometry_numbers
-from are_ros.messages.transforms import StampedTransform, read_transforms
-from are_ros.replay._bag_errors import as_bag_errors, sentence_of
-from are_ros.replay._bag_files import check_paths, open_reader
-from are_ros.replay._bag_types import BagTypes
-from are_ros.replay.odometry_decoding import decode_odometry_cdr, decode_odometry_ros1
-from are_ros.replay.transform_decoding import (
+from are_ros.messages.odometry_decoding import decode_odometry_cdr, decode_odometry_ros1
+from are_ros.messages.transform_decoding import (
     decode_transforms_cdr,
     decode_transforms_ros1,
     is_plain_cdr,
 )
+from are_ros.messages.transforms import StampedTransform, read_transforms
+from are_ros.replay._bag_errors import as_bag_errors, sentence_of
+from are_ros.replay._bag_files import check_paths, open_reader
+from are_ros.replay._bag_types import BagTypes
 
 _REORDER_NS = NS_PER_S
 """Parts of a split recording overlap by less than this."""

@@ -1,5 +1,6 @@
 """The augmented recording: an MCAP file that ROS 2, Foxglove and rosbags open."""
 
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from io import BufferedWriter
@@ -12,22 +13,10 @@ from mcap.writer import CompressionType, Writer
 from are_ros._version import __version__
 from are_ros.errors import BagError
 from are_ros.replay.message_types import jazzy_typestore
+from are_ros.replay.offered_qos import OfferedQos, qos_text
 
 _CHUNK_BYTES = 4 * 1024 * 1024
 """Holds several maps, which compress to almost nothing against each other."""
-
-_FOREVER = "{sec: 9223372036, nsec: 854775807}"
-_QOS = """\
-- history: keep_last
-  depth: {depth}
-  reliability: {reliability}
-  durability: {durability}
-  deadline: {forever}
-  lifespan: {forever}
-  liveliness: automatic
-  liveliness_lease_duration: {forever}
-  avoid_ros_namespace_conventions: false
-"""
 
 
 @dataclass(eq=False)
@@ -41,14 +30,27 @@ class BagWriter:
     """Writes one MCAP file of ROS 2 messages; a context manager.
 
     The file appears under its name only when the block ends without an exception; until then it
-    is `<name>.part`, which a failed run removes. The same calls give the same bytes: no clock, no
-    path and no order but that of the calls enters the file. BagError if it cannot be written.
+    is `<name>.part`, which a failed run removes unless it `keeps_partial`. The same calls give the
+    same bytes: no clock, no path and no order but that of the calls enters the file. BagError if it
+    cannot be written.
     """
 
-    def __init__(self, path: Path, typestore: Any = None) -> None:
-        """Prepare to write `path`; types come from `typestore` (`jazzy_typestore()`)."""
+    def __init__(
+        self,
+        path: Path,
+        typestore: Any = None,
+        *,
+        notes: Mapping[str, str] | None = None,
+        keeps_partial: bool = False,
+    ) -> None:
+        """Prepare to write `path`; types come from `typestore` (`jazzy_typestore()`).
+
+        `notes` are written at the beginning, where also an unfinished file shows them.
+        """
         self._path = path
-        self._partial = path.with_name(path.name + ".part")
+        self._partial = partial_path(path)
+        self._notes = notes
+        self._keeps_partial = keeps_partial
         self._store = jazzy_typestore() if typestore is None else typestore
         self._channels: dict[str, _Channel] = {}
         self._schemas: dict[str, int] = {}
@@ -59,10 +61,11 @@ class BagWriter:
         try:
             self._file = self._partial.open("wb")
         except OSError as cause:
-            message = f"{self._path} cannot be written: {cause.strerror}"
-            raise BagError(message) from cause
+            raise self._unwritable(cause) from cause
         self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._writer.start(profile="ros2", library=f"are_ros {__version__}")
+        if self._notes:
+            self._writer.add_metadata("are_ros", dict(self._notes))
         return self
 
     def __exit__(
@@ -75,9 +78,7 @@ class BagWriter:
             if kind is None:
                 self._finish()
         finally:
-            self._file.close()
-            with suppress(FileNotFoundError):
-                self._partial.unlink()
+            self._close()
 
     def add_topic(
         self,
@@ -87,24 +88,25 @@ class BagWriter:
         is_latched: bool = False,
         is_reliable: bool = True,
         depth: int = 10,
+        offered: Sequence[OfferedQos] = (),
     ) -> None:
         """Announce a topic and the quality of service that a player is to offer.
 
         Topics stand in the file in the order of these calls, also those without a message.
-        `is_latched`: transient local, late subscribers get the last `depth` messages.
+        `is_latched`: transient local, late subscribers get the last `depth` messages. In place of
+        these, `offered` are the profiles of the publishers that were found.
         """
-        qos = _QOS.format(
-            depth=depth,
+        profile = OfferedQos(
             reliability="reliable" if is_reliable else "best_effort",
             durability="transient_local" if is_latched else "volatile",
-            forever=_FOREVER,
+            depth=depth,
         )
         identifier = self._writer.register_channel(
             topic=topic,
             message_encoding="cdr",
             schema_id=self._schema(type_name),
             metadata={
-                "offered_qos_profiles": qos,
+                "offered_qos_profiles": qos_text(offered or [profile]),
                 "topic_type_hash": self._store.hash_rihs01(type_name),
             },
         )
@@ -115,17 +117,33 @@ class BagWriter:
         channel = self._channels[topic]
         self.write_raw(topic, log_time_ns, self._store.serialize_cdr(message, channel.type_name))
 
-    def write_raw(self, topic: str, log_time_ns: int, data: bytes | memoryview) -> None:
-        """Append a message that is serialised already: CDR with its encapsulation header."""
+    def write_raw(
+        self,
+        topic: str,
+        log_time_ns: int,
+        data: bytes | memoryview,
+        publish_time_ns: int | None = None,
+    ) -> None:
+        """Append a message that is serialised already: CDR with its encapsulation header.
+
+        `publish_time_ns` is the log time unless given.
+        """
         channel = self._channels[topic]
+        published_ns = log_time_ns if publish_time_ns is None else publish_time_ns
         try:
             self._writer.add_message(
-                channel.identifier, log_time_ns, data, log_time_ns, sequence=channel.count
+                channel.identifier, log_time_ns, data, published_ns, sequence=channel.count
             )
         except OSError as cause:
-            message = f"{self._path} cannot be written: {cause.strerror}"
-            raise BagError(message) from cause
+            raise self._unwritable(cause) from cause
         channel.count += 1
+
+    def flush(self) -> None:
+        """Hand all that was written to the system, so that a kill does not take it."""
+        try:
+            self._writer.flush()
+        except OSError as cause:
+            raise self._unwritable(cause) from cause
 
     def counts(self) -> dict[str, int]:
         """Return how many messages were written, by topic."""
@@ -147,5 +165,20 @@ class BagWriter:
             self._file.close()
             self._partial.replace(self._path)
         except OSError as cause:
-            message = f"{self._path} cannot be written: {cause.strerror}"
-            raise BagError(message) from cause
+            raise self._unwritable(cause) from cause
+
+    def _close(self) -> None:
+        """Close the file, also where nothing more can be written to it."""
+        with suppress(OSError):
+            self._file.close()
+        if not self._keeps_partial:
+            with suppress(FileNotFoundError):
+                self._partial.unlink()
+
+    def _unwritable(self, cause: OSError) -> BagError:
+        return BagError(f"{self._path} cannot be written: {cause.strerror}")
+
+
+def partial_path(path: Path) -> Path:
+    """Return the name of a recording that is still being written."""
+    return path.with_name(path.name + ".part")

@@ -18,8 +18,14 @@ _BASE, _NAME, _ARRAY = 1, 2, 3
 def jazzy_typestore() -> Any:
     """Return the types of ROS 2 Jazzy with are_msgs, tf2_msgs and map_msgs, built once.
 
-    InputError if the message definitions of ARE are not installed.
+    It is shared: whoever learns further types takes a `new_typestore()`. InputError if the message
+    definitions of ARE are not installed.
     """
+    return new_typestore()
+
+
+def new_typestore() -> Any:
+    """Return a typestore of one's own with the same types; InputError as in `jazzy_typestore`."""
     store = get_typestore(Stores.ROS2_JAZZY)
     types: dict[str, Any] = {}
     for name, text in message_texts().items():

@@ -4,13 +4,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from are_ros.builder.ar_builder import ArBuilder
+from are_ros.builder.schedule import TickSchedule
 from are_ros.builder.sensor_path import ReleasedScan
 from are_ros.builder.tick import Tick
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BagError
+from are_ros.messages.feed import Feed
 from are_ros.replay.bag_clock import BagClock
 from are_ros.replay.bag_reader import BagMessage, BagReader
-from are_ros.replay.feed import Feed
 from are_ros.replay.options import ReplayOptions
 from are_ros.replay.roles import RolesFound
 from are_ros.replay.stopwatch import Stopwatch
@@ -20,7 +21,7 @@ _SCAN_ROLE = "scan"
 _MOVING_ROLES = ("tf", "odom", "scan", "camera/camera_info")
 _LONG_BEFORE_NS = 60 * NS_PER_S
 _DEFAULT_SCANS = ("scan",)
-_READ_ROLES = (*_FED_BEFORE_START, "odom", _SCAN_ROLE)
+_READ_ROLES = (*_FED_BEFORE_START, "odom", _SCAN_ROLE, "plan")
 
 Progress = Callable[[int], None]
 
@@ -68,8 +69,7 @@ class Replay:
         self._builder = builder
         reader.learn_types(self.role_of_topic)
         self._stopwatch = stopwatch
-        self._period_ns = round(NS_PER_S / options.parameters.builder.tick_rate)
-        self._next_tick_ns = -(-self.start_ns // self._period_ns) * self._period_ns
+        self._schedule = TickSchedule.of(options.parameters.builder.tick_rate, self.start_ns)
 
     def scan_topics(self) -> tuple[str, ...]:
         """Return the topics of the scans that are augmented."""
@@ -99,12 +99,11 @@ class Replay:
         yield from self._reader.messages(topics, self._first_log_ns, self._last_log_ns)
 
     def _run_ticks(self, until_ns: int, listener: Listener) -> None:
-        while self._next_tick_ns <= until_ns:
+        while (tick_ns := self._schedule.pop(until_ns)) is not None:
             with self._stopwatch.tick():
-                tick = self._builder.step(self._next_tick_ns)
+                tick = self._builder.step(tick_ns)
             listener.take_tick(tick)
             self._hand_over_scans(listener)
-            self._next_tick_ns += self._period_ns
             self.ticks += 1
 
     def _hand_over_scans(self, listener: Listener) -> None:

@@ -12,13 +12,13 @@ from are_ros.builder.assembly import parse_static_transform, robot_footprint
 from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.builder.warm_up import warm_up
 from are_ros.errors import BagError
+from are_ros.messages.feed import Refusals
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.choices import CameraModel, OnRobotContact
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.bag_writer import BagWriter
-from are_ros.replay.feed import Refusals
 from are_ros.replay.input_copy import InputCopy
 from are_ros.replay.listeners import All, InputWriter, OutputWriter, RecordKeeper
 from are_ros.replay.map_files import MapFiles

@@ -24,8 +24,8 @@ from are_ros.builder.outputs import ArtefactState
 from are_ros.builder.sensor_path import ReleasedScan
 from are_ros.builder.tick import Tick
 from are_ros.errors import InputError
+from are_ros.messages.feed import Feed
 from are_ros.replay.bag_reader import BagMessage
-from are_ros.replay.feed import Feed
 from are_ros.replay.tick_writer import TickWriter
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -475,11 +475,11 @@ def test_bad_input_is_refused_and_counted_and_the_last_good_value_stays(
 ) -> None:
     """The sentence names topic and reason; the relay goes on; the next good map is taken."""
     scene, messages = make_scene(), [map_message([0] * 16, 0.1), bad, map_message([9] * 16, 0.1)]
-    reader: Any = SimpleNamespace(deserialize=lambda message: messages[message.data[0]])
+    reader: Any = SimpleNamespace(deserialize=lambda message: messages[message.data[-1]])
     feed = Feed(reader, scene.builder, {"/real_map": "map"})
     values = []
     for index in range(3):
-        message = BagMessage("/real_map", scene.ns(float(index)), bytes([index]), None)
+        message = BagMessage("/real_map", scene.ns(float(index)), bytes(12) + bytes([index]), None)
         feed.take(message, scene.ns(float(index)))
         tick = scene.tick(index + 0.5)
         assert scene.builder.world.grid.frame_id == "map"

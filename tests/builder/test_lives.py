@@ -144,24 +144,66 @@ def test_arrivals_overlap_nothing_at_the_instant_they_come(
     assert lives.displaced == 0
 
 
-def test_an_arrival_heeds_a_map_that_has_just_come(make_scene: Make) -> None:
-    """Also before the next sub-step: nobody ever arrives in a wall of the newest map."""
-    scene = make_scene({"population.arrival_rate": 5.0, "population.mean_life": 0.05})
+def busy_run(scene: Scene, late_s: float) -> list[ArtefactEvent]:
+    """Return what happens when walls and a robot come and go, all received `late_s` late."""
+    for step in range(60):
+        scene.map(0.1 * step + late_s, (10, 30, 18, 38) if step % 2 else (2, 8, 18, 38))
+        stamp_ns, now_ns = scene.ns(0.1 * step), scene.ns(0.1 * step + late_s)
+        place = (1.0 + 0.01 * step, 2.0, 0.0)
+        turn = (0.0, 0.0, 0.0, 1.0)
+        scene.builder.receive_transform("map", "base_link", stamp_ns, place, turn, now_ns)
+    scene.builder.advance(scene.ns(6.0))
+    events: list[ArtefactEvent] = scene.builder.lives.take_events()
+    return events
+
+
+def test_the_instant_of_reception_within_a_sub_step_decides_nothing(make_scene: Make) -> None:
+    """Whether maps and transforms come just after a sub-step or just before the next."""
+    values = {"population.arrival_rate": 1.0, "population.mean_life": 2.0}
+    early, late = (busy_run(make_scene(values), late_s) for late_s in (0.0, 0.049))
+    assert len(early) > 100
+    assert early == late
+    assert any(event.kind is EventKind.DISPLACED for event in early)
+    assert early != busy_run(make_scene(values), 0.06)
+
+
+def test_nobody_stands_in_a_new_wall_after_the_next_sub_step(make_scene: Make) -> None:
+    """Who arrives between a new map and the sub-step after it makes way like the others."""
+    scene = make_scene({"population.arrival_rate": 5.0, "population.mean_life": 0.2})
     scene.robot(0.0, 1.0, 2.0)
-    lives, arrived = scene.builder.lives, 0
+    lives, seen = scene.builder.lives, 0
     for step in range(60):
         scene.map(0.1 * step + 0.051, (10, 30, 18, 38) if step % 2 else (2, 8, 18, 38))
-        due_ns = lives.population.next_event_ns()
-        while due_ns is not None and due_ns < scene.ns(0.1 * step + 0.1):
-            scene.builder.advance(due_ns)
-            scene_now = lives.scene_at(due_ns)
-            new = np.array([a.arrival_ns == due_ns for a in scene_now.artefacts], dtype=np.bool_)
-            walls = scene.builder.world.environment.hits_wall(scene_now.boxes)
-            assert not walls[new].any()
-            arrived += int(new.sum())
-            due_ns = lives.population.next_event_ns()
         scene.builder.advance(scene.ns(0.1 * step + 0.1))
-    assert arrived > 50
+        standing = lives.scene_at(scene.ns(0.1 * step + 0.1))
+        seen += len(standing)
+        assert not scene.builder.world.environment.hits_wall(standing.boxes).any()
+    assert seen > 50
+
+
+def test_nobody_arrives_at_the_robots_goal(make_scene: Make) -> None:
+    """Where its plan ends the robot's clearance is kept, until there is no plan."""
+    scene = make_scene(BUSY | {"population.mean_life": 0.1, "robot.clearance": 0.8})
+    scene.map(0.0)
+    scene.robot(0.0, 0.6, 0.6)
+    scene.builder.receive_plan(np.array([[1.0, 1.0, 0.0], [2.5, 2.5, 0.0]]), "map", scene.ns(0.0))
+    distances = arrival_distances(scene, 60.0, (2.5, 2.5))
+    assert len(distances) > 100
+    assert distances.min() >= 0.8 + 0.2 + 0.05
+    scene.builder.receive_plan(np.empty((0, 3)), "map", scene.ns(60.0))
+    assert arrival_distances(scene, 120.0, (2.5, 2.5)).min() < 0.8
+
+
+def arrival_distances(scene: Scene, until_s: float, point: tuple[float, float]) -> Any:
+    """Return how far from a point the middles of those who arrive come to stand."""
+    lives, distances = scene.builder.lives, []
+    while (due_ns := lives.population.next_event_ns() or scene.ns(0.05)) < scene.ns(until_s):
+        scene.builder.advance(due_ns)
+        for artefact in lives.scene_at(due_ns).artefacts:
+            if artefact.arrival_ns == due_ns:
+                pose = artefact.ground_pose_at(due_ns)
+                distances.append(np.hypot(pose.x_m - point[0], pose.y_m - point[1]))
+    return np.array(distances)
 
 
 def test_a_full_place_blocks_arrivals_and_says_so(make_scene: Make) -> None:
@@ -190,7 +232,7 @@ def test_events_come_in_the_order_of_time(make_scene: Make) -> None:
 
 
 def test_a_wall_that_appears_moves_the_artefact_aside(scene: Scene) -> None:
-    """To the nearest safe place, at once; the event tells how far."""
+    """To the nearest safe place, at the next sub-step; the event tells how far."""
     artefact_id = scene.place(0, (2.5, 2.0), 0.1)
     scene.map(0.32, (18, 22, 26, 30))
     scene.builder.advance(scene.ns(0.35))
@@ -198,8 +240,8 @@ def test_a_wall_that_appears_moves_the_artefact_aside(scene: Scene) -> None:
     pose = artefact.ground_pose_at(scene.ns(0.35))
     boxes = boxes_of([artefact.row], [pose])
     assert not scene.builder.world.environment.hits_wall(boxes).any()
-    assert artefact.ground_pose_at(scene.ns(0.31)) == GroundPose(2.5, 2.0, 0.0, 0.0)
-    assert artefact.ground_pose_at(scene.ns(0.32)) == pose
+    assert artefact.ground_pose_at(scene.ns(0.34)) == GroundPose(2.5, 2.0, 0.0, 0.0)
+    assert artefact.ground_pose_at(scene.ns(0.35)) == pose
     _, moved = scene.builder.lives.take_events()
     assert (moved.kind, moved.artefact_id) == (EventKind.DISPLACED, artefact_id)
     assert moved.value == pytest.approx(np.hypot(pose.x_m - 2.5, pose.y_m - 2.0))

@@ -199,8 +199,9 @@ def make_transforms(stamp_ns: int, edges: Iterable[tuple[str, str, float, float,
 
 
 def make_marker(namespace: str, number: int, action: int = 0, kind: int = 1) -> Any:
-    """Return a Marker that lives for 3 s."""
+    """Return a Marker that lives for 3 s; that of the labels is a text."""
     x, y, yaw = PLACES[number]
+    kind = 9 if namespace == "label" else kind
     return MAKE(
         "visualization_msgs/msg/Marker",
         header=make_header(START_NS),
@@ -212,7 +213,7 @@ def make_marker(namespace: str, number: int, action: int = 0, kind: int = 1) -> 
         scale=MAKE("geometry_msgs/msg/Vector3", x=0.3, y=0.2, z=1.0),
         color=MAKE("std_msgs/msg/ColorRGBA", r=1.0, a=1.0),
         lifetime=MAKE("builtin_interfaces/msg/Duration", sec=3),
-        text="crate",
+        text="crate" if kind == 9 else "",
     )
 
 
@@ -537,8 +538,7 @@ def _too_close(beam: int) -> Break:
 
 
 def _without_text(draft: Draft) -> None:
-    marker = draft.of("markers")[1][1].markers[1]
-    marker.type, marker.text = 9, " "
+    draft.of("markers")[1][1].markers[1].text = " "
 
 
 def _open_cell(draft: Draft) -> None:

@@ -10,10 +10,10 @@ import pytest
 
 from are_ros.builder.tick import Demand
 from are_ros.errors import ParameterError
+from are_ros.messages.feed import Refusals
 from are_ros.messages.transforms import StampedTransform, make_transforms
 from are_ros.replay.bag_writer import BagWriter
 from are_ros.replay.command import complaints, effective_parameters, options_of
-from are_ros.replay.feed import Refusals
 from are_ros.replay.message_types import RosbagsFactory
 
 WriteBag = Callable[[Path, Sequence[tuple[str, int, Any]]], Path]

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from are_ros.messages.odometry import OdometryNumbers, read_odometry_numbers
+from are_ros.messages.odometry_decoding import decode_odometry_cdr, decode_odometry_ros1
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
-from are_ros.replay.odometry_decoding import decode_odometry_cdr, decode_odometry_ros1
 
 TYPE = "nav_msgs/msg/Odometry"
 NAMES = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=9)

@@ -1,0 +1,222 @@
+"""The real environment as it comes in, and the artefacts that live in it, in the order of time."""
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.artefacts.catalogue import Catalogue
+from are_ros.builder import assembly
+from are_ros.builder.lives import Lives
+from are_ros.builder.mesh_bank import MeshBank
+from are_ros.builder.real_world import RealWorld
+from are_ros.builder.scans import ScanAugmentation
+from are_ros.builder.sensor_path import ReleasedScan, SensorPathCounts
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import InputError
+from are_ros.parameters.choices import CameraModel, OdometryUse
+from are_ros.parameters.model import Parameters
+from are_ros.world.footprint import Footprint
+from are_ros.world.frame_tree import FrameTree, TransformSource
+from are_ros.world.laser_scan import LaserScan
+from are_ros.world.observer import Camera
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.rigid_transform import Values
+
+_BEFORE_ALL_NS: Final = -(2**63)
+_CLOCK_JITTER_NS: Final = NS_PER_S // 10
+"""Inputs that come out of order by no more than this are taken as if they came now."""
+_ODOMETRY_SOURCES: Final = {
+    OdometryUse.AUTO: TransformSource.ODOMETRY,
+    OdometryUse.USE: TransformSource.PREFERRED_ODOMETRY,
+}
+
+
+class Reality:
+    """What was received, and what lives: everything that goes on between the ticks.
+
+    Inputs come in through the `receive_...` methods, in the order of the time at which they were
+    received; whatever is due before that time happens first, with what was known before. Bad
+    input raises InputError or FrameError and changes nothing.
+    """
+
+    def __init__(self, parameters: Parameters, catalogue: Catalogue) -> None:
+        self.parameters = parameters
+        self.catalogue = catalogue
+        self.notices: list[str] = []
+        self.frames = FrameTree()
+        self.world = RealWorld(parameters.world, parameters.frames.map, self.frames, self.notices)
+        self.robots = assembly.robot_tracker(parameters, self.frames)
+        resolver = assembly.collision_resolver(parameters)
+        self.lives = Lives(parameters, catalogue, self.world, self.robots, resolver)
+        self.camera: Camera | None = assembly.default_camera(parameters)
+        self._meshes = MeshBank()
+        self._scans = ScanAugmentation(parameters, self.frames, self.lives, self._meshes)
+        self._now_ns = _BEFORE_ALL_NS
+        self._idle_until_ns = _BEFORE_ALL_NS
+        assembly.set_static_frames(parameters, self.frames)
+
+    # ------------------------------------------------------------------------------ inputs
+
+    def receive_map(self, grid: OccupancyGrid, received_ns: int) -> None:
+        """Take the real map M2D, which must be in the map's frame."""
+        self._received(received_ns)
+        if grid.frame_id != self.parameters.frames.map:
+            wanted = self.parameters.frames.map
+            raise InputError(f"map: its frame is '{grid.frame_id}', but frames.map is '{wanted}'")
+        self.world.set_grid(grid)
+
+    def receive_cloud(
+        self,
+        centres_m: npt.NDArray[np.floating],
+        frame_id: str,
+        received_ns: int,
+        voxel_size_m: float | None = None,
+        stamp_ns: int | None = None,
+    ) -> None:
+        """Take the centres (N, 3) of M3D's occupied voxels, in any frame of the tree.
+
+        The frame's pose is that at the stamp where it is known, else (None, or too long ago) the
+        newest; a frame that is not known yet is waited for.
+        """
+        self._received(received_ns)
+        self.world.set_cloud(centres_m, voxel_size_m, frame_id, stamp_ns)
+
+    def receive_transform(
+        self,
+        parent: str,
+        child: str,
+        stamp_ns: int,
+        translation_m: Values,
+        rotation_xyzw: Values,
+        received_ns: int,
+        *,
+        is_static: bool = False,
+    ) -> None:
+        """Take one transform of /tf or /tf_static."""
+        self._received(received_ns)
+        if is_static:
+            self.frames.set_static(parent, child, translation_m, rotation_xyzw)
+        else:
+            self.frames.set_transform(parent, child, stamp_ns, translation_m, rotation_xyzw)
+        self._scans.transforms_came(received_ns)
+
+    def receive_odometry(
+        self,
+        parent: str,
+        child: str,
+        stamp_ns: int,
+        translation_m: Values,
+        rotation_xyzw: Values,
+        received_ns: int,
+    ) -> None:
+        """Take a pose from odometry; an empty child frame means the robot's base."""
+        self._received(received_ns)
+        source = _ODOMETRY_SOURCES.get(self.parameters.frames.odometry)
+        if source is None:
+            return
+        child = child or self.robots.base_frame()
+        self.frames.set_transform(
+            parent, child, stamp_ns, translation_m, rotation_xyzw, source=source
+        )
+        self._scans.transforms_came(received_ns)
+
+    def receive_camera(self, camera: Camera, received_ns: int) -> None:
+        """Take the view model of the robot's camera, from its CameraInfo."""
+        self._received(received_ns)
+        self.camera = assembly.chosen_camera(self.parameters, camera)
+
+    def receive_scan(self, topic: str, scan: LaserScan, received_ns: int) -> None:
+        """Take a laser scan; it comes back, augmented, from `take_scans`."""
+        self._received(received_ns)
+        self._scans.push(topic, scan, received_ns)
+        self._idle_until_ns = received_ns
+
+    def receive_plan(
+        self, points_m: npt.NDArray[np.floating], frame_id: str, received_ns: int
+    ) -> None:
+        """Take the way (N, 3) that the robot plans, in any frame of the tree; its end is the goal.
+
+        Nobody arrives within the robot's clearance of the goal; N of 0 means there is none. Raises
+        FrameError where the frame's pose is not known.
+        """
+        self._received(received_ns)
+        self.lives.goal = self._goal_of(points_m, frame_id) if len(points_m) else None
+
+    def take_scans(self) -> list[ReleasedScan]:
+        """Return the scans that have left the sensor path since the last call."""
+        return self._scans.take()
+
+    def await_camera(self) -> None:
+        """Perceive nothing before the first CameraInfo, unless the parameters are the camera."""
+        if self.parameters.camera.model is CameraModel.AUTO:
+            self.camera = None
+
+    def scan_counts(self) -> Mapping[str, SensorPathCounts]:
+        """Return how the scans of each topic have left so far."""
+        return self._scans.counts()
+
+    def scan_problems(self) -> Mapping[str, str]:
+        """Return why the last scan of a topic that passed through unaugmented did."""
+        return self._scans.problems()
+
+    # ------------------------------------------------------------------------------ time
+
+    def advance(self, now_ns: int) -> None:
+        """Let happen what is due up to `now_ns`: lives, motion, collisions, waiting scans."""
+        if now_ns < self._idle_until_ns:
+            self._check_clock(now_ns)
+            return
+        self._now_ns = max(self._now_ns, now_ns)
+        while (deadline_ns := self._scans.next_deadline_ns()) is not None:
+            if deadline_ns > now_ns:
+                break
+            self.lives.advance(deadline_ns)
+            self._scans.deadline_passed(deadline_ns)
+        self.lives.advance(now_ns)
+        self._idle_until_ns = self._next_due_ns()
+
+    def finish(self, now_ns: int) -> None:
+        """Let the scans go that still wait: the inputs have ended."""
+        self.advance(now_ns)
+        self._scans.flush(now_ns)
+
+    def _next_due_ns(self) -> int:
+        """Return the time before which nothing is due unless an input comes."""
+        deadline_ns = self._scans.next_deadline_ns()
+        due_ns = self.lives.next_due_ns()
+        return due_ns if deadline_ns is None else min(due_ns, deadline_ns)
+
+    def _check_clock(self, now_ns: int) -> None:
+        """Start anew when the clock has jumped back, as it does when a recording loops."""
+        if now_ns >= self._now_ns - _CLOCK_JITTER_NS:
+            self._now_ns = max(self._now_ns, now_ns)
+            return
+        self.notices.append(
+            f"the clock jumped back by {(self._now_ns - now_ns) / NS_PER_S:.3f} s: "
+            "all artefacts are gone, and later transforms and scans are forgotten"
+        )
+        self._now_ns = self._idle_until_ns = now_ns
+        self.restart(now_ns)
+
+    def restart(self, now_ns: int) -> None:
+        """Forget what came later than `now_ns`: the clock jumped back."""
+        self.frames.forget_after(now_ns)
+        self.robots.forget()
+        self.lives.restart(now_ns)
+        self._scans.clear()
+
+    def _received(self, received_ns: int) -> None:
+        """Let happen what was due before an input that is about to be taken."""
+        self.advance(received_ns)
+        self.lives.touch(received_ns)
+
+    def _goal_of(self, points_m: npt.NDArray[np.floating], frame_id: str) -> Footprint:
+        """Return the robot's disc at the end of its way, in the map's frame."""
+        map_frame = self.parameters.frames.map
+        stamp_ns = self.frames.latest_common_time(map_frame, frame_id)
+        map_from_plan = self.frames.lookup(map_frame, frame_id, stamp_ns)
+        end_m = map_from_plan.apply(np.asarray(points_m[-1:], dtype=np.float64))
+        radius_m = self.robots.observer.footprint.circumscribed_radius_m
+        return Footprint(end_m[:, :2], radius_m)

@@ -1,0 +1,178 @@
+"""Inputs, message by message from their bytes, into the builder; live and from recordings alike."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from struct import Struct
+from typing import Any, Protocol
+
+from are_ros.builder.ar_builder import ArBuilder
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import AreError, FrameError, InputError
+from are_ros.messages.camera_info import read_camera_info
+from are_ros.messages.cloud import read_points
+from are_ros.messages.goals import read_path
+from are_ros.messages.grid import read_grid
+from are_ros.messages.headers import read_header
+from are_ros.messages.odometry import OdometryNumbers
+from are_ros.messages.scan import read_scan
+from are_ros.messages.transforms import StampedTransform
+from are_ros.world.observer import Camera
+from are_ros.world.rigid_transform import RigidTransform
+
+_STAMP_AT, _STAMP_END = 4, 12
+"""In CDR and in ROS 1 alike the stamp of a header is here; what follows is the content."""
+_STAMP = Struct("<iI")
+
+
+class RawMessage(Protocol):
+    """A message as it came: its topic, and its bytes in the adapter's encoding."""
+
+    @property
+    def topic(self) -> str:
+        """The topic it came on."""
+
+    @property
+    def data(self) -> bytes:
+        """The bytes, with a header's stamp at offset 4."""
+
+
+class Decoding(Protocol):
+    """What an adapter makes of bytes; InputError, naming the topic, where they are malformed."""
+
+    def deserialize(self, message: Any) -> Any:
+        """Return the message object."""
+
+    def transforms(self, message: Any) -> list[StampedTransform]:
+        """Return the transforms of a TFMessage."""
+
+    def odometry(self, message: Any) -> OdometryNumbers:
+        """Return the numbers of an Odometry."""
+
+
+Handler = Callable[[RawMessage, int], None]
+
+
+@dataclass
+class Refusals:
+    """How many messages of each topic were refused, and what was said of the first."""
+
+    counts: dict[str, int] = field(default_factory=dict)
+    sentences: dict[str, str] = field(default_factory=dict)
+
+    def add(self, topic: str, role: str, cause: AreError) -> str:
+        """Count one more refused message of a topic that plays a role; return the sentence."""
+        self.counts[topic] = self.counts.get(topic, 0) + 1
+        sentence = _about(topic, role, cause)
+        self.sentences.setdefault(topic, sentence)
+        return sentence
+
+
+class Feed:
+    """Reads what each topic's messages say into the builder, as received at a given time.
+
+    A malformed message is counted and changes nothing; the next good one is taken. Maps, clouds
+    and cameras that say the same as the last, but for their stamp, are not decoded again.
+    """
+
+    def __init__(self, decoding: Decoding, builder: ArBuilder, roles: Mapping[str, str]) -> None:
+        """Take what decodes, the builder, and the role of each topic that is to be read."""
+        self.refusals = Refusals()
+        self._decoding = decoding
+        self._builder = builder
+        self._roles = dict(roles)
+        self._last: dict[str, tuple[bytes, Any]] = {}
+        makers: Mapping[str, Callable[[], Handler]] = {
+            "map": lambda: self._map,
+            "octomap_point_cloud_centers": lambda: self._cloud,
+            "odom": lambda: self._odometry,
+            "scan": lambda: self._scan,
+            "camera/camera_info": lambda: self._camera,
+            "tf": lambda: self._transforms,
+            "tf_static": lambda: self._static_transforms,
+            "plan": lambda: self._plan,
+        }
+        self._handlers = {topic: makers[role]() for topic, role in roles.items()}
+
+    def take(self, message: RawMessage, received_ns: int) -> str:
+        """Give one message to the builder; an InputError or a FrameError is counted.
+
+        Returns why it was refused, empty if it was not.
+        """
+        try:
+            self._handlers[message.topic](message, received_ns)
+        except (InputError, FrameError) as cause:
+            return self.refusals.add(message.topic, self._roles[message.topic], cause)
+        return ""
+
+    def _map(self, message: RawMessage, received_ns: int) -> None:
+        grid = self._decoded(message, lambda raw: read_grid(raw, message.topic))
+        self._builder.receive_map(grid, received_ns)
+
+    def _cloud(self, message: RawMessage, received_ns: int) -> None:
+        def decode(raw: Any) -> Any:
+            return read_points(raw, message.topic), read_header(raw, message.topic).frame_id
+
+        points_m, frame_id = self._decoded(message, decode)
+        seconds, nanoseconds = _STAMP.unpack_from(message.data, _STAMP_AT)
+        stamp_ns = seconds * NS_PER_S + nanoseconds
+        self._builder.receive_cloud(points_m, frame_id, received_ns, stamp_ns=stamp_ns)
+
+    def _odometry(self, message: RawMessage, received_ns: int) -> None:
+        numbers = self._decoding.odometry(message)
+        self._builder.receive_odometry(
+            numbers.frame_id,
+            numbers.child_frame_id,
+            numbers.stamp_ns,
+            numbers.pose[:3],
+            numbers.pose[3:],
+            received_ns,
+        )
+
+    def _scan(self, message: RawMessage, received_ns: int) -> None:
+        scan = read_scan(self._decoding.deserialize(message), message.topic)
+        self._builder.receive_scan(message.topic, scan, received_ns)
+
+    def _plan(self, message: RawMessage, received_ns: int) -> None:
+        path = read_path(self._decoding.deserialize(message), message.topic)
+        self._builder.receive_plan(path.points_m, path.frame_id, received_ns)
+
+    def _camera(self, message: RawMessage, received_ns: int) -> None:
+        def decode(raw: Any) -> Camera:
+            rectified = self._builder.parameters.camera.rectified
+            view = read_camera_info(raw, message.topic).view(rectified=rectified)
+            frame_id = read_header(raw, message.topic).frame_id
+            return Camera(view, frame_id, RigidTransform.identity())
+
+        self._builder.receive_camera(self._decoded(message, decode), received_ns)
+
+    def _decoded(self, message: RawMessage, decode: Callable[[Any], Any]) -> Any:
+        """Return what a message says; what it says again, but for its stamp, is not decoded."""
+        content = message.data[_STAMP_END:]
+        known = self._last.get(message.topic)
+        if known is None or known[0] != content:
+            known = content, decode(self._decoding.deserialize(message))
+            self._last[message.topic] = known
+        return known[1]
+
+    def _transforms(self, message: RawMessage, received_ns: int) -> None:
+        self._take_transforms(message, received_ns, is_static=False)
+
+    def _static_transforms(self, message: RawMessage, received_ns: int) -> None:
+        self._take_transforms(message, received_ns, is_static=True)
+
+    def _take_transforms(self, message: RawMessage, received_ns: int, *, is_static: bool) -> None:
+        """Take the good transforms of a message; the first bad one is raised at the end."""
+        refused: FrameError | None = None
+        for transform in self._decoding.transforms(message):
+            try:
+                self._builder.receive_transform(*transform, received_ns, is_static=is_static)
+            except FrameError as cause:  # noqa: PERF203 - each stands on its own
+                refused = refused or cause
+        if refused is not None:
+            raise refused
+
+
+def _about(topic: str, role: str, cause: AreError) -> str:
+    """Return the cause with its topic in front, whether it named topic, role or neither."""
+    text = str(cause).removeprefix(f"{topic}: ").removeprefix(f"{role}: ")
+    return f"{topic}: {text}"
