@@ -6,7 +6,7 @@ from are_ros.artefacts.catalogue import Catalogue
 from are_ros.builder import assembly
 from are_ros.builder.events import ArtefactEvent
 from are_ros.builder.grids import Grids
-from are_ros.builder.markers import Marker
+from are_ros.builder.marker_batch import MarkerBatch
 from are_ros.builder.observation import Observation, sight_events
 from are_ros.builder.outputs import ArtefactState, SceneMetrics
 from are_ros.builder.reality import Reality
@@ -62,6 +62,29 @@ class ArBuilder(Reality):
     def show_everything(self) -> None:
         """Let the next tick's markers be all of them, after a DELETEALL: there is a new viewer."""
         self._is_redraw_due = True
+
+    def farewell(self, now_ns: int) -> Tick:
+        """Return the outputs without artefacts: the real grids, empty lists, a DELETEALL.
+
+        For when they are to vanish, though they live on; the next tick gives everything again.
+        """
+        environment = self.lives.environment
+        self.show_everything()
+        self._watch.forget()
+        nothing, self._seen = Observation(), {}
+        return Tick(
+            stamp_ns=now_ns,
+            frame_id=self.parameters.frames.map,
+            artefacts=(),
+            observer=self.robots.observer.name,
+            perceived=(),
+            events=tuple(self.lives.take_events()),
+            metrics=self._metrics(nothing, {}),
+            markers=self._display.delete_all(),
+            grids=self._grids.bare(now_ns, environment) if environment else Grids(),
+            map_from_base=None,
+            map_from_camera=None,
+        )
 
     def restart(self, now_ns: int) -> None:
         """Forget what came later than `now_ns`: the clock jumped back."""
@@ -174,7 +197,10 @@ class ArBuilder(Reality):
         scene: Scene,
         states: Sequence[ArtefactState],
         observation: Observation,
-    ) -> tuple[Marker, ...]:
+    ) -> MarkerBatch:
         if not self.demand.markers:
-            return ()
-        return self._display.update(now_ns, states, scene.rows, observation.sightings)
+            return MarkerBatch.unposed()
+        everything, self._is_redraw_due = self._is_redraw_due, False
+        return self._display.update(
+            now_ns, states, scene.rows, observation.sightings, everything=everything
+        )

@@ -1,7 +1,10 @@
 """How the parameters become the parts that `ArBuilder` composes."""
 
 import math
+from pathlib import Path
 
+from are_ros.artefacts.catalogue import Catalogue
+from are_ros.artefacts.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
 from are_ros.builder.collisions import CollisionResolver
 from are_ros.builder.costmap import InflatedCostmap
 from are_ros.builder.display import Display
@@ -26,6 +29,11 @@ from are_ros.world.view_models import PinholeView, ViewModel
 
 OBSERVER = "robot"
 _STATIC_FORM = "X Y Z YAW PITCH ROLL PARENT CHILD"
+
+
+def catalogue_of(parameters: Parameters) -> Catalogue:
+    """Return the catalogue that the parameters name, or the shipped one; CatalogueError."""
+    return read_catalogue(Path(parameters.catalogue) if parameters.catalogue else SHIPPED_CATALOGUE)
 
 
 def robot_tracker(parameters: Parameters, frames: FrameTree) -> RobotTracker:

@@ -2,8 +2,11 @@
 
 from collections.abc import Collection, Sequence
 
+import numpy as np
+import numpy.typing as npt
+
 from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.builder.markers import Marker, MarkerBoard, MarkerSubject
+from are_ros.builder.markers import MarkerBatch, MarkerBoard, MarkerSubject
 from are_ros.builder.mesh_bank import MeshBank
 from are_ros.builder.outputs import ArtefactState
 
@@ -14,7 +17,11 @@ class Display:
     def __init__(self, board: MarkerBoard, meshes: MeshBank | None) -> None:
         self._board = board
         self._meshes = meshes
-        self._drawn: dict[int, tuple[ArtefactState, MarkerSubject]] = {}
+        self._states: list[ArtefactState] = []
+        self._perceived: frozenset[int] = frozenset()
+        self._drawn: dict[int, tuple[CatalogueRow, MarkerSubject]] = {}
+        self._subjects: tuple[MarkerSubject, ...] = ()
+        self._poses = poses_of(())
 
     def update(
         self,
@@ -22,23 +29,48 @@ class Display:
         states: Sequence[ArtefactState],
         rows: Sequence[CatalogueRow],
         perceived: Collection[int],
-    ) -> tuple[Marker, ...]:
-        """Return the markers that bring viewers up to date; perceived artefacts are opaque."""
-        drawn = {
-            state.artefact_id: self._subject(state, row, state.artefact_id in perceived)
+        *,
+        everything: bool = False,
+    ) -> MarkerBatch:
+        """Return the markers that bring viewers up to date; perceived artefacts are opaque.
+
+        `rows` are those of `states`, whose ids are distinct. With `everything`, a DELETEALL and all
+        of them: for a viewer that just came.
+        """
+        self._take([*states], rows, frozenset(perceived))
+        return self._board.update(now_ns, self._subjects, self._poses, everything=everything)
+
+    def delete_all(self) -> MarkerBatch:
+        """Return a DELETEALL, as the last thing to show; a later update gives everything."""
+        return self._board.delete_all()
+
+    def _take(
+        self,
+        states: list[ArtefactState],
+        rows: Sequence[CatalogueRow],
+        perceived: frozenset[int],
+    ) -> None:
+        """Make subjects of states that are not the same as before, and keep the others."""
+        if states == self._states and perceived == self._perceived:
+            return
+        drawn = [
+            self._subject(state, row, state.artefact_id in perceived)
             for state, row in zip(states, rows, strict=True)
-        }
-        self._drawn = drawn
-        return tuple(self._board.update(now_ns, [subject for _, subject in drawn.values()]))
+        ]
+        self._states, self._perceived, self._poses = states, perceived, poses_of(states)
+        self._subjects = tuple([subject for _, subject in drawn])
+        self._drawn = {known[1].artefact_id: known for known in drawn}
 
     def _subject(
         self, state: ArtefactState, row: CatalogueRow, is_perceived: bool
-    ) -> tuple[ArtefactState, MarkerSubject]:
-        """Return the subject of a state; that of a state that is the same is kept."""
+    ) -> tuple[CatalogueRow, MarkerSubject]:
+        """Return the subject of a state; that of one which only moved is kept."""
         known = self._drawn.get(state.artefact_id)
-        if known and known[0] is state and known[1].is_perceived == is_perceived:
-            return known
-        return state, marker_subject(state, row, self._meshes, is_perceived=is_perceived)
+        if known is not None and known[0] is row:
+            subject = known[1]
+            if subject.is_perceived == is_perceived and _is_like(subject, state):
+                return known
+        return row, marker_subject(state, row, self._meshes, is_perceived=is_perceived)
 
 
 def marker_subject(
@@ -49,11 +81,30 @@ def marker_subject(
     return MarkerSubject(
         artefact_id=state.artefact_id,
         label=state.label,
-        map_from_artefact=state.map_from_artefact,
         box_centre_m=state.box_centre_m,
         size_m=state.size_m,
         colour=row.colour,
         is_perceived=is_perceived,
         mesh_triangles_m=triangles,
         mesh_colours=colours,
+    )
+
+
+def poses_of(states: Sequence[ArtefactState]) -> npt.NDArray[np.float64]:
+    """Return the poses (N, 7) of F_A in the map's frame: x y z [m] and the quaternion x y z w."""
+    poses = np.empty((len(states), 7))
+    if states:
+        transforms = [state.map_from_artefact for state in states]
+        places_m = [transform.translation_m for transform in transforms]
+        poses[:, :3] = np.concatenate(places_m).reshape(-1, 3)
+        turns = [transform.rotation_xyzw for transform in transforms]
+        poses[:, 3:] = np.concatenate(turns).reshape(-1, 4)
+    return poses
+
+
+def _is_like(subject: MarkerSubject, state: ArtefactState) -> bool:
+    return (
+        subject.label == state.label
+        and subject.size_m == state.size_m
+        and subject.box_centre_m == state.box_centre_m
     )

@@ -70,6 +70,16 @@ class GridAugmentation:
             costmap = _like(environment.grid, now_ns, self._costmap.published().copy())
         return Grids(augmented_map, update, costmap)
 
+    def bare(self, now_ns: int, environment: Environment) -> Grids:
+        """Return both grids without artefacts, whatever went out before and when."""
+        self.prepare(environment)
+        self._map.update({})
+        self._costmap.update({})
+        self._changed, self._is_first = None, True
+        augmented_map = _like(environment.grid, now_ns, self._map.cells.copy())
+        costmap = _like(environment.grid, now_ns, self._costmap.published().copy())
+        return Grids(augmented_map, None, costmap)
+
     def _update(self, now_ns: int, environment: Environment, where: ChangedRectangle) -> GridUpdate:
         cells = where.of(self._map.cells).copy()
         return GridUpdate(environment.grid.frame_id, now_ns, where, cells)

@@ -92,7 +92,5 @@ class MarkerBatch:
 
 
 NO_MARKERS: Final = MarkerBatch.unposed()
-DELETE_ALL: Final = MarkerBatch.unposed(
-    MarkerLook("", 0, MarkerKind.CUBE, MarkerAction.DELETEALL)
-)
+DELETE_ALL: Final = MarkerBatch.unposed(MarkerLook("", 0, MarkerKind.CUBE, MarkerAction.DELETEALL))
 """Removes every marker of the topic."""

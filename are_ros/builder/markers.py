@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.builder._marker_poses import Poses, marker_poses
 from are_ros.builder._marker_shapes import (
     REFRESH_NS,
     Figure,
@@ -23,11 +24,17 @@ from are_ros.builder.marker_batch import (
     MarkerLook,
 )
 from are_ros.parameters.choices import Shape
-from are_ros.world.rigid_transform import rotation_matrices
 
-Poses = npt.NDArray[np.float64]
+Marker = MarkerLook
 
-__all__ = ("MarkerAction", "MarkerBatch", "MarkerBoard", "MarkerKind", "MarkerLook", "MarkerSubject")
+__all__ = (
+    "MarkerAction",
+    "MarkerBatch",
+    "MarkerBoard",
+    "MarkerKind",
+    "MarkerLook",
+    "MarkerSubject",
+)
 
 _NOWHERE: Final = np.full((1, 7), np.nan)
 """Where somebody was who had not been given out: it differs from every pose."""
@@ -43,6 +50,11 @@ class MarkerBoard:
 
     def __init__(self, shape: Shape = Shape.BOX) -> None:
         self._shape = shape
+        self._now_ns: int | None
+        self._subjects: tuple[MarkerSubject, ...]
+        self._places: dict[int, int]
+        self._poses: Poses
+        self._due_ns: npt.NDArray[np.int64]
         self._forget()
 
     def update(
@@ -77,17 +89,15 @@ class MarkerBoard:
         return DELETE_ALL
 
     def _forget(self) -> None:
-        self._now_ns: int | None = None
-        self._subjects: tuple[MarkerSubject, ...] = ()
-        self._places: dict[int, int] = {}
-        self._poses = np.empty((0, 7))
-        self._due_ns = np.empty(0, dtype=np.int64)
+        self._now_ns, self._subjects, self._places = None, (), {}
+        self._poses, self._due_ns = np.empty((0, 7)), np.empty(0, dtype=np.int64)
         self._set_figures([])
 
     def _set_figures(self, figures: list[Figure]) -> None:
         self._figures = figures
         self._looks = _looks_of(figures)
-        self._offsets_m = np.array([figure.offsets_m for figure in figures]).reshape(-1, 3, 3)
+        offsets_m = np.concatenate((np.empty((0, 3)), *(figure.offsets_m for figure in figures)))
+        self._offsets_m = offsets_m.reshape(-1, 3, 3)
         self._phases_ns = np.array([figure.phase_ns for figure in figures], dtype=np.int64)
 
     def _arrange(self, subjects: tuple[MarkerSubject, ...]) -> set[int]:
@@ -115,24 +125,10 @@ class MarkerBoard:
         late_ns = (now_ns - self._phases_ns[due]) % REFRESH_NS
         self._due_ns[due] = now_ns + REFRESH_NS - late_ns
         if due.all():
-            return MarkerBatch(self._looks, _marker_poses(self._poses, self._offsets_m))
+            return MarkerBatch(self._looks, marker_poses(self._poses, self._offsets_m))
         looks = _looks_of([self._figures[place] for place in np.flatnonzero(due).tolist()])
-        return MarkerBatch(looks, _marker_poses(self._poses[due], self._offsets_m[due]))
+        return MarkerBatch(looks, marker_poses(self._poses[due], self._offsets_m[due]))
 
 
 def _looks_of(figures: list[Figure]) -> tuple[MarkerLook, ...]:
     return tuple(chain.from_iterable(figure.looks for figure in figures))
-
-
-def _marker_poses(poses: Poses, offsets_m: npt.NDArray[np.float64]) -> Poses:
-    """Return the poses (K * M, 7) of K figures' M markers, at offsets (K, M, 3) from the figures'.
-
-    p + R(q) o, turned as the figure is.
-    """
-    count, markers = offsets_m.shape[:2]
-    placed = np.empty((count, markers, 7))
-    # The product of each figure's own small matrices, as RigidTransform.apply forms it.
-    rotations = rotation_matrices(poses[:, 3:]).transpose(0, 2, 1)
-    placed[:, :, :3] = offsets_m @ rotations + poses[:, None, :3]
-    placed[:, :, 3:] = poses[:, None, 3:]
-    return placed.reshape(count * markers, 7)

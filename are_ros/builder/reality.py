@@ -182,9 +182,13 @@ class Reality:
         self.advance(now_ns)
         self._scans.flush(now_ns)
 
+    def next_deadline_ns(self) -> int | None:
+        """Return when the next scan that waits must leave, None if none waits."""
+        return self._scans.next_deadline_ns()
+
     def _next_due_ns(self) -> int:
         """Return the time before which nothing is due unless an input comes."""
-        deadline_ns = self._scans.next_deadline_ns()
+        deadline_ns = self.next_deadline_ns()
         due_ns = self.lives.next_due_ns()
         return due_ns if deadline_ns is None else min(due_ns, deadline_ns)
 

@@ -5,7 +5,7 @@ from typing import Final
 
 from are_ros.builder.events import ArtefactEvent
 from are_ros.builder.grids import Grids
-from are_ros.builder.markers import Marker
+from are_ros.builder.marker_batch import MarkerBatch
 from are_ros.builder.outputs import ArtefactState, PerceivedArtefact, SceneMetrics
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -40,7 +40,7 @@ class Tick:
     perceived: tuple[PerceivedArtefact, ...]
     events: tuple[ArtefactEvent, ...]
     metrics: SceneMetrics
-    markers: tuple[Marker, ...]
+    markers: MarkerBatch
     grids: Grids
     map_from_base: RigidTransform | None
     map_from_camera: RigidTransform | None

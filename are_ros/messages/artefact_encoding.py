@@ -71,9 +71,7 @@ def _head(state: ArtefactState) -> bytes:
 
 
 def _is_head_same(one: ArtefactState, other: ArtefactState) -> bool:
-    return (
-        one.row == other.row and one.label == other.label and one.class_name == other.class_name
-    )
+    return one.row == other.row and one.label == other.label and one.class_name == other.class_name
 
 
 def _numbers(state: ArtefactState) -> bytes:

@@ -36,7 +36,9 @@ def encode_grid_update(update: GridUpdate) -> bytes:
     return _with_cells(writer, update.cells)
 
 
-def _with_cells(writer: CdrWriter, cells: "np.ndarray[tuple[int, ...], np.dtype[np.int8]]") -> bytes:
+def _with_cells(
+    writer: CdrWriter, cells: "np.ndarray[tuple[int, ...], np.dtype[np.int8]]"
+) -> bytes:
     """Return a message that ends with cells int8 (h, w), row by row: they are copied once."""
     writer.count(cells.size)
     return b"".join((writer.message(), np.ascontiguousarray(cells).data))

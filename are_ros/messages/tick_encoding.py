@@ -1,6 +1,6 @@
 """A tick as the messages of its outputs, ready for a publisher and for a recording alike."""
 
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
@@ -11,7 +11,14 @@ from are_ros.messages.marker_encoding import MarkerEncoder
 from are_ros.messages.scan_encoding import encode_scan
 from are_ros.messages.scene_encoding import encode_event, encode_metrics, encode_perceived
 
-__all__ = ("OUTPUTS", "EncodedMessage", "OutputTopic", "TickEncoder", "encode_scan")
+__all__ = (
+    "OUTPUTS",
+    "EncodedMessage",
+    "OutputTopic",
+    "TickEncoder",
+    "encode_scan",
+    "scan_outputs",
+)
 
 
 class OutputTopic(NamedTuple):
@@ -35,6 +42,13 @@ OUTPUTS: Final[Mapping[str, OutputTopic]] = MappingProxyType(
     }
 )
 """The outputs of ticks by name, the last part of their topics."""
+
+
+def scan_outputs(topics: Sequence[str]) -> dict[str, str]:
+    """Return the output of each scan topic: `scan`, or with several its own name."""
+    if len(topics) == 1:
+        return {topics[0]: "scan"}
+    return {topic: topic.lstrip("/") for topic in topics}
 
 
 class EncodedMessage(NamedTuple):

@@ -335,6 +335,18 @@ class MarkersParameters:
 
 
 @dataclass(frozen=True)
+class ClicksParameters:
+    """What a click in rviz does."""
+
+    label: str = parameter(
+        "",
+        "What is placed where somebody clicks (topic clicked_point): a label or a class of the "
+        "catalogue; empty: any row.",
+        live=True,
+    )
+
+
+@dataclass(frozen=True)
 class Parameters:
     """All parameters; paths are relative to this root."""
 
@@ -355,3 +367,4 @@ class Parameters:
     collisions: CollisionsParameters = field(default_factory=CollisionsParameters)
     sensors: SensorsParameters = field(default_factory=SensorsParameters)
     markers: MarkersParameters = field(default_factory=MarkersParameters)
+    clicks: ClicksParameters = field(default_factory=ClicksParameters)

@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from are_ros.artefacts.catalogue import Catalogue
-from are_ros.artefacts.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
 from are_ros.builder.ar_builder import ArBuilder
-from are_ros.builder.assembly import parse_static_transform, robot_footprint
+from are_ros.builder.assembly import catalogue_of, parse_static_transform, robot_footprint
 from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.builder.warm_up import warm_up
 from are_ros.errors import BagError
@@ -67,7 +66,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         with stopwatch.phase("start_up"):
             roles = find_roles(reader.topics, options.topics)
             _say_what_is_missing(options, roles, say)
-            catalogue = read_catalogue_of(options.parameters)
+            catalogue = catalogue_of(options.parameters)
             builder = ArBuilder(options.parameters, catalogue, options.demand)
             replay = Replay(reader, builder, options, roles, stopwatch)
             files = MapFiles.read(options)
@@ -96,11 +95,6 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             "give the transform with --static-tf"
         )
     return _outcome(options, replay, builder, grid, recorder, counts(), stopwatch)
-
-
-def read_catalogue_of(parameters: Parameters) -> Catalogue:
-    """Return the catalogue that the parameters name, or the shipped one."""
-    return read_catalogue(Path(parameters.catalogue) if parameters.catalogue else SHIPPED_CATALOGUE)
 
 
 def _with_replay_policy(options: ReplayOptions) -> ReplayOptions:
@@ -150,7 +144,7 @@ def _open_writers(
         return (), dict
     writer = stack.enter_context(BagWriter(options.out / AUGMENTED))
     factory = RosbagsFactory()
-    outputs = OutputWriter(TickWriter(writer, factory, replay.scan_topics(), options.demand))
+    outputs = OutputWriter(TickWriter(writer, replay.scan_topics(), options.demand))
     if not options.with_inputs:
         return (outputs,), writer.counts
     copy = InputCopy(reader, writer, factory, replay.role_of_topic)

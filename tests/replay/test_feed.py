@@ -19,7 +19,7 @@ from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.message_types import RosbagsFactory
-from are_ros.replay.session import read_catalogue_of
+from are_ros.builder.assembly import catalogue_of
 from are_ros.world.frame_tree import FrameTree
 
 Records = Sequence[tuple[str, int, Any]]
@@ -198,7 +198,7 @@ def test_damaged_messages_never_stop_the_builder(
     parameters = with_values(
         Parameters(), {"population.arrival_rate": 0.02, "camera.rate": 2.0, "camera.width": 64}
     )
-    builder = ArBuilder(parameters, read_catalogue_of(parameters))
+    builder = ArBuilder(parameters, catalogue_of(parameters))
     path = write_bag(tmp_path / "bag.mcap", sample_records[:120])
     with BagReader([path]) as reader:
         feed = Feed(reader, builder, ROLES)

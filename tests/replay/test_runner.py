@@ -17,7 +17,7 @@ from are_ros.replay.bag_reader import BagMessage, BagReader
 from are_ros.replay.options import ReplayOptions
 from are_ros.replay.roles import find_roles
 from are_ros.replay.runner import Replay
-from are_ros.replay.session import read_catalogue_of
+from are_ros.builder.assembly import catalogue_of
 from are_ros.replay.stopwatch import Stopwatch
 
 Records = Sequence[tuple[str, int, Any]]
@@ -58,7 +58,7 @@ def bag(
 def prepared(reader: BagReader, values: dict[str, Any], **options: Any) -> Replay:
     """Return a replay that sees nothing, which is quick."""
     parameters = with_values(Parameters(), {"camera.rate": 0.1, **values})
-    builder = ArBuilder(parameters, read_catalogue_of(parameters))
+    builder = ArBuilder(parameters, catalogue_of(parameters))
     asked = ReplayOptions((), parameters, **options)
     return Replay(reader, builder, asked, find_roles(reader.topics, {}), Stopwatch())
 

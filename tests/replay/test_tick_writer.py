@@ -17,7 +17,8 @@ from are_ros.messages.factory import MessageFactory
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.bag_writer import BagWriter
 from are_ros.replay.message_types import RosbagsFactory
-from are_ros.replay.tick_writer import PREFIX, TickWriter, scan_outputs
+from are_ros.messages.tick_encoding import scan_outputs
+from are_ros.replay.tick_writer import PREFIX, TickWriter
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
@@ -158,5 +159,5 @@ def test_scans_are_written_when_they_were_released(tmp_path: Path) -> None:
 def test_names_of_scan_outputs() -> None:
     """One scan is ~/scan whatever its name was; several keep their own under ~/."""
     assert scan_outputs(()) == {}
-    assert scan_outputs(("/base_scan",)) == {"/base_scan": PREFIX + "scan"}
-    assert scan_outputs(("/a/scan", "/b")) == {"/a/scan": PREFIX + "a/scan", "/b": PREFIX + "b"}
+    assert scan_outputs(("/base_scan",)) == {"/base_scan": "scan"}
+    assert scan_outputs(("/a/scan", "/b")) == {"/a/scan": "a/scan", "/b": "b"}

@@ -1,0 +1,218 @@
+"""`ar_builder`: the AR-builder as a lifecycle node beside a robot's navigation stack."""
+
+from time import monotonic_ns
+from typing import Any, Final
+
+from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+
+from are_ros.artefacts.catalogue import Catalogue
+from are_ros.builder.assembly import catalogue_of
+from are_ros.builder.lives import mixture_of
+from are_ros.builder.warm_up import warm_up
+from are_ros.errors import AreError
+from are_ros.node.decoding import WireDecoding, WireMessage
+from are_ros.node.inlets import Inlets
+from are_ros.node.live_builder import LiveBuilder
+from are_ros.node.outlets import Outlets
+from are_ros.node.parameters import ParameterBridge
+from are_ros.node.reporter import Reporter
+from are_ros.node.services import Services
+from are_ros.parameters.choices import OnRobotContact
+from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import Parameters
+
+NAME: Final = "ar_builder"
+_REPORT_S: Final = 1.0
+_MOST_SENTENCES: Final = 1000
+_DONE, _FAILED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+
+
+class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly typed
+    """Callbacks store what comes in; when something is due, `LiveBuilder.work` does it.
+
+    From configure to cleanup the real map and the scans are relayed; while the node is active, and
+    not paused, artefacts are among them. Raises ParameterError where the parameters given are bad,
+    NodeError where are_msgs is not installed.
+    """
+
+    def __init__(self, node_name: str = NAME, **options: Any) -> None:
+        super().__init__(node_name, **options)
+        self.live: LiveBuilder | None = None
+        self._inlets: Inlets | None = None
+        self._outlets: Outlets | None = None
+        self._catalogue: Catalogue | None = None
+        self._is_active = self._is_paused = False
+        self._said: set[str] = set()
+        self.bridge = ParameterBridge(
+            self, lambda: self.live is not None, self._check, self._reconfigure
+        )
+        self._requests = Services(self, self._active_live, self.now_ns, self._set_paused)
+        self._reporter = Reporter(self)
+        self._timer = self.create_timer(_REPORT_S, self._work)
+        self._timer.cancel()
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._report_timer = self.create_timer(_REPORT_S, self._report, clock=steady)
+
+    def now_ns(self) -> int:
+        """Return the time of the node's clock, 0 before the first /clock of simulated time."""
+        return int(self.get_clock().now().nanoseconds)
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Read the parameters, compile the kernels, and begin to listen and to relay."""
+        del state
+        try:
+            self._configure(for_a_live_robot(self.bridge.values))
+        except AreError as cause:
+            self.get_logger().error(str(cause))
+            self._close()
+            return _FAILED
+        return _DONE
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Let artefacts live, and put them into what goes out."""
+        del state
+        self._is_active, self._is_paused = True, False
+        self._reporter.activated(monotonic_ns())
+        self._resume()
+        self.get_logger().info("active: artefacts arrive")
+        return _DONE
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Let the artefacts vanish from what goes out; the real map is relayed on."""
+        del state
+        self.retire()
+        self.get_logger().info("inactive: the real map is relayed")
+        return _DONE
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget everything, and neither listen nor publish any more."""
+        del state
+        self._close()
+        return _DONE
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Delete every marker, and leave the real map behind."""
+        del state
+        self.retire()
+        return _DONE
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begin again unconfigured."""
+        del state
+        self._close()
+        return _DONE
+
+    def retire(self) -> None:
+        """Delete every marker, leave the real map behind, and rest; at any moment."""
+        if self.live is not None and self.live.is_running:
+            self.live.pause(self.now_ns())
+        self._is_active = False
+        self._reporter.deactivated()
+        self._timer.cancel()
+
+    def flush(self, timeout_s: float) -> None:
+        """Wait until subscribers have what was published, but no longer than this."""
+        if self._outlets is not None:
+            self._outlets.flush(timeout_s)
+
+    def _configure(self, parameters: Parameters) -> None:
+        catalogue = self._catalogue = catalogue_of(parameters)
+        mixture_of(parameters, catalogue)
+        self.get_logger().info("preparing the kernels (half a minute the first time)")
+        warm_up(catalogue)
+        self._said.clear()
+        inlets = self._inlets = Inlets(self, parameters.sensors.scans, self._store, self._say)
+        outlets = self._outlets = Outlets(self, inlets.scans, self._say)
+        decoding = WireDecoding()
+        self.live = LiveBuilder(
+            parameters, catalogue, decoding, inlets.roles, outlets, self._refused
+        )
+        inlets.follow_publishers()
+        self.get_logger().info("configured: the real map is relayed")
+
+    def _close(self) -> None:
+        self.retire()
+        for part in (self._inlets, self._outlets):
+            if part is not None:
+                part.close()
+        self.live = self._inlets = self._outlets = self._catalogue = None
+
+    def _resume(self) -> None:
+        if self.live is not None:
+            self.live.resume(self.now_ns())
+            self._work()
+
+    def _store(self, message: WireMessage) -> None:
+        if self.live is None or self._inlets is None:
+            return
+        self._inlets.watches[message.topic].received(monotonic_ns())
+        if self.live.store(message, self.now_ns()):
+            self._work()
+
+    def _work(self) -> None:
+        """Do what is due, and wake up when something is due next."""
+        live, outlets = self.live, self._outlets
+        if live is None or outlets is None:
+            self._timer.cancel()
+            return
+        if outlets.has_new_viewer():
+            live.new_viewer()
+        live.work(self.now_ns())
+        self._reporter.happened(live.take_events(), monotonic_ns())
+        due_ns = live.next_due_ns()
+        if due_ns is None:
+            self._timer.cancel()
+        else:
+            self._timer.timer_period_ns = max(due_ns - self.now_ns(), 1)
+            self._timer.reset()
+
+    def _report(self) -> None:
+        """Once a second: follow the publishers, drain what waits, say how the node does."""
+        if self.live is not None and self._inlets is not None:
+            self._inlets.follow_publishers()
+            self._work()
+            for notice in self.live.take_notices():
+                self._say(notice)
+        self._reporter.report(self.live, self._inlets, monotonic_ns(), is_paused=self._is_paused)
+
+    def _active_live(self) -> LiveBuilder | None:
+        return self.live if self._is_active else None
+
+    def _set_paused(self, is_paused: bool) -> str:
+        if self.live is None or is_paused == self._is_paused:
+            return "it is already paused" if is_paused else "it is not paused"
+        self._is_paused = is_paused
+        if is_paused:
+            self.live.pause(self.now_ns())
+            return "paused: the real map is relayed"
+        self._resume()
+        return "artefacts live on"
+
+    def _check(self, candidate: Parameters) -> None:
+        """Refuse parameters that the catalogue in use cannot take."""
+        if self._catalogue is not None:
+            mixture_of(candidate, self._catalogue)
+
+    def _reconfigure(self, values: Parameters) -> None:
+        if self.live is not None:
+            self.live.reconfigure(for_a_live_robot(values), self.now_ns())
+            self._work()
+
+    def _refused(self, topic: str, sentence: str) -> None:
+        if self._inlets is not None:
+            self._inlets.watches[topic].refused(monotonic_ns(), sentence)
+        self._say(sentence)
+
+    def _say(self, sentence: str) -> None:
+        """Log a sentence, each once."""
+        if sentence not in self._said and len(self._said) < _MOST_SENTENCES:
+            self._said.add(sentence)
+            self.get_logger().warning(sentence)
+
+
+def for_a_live_robot(parameters: Parameters) -> Parameters:
+    """Return the parameters with what `auto` means beside a robot that can react."""
+    if parameters.collisions.on_robot_contact is not OnRobotContact.AUTO:
+        return parameters
+    return with_values(parameters, {"collisions.on_robot_contact": OnRobotContact.HOLD})

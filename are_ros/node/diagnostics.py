@@ -1,0 +1,171 @@
+"""The diagnostics: what each part of the node says, and how urgently (docs/diagnostics.md)."""
+
+from collections.abc import Iterable
+from typing import Any, Final
+
+from are_ros.messages.factory import MessageFactory
+from are_ros.messages.headers import make_header
+from are_ros.node.input_status import GRACE_S, input_status
+from are_ros.node.snapshot import NodeSnapshot, NodeState, ScanSnapshot
+from are_ros.node.status import Level, Status, counted, figure
+
+_CONTACT_S: Final = 5.0
+_TICK_STOP_S: Final = 1.0
+_TICK_STOP_PERIODS: Final = 5.0
+_BLOCKED_SHARE: Final = 0.5
+_FEWEST_ARRIVALS: Final = 4
+"""Of fewer arrivals in a minute no share is worth a warning."""
+_STATES: Final = {
+    NodeState.UNCONFIGURED: "unconfigured: nothing is received and nothing published",
+    NodeState.INACTIVE: "inactive: the real map is relayed",
+    NodeState.ACTIVE: "active",
+    NodeState.FINALIZED: "finalized: the node has shut down",
+}
+
+
+def statuses(snapshot: NodeSnapshot) -> list[Status]:
+    """Return what is said of each part of the node.
+
+    Of an inactive node these are state, clock and inputs; of an unconfigured one, state and clock.
+    """
+    found = [_state(snapshot), _clock(snapshot)]
+    found += [input_status(entry, snapshot.active_s) for entry in snapshot.inputs]
+    if snapshot.state is not NodeState.ACTIVE:
+        return found
+    found += [_robot(snapshot), _camera(snapshot), _cloud(snapshot)]
+    found += [_ticks(snapshot), _population(snapshot), _contacts(snapshot)]
+    return found + [_scan(scan) for scan in snapshot.scans]
+
+
+def make_diagnostics(
+    factory: MessageFactory, stamp_ns: int, found: Iterable[Status], node_name: str = "ar_builder"
+) -> Any:
+    """Return a diagnostic_msgs/DiagnosticArray; its names are as "ar_builder: inputs/scan"."""
+    message = "diagnostic_msgs/msg/DiagnosticArray"
+    header = make_header(factory, "", stamp_ns)
+    entries = [_message(factory, status, node_name) for status in found]
+    return factory.make(message, header=header, status=entries)
+
+
+def _message(factory: MessageFactory, status: Status, node_name: str) -> Any:
+    values = [
+        factory.make("diagnostic_msgs/msg/KeyValue", key=key, value=value)
+        for key, value in status.values.items()
+    ]
+    return factory.make(
+        "diagnostic_msgs/msg/DiagnosticStatus",
+        level=int(status.level),
+        name=f"{node_name}: {status.name}",
+        message=status.message,
+        hardware_id="are_ros",
+        values=values,
+    )
+
+
+def _state(snapshot: NodeSnapshot) -> Status:
+    message = _STATES[snapshot.state]
+    if snapshot.state is NodeState.ACTIVE and snapshot.is_paused:
+        message = "paused: the real map is relayed"
+    values = {"state": snapshot.state.value, "paused": "yes" if snapshot.is_paused else "no"}
+    return Status(Level.OK, "state", message, values)
+
+
+def _clock(snapshot: NodeSnapshot) -> Status:
+    values = {"use_sim_time": "true" if snapshot.uses_sim_time else "false"}
+    if snapshot.uses_sim_time and snapshot.is_without_clock:
+        message = "use_sim_time is true, but nothing came on /clock: the time stands still"
+        return Status(Level.ERROR, "clock", message, values)
+    message = "the time of /clock" if snapshot.uses_sim_time else "the time of this machine"
+    return Status(Level.OK, "clock", message, values)
+
+
+def _robot(snapshot: NodeSnapshot) -> Status:
+    problem = snapshot.robot_problem
+    if not problem:
+        return Status(Level.OK, "frames/robot", "its pose in the map is known")
+    level = Level.OK if snapshot.active_s < GRACE_S else Level.ERROR
+    return Status(level, "frames/robot", f"no pose of the robot: {problem}")
+
+
+def _camera(snapshot: NodeSnapshot) -> Status:
+    problem = snapshot.camera_problem
+    if not problem:
+        return Status(Level.OK, "frames/camera", "its pose in the map is known")
+    level = Level.OK if snapshot.active_s < GRACE_S else Level.WARN
+    return Status(level, "frames/camera", f"nothing is perceived: {problem}")
+
+
+def _cloud(snapshot: NodeSnapshot) -> Status:
+    problem = snapshot.cloud_problem
+    if not problem:
+        return Status(Level.OK, "cloud", "no cloud waits")
+    return Status(Level.WARN, "cloud", f"the cloud of voxels is not used yet: {problem}")
+
+
+def _ticks(snapshot: NodeSnapshot) -> Status:
+    ticks = snapshot.ticks
+    if ticks is None or ticks.age_s is None:
+        return Status(Level.OK, "ticks", "no tick yet")
+    values = {
+        "ticks": str(ticks.count),
+        "skipped": str(ticks.skipped),
+        "late": str(ticks.late),
+        "period": figure(1e3 * ticks.period_s, "ms"),
+        "p50": figure(ticks.p50_ms, "ms"),
+        "p99": figure(ticks.p99_ms, "ms"),
+        "longest": figure(ticks.max_ms, "ms"),
+    }
+    is_over = ticks.age_s > max(_TICK_STOP_S, _TICK_STOP_PERIODS * ticks.period_s)
+    if is_over and not snapshot.is_paused:
+        message = f"the last tick was {ticks.age_s:.1f} s ago: the time stands still, or one hangs"
+        return Status(Level.STALE, "ticks", message, values)
+    durations = f"p50 {figure(ticks.p50_ms, 'ms')}, p99 {figure(ticks.p99_ms, 'ms')}"
+    if ticks.p99_ms is not None and ticks.p99_ms > 1e3 * ticks.period_s:
+        message = f"ticks take longer than their period, {values['period']}: {durations}"
+        return Status(Level.WARN, "ticks", message, values)
+    return Status(Level.OK, "ticks", durations, values)
+
+
+def _population(snapshot: NodeSnapshot) -> Status:
+    counts = snapshot.population
+    offered = counts.arrivals_lately + counts.blocked_lately
+    share = counts.blocked_lately / offered if offered else None
+    values = {
+        "alive": str(counts.alive),
+        "arrivals": str(counts.arrivals),
+        "departures": str(counts.departures),
+        "blocked": str(counts.blocked),
+        "displaced": str(counts.displaced),
+        "blocked in the last minute": figure(None if share is None else 100 * share, "%", 0),
+    }
+    if share is not None and share > _BLOCKED_SHARE and offered >= _FEWEST_ARRIVALS:
+        message = (
+            f"{counts.blocked_lately} of {offered} that were to arrive in the last minute found "
+            "no place: fewer (population.arrival_rate), or a larger region or max_alive"
+        )
+        return Status(Level.WARN, "population", message, values)
+    return Status(Level.OK, "population", f"{counted(counts.alive, 'artefact')} alive", values)
+
+
+def _contacts(snapshot: NodeSnapshot) -> Status:
+    contacts = snapshot.contacts
+    values = {"contacts": str(contacts.count), "last": contacts.last or "-"}
+    if contacts.last_age_s is not None and contacts.last_age_s <= _CONTACT_S:
+        message = f"the robot has touched {contacts.last}, {contacts.last_age_s:.1f} s ago"
+        return Status(Level.WARN, "robot contact", message, values)
+    return Status(Level.OK, "robot contact", counted(contacts.count, "contact"), values)
+
+
+def _scan(scan: ScanSnapshot) -> Status:
+    name = f"scans/{scan.topic.lstrip('/')}"
+    values = {
+        "exact": str(scan.exact),
+        "held": str(scan.held),
+        "passed through": str(scan.passed_through),
+        "last problem": scan.last_problem or "-",
+    }
+    if scan.passed_through_lately:
+        passed = counted(scan.passed_through_lately, "scan")
+        message = f"{passed} without artefacts in the last 10 s: {scan.last_problem}"
+        return Status(Level.WARN, name, message, values)
+    return Status(Level.OK, name, f"{counted(scan.exact + scan.held, 'scan')} augmented", values)

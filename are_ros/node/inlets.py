@@ -1,0 +1,106 @@
+"""The subscriptions of the node's inputs: callbacks hand on bytes, and count them."""
+
+from collections.abc import Callable, Iterator
+from typing import Any, Final
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
+
+from are_ros.errors import NodeError
+from are_ros.node.decoding import WireMessage
+from are_ros.node.input_watch import InputWatch
+from are_ros.node.qos import INPUTS, input_qos, is_latched_by_all, subscribe
+from are_ros.node.snapshot import InputSnapshot
+
+_CLOUD: Final = "octomap_point_cloud_centers"
+_ALWAYS: Final = ("map", _CLOUD, "odom", "camera/camera_info", "tf", "tf_static", "plan")
+_REQUIRED: Final = ("map",)
+
+Store = Callable[[WireMessage], None]
+
+
+class Inlets:
+    """Subscribes to all inputs, each by its role; `store` is called with what comes in.
+
+    The cloud's subscription follows its publishers: latched if they all latch, else not. An input
+    whose message package is not installed is left out, and `say` is told of it.
+    """
+
+    def __init__(
+        self, node: Node, scan_topics: tuple[str, ...], store: Store, say: Callable[[str], None]
+    ) -> None:
+        self.roles: dict[str, str] = {}
+        self.watches: dict[str, InputWatch] = {}
+        self._node = node
+        self._store = store
+        self._subscriptions: dict[str, Any] = {}
+        self._is_cloud_latched = True
+        for role in (*_ALWAYS, "clicked_point"):
+            self._open(role, "", say)
+        for topic in scan_topics:
+            self._open("scan", topic, say)
+
+    @property
+    def scans(self) -> list[str]:
+        """The full names of the scans' topics, in their order."""
+        return [topic for topic, role in self.roles.items() if role == "scan"]
+
+    def follow_publishers(self) -> None:
+        """Subscribe to the cloud anew if its publishers offer it otherwise than was asked for."""
+        topic = next((topic for topic, role in self.roles.items() if role == _CLOUD), None)
+        if topic is None:
+            return
+        is_latched = is_latched_by_all(self._node, topic)
+        if is_latched is None or is_latched == self._is_cloud_latched:
+            return
+        self._is_cloud_latched = is_latched
+        self._node.destroy_subscription(self._subscriptions[topic])
+        self._subscriptions[topic] = self._subscribed(_CLOUD, topic)
+
+    def snapshots(self, now_ns: int) -> Iterator[InputSnapshot]:
+        """Yield what came in so far, by the monotonic clock."""
+        for topic, role in self.roles.items():
+            yield InputSnapshot(
+                role=role,
+                topic=topic,
+                figures=self.watches[topic].figures(now_ns),
+                is_required=role in _REQUIRED,
+                is_latched=INPUTS[role].is_latched or role in {_CLOUD, "plan", "clicked_point"},
+                publishers=self._node.count_publishers(topic),
+            )
+
+    def close(self) -> None:
+        """Unsubscribe from all inputs."""
+        for subscription in self._subscriptions.values():
+            self._node.destroy_subscription(subscription)
+        self._subscriptions.clear()
+
+    def _open(self, role: str, topic: str, say: Callable[[str], None]) -> None:
+        asked = topic or INPUTS[role].topic or role
+        try:
+            subscription = self._subscribed(role, asked)
+        except NodeError as cause:
+            say(f"{asked} is not received: {cause}")
+            return
+        name = subscription.topic_name
+        self.roles[name] = role
+        self.watches[name] = InputWatch()
+        self._subscriptions[name] = subscription
+
+    def _subscribed(self, role: str, topic: str) -> Any:
+        options: dict[str, Any] = {"raw": True}
+        if role == _CLOUD:
+            options["qos_profile"] = self._cloud_qos()
+        name = self._node.resolve_topic_name(topic)
+        type_name = INPUTS[role].type_name
+
+        def take(data: bytes) -> None:
+            self._store(WireMessage(name, type_name, data))
+
+        return subscribe(self._node, role, take, topic, **options)
+
+    def _cloud_qos(self) -> Any:
+        profile = input_qos(_CLOUD)
+        if self._is_cloud_latched:
+            profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
+        return profile

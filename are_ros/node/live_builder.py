@@ -1,0 +1,239 @@
+"""The builder by the node's clock: inputs are stored as they come, and worked through in order."""
+
+from collections import deque
+from collections.abc import Callable, Container, Mapping, Sequence
+from time import perf_counter_ns
+from typing import Final, NamedTuple, Protocol
+
+from are_ros.artefacts.catalogue import Catalogue
+from are_ros.builder.ar_builder import ArBuilder
+from are_ros.builder.events import ArtefactEvent
+from are_ros.builder.requests import Requests, SpawnRequest
+from are_ros.builder.schedule import TickSchedule
+from are_ros.builder.sensor_path import ReleasedScan
+from are_ros.builder.tick import Demand, Tick
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import AreError
+from are_ros.messages.feed import Decoding, Feed, RawMessage
+from are_ros.messages.goals import read_clicked_point
+from are_ros.messages.grid import read_grid
+from are_ros.messages.tick_encoding import TickEncoder, encode_scan, scan_outputs
+from are_ros.node.tick_watch import TickWatch
+from are_ros.parameters.choices import CostmapGate, SensorGate
+from are_ros.parameters.model import Parameters
+from are_ros.world.rigid_transform import RigidTransform
+
+_BACKLOG_NS: Final = NS_PER_S
+"""Ticks that are later than this are left out: the machine cannot keep up, or time leapt."""
+_LATCHED: Final = ("map", "octomap_point_cloud_centers", "tf_static")
+_MOVING: Final = ("tf", "odom", "tf_static")
+_SIGHTS: Final = ("perceived", "events", "metrics", "markers")
+"""The outputs that tell who is perceived."""
+
+
+class Outlet(Protocol):
+    """Where outputs go."""
+
+    def wanted(self) -> Container[str]:
+        """Return the names of the outputs that somebody listens to, or will want later."""
+
+    def publish(self, name: str, data: bytes) -> None:
+        """Send the bytes of a message."""
+
+
+class _Stored(NamedTuple):
+    message: RawMessage
+    received_ns: int
+
+
+class LiveBuilder:
+    """Stores inputs, and works through them: ticks run at their times with what came before.
+
+    Until `resume`, and after `pause`, nobody lives on and nothing virtual goes out: scans and maps
+    are relayed as they came. `refused(topic, sentence)` is told of each refused message.
+    """
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        catalogue: Catalogue,
+        decoding: Decoding,
+        roles: Mapping[str, str],
+        outlet: Outlet,
+        refused: Callable[[str, str], None],
+    ) -> None:
+        self.builder = ArBuilder(parameters, catalogue)
+        self.requests = Requests(self.builder)
+        self.watch = TickWatch(round(NS_PER_S / parameters.builder.tick_rate))
+        self.is_running = False
+        self._events: list[ArtefactEvent] = []
+        self._roles = roles
+        self._outlet = outlet
+        self._refused = refused
+        self._decoding = decoding
+        self._feed = Feed(decoding, self.builder, _without_clicks(roles))
+        self._encoder = TickEncoder()
+        self._stored: deque[_Stored] = deque()
+        self._schedule: TickSchedule | None = None
+        self._now_ns = 0
+        scans = [topic for topic, role in roles.items() if role == "scan"]
+        self._scan_outputs = scan_outputs(scans)
+        self.builder.lives.is_paused = True
+        if "camera/camera_info" in roles.values():
+            self.builder.await_camera()
+
+    def store(self, message: RawMessage, received_ns: int) -> bool:
+        """Keep an input until `work`; tell whether it should not wait for the next tick.
+
+        While nothing runs, maps and scans are relayed here and now. At a time of 0 the clock does
+        not know the time yet: what is not latched is dropped.
+        """
+        role = self._roles[message.topic]
+        if not self.is_running:
+            self._relay(role, message)
+        if role == "scan" and not self.is_running:
+            return False
+        if received_ns > 0 or role in _LATCHED:
+            self._stored.append(_Stored(message, received_ns))
+        is_awaited = role in _MOVING and self.builder.next_deadline_ns() is not None
+        return self.is_running and (role == "scan" or is_awaited)
+
+    def work(self, now_ns: int) -> None:
+        """Take what was stored, run the ticks that are due, release the scans that must go."""
+        if now_ns <= 0:
+            return
+        while self._stored:
+            message, received_ns = self._stored.popleft()
+            self._take(message, received_ns or now_ns)
+        self._run_ticks(now_ns)
+        if self.is_running:
+            self.builder.advance(now_ns)
+            self._send_scans()
+
+    def next_due_ns(self) -> int | None:
+        """Return when `work` has something to do unless an input comes, None if never."""
+        if not self.is_running or self._schedule is None:
+            return None
+        deadline_ns = self.builder.next_deadline_ns()
+        tick_ns = self._schedule.next_ns
+        return tick_ns if deadline_ns is None else min(tick_ns, deadline_ns)
+
+    def resume(self, now_ns: int) -> None:
+        """Let the artefacts live, and the ticks run, from now on."""
+        self.work(now_ns)
+        self.is_running, self._schedule = True, None
+        self.builder.lives.pause(now_ns, is_paused=False)
+
+    def pause(self, now_ns: int) -> None:
+        """Let everything virtual vanish from the outputs, and time stand still for it."""
+        self.work(now_ns)
+        self.is_running = False
+        self.builder.lives.pause(now_ns, is_paused=True)
+        self._send_tick(self.builder.farewell(now_ns))
+
+    def reconfigure(self, parameters: Parameters, now_ns: int) -> None:
+        """Let other values of the live parameters hold from now on; ParameterError if refused."""
+        self.work(now_ns)
+        self.builder.reconfigure(parameters, now_ns)
+
+    def take_events(self) -> tuple[ArtefactEvent, ...]:
+        """Return what the ticks since the last call told of."""
+        events, self._events = tuple(self._events), []
+        return events
+
+    def take_notices(self) -> list[str]:
+        """Return what is to be said of inputs and frames since the last call."""
+        notices = [*self.builder.notices, *self.builder.frames.drain_notices()]
+        self.builder.notices.clear()
+        return notices
+
+    def new_viewer(self) -> None:
+        """Let the next markers be all of them."""
+        self.builder.show_everything()
+
+    def _take(self, message: RawMessage, received_ns: int) -> None:
+        self._run_ticks(received_ns)
+        self._follow_clock(received_ns)
+        if self._roles[message.topic] == "clicked_point":
+            self._click(message, received_ns)
+        elif sentence := self._feed.take(message, received_ns):
+            self._refused(message.topic, sentence)
+        self._send_scans()
+
+    def _click(self, message: RawMessage, received_ns: int) -> None:
+        """Place an artefact where somebody clicked, or refuse it with the reason."""
+        try:
+            point = read_clicked_point(self._decoding.deserialize(message), message.topic)
+            x_m, y_m, _ = point.points_m[0].tolist()
+            label = self.builder.parameters.clicks.label
+            here = RigidTransform.planar(x_m, y_m, 0.0)
+            self.requests.spawn(SpawnRequest(point.frame_id, here, label), received_ns)
+        except AreError as cause:
+            self._refused(message.topic, str(cause))
+
+    def _relay(self, role: str, message: RawMessage) -> None:
+        """Let a navigation stack have what is real while there are no ticks to give it more."""
+        if role == "scan":
+            self._outlet.publish(self._scan_outputs[message.topic], message.data)
+        elif role == "map" and self._is_usable_map(message):
+            self._outlet.publish("augmented_map", message.data)
+
+    def _is_usable_map(self, message: RawMessage) -> bool:
+        """Tell whether a map is well formed; if not, it is refused when it is taken."""
+        try:
+            read_grid(self._decoding.deserialize(message), message.topic)
+        except AreError:
+            return False
+        return True
+
+    def _run_ticks(self, until_ns: int) -> None:
+        self._follow_clock(until_ns)
+        if not self.is_running:
+            return
+        if self._schedule is None:
+            rate_hz = self.builder.parameters.builder.tick_rate
+            self._schedule = TickSchedule.of(rate_hz, until_ns)
+        self.watch.skipped(self._schedule.skip_to(until_ns, _BACKLOG_NS))
+        while (tick_ns := self._schedule.pop(until_ns)) is not None:
+            self._run_tick(tick_ns, until_ns - tick_ns)
+
+    def _run_tick(self, tick_ns: int, late_ns: int) -> None:
+        began_ns = perf_counter_ns()
+        wanted = self._outlet.wanted()
+        self.builder.demand = self._encoder.demand = self._demand(wanted)
+        tick = self.builder.step(tick_ns)
+        self._events += tick.events
+        self._send_tick(tick, wanted)
+        self._send_scans()
+        ended_ns = perf_counter_ns()
+        self.watch.ran(ended_ns, ended_ns - began_ns, late_ns)
+
+    def _demand(self, wanted: Container[str]) -> Demand:
+        """Return what is to be computed; the grids always, for they are latched."""
+        parameters = self.builder.parameters
+        by_gates = CostmapGate.PERCEIVED is parameters.costmap.gate
+        by_gates = by_gates or SensorGate.PERCEIVED is parameters.sensors.gate
+        perception = by_gates or any(name in wanted for name in _SIGHTS)
+        return Demand(perception=perception, markers="markers" in wanted)
+
+    def _send_tick(self, tick: Tick, wanted: Container[str] | None = None) -> None:
+        for name, _, data in self._encoder.encode(tick, wanted):
+            self._outlet.publish(name, data)
+
+    def _send_scans(self) -> None:
+        scans: Sequence[ReleasedScan] = self.builder.take_scans()
+        for released in scans:
+            self._outlet.publish(self._scan_outputs[released.topic], encode_scan(released.scan))
+
+    def _follow_clock(self, now_ns: int) -> None:
+        """Begin the ticks anew when the clock has jumped back, as the builder does."""
+        if now_ns < self._now_ns - NS_PER_S // 10:
+            self._schedule = None
+        elif now_ns < self._now_ns:
+            return
+        self._now_ns = now_ns
+
+
+def _without_clicks(roles: Mapping[str, str]) -> dict[str, str]:
+    """Return the inputs that are the builder's; a click is a request."""
+    return {topic: role for topic, role in roles.items() if role != "clicked_point"}

@@ -1,0 +1,70 @@
+"""The publishers of the node's outputs: bytes go out as they are, to those who listen."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+from rclpy.duration import Duration
+from rclpy.node import Node
+
+from are_ros.errors import NodeError
+from are_ros.messages.tick_encoding import OUTPUTS, scan_outputs
+from are_ros.node.qos import advertise
+
+_SCAN: Final = "sensor_msgs/msg/LaserScan"
+
+
+class Outlets:
+    """Publishes outputs under the node's own name; what nobody listens to is not wanted.
+
+    Latched outputs are always wanted. An output whose message package is not installed is left
+    out, and `say` is told of it.
+    """
+
+    def __init__(self, node: Node, scan_topics: Sequence[str], say: Callable[[str], None]) -> None:
+        self._node = node
+        self._publishers: dict[str, Any] = {}
+        for name, output in OUTPUTS.items():
+            self._advertise(name, output.type_name, say)
+        for name in scan_outputs(scan_topics).values():
+            self._advertise(name, _SCAN, say)
+        self._viewers = 0
+
+    def wanted(self) -> frozenset[str]:
+        """Return the names of the outputs that are to be built."""
+        return frozenset(
+            name
+            for name, publisher in self._publishers.items()
+            if (name in OUTPUTS and OUTPUTS[name].is_latched) or publisher.get_subscription_count()
+        )
+
+    def has_new_viewer(self) -> bool:
+        """Tell whether more subscribe to the markers than when this was last asked."""
+        before, self._viewers = self._viewers, self._count("markers")
+        return self._viewers > before
+
+    def publish(self, name: str, data: bytes) -> None:
+        """Send the bytes of a message, unless its output is not there."""
+        publisher = self._publishers.get(name)
+        if publisher is not None:
+            publisher.publish(data)
+
+    def flush(self, timeout_s: float) -> None:
+        """Wait until reliable subscribers have what was published, each at most this long."""
+        for publisher in self._publishers.values():
+            publisher.wait_for_all_acked(Duration(seconds=timeout_s))
+
+    def close(self) -> None:
+        """Withdraw all outputs."""
+        for publisher in self._publishers.values():
+            self._node.destroy_publisher(publisher)
+        self._publishers.clear()
+
+    def _count(self, name: str) -> int:
+        publisher = self._publishers.get(name)
+        return 0 if publisher is None else int(publisher.get_subscription_count())
+
+    def _advertise(self, name: str, type_name: str, say: Callable[[str], None]) -> None:
+        try:
+            self._publishers[name] = advertise(self._node, type_name, f"~/{name}")
+        except NodeError as cause:
+            say(f"~/{name} is not published: {cause}")

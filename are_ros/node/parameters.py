@@ -1,0 +1,152 @@
+"""The parameters of the core as ROS parameters of a node: declared, checked and changed."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Final
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from are_ros.errors import AreError, ParameterError
+from are_ros.node.descriptors import descriptor, ros_parameter, ros_type
+from are_ros.node.node_parameters import NodeParameters
+from are_ros.parameters.declaration import (
+    Description,
+    describe,
+    plain,
+    value_at,
+    with_values,
+)
+from are_ros.parameters.model import Parameters
+from are_ros.parameters.validation import validated
+
+_QOS_OVERRIDES: Final = "qos_overrides."
+
+
+class ParameterBridge:
+    """Holds `values`, what the parameters of a node say, valid at any time.
+
+    The values that parameter files and the command line give are taken at the start; ParameterError
+    if one is wrong, unknown, or contradicts another. Later calls of the parameter services are
+    accepted or refused as a whole. A refusal carries the sentence of the error. `is_fixed()` tells
+    whether parameters that take effect at configure are out of reach; `check(candidate)` raises an
+    AreError if what runs cannot take the candidate; `on_change(values)` follows each accepted call.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        is_fixed: Callable[[], bool],
+        check: Callable[[Parameters], None],
+        on_change: Callable[[Parameters], None],
+    ) -> None:
+        self._node = node
+        self._is_fixed = is_fixed
+        self._check = check
+        self._on_change = on_change
+        self._items = {item.path: item for item in describe(Parameters())}
+        self._node_items = {item.path: item for item in describe(NodeParameters())}
+        self._refusal: tuple[Parameter, str] | None = None
+        given = _overrides(node, self._items | self._node_items)
+        own = {path: given.pop(path) for path in self._node_items if path in given}
+        self.node_values = with_values(NodeParameters(), own)
+        self.values = validated(with_values(Parameters(), given))
+        self._declare(self._node_items.values(), self.node_values, is_read_only=True)
+        self._declare(self._items.values(), self.values, is_read_only=False)
+        node.add_pre_set_parameters_callback(self._before_set)
+        node.add_on_set_parameters_callback(self._on_set)
+        node.add_post_set_parameters_callback(self._after_set)
+
+    def _declare(self, items: Iterable[Description], values: Any, *, is_read_only: bool) -> None:
+        for item in items:
+            parameter = ros_parameter(item, plain(value_at(values, item.path)))
+            shown = descriptor(item, is_read_only=is_read_only)
+            is_empty_list = parameter.value == []
+            declared = ros_type(item) if is_empty_list else parameter.value
+            self._node.declare_parameter(item.path, declared, shown, ignore_override=True)
+            if is_empty_list:
+                self._node.set_parameters([parameter])
+
+    def _before_set(self, given: Sequence[Parameter]) -> list[Parameter]:
+        """Check a call before rclpy does, and give each value the type of its parameter.
+
+        So `mean_life: 60` stays a number with a fraction, and what is refused leaves no trace (with
+        dynamic typing, rclpy changes the type even where it then refuses the value). A refused call
+        goes on as a set of one value as it is, for `_on_set` to refuse with the reason.
+        """
+        try:
+            accepted = self._accepted(given)
+        except AreError as cause:
+            stand_in = self._as_is(next(iter(self._items.values())), self.values)
+            self._refusal = (stand_in, str(cause))
+            return [stand_in]
+        return [
+            self._as_is(self._items[one.name], accepted) if one.name in self._items else one
+            for one in given
+        ]
+
+    def _on_set(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        if self._refusal is not None:
+            stand_in, reason = self._refusal
+            if any(one is stand_in for one in parameters):
+                self._refusal = None
+                return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
+
+    def _after_set(self, parameters: Sequence[Parameter]) -> None:
+        changes = {one.name: one.value for one in parameters if one.name in self._items}
+        if changes:
+            self.values = validated(with_values(self.values, changes))
+            self._on_change(self.values)
+
+    def _accepted(self, given: Sequence[Parameter]) -> Parameters:
+        """Return the values with those given; raises AreError if the call is to be refused."""
+        changes = {one.name: one.value for one in given if not self._is_of_others(one.name)}
+        for path, value in changes.items():
+            if path in self._node_items:
+                raise ParameterError(f"parameter '{path}': it is read at the start only")
+            if value is None and path in self._items:
+                raise ParameterError(f"parameter '{path}': it cannot be deleted")
+        candidate = validated(with_values(self.values, changes))
+        if self._is_fixed():
+            self._check_live(candidate)
+        if candidate != self.values:
+            self._check(candidate)
+        return candidate
+
+    def _check_live(self, candidate: Parameters) -> None:
+        for path, item in self._items.items():
+            if not item.live and value_at(candidate, path) != value_at(self.values, path):
+                name = self._node.get_fully_qualified_name()
+                message = (
+                    f"parameter '{path}': it takes effect at configure; "
+                    f"clean the node up first (ros2 lifecycle set {name} cleanup)"
+                )
+                raise ParameterError(message)
+
+    def _is_of_others(self, name: str) -> bool:
+        """Tell whether a parameter is one that rclpy or somebody else has declared."""
+        is_ours = name in self._items or name in self._node_items
+        return not is_ours and bool(self._node.has_parameter(name))
+
+    def _as_is(self, item: Description, values: Parameters) -> Parameter:
+        return ros_parameter(item, plain(value_at(values, item.path)))
+
+
+def _overrides(node: Node, items: Mapping[str, Description]) -> dict[str, Any]:
+    """Return the values that files and command line give, but for those that are rclpy's own.
+
+    An empty list comes without a type, as if there were no value.
+    """
+    given: Mapping[str, Parameter] = node._parameter_overrides  # noqa: SLF001 - it has no other name
+    values = {
+        name: parameter.value
+        for name, parameter in given.items()
+        if not name.startswith(_QOS_OVERRIDES) and not node.has_parameter(name)
+    }
+    for name, value in values.items():
+        if value is None and name in items:
+            if not isinstance(items[name].default, tuple):
+                raise ParameterError(f"parameter '{name}': it is given no value")
+            values[name] = ()
+    return values

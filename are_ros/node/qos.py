@@ -1,0 +1,167 @@
+"""How topics are offered and asked for: one table of the inputs, with overrides by parameters."""
+
+from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.node import Node
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    QoSPolicyKind,
+    QoSProfile,
+    ReliabilityPolicy,
+)
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
+
+from are_ros.errors import ParameterError
+from are_ros.messages.tick_encoding import OUTPUTS, OutputTopic
+from are_ros.node.message_classes import message_class
+
+
+class InputTopic(NamedTuple):
+    """What an input is, and how it is asked for; best effort matches every publisher."""
+
+    type_name: str
+    is_reliable: bool = False
+    is_latched: bool = False
+    depth: int = 10
+    topic: str = ""
+    """Its topic where that is not the role's own name, relative to the node's namespace."""
+
+
+INPUTS: Final[Mapping[str, InputTopic]] = MappingProxyType(
+    {
+        "map": InputTopic("nav_msgs/msg/OccupancyGrid", True, True, 1),
+        "octomap_point_cloud_centers": InputTopic("sensor_msgs/msg/PointCloud2", True, depth=1),
+        "odom": InputTopic("nav_msgs/msg/Odometry", depth=50),
+        "scan": InputTopic("sensor_msgs/msg/LaserScan"),
+        "points": InputTopic("sensor_msgs/msg/PointCloud2", depth=5),
+        "camera/camera_info": InputTopic("sensor_msgs/msg/CameraInfo", depth=5),
+        "camera/image": InputTopic("sensor_msgs/msg/Image", depth=5),
+        "camera/depth": InputTopic("sensor_msgs/msg/Image", depth=5),
+        "tf": InputTopic("tf2_msgs/msg/TFMessage", True, depth=100, topic="/tf"),
+        "tf_static": InputTopic("tf2_msgs/msg/TFMessage", True, True, 100, "/tf_static"),
+        "clicked_point": InputTopic("geometry_msgs/msg/PointStamped", True),
+        "plan": InputTopic("nav_msgs/msg/Path", True, depth=1),
+    }
+)
+"""The inputs by role. The cloud of voxels is latched where its publishers latch it."""
+
+_OTHER_OUTPUT: Final = OutputTopic("")
+"""Augmented sensor data and the diagnostics are offered like this."""
+
+_POLICIES_BUT_DURABILITY: Final = (
+    QoSPolicyKind.HISTORY,
+    QoSPolicyKind.DEPTH,
+    QoSPolicyKind.RELIABILITY,
+)
+_POLICIES: Final = (*_POLICIES_BUT_DURABILITY, QoSPolicyKind.DURABILITY)
+
+
+def input_qos(role: str) -> QoSProfile:
+    """Return a new profile for the input of a role; KeyError if there is no such role."""
+    entry = INPUTS[role]
+    return _profile(entry.is_reliable, entry.is_latched, entry.depth)
+
+
+def output_qos(name: str) -> QoSProfile:
+    """Return a new profile for an output, by the last part of its topic: always reliable."""
+    entry = OUTPUTS.get(name, _OTHER_OUTPUT)
+    return _profile(True, entry.is_latched, entry.depth)
+
+
+def subscribe(
+    node: Node,
+    role: str,
+    callback: Callable[..., None],
+    topic: str = "",
+    qos_profile: QoSProfile | None = None,
+    **options: Any,
+) -> Any:
+    """Subscribe to the input of a role, on its own topic or on another one.
+
+    The parameters qos_overrides.<full topic>.subscription.{history, depth, reliability,
+    durability} go before the table; ParameterError if one makes no sense, NodeError if the message
+    is not installed. A `qos_profile` goes before the table too, and its durability before any
+    override: rclpy would hold on to that of a topic's first subscription. `options` go to rclpy.
+    """
+    entry = INPUTS[role]
+    return _created(
+        node.create_subscription,
+        entry.type_name,
+        topic or entry.topic or role,
+        policies=_POLICIES if qos_profile is None else _POLICIES_BUT_DURABILITY,
+        qos_profile=qos_profile or input_qos(role),
+        callback=callback,
+        **options,
+    )
+
+
+def advertise(
+    node: Node,
+    type_name: str,
+    topic: str,
+    qos_profile: QoSProfile | None = None,
+    **options: Any,
+) -> Any:
+    """Offer an output, whose profile its topic's last part decides unless one is given.
+
+    The overrides are qos_overrides.<full topic>.publisher.{history, depth, reliability,
+    durability}; errors as with `subscribe`.
+    """
+    profile = qos_profile or output_qos(topic.rpartition("/")[2])
+    return _created(node.create_publisher, type_name, topic, qos_profile=profile, **options)
+
+
+def is_latched_by_all(node: Node, topic: str) -> bool | None:
+    """Tell whether each publisher of a topic latches; None while there is none.
+
+    A latched subscription gets nothing from a publisher that does not latch, and another one gets
+    nothing that was latched before: an input that comes either way has to follow its publishers.
+    """
+    offers = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
+    if not offers:
+        return None
+    return all(offer.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers)
+
+
+def _profile(is_reliable: bool, is_latched: bool, depth: int) -> QoSProfile:
+    reliability, durability = ReliabilityPolicy, DurabilityPolicy
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=reliability.RELIABLE if is_reliable else reliability.BEST_EFFORT,
+        durability=durability.TRANSIENT_LOCAL if is_latched else durability.VOLATILE,
+    )
+
+
+def _created(
+    create: Callable[..., Any],
+    type_name: str,
+    topic: str,
+    policies: Iterable[QoSPolicyKind] = _POLICIES,
+    **options: Any,
+) -> Any:
+    """Return what rclpy creates for a topic, policies of its profile open to overrides."""
+    overriding = QoSOverridingOptions(policies, callback=_checked)
+    try:
+        return create(message_class(type_name), topic, qos_overriding_options=overriding, **options)
+    except (
+        InvalidQosOverridesError,
+        InvalidParameterTypeException,
+        InvalidParameterValueException,
+        RuntimeError,  # an override that names no value of its policy
+    ) as cause:
+        raise ParameterError(f"topic '{topic}' with its qos_overrides: {cause}") from cause
+
+
+def _checked(profile: QoSProfile) -> SetParametersResult:
+    """Refuse what rclpy lets through and DDS does not."""
+    if profile.history == HistoryPolicy.KEEP_LAST and profile.depth < 1:
+        return SetParametersResult(
+            successful=False, reason=f"depth {profile.depth} keeps no message"
+        )
+    return SetParametersResult(successful=True)

@@ -1,0 +1,96 @@
+"""The services of the node: requests are carried out at once, or refused with the reason."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from rclpy.node import Node
+
+from are_ros.builder.requests import SpawnRequest
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import AreError, InputError
+from are_ros.messages.goals import read_stamped_pose
+from are_ros.node.live_builder import LiveBuilder
+from are_ros.node.message_classes import service_class
+
+_TYPES: Final = {
+    "spawn": "are_msgs/srv/SpawnArtefact",
+    "remove": "are_msgs/srv/RemoveArtefact",
+    "reseed": "are_msgs/srv/Reseed",
+    "clear": "std_srvs/srv/Trigger",
+    "pause": "std_srvs/srv/SetBool",
+}
+_NOT_ACTIVE: Final = "the node is not active: configure and activate it first"
+
+
+class Services:
+    """Offers the services; `live()` is what runs, None while nothing does, `now_ns()` the time.
+
+    `pause(is_paused)` pauses and resumes the node, and returns what is to be said.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        live: Callable[[], LiveBuilder | None],
+        now_ns: Callable[[], int],
+        pause: Callable[[bool], str],
+    ) -> None:
+        """Raise NodeError where the packages of the services are not installed."""
+        self._live = live
+        self._now_ns = now_ns
+        self._pause = pause
+        handlers: Mapping[str, Callable[[Any, Any, LiveBuilder], str]] = {
+            "spawn": self._spawn,
+            "remove": self._remove,
+            "reseed": self._reseed,
+            "clear": self._clear,
+            "pause": self._set_paused,
+        }
+        for name, handler in handlers.items():
+            node.create_service(service_class(_TYPES[name]), f"~/{name}", self._answering(handler))
+
+    def _answering(
+        self, handler: Callable[[Any, Any, LiveBuilder], str]
+    ) -> Callable[[Any, Any], Any]:
+        def answer(request: Any, response: Any) -> Any:
+            live = self._live()
+            response.success = False
+            if live is None:
+                response.message = _NOT_ACTIVE
+                return response
+            try:
+                live.work(self._now_ns())
+                response.message = handler(request, response, live)
+                response.success = True
+            except AreError as cause:
+                response.message = str(cause)
+            return response
+
+        return answer
+
+    def _spawn(self, request: Any, response: Any, live: LiveBuilder) -> str:
+        frame_id, _, pose = read_stamped_pose(request.pose, "spawn: pose")
+        seconds, nanoseconds = request.life.sec, request.life.nanosec
+        life_ns = seconds * NS_PER_S + nanoseconds
+        if life_ns < 0:
+            raise InputError(f"spawn: life: {life_ns / NS_PER_S} s is negative")
+        wanted = SpawnRequest(
+            frame_id, pose, request.label, request.row, life_ns or None, request.behaviour
+        )
+        response.id = live.requests.spawn(wanted, self._now_ns())
+        return f"artefact {response.id} stands"
+
+    def _remove(self, request: Any, response: Any, live: LiveBuilder) -> str:  # noqa: ARG002 - the handlers' interface
+        live.requests.remove(request.id, self._now_ns())
+        return f"artefact {request.id} is gone"
+
+    def _reseed(self, request: Any, response: Any, live: LiveBuilder) -> str:  # noqa: ARG002 - the handlers' interface
+        live.requests.reseed(request.seed, self._now_ns())
+        return f"random numbers begin anew from seed {request.seed}"
+
+    def _clear(self, request: Any, response: Any, live: LiveBuilder) -> str:  # noqa: ARG002 - the handlers' interface
+        count = live.requests.clear(self._now_ns())
+        return f"{count} artefacts are gone"
+
+    def _set_paused(self, request: Any, response: Any, live: LiveBuilder) -> str:  # noqa: ARG002 - the handlers' interface
+        return self._pause(bool(request.data))

@@ -1,0 +1,287 @@
+"""What the diagnostics say, and how urgently, against their page in the docs."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from are_ros.node.diagnostics import make_diagnostics, statuses
+from are_ros.node.input_watch import InputFigures
+from are_ros.node.snapshot import (
+    ContactSnapshot,
+    InputSnapshot,
+    NodeSnapshot,
+    NodeState,
+    PopulationSnapshot,
+    ScanSnapshot,
+)
+from are_ros.node.status import Level, Status
+from are_ros.node.tick_watch import TickFigures
+from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "diagnostics.md"
+MAP = InputSnapshot(
+    "map", "/map", InputFigures(count=1, age_s=70.0), is_required=True, is_latched=True
+)
+SCAN = InputSnapshot("scan", "/scan", InputFigures(count=90, age_s=0.02, period_s=0.1))
+WELL = NodeSnapshot(
+    NodeState.ACTIVE,
+    active_s=60.0,
+    inputs=(MAP, SCAN),
+    ticks=TickFigures(0.1, count=600, age_s=0.05, p50_ms=9.0, p99_ms=21.0, max_ms=30.0),
+    population=PopulationSnapshot(alive=12, arrivals=40, departures=28, arrivals_lately=10),
+    scans=(ScanSnapshot("/scan", exact=80, held=9),),
+)
+
+
+def status_of(snapshot: NodeSnapshot, name: str) -> Status:
+    """Return the only status of a name."""
+    (found,) = (status for status in statuses(snapshot) if status.name == name)
+    return found
+
+
+def of_input(entry: InputSnapshot, active_s: float = 60.0) -> tuple[Level, str]:
+    """Return level and message of an input."""
+    status = status_of(replace(WELL, inputs=(entry,), active_s=active_s), f"inputs/{entry.role}")
+    return status.level, status.message
+
+
+def test_all_is_well() -> None:
+    """Each part has a line, and each line is OK."""
+    found = statuses(WELL)
+    assert {status.level for status in found} == {Level.OK}
+    assert [status.name for status in found] == [
+        "state", "clock", "inputs/map", "inputs/scan", "frames/robot", "frames/camera", "cloud",
+        "ticks", "population", "robot contact", "scans/scan",
+    ]  # fmt: skip
+    assert {status.name: status.message for status in found}["inputs/scan"] == "10.0 Hz"
+
+
+@pytest.mark.parametrize(
+    ("state", "names", "message"),
+    [
+        (NodeState.UNCONFIGURED, ["state", "clock"], "unconfigured: nothing is received"),
+        (NodeState.INACTIVE, ["state", "clock", "inputs/map"], "inactive: the real map is relay"),
+        (NodeState.FINALIZED, ["state", "clock"], "finalized: "),
+    ],
+)
+def test_what_is_not_active_complains_of_nothing(
+    state: NodeState, names: list[str], message: str
+) -> None:
+    """Its user wanted it so."""
+    waiting = replace(MAP, figures=InputFigures())
+    inputs = (waiting,) if "inputs/map" in names else ()
+    snapshot = NodeSnapshot(state, inputs=inputs, robot_problem="no frame", ticks=None)
+    found = statuses(snapshot)
+    assert [status.name for status in found] == names
+    assert {status.level for status in found} == {Level.OK}
+    assert found[0].message.startswith(message)
+
+
+def test_paused() -> None:
+    """It says so, and ticks may stand still."""
+    stopped = replace(WELL, is_paused=True, ticks=TickFigures(0.1, count=1, age_s=100.0))
+    assert status_of(stopped, "state").message == "paused: the real map is relayed"
+    assert status_of(stopped, "ticks").level is Level.OK
+
+
+def test_a_required_input_that_never_came() -> None:
+    """An error after 5 s, which says what can be done."""
+    nothing = replace(MAP, figures=InputFigures())
+    assert of_input(nothing, 4.9) == (Level.OK, "no message yet")
+    expected = (Level.ERROR, "no message for 8 s: nobody publishes /map")
+    assert of_input(nothing, 8.0) == expected
+    level, message = of_input(replace(nothing, publishers=1), 8.0)
+    assert level is Level.ERROR
+    assert message == "no message for 8 s, though /map has 1 publisher; is its QoS compatible?"
+
+
+def test_an_optional_input_that_never_came() -> None:
+    """It is said, and no more."""
+    nothing = replace(SCAN, figures=InputFigures())
+    assert of_input(nothing) == (Level.OK, "no message yet; the node works without")
+
+
+@pytest.mark.parametrize(
+    ("age_s", "period_s", "is_stale"),
+    [
+        (0.9, 0.1, False),
+        (1.0, 0.1, False),
+        (1.1, 0.1, True),
+        (4.9, 1.0, False),
+        (5.1, 1.0, True),
+        (1e6, None, False),
+    ],
+)
+def test_stale_is_five_periods_and_a_second(
+    age_s: float, period_s: float | None, is_stale: bool
+) -> None:
+    """An input that never had a rate cannot stop; nor can one that is latched."""
+    figures = InputFigures(count=9, age_s=age_s, period_s=period_s)
+    level, message = of_input(replace(SCAN, figures=figures))
+    assert (level is Level.STALE) == is_stale
+    assert message.startswith("it has stopped: it came at") == is_stale
+    assert of_input(replace(SCAN, figures=figures, is_latched=True))[0] is Level.OK
+
+
+def test_refused_messages() -> None:
+    """A warning while it is recent; an error where a required input brought nothing else."""
+    figures = InputFigures(9, 2, 2, "scan: ranges: 3 values for 4 beams", 0.1, 0.1)
+    level, message = of_input(replace(SCAN, figures=figures))
+    assert level is Level.WARN
+    expected = "2 messages refused in the last 10 s; the last: scan: ranges: 3 values for 4 beams"
+    assert message == expected
+    assert of_input(replace(SCAN, figures=replace(figures, refused_lately=0)))[0] is Level.OK
+    useless = InputFigures(1, 1, 0, "map: data: it is empty", 50.0)
+    level, message = of_input(replace(MAP, figures=useless))
+    assert level is Level.ERROR
+    assert message == "1 message, none of use; the last: map: data: it is empty"
+
+
+BLOCKED = (
+    "3 of 5 that were to arrive in the last minute found no place: "
+    "fewer (population.arrival_rate), or a larger region or max_alive"
+)
+TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
+    (
+        {"uses_sim_time": True, "is_without_clock": True},
+        "clock",
+        Level.ERROR,
+        "use_sim_time is true, but nothing came on /clock: the time stands still",
+    ),
+    (
+        {"robot_problem": "frame 'odom' was never seen"},
+        "frames/robot",
+        Level.ERROR,
+        "no pose of the robot: frame 'odom' was never seen",
+    ),
+    (
+        {"camera_problem": "frame 'camera' was never seen"},
+        "frames/camera",
+        Level.WARN,
+        "nothing is perceived: frame 'camera' was never seen",
+    ),
+    (
+        {"cloud_problem": "frame 'world' was never seen"},
+        "cloud",
+        Level.WARN,
+        "the cloud of voxels is not used yet: frame 'world' was never seen",
+    ),
+    (
+        {"ticks": TickFigures(0.1, count=9, age_s=1.2)},
+        "ticks",
+        Level.STALE,
+        "the last tick was 1.2 s ago: the time stands still, or one hangs",
+    ),
+    (
+        {"ticks": TickFigures(0.1, count=9, age_s=0.1, p50_ms=80.0, p99_ms=100.5, max_ms=120.0)},
+        "ticks",
+        Level.WARN,
+        "ticks take longer than their period, 100.0 ms: p50 80.0 ms, p99 100.5 ms",
+    ),
+    (
+        {"population": PopulationSnapshot(arrivals_lately=2, blocked_lately=3)},
+        "population",
+        Level.WARN,
+        BLOCKED,
+    ),
+    (
+        {"contacts": ContactSnapshot(2, "person_adult 7, 0.05 m deep", 5.0)},
+        "robot contact",
+        Level.WARN,
+        "the robot has touched person_adult 7, 0.05 m deep, 5.0 s ago",
+    ),
+    (
+        {"scans": (ScanSnapshot("/a", passed_through_lately=1, last_problem="no frame 'x'"),)},
+        "scans/a",
+        Level.WARN,
+        "1 scan without artefacts in the last 10 s: no frame 'x'",
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("change", "name", "level", "message"), TROUBLES, ids=[one[1] for one in TROUBLES]
+)
+def test_trouble_is_told_by_the_part_that_has_it(
+    change: dict[str, Any], name: str, level: Level, message: str
+) -> None:
+    """With a sentence; all others stay OK."""
+    found = statuses(replace(WELL, **change))
+    (bad,) = (status for status in found if status.level is not Level.OK)
+    assert (bad.name, bad.level, bad.message) == (name, level, message)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"robot_problem": "frame 'odom' was never seen", "active_s": 4.0},
+        {"camera_problem": "frame 'odom' was never seen", "active_s": 4.0},
+        {"ticks": TickFigures(0.1)},
+        {"ticks": None},
+        {"ticks": TickFigures(0.1, count=9, age_s=1.0, p99_ms=100.0)},
+        {"ticks": TickFigures(2.0, count=9, age_s=9.0)},
+        {"population": PopulationSnapshot(arrivals_lately=1, blocked_lately=2)},
+        {"population": PopulationSnapshot(arrivals_lately=5, blocked_lately=5)},
+        {"contacts": ContactSnapshot(2, "person_adult 7", 5.1)},
+        {"scans": (ScanSnapshot("/a", passed_through=9, last_problem="no frame 'x'"),)},
+        {"uses_sim_time": True},
+    ],
+)
+def test_what_is_no_trouble(change: dict[str, Any]) -> None:
+    """It has just begun, is at its limit, or long ago."""
+    assert {status.level for status in statuses(replace(WELL, **change))} == {Level.OK}
+
+
+def documented() -> Iterator[tuple[str, Level]]:
+    """Yield the names and levels of the page's table."""
+    for line in PAGE.read_text(encoding="utf-8").splitlines():
+        if row := re.match(r"\| `([^`]+)` \| (\w+) \|", line):
+            yield row[1], Level[row[2]]
+
+
+def test_the_page_tells_of_every_level_that_a_line_can_have() -> None:
+    """And of no other; OK needs no line."""
+    stopped = InputFigures(count=9, age_s=9.0, period_s=0.1)
+    refused = InputFigures(9, 1, 1, "why", 0.1, 0.1)
+    inputs = [replace(MAP, figures=InputFigures())]
+    inputs += [replace(SCAN, figures=figures) for figures in (stopped, refused)]
+    snapshots = [replace(WELL, **change) for change, *_ in TROUBLES]
+    snapshots += [replace(WELL, inputs=(entry,)) for entry in inputs]
+    found = {
+        (re.sub("/(map|scan|a)$", "/", status.name), status.level)
+        for snapshot in snapshots
+        for status in statuses(snapshot)
+        if status.level is not Level.OK or status.name == "state"
+    }
+    assert {(re.sub("/(ROLE|TOPIC)$", "/", name), level) for name, level in documented()} == found
+
+
+def test_messages_go_out_with_names_and_figures() -> None:
+    """A DiagnosticArray of rosbags, read back."""
+    store = jazzy_typestore()
+    message = make_diagnostics(RosbagsFactory(), 1_500_000_000, statuses(WELL))
+    name = message.__msgtype__
+    read = store.deserialize_cdr(store.serialize_cdr(message, name), name)
+    assert (read.header.stamp.sec, read.header.stamp.nanosec) == (1, 500_000_000)
+    (scan,) = (status for status in read.status if status.name == "ar_builder: inputs/scan")
+    assert (scan.level, scan.message, scan.hardware_id) == (0, "10.0 Hz", "are_ros")
+    values = {value.key: value.value for value in scan.values}
+    assert (values["topic"], values["rate"], values["messages"]) == ("/scan", "10.0 Hz", "90")
+
+
+@pytest.mark.usefixtures("ros_available")
+def test_the_same_message_goes_out_live() -> None:
+    """What rosbags reads of it is equal."""
+    from rclpy.serialization import serialize_message
+
+    from are_ros.node.message_classes import RclpyFactory
+
+    store = jazzy_typestore()
+    found = statuses(replace(WELL, robot_problem="frame 'odom' was never seen"))
+    live = serialize_message(make_diagnostics(RclpyFactory(), 5, found, "robot/ar_builder"))
+    recorded = make_diagnostics(RosbagsFactory(), 5, found, "robot/ar_builder")
+    assert store.deserialize_cdr(live, recorded.__msgtype__) == recorded

@@ -1,0 +1,203 @@
+"""How topics are asked for and offered, against the tables of the design."""
+
+from functools import partial
+from typing import Any
+
+import pytest
+
+from tests.ros import NOT_SET_UP, RosWorld
+
+pytest.importorskip("rclpy", reason=NOT_SET_UP)
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from are_ros.errors import ParameterError
+from are_ros.messages.tick_encoding import OUTPUTS
+from are_ros.node.message_classes import message_class
+from are_ros.node.qos import (
+    INPUTS,
+    advertise,
+    input_qos,
+    is_latched_by_all,
+    output_qos,
+    subscribe,
+)
+from are_ros.replay.roles import ROLE_TYPES
+
+LATCHED = DurabilityPolicy.TRANSIENT_LOCAL
+GRID = "nav_msgs/msg/OccupancyGrid"
+
+
+def requested(profile: QoSProfile) -> tuple[str, str, int]:
+    """Return reliability, durability and depth; all keep the last."""
+    assert profile.history == HistoryPolicy.KEEP_LAST
+    return profile.reliability.name, profile.durability.name, profile.depth
+
+
+def endpoint(node: Any, topic: str) -> Any:
+    """Return what DDS knows of the only subscription or publisher of a topic."""
+    subscriptions: list[Any] = node.get_subscriptions_info_by_topic(topic)
+    (found,) = subscriptions + node.get_publishers_info_by_topic(topic)
+    return found
+
+
+def test_inputs_are_those_of_the_design() -> None:
+    """The roles that a replay knows, in the same order, each with its type."""
+    assert list(INPUTS) == list(ROLE_TYPES)
+    assert all(entry.type_name in ROLE_TYPES[role] for role, entry in INPUTS.items())
+
+
+def test_inputs_are_asked_for_as_the_design_says() -> None:
+    """Maps and tf_static latched; sensors best effort, which every publisher serves."""
+    assert requested(input_qos("map")) == ("RELIABLE", "TRANSIENT_LOCAL", 1)
+    assert requested(input_qos("tf")) == ("RELIABLE", "VOLATILE", 100)
+    assert requested(input_qos("tf_static")) == ("RELIABLE", "TRANSIENT_LOCAL", 100)
+    sensors = [role for role in INPUTS if role.startswith(("odom", "scan", "points", "camera"))]
+    assert len(sensors) == 6
+    assert all(requested(input_qos(role))[:2] == ("BEST_EFFORT", "VOLATILE") for role in sensors)
+
+
+def test_only_the_transforms_have_absolute_topics() -> None:
+    """All other inputs follow the node into its namespace."""
+    absolute = {role: entry.topic for role, entry in INPUTS.items() if entry.topic}
+    assert absolute == {"tf": "/tf", "tf_static": "/tf_static"}
+
+
+def test_outputs_are_offered_as_the_design_says() -> None:
+    """All reliably, the maps latched, many events kept."""
+    assert requested(output_qos("augmented_map")) == ("RELIABLE", "TRANSIENT_LOCAL", 1)
+    assert requested(output_qos("augmented_costmap")) == ("RELIABLE", "TRANSIENT_LOCAL", 1)
+    assert requested(output_qos("events")) == ("RELIABLE", "VOLATILE", 100)
+    others = {*OUTPUTS, "scan", "diagnostics"} - {"augmented_map", "augmented_costmap", "events"}
+    assert {requested(output_qos(name))[:2] for name in others} == {("RELIABLE", "VOLATILE")}
+
+
+def test_profiles_are_not_shared() -> None:
+    """An override changes the profile that it is given."""
+    assert input_qos("map") is not input_qos("map")
+    assert output_qos("events") is not output_qos("events")
+
+
+@pytest.mark.parametrize("role", INPUTS)
+def test_every_input_can_be_subscribed(ros: RosWorld, role: str) -> None:
+    """Its topic, its type and its profile reach DDS."""
+    entry = INPUTS[role]
+    node = ros.make_node("ar_builder", namespace="robot")
+    subscription = subscribe(node, role, print)
+    topic = entry.topic or f"/robot/{role}"
+    assert subscription.topic_name == topic
+    found = endpoint(node, topic)
+    assert found.topic_type == entry.type_name
+    wanted = input_qos(role)
+    assert found.qos_profile.reliability == wanted.reliability
+    assert found.qos_profile.durability == wanted.durability
+
+
+@pytest.mark.parametrize("name", OUTPUTS)
+def test_every_output_can_be_offered(ros: RosWorld, name: str) -> None:
+    """Under the node's own name."""
+    node = ros.make_node("ar_builder")
+    advertise(node, OUTPUTS[name].type_name, f"~/{name}")
+    found = endpoint(node, f"/ar_builder/{name}")
+    assert found.topic_type == OUTPUTS[name].type_name
+    assert (found.qos_profile.durability == LATCHED) == OUTPUTS[name].is_latched
+
+
+def test_messages_come_as_they_were_or_as_bytes(ros: RosWorld) -> None:
+    """Options go to rclpy; another topic than the role's may be given."""
+    node = ros.make_node("ar_builder")
+    whole: list[Any] = []
+    raw: list[bytes] = []
+    subscribe(node, "map", whole.append)
+    subscribe(node, "map", raw.append, "/map", raw=True)
+    publisher = advertise(node, GRID, "map", qos_profile=input_qos("map"))
+    publisher.publish(message_class(GRID)())
+    ros.spin_until(lambda: whole and raw)
+    assert isinstance(whole[0], message_class(GRID))
+    assert isinstance(raw[0], bytes)
+
+
+def test_a_late_subscriber_gets_the_last_map(ros: RosWorld) -> None:
+    """As a navigation stack that starts after us needs it."""
+    node = ros.make_node("ar_builder")
+    advertise(node, GRID, "~/augmented_map").publish(message_class(GRID)())
+    received: list[Any] = []
+    subscribe(ros.make_node("late"), "map", received.append, "/ar_builder/augmented_map")
+    ros.spin_until(lambda: received)
+    assert len(received) == 1
+
+
+def test_overrides_take_effect(ros: RosWorld) -> None:
+    """Those of a parameter file, by the full name of the topic; and they are told."""
+    overrides = {
+        "qos_overrides./front/scan.subscription.reliability": "reliable",
+        "qos_overrides./front/scan.subscription.depth": 3,
+        "qos_overrides./ar_builder/events.publisher.durability": "transient_local",
+        "qos_overrides./ar_builder/events.publisher.history": "keep_all",
+    }
+    node = ros.make_node("ar_builder", parameters=overrides)
+    scan = subscribe(node, "scan", print, "front/scan")
+    events = advertise(node, OUTPUTS["events"].type_name, "~/events")
+    assert requested(scan.qos_profile) == ("RELIABLE", "VOLATILE", 3)
+    assert endpoint(node, "/front/scan").qos_profile.reliability == ReliabilityPolicy.RELIABLE
+    assert events.qos_profile.history == HistoryPolicy.KEEP_ALL
+    assert endpoint(node, "/ar_builder/events").qos_profile.durability == LATCHED
+    assert node.get_parameter("qos_overrides./front/scan.subscription.depth").value == 3
+    assert node.get_parameter("qos_overrides./front/scan.subscription.durability").value
+
+
+def test_a_topic_may_be_subscribed_again(ros: RosWorld) -> None:
+    """As after a cleanup, with the same overrides."""
+    overrides = {"qos_overrides./map.subscription.depth": 4}
+    node = ros.make_node("ar_builder", parameters=overrides)
+    for _ in range(2):
+        subscription = subscribe(node, "map", print)
+        assert subscription.qos_profile.depth == 4
+        node.destroy_subscription(subscription)
+
+
+@pytest.mark.parametrize(
+    ("policy", "value", "reason"),
+    [
+        ("depth", -1, "depth -1 keeps no message"),
+        ("depth", "many", "many"),
+        ("reliability", "utmost", "Unexpected QoS override for policy `reliability`: `utmost`"),
+        ("durability", 3, "3"),
+    ],
+)
+def test_an_override_without_sense_is_an_error(
+    ros: RosWorld, policy: str, value: object, reason: str
+) -> None:
+    """It names topic and reason, for inputs and outputs alike."""
+    parameters = {
+        f"qos_overrides./map.{kind}.{policy}": value for kind in ("publisher", "subscription")
+    }
+    node = ros.make_node("ar_builder", parameters=parameters)
+    with pytest.raises(ParameterError, match="topic 'map' with its qos_overrides: ") as caught:
+        subscribe(node, "map", print)
+    assert reason in str(caught.value)
+    with pytest.raises(ParameterError, match="topic 'map' with its qos_overrides: "):
+        advertise(node, GRID, "map")
+
+
+def test_an_input_can_follow_its_publishers(ros: RosWorld) -> None:
+    """It may be latched only if all of them are, and changes when it is subscribed again."""
+    role = "octomap_point_cloud_centers"
+    node, first, second = (ros.make_node(name) for name in ("ar_builder", "first", "second"))
+    found = [is_latched_by_all(node, role)]
+    kind = message_class(INPUTS[role].type_name)
+    for index, publisher_node in enumerate((first, second)):
+        profile = input_qos("map" if index == 0 else "scan")
+        publisher_node.create_publisher(kind, role, profile)
+        ros.spin_until(partial(has_publishers, node, role, index + 1))
+        found.append(is_latched_by_all(node, role))
+        asked = input_qos("map" if found[-1] else role)
+        subscription = subscribe(node, role, print, qos_profile=asked)
+        assert (subscription.qos_profile.durability == LATCHED) == found[-1]
+        node.destroy_subscription(subscription)
+    assert found == [None, True, False]
+
+
+def has_publishers(node: Any, topic: str, count: int) -> bool:
+    """Tell whether a node has seen as many publishers of a topic."""
+    return bool(node.count_publishers(topic) == count)

@@ -1,0 +1,55 @@
+"""The durations of ticks, and those that were late or left out."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from are_ros.conventions import NS_PER_S
+from are_ros.node.tick_watch import TickFigures, TickWatch
+
+MS = NS_PER_S // 1000
+PERIOD_NS = 100 * MS
+
+
+def test_before_the_first_tick_there_is_only_the_period() -> None:
+    """No durations, no age."""
+    assert TickWatch(PERIOD_NS).figures(0) == TickFigures(period_s=0.1)
+
+
+@given(durations_ms=st.lists(st.integers(0, 500), min_size=1, max_size=150))
+def test_percentiles_are_nearest_ranks(durations_ms: list[int]) -> None:
+    """Those of numpy that are always one of the values."""
+    watch = TickWatch(PERIOD_NS)
+    for index, duration_ms in enumerate(durations_ms):
+        watch.ran(index * PERIOD_NS, duration_ms * MS)
+    figures = watch.figures(len(durations_ms) * PERIOD_NS)
+    expected = np.percentile(durations_ms, [50, 99, 100], method="inverted_cdf")
+    assert [figures.p50_ms, figures.p99_ms, figures.max_ms] == list(expected)
+
+
+def test_durations_are_those_of_the_last_minute() -> None:
+    """The totals are since the start."""
+    watch = TickWatch(PERIOD_NS)
+    watch.ran(0, 900 * MS)
+    watch.ran(30 * NS_PER_S, 10 * MS)
+    soon, later = watch.figures(59 * NS_PER_S), watch.figures(60 * NS_PER_S)
+    assert (soon.max_ms, later.max_ms) == (900.0, 10.0)
+    end = watch.figures(200 * NS_PER_S)
+    assert (end.count, end.max_ms, end.age_s) == (2, None, 170.0)
+
+
+@pytest.mark.parametrize(("late_ms", "expected"), [(0, 0), (50, 0), (51, 1), (300, 1)])
+def test_late_is_more_than_half_a_period(late_ms: int, expected: int) -> None:
+    """After the tick's time."""
+    watch = TickWatch(PERIOD_NS)
+    watch.ran(0, MS, late_ms * MS)
+    assert watch.figures(0).late == expected
+
+
+def test_skipped_ticks_are_counted() -> None:
+    """As many as there were."""
+    watch = TickWatch(PERIOD_NS)
+    watch.skipped()
+    watch.skipped(41)
+    assert watch.figures(0).skipped == 42
