@@ -18,7 +18,7 @@ import click
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from are_ros.cli import replay as replay_options
+from are_ros.cli.offline import replay as replay_options
 from are_ros.replay.command import options_of
 from are_ros.replay.options import ReplayOptions
 from are_ros.replay.session import run_replay

@@ -8,14 +8,14 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from are_ros import cli
 from are_ros._version import __version__
-from are_ros.cli import are, main
+from are_ros.cli import shell
+from are_ros.cli.shell import are, main
 from are_ros.errors import BagError
 
 PROJECT = Path(__file__).resolve().parents[1]
 SAMPLE = PROJECT / "bags" / "sample_office.mcap"
-COMMANDS = ("replay", "inspect", "describe", "check")
+COMMANDS = ("replay", "inspect", "describe", "check", "view", "node", "play", "record", "demo")
 
 
 def run_process(*words: object) -> subprocess.CompletedProcess[str]:
@@ -114,7 +114,7 @@ def test_errors_become_a_sentence_and_a_status(
         if raised is not None:
             raise raised
 
-    monkeypatch.setattr(cli, "are", command)
+    monkeypatch.setattr(shell, "are", command)
     assert end_of(monkeypatch) == status
     assert capsys.readouterr().err == sentence
 
@@ -125,7 +125,7 @@ def test_other_errors_are_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
     def command(**_: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(cli, "are", command)
+    monkeypatch.setattr(shell, "are", command)
     with pytest.raises(ZeroDivisionError):
         main()
 

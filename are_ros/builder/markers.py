@@ -25,8 +25,6 @@ from are_ros.builder.marker_batch import (
 )
 from are_ros.parameters.choices import Shape
 
-Marker = MarkerLook
-
 __all__ = (
     "MarkerAction",
     "MarkerBatch",

@@ -25,8 +25,9 @@ from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import Values
 
 _BEFORE_ALL_NS: Final = -(2**63)
-_CLOCK_JITTER_NS: Final = NS_PER_S // 10
-"""Inputs that come out of order by no more than this are taken as if they came now."""
+CLOCK_JITTER_NS: Final = NS_PER_S
+"""What comes out of order by no more than this is taken as if it came now: machines' clocks are
+set back by fractions of a second, recordings that loop go back further."""
 _ODOMETRY_SOURCES: Final = {
     OdometryUse.AUTO: TransformSource.ODOMETRY,
     OdometryUse.USE: TransformSource.PREFERRED_ODOMETRY,
@@ -194,7 +195,7 @@ class Reality:
 
     def _check_clock(self, now_ns: int) -> None:
         """Start anew when the clock has jumped back, as it does when a recording loops."""
-        if now_ns >= self._now_ns - _CLOCK_JITTER_NS:
+        if now_ns >= self._now_ns - CLOCK_JITTER_NS:
             self._now_ns = max(self._now_ns, now_ns)
             return
         self.notices.append(

@@ -33,7 +33,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
 
     From configure to cleanup the real map and the scans are relayed; while the node is active, and
     not paused, artefacts are among them. Raises ParameterError where the parameters given are bad,
-    NodeError where are_msgs is not installed.
+    NodeError where are_msgs is not installed. `is_preparing` while kernels compile, which nothing
+    depends on: it may be cut short.
     """
 
     def __init__(self, node_name: str = NAME, **options: Any) -> None:
@@ -42,6 +43,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self._inlets: Inlets | None = None
         self._outlets: Outlets | None = None
         self._catalogue: Catalogue | None = None
+        self.is_preparing = False
         self._is_active = self._is_paused = False
         self._said: set[str] = set()
         self.bridge = ParameterBridge(
@@ -119,8 +121,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
     def _configure(self, parameters: Parameters) -> None:
         catalogue = self._catalogue = catalogue_of(parameters)
         mixture_of(parameters, catalogue)
-        self.get_logger().info("preparing the kernels (half a minute the first time)")
-        warm_up(catalogue)
+        self._prepare(catalogue)
         self._said.clear()
         inlets = self._inlets = Inlets(self, parameters.sensors.scans, self._store, self._say)
         outlets = self._outlets = Outlets(self, inlets.scans, self._say)
@@ -130,6 +131,14 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         )
         inlets.follow_publishers()
         self.get_logger().info("configured: the real map is relayed")
+
+    def _prepare(self, catalogue: Catalogue) -> None:
+        self.get_logger().info("preparing the kernels (half a minute the first time)")
+        self.is_preparing = True
+        try:
+            warm_up(catalogue)
+        finally:
+            self.is_preparing = False
 
     def _close(self) -> None:
         self.retire()

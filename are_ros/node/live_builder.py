@@ -8,6 +8,7 @@ from typing import Final, NamedTuple, Protocol
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.events import ArtefactEvent
+from are_ros.builder.reality import CLOCK_JITTER_NS
 from are_ros.builder.requests import Requests, SpawnRequest
 from are_ros.builder.schedule import TickSchedule
 from are_ros.builder.sensor_path import ReleasedScan
@@ -227,7 +228,7 @@ class LiveBuilder:
 
     def _follow_clock(self, now_ns: int) -> None:
         """Begin the ticks anew when the clock has jumped back, as the builder does."""
-        if now_ns < self._now_ns - NS_PER_S // 10:
+        if now_ns < self._now_ns - CLOCK_JITTER_NS:
             self._schedule = None
         elif now_ns < self._now_ns:
             return

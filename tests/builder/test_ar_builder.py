@@ -37,7 +37,7 @@ def seen(tick: Tick) -> list[int]:
 
 def drawn(tick: Tick, action: MarkerAction) -> set[int]:
     """Return the ids of the markers with this action."""
-    return {marker.marker_id for marker in tick.markers if marker.action is action}
+    return {look.marker_id for look in tick.markers.looks if look.action is action}
 
 
 def kinds(tick: Tick) -> list[EventKind]:
@@ -536,7 +536,7 @@ def everything(tick: Tick) -> tuple[Any, ...]:
         [(p.artefact_id, p.visible_pixels, p.roi_px, p.range_m) for p in tick.perceived],
         tick.events,
         repr(tick.metrics),
-        [(m.namespace, m.marker_id, m.action, m.scale, m.colour) for m in tick.markers],
+        [(m.namespace, m.marker_id, m.action, m.scale, m.colour) for m in tick.markers.looks],
         None if grids.augmented_map is None else grids.augmented_map.cells.tobytes(),
         None if grids.costmap is None else grids.costmap.cells.tobytes(),
     )
@@ -587,7 +587,7 @@ def test_a_clock_that_jumps_back_starts_anew(make_scene: Make) -> None:
     gone = [e.artefact_id for e in back.events if e.detail == "clock_jumped_back"]
     assert gone == old
     assert EventKind.LOST not in kinds(back)
-    assert back.markers[0].action is MarkerAction.DELETEALL
+    assert back.markers.looks[0].action is MarkerAction.DELETEALL
     fresh: set[int] = set()
     for step in range(1, 30):
         scene.robot(5.0 + 0.1 * step, 1.0, 2.0)
@@ -602,14 +602,23 @@ def test_a_clock_that_jumps_back_starts_anew(make_scene: Make) -> None:
 def test_a_jump_back_after_a_scan_is_a_jump_too(scene: Scene) -> None:
     """An input of before the last tick resets as well, and is itself taken."""
     scene.place(0, (2.5, 2.0), 0.0)
-    scene.laser(0.3)
-    scene.scan(0.3)
+    scene.laser(1.3)
+    scene.scan(1.3)
     scene.robot(0.1, 1.5, 2.0)
     assert len(scene.builder.notices) == 1
     assert scene.builder.scan_counts()["scan"].passed_through == 0
     tick = scene.tick(0.2)
     assert tick.artefacts == ()
     assert tick.map_from_base.translation_m[0] == 1.5
+
+
+def test_a_clock_set_back_by_a_fraction_of_a_second_changes_nothing(scene: Scene) -> None:
+    """As machines' clocks are: nobody departs, and life goes on."""
+    artefact_id = scene.place(0, (2.5, 2.0), 0.0)
+    scene.tick(1.0)
+    scene.robot(0.2, 1.5, 2.0)
+    assert scene.builder.notices == []
+    assert ids(scene.tick(1.1)) == [artefact_id]
 
 
 # --- scans through the builder

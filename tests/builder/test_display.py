@@ -9,12 +9,13 @@ import pytest
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.builder.display import Display, marker_subject
-from are_ros.builder.markers import Marker, MarkerAction, MarkerBoard, MarkerKind
+from are_ros.builder.display import Display, marker_subject, poses_of
+from are_ros.builder.markers import MarkerAction, MarkerBatch, MarkerBoard, MarkerKind
 from are_ros.builder.mesh_bank import MeshBank
 from are_ros.builder.states import artefact_state
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Shape
+from are_ros.world.rigid_transform import RigidTransform
 
 HERE = GroundPose(1.0, 2.0, 0.5, 0.7)
 
@@ -31,11 +32,11 @@ def an_artefact(row: CatalogueRow) -> Artefact:
     return Artefact(7, row, Origin.SCRIPTED, 100, PoseHistory(100, HERE), 900)
 
 
-def bodies(markers: tuple[Marker, ...]) -> list[tuple[MarkerKind, MarkerAction, float]]:
+def bodies(markers: MarkerBatch) -> list[tuple[MarkerKind, MarkerAction, float]]:
     """Return kind, action and alpha of the bodies among markers."""
     return [
         (m.kind, m.action, float(m.colours[0, 3]) if len(m.colours) else m.colour[3])
-        for m in markers
+        for m in markers.looks
         if m.namespace == "body"
     ]
 
@@ -65,9 +66,57 @@ def test_a_display_draws_only_what_changed(row: CatalogueRow, shape: Shape) -> N
     kind = MarkerKind.TRIANGLE_LIST if meshes else MarkerKind.CUBE
     seen = bodies(display.update(0, [state], [row], {7}))
     assert seen == [(kind, MarkerAction.ADD, 1.0)]
-    assert display.update(NS_PER_S // 2, [state], [row], {7}) == ()
-    lost = bodies(display.update(NS_PER_S // 2, [state], [row], set()))
+    assert not display.update(NS_PER_S // 4, [state], [row], {7})
+    lost = bodies(display.update(NS_PER_S // 4, [state], [row], set()))
     assert [entry[:2] for entry in lost] == [(kind, MarkerAction.ADD)]
     assert 0.0 < lost[0][2] < 1.0
-    gone = display.update(NS_PER_S // 2, [], [], set())
-    assert {marker.action for marker in gone} == {MarkerAction.DELETE}
+    gone = display.update(NS_PER_S // 4, [], [], set())
+    assert {marker.action for marker in gone.looks} == {MarkerAction.DELETE}
+
+
+def test_who_moves_is_somewhere_else_and_looks_the_same(row: CatalogueRow) -> None:
+    """A new state with another pose keeps the looks, and those of one who stands go out no more."""
+    display = Display(MarkerBoard(), None)
+    mover, other = (artefact_state(replace(an_artefact(row), id=i), 200) for i in (7, 8))
+    first = display.update(0, [mover, other], [row, row], {7})
+    there = RigidTransform.planar(4.0, 5.0, 0.1, z=2.0)
+    moved = replace(mover, map_from_artefact=there)
+    second = display.update(1, [moved, other], [row, row], {7})
+    assert [id(look) for look in second.looks] == [id(look) for look in first.looks[1:4]]
+    np.testing.assert_array_equal(second.poses[0, :3], there.apply(np.array([[0.1, 0.0, 0.05]]))[0])
+    np.testing.assert_array_equal(second.poses[0, 3:], there.rotation_xyzw)
+
+
+@pytest.mark.parametrize(
+    "change", [{"label": "else"}, {"size_m": (1.0, 1.0, 1.0)}, {"box_centre_m": (0.0, 0.0, 0.0)}]
+)
+def test_another_look_is_drawn(row: CatalogueRow, change: dict[str, Any]) -> None:
+    """A state that says another label, size or centre goes out, and so does one of another row."""
+    display, state = Display(MarkerBoard(), None), artefact_state(an_artefact(row), 200)
+    display.update(0, [state], [row], ())
+    assert len(display.update(1, [replace(state, **change)], [row], ())) == 3
+    repainted = replace(row, colour=(0.0, 0.0, 1.0, 1.0))
+    markers = display.update(2, [replace(state, **change)], [repainted], ())
+    assert markers.looks[0].colour[:3] == (0.0, 0.0, 1.0)
+
+
+def test_a_new_viewer_gets_everything(row: CatalogueRow) -> None:
+    """A DELETEALL and all, with what changed just now; also after one that took all away."""
+    display, state = Display(MarkerBoard(), None), artefact_state(an_artefact(row), 200)
+    display.update(0, [], [], ())
+    for everything in (True, False):
+        markers = display.update(1, [state], [row], (), everything=everything)
+        assert [m.action for m in markers.looks] == [MarkerAction.DELETEALL] + [
+            MarkerAction.ADD
+        ] * 3
+        assert [m.action for m in display.delete_all().looks] == [MarkerAction.DELETEALL]
+
+
+def test_poses_are_those_of_the_states(row: CatalogueRow) -> None:
+    """One line for each state, the translation and the quaternion; none for none."""
+    states = [artefact_state(replace(an_artefact(row), id=i), 200) for i in (7, 8)]
+    expected = [
+        [*s.map_from_artefact.translation_m, *s.map_from_artefact.rotation_xyzw] for s in states
+    ]
+    np.testing.assert_array_equal(poses_of(states), expected)
+    assert poses_of([]).shape == (0, 7)

@@ -165,7 +165,7 @@ class Driver:
             self._augmented = tick.grids.augmented_map.cells
         if tick.grids.costmap is not None:
             self._costmap = tick.grids.costmap.cells
-        for marker in tick.markers:
+        for marker in tick.markers.looks:
             if marker.action is MarkerAction.DELETEALL:
                 self._drawn.clear()
             elif marker.action is MarkerAction.ADD:
@@ -411,7 +411,7 @@ def told(tick: Tick) -> tuple[Any, ...]:
         [(s.artefact_id, s.label, s.ground_pose, s.arrival_ns) for s in tick.artefacts],
         [(p.artefact_id, p.visible_pixels, p.roi_px, p.range_m) for p in tick.perceived],
         tick.events,
-        [(m.namespace, m.marker_id, m.action, m.scale) for m in tick.markers],
+        [(m.namespace, m.marker_id, m.action, m.scale) for m in tick.markers.looks],
         grids.augmented_map and grids.augmented_map.cells.tobytes(),
         grids.costmap and grids.costmap.cells.tobytes(),
     )
@@ -446,8 +446,7 @@ class Announced:
 def test_nothing_is_written_on_a_topic_of_the_robot(scans: tuple[str, ...]) -> None:
     """All outputs have names of their own, below /ar_builder."""
     writer: Any = Announced()
-    factory: Any = None
-    TickWriter(writer, factory, scans)
+    TickWriter(writer, scans)
     assert len(writer.topics) == len(set(writer.topics))
     assert all(topic.startswith("/ar_builder/") for topic in writer.topics)
 

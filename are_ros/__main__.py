@@ -1,0 +1,5 @@
+"""`python -m are_ros` is `are`."""
+
+from are_ros.cli import main
+
+main()

@@ -1,0 +1,5 @@
+"""`are`: the command line, a thin shell over the package."""
+
+from are_ros.cli.shell import main
+
+__all__ = ("main",)

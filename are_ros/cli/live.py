@@ -1,0 +1,132 @@
+"""The commands of `are` that speak ROS 2: the node, a player, a recorder, and the demo of all."""
+
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import click
+
+from are_ros.cli.options import FILE, Seconds, parameter_options, say
+from are_ros.cli.status import IMPERFECT
+from are_ros.errors import NodeError
+
+_PASSED_ON = {"ignore_unknown_options": True, "allow_extra_args": True}
+_RATE = click.FloatRange(min=0.001, max=1e6)
+
+
+@click.command(short_help="Run the live node.", context_settings=_PASSED_ON)
+@click.option("--params", "files", metavar="FILE", type=FILE, multiple=True, help="As in replay.")
+@click.option("--set", "values", metavar="NAME:=VALUE", multiple=True, help="As in replay.")
+@click.option("--namespace", metavar="NAME", help="Namespace of the node and of its topics.")
+@click.option("--use-sim-time", is_flag=True, help="Go by /clock.")
+@click.argument("ros_args", metavar="[ROS ARGUMENTS]", nargs=-1, type=click.UNPROCESSED)
+def node(
+    files: tuple[Path, ...],
+    values: tuple[str, ...],
+    namespace: str | None,
+    use_sim_time: bool,
+    ros_args: tuple[str, ...],
+) -> None:
+    """Run the live node `ar_builder`, beside a robot's navigation stack.
+
+    What follows `--ros-args` goes to ROS as it is: -p, -r, --params-file, --log-level.
+    """
+    _require_ros()
+    from are_ros.node.main import main as run_node
+
+    given = [word for path in files for word in ("--params-file", str(path))]
+    given += [word for value in values for word in ("-p", value)]
+    given += ["-r", f"__ns:=/{namespace.strip('/')}"] if namespace else []
+    given += ["-p", "use_sim_time:=true"] if use_sim_time else []
+    sys.exit(run_node(["--ros-args", *given, "--", *ros_args]))
+
+
+@click.command(short_help="Play a recording to live topics.")
+@click.argument("bags", metavar="BAG...", nargs=-1, required=True, type=FILE)
+@click.option("--rate", type=_RATE, default=1.0, show_default=True, help="Times real time.")
+@click.option("--loop", is_flag=True, help="Play again and again.")
+@click.option("--start", "start_s", type=Seconds(), default=0.0, help="Begin here [s].")
+@click.option("--duration", "duration_s", type=Seconds(), help="Length to play [s].")
+@click.option("--topics", metavar="/TOPIC", multiple=True, help="Play these only. Repeatable.")
+@click.option("--exclude", metavar="/TOPIC", multiple=True, help="Leave out. Repeatable.")
+@click.option("--remap", "remaps", metavar="/FROM:=/TO", multiple=True, help="Repeatable.")
+@click.option(
+    "--clock",
+    "clock_hz",
+    type=click.FloatRange(min=0.0, max=1000.0),
+    default=100.0,
+    show_default=True,
+    help="How often /clock tells the time [Hz]; 0: not at all.",
+)
+@click.option(
+    "--lockstep",
+    metavar="NODE",
+    default="",
+    help="As fast as this node can: the time goes on when it has taken everything earlier.",
+)
+@click.option("--wait-for", metavar="NODE", default="", help="Begin when this node listens.")
+def play(**options: Any) -> None:
+    """Play a recording to live topics, with /clock, as `ros2 bag play --clock` does.
+
+    Quality of service is as recorded; ROS 1 recordings are played as ROS 2.
+    """
+    _require_ros()
+    from are_ros.recording.commands import play_command
+
+    if not play_command(say, **options):
+        sys.exit(IMPERFECT)
+
+
+@click.command(short_help="Record live topics.")
+@click.argument("path", metavar="OUT", type=FILE)
+@click.option(
+    "--topics",
+    metavar="/TOPIC",
+    multiple=True,
+    help="Record these only; * and ? stand for anything. Repeatable.",
+)
+@click.option("--exclude", metavar="/TOPIC", multiple=True, help="Leave out. Repeatable.")
+@click.option("--duration", "duration_s", type=Seconds(), help="Stop after this long [s].")
+@click.option("--wait-for", metavar="/TOPIC", multiple=True, help="Ready when it has a publisher.")
+@click.option("--use-sim-time", is_flag=True, help="Log times are those of /clock.")
+@click.option("--overwrite", is_flag=True, help="Replace a recording that is there.")
+def record(**options: Any) -> None:
+    """Record live topics, until Ctrl-C, into OUT: an .mcap file, or a rosbag2 folder."""
+    _require_ros()
+    from are_ros.recording.commands import record_command
+
+    if not record_command(say, **options):
+        sys.exit(IMPERFECT)
+
+
+@click.command(short_help="Show the live node at work on a recording.")
+@click.argument("bag", metavar="[BAG]", type=FILE, default=Path("bags/sample_office.mcap"))
+@click.option("--rate", type=_RATE, default=2.0, show_default=True, help="Times real time.")
+@click.option("--duration", "duration_s", type=Seconds(), help="Length to play [s].")
+@click.option("--lockstep", is_flag=True, help="As fast as the node can, repeatable to the byte.")
+@click.option("--out", type=FILE, default=Path("out/demo"), show_default=True, help="Folder.")
+@parameter_options
+def demo(**options: Any) -> None:
+    """Run the live node over DDS, on this machine only, fed with a recording; record and draw it.
+
+    The folder gets augmented.mcap (inputs and outputs as they were on the wire), rviz.png (what
+    rviz would show), effective.yaml and the node's log.
+    """
+    _require_ros()
+    from are_ros.recording.commands import demo_command
+
+    if not demo_command(say, **options):
+        sys.exit(IMPERFECT)
+
+
+def _require_ros() -> None:
+    """Raise NodeError, which says what to do, where ROS is not to be had."""
+    if find_spec("rclpy") is None:
+        raise NodeError(
+            "rclpy is not installed: source /opt/ros/jazzy/setup.bash on a robot, or run "
+            "'make demo' in the project; `are replay` works without"
+        )
+
+
+COMMANDS = (node, play, record, demo)

@@ -1,0 +1,116 @@
+"""The commands of `are` that read recordings and configurations, and need no ROS."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from are_ros.cli.options import FILE, Seconds, parameter_options, say
+from are_ros.cli.status import IMPERFECT
+
+_SKIPPABLE = ("perception", "grids", "markers")
+
+
+@click.command(short_help="Replay a recording with artefacts in it.")
+@click.argument("bags", metavar="BAG...", nargs=-1, required=True, type=FILE)
+@click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="Map of map_server.")
+@click.option("--map-frame", metavar="NAME", help="Frame of the map, the world frame. [map]")
+@click.option("--octomap", "octomap_file", metavar="FILE.bt", type=FILE, help="OctoMap file.")
+@click.option(
+    "--static-tf",
+    "static_transforms",
+    metavar="TF",
+    multiple=True,
+    help='"X Y Z YAW PITCH ROLL PARENT CHILD", metres and radians. Repeatable.',
+)
+@click.option(
+    "--topic",
+    "topics",
+    metavar="ROLE:=/TOPIC",
+    multiple=True,
+    help="Let a topic play a part: map, octomap_point_cloud_centers, odom, scan, "
+    "camera/camera_info, tf, tf_static. Repeatable.",
+)
+@click.option("--start", "start_s", type=Seconds(), default=0.0, help="Begin here [s].")
+@click.option("--duration", "duration_s", type=Seconds(), help="Length to replay [s].")
+@click.option("--out", type=FILE, default=Path("out"), show_default=True, help="Output folder.")
+@click.option("--with-inputs", is_flag=True, help="Write the inputs beside the outputs.")
+@click.option(
+    "--skip",
+    type=click.Choice(_SKIPPABLE),
+    multiple=True,
+    help="Leave out a part that nobody needs. Repeatable.",
+)
+@parameter_options
+def replay(**options: Any) -> None:
+    """Replay a recording as fast as it goes, with artefacts in it.
+
+    BAG is a rosbag2 folder, an .mcap or .db3 file, or ROS 1 .bag files. The output folder gets
+    augmented.mcap (the topics that the live node publishes), overview.png, metrics.json,
+    timing.json and effective.yaml. The same recording, parameters and seed give the same bytes.
+    """
+    from are_ros.replay.command import replay_command
+
+    if not replay_command(say, **options):
+        sys.exit(IMPERFECT)
+
+
+@click.command(short_help="Say what a recording holds, and what it lacks.")
+@click.argument("bags", metavar="BAG...", nargs=-1, required=True, type=FILE)
+@click.option("--topic", "topics", metavar="ROLE:=/TOPIC", multiple=True, help="As in replay.")
+@click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="As in replay.")
+@click.option("--map-frame", metavar="NAME", default="map", show_default=True, help="As in replay.")
+@click.option("--static-tf", "static_transforms", metavar="TF", multiple=True, help="As in replay.")
+def inspect(**options: Any) -> None:
+    """Say what a recording holds: topics, the roles that they play, how its frames hang together.
+
+    What a replay would lack is said with the option that supplies it.
+    """
+    from are_ros.replay.command import inspect_command
+
+    inspect_command(click.echo, **options)
+
+
+@click.command(short_help="Say what a configuration means.")
+@click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="Map, for its free area.")
+@parameter_options
+def describe(**options: Any) -> None:
+    """Say what a configuration means: arrivals per minute, expected population, types, gates."""
+    from are_ros.replay.command import describe_command
+
+    describe_command(click.echo, **options)
+
+
+@click.command(short_help="Check a replay's output against the invariants.")
+@click.argument("folder", metavar="OUT", type=FILE)
+@click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="The real map.")
+def check(folder: Path, map_file: Path | None) -> None:
+    """Check the output folder of a replay, by a program of its own.
+
+    It reads only the written recording and the map; what cannot be checked is said. Replays with
+    --with-inputs can be checked further.
+    """
+    from are_ros.replay.command import check_command
+
+    if not check_command(click.echo, folder, map_file):
+        sys.exit(IMPERFECT)
+
+
+@click.command(short_help="Draw what rviz would show of a recording.")
+@click.argument("recording", metavar="RECORDING", type=FILE)
+@click.option("--at", "at_s", type=Seconds(), help="Moment, from its beginning [s]. [the fullest]")
+@click.option("--out", type=FILE, default=Path("rviz.png"), show_default=True, help="Picture.")
+def view(recording: Path, at_s: float | None, out: Path) -> None:
+    """Draw what rviz would show of a recording: map, costmap, markers, scan, robot.
+
+    RECORDING is a result of `are replay`, `are demo` or `are record`, or any recording of the
+    node's topics.
+    """
+    from are_ros.replay.rviz_picture import draw_rviz
+
+    draw_rviz(recording, out, at_s)
+    say(f"picture: {out}")
+
+
+COMMANDS = (replay, inspect, describe, check, view)
