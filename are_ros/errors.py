@@ -29,6 +29,10 @@ class PlacementError(AreError):
     """An artefact cannot stand where it was asked to; the reason is named."""
 
 
+class NodeError(AreError):
+    """The node cannot run: a message package is missing, or ROS refuses what it needs."""
+
+
 class FrameError(AreError):
     """A transform cannot be given or taken."""
 

@@ -1,14 +1,26 @@
 """Fixtures that several test modules share."""
 
 import os
+from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
+from tests.ros import (
+    NOT_SET_UP,
+    RosWorld,
+    import_rclpy_quietly,
+    is_ros_available,
+    keep_ros_apart,
+)
+
 # Kernels compile inside the first example; the same examples every time, so that CI is stable.
 settings.register_profile("are", deadline=None, derandomize=True)
 settings.load_profile("are")
+
+keep_ros_apart()
 
 
 @pytest.fixture(scope="session")
@@ -19,3 +31,18 @@ def real_data() -> Path:
     if not folder.is_dir():
         pytest.skip("no real recordings: neither ARE_REAL_DATA nor ../shared/data is there")
     return folder
+
+
+@pytest.fixture(scope="session")
+def ros_available() -> None:
+    """Skip where rclpy or the messages of ARE are missing; else rclpy can be imported."""
+    if not is_ros_available():
+        pytest.skip(NOT_SET_UP)
+    import_rclpy_quietly()
+
+
+@pytest.fixture
+def ros(ros_available: None) -> Iterator[RosWorld]:  # noqa: ARG001 - it skips where there is none
+    """Return a world of nodes, which is destroyed after the test."""
+    with closing(RosWorld()) as world:
+        yield world

@@ -20,6 +20,7 @@ LAYERS = (
     ("recording",),
     ("experiments",),
     ("cli",),
+    ("__main__",),
 )
 """From the bottom up. `description` says what a configuration means; adapters may use it.
 `recording` joins the two adapters: it plays recordings to live nodes, and records them."""

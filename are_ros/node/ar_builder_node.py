@@ -97,6 +97,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         """Delete every marker, and leave the real map behind."""
         del state
         self.retire()
+        self._reporter.shut_down()
         return _DONE
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -109,7 +110,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         """Delete every marker, leave the real map behind, and rest; at any moment."""
         if self.live is not None and self.live.is_running:
             self.live.pause(self.now_ns())
-        self._is_active = False
+        self._is_active = self._is_paused = False
         self._reporter.deactivated()
         self._timer.cancel()
 

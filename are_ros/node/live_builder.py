@@ -14,7 +14,7 @@ from are_ros.builder.schedule import TickSchedule
 from are_ros.builder.sensor_path import ReleasedScan
 from are_ros.builder.tick import Demand, Tick
 from are_ros.conventions import NS_PER_S
-from are_ros.errors import AreError
+from are_ros.errors import AreError, InputError
 from are_ros.messages.feed import Decoding, Feed, RawMessage
 from are_ros.messages.goals import read_clicked_point
 from are_ros.messages.grid import read_grid
@@ -86,15 +86,15 @@ class LiveBuilder:
     def store(self, message: RawMessage, received_ns: int) -> bool:
         """Keep an input until `work`; tell whether it should not wait for the next tick.
 
-        While nothing runs, maps and scans are relayed here and now. At a time of 0 the clock does
+        While no ticks run, maps and scans are relayed here and now. At a time of 0 the clock does
         not know the time yet: what is not latched is dropped.
         """
-        role = self._roles[message.topic]
-        if not self.is_running:
+        role, has_time = self._roles[message.topic], received_ns > 0
+        if not (self.is_running and has_time):
             self._relay(role, message)
         if role == "scan" and not self.is_running:
             return False
-        if received_ns > 0 or role in _LATCHED:
+        if has_time or role in _LATCHED:
             self._stored.append(_Stored(message, received_ns))
         is_awaited = role in _MOVING and self.builder.next_deadline_ns() is not None
         return self.is_running and (role == "scan" or is_awaited)
@@ -113,8 +113,10 @@ class LiveBuilder:
 
     def next_due_ns(self) -> int | None:
         """Return when `work` has something to do unless an input comes, None if never."""
-        if not self.is_running or self._schedule is None:
+        if not self.is_running:
             return None
+        if self._schedule is None:
+            return 1  # as soon as the time is known
         deadline_ns = self.builder.next_deadline_ns()
         tick_ns = self._schedule.next_ns
         return tick_ns if deadline_ns is None else min(tick_ns, deadline_ns)
@@ -128,6 +130,8 @@ class LiveBuilder:
     def pause(self, now_ns: int) -> None:
         """Let everything virtual vanish from the outputs, and time stand still for it."""
         self.work(now_ns)
+        self.builder.finish(now_ns)
+        self._send_scans()
         self.is_running = False
         self.builder.lives.pause(now_ns, is_paused=True)
         self._send_tick(self.builder.farewell(now_ns))
@@ -164,6 +168,8 @@ class LiveBuilder:
     def _click(self, message: RawMessage, received_ns: int) -> None:
         """Place an artefact where somebody clicked, or refuse it with the reason."""
         try:
+            if not self.is_running:
+                raise InputError(f"{message.topic}: nobody arrives: the node is not active, or paused")
             point = read_clicked_point(self._decoding.deserialize(message), message.topic)
             x_m, y_m, _ = point.points_m[0].tolist()
             label = self.builder.parameters.clicks.label
@@ -180,12 +186,12 @@ class LiveBuilder:
             self._outlet.publish("augmented_map", message.data)
 
     def _is_usable_map(self, message: RawMessage) -> bool:
-        """Tell whether a map is well formed; if not, it is refused when it is taken."""
+        """Tell whether the builder will take a map; if not, it says why when it refuses it."""
         try:
-            read_grid(self._decoding.deserialize(message), message.topic)
+            grid = read_grid(self._decoding.deserialize(message), message.topic)
         except AreError:
             return False
-        return True
+        return grid.frame_id == self.builder.parameters.frames.map
 
     def _run_ticks(self, until_ns: int) -> None:
         self._follow_clock(until_ns)

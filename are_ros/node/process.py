@@ -78,12 +78,9 @@ def _executor(context: Context) -> Any:
 
 @contextmanager
 def _refusals_of_ros() -> Iterator[None]:
-    """Make one sentence of what ROS finds wrong with the arguments.
-
-    Raises NodeError; where in its own sources ROS has found it does not help.
-    """
+    """Make a NodeError of what ROS finds wrong; where in its own sources does not help anyone."""
     try:
         yield
     except (RuntimeError, ParameterException) as cause:
         reason = str(cause).partition(", at /")[0]
-        raise NodeError(f"ROS refuses the arguments: {reason}") from cause
+        raise NodeError(f"ROS does not start: {reason}") from cause

@@ -34,6 +34,7 @@ class Reporter:
         self._publisher = advertise(node, "diagnostic_msgs/msg/DiagnosticArray", "/diagnostics")
         self._factory = RclpyFactory()
         self._active_since_ns: int | None = None
+        self._is_shut_down = False
         self._blocked, self._arrived = CountWatch(_MINUTE_NS), CountWatch(_MINUTE_NS)
         self._passed: dict[str, CountWatch] = {}
         self._last_contact: tuple[str, int] | None = None
@@ -45,6 +46,10 @@ class Reporter:
     def deactivated(self) -> None:
         """Say that the node is not active any more."""
         self._active_since_ns = None
+
+    def shut_down(self) -> None:
+        """Say that the node will never be active again."""
+        self._is_shut_down = True
 
     def happened(self, events: tuple[ArtefactEvent, ...], now_ns: int) -> None:
         """Take what happened since the last tick."""
@@ -80,6 +85,8 @@ class Reporter:
         return NodeSnapshot(**common, **(self._of_builder(live, now_ns) if live else {}))
 
     def _state(self, live: LiveBuilder | None) -> NodeState:
+        if self._is_shut_down:
+            return NodeState.FINALIZED
         if live is None:
             return NodeState.UNCONFIGURED
         return NodeState.INACTIVE if self._active_since_ns is None else NodeState.ACTIVE
