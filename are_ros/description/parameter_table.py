@@ -6,6 +6,7 @@ from typing import Final
 
 from are_ros.parameters.declaration import Description, describe
 from are_ros.parameters.model import Parameters
+from are_ros.parameters.node_parameters import NodeParameters
 from are_ros.parameters.ros_yaml import write_ros_parameters
 
 _INTRODUCTION: Final = """\
@@ -40,7 +41,7 @@ def parameter_files() -> dict[Path, str]:
 
 def _tables() -> Iterator[str]:
     current = None
-    for item in describe(Parameters()):
+    for item in (*describe(NodeParameters()), *describe(Parameters())):
         head, dot, _ = item.path.partition(".")
         title = head if dot else "general"
         if title != current:

@@ -1,6 +1,7 @@
 """`ar_builder`: the AR-builder as a lifecycle node beside a robot's navigation stack."""
 
 from time import monotonic_ns
+from traceback import format_exc
 from typing import Any, Final
 
 from rclpy.clock import Clock, ClockType
@@ -69,6 +70,9 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self.get_logger().error(str(cause))
             self._close()
             return _FAILED
+        except Exception:  # rclpy swallows it without a word
+            self.get_logger().error(f"configure failed:\n{format_exc()}")
+            raise
         return _DONE
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:

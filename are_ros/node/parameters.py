@@ -9,7 +9,7 @@ from rclpy.parameter import Parameter
 
 from are_ros.errors import AreError, ParameterError
 from are_ros.node.descriptors import descriptor, ros_parameter, ros_type
-from are_ros.node.node_parameters import NodeParameters
+from are_ros.parameters.node_parameters import NodeParameters
 from are_ros.parameters.declaration import (
     Description,
     describe,

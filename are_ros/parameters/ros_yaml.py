@@ -9,19 +9,22 @@ import yaml
 from are_ros.errors import ParameterError
 from are_ros.parameters.declaration import Value, describe, flatten
 from are_ros.parameters.model import Parameters
+from are_ros.parameters.node_parameters import NodeParameters
 from are_ros.yaml_text import parse_yaml, read_yaml
 
 _NODE = "ar_builder"
 
 
-_OF_ROS_ITSELF = ("use_sim_time", "qos_overrides", "start_type_description_service", "autostart")
+_OF_ROS_ITSELF = ("use_sim_time", "qos_overrides", "start_type_description_service")
+_OF_THE_NODE = tuple(item.path for item in describe(NodeParameters()))
 
 
 def read_ros_parameters(path: Path) -> dict[str, Any]:
     """Return the values by path that a file gives to the node `ar_builder`.
 
     Sections `/**`, `ar_builder` and any `/name/space/ar_builder` count, later ones win; names that
-    rclpy itself owns (use_sim_time and the like) are left to it. Raises ParameterError.
+    rclpy itself owns (use_sim_time and the like), and the node's own (autostart), are left to
+    them. Raises ParameterError.
     """
     content = read_yaml(path, f"parameter file {path}", ParameterError)
     if not isinstance(content, Mapping):
@@ -67,12 +70,14 @@ def _flattened(section: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[s
 
 
 def _belongs_to_ros(name: str) -> bool:
-    return name.split(".", maxsplit=1)[0] in _OF_ROS_ITSELF
+    return name.split(".", maxsplit=1)[0] in (*_OF_ROS_ITSELF, *_OF_THE_NODE)
 
 
 def _lines(parameters: Parameters) -> Iterator[str]:
     values = flatten(parameters)
     yield f"{_NODE}:\n  ros__parameters:\n"
+    for item in describe(NodeParameters()):
+        yield f"    # {_comment(item)}\n    {item.path}: {_scalar_text(item.default)}\n"
     section: list[str] = []
     for item in describe(parameters):
         *parents, name = item.path.split(".")

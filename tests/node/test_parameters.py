@@ -15,7 +15,7 @@ from rcl_interfaces import srv
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from are_ros.errors import CatalogueError, ParameterError
-from are_ros.node.node_parameters import NodeParameters
+from are_ros.parameters.node_parameters import NodeParameters
 from are_ros.node.parameters import ParameterBridge
 from are_ros.parameters.choices import Departures
 from are_ros.parameters.declaration import Description, describe, flatten, plain, value_at
