@@ -3,17 +3,16 @@
     ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST python benchmarks/markers.py [repetitions]
 
 It needs rclpy and visualization_msgs: in a terminal where ROS 2 is sourced, or in the environment
-that `make setup` builds. One peer builds the 1,000 objects each time, the other changes the poses
+that `make test` builds. One peer builds the 1,000 objects each time, the other changes the poses
 of the same ones; both publish them as a MarkerArray. Ours takes what the marker board gave out,
 encodes it and publishes the bytes. All publish to nobody, then to a subscriber in this process
-which takes the bytes. What the board itself costs, for 1,000 artefacts that all move (3,000 markers
-with labels and headings) or all stand, is said apart.
+which takes the bytes. What the board itself costs is said apart, for 1,000 artefacts (3,000 markers
+with labels and headings) of which all, half or none move.
 
 Rounds alternate, and each calls its way ten times: the first call finds the caches full of what the
 others left, as a tick does, the rest find its own data there. Medians of both are printed.
 """
 
-import math
 import sys
 import time
 from collections import deque

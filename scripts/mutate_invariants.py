@@ -213,7 +213,7 @@ BREAKAGES = (
         DEPARTED,
         "markers stay",
         "are_ros/builder/markers.py",
-        "[marker for i in sorted(departed) for marker in self._delete(i)]",
+        "[look for gone in sorted(departed) for look in deletion(gone)]",
         "[]",
         (_DEPARTED_TEST, _BUILDER + "test_a_departed_artefact_leaves_nothing_behind"),
     ),

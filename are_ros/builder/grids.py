@@ -76,9 +76,9 @@ class GridAugmentation:
         self._map.update({})
         self._costmap.update({})
         self._changed, self._is_first = None, True
-        augmented_map = _like(environment.grid, now_ns, self._map.cells.copy())
-        costmap = _like(environment.grid, now_ns, self._costmap.published().copy())
-        return Grids(augmented_map, None, costmap)
+        cells, costs = self._map.cells.copy(), self._costmap.published().copy()
+        grid = environment.grid
+        return Grids(_like(grid, now_ns, cells), None, _like(grid, now_ns, costs))
 
     def _update(self, now_ns: int, environment: Environment, where: ChangedRectangle) -> GridUpdate:
         cells = where.of(self._map.cells).copy()

@@ -17,6 +17,7 @@ _SIDE = 120
 _MINIATURE = {
     "population.arrival_rate": 0.5,
     "population.mean_life": 1.0,
+    "mixture.weights": (1.0,),
     "camera.width": 32,
     "camera.height": 24,
     "occlusion.tau": 0,
@@ -29,7 +30,9 @@ def warm_up(catalogue: Catalogue) -> None:
 
     Runs a room with a robot, a wall, voxels, a scan and some artefacts for two seconds.
     """
-    builder = ArBuilder(with_values(Parameters(), _MINIATURE), catalogue)
+    rates = ((len(catalogue.rows) - 1) / 4,)  # fits catalogues of any length
+    parameters = with_values(Parameters(), {**_MINIATURE, "mixture.rates": rates})
+    builder = ArBuilder(parameters, catalogue)
     builder.receive_map(_room(), 0)
     builder.receive_cloud(_cloud(), "map", 0, 0.1)
     row = catalogue.rows[0]

@@ -1,9 +1,8 @@
-"""nav_msgs/OccupancyGrid <-> the core's grid, and the updates of one."""
+"""nav_msgs/OccupancyGrid <-> the core's grid."""
 
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from are_ros.messages.arrays import read_array
 from are_ros.messages.factory import MessageFactory
@@ -47,25 +46,4 @@ def make_grid(factory: MessageFactory, grid: OccupancyGrid) -> Any:
         header=make_header(factory, grid.frame_id, grid.stamp_ns),
         info=info,
         data=grid.cells.reshape(-1),
-    )
-
-
-def make_grid_update(
-    factory: MessageFactory,
-    frame_id: str,
-    stamp_ns: int,
-    cells: npt.NDArray[np.int8],
-    row0: int,
-    col0: int,
-) -> Any:
-    """Return a map_msgs/OccupancyGridUpdate: `cells` int8 (rows, columns) from (row0, col0) on."""
-    rows, columns = cells.shape
-    return factory.make(
-        "map_msgs/msg/OccupancyGridUpdate",
-        header=make_header(factory, frame_id, stamp_ns),
-        x=int(col0),
-        y=int(row0),
-        width=columns,
-        height=rows,
-        data=np.ascontiguousarray(cells).reshape(-1),
     )

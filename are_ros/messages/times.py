@@ -15,9 +15,3 @@ def make_time(factory: MessageFactory, time_ns: int) -> Any:
     """Return a builtin_interfaces/Time; its nanoseconds lie in [0, 1e9), before the epoch too."""
     seconds, nanoseconds = divmod(time_ns, NS_PER_S)
     return factory.make("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
-
-
-def make_duration(factory: MessageFactory, duration_ns: int) -> Any:
-    """Return a builtin_interfaces/Duration."""
-    seconds, nanoseconds = divmod(duration_ns, NS_PER_S)
-    return factory.make("builtin_interfaces/msg/Duration", sec=seconds, nanosec=nanoseconds)

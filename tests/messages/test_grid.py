@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from are_ros.errors import InputError
-from are_ros.messages.grid import make_grid, make_grid_update, read_grid
+from are_ros.messages.grid import make_grid, read_grid
 from are_ros.replay.message_types import RosbagsFactory
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
@@ -82,13 +82,3 @@ def test_a_malformed_grid_is_refused(
         read_grid(message, "/map")
     assert str(caught.value).startswith("/map: ")
     assert sentence in str(caught.value)
-
-
-def test_an_update_covers_its_rectangle(
-    factory: RosbagsFactory, over_the_wire: Callable[[Any], Any]
-) -> None:
-    """X is the column and y the row, and a patch that is a view is written whole."""
-    cells = np.arange(12, dtype=np.int8).reshape(3, 4)[1:, 1:3]
-    update = over_the_wire(make_grid_update(factory, "map", 3, cells, 5, 9))
-    assert (update.x, update.y, update.width, update.height) == (9, 5, 2, 2)
-    assert update.data.tolist() == [5, 6, 9, 10]

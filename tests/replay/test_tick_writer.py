@@ -4,20 +4,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 from are_ros.artefacts.artefact import GroundPose, Origin
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.grids import Grids
+from are_ros.builder.marker_batch import NO_MARKERS
 from are_ros.builder.outputs import ArtefactState, SceneMetrics
 from are_ros.builder.sensor_path import ReleasedScan
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
-from are_ros.messages.artefacts import make_artefact
-from are_ros.messages.factory import MessageFactory
+from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.bag_writer import BagWriter
-from are_ros.replay.message_types import RosbagsFactory
-from are_ros.messages.tick_encoding import scan_outputs
 from are_ros.replay.tick_writer import PREFIX, TickWriter
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -59,7 +56,7 @@ def tick(now_ns: int, *states: ArtefactState, **parts: Any) -> Tick:
         "perceived": (),
         "events": (),
         "metrics": METRICS,
-        "markers": (),
+        "markers": NO_MARKERS,
         "grids": Grids(),
         "map_from_base": None,
         "map_from_camera": None,
@@ -70,7 +67,7 @@ def tick(now_ns: int, *states: ArtefactState, **parts: Any) -> Tick:
 def written(path: Path, *ticks: Tick, demand: Demand = EVERYTHING) -> list[tuple[str, int, Any]]:
     """Write ticks, and return what stands in the recording."""
     with BagWriter(path) as writer:
-        tick_writer = TickWriter(writer, RosbagsFactory(), (), demand)
+        tick_writer = TickWriter(writer, (), demand)
         for one in ticks:
             tick_writer.write_tick(one)
     with BagReader([path]) as reader:
@@ -100,28 +97,6 @@ def test_without_perception_no_list_of_it_is_written(tmp_path: Path) -> None:
     assert [topic.removeprefix(PREFIX) for topic, _, _ in found] == ["artefacts", "metrics"]
 
 
-def test_states_that_are_kept_are_encoded_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The message of a state is made again only for a new state, and forgotten with it."""
-    made: list[int] = []
-
-    def counting(factory: MessageFactory, one: ArtefactState) -> Any:
-        made.append(one.artefact_id)
-        return make_artefact(factory, one)
-
-    monkeypatch.setattr(f"{TickWriter.__module__}.make_artefact", counting)
-    one, two, moved = state(1), state(2), state(1, x_m=7.0)
-    scenes = ((one,), (one, two), (moved, two), (two,), (one, two))
-    ticks = [tick(k * MS, *scene) for k, scene in enumerate(scenes)]
-    found = written(tmp_path / "a.mcap", *ticks)
-    lists = [message.artefacts for topic, _, message in found if topic == PREFIX + "artefacts"]
-    assert [[(a.id, a.ground_pose.position.x) for a in artefacts] for artefacts in lists] == [
-        [(one.artefact_id, one.ground_pose.x_m) for one in scene] for scene in scenes
-    ]
-    assert made == [1, 2, 1, 1]
-
-
 def test_grids_are_written_when_there_are_some(tmp_path: Path) -> None:
     """A whole map and a costmap go out, latched, when they changed."""
     cells = np.array([[0, 100], [-1, 0]], np.int8)
@@ -139,6 +114,14 @@ def test_grids_are_written_when_there_are_some(tmp_path: Path) -> None:
     assert latched == {"augmented_map", "augmented_costmap"}
 
 
+def test_all_topics_are_announced(tmp_path: Path) -> None:
+    """Also those on which nothing is said, in their order, the scans at the end."""
+    with BagWriter(tmp_path / "a.mcap") as writer:
+        TickWriter(writer, ("/base_scan",))
+        names = [topic.removeprefix(PREFIX) for topic in writer.counts()]
+    assert names == [*OUTPUTS, "scan"]
+
+
 def test_scans_are_written_when_they_were_released(tmp_path: Path) -> None:
     """Log time is the release, the stamp the scan's own; the topic is the input's under ~/."""
     ranges = np.array([1.0, 2.0], np.float32)
@@ -146,7 +129,7 @@ def test_scans_are_written_when_they_were_released(tmp_path: Path) -> None:
         "laser", 40 * MS, 0.0, 0.1, 0.1, 0.0, 0.1, 0.1, 9.0, ranges, np.empty(0, np.float32)
     )
     with BagWriter(tmp_path / "a.mcap") as writer:
-        tick_writer = TickWriter(writer, RosbagsFactory(), ("/front/scan", "/rear/scan"))
+        tick_writer = TickWriter(writer, ("/front/scan", "/rear/scan"))
         tick_writer.write_scans([ReleasedScan("/rear/scan", scan, 70 * MS, is_augmented=True)])
     with BagReader([tmp_path / "a.mcap"]) as reader:
         (message,) = reader.messages()
@@ -154,10 +137,3 @@ def test_scans_are_written_when_they_were_released(tmp_path: Path) -> None:
     assert (message.topic, message.log_time_ns) == (PREFIX + "rear/scan", 70 * MS)
     assert content.header.stamp.nanosec == 40 * MS
     assert content.ranges.tolist() == [1.0, 2.0]
-
-
-def test_names_of_scan_outputs() -> None:
-    """One scan is ~/scan whatever its name was; several keep their own under ~/."""
-    assert scan_outputs(()) == {}
-    assert scan_outputs(("/base_scan",)) == {"/base_scan": "scan"}
-    assert scan_outputs(("/a/scan", "/b")) == {"/a/scan": "a/scan", "/b": "b"}
