@@ -1,14 +1,38 @@
 # Each target does all of its own set-up; the second time it is quick.
-PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-CONSTRAINTS = constraints/python$(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])').txt
+# The Python of the environment that is there, else python3; make PYTHON=python3.12 demo takes another.
+ifeq ($(origin PYTHON),undefined)
+PYTHON := $(if $(wildcard $(VENV)/ready),$(BIN)/python,python3)
+endif
 JOBS ?= 2
 OUT ?= out
 
-.PHONY: demo test test-long lint bench constraints clean
+SUPPORTED := $(patsubst %,CPython-%-Linux-x86_64-glibc,3.10 3.11 3.12 3.13)
+PLATFORM := $(shell $(PYTHON) -c 'import platform as p, sys; print("%s-%d.%d-%s-%s-%s" % \
+  ((p.python_implementation(),) + sys.version_info[:2] + (p.system(), p.machine(), p.libc_ver()[0])))' \
+  2>/dev/null)
+VERSION := $(word 2,$(subst -, ,$(PLATFORM)))
+VENV_VERSION := $(shell sed -n 's/^version = \([0-9]*\.[0-9]*\).*/\1/p' $(VENV)/pyvenv.cfg 2>/dev/null)
+OTHER_VERSION := $(if $(VENV_VERSION),$(filter-out $(VERSION),$(VENV_VERSION)))
+CONSTRAINTS := constraints/python$(VERSION).txt
+PIP := PIP_CONSTRAINT=$(CONSTRAINTS) PIP_BUILD_CONSTRAINT=$(CONSTRAINTS) \
+  $(BIN)/python -m pip install --quiet --disable-pip-version-check --use-pep517
 
-demo: $(VENV)/ready
+define CHECK_PYTHON
+@$(if $(filter $(PLATFORM),$(SUPPORTED)),:,$(error are_ros needs Python 3.10 to 3.13 on Linux x86-64 \
+  with glibc, but $(PYTHON) is $(or $(PLATFORM),not there): make PYTHON=python3.12 takes another))
+endef
+
+# A ROS that was sourced stays outside: the environment has its own.
+ifdef AMENT_PREFIX_PATH
+unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH RMW_IMPLEMENTATION
+endif
+
+.PHONY: demo test test-long lint bench colcon constraints clean another-python
+
+demo: $(VENV)/ready-for-ros
+	@test -e $< || echo 'Instead of the live demo, the same drive is replayed, which needs no ROS.'
 	$(BIN)/are replay bags/sample_office.mcap --params bags/sample_office.yaml --out $(OUT)/demo
 	@echo 'picture: $(OUT)/demo/overview.png'
 
@@ -23,19 +47,38 @@ lint: $(VENV)/ready-for-tests
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-$(VENV)/ready: pyproject.toml setup.py $(wildcard constraints/*.txt)
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint $(CONSTRAINTS) --editable '.[replay]'
-	touch $@
+colcon: # builds with colcon as the README says, and tests what ros2 run and ros2 launch would find
+	$(CHECK_PYTHON)
+	$(PYTHON) scripts/check_colcon.py
 
-$(VENV)/ready-for-tests: $(VENV)/ready
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint $(CONSTRAINTS) --editable '.[replay,test,lint]'
-	touch $@
+$(VENV)/ready: pyproject.toml setup.py $(wildcard constraints/*.txt) $(if $(OTHER_VERSION),another-python)
+	$(CHECK_PYTHON)
+	$(if $(OTHER_VERSION),@echo '$(VENV) was made with Python $(OTHER_VERSION): it is made anew with $(VERSION).')
+	@{ test -z '$(OTHER_VERSION)' && $(BIN)/python -m pip --version >/dev/null 2>&1; } \
+	  || $(PYTHON) -m venv --clear $(VENV)
+	@echo 'installing what the replay needs, into $(VENV)'
+	@$(PIP) --editable '.[replay]'
+	@touch $@
 
-constraints: # writes the exact versions that pip finds today, for the Python at hand
-	rm -rf build/constraints && $(PYTHON) -m venv build/constraints
-	build/constraints/bin/python -m pip install --quiet --disable-pip-version-check '.[replay,test,lint]'
-	build/constraints/bin/python -m pip freeze --disable-pip-version-check --exclude are_ros > $(CONSTRAINTS)
+# Without a compiler there is no ROS: the sentence that says so is kept, for the tests to skip with.
+$(VENV)/ready-for-ros: $(VENV)/ready scripts/build_messages.py $(shell find msg_defs -type f)
+	@rm -f $@
+	@if $(BIN)/python scripts/build_messages.py --check 2>$(VENV)/without-ros; then \
+	  rm $(VENV)/without-ros && \
+	  echo 'installing rclpy, and what builds messages for it' && \
+	  $(PIP) --editable '.[replay,ros,ros-build]' && \
+	  $(BIN)/python scripts/build_messages.py && \
+	  touch $@; \
+	else cat $(VENV)/without-ros >&2; fi
+
+$(VENV)/ready-for-tests: $(VENV)/ready | $(VENV)/ready-for-ros
+	@echo 'installing what tests and lint need'
+	@$(PIP) --editable '.[replay,test,lint]'
+	@touch $@
+
+constraints: # writes the exact versions that pip finds today, for the Python at hand; KEEP=yes: only new ones
+	@rm -rf build/constraints && $(PYTHON) -m venv build/constraints
+	build/constraints/bin/python scripts/pin_packages.py $(if $(KEEP),--keep) $(CONSTRAINTS)
 
 clean:
-	rm -rf $(VENV) build $(OUT) *.egg-info
+	rm -rf $(VENV) build install log $(OUT) *.egg-info

@@ -38,7 +38,8 @@ def run_bare() -> None:
     """Be the peer: subscribe to everything, republish scan and map."""
     import rclpy
     from geometry_msgs.msg import PointStamped
-    from nav_msgs.msg import OccupancyGrid, Odometry, Path as Plan
+    from nav_msgs.msg import OccupancyGrid, Odometry
+    from nav_msgs.msg import Path as Plan
     from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
     from sensor_msgs.msg import CameraInfo, LaserScan, PointCloud2
     from tf2_msgs.msg import TFMessage
@@ -285,9 +286,10 @@ def measure(seconds: float) -> None:
             process.terminate()
     for name, cost_s in spent.items():
         latencies_s = robot.latencies_s[name]
+        middle_ms, late_ms = percentile_ms(latencies_s, 50), percentile_ms(latencies_s, 99)
         print(
             f"{name:11s} {100 * cost_s / took_s:5.1f} % of a core; {len(latencies_s)} scans, "
-            f"p50 {percentile_ms(latencies_s, 50):.1f} ms, p99 {percentile_ms(latencies_s, 99):.1f} ms"
+            f"p50 {middle_ms:.1f} ms, p99 {late_ms:.1f} ms"
         )
     print(f"ratio of processor time: {spent['ar_builder'] / spent['bare']:.2f} (aim: at most 2)")
 

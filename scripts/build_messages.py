@@ -61,7 +61,7 @@ def sentence(missing: Sequence[str]) -> str:
     """Say what is missing, what for, how to get it, and what works without."""
     listed = " and ".join([", ".join(missing[:-1]), missing[-1]] if missing[1:] else missing)
     return (
-        f"building the ROS messages of the live node needs {listed}, which this machine lacks (on "
+        f"The ROS messages of the live node are built with {listed}, which this machine lacks (on "
         f"Debian or Ubuntu: sudo apt install build-essential python{version()}-dev); the replay "
         "works without."
     )

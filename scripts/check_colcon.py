@@ -52,7 +52,11 @@ def copy_sources() -> None:
     """Copy what git knows, as it is now, and what it would add."""
     shutil.rmtree(SOURCE, ignore_errors=True)
     listed = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
-    files = subprocess.run(listed, cwd=PROJECT, capture_output=True, text=True, check=True).stdout
+    try:
+        done = subprocess.run(listed, cwd=PROJECT, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError) as cause:
+        raise CheckError(f"git has to say which files are the project's: {cause}") from cause
+    files = done.stdout
     for name in filter(None, files.split("\0")):
         if (PROJECT / name).is_file():
             (SOURCE / name).parent.mkdir(parents=True, exist_ok=True)

@@ -51,11 +51,13 @@ def main() -> int:
 
 def prefix_of(package: str) -> Path:
     """Return where the ament index has a package; CheckError unless it can be imported there."""
-    from ament_index_python.packages import PackageNotFoundError, get_package_prefix
-
     try:
+        from ament_index_python.packages import get_package_prefix
+
         prefix = Path(get_package_prefix(package))
-    except PackageNotFoundError as cause:
+    except (ImportError, OSError) as cause:
+        raise CheckError("no ROS is sourced: . install/setup.bash, then again") from cause
+    except LookupError as cause:
         raise CheckError(f"the ament index does not have {package}") from cause
     if find_spec(package) is None:
         raise CheckError(f"{package} cannot be imported")

@@ -68,7 +68,7 @@ class ArBuilder(Reality):
 
         For when they are to vanish, though they live on; the next tick gives everything again.
         """
-        environment = self.lives.environment
+        environment = self.world.environment
         self.show_everything()
         self._watch.forget()
         nothing, self._seen = Observation(), {}

@@ -17,7 +17,7 @@ _SIDE = 120
 _MINIATURE = {
     "population.arrival_rate": 0.5,
     "population.mean_life": 1.0,
-    "mixture.weights": (1.0,),
+    "mixture.weights": (0.85, 0.15),
     "camera.width": 32,
     "camera.height": 24,
     "occlusion.tau": 0,
@@ -30,7 +30,8 @@ def warm_up(catalogue: Catalogue) -> None:
 
     Runs a room with a robot, a wall, voxels, a scan and some artefacts for two seconds.
     """
-    rates = ((len(catalogue.rows) - 1) / 4,)  # fits catalogues of any length
+    last = len(catalogue.rows) - 1
+    rates = (last / 4, last / 2)  # small and large ones, of a catalogue of any length
     parameters = with_values(Parameters(), {**_MINIATURE, "mixture.rates": rates})
     builder = ArBuilder(parameters, catalogue)
     builder.receive_map(_room(), 0)

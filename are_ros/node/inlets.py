@@ -6,7 +6,7 @@ from typing import Any, Final
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 
-from are_ros.errors import NodeError
+from are_ros.errors import AreError, NodeError
 from are_ros.node.decoding import WireMessage
 from are_ros.node.input_watch import InputWatch
 from are_ros.node.qos import INPUTS, input_qos, is_latched_by_all, subscribe
@@ -23,7 +23,8 @@ class Inlets:
     """Subscribes to all inputs, each by its role; `store` is called with what comes in.
 
     The cloud's subscription follows its publishers: latched if they all latch, else not. An input
-    whose message package is not installed is left out, and `say` is told of it.
+    whose message package is not installed is left out, and `say` is told of it. Raises
+    ParameterError where an override of its QoS makes no sense.
     """
 
     def __init__(
@@ -35,10 +36,14 @@ class Inlets:
         self._store = store
         self._subscriptions: dict[str, Any] = {}
         self._is_cloud_latched = True
-        for role in (*_ALWAYS, "clicked_point"):
-            self._open(role, "", say)
-        for topic in scan_topics:
-            self._open("scan", topic, say)
+        asked = [(role, "") for role in (*_ALWAYS, "clicked_point")]
+        asked += [("scan", topic) for topic in scan_topics]
+        try:
+            for role, topic in asked:
+                self._open(role, topic, say)
+        except AreError:
+            self.close()
+            raise
 
     @property
     def scans(self) -> list[str]:

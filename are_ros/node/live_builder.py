@@ -169,7 +169,7 @@ class LiveBuilder:
         """Place an artefact where somebody clicked, or refuse it with the reason."""
         try:
             if not self.is_running:
-                raise InputError(f"{message.topic}: nobody arrives: the node is not active, or paused")
+                raise InputError(f"{message.topic}: nobody lives: not active, or paused")
             point = read_clicked_point(self._decoding.deserialize(message), message.topic)
             x_m, y_m, _ = point.points_m[0].tolist()
             label = self.builder.parameters.clicks.label

@@ -6,7 +6,7 @@ from typing import Any, Final
 from rclpy.duration import Duration
 from rclpy.node import Node
 
-from are_ros.errors import NodeError
+from are_ros.errors import AreError, NodeError
 from are_ros.messages.tick_encoding import OUTPUTS, scan_outputs
 from are_ros.node.qos import advertise
 
@@ -17,17 +17,21 @@ class Outlets:
     """Publishes outputs under the node's own name; what nobody listens to is not wanted.
 
     Latched outputs are always wanted. An output whose message package is not installed is left
-    out, and `say` is told of it.
+    out, and `say` is told of it. ParameterError where an override of its QoS makes no sense.
     """
 
     def __init__(self, node: Node, scan_topics: Sequence[str], say: Callable[[str], None]) -> None:
         self._node = node
         self._publishers: dict[str, Any] = {}
-        for name, output in OUTPUTS.items():
-            self._advertise(name, output.type_name, say)
-        for name in scan_outputs(scan_topics).values():
-            self._advertise(name, _SCAN, say)
         self._viewers = 0
+        types = {name: output.type_name for name, output in OUTPUTS.items()}
+        types |= dict.fromkeys(scan_outputs(scan_topics).values(), _SCAN)
+        try:
+            for name, type_name in types.items():
+                self._advertise(name, type_name, say)
+        except AreError:
+            self.close()
+            raise
 
     def wanted(self) -> frozenset[str]:
         """Return the names of the outputs that are to be built."""

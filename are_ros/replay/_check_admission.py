@@ -1,6 +1,6 @@
 """Which artefacts the grids show at each tick: those that `costmap.gate` admits."""
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass
 
 from are_ros.conventions import seconds_to_ns
@@ -16,11 +16,15 @@ _NEVER = -(2**63)
 
 @dataclass(frozen=True, eq=False)
 class AdmittedTick:
-    """A tick with the real map that it knew (None: none yet), and the admitted boxes' cells."""
+    """A tick with the real map that it knew (None: none yet), and the admitted boxes' cells.
+
+    `is_sure` is unset where a live recording does not tell who was perceived.
+    """
 
     scene: Scene
     real: RealMap | None
     covers: list[Cover]
+    is_sure: bool = True
 
 
 def admitted_by_tick(record: Record, settings: CostmapParameters) -> Iterator[AdmittedTick]:
@@ -28,14 +32,28 @@ def admitted_by_tick(record: Record, settings: CostmapParameters) -> Iterator[Ad
     seen_ns: dict[int, int] = {}
     perceived = record.perceived_ids()
     memory_ns = seconds_to_ns(settings.memory)
+    unsure_until_ns = _NEVER
     for scene, real, covers in covers_by_tick(record):
         ids = scene.ids.tolist()
         if settings.gate is CostmapGate.ALL:
             yield AdmittedTick(scene, real, covers)
             continue
+        if record.is_live:
+            end_ns = _unsure_until_ns(record, scene, perceived.keys(), memory_ns)
+            unsure_until_ns = max(unsure_until_ns, end_ns)
         seen_ns |= dict.fromkeys(perceived.get(scene.log_ns, ()), scene.stamp_ns)
         seen_ns = {number: seen_ns[number] for number in ids if number in seen_ns}
         limit_ns = scene.stamp_ns - memory_ns
         admitted = zip(ids, covers, strict=False)  # without a map there are no covers
         chosen = [cover for number, cover in admitted if seen_ns.get(number, _NEVER) >= limit_ns]
-        yield AdmittedTick(scene, real, chosen)
+        yield AdmittedTick(scene, real, chosen, scene.stamp_ns >= unsure_until_ns)
+
+
+def _unsure_until_ns(
+    record: Record, scene: Scene, perceived_ns: Container[int], memory_ns: int
+) -> int:
+    """Return until when it is open who is admitted, as a list is missing, or those before it."""
+    is_missing = scene.log_ns not in perceived_ns
+    if is_missing or (memory_ns and record.runs.is_beginning(scene.stamp_ns)):
+        return scene.stamp_ns + memory_ns + 1
+    return _NEVER

@@ -10,8 +10,9 @@ from zlib import crc32
 import yaml
 from mcap.reader import make_reader
 
+from are_ros.conventions import NS_PER_S
 from are_ros.replay._bag_errors import sentence_of
-from are_ros.replay._check_result import CheckResult, Tally, at_s
+from are_ros.replay._check_result import CheckResult, Tally, at_s, merged, skipped
 
 PREFIX: Final = "/ar_builder/"
 
@@ -34,6 +35,8 @@ _SENSOR_TYPES: Final = tuple(f"sensor_msgs/msg/{t}" for t in ("LaserScan", "Poin
 _FOOTER: Final = Struct("<QQI")
 _MAGIC: Final = b"\x89MCAP0\r\n"
 _LATCHED: Final = (PREFIX + "augmented_map", PREFIX + "augmented_costmap")
+_JUMP_NS: Final = NS_PER_S
+_NAMES: Final = ("mcap reader", "log times", "topics and types", "quality of service")
 _QOS_NAMES: Final = MappingProxyType(
     {
         "reliability": {1: "reliable", 2: "best_effort"},
@@ -42,26 +45,42 @@ _QOS_NAMES: Final = MappingProxyType(
 )
 """rosbag2 wrote numbers before Jazzy."""
 
+_Channels = dict[int, tuple[Any, Any]]
 
-def check_file(path: Path) -> list[CheckResult]:
+
+def check_file(path: Path, *, is_live: bool = False) -> list[CheckResult]:
     """Read every message with the mcap reader, checksums included, and look at each channel.
 
-    Never raises on a damaged file: that is a result.
+    Never raises on a damaged file: that is a result. A live recording may lack topics and hold
+    others of the node, its log times may jump back with the clock, and DDS tells no depths.
     """
-    reading = Tally("mcap reader", "messages")
-    order = Tally("log times", "messages")
-    channels: dict[int, tuple[Any, Any]] = {}
+    if path.suffix != ".mcap":
+        return [skipped(name, "only MCAP files are looked at so closely") for name in _NAMES]
+    reading = Tally(_NAMES[0], "messages")
+    order = Tally(_NAMES[1], "messages")
+    channels: _Channels = {}
     try:
         with path.open("rb") as stream:
-            _read_all(stream, channels, reading, order)
+            _read_all(stream, channels, reading, order, _JUMP_NS if is_live else None)
     except Exception as cause:  # noqa: BLE001 - the reader raises all kinds on bad bytes
         reading.look()
         reading.fail(sentence_of(cause))
-    return [reading.result(), order.result(), _check_topics(channels), _check_qos(channels)]
+    return [
+        reading.result(),
+        order.result(),
+        _check_topics(channels, is_live=is_live),
+        _check_qos(channels, is_live=is_live),
+    ]
+
+
+def check_files(paths: tuple[Path, ...]) -> list[CheckResult]:
+    """Check the files of a live recording; each check is one outcome."""
+    by_file = [check_file(path, is_live=True) for path in paths]
+    return [merged(results) for results in zip(*by_file, strict=True)]
 
 
 def _read_all(
-    stream: Any, channels: dict[int, tuple[Any, Any]], reading: Tally, order: Tally
+    stream: Any, channels: _Channels, reading: Tally, order: Tally, jump_ns: int | None
 ) -> None:
     reader = make_reader(stream, validate_crcs=True)
     reading.require(reader.get_header().profile == "ros2", "its profile is not ros2")
@@ -79,7 +98,10 @@ def _read_all(
     for _, channel, message in reader.iter_messages(log_time_order=False):
         reading.look()
         order.look()
-        if message.log_time < latest.get(channel.topic, 0):
+        back_ns = latest.get(channel.topic, 0) - message.log_time
+        if jump_ns is not None and back_ns > jump_ns:
+            order.note("the clock went back")
+        elif back_ns > 0:
             order.fail(f"{channel.topic} goes back in time {at_s(message.log_time)}")
         latest[channel.topic] = message.log_time
     promised = summary.statistics.message_count
@@ -96,9 +118,9 @@ def _is_summary_whole(stream: Any) -> bool:
     return not promised or crc32(stream.read(end + _FOOTER.size - 4 - start)) == promised
 
 
-def _check_topics(channels: dict[int, tuple[Any, Any]]) -> CheckResult:
+def _check_topics(channels: _Channels, *, is_live: bool) -> CheckResult:
     """Compare topics and types with section 4, and the encodings with what ROS 2 reads."""
-    tally = Tally("topics and types", "topics")
+    tally = Tally(_NAMES[2], "topics")
     found: dict[str, str] = {}
     for channel, schema in channels.values():
         tally.look()
@@ -108,42 +130,61 @@ def _check_topics(channels: dict[int, tuple[Any, Any]]) -> CheckResult:
             channel.message_encoding == "cdr" and schema is not None and bool(schema.data),
             f"{channel.topic} is not CDR with a message definition",
         )
-        if channel.topic.startswith(PREFIX) and not _is_expected(channel.topic, name):
+        if channel.topic.startswith(PREFIX) and not _is_expected(channel.topic, name, is_live):
             tally.fail(f"{channel.topic} of type {name} is no output of that type")
     for output, type_name in OUTPUT_TYPES.items():
-        if PREFIX + output not in found and found:
+        if PREFIX + output in found or not found:
+            continue
+        if is_live:
+            tally.leave_out("outputs, which were not recorded")
+        else:
             tally.fail(f"{PREFIX}{output} of type {type_name} is missing")
     return tally.result()
 
 
-def _is_expected(topic: str, type_name: str) -> bool:
+def _is_expected(topic: str, type_name: str, is_live: bool) -> bool:
+    """Tell whether this is an output; a live node has other topics, too."""
     expected = {**OUTPUT_TYPES, **_OPTIONAL_TYPES}.get(topic.removeprefix(PREFIX))
-    return type_name in _SENSOR_TYPES if expected is None else type_name == expected
+    if expected is None:
+        return is_live or type_name in _SENSOR_TYPES
+    return type_name == expected
 
 
-def _check_qos(channels: dict[int, tuple[Any, Any]]) -> CheckResult:
+def _check_qos(channels: _Channels, *, is_live: bool) -> CheckResult:
     """Both maps are offered reliable, transient local, depth 1; the rest reliable, volatile."""
-    tally = Tally("quality of service", "topics")
+    tally = Tally(_NAMES[3], "topics")
     for channel, _ in channels.values():
-        if not channel.topic.startswith(PREFIX):
+        name = channel.topic.removeprefix(PREFIX)
+        if name == channel.topic or (is_live and name not in OUTPUT_TYPES):
             continue
         tally.look()
-        reliability, durability, depth = _offered(channel.metadata)
         is_map = channel.topic in _LATCHED
         wanted = ("reliable", "transient_local" if is_map else "volatile")
-        if (reliability, durability) != wanted or (is_map and depth != 1):
-            offered = f"{reliability}, {durability}, depth {depth}"
-            tally.fail(f"{channel.topic} is offered as {offered}, not {', '.join(wanted)}")
+        profiles = _offered(channel.metadata)
+        if not is_live and len(profiles) != 1:
+            tally.fail(f"{channel.topic} is offered as nothing legible, not {', '.join(wanted)}")
+        for *policies, depth in profiles:
+            is_deep = is_map and depth != 1 and not (is_live and not depth)
+            if tuple(policies) != wanted or is_deep:
+                offered = f"{', '.join(policies)}, depth {depth}"
+                tally.fail(f"{channel.topic} is offered as {offered}, not {', '.join(wanted)}")
+        if is_live and not profiles:
+            tally.leave_out("topics of which it is not known how they were offered")
     return tally.result()
 
 
-def _offered(metadata: dict[str, str]) -> tuple[str, str, int]:
-    """Return reliability, durability and depth of the one profile that a channel offers."""
+def _offered(metadata: dict[str, str]) -> list[tuple[str, str, int]]:
+    """Return reliability, durability and depth of the profiles that a channel offers."""
     try:
-        (profile,) = yaml.safe_load(metadata.get("offered_qos_profiles", ""))
-        names = [
-            str(codes.get(profile[key], profile[key])).lower() for key, codes in _QOS_NAMES.items()
+        profiles = yaml.safe_load(metadata.get("offered_qos_profiles", "")) or []
+        return [
+            (_policy(each, "reliability"), _policy(each, "durability"), int(each["depth"]))
+            for each in profiles
         ]
-        return names[0], names[1], int(profile["depth"])
     except (yaml.YAMLError, TypeError, ValueError, KeyError):
-        return "nothing legible", "nothing legible", 0
+        return []
+
+
+def _policy(profile: Any, name: str) -> str:
+    value = profile[name]
+    return str(_QOS_NAMES[name].get(value, value)).lower()

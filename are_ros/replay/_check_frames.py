@@ -14,7 +14,8 @@ Floats = NDArray[np.float64]
 ODOMETRY, TF, PARAMETER = 0, 1, 2
 """Of several sources of one edge the highest counts."""
 
-_ALWAYS: Final = 2**63 - 1
+EVER: Final = 2**63 - 1
+"""As a time by which something was known: all that there is."""
 
 
 class Pose(NamedTuple):
@@ -61,7 +62,7 @@ class _Edge:
     def newest_ns(self, known_by_ns: int) -> int | None:
         """Return the newest stamp known by then, None if there is none."""
         if self.is_static:
-            return _ALWAYS
+            return EVER
         count = self.known(known_by_ns)
         return self.stamps_ns[count - 1] if count else None
 

@@ -1,9 +1,8 @@
 """Lives: the events, the lists of artefacts and the counts of the metrics tell one story."""
 
 from collections import Counter
-from collections.abc import Iterator
-from itertools import pairwise
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
 
 from are_ros.replay._check_record import Record
 from are_ros.replay._check_result import CheckResult, Tally, at_s
@@ -12,48 +11,9 @@ from are_ros.replay._check_scene import Scene, time_ns
 ARRIVED, DEPARTED, BLOCKED, DISPLACED, PERCEIVED, LOST, ROBOT_CONTACT = range(7)
 """The kinds of are_msgs/ArtefactEvent."""
 
-_DISPLACED_DETAIL = "displaced"
-
-
-def check_ticks(record: Record) -> CheckResult:
-    """Every tick has its artefacts, perceived and metrics, stamped alike, in the world frame."""
-    tally = Tally("ticks", "ticks")
-    scenes = record.scenes
-    for scene in scenes:
-        tally.look()
-        ids = scene.ids.tolist()
-        where = at_s(scene.stamp_ns)
-        tally.require(
-            scene.stamp_ns == scene.log_ns, f"the artefacts logged {at_s(scene.log_ns)} are {where}"
-        )
-        tally.require(all(a < b for a, b in pairwise(ids)), f"{where} ids do not ascend: {ids}")
-        tally.require(
-            scene.frame_id == record.world_frame, f"{where} the frame is '{scene.frame_id}'"
-        )
-        if scene.problems:
-            tally.fail(f"{where} {scene.problems[0]}")
-    for before, after in pairwise(scenes):
-        if after.stamp_ns <= before.stamp_ns:
-            tally.fail(f"{at_s(after.stamp_ns)} does not follow {at_s(before.stamp_ns)}")
-    stamps = [scene.stamp_ns for scene in scenes]
-    for name, messages in (("perceived", record.perceived), ("metrics", record.metrics)):
-        _check_stamps(tally, name, messages, stamps, record.world_frame)
-    return tally.result()
-
-
-def _check_stamps(
-    tally: Tally, name: str, messages: list[tuple[int, Any]], stamps: list[int], frame_id: str
-) -> None:
-    if [log_ns for log_ns, _ in messages] != stamps:
-        other = {log_ns for log_ns, _ in messages} ^ set(stamps)
-        where = at_s(min(other)) if other else "at some tick"
-        tally.fail(f"~/{name} and ~/artefacts differ {where}: one of them has no message")
-    for log_ns, message in messages:
-        header = message.header
-        if time_ns(header.stamp) != log_ns or header.frame_id != frame_id:
-            stamp_ns = time_ns(header.stamp)
-            text = f"~/{name} {at_s(log_ns)} is stamped {at_s(stamp_ns)} in '{header.frame_id}'"
-            tally.fail(text)
+_DISPLACED_DETAIL: Final = "displaced"
+_NOW: Final = ("alive", "perceived")
+"""The counts that are not counted since the start."""
 
 
 class _Story:
@@ -84,12 +44,22 @@ class _Story:
         """Return the ids of those who came and have not gone."""
         return sorted(self.arrived_ns.keys() - self.departed_ns.keys())
 
+    def begin_with(self, scene: Scene) -> None:
+        """Take a list as the truth about what was missed; those whose end was told stay away."""
+        arrivals = dict(zip(scene.ids.tolist(), scene.arrivals_ns.tolist(), strict=True))
+        self.arrived_ns = {**arrivals, **self.arrived_ns}
+        for number in set(self.living()) - arrivals.keys():
+            self.departed_ns[number] = scene.stamp_ns
+
 
 def check_lives(record: Record) -> CheckResult:
     """Ids are never reused, and each tick lists those who arrived and did not depart."""
     tally = Tally("lives", "ticks")
     story = _Story(tally)
     for scene, events, since_ns in events_by_tick(record):
+        if record.runs.is_fresh(scene.stamp_ns):
+            story.begin_with(scene)
+            continue
         tally.look()
         for event in events:
             stamp_ns = time_ns(event.header.stamp)
@@ -117,43 +87,85 @@ def _check_spans(tally: Tally, scene: Scene, arrived_ns: dict[int, int]) -> None
 
 
 def check_metrics(record: Record) -> CheckResult:
-    """Compare the counts of the metrics with those of the events and lists so far."""
+    """Compare the counts of the metrics with those of the events and lists so far.
+
+    In a recording that began late, with those since its beginning.
+    """
     tally = Tally("metrics", "messages")
-    metrics = dict(record.metrics)
-    seen = record.perceived_ids()
-    counts: Counter[int] = Counter()
-    censored: set[tuple[int, int]] = set()
+    metrics, seen = dict(record.metrics), record.perceived_ids()
+    count = _Count()
     for scene, events, _ in events_by_tick(record):
-        for event in events:
-            counts[event.kind] += 1
-            if event.kind == DISPLACED or event.detail == _DISPLACED_DETAIL:
-                censored.add((int(event.id), time_ns(event.header.stamp)))
+        count.hear(events)
         message = metrics.get(scene.log_ns)
         if message is None:
             continue
+        if record.runs.is_fresh(scene.stamp_ns):
+            count.begin_with(message)
+            continue
         tally.look()
-        wanted = {
-            "alive": len(scene.ids),
-            "perceived": len(seen.get(scene.log_ns, ())),
-            "arrivals": counts[ARRIVED],
-            "departures": counts[DEPARTED],
-            "blocked": counts[BLOCKED],
-            "displaced": len(censored),
-            "robot_contacts": counts[ROBOT_CONTACT],
-        }
-        for name, count in wanted.items():
+        wanted = {"alive": len(scene.ids), **count.since_start()}
+        if not record.is_live or scene.log_ns in seen:
+            wanted["perceived"] = len(seen.get(scene.log_ns, ()))
+        for name, number in wanted.items():
             found = int(getattr(message, name))
-            text = f"{at_s(scene.stamp_ns)} {name} is {found}, events and lists say {count}"
-            tally.require(found == count, text)
+            text = f"{at_s(scene.stamp_ns)} {name} is {found}, events and lists say {number}"
+            tally.require(found == number, text)
     return tally.result()
 
 
+class _Count:
+    """Counts events as the metrics do."""
+
+    def __init__(self) -> None:
+        self._kinds: Counter[int] = Counter()
+        self._censored: set[tuple[int, int]] = set()
+        self._before: Mapping[str, int] = {}
+
+    def hear(self, events: list[Any]) -> None:
+        """Count events."""
+        for event in events:
+            self._kinds[event.kind] += 1
+            if event.kind == DISPLACED or event.detail == _DISPLACED_DETAIL:
+                self._censored.add((int(event.id), time_ns(event.header.stamp)))
+
+    def begin_with(self, message: Any) -> None:
+        """Take the counts of a message as the truth about what was missed."""
+        self._before = {}
+        counted = self.since_start()
+        self._before = {name: int(getattr(message, name)) - n for name, n in counted.items()}
+
+    def since_start(self) -> dict[str, int]:
+        """Return the counts by their names."""
+        counted = {
+            "arrivals": self._kinds[ARRIVED],
+            "departures": self._kinds[DEPARTED],
+            "blocked": self._kinds[BLOCKED],
+            "displaced": len(self._censored),
+            "robot_contacts": self._kinds[ROBOT_CONTACT],
+        }
+        return {name: number + self._before.get(name, 0) for name, number in counted.items()}
+
+
 def events_by_tick(record: Record) -> Iterator[tuple[Scene, list[Any], int]]:
-    """Yield each tick's scene with the events that it gives, and the stamp of the tick before."""
+    """Yield each tick's scene with the events that it gives, and the stamp of the tick before.
+
+    In a replay these are logged with the tick; live, they are those since the tick before.
+    """
+    since_ns = -1
+    if record.is_live:
+        pending = iter([*record.events, (2**63, None)])
+        at_ns, event = next(pending)
+        for scene in record.scenes:
+            events = []
+            while at_ns <= scene.stamp_ns:
+                events.append(event)
+                at_ns, event = next(pending)
+            yield scene, events, since_ns
+            since_ns = scene.stamp_ns
+        return
     by_log: dict[int, list[Any]] = {}
     for log_ns, event in record.events:
         by_log.setdefault(log_ns, []).append(event)
-    since_ns = -1
     for scene in record.scenes:
         yield scene, by_log.pop(scene.log_ns, []), since_ns
         since_ns = scene.stamp_ns

@@ -3,15 +3,23 @@
 from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Final
 
-from are_ros.replay._check_marker_decoding import ADD, DELETE_ALL
+from are_ros.conventions import NS_PER_S
+from are_ros.replay._check_lives import departures_ns
+from are_ros.replay._check_marker_decoding import ADD, DELETE, DELETE_ALL
 from are_ros.replay._check_marker_rules import MarkerChange
 from are_ros.replay._check_record import MarkerShow, Record
 from are_ros.replay._check_result import CheckResult, Tally, at_s
 from are_ros.replay._check_scene import Scene
 
-_FOREVER_NS = 2**63 - 1
-_ID_RANGE = 2**31
+FADING_NS: Final = 3 * NS_PER_S
+"""So long at most a marker is seen after it was last given out."""
+
+_FOREVER_NS: Final = 2**63 - 1
+_ID_RANGE: Final = 2**31
+_REFRESH_NS: Final = 13 * NS_PER_S // 10
+"""Live, after so long a viewer has been shown everybody: each is shown again every second."""
 
 
 @dataclass
@@ -44,19 +52,44 @@ class _Viewer:
 def check_marker_rules(record: Record) -> CheckResult:
     """Every marker obeys the rules of visualization_msgs, and none comes twice in a message."""
     tally = Tally("marker rules", "markers")
+    viewer, is_sure = _Viewer(), not record.is_live
+    last_ns: int | None = None
     for show in record.shows:
         seen: set[tuple[str, int]] = set()
+        is_missing = last_ns is not None and not record.runs.are_together(last_ns, show.log_ns)
+        is_sure = (is_sure and not is_missing) or _begins_anew(show)
+        last_ns = show.log_ns
         for number, change in enumerate(show.changes):
             tally.look()
-            namespace, identifier = change.key
-            where = f"{at_s(show.log_ns)} marker {identifier} of '{namespace}'"
-            tally.require(not change.fault, f"{where} {change.fault}")
-            if change.action == DELETE_ALL:
-                tally.require(number == 0, f"{where} deletes all, but is not the first")
-                continue
-            tally.require(change.key not in seen, f"{where} comes twice in one message")
+            for fault in _faults(record, change, number, seen):
+                tally.fail(f"{_where(show, change)} {fault}")
+            if is_sure and change.action == DELETE and change.key not in viewer.until_ns:
+                tally.fail(f"{_where(show, change)} is deleted, but was not there")
             seen.add(change.key)
+            viewer.take(show.log_ns, change)
     return tally.result()
+
+
+def _faults(
+    record: Record, change: MarkerChange, number: int, seen: set[tuple[str, int]]
+) -> Iterator[str]:
+    """Yield what is wrong with a marker by itself, and with its place in the message."""
+    if change.fault:
+        yield change.fault
+    elif change.frame_id != record.world_frame:
+        yield f"is in frame '{change.frame_id}', not '{record.world_frame}'"
+    if change.action == DELETE_ALL and number:
+        yield "deletes all, but is not the first"
+    elif change.action != DELETE_ALL and change.key in seen:
+        yield "comes twice in one message"
+
+
+def _where(show: MarkerShow, change: MarkerChange) -> str:
+    return f"{at_s(show.log_ns)} marker {change.key[1]} of '{change.key[0]}'"
+
+
+def _begins_anew(show: MarkerShow) -> bool:
+    return bool(show.changes) and show.changes[0].action == DELETE_ALL
 
 
 def check_marker_state(record: Record) -> CheckResult:
@@ -66,10 +99,17 @@ def check_marker_state(record: Record) -> CheckResult:
         tally.note("no markers were written")
         return tally.result()
     viewer = _Viewer()
+    since_ns: int | None = None
     for scene, shows in _by_tick(record):
+        if record.runs.is_beginning(scene.stamp_ns):
+            viewer.until_ns.clear()  # what was deleted meanwhile is not known
         for show in shows:
             for change in show.changes:
                 viewer.take(show.log_ns, change)
+        since_ns = _sure_since(record, scene, shows, since_ns)
+        if since_ns is None or scene.stamp_ns < since_ns:
+            tally.leave_out("ticks before a viewer had been shown everybody")
+            continue
         tally.look()
         alive = {int(number) % _ID_RANGE for number in scene.ids}
         shown = viewer.shown(scene.stamp_ns) or {"any namespace": set()}
@@ -80,11 +120,72 @@ def check_marker_state(record: Record) -> CheckResult:
     return tally.result()
 
 
+def _sure_since(
+    record: Record, scene: Scene, shows: list[MarkerShow], before_ns: int | None
+) -> int | None:
+    """Return from when on a viewer shows everybody; None while nothing was given out, live."""
+    if not record.is_live:
+        return scene.stamp_ns
+    begins = [show.log_ns for show in shows if _begins_anew(show)]
+    if begins:
+        return begins[-1]
+    if record.runs.is_beginning(scene.stamp_ns) or before_ns is None:
+        return shows[0].log_ns + _REFRESH_NS if shows else None
+    return before_ns
+
+
 def _by_tick(record: Record) -> Iterator[tuple[Scene, list[MarkerShow]]]:
-    """Yield each scene with the markers since the scene before."""
+    """Yield each scene with the markers since the scene before.
+
+    Live, a bare DELETEALL with the very stamp of a tick comes after it: the node took its leave.
+    """
     logs = [show.log_ns for show in record.shows]
     begin = 0
     for scene in record.scenes:
         end = bisect_right(logs, scene.log_ns)
+        if record.is_live and end and _is_leave(record.shows[end - 1], scene):
+            end -= 1
         yield scene, record.shows[begin:end]
         begin = max(begin, end)
+
+
+def _is_leave(show: MarkerShow, scene: Scene) -> bool:
+    is_bare = len(show.changes) == 1 and _begins_anew(show)
+    return is_bare and show.log_ns == scene.log_ns and bool(len(scene.ids))
+
+
+def check_marker_fading(record: Record) -> CheckResult:
+    """No marker outlives ARE, nor its artefact, by more than three seconds."""
+    tally = Tally("markers fade", "markers")
+    ends: dict[int, int] = {}
+    for number, end_ns in departures_ns(record).items():
+        ends[number % _ID_RANGE] = end_ns
+    until_ns: dict[tuple[str, int], int] = {}
+    for show in record.shows:
+        _check_ended(tally, until_ns, ends, show.log_ns)
+        for change in show.changes:
+            if change.action == DELETE_ALL:
+                until_ns.clear()
+            elif change.action == DELETE:
+                until_ns.pop(change.key, None)
+            elif change.action == ADD:
+                tally.look()
+                if not 0 < change.lifetime_ns <= FADING_NS:
+                    seconds = change.lifetime_ns / NS_PER_S
+                    tally.fail(f"{_where(show, change)} has a lifetime of {seconds:g} s")
+                until_ns[change.key] = show.log_ns + (change.lifetime_ns or _FOREVER_NS // 2)
+    _check_ended(tally, until_ns, ends, _FOREVER_NS)
+    return tally.result()
+
+
+def _check_ended(
+    tally: Tally, until_ns: dict[tuple[str, int], int], ends: dict[int, int], now_ns: int
+) -> None:
+    """Fail for each marker that is seen until `now_ns`, too long after its artefact's end."""
+    for (namespace, number), last_ns in list(until_ns.items()):
+        end_ns = ends.get(number)
+        seen_ns = min(last_ns, now_ns)
+        if end_ns is not None and seen_ns > end_ns + FADING_NS:
+            text = f"marker {number} of '{namespace}' is seen until"
+            tally.fail(f"{text} {at_s(seen_ns)[3:]}, its artefact departed {at_s(end_ns)}")
+            del until_ns[namespace, number]

@@ -57,6 +57,7 @@ def check_clutter(record: Record) -> CheckResult:
     last_real: RealMap | None = None
     last_covers: list[Cover] = []
     free = least = most = 0
+    is_known = False
     for scene, real, covers in covers_by_tick(record):
         if real is None or scene.log_ns not in metrics:
             continue
@@ -68,6 +69,10 @@ def check_clutter(record: Record) -> CheckResult:
         found = float(metrics[scene.log_ns].clutter_ratio)
         if isnan(found) and real.since_ns == scene.stamp_ns:
             continue  # the map of that very time may have come after the tick
+        is_known = is_known or not isnan(found)
+        if record.is_live and not is_known:
+            tally.leave_out("ticks before the node knew a map")
+            continue
         tally.look()
         if free and not least / free - 1e-12 <= found <= most / free + 1e-12:
             wanted = f"{least} cells of {free} free ones are {least / free:.9g}"

@@ -1,12 +1,15 @@
 """What is perceived: members of A_f are alive, were seen by enough pixels, inside the image."""
 
-from typing import Any
+from typing import Any, Final
 
 from are_ros.parameters.choices import CameraModel
 from are_ros.replay._check_lives import LOST, PERCEIVED, events_by_tick
 from are_ros.replay._check_record import Record
 from are_ros.replay._check_result import CheckResult, Tally, at_s, skipped
-from are_ros.replay._check_scene import time_ns
+from are_ros.replay._check_scene import Scene, time_ns
+
+_NEXT_TICK: Final = 1.5
+"""In periods: what is farther apart is not one tick and the next."""
 
 
 def check_perceived(record: Record) -> CheckResult:
@@ -17,9 +20,13 @@ def check_perceived(record: Record) -> CheckResult:
     tally = Tally(name, "sightings")
     alive = {scene.log_ns: set(scene.ids.tolist()) for scene in record.scenes}
     for log_ns, message in record.perceived:
+        if record.is_live and log_ns not in alive:
+            tally.leave_out("messages without a list of the living")
+            continue
         sizes = _image_sizes(record, log_ns)
         if not sizes:
-            tally.note("the size of the camera's image is not known without --with-inputs")
+            hint = "without its CameraInfo" if record.is_live else "without --with-inputs"
+            tally.note(f"the size of the camera's image is not known {hint}")
         before = -1
         for one in message.artefacts:
             tally.look()
@@ -38,21 +45,32 @@ def check_perceived(record: Record) -> CheckResult:
 def check_sight_events(record: Record) -> CheckResult:
     """PERCEIVED and LOST tell the differences between one tick's members and the next one's."""
     tally = Tally("sight events", "ticks")
-    seen, before = record.perceived_ids(), frozenset[int]()
-    for scene, events, _ in events_by_tick(record):
-        tally.look()
-        now = seen.get(scene.log_ns, frozenset())
-        alive = set(scene.ids.tolist())
-        for kind, text, wanted in (
-            (PERCEIVED, "PERCEIVED", now - before),
-            (LOST, "LOST", (before - now) & alive),
-        ):
-            told = sorted(int(event.id) for event in events if event.kind == kind)
-            if told != sorted(wanted):
-                told_text = f"{text} tells of the ids {told}"
-                tally.fail(f"{at_s(scene.stamp_ns)} {told_text}, the lists of {sorted(wanted)}")
+    unknown = None if record.is_live else frozenset[int]()
+    seen, before = record.perceived_ids(), unknown
+    for scene, events, since_ns in events_by_tick(record):
+        now = seen.get(scene.log_ns, unknown)
+        is_gap = record.is_live and scene.stamp_ns - since_ns > _NEXT_TICK * record.period_ns
+        if now is None or before is None or is_gap or record.runs.is_fresh(scene.stamp_ns):
+            tally.leave_out("ticks after a beginning or a gap")
+        else:
+            tally.look()
+            _compare(tally, scene, events, now, before)
         before = now
     return tally.result()
+
+
+def _compare(
+    tally: Tally, scene: Scene, events: list[Any], now: frozenset[int], before: frozenset[int]
+) -> None:
+    alive = set(scene.ids.tolist())
+    for kind, text, wanted in (
+        (PERCEIVED, "PERCEIVED", now - before),
+        (LOST, "LOST", (before - now) & alive),
+    ):
+        told = sorted(int(event.id) for event in events if event.kind == kind)
+        if told != sorted(wanted):
+            told_text = f"{text} tells of the ids {told}"
+            tally.fail(f"{at_s(scene.stamp_ns)} {told_text}, the lists of {sorted(wanted)}")
 
 
 def _sighting_fault(one: Any, tau: int, log_ns: int) -> str:
@@ -74,14 +92,15 @@ def _sighting_fault(one: Any, tau: int, log_ns: int) -> str:
 def _image_sizes(record: Record, log_ns: int) -> list[tuple[int, int]]:
     """Return the sizes (width, height) that the image may have; none where nothing tells them."""
     camera = record.settings.camera
-    if camera.model is CameraModel.AUTO:
-        if record.camera_sizes:
-            known = [(w, h) for since_ns, w, h in record.camera_sizes if since_ns < log_ns]
-            # What is held since the look before may be in the image of the info before.
-            return known[-2:] or [(camera.width, camera.height)]
-        if not record.has_inputs():
-            return []
-    return [(camera.width, camera.height)]
+    if camera.model is not CameraModel.AUTO:
+        return [(camera.width, camera.height)]
+    if record.is_live:  # a CameraInfo came a little before or after it was recorded
+        return sorted({(width, height) for _, width, height in record.camera_sizes})
+    if record.camera_sizes:
+        known = [(w, h) for since_ns, w, h in record.camera_sizes if since_ns < log_ns]
+        # What is held since the look before may be in the image of the info before.
+        return known[-2:] or [(camera.width, camera.height)]
+    return [(camera.width, camera.height)] if record.has_inputs() else []
 
 
 def _roi_fault(roi: Any, sizes: list[tuple[int, int]]) -> str:

@@ -1,6 +1,7 @@
 """What one check of a replay came to, and the tally that leads there."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -95,6 +96,24 @@ class Tally:
 def skipped(name: str, reason: str) -> CheckResult:
     """Return the result of a check that could not be done."""
     return CheckResult(name, Outcome.SKIPPED, reason=reason)
+
+
+def merged(results: Sequence[CheckResult]) -> CheckResult:
+    """Return the outcome of one check that was done in parts, at least one."""
+    failed = [result for result in results if result.outcome is Outcome.FAILED]
+    done = [result for result in results if result.outcome is not Outcome.SKIPPED]
+    if not done:
+        return results[0]
+    reasons = dict.fromkeys(result.reason for result in done if result.reason)
+    return CheckResult(
+        results[0].name,
+        Outcome.FAILED if failed else Outcome.PASSED,
+        sum(result.looked_at for result in done),
+        done[0].noun,
+        sum(result.failures for result in failed),
+        failed[0].counter_example if failed else "",
+        "; ".join(reasons),
+    )
 
 
 def at_s(stamp_ns: int) -> str:

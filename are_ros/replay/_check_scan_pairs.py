@@ -1,5 +1,6 @@
 """Each augmented scan beside its input: what changed, and whether it was allowed to."""
 
+from bisect import bisect_left
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -18,6 +19,10 @@ _PLAIN_FIELDS: Final = (
     "range_min",
     "range_max",
 )
+_MOST_WAITING: Final = 2000
+_GAP: Final = 1.5
+"""In usual distances of scans: farther apart, there was one in between."""
+
 _Key = tuple[int, str]
 
 
@@ -46,6 +51,7 @@ class ScanPairs:
         self.changed: list[ChangedScan] = []
         self.pairs = 0
         self.input_topics: set[str] = set()
+        self._input_stamps: dict[str, list[int]] = {}
         self._inputs: dict[_Key, list[tuple[str, Any]]] = {}
         self._outputs: dict[_Key, list[tuple[str, int, Any]]] = {}
 
@@ -56,12 +62,30 @@ class ScanPairs:
             self._outputs.setdefault(key, []).append((topic, log_ns, message))
         else:
             self.input_topics.add(topic)
+            self._input_stamps.setdefault(topic, []).append(key[0])
             self._inputs.setdefault(key, []).append((topic, message))
+            while len(self._inputs) > _MOST_WAITING:  # of a laser that nobody augments
+                del self._inputs[next(iter(self._inputs))]
         self._match(key)
 
     def unmatched(self) -> list[tuple[str, int]]:
         """Return topic and stamp of the augmented scans that have no input."""
         return [(topic, key[0]) for key, all_ in self._outputs.items() for topic, _, _ in all_]
+
+    def may_be_lost(self, output: str, stamp_ns: int) -> bool:
+        """Tell whether the input of an augmented scan may be missing in the recording.
+
+        It is if its laser is not known, or there is a gap about its stamp.
+        """
+        topics = [t for t in self._input_stamps if _is_of(output, t)] or [*self._input_stamps]
+        if len(topics) != 1:
+            return True
+        stamps = sorted(self._input_stamps[topics[0]])
+        place = bisect_left(stamps, stamp_ns)
+        if place in {0, len(stamps)}:
+            return True
+        usual_ns = float(np.median(np.diff(stamps)))
+        return stamps[place] - stamps[place - 1] > _GAP * usual_ns
 
     def _match(self, key: _Key) -> None:
         inputs, outputs = self._inputs.get(key, []), self._outputs.get(key, [])

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from are_ros.parameters.model import FramesParameters
-from are_ros.replay._check_frames import Pose
+from are_ros.replay._check_frames import EVER, Pose
 from are_ros.replay._check_geometry import distances_m
 from are_ros.replay._check_lives import departures_ns
 from are_ros.replay._check_record import Record
@@ -35,11 +35,15 @@ def check_scans(record: Record) -> list[CheckResult]:
     beams = Tally("scans", "scans")
     ends = Tally("ends of changed beams", "scans")
     if not record.scans.input_topics:
+        hint = "" if record.is_live else "; see --with-inputs"
         for tally in (beams, ends):
-            tally.note("the recording holds no scan that came in; see --with-inputs")
+            tally.note(f"the recording holds no scan that came in{hint}")
         return [beams.result(), ends.result()]
     beams.look(record.scans.pairs)
     for topic, stamp_ns in record.scans.unmatched():
+        if record.is_live and record.scans.may_be_lost(topic, stamp_ns):
+            beams.leave_out("scans without the one that came in, which the recording missed")
+            continue
         beams.look()
         beams.fail(f"{topic} {at_s(stamp_ns)} has no scan of this stamp that came in")
     artefacts = _Artefacts(record)
@@ -56,7 +60,8 @@ def check_scans(record: Record) -> list[CheckResult]:
 def _check_ends(tally: Tally, record: Record, artefacts: "_Artefacts", scan: ChangedScan) -> None:
     """Each changed beam ends at a box, or one is nearer than the laser measures."""
     found = _laser_pose(record, record.settings.frames, scan)
-    boxes = artefacts.at(min(scan.stamp_ns, scan.released_ns))
+    released_ns = scan.stamp_ns if record.is_live else scan.released_ns
+    boxes = artefacts.at(min(scan.stamp_ns, released_ns))
     if found is None or boxes is None:
         what = "the laser" if found is None else "all artefacts"
         tally.leave_out(f"changed scans, as the pose of {what} at their stamp is not known")
@@ -93,18 +98,20 @@ def _laser_pose(
     record: Record, settings: FramesParameters, scan: ChangedScan
 ) -> tuple[Pose, float] | None:
     """Return map_from_laser as it could be known at the release, and its uncertainty."""
-    frames, stamp_ns, known_ns = record.frames, scan.stamp_ns, scan.released_ns
+    frames, stamp_ns = record.frames, scan.stamp_ns
+    known_ns = EVER if record.is_live else scan.released_ns
     exact = frames.lookup(settings.map, scan.frame_id, stamp_ns, known_ns)
-    if exact is not None:
-        return exact, _EXACT_SLACK_M
+    if exact is not None:  # live, the node may have held map->odom before it was known
+        return exact, _HELD_SLACK_M if record.is_live else _EXACT_SLACK_M
     held = frames.lookup_held(settings.map, settings.odom, scan.frame_id, stamp_ns, known_ns)
     return None if held is None else (held, _HELD_SLACK_M)
 
 
 class _Artefacts:
-    """Where the artefacts stood at any time between two ticks."""
+    """Where the artefacts stood at any time between two ticks, live of one run."""
 
     def __init__(self, record: Record) -> None:
+        self._runs = record.runs
         self._scenes = record.scenes
         self._stamps = [scene.stamp_ns for scene in record.scenes]
         self._departures_ns = departures_ns(record)
@@ -116,6 +123,10 @@ class _Artefacts:
             return None
         later = self._scenes[after]
         earlier = self._scenes[after - 1] if after else None
+        if self._runs.spans_ns and (
+            earlier is None or not self._runs.are_together(earlier.stamp_ns, later.stamp_ns)
+        ):
+            return None
         boxes = [*_arrived(earlier, later, stamp_ns)]
         if earlier is not None:
             boxes += self._present(earlier, later, stamp_ns)

@@ -32,6 +32,7 @@ class BagTopic:
     """A topic of a recording: `type_name` as "sensor_msgs/msg/LaserScan", in ROS 1 too.
 
     `is_latched`: a late subscriber gets the last message (transient local, latched).
+    `is_reliable`: some publisher of it was, as all are in ROS 1.
     A topic that was recorded with two types appears twice.
     """
 
@@ -39,6 +40,7 @@ class BagTopic:
     type_name: str
     count: int
     is_latched: bool
+    is_reliable: bool = True
 
 
 class BagMessage(NamedTuple):
@@ -99,9 +101,11 @@ class BagReader:
         for connection in self._connections():
             key = (connection.topic, connection.msgtype)
             count, latched = connection.msgcount, _is_latched(connection)
+            reliable = _is_reliable(connection)
             if key in found:
                 count, latched = count + found[key].count, latched or found[key].is_latched
-            found[key] = BagTopic(*key, count, latched)
+                reliable = reliable or found[key].is_reliable
+            found[key] = BagTopic(*key, count, latched, reliable)
         return tuple(found[key] for key in sorted(found))
 
     def messages(
@@ -212,6 +216,11 @@ def _is_latched(connection: Any) -> bool:
     if profiles is None:
         return bool(connection.ext.latching)
     return any(profile.durability.name == "TRANSIENT_LOCAL" for profile in profiles)
+
+
+def _is_reliable(connection: Any) -> bool:
+    profiles = getattr(connection.ext, "offered_qos_profiles", None)
+    return not profiles or any(profile.reliability.name == "RELIABLE" for profile in profiles)
 
 
 def _malformed(message: BagMessage, cause: Exception) -> InputError:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from are_ros.builder.assembly import parse_static_transform
+from are_ros.builder.assembly import catalogue_of, parse_static_transform
 from are_ros.builder.tick import Demand
 from are_ros.description.configuration import describe_lines
 from are_ros.parameters.declaration import with_values
@@ -28,7 +28,7 @@ from are_ros.replay.results import (
     write_json,
 )
 from are_ros.replay.roles import read_overrides
-from are_ros.replay.session import Outcome, read_catalogue_of, run_replay
+from are_ros.replay.session import Outcome, run_replay
 from are_ros.world.map_file import read_map_file
 from are_ros.world.occupancy_grid import classify
 
@@ -149,7 +149,7 @@ def describe_command(
     """Run `are describe`."""
     parameters = effective_parameters(parameter_files, assignments, seed)
     area_m2 = None if map_file is None else _free_area_m2(map_file, parameters)
-    for line in describe_lines(parameters, read_catalogue_of(parameters), area_m2):
+    for line in describe_lines(parameters, catalogue_of(parameters), area_m2):
         echo(line)
 
 

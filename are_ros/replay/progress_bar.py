@@ -18,7 +18,8 @@ class ProgressBar:
     Where stderr is no terminal (a file, CI) there is none.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, name: str = "replay") -> None:
+        self._name = name
         self._bar: tqdm[NoReturn] | None = None
 
     def __enter__(self) -> "ProgressBar":  # noqa: PYI034 (Self came with Python 3.11)
@@ -37,7 +38,7 @@ class ProgressBar:
         """Show the bar; what is returned moves it, and closes it at `end_ns`."""
         total_s = round((end_ns - start_ns) / NS_PER_S, 3)
         bar: tqdm[NoReturn] = tqdm(
-            total=total_s, desc="replay", bar_format=_LAYOUT, leave=True, disable=None
+            total=total_s, desc=self._name, bar_format=_LAYOUT, leave=True, disable=None
         )
         self._bar = bar
         shown_ns = start_ns

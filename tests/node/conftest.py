@@ -1,5 +1,6 @@
 """Fixtures of the tests of the whole node, over real DDS."""
 
+import gc
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -41,7 +42,10 @@ def warm_once(ros_available: None) -> Callable[[Any], None]:  # noqa: ARG001 - i
 
 @pytest.fixture
 def make_bench(
-    warm_once: Callable[[Any], None], catalogue_file: Path, monkeypatch: pytest.MonkeyPatch
+    warm_once: Callable[[Any], None],
+    catalogue_file: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> Iterator[MakeBench]:
     """Return what makes a node and a user of it: parameters by path, and the state to begin in."""
     from tests.node.live_bench import Bench
@@ -61,9 +65,11 @@ def make_bench(
                 for kind in (use_events_executor, False)
             ]
             own = {**QUIET, "catalogue": str(catalogue_file), "use_sim_time": True}
-            bench = Bench(worlds[0], worlds[1], {**own, **(values or {})}, arguments)
+            values = {**own, **(values or {})}
+            bench = Bench(worlds[0], worlds[1], values, lambda: capfd.readouterr().err, arguments)
             if transitions:
                 assert bench.change_state(*transitions)
             return bench
 
         yield make
+    gc.collect()  # a lifecycle node is known to DDS until it is collected

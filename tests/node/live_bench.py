@@ -3,12 +3,12 @@
 Time is simulated: it is what the user says on /clock, in seconds.
 """
 
+import re
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import pytest
-from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
@@ -22,11 +22,23 @@ from tests.node.live_scene import FACTORY, ns
 from tests.ros import RosWorld
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-ROSOUT = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 MAP_TOPIC = "/ar_builder/augmented_map"
 PERIOD_NS = 100_000_000
 DELETE, DELETE_ALL = 2, 3
+_SERVICES = {
+    "spawn": "are_msgs/srv/SpawnArtefact",
+    "remove": "are_msgs/srv/RemoveArtefact",
+    "reseed": "are_msgs/srv/Reseed",
+    "clear": "std_srvs/srv/Trigger",
+    "pause": "std_srvs/srv/SetBool",
+    "set_parameters": "rcl_interfaces/srv/SetParameters",
+    "set_parameters_atomically": "rcl_interfaces/srv/SetParametersAtomically",
+    "change_state": "lifecycle_msgs/srv/ChangeState",
+    "get_state": "lifecycle_msgs/srv/GetState",
+}
+_WARNING = re.compile(r"(?m)^\[(?:WARN|ERROR|FATAL)\] \[[\d.]+\] \[[\w.]*ar_builder\]: (.*)$")
+_IDLE_S, _IDLE_TURNS = 0.008, 2
 
 
 class Bench:
@@ -40,6 +52,7 @@ class Bench:
         node_world: RosWorld,
         user_world: RosWorld,
         values: Mapping[str, Any],
+        read_log: Callable[[], str],
         arguments: tuple[str, ...] = (),
     ) -> None:
         self._worlds = (node_world, user_world)
@@ -49,15 +62,18 @@ class Bench:
         )
         self.user = user_world.make_node("user")
         self.name = self.node.get_fully_qualified_name()
+        self._space = self.node.get_namespace().rstrip("/")
         self.publishers: dict[str, Any] = {}
-        self.logged: list[Log] = []
-        self.user.create_subscription(Log, "/rosout", self.logged.append, ROSOUT)
+        self._read_log = read_log
+        self._log = ""
         self._clients: dict[str, Any] = {}
+        self._reports: list[Any] | None = None
         self._clock = self.user.create_publisher(Clock, "/clock", 10)
+        self._connect()
 
     # ------------------------------------------------------------------------------ turning
 
-    def until(self, is_done: Callable[[], Any], timeout_s: float = 20.0) -> None:
+    def until(self, is_done: Callable[[], Any], timeout_s: float = 10.0) -> None:
         """Run callbacks until `is_done()`; the test fails when it is not within the time."""
         deadline_s = time.monotonic() + timeout_s
         while not is_done():
@@ -93,9 +109,13 @@ class Bench:
         self.settle()
 
     def settle(self) -> None:
-        """Wait for what is on its way: a round trip, and what comes with it."""
-        self.call("get_state", "lifecycle_msgs/srv/GetState")
-        self.turn_for(0.03)
+        """Wait for what is on its way: a round trip, then until nothing comes any more."""
+        self.call("get_state")
+        idle = 0
+        while idle < _IDLE_TURNS:
+            began_s = time.monotonic()
+            self._worlds[1].executor.spin_once(timeout_sec=_IDLE_S)
+            idle = idle + 1 if time.monotonic() - began_s >= _IDLE_S else 0
 
     def _due_ns(self) -> int:
         due_ns = self.node.live.next_due_ns() if self.node.live else None
@@ -105,7 +125,7 @@ class Bench:
 
     def publisher(self, role: str, topic: str = "", qos: QoSProfile | None = None) -> Any:
         """Return a publisher of an input, as reliable as the input or as `qos` says."""
-        topic = topic or INPUTS[role].topic or f"/{role}"
+        topic = topic or INPUTS[role].topic or f"{self._space}/{role}"
         if topic not in self.publishers:
             kind = message_class(INPUTS[role].type_name)
             made = self.user.create_publisher(kind, topic, qos or input_qos(role))
@@ -139,73 +159,83 @@ class Bench:
 
     # ------------------------------------------------------------------------------ services
 
-    def call(self, service: str, type_name: str, **fields: Any) -> Any:
+    def call(self, service: str, **fields: Any) -> Any:
         """Call a service of the node, and return the response."""
-        kind = service_class(type_name)
-        if service not in self._clients:
-            self._clients[service] = self.user.create_client(kind, f"{self.name}/{service}")
-            self.until(self._clients[service].service_is_ready)
-        future = self._clients[service].call_async(kind.Request(**fields))
-        self.until(future.done, timeout_s=60.0)
+        future = self._clients[service].call_async(
+            self._clients[service].srv_type.Request(**fields)
+        )
+        self.until(future.done)
         return future.result()
+
+    def _connect(self) -> None:
+        """Wait until all services can be called.
+
+        Between participants of one process Fast DDS loses requests that come before the server has
+        seen the client. It sees clients in their order, so one answer of the last one is enough.
+        """
+        for service, type_name in _SERVICES.items():
+            kind = service_class(type_name)
+            self._clients[service] = self.user.create_client(kind, f"{self.name}/{service}")
+        last = self._clients[[*_SERVICES][-1]]
+        self.until(last.service_is_ready)
+        answers: list[Any] = []
+        while not answers:
+            last.call_async(last.srv_type.Request()).add_done_callback(answers.append)
+            self.turn_for(0.05)
 
     def change_state(self, *labels: str) -> bool:
         """Go through transitions (configure, activate, ...); tell whether the last one was done."""
         response: Any = None
         for label in labels:
             transition = FACTORY.make("lifecycle_msgs/msg/Transition", label=label)
-            response = self.call(
-                "change_state", "lifecycle_msgs/srv/ChangeState", transition=transition
-            )
+            response = self.call("change_state", transition=transition)
         return bool(response.success)
 
     def state(self) -> str:
         """Return the node's lifecycle state, as its service says it."""
-        return str(self.call("get_state", "lifecycle_msgs/srv/GetState").current_state.label)
+        return str(self.call("get_state").current_state.label)
 
     def set(self, **values: Any) -> str:
         """Set one parameter after the other ("__" is a dot); return the refusals' reasons."""
-        request = _parameters(values)
-        client = self.call("set_parameters", "rcl_interfaces/srv/SetParameters", parameters=request)
-        return "".join(result.reason for result in client.results)
+        results = self.call("set_parameters", parameters=_parameters(values)).results
+        return "".join(result.reason for result in results)
 
     def set_together(self, **values: Any) -> str:
         """Set all of the parameters or none; return the reason of the refusal."""
-        request = _parameters(values)
-        return str(
-            self.call(
-                "set_parameters_atomically",
-                "rcl_interfaces/srv/SetParametersAtomically",
-                parameters=request,
-            ).result.reason
-        )
+        response = self.call("set_parameters_atomically", parameters=_parameters(values))
+        return str(response.result.reason)
 
     def spawn(self, pose: Any, **fields: Any) -> Any:
         """Ask for an artefact, of any row unless `fields` say otherwise."""
         asked = {"row": -1, **fields}
-        return self.call("spawn", "are_msgs/srv/SpawnArtefact", pose=pose, **asked)
+        return self.call("spawn", pose=pose, **asked)
 
     def pause(self, is_paused: bool) -> Any:
         """Pause or resume."""
-        return self.call("pause", "std_srvs/srv/SetBool", data=is_paused)
+        return self.call("pause", data=is_paused)
 
     # ------------------------------------------------------------------------------ what was said
 
-    def sentences(self) -> list[str]:
-        """Return what the node has logged so far."""
-        self.settle()
-        return [entry.msg for entry in self.logged]
+    def warnings(self) -> list[str]:
+        """Return what the node has warned of so far in its log on stderr, and its errors."""
+        self._log += self._read_log()
+        return _WARNING.findall(self._log)
 
-    def diagnostics(self) -> list[Any]:
-        """Return the list that the statuses of /diagnostics go to, by name, newest last."""
-        heard: list[Any] = []
+    def report(self) -> dict[str, Any]:
+        """Let the node say at once how it does, and return the statuses of /diagnostics by name.
 
-        def take(message: Any) -> None:
-            heard.append({status.name: status for status in message.status})
-
-        kind = message_class("diagnostic_msgs/msg/DiagnosticArray")
-        self.user.create_subscription(kind, "/diagnostics", take, 10)
-        return heard
+        Without the node's own name in front.
+        """
+        if self._reports is None:
+            self._reports = []
+            kind = message_class("diagnostic_msgs/msg/DiagnosticArray")
+            heard = self.user.create_subscription(kind, "/diagnostics", self._reports.append, 10)
+            self.until(heard.get_publisher_count)
+            self.until(self.node._reporter._publisher.get_subscription_count)
+        self._reports.clear()
+        self.node._report()
+        self.until(lambda: self._reports)
+        return {status.name.partition(": ")[2]: status for status in self._reports[-1].status}
 
 
 def stamp_ns(message: Any) -> int:

@@ -8,10 +8,10 @@ from mcap.reader import make_reader
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 from rosbags.rosbag2 import Reader as Ros2Reader
 
-from are_ros.builder.markers import Marker
+from are_ros.builder.marker_batch import DELETE_ALL
 from are_ros.errors import BagError
 from are_ros.messages.grid import make_grid, read_grid
-from are_ros.messages.marker_encoding import encode_markers
+from are_ros.messages.marker_encoding import MarkerEncoder
 from are_ros.replay.bag_reader import BagReader, BagTopic
 from are_ros.replay.bag_writer import BagWriter
 from are_ros.replay.message_types import RosbagsFactory
@@ -39,9 +39,7 @@ def write_sample(path: Path, factory: RosbagsFactory) -> None:
             writer.write("/are/map", 100 * k, make_grid(factory, grid(k)))
             artefacts = [factory.make("are_msgs/msg/Artefact", id=k, label="person")]
             writer.write("/are/artefacts", 100 * k, factory.make(ARRAY, artefacts=artefacts))
-            writer.write_raw(
-                "/are/markers", 100 * k, encode_markers("map", k, [Marker.delete_all()])
-            )
+            writer.write_raw("/are/markers", 100 * k, MarkerEncoder().encode("map", k, DELETE_ALL))
         assert writer.counts()["/are/map"] == 40
 
 

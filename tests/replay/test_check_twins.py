@@ -9,14 +9,16 @@ import pytest
 from numpy.typing import NDArray
 
 import are_ros.replay.checks
-from are_ros.builder.markers import Marker, MarkerAction, MarkerKind
+from are_ros.builder.marker_batch import DELETE_ALL
+from are_ros.builder.markers import MarkerAction, MarkerBatch, MarkerKind, MarkerLook
 from are_ros.builder.registration import covered_cells
 from are_ros.errors import FrameError
-from are_ros.messages.marker_encoding import encode_markers
+from are_ros.messages.marker_encoding import MarkerEncoder
 from are_ros.replay._check_cells import Covers, RealMap
 from are_ros.replay._check_frames import TF, Frames
 from are_ros.replay._check_geometry import Outline, distances_m, overlap_depths_m
 from are_ros.replay._check_marker_decoding import decode_markers
+from are_ros.replay._check_marker_rules import change_of
 from are_ros.replay._check_scene import Scene
 from are_ros.world.footprint import Footprint, penetration_m
 from are_ros.world.frame_tree import FrameTree
@@ -146,28 +148,28 @@ def test_lookups_are_those_of_the_frame_tree() -> None:
 
 def test_markers_are_decoded_as_they_were_encoded() -> None:
     """Actions, keys and lifetimes come back from the bytes, whatever the lengths of the texts."""
-    markers = [Marker.delete_all()]
+    markers = [*DELETE_ALL.looks]
     for number, text in enumerate(("a", "bc", "def", "ghij")):
         points, colours = np.ones((3 * number, 3)), np.ones((3 * number, 4), np.float32)
         markers.append(
-            Marker(
+            MarkerLook(
                 f"ns{text}",
                 number,
                 MarkerKind.TRIANGLE_LIST if number else MarkerKind.TEXT_VIEW_FACING,
                 MarkerAction.ADD,
-                text=text,
+                text="" if number else text,
                 points=points,
                 colours=colours,
                 lifetime_ns=number * 1500 * MS,
             )
         )
-    data = encode_markers("map", 7, markers)
-    changes = decode_markers(data, "map")
+    data = MarkerEncoder().encode("map", 7, MarkerBatch.unposed(*markers))
+    changes = [change_of(marker) for marker in decode_markers(data)]
     assert [change.fault for change in changes] == [""] * 5
     assert [change.key for change in changes] == [(m.namespace, m.marker_id) for m in markers]
     assert [change.action for change in changes] == [int(m.action) for m in markers]
     assert changes[4].lifetime_ns == 4500 * MS
-    assert decode_markers(data, "odom")[1].fault
+    assert {change.frame_id for change in changes} == {"map"}
     for cut in (data[:-20], data + bytes(8), b"\0\0" + data[2:]):
         with pytest.raises(ValueError, match=r"early|malformed|too many|little-endian|end"):
-            decode_markers(cut, "map")
+            decode_markers(cut)

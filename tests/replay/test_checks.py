@@ -392,7 +392,7 @@ def test_a_right_replay_passes_every_check(right: Draft, tmp_path: Path) -> None
     results = check_replay(right.write(tmp_path), None, shares.append)
     assert [r.sentence() for r in results if r.outcome is not Outcome.PASSED] == []
     assert all(result.looked_at > 0 for result in results)
-    assert len({result.name for result in results}) == len(results) == 24
+    assert len({result.name for result in results}) == len(results) == 25
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
 
@@ -495,6 +495,12 @@ def _add_topic(draft: Draft) -> None:
     draft.types["/ar_builder/secret"] = "std_msgs/msg/Header"
 
 
+def _shown_after_the_end(draft: Draft) -> None:
+    """Show artefact 1 again at the last tick, after its departure."""
+    array = MAKE("visualization_msgs/msg/MarkerArray", markers=[make_marker("label", 1)])
+    draft.of("markers").append((TICKS_NS[5], array))
+
+
 def _short_lives(draft: Draft) -> None:
     for marker in draft.of("markers")[2 - 1][1].markers:
         marker.lifetime.sec, marker.lifetime.nanosec = 0, 150 * MS
@@ -567,6 +573,11 @@ BROKEN: dict[str, tuple[str, Break, str]] = {
     "wrong frame": ("ticks", _put("artefacts", 0, "header.frame_id", "odom"), "'odom'"),
     "frame of perceived": ("ticks", _put("perceived", 1, "header.frame_id", "odom"), "'odom'"),
     "wrong stamp": ("ticks", _put("metrics", 1, "header.stamp.nanosec", 5), "~/metrics"),
+    "between the ticks": (
+        "ticks",
+        lambda draft: draft.values.update({"builder.tick_rate": 3.0}),
+        "there is no tick",
+    ),
     "ids descend": ("ticks", _swap_ids, "do not ascend: [2, 1]"),
     "above the ground": (
         "ticks",
@@ -646,6 +657,27 @@ BROKEN: dict[str, tuple[str, Break, str]] = {
         "another stamp",
     ),
     "hole inside": ("augmented map", _open_cell, "it must be 100"),
+    "deleted unknown": (
+        "marker rules",
+        _put("markers", 2, "markers.0.id", 77),
+        "marker 77 of 'body' is deleted, but was not there",
+    ),
+    "no frame": (
+        "marker rules",
+        _put("markers", 1, "markers.0.header.frame_id", ""),
+        "names no frame",
+    ),
+    "endless marker": (
+        "markers fade",
+        _put("markers", 1, "markers.1.lifetime.sec", 0),
+        "marker 2 of 'label' has a lifetime of 0 s",
+    ),
+    "long marker": (
+        "markers fade",
+        _put("markers", 1, "markers.1.lifetime.sec", 4),
+        "a lifetime of 4 s",
+    ),
+    "outlives": ("markers fade", _shown_after_the_end, "its artefact departed at 1000.35"),
     "map moved": (
         "augmented map",
         _put("augmented_map", 1, "info.origin.position.x", -0.9),

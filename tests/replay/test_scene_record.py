@@ -11,6 +11,7 @@ from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.shapes import Shape
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.grids import Grids
+from are_ros.builder.marker_batch import NO_MARKERS
 from are_ros.builder.outputs import SceneMetrics
 from are_ros.builder.perception import Sighting
 from are_ros.builder.states import artefact_state, perceived_artefact
@@ -56,7 +57,7 @@ def _tick(
         perceived=tuple(perceived),
         events=tuple(events),
         metrics=metrics,
-        markers=(),
+        markers=NO_MARKERS,
         grids=Grids(),
         map_from_base=base,
         map_from_camera=base,

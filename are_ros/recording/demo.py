@@ -1,0 +1,179 @@
+"""The main job, shown: the live node over DDS, fed with a recording, its outputs recorded."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from rclpy.executors import SingleThreadedExecutor
+
+from are_ros.errors import BagError, NodeError
+from are_ros.node.message_classes import service_class
+from are_ros.parameters.model import Parameters
+from are_ros.parameters.ros_yaml import write_ros_parameters
+from are_ros.recording.player import PlayOptions, PlayOutcome, play
+from are_ros.recording.ros_session import ros_session
+from are_ros.replay.bag_reader import BagReader
+from are_ros.replay.output_folder import AUGMENTED
+from are_ros.replay.roles import find_roles
+from are_ros.replay.runner import Progress
+
+NODE: Final = "/ar_builder"
+_ROLES: Final = ("map", "octomap_point_cloud_centers", "odom", "scan", "camera/camera_info", "plan")
+_ACTIVE: Final = 3
+"""lifecycle_msgs/State.PRIMARY_STATE_ACTIVE"""
+_READY_S: Final = 180.0
+_END_S: Final = 15.0
+_DOMAINS: Final = range(102, 41, -1)
+"""Those of people are low, as a rule."""
+
+Say = Callable[[str], None]
+ShouldStop = Callable[[], bool]
+OpenProgress = Callable[[int, int], Progress]
+
+
+@dataclass(frozen=True)
+class DemoOptions:
+    """What is shown: the recording, how fast, with which parameters, into which folder."""
+
+    bag: Path
+    parameters: Parameters
+    out: Path
+    rate: float = 2.0
+    duration_s: float | None = None
+    lockstep: bool = False
+
+
+def run_demo(
+    options: DemoOptions, say: Say, open_progress: OpenProgress, should_stop: ShouldStop
+) -> PlayOutcome:
+    """Run node and recorder as processes of their own, and play to them from this one.
+
+    Leaves augmented.mcap, effective.yaml, node.log and recorder.log in the folder. Raises AreError.
+    """
+    keep_to_this_machine()
+    remaps = _remaps(options.bag)
+    _prepare(options)
+    with ExitStack() as stack:
+        log = options.out / "recorder.log"
+        recorder = stack.enter_context(_process(_record_command(options), log))
+        log = options.out / "node.log"
+        node = stack.enter_context(_process(_node_command(options, remaps), log))
+        say("starting the node (kernels compile for half a minute the first time)")
+        _await_active((node, recorder), options.out, should_stop)
+        outcome = play(_play_options(options), say, open_progress, should_stop)
+        _check_alive((node, recorder), options.out)
+    return outcome
+
+
+def keep_to_this_machine() -> None:
+    """Let DDS neither reach other machines nor meet what else runs on this one.
+
+    Before rclpy starts; a ROS_DOMAIN_ID that is set stays.
+    """
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ.setdefault("ROS_DOMAIN_ID", str(_DOMAINS[os.getpid() % len(_DOMAINS)]))
+
+
+def _prepare(options: DemoOptions) -> None:
+    parameters = options.parameters
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+        (options.out / AUGMENTED).unlink(missing_ok=True)
+        text = write_ros_parameters(parameters)
+        (options.out / "effective.yaml").write_text(text, encoding="utf-8")
+    except OSError as cause:
+        message = f"--out {options.out}: it cannot be written ({cause.strerror})"
+        raise BagError(message) from cause
+
+
+def _remaps(bag: Path) -> dict[str, str]:
+    """Return the topics of the recording that are not named as the node expects them, by role."""
+    with BagReader([bag]) as reader:
+        roles = find_roles(reader.topics, {})
+    if roles.topic("map") is None:
+        raise BagError(f"{bag.name}: the recording has no map, and the demo plays no other")
+    found = {role: roles.topic(role) for role in _ROLES}
+    return {role: topic for role, topic in found.items() if topic and topic != f"/{role}"}
+
+
+def _play_options(options: DemoOptions) -> PlayOptions:
+    return PlayOptions(
+        bags=(options.bag,),
+        rate=options.rate,
+        duration_s=options.duration_s,
+        lockstep=NODE if options.lockstep else "",
+        wait_for=NODE,
+    )
+
+
+def _node_command(options: DemoOptions, remaps: Mapping[str, str]) -> list[str]:
+    command = [sys.executable, "-m", "are_ros", "node", "--use-sim-time"]
+    command += ["--params", str(options.out / "effective.yaml"), "--ros-args"]
+    for role, topic in remaps.items():
+        command += ["-r", f"{role}:={topic}"]
+    if options.lockstep:
+        for role in ("odom", "scan", "camera/camera_info"):
+            topic = remaps.get(role, f"/{role}")
+            command += ["-p", f"qos_overrides.{topic}.subscription.reliability:=reliable"]
+    return command
+
+
+def _record_command(options: DemoOptions) -> list[str]:
+    command = [sys.executable, "-m", "are_ros", "record", str(options.out / AUGMENTED)]
+    return [*command, "--use-sim-time", "--exclude", "/rosout", "--exclude", "/parameter_events"]
+
+
+@contextmanager
+def _process(command: Sequence[str], log: Path) -> Iterator["subprocess.Popen[bytes]"]:
+    """Run a process, its words into a file; in the end let it end in order."""
+    with log.open("wb") as words:
+        process = subprocess.Popen(command, stdout=words, stderr=words)  # noqa: S603 - our own
+        try:
+            yield process
+        finally:
+            process.send_signal(signal.SIGINT)
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(_END_S)
+            process.kill()
+            process.wait()
+
+
+def _await_active(
+    processes: Sequence["subprocess.Popen[bytes]"], out: Path, should_stop: ShouldStop
+) -> None:
+    """Wait until the node says that it is active; NodeError if it ends, or takes too long."""
+    deadline_s = time.monotonic() + _READY_S
+    with ros_session("are_demo") as node:
+        client = node.create_client(
+            service_class("lifecycle_msgs/srv/GetState"), f"{NODE}/get_state"
+        )
+        executor = SingleThreadedExecutor(context=node.context)
+        executor.add_node(node)
+        while not should_stop():
+            _check_alive(processes, out)
+            if time.monotonic() > deadline_s:
+                raise NodeError(f"the node was not active within {_READY_S:.0f} s: {out}/node.log")
+            if client.wait_for_service(0.2) and _state(client, executor) == _ACTIVE:
+                return
+
+
+def _state(client: Any, executor: Any) -> int:
+    """Return the lifecycle state that the node tells, 0 if it does not answer soon."""
+    future = client.call_async(client.srv_type.Request())
+    executor.spin_until_future_complete(future, timeout_sec=1.0)
+    return int(future.result().current_state.id) if future.done() else 0
+
+
+def _check_alive(processes: Sequence["subprocess.Popen[bytes]"], out: Path) -> None:
+    for process, name in zip(processes, ("node", "recorder"), strict=True):
+        if process.poll() is not None:
+            words = (out / f"{name}.log").read_text(encoding="utf-8", errors="replace")
+            lines = words.strip().splitlines() or ["it said nothing"]
+            raise NodeError(f"the {name} ended early: {lines[-1]}")

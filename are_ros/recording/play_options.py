@@ -1,0 +1,53 @@
+"""What is asked of a player."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from are_ros.errors import BagError
+
+
+@dataclass(frozen=True)
+class PlayOptions:
+    """The options of `are play`; BagError for one that makes no sense.
+
+    `topics` (empty: all) and `exclude` are names as recorded, `remaps` gives others. `clock_hz` of
+    0: no /clock. `lockstep` names the node to keep in step with, `wait_for` the node to wait for,
+    for at most `wait_s`; empty: none.
+    """
+
+    bags: tuple[Path, ...]
+    rate: float = 1.0
+    loop: bool = False
+    start_s: float = 0.0
+    duration_s: float | None = None
+    topics: tuple[str, ...] = ()
+    exclude: tuple[str, ...] = ()
+    remaps: Mapping[str, str] = field(default_factory=dict)
+    clock_hz: float = 100.0
+    lockstep: str = ""
+    wait_for: str = ""
+    wait_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.rate < math.inf:
+            raise BagError(f"--rate {self.rate}: it is not a number above 0")
+        if not 0.0 <= self.clock_hz <= 1000.0:
+            raise BagError(f"--clock {self.clock_hz}: it is not a rate from 0 to 1000 Hz")
+        if self.lockstep and not self.clock_hz:
+            raise BagError("--lockstep needs /clock: leave --clock 0 out")
+
+    def is_chosen(self, topic: str) -> bool:
+        """Tell whether a recorded topic is to be played."""
+        chosen = not self.topics or _slashed(topic) in map(_slashed, self.topics)
+        return chosen and _slashed(topic) not in map(_slashed, self.exclude)
+
+    def target(self, topic: str) -> str:
+        """Return the name under which a recorded topic is played."""
+        remaps = {_slashed(source): target for source, target in self.remaps.items()}
+        return _slashed(remaps.get(_slashed(topic), topic))
+
+
+def _slashed(name: str) -> str:
+    return name if name.startswith("/") else f"/{name}"

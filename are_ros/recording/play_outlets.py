@@ -1,0 +1,103 @@
+"""The publishers of a player: topics as recorded, bytes as they are."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from are_ros.errors import AreError, NodeError
+from are_ros.node.message_classes import message_class
+from are_ros.recording.play_options import PlayOptions
+from are_ros.replay.bag_reader import BagMessage, BagReader, BagTopic
+from are_ros.replay.input_copy import converted
+from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
+
+CLOCK: Final = "/clock"
+_DEPTH: Final = 100
+_RENAMED: Final = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
+
+
+class PlayOutlets:
+    """Publishes recorded messages; topics whose type is not installed are skipped, with a reason.
+
+    Quality of service is as recorded; in lockstep all are reliable, so that nothing is lost.
+    """
+
+    def __init__(
+        self, node: Node, reader: BagReader, options: PlayOptions, say: Callable[[str], None]
+    ) -> None:
+        self.skipped: dict[str, str] = {}
+        self.counts: dict[str, int] = {}
+        self._reader = reader
+        self._factory = RosbagsFactory()
+        self._types: dict[str, str] = {}
+        self._publishers: dict[str, Any] = {}
+        for topic in reader.topics:
+            if topic.count and options.is_chosen(topic.name):
+                self._open(node, topic, options, say)
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """The recorded names of the topics that are played."""
+        return tuple(self._publishers)
+
+    @property
+    def publishers(self) -> Mapping[str, Any]:
+        """The publishers, by recorded name."""
+        return self._publishers
+
+    def publish(self, message: BagMessage) -> None:
+        """Send a message; one of ROS 1 that cannot be understood is counted as skipped."""
+        topic = message.topic
+        if self._reader.is_ros1:
+            try:
+                original = self._reader.deserialize(message)
+            except AreError as cause:
+                self.skipped[topic] = str(cause)
+                return
+            data = self._as_ros2(topic, original)
+        else:
+            data = bytes(message.data)
+        self._publishers[topic].publish(data)
+        self.counts[topic] += 1
+
+    def wait_until_acknowledged(self, timeout_s: float) -> bool:
+        """Wait until reliable subscribers have everything; tell whether they did."""
+        limit = Duration(seconds=timeout_s)
+        return all(publisher.wait_for_all_acked(limit) for publisher in self._publishers.values())
+
+    def _as_ros2(self, topic: str, original: Any) -> bytes:
+        type_name = self._types[topic]
+        message = converted(self._factory, original, type_name)
+        return bytes(jazzy_typestore().serialize_cdr(message, type_name))
+
+    def _open(
+        self, node: Node, topic: BagTopic, options: PlayOptions, say: Callable[[str], None]
+    ) -> None:
+        type_name = _RENAMED.get(topic.type_name, topic.type_name)
+        try:
+            if topic.name == CLOCK and options.clock_hz:
+                raise NodeError("the player tells the time itself")  # noqa: TRY301 - as the others
+            kind = message_class(type_name)
+            target = options.target(topic.name)
+            publisher = node.create_publisher(kind, target, _qos(topic, options))
+        except NodeError as cause:
+            self.skipped[topic.name] = str(cause)
+            say(f"{topic.name} is not played: {cause}")
+            return
+        self._types[topic.name] = type_name
+        self._publishers[topic.name] = publisher
+        self.counts[topic.name] = 0
+
+
+def _qos(topic: BagTopic, options: PlayOptions) -> QoSProfile:
+    is_reliable = topic.is_reliable or bool(options.lockstep)
+    return QoSProfile(
+        depth=_DEPTH,
+        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=(
+            DurabilityPolicy.TRANSIENT_LOCAL if topic.is_latched else DurabilityPolicy.VOLATILE
+        ),
+    )

@@ -1,0 +1,103 @@
+"""Which topics of a recording the picture shows, and at which moment."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from struct import error as StructError  # noqa: N812
+from typing import Final
+
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import BagError
+from are_ros.replay._check_file import PREFIX
+from are_ros.replay._check_marker_decoding import CdrCursor
+from are_ros.replay.bag_reader import BagReader, BagTopic
+from are_ros.replay.rviz_markers import MarkerDisplay
+
+_GRID: Final = "nav_msgs/msg/OccupancyGrid"
+_MARKERS: Final = "visualization_msgs/msg/MarkerArray"
+_SCAN: Final = "sensor_msgs/msg/LaserScan"
+_SETTLE_NS: Final = NS_PER_S // 20
+"""So long after a list of the perceived the picture is taken: live, markers come a little later."""
+
+
+@dataclass(frozen=True)
+class ShownTopics:
+    """The topics of the displays; None or empty where the recording has none.
+
+    `scans` come first as ARE gives them out, then as they came in.
+    """
+
+    grid: str | None
+    costmap: str | None
+    markers: tuple[str, ...]
+    scans: tuple[str, ...]
+
+    @classmethod
+    def of(cls, topics: Iterable[BagTopic]) -> "ShownTopics":
+        """Choose: what ARE gives out, or else what there is."""
+        grids = [t.name for t in topics if t.type_name == _GRID]
+        arrays = [t.name for t in topics if t.type_name == _MARKERS]
+        scans = [t.name for t in topics if t.type_name == _SCAN]
+        ours = [name for name in arrays if name.startswith(PREFIX)]
+        wanted = (PREFIX + "augmented_map", "/map", *grids)
+        return cls(
+            next((name for name in wanted if name in grids), None),
+            next((name for name in (PREFIX + "augmented_costmap",) if name in grids), None),
+            tuple(ours or arrays),
+            tuple(sorted(scans, key=lambda name: (not name.startswith(PREFIX), name))),
+        )
+
+    def all(self) -> set[str]:
+        """Return all of them, with the updates of the grid and the transforms."""
+        grids = {name for name in (self.grid, self.costmap) if name}
+        updates = {f"{name}_updates" for name in grids}
+        return {*grids, *updates, *self.markers, *self.scans, "/tf", "/tf_static"}
+
+
+def moment_ns(reader: BagReader, topics: ShownTopics, at_s: float | None) -> int:
+    """Return the time of the picture: `at_s` after the beginning, else the most telling one.
+
+    That is when most artefacts are perceived and, of several such, most are alive; where nothing
+    tells who is perceived, when most markers are shown. BagError for a time beyond the recording.
+    """
+    if at_s is None:
+        return _fullest_ns(reader, topics)
+    now_ns = reader.start_ns + round(at_s * NS_PER_S)
+    if now_ns >= reader.end_ns:
+        length_s = (reader.end_ns - 1 - reader.start_ns) / NS_PER_S
+        raise BagError(f"--at {at_s:g} s is beyond the recording, which is {length_s:.3f} s long")
+    return now_ns
+
+
+def _fullest_ns(reader: BagReader, topics: ShownTopics) -> int:
+    perceived = _lengths(reader, PREFIX + "perceived", texts=1)
+    # While a looping recording was played, the log times stood still: then all is past.
+    moving = [entry for entry in perceived if entry[0] < reader.end_ns - 1]
+    if perceived := moving or perceived:
+        alive = dict(_lengths(reader, PREFIX + "artefacts", texts=0))
+        best = max(perceived, key=lambda entry: (entry[1], alive.get(entry[0], 0)))
+        return min(best[0] + _SETTLE_NS, reader.end_ns - 1)
+    display, best_count, best_ns = MarkerDisplay(), 0, reader.end_ns - 1
+    for message in reader.messages(set(topics.markers)) if topics.markers else ():
+        display.take(message.log_time_ns, bytes(message.data))
+        count = len(display.shown(message.log_time_ns))
+        if count > best_count:
+            best_count, best_ns = count, message.log_time_ns
+    return best_ns
+
+
+def _lengths(reader: BagReader, topic: str, texts: int) -> list[tuple[int, int]]:
+    """Return log time and length of each list after a header and so many texts."""
+    lengths = ((m.log_time_ns, _length(bytes(m.data), texts)) for m in reader.messages({topic}))
+    return [(log_ns, length) for log_ns, length in lengths if length is not None]
+
+
+def _length(data: bytes, texts: int) -> int | None:
+    """Return the length of a list; None for malformed bytes, which are the checks' business."""
+    try:
+        cursor = CdrCursor(data)
+        cursor.time_ns()
+        for _ in range(1 + texts):
+            cursor.text()
+        return cursor.count()
+    except (ValueError, StructError):
+        return None

@@ -1,0 +1,95 @@
+"""Start ARE's node beside a navigation stack: ros2 launch are_ros ar_builder.launch.py.
+
+ar_builder is a lifecycle node that brings itself up, or is brought up by others with
+autostart:=false. It is started as a plain node, as Nav2's bringup starts its own: nothing in launch
+takes part in the transitions, and a node that is respawned starts from the beginning.
+
+Its inputs are relative names (map, scan, odom, camera/camera_info, ...) and its outputs are under
+its own name. Another name is a remapping around the inclusion of this file:
+
+    GroupAction([
+        SetRemap("scan", "/front/scan"),
+        IncludeLaunchDescription(...),
+    ])
+"""
+
+import re
+import tempfile
+from pathlib import Path
+from typing import Any
+
+ARGUMENTS = {
+    "params_file": "ROS parameters; what is not in it has the default of config/are.yaml",
+    "namespace": "namespace of the node; its inputs and outputs are in it, too",
+    "use_sim_time": "true: time from /clock; empty: what params_file says",
+    "autostart": "false: others configure and activate the node; empty: what params_file says",
+    "log_level": "debug, info, warn, error or fatal",
+    "respawn": "true: start it again when it has ended",
+}
+"""The arguments and their meaning."""
+
+DEFAULTS = {"log_level": "info", "respawn": "false"}
+FLAGS = ("use_sim_time", "autostart")
+
+
+def generate_launch_description() -> Any:
+    """Return the description that ros2 launch asks for."""
+    from launch import LaunchDescription
+    from launch.actions import DeclareLaunchArgument, OpaqueFunction
+    from launch.substitutions import PathJoinSubstitution
+    from launch_ros.substitutions import FindPackageShare
+
+    shipped = PathJoinSubstitution([FindPackageShare("are_ros"), "config", "are.yaml"])
+    defaults = {"params_file": shipped, **DEFAULTS}
+    declared = [
+        DeclareLaunchArgument(name, default_value=defaults.get(name, ""), description=meaning)
+        for name, meaning in ARGUMENTS.items()
+    ]
+    return LaunchDescription([*declared, OpaqueFunction(function=start)])
+
+
+def start(context: Any) -> list[Any]:
+    """Return the node, its arguments as the context has them."""
+    from launch.substitutions import LaunchConfiguration
+    from launch_ros.actions import Node
+
+    given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
+    node = Node(
+        package="are_ros",
+        executable="ar_builder",
+        name="ar_builder",
+        namespace=given["namespace"] or None,
+        parameters=parameters(given),
+        ros_arguments=["--log-level", given["log_level"]],
+        respawn=is_true(given["respawn"]),
+        respawn_delay=2.0,
+        output="screen",
+    )
+    return [node]
+
+
+def parameters(given: dict[str, str]) -> list[Any]:
+    """Return the file first and what was given as arguments after it, so that the latter wins."""
+    flags = {name: is_true(given[name]) for name in FLAGS if given[name]}
+    path = in_any_namespace(Path(given["params_file"]))
+    return [str(path), flags] if flags else [str(path)]
+
+
+def is_true(text: str) -> bool:
+    """Return the truth of true or false; ValueError for anything else."""
+    if text.lower() not in ("true", "false"):
+        raise ValueError(f"'{text}' is neither true nor false")
+    return text.lower() == "true"
+
+
+def in_any_namespace(path: Path) -> Path:
+    """Return a copy of a parameter file whose `ar_builder:` holds in every namespace.
+
+    ROS takes that line for /ar_builder alone, and would leave a node of a namespace its defaults
+    without a word.
+    """
+    text = path.read_text(encoding="utf-8")
+    copy = Path(tempfile.mkdtemp(prefix="ar_builder_"), path.name)
+    anywhere = re.sub(r"^/?ar_builder:", "/**/ar_builder:", text, flags=re.MULTILINE)
+    copy.write_text(anywhere, encoding="utf-8")
+    return copy

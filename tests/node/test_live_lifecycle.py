@@ -1,0 +1,163 @@
+"""The node's lifecycle, through the services that a lifecycle manager uses."""
+
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from tests.ros import NOT_SET_UP
+
+pytest.importorskip("rclpy", reason=NOT_SET_UP)
+
+from are_ros.node import message_classes
+from tests.node.live_bench import Bench, stamp_ns
+from tests.node.live_scene import ns, odometry, pose_at, room
+
+MakeBench = Callable[..., Bench]
+
+
+@pytest.mark.parametrize("use_events_executor", [False, True])
+def test_it_goes_through_its_states_and_back(
+    make_bench: MakeBench, *, use_events_executor: bool
+) -> None:
+    """Twice round; when it is active it ticks, when it is unconfigured it offers nothing."""
+    bench = make_bench(use_events_executor=use_events_executor)
+    assert bench.state() == "unconfigured"
+    for t_s in (1000.0, 1010.0):
+        assert bench.change_state("configure")
+        assert bench.state() == "inactive"
+        metrics = bench.listen("metrics")
+        bench.clock(t_s)
+        assert bench.change_state("activate")
+        assert bench.state() == "active"
+        bench.tick(t_s + 0.1)
+        assert [stamp_ns(message) for message in metrics] == [ns(t_s), ns(t_s + 0.1)]
+        assert bench.change_state("deactivate")
+        bench.clock(t_s + 1.0)
+        bench.settle()
+        assert len(metrics) == 3, "the last one says that nobody is there"
+        assert bench.change_state("cleanup")
+        assert bench.state() == "unconfigured"
+        bench.until(lambda: bench.user.count_publishers("/ar_builder/augmented_map") == 0)
+        assert bench.user.count_subscribers("/map") == 0
+    assert bench.change_state("shutdown")
+    assert bench.state() == "finalized"
+
+
+@pytest.mark.parametrize("transitions", [(), ("configure",), ("configure", "activate")])
+def test_it_can_be_shut_down_from_every_state(
+    make_bench: MakeBench, transitions: tuple[str, ...]
+) -> None:
+    """And it says that it is."""
+    bench = make_bench({}, *transitions)
+    assert bench.change_state("shutdown")
+    assert bench.state() == "finalized"
+    assert bench.report()["state"].message == "finalized: the node has shut down"
+    assert not bench.spawn(pose_at(2.0, 2.0)).success
+
+
+def test_a_wrong_transition_is_refused(make_bench: MakeBench) -> None:
+    """The state stays."""
+    bench = make_bench()
+    assert not bench.change_state("activate")
+    assert bench.state() == "unconfigured"
+
+
+def test_a_failing_configure_can_be_repaired(
+    make_bench: MakeBench, catalogue_file: Path, tmp_path: Path
+) -> None:
+    """One sentence says what is wrong, and nothing is left open; then it works."""
+    missing = str(tmp_path / "nowhere.yaml")
+    bench = make_bench({"catalogue": missing})
+    assert not bench.change_state("configure")
+    assert bench.state() == "unconfigured"
+    (said,) = bench.warnings()
+    assert said == f"the catalogue {missing} cannot be read (No such file or directory)"
+    assert bench.user.count_subscribers("/map") == 0
+    assert bench.set(catalogue=str(catalogue_file)) == ""
+    assert bench.change_state("configure", "activate")
+    assert bench.state() == "active"
+
+
+def test_a_mixture_that_the_catalogue_cannot_take_fails_at_configure(make_bench: MakeBench) -> None:
+    """It is only known then how many rows there are."""
+    bench = make_bench({"mixture.rates": [15.0]})
+    assert not bench.change_state("configure")
+    (said,) = bench.warnings()
+    assert "mixture.rates[0] is 15" in said
+    assert "the 3 rows of the catalogue" in said
+
+
+@pytest.mark.parametrize(
+    ("override", "topic"),
+    [("/scan.subscription", "scan"), ("/ar_builder/metrics.publisher", "~/metrics")],
+)
+def test_an_override_that_dds_cannot_take_fails_at_configure(
+    make_bench: MakeBench, override: str, topic: str
+) -> None:
+    """Nothing is left open."""
+    bench = make_bench({f"qos_overrides.{override}.depth": -1})
+    assert not bench.change_state("configure")
+    assert bench.state() == "unconfigured"
+    (said,) = bench.warnings()
+    assert said.startswith(f"topic '{topic}' with its qos_overrides: ")
+    bench.until(lambda: bench.user.count_subscribers("/map") == 0)
+    assert bench.user.count_publishers("/ar_builder/events") == 0
+
+
+@pytest.fixture
+def without_packages(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
+    """Return what makes packages of messages look as if they were not installed."""
+
+    def hide(*packages: str) -> None:
+        def importing(name: str) -> ModuleType:
+            if name.partition(".")[0] in packages:
+                raise ModuleNotFoundError(name)
+            return import_module(name)
+
+        monkeypatch.setattr(message_classes, "import_module", importing)
+        message_classes._class.cache_clear()
+
+    yield hide
+    message_classes._class.cache_clear()
+
+
+def test_without_tf2_msgs_it_lives_on_odometry(
+    make_bench: MakeBench, without_packages: Callable[..., None]
+) -> None:
+    """It says what it does without; with a static map->odom it knows where the robot is."""
+    without_packages("tf2_msgs")
+    static = {"frames.static": ["0 0 0 0 0 0 map odom"]}
+    bench = make_bench(static, "configure", "activate")
+    said = "\n".join(bench.warnings())
+    assert "/tf is not received: tf2_msgs/msg/TFMessage: tf2_msgs is not installed" in said
+    assert "/tf_static is not received: tf2_msgs/msg/TFMessage: tf2_msgs is not installed" in said
+    perceived = bench.listen("perceived")
+    bench.send("map", room())
+    bench.clock(1000.0)
+    bench.send("odom", odometry(1000.0, 1.0, 2.0))
+    bench.tick(1000.1)
+    spawned = bench.spawn(pose_at(2.5, 2.0), label="post")
+    bench.tick(1000.2)
+    assert [one.id for one in perceived[-1].artefacts] == [spawned.id]
+    assert not {"inputs/tf", "inputs/tf_static"} & bench.report().keys()
+
+
+def test_without_map_msgs_there_are_no_updates(
+    make_bench: MakeBench, without_packages: Callable[..., None]
+) -> None:
+    """It says so; whole maps come as ever."""
+    without_packages("map_msgs")
+    bench = make_bench({"costmap.gate": "all"}, "configure", "activate")
+    (said,) = [s for s in bench.warnings() if "augmented_map_updates" in s]
+    assert said.startswith("~/augmented_map_updates is not published: map_msgs/msg/OccupancyGridUp")
+    maps: list[Any] = bench.listen("augmented_map")
+    bench.send("map", room())
+    bench.tick(1000.0)
+    assert bench.spawn(pose_at(2.05, 2.05), label="post").success
+    bench.tick(1000.1)
+    assert maps[-1].data.tolist().count(100) == 4 * 39 + 5 * 5
+    assert bench.user.count_publishers("/ar_builder/augmented_map_updates") == 0

@@ -1,0 +1,200 @@
+"""What is real goes on, whatever state the node is in: maps and scans beside its own."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import pytest
+from rclpy.serialization import serialize_message
+
+from tests.ros import NOT_SET_UP
+
+pytest.importorskip("rclpy", reason=NOT_SET_UP)
+
+from tests.node.live_bench import BEST_EFFORT, DELETE_ALL, Bench
+from tests.node.live_scene import FACTORY, laser_mount, ns, pose_at, robot_at, room, scan
+
+MakeBench = Callable[..., Bench]
+SCAN = "sensor_msgs/msg/LaserScan"
+BLOCK = (5, 9, 5, 9)
+
+
+def lead(bench: Bench, phase: str) -> None:
+    """Bring a configured node to a phase of its life in which nothing virtual goes out."""
+    if phase in {"inactive", "active without clock"}:
+        bench.change_state("activate") if phase.startswith("active") else None
+        return
+    bench.clock(1000.0)
+    if phase == "inactive with clock":
+        return
+    bench.change_state("activate")
+    bench.send("map", room())
+    bench.send("tf", robot_at(1000.0))
+    bench.tick(1000.1)
+    assert bench.spawn(pose_at(2.05, 2.05), label="post").success
+    if phase == "shut down at the tick":
+        bench.change_state("shutdown")
+        return
+    bench.tick(1000.2)
+    assert bench.pause(is_paused=True).success if phase == "paused" else bench.change_state(phase)
+
+
+PHASES = (
+    "inactive",
+    "active without clock",
+    "inactive with clock",
+    "paused",
+    "deactivate",
+    "shutdown",
+    "shut down at the tick",
+)
+
+
+@pytest.mark.parametrize("phase", PHASES)
+def test_the_real_map_and_the_real_scans_go_on(make_bench: MakeBench, phase: str) -> None:
+    """Each as it came, to the byte."""
+    bench = make_bench({"costmap.gate": "all"}, "configure")
+    lead(bench, phase)
+    maps, scans = bench.listen("augmented_map"), bench.listen("scan", SCAN)
+    for blocks in ((), (BLOCK,)):
+        real = serialize_message(room(*blocks, stamp_s=998.0))
+        bench.send("map", real)
+        try: bench.until(partial(is_last, maps, real), 3)
+        except BaseException: raise AssertionError([(len(m.data), m.header, sum(m.data)) for m in maps], sum(room(*blocks).data), bench.node._inlets.watches["/map"].count, bench.node._outlets._publishers["augmented_map"].get_subscription_count())
+    for t_s in (999.0, 999.1):
+        real = serialize_message(scan(t_s))
+        bench.send("scan", real)
+        bench.until(partial(is_last, scans, real))
+    assert len(scans) == 2
+
+
+def is_last(messages: list[Any], data: bytes) -> bool:
+    """Tell whether the last message is the one of these bytes."""
+    return bool(messages) and serialize_message(messages[-1]) == data
+
+
+@pytest.mark.parametrize("phase", ["paused", "deactivate", "shutdown", "shut down at the tick"])
+def test_artefacts_vanish_when_the_node_rests(make_bench: MakeBench, phase: str) -> None:
+    """From the maps, the lists and the markers; what is latched stays so for who comes later."""
+    bench = make_bench({"costmap.gate": "all"}, "configure")
+    early = {name: bench.listen(name) for name in ("augmented_map", "artefacts", "markers")}
+    lead(bench, phase)
+    bench.settle()
+    late = bench.listen("augmented_map"), bench.listen("augmented_costmap")
+    bench.until(lambda: all(late))
+    if phase != "shut down at the tick":
+        assert max(message.data.tolist().count(100) for message in early["augmented_map"]) == 181
+    assert early["augmented_map"][-1].data == room().data
+    assert late[0][-1].data == room().data
+    assert late[1][-1].data.tolist().count(100) == 4 * 39
+    assert early["artefacts"][-1].artefacts == []
+    assert [marker.action for marker in early["markers"][-1].markers] == [DELETE_ALL]
+
+
+@pytest.mark.parametrize("transition", ["deactivate", "shutdown"])
+def test_a_map_that_came_a_moment_before_is_the_last_one(
+    make_bench: MakeBench, transition: str
+) -> None:
+    """Though no sub-step has seen it yet."""
+    bench = make_bench({}, "configure", "activate")
+    maps = bench.listen("augmented_map")
+    bench.clock(1000.0)
+    bench.send("map", room())
+    bench.tick(1000.2)
+    newest = room(BLOCK)
+    bench.send("map", newest)
+    assert bench.change_state(transition)
+    bench.settle()
+    assert maps[-1].data == newest.data
+
+
+def test_a_map_while_paused_is_there_when_it_goes_on(make_bench: MakeBench) -> None:
+    """The artefacts come back into the new map."""
+    bench = make_bench({"costmap.gate": "all"}, "configure")
+    maps = bench.listen("augmented_map")
+    lead(bench, "paused")
+    newest = room(BLOCK)
+    bench.send("map", newest)
+    assert bench.pause(is_paused=False).success
+    bench.tick(1000.4)
+    assert maps[-1].data.tolist().count(100) == 4 * 39 + 4 * 4 + 5 * 5
+
+
+@pytest.mark.parametrize(
+    ("phase", "fault"),
+    [
+        ("inactive", "size"),
+        ("inactive", "frame"),
+        ("active without clock", "foreign frame"),
+        ("active without clock", "resolution"),
+        ("paused", "bytes"),
+    ],
+)
+def test_a_malformed_map_is_not_relayed(make_bench: MakeBench, phase: str, fault: str) -> None:
+    """The last good one stays in force, and the next good one comes."""
+    bench = make_bench({}, "configure")
+    lead(bench, phase)
+    maps = bench.listen("augmented_map")
+    bench.send("map", room())
+    bench.send("map", malformed(fault))
+    bench.settle()
+    assert {message.data.tobytes() for message in maps} == {room().data.tobytes()}
+    bench.send("map", room(BLOCK))
+    bench.until(lambda: maps[-1].data == room(BLOCK).data)
+
+
+def malformed(fault: str) -> Any:
+    """Return a map with a fault."""
+    message = room(BLOCK, frame_id={"frame": "", "foreign frame": "odom"}.get(fault, "map"))
+    if fault == "size":
+        message.info.width += 1
+    if fault == "resolution":
+        message.info.resolution = float("nan")
+    return serialize_message(message)[:-100] if fault == "bytes" else message
+
+
+def test_scans_that_waited_leave_before_the_node_rests(make_bench: MakeBench) -> None:
+    """None comes after a later one, and none with artefacts after the pause."""
+    bench = make_bench({"sensors.tf_wait": 5.0}, "configure", "activate")
+    scans, maps = bench.listen("scan", SCAN), bench.listen("augmented_map")
+    bench.send("map", room())
+    bench.send("tf_static", laser_mount())
+    bench.clock(1000.0)
+    bench.send("tf", robot_at(1000.0))
+    bench.send("scan", scan(1000.2))
+    bench.tick(1000.1)
+    bench.settle()
+    assert scans == [], "its transform is not there yet"
+    assert bench.pause(is_paused=True).success
+    bench.send("scan", scan(1000.3))
+    bench.send("tf", robot_at(1000.4))
+    bench.clock(1002.0)
+    bench.node._report()
+    bench.settle()
+    stamps = [message.header.stamp.nanosec for message in scans]
+    assert stamps == [ns(0.2), ns(0.3)]
+    assert maps
+
+
+def test_the_robots_own_topics_are_left_alone(make_bench: MakeBench) -> None:
+    """The node publishes under its own name, and the standard topics of every node."""
+    bench = make_bench({"costmap.gate": "all"}, "configure")
+    kinds = {"map": "nav_msgs/msg/OccupancyGrid", "scan": SCAN, "tf": "tf2_msgs/msg/TFMessage"}
+    heard: dict[str, list[Any]] = {name: [] for name in kinds}
+    for name, kind in kinds.items():
+        message = type(FACTORY.make(kind))
+        bench.user.create_subscription(message, f"/{name}", heard[name].append, BEST_EFFORT)
+    lead(bench, "paused")
+    assert bench.pause(is_paused=False).success
+    bench.send("scan", scan(1000.2))
+    bench.tick(1000.5)
+    bench.until(lambda: "/diagnostics" in offered_by(bench.node))
+    others = {name for name in offered_by(bench.node) if not name.startswith("/ar_builder/")}
+    assert others == {"/diagnostics", "/rosout", "/parameter_events"}
+    assert [len(messages) for messages in heard.values()] == [1, 1, 1], "what the user sent"
+
+
+def offered_by(node: Any) -> set[str]:
+    """Return the topics that DDS knows the node to publish."""
+    offered = node.get_publisher_names_and_types_by_node("ar_builder", "/")
+    return {name for name, _ in offered}

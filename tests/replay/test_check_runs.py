@@ -1,0 +1,124 @@
+"""Runs of ticks, farewells, loops of the clock, and which tick a message belongs to."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from are_ros.conventions import NS_PER_S
+from are_ros.replay._check_chronology import Chronology, Moment, stamp_of
+from are_ros.replay._check_runs import Runs, part_farewells, runs_of
+from are_ros.replay._check_scene import Scene
+
+TENTH = NS_PER_S // 10
+
+
+def make_scene(stamp_ns: int, *ids: int) -> Scene:
+    """Return a list of artefacts of which only ids matter."""
+    count = len(ids)
+    zeros = np.zeros(count, np.int64)
+    places = np.zeros((count, 3))
+    return Scene(
+        stamp_ns, stamp_ns, "map", np.array(ids), places, np.zeros(count), places, zeros, zeros, ()
+    )
+
+
+def test_runs_end_where_ticks_are_missing_or_a_farewell_lies_between() -> None:
+    """A single missing tick ends none, two do; so does a farewell, also between two ticks."""
+    stamps = [k * TENTH for k in (0, 1, 3, 4, 7, 8, 9)]
+    runs = runs_of(stamps, TENTH, ())
+    assert runs.spans_ns == ((0, 4 * TENTH), (7 * TENTH, 9 * TENTH))
+    runs = runs_of(stamps, TENTH, (8 * TENTH + 5,))
+    assert runs.spans_ns[1:] == ((7 * TENTH, 8 * TENTH), (9 * TENTH, 9 * TENTH))
+
+
+def test_times_are_placed_in_and_between_runs() -> None:
+    """Half-open at the beginning, and a second of grace at both ends."""
+    runs = Runs(((10 * NS_PER_S, 20 * NS_PER_S), (30 * NS_PER_S, 40 * NS_PER_S)))
+    assert runs.is_beginning(30 * NS_PER_S)
+    assert not runs.is_beginning(30 * NS_PER_S + 1)
+    assert runs.is_fresh(11 * NS_PER_S - 1)
+    assert not runs.is_fresh(11 * NS_PER_S)
+    edges = (9, 10, 19.5, 20, 25, 40, 50)
+    inside = (11, 15, 19, 31, 39)
+    assert all(runs.is_edge(round(s * NS_PER_S)) for s in edges)
+    assert not any(runs.is_edge(s * NS_PER_S) for s in inside)
+    assert [runs.is_between(s * NS_PER_S) for s in (5, 15, 21, 22, 29, 41, 42)] == [
+        False,
+        False,
+        False,
+        True,
+        True,
+        False,
+        True,
+    ]
+    assert runs.are_together(10 * NS_PER_S, 20 * NS_PER_S)
+    assert not runs.are_together(20 * NS_PER_S, 30 * NS_PER_S)
+    assert not runs.are_together(25 * NS_PER_S, 26 * NS_PER_S)
+
+
+def test_a_replay_has_no_runs_and_no_edges() -> None:
+    """Where every tick counts, nothing is excused."""
+    runs = Runs()
+    assert not runs.is_fresh(0)
+    assert not runs.is_edge(0)
+    assert not runs.is_beginning(0)
+    assert not runs.is_between(0)
+    assert runs.are_together(0, 10**18)
+
+
+def test_farewells_are_empty_lists_out_of_step() -> None:
+    """Off the period, or again at the time of a tick; an empty tick in step is a tick."""
+    scenes = [
+        make_scene(0),
+        make_scene(TENTH, 1),
+        make_scene(TENTH + 7),
+        make_scene(5 * TENTH, 1),
+        make_scene(5 * TENTH),
+        make_scene(6 * TENTH + 3, 1),
+    ]
+    ticks, farewells_ns = part_farewells(scenes, TENTH)
+    assert farewells_ns == [TENTH + 7, 5 * TENTH]
+    assert [tick.stamp_ns for tick in ticks] == [0, TENTH, 5 * TENTH, 6 * TENTH + 3]
+
+
+def test_stamps_are_read_from_headers_and_from_lists_of_them() -> None:
+    """In either byte order; bytes that are too short have none."""
+    header = struct.pack("<iI", 7, 9)
+    assert stamp_of("nav_msgs/msg/OccupancyGrid", b"\0\1\0\0" + header) == 7 * NS_PER_S + 9
+    big = b"\0\0\0\0" + struct.pack(">iI", 7, 9)
+    assert stamp_of("nav_msgs/msg/Odometry", big) == 7 * NS_PER_S + 9
+    listed = b"\0\1\0\0" + struct.pack("<I", 1) + header
+    assert stamp_of("tf2_msgs/msg/TFMessage", listed) == 7 * NS_PER_S + 9
+    assert stamp_of("tf2_msgs/msg/TFMessage", b"\0\1\0\0\0\0\0\0") is None
+
+
+@pytest.fixture
+def chronology() -> Chronology:
+    """Return ticks at places 10, 20 … of seconds 0 to 9, then of 2 to 5: the clock went back."""
+    found = Chronology()
+    for number, second in enumerate((*range(10), *range(2, 6))):
+        found.add_tick(10 + 10 * number, second * NS_PER_S)
+    return found
+
+
+def test_messages_come_after_the_last_tick_before_them(chronology: Chronology) -> None:
+    """By their place alone, where they have no stamp; before all ticks, with the first."""
+    assert chronology.loops == 2
+    assert chronology.moment(35, None) == Moment(0, 2 * NS_PER_S)
+    assert chronology.moment(3, None) == Moment(0, 0)
+    assert chronology.moment(135, None) == Moment(1, 4 * NS_PER_S)
+
+
+def test_near_the_jump_the_stamp_decides(chronology: Chronology) -> None:
+    """Late ones of the end and early ones of the beginning go where their stamps say."""
+    assert chronology.moment(112, 9 * NS_PER_S).loop == 0
+    assert chronology.moment(108, 2 * NS_PER_S).loop == 1
+    assert chronology.moment(112, 2 * NS_PER_S).loop == 1
+    assert chronology.moment(108, 9 * NS_PER_S).loop == 0
+
+
+def test_without_ticks_there_is_one_loop() -> None:
+    """A message is then at its own stamp."""
+    assert Chronology().moment(5, 7) == Moment(0, 7)
+    assert Chronology().loops == 1

@@ -1,0 +1,285 @@
+"""What rviz would show of a recording, against what the recording's lists say."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import BagError
+from are_ros.replay.bag_reader import BagReader
+from are_ros.replay.bag_writer import BagWriter
+from are_ros.replay.message_types import RosbagsFactory
+from are_ros.replay.rviz_scene import RvizScene, read_scene
+
+MAKE = RosbagsFactory().make
+START_NS = 1000 * NS_PER_S
+OUT = "/ar_builder/"
+Entry = tuple[str, float, Any]
+
+
+def header(second: float, frame_id: str = "map") -> Any:
+    """Return a Header of some seconds after the start."""
+    seconds, nanoseconds = divmod(START_NS + round(second * NS_PER_S), NS_PER_S)
+    stamp = MAKE("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
+    return MAKE("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
+
+
+def pose(x: float, y: float, yaw: float = 0.0) -> Any:
+    """Return a Pose on the floor."""
+    turn = MAKE("geometry_msgs/msg/Quaternion", z=math.sin(yaw / 2), w=math.cos(yaw / 2))
+    place = MAKE("geometry_msgs/msg/Point", x=x, y=y)
+    return MAKE("geometry_msgs/msg/Pose", position=place, orientation=turn)
+
+
+def edge(second: float, parent: str, child: str, x: float, yaw: float = 0.0) -> Any:
+    """Return a TFMessage of one edge."""
+    at = pose(x, 0.0, yaw)
+    shift = MAKE("geometry_msgs/msg/Vector3", x=x)
+    change = MAKE("geometry_msgs/msg/Transform", translation=shift, rotation=at.orientation)
+    stamped = MAKE(
+        "geometry_msgs/msg/TransformStamped",
+        header=header(second, parent),
+        child_frame_id=child,
+        transform=change,
+    )
+    return MAKE("tf2_msgs/msg/TFMessage", transforms=[stamped])
+
+
+def markers(second: float, frame_id: str, *numbers: int, **fields: Any) -> Any:
+    """Return a MarkerArray of cubes at (1, 2)."""
+    made = [
+        MAKE(
+            "visualization_msgs/msg/Marker",
+            header=header(second, frame_id),
+            id=number,
+            type=1,
+            pose=pose(1.0, 2.0),
+            color=MAKE("std_msgs/msg/ColorRGBA", a=1.0),
+            **fields,
+        )
+        for number in numbers
+    ]
+    return MAKE("visualization_msgs/msg/MarkerArray", markers=made)
+
+
+def scan(second: float, ranges: Sequence[float]) -> Any:
+    """Return a scan whose beams look ahead, to the left, and back."""
+    return MAKE(
+        "sensor_msgs/msg/LaserScan",
+        header=header(second, "base_link"),
+        angle_max=math.pi,
+        angle_increment=math.pi / 2,
+        range_min=0.1,
+        range_max=10.0,
+        ranges=np.array(ranges, np.float32),
+    )
+
+
+def grid(second: float, cells: Any) -> Any:
+    """Return a map of 0.5 m cells from (-1, -1) on."""
+    data = np.array(cells, np.int8)
+    info = MAKE(
+        "nav_msgs/msg/MapMetaData",
+        resolution=0.5,
+        width=data.shape[1],
+        height=data.shape[0],
+        origin=pose(-1.0, -1.0),
+    )
+    return MAKE(
+        "nav_msgs/msg/OccupancyGrid", header=header(second), info=info, data=data.reshape(-1)
+    )
+
+
+def write(folder: Path, entries: Sequence[Entry]) -> Path:
+    """Write (topic, second, message) as a recording."""
+    path = folder / "some.mcap"
+    with BagWriter(path) as writer:
+        for topic, name in {topic: m.__msgtype__ for topic, _, m in entries}.items():
+            writer.add_topic(topic, name)
+        for topic, second, message in entries:
+            writer.write(topic, START_NS + round(second * NS_PER_S), message)
+    return path
+
+
+FRAMES: list[Entry] = [
+    ("/tf_static", 0.0, edge(0.0, "odom", "base_link", 0.0)),
+    ("/tf", 0.0, edge(0.0, "map", "odom", 0.0)),
+    ("/tf", 4.0, edge(4.0, "map", "odom", 4.0, math.pi / 2)),
+    ("/map", 9.0, grid(0.0, [[0, 0], [0, 100]])),
+]
+
+
+@pytest.fixture(scope="module")
+def sample_scene(sample_replay: Path) -> RvizScene:
+    """Return the fullest moment of eight seconds among many artefacts."""
+    return read_scene(sample_replay)
+
+
+def test_the_fullest_moment_is_chosen(sample_scene: RvizScene, sample_replay: Path) -> None:
+    """At no tick are more artefacts perceived."""
+    counts = {}
+    with BagReader([sample_replay / "augmented.mcap"]) as reader:
+        for message in reader.messages({OUT + "perceived"}):
+            counts[message.log_time_ns] = len(reader.deserialize(message).artefacts)
+    tick_ns = max(t for t in counts if t <= sample_scene.now_ns)
+    assert counts[tick_ns] == max(counts.values()) > 0
+    assert sample_scene.now_ns - tick_ns <= NS_PER_S // 20
+
+
+def test_the_markers_are_those_of_the_living(sample_replay: Path) -> None:
+    """Body, label and heading of each artefact that the list of that tick tells of, where it is."""
+    with BagReader([sample_replay / "augmented.mcap"]) as reader:
+        lists = [*reader.messages({OUT + "artefacts"})]
+        for message in (lists[20], lists[55], lists[-1]):
+            listed = reader.deserialize(message).artefacts
+            at_s = (message.log_time_ns - reader.start_ns) / NS_PER_S
+            shown = read_scene(sample_replay, at_s).markers
+            ids = {artefact.id: artefact.pose.position for artefact in listed}
+            for namespace in ("body", "label", "heading"):
+                found = [m for m in shown if m.fields.namespace == namespace]
+                assert {m.fields.number for m in found} == set(ids)
+            for marker in shown:
+                if marker.fields.namespace == "body":
+                    place = ids[marker.fields.number]
+                    where = marker.fixed_from_marker.translation_m
+                    np.testing.assert_allclose(where, (place.x, place.y, place.z), atol=1e-9)
+
+
+def test_the_map_is_the_last_one(sample_scene: RvizScene, sample_replay: Path) -> None:
+    """Its updates, which say the same again, change nothing more."""
+    with BagReader([sample_replay / "augmented.mcap"]) as reader:
+        last = {
+            message.topic: reader.deserialize(message)
+            for message in reader.messages(
+                {OUT + "augmented_map", OUT + "augmented_costmap"}, stop_ns=sample_scene.now_ns + 1
+            )
+        }
+    for shown, name in ((sample_scene.grid, "map"), (sample_scene.costmap, "costmap")):
+        assert shown is not None
+        data = last[f"{OUT}augmented_{name}"].data
+        np.testing.assert_array_equal(shown[0].cells.reshape(-1), data)
+
+
+def test_scans_end_at_walls(sample_scene: RvizScene) -> None:
+    """Of the real scan nearly all points lie in or beside occupied cells of the map."""
+    (_, augmented), (topic, real) = sample_scene.scans
+    assert topic == "/scan"
+    assert len(augmented) > 100
+    assert sample_scene.grid is not None
+    grid_shown, fixed_from_grid = sample_scene.grid
+    places = fixed_from_grid.inverse().apply(real)[:, :2] / grid_shown.resolution_m
+    cols, rows = np.floor(places).astype(np.int64).T
+    occupied = np.pad(grid_shown.cells >= 65, 3)
+    hits = sum(occupied[rows + 3 + dy, cols + 3 + dx] for dy in range(-2, 3) for dx in range(-2, 3))
+    assert np.mean(hits > 0) > 0.95
+
+
+def test_the_robot_is_there_with_its_outline(sample_scene: RvizScene) -> None:
+    """A disc of the configured radius about its base."""
+    assert sample_scene.base_frame == "base_footprint"
+    assert sample_scene.robot is not None
+    assert sample_scene.outline_m is not None
+    np.testing.assert_allclose(np.hypot(*sample_scene.outline_m.T), 0.22)
+    assert {"map", "odom", "base_link"} <= set(sample_scene.axes)
+
+
+def test_a_marker_stays_where_its_frame_was_at_its_stamp(tmp_path: Path) -> None:
+    """Unless it is locked to the frame: then it goes with it."""
+    entries = [
+        *FRAMES,
+        ("/shapes", 4.0, markers(2.0, "odom", 1)),
+        ("/shapes", 4.0, markers(2.0, "odom", 2, frame_locked=True)),
+        ("/shapes", 4.0, markers(2.0, "/map", 3)),
+    ]
+    scene = read_scene(write(tmp_path, entries), 5.0)
+    places = {m.fields.number: m.fixed_from_marker.translation_m for m in scene.markers}
+    half = math.sqrt(0.5)
+    np.testing.assert_allclose(places[1][:2], (2.0 + half - 2 * half, half + 2 * half), atol=1e-9)
+    np.testing.assert_allclose(places[2][:2], (4.0 - 2.0, 1.0), atol=1e-9)
+    np.testing.assert_allclose(places[3][:2], (1.0, 2.0))
+    assert scene.complaints == ()
+
+
+def test_a_marker_whose_frame_is_not_known_is_not_shown(tmp_path: Path) -> None:
+    """Neither in an unknown frame nor at a stamp beyond the transforms; both are complaints."""
+    entries = [
+        *FRAMES,
+        ("/shapes", 4.0, markers(4.0, "nowhere", 1, frame_locked=True)),
+        ("/shapes", 4.0, markers(8.0, "odom", 2)),
+    ]
+    scene = read_scene(write(tmp_path, entries), 5.0)
+    assert scene.markers == ()
+    assert len(scene.complaints) == 2
+
+
+def test_lifetimes_go_by_the_time_of_the_picture(tmp_path: Path) -> None:
+    """A marker of three seconds is gone after three."""
+    life = MAKE("builtin_interfaces/msg/Duration", sec=3)
+    path = write(tmp_path, [*FRAMES, ("/shapes", 1.0, markers(1.0, "map", 1, lifetime=life))])
+    shown = [len(read_scene(path, at_s).markers) for at_s in (0.5, 1.0, 3.9, 4.0)]
+    assert shown == [0, 1, 1, 0]
+
+
+def test_of_scans_the_newest_with_a_pose_is_shown(tmp_path: Path) -> None:
+    """Only returns are points; a scan that is newer than the transforms waits."""
+    entries = [
+        *FRAMES,
+        ("/scan", 4.1, scan(4.0, (2.0, 3.0, math.inf))),
+        ("/scan", 4.5, scan(4.4, (9.0, 9.0, 9.0))),
+    ]
+    scene = read_scene(write(tmp_path, entries), 5.0)
+    ((topic, points),) = scene.scans
+    assert topic == "/scan"
+    np.testing.assert_allclose(points, ((4.0, 2.0, 0.0), (1.0, 0.0, 0.0)), atol=1e-6)
+
+
+def test_a_patched_map_is_shown_patched(tmp_path: Path) -> None:
+    """Of the topic that ARE gives out, before any other map."""
+    update = MAKE(
+        "map_msgs/msg/OccupancyGridUpdate",
+        header=header(2.0),
+        x=1,
+        y=0,
+        width=1,
+        height=2,
+        data=np.array((50, 60), np.int8),
+    )
+    entries = [
+        *FRAMES,
+        (OUT + "augmented_map", 1.0, grid(1.0, [[1, 2], [3, 4]])),
+        (OUT + "augmented_map_updates", 2.0, update),
+    ]
+    path = write(tmp_path, entries)
+    cells = [
+        shown.grid[0].cells.tolist()
+        for shown in (read_scene(path, 1.5), read_scene(path, 3))
+        if shown.grid
+    ]
+    assert cells == [[[1, 2], [3, 4]], [[1, 50], [3, 60]]]
+
+
+def test_without_lists_the_most_markers_are_the_fullest_moment(tmp_path: Path) -> None:
+    """And without markers, the end."""
+    path = write(
+        tmp_path,
+        [
+            *FRAMES,
+            ("/shapes", 1.0, markers(1.0, "map", 1)),
+            ("/shapes", 2.0, markers(1.0, "map", 1, 2, 3)),
+            ("/shapes", 3.0, markers(1.0, "map", 1, 2, action=2)),
+        ],
+    )
+    assert read_scene(path).elapsed_s == 2.0
+    assert read_scene(write(tmp_path, FRAMES)).elapsed_s == 9.0
+
+
+def test_a_time_beyond_the_recording_is_refused(tmp_path: Path) -> None:
+    """The sentence says how long it is."""
+    path = write(tmp_path, FRAMES)
+    with pytest.raises(BagError, match=r"--at 9\.5 s is beyond the recording, which is 9\.000 s"):
+        read_scene(path, 9.5)
+    assert read_scene(path, 9.0).grid is not None

@@ -1,0 +1,196 @@
+"""The files for a robot: launch, rviz, Nav2, colcon, and what README.md says of them."""
+
+import fnmatch
+import py_compile
+import re
+from collections.abc import Iterator, Mapping
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from are_ros.messages.tick_encoding import OUTPUTS
+from are_ros.parameters.ros_yaml import read_ros_parameters
+
+PROJECT = Path(__file__).resolve().parents[1]
+LAUNCH = PROJECT / "launch" / "ar_builder.launch.py"
+README = (PROJECT / "README.md").read_text(encoding="utf-8")
+PYPROJECT = (PROJECT / "pyproject.toml").read_text(encoding="utf-8")
+PREFIX = "/ar_builder/"
+
+
+def loaded(path: Path) -> Any:
+    """Return a file as a module."""
+    specification = spec_from_file_location(path.name.partition(".")[0], path)
+    assert specification is not None
+    assert specification.loader is not None
+    module = module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def launch_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return the launch file as a module, whose temporary files are the test's."""
+    module = loaded(LAUNCH)
+    monkeypatch.setattr(module.tempfile, "mkdtemp", lambda prefix: str(tmp_path / prefix))
+    (tmp_path / "ar_builder_").mkdir()
+    return module
+
+
+def test_the_launch_file_compiles(tmp_path: Path) -> None:
+    """With the syntax of the oldest Python as of the newest."""
+    py_compile.compile(str(LAUNCH), cfile=str(tmp_path / "compiled"), doraise=True)
+
+
+@pytest.mark.skipif(find_spec("launch_ros") is None, reason="launch_ros is no wheel: on a robot")
+def test_the_launch_file_describes_a_node() -> None:
+    """Where ROS's launch is, it makes something of the file."""
+    description = loaded(LAUNCH).generate_launch_description()
+    assert {item.name for item in description.get_launch_arguments()} == set(
+        loaded(LAUNCH).ARGUMENTS
+    )
+
+
+def test_arguments_come_after_the_file(launch_file: Any, tmp_path: Path) -> None:
+    """So that they win; what was not given is left to the file."""
+    (tmp_path / "mine.yaml").write_text("ar_builder:\n  ros__parameters: {seed: 5}\n")
+    given = dict.fromkeys(launch_file.ARGUMENTS, "") | launch_file.DEFAULTS
+    given |= {"params_file": str(tmp_path / "mine.yaml")}
+    (path,) = launch_file.parameters(given)
+    assert read_ros_parameters(Path(path)) == {"seed": 5}
+    given |= {"autostart": "False", "use_sim_time": "true"}
+    flags = {"use_sim_time": True, "autostart": False}
+    assert launch_file.parameters(given) == [path, flags]
+    with pytest.raises(ValueError, match="'maybe' is neither true nor false"):
+        launch_file.parameters(given | {"use_sim_time": "maybe"})
+
+
+@pytest.mark.parametrize("key", ["ar_builder", "/ar_builder"])
+def test_the_file_holds_in_every_namespace(launch_file: Any, tmp_path: Path, key: str) -> None:
+    """ROS would take either spelling for the node of the root namespace alone."""
+    text = f"# ar_builder: mine\n{key}:\n  ros__parameters:\n    catalogue: 'ar_builder:'\n"
+    (tmp_path / "mine.yaml").write_text(text)
+    made = launch_file.in_any_namespace(tmp_path / "mine.yaml").read_text()
+    assert made == text.replace(f"\n{key}:\n", "\n/**/ar_builder:\n")
+    other = "/**:\n  ros__parameters: {}\n/robot/ar_builder:\n  ros__parameters: {}\n"
+    (tmp_path / "mine.yaml").write_text(other)
+    assert launch_file.in_any_namespace(tmp_path / "mine.yaml").read_text() == other
+
+
+def topics_of(view: Any) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Yield class and topic of every display."""
+    for display in view["Visualization Manager"]["Displays"]:
+        for key in ("Topic", "Update Topic"):
+            if key in display:
+                yield display["Class"].rpartition("/")[2], display[key]
+
+
+def test_rviz_shows_what_there_is() -> None:
+    """Every topic of ours exists, and its QoS is one that gets what was published before."""
+    view = yaml.safe_load((PROJECT / "config" / "are.rviz").read_text(encoding="utf-8"))
+    shown = {topic["Value"]: (kind, topic) for kind, topic in topics_of(view)}
+    ours = {name.removeprefix(PREFIX) for name in shown if name.startswith(PREFIX)}
+    assert ours - {"scan", "augmented_costmap_updates"} <= set(OUTPUTS)
+    assert {"augmented_map", "augmented_costmap", "markers", "scan"} <= ours
+    for name in ours & set(OUTPUTS):
+        kind, topic = shown[PREFIX + name]
+        latched = "Transient Local" if OUTPUTS[name].is_latched else "Volatile"
+        assert (topic["Durability Policy"], topic["Reliability Policy"]) == (latched, "Reliable")
+        assert kind == "Map" or name == "markers"
+    kinds = {kind for kind, _ in shown.values()}
+    assert {"Map", "MarkerArray", "LaserScan", "Odometry"} <= kinds
+    assert view["Visualization Manager"]["Global Options"]["Fixed Frame"] == "map"
+
+
+def costmap(lines: Any, name: str) -> Any:
+    """Return the parameters of one of Nav2's costmaps."""
+    return lines[name][name]["ros__parameters"]
+
+
+def nav2_lines() -> tuple[Any, Any]:
+    """Return Nav2's lines for the augmented map, and those for the scan, which are comments."""
+    text = (PROJECT / "config" / "nav2_are.yaml").read_text(encoding="utf-8")
+    _, _, commented = text.partition("\n# P3,")
+    block = commented[commented.index("# global_costmap") :]
+    return yaml.safe_load(text), yaml.safe_load(re.sub(r"^# ?", "", block, flags=re.MULTILINE))
+
+
+def test_nav2_takes_the_augmented_map_into_both_costmaps() -> None:
+    """As static layers; locally the first, for it overwrites."""
+    by_map, _ = nav2_lines()
+    local = costmap(by_map, "local_costmap")
+    layers = (costmap(by_map, "global_costmap")["static_layer"], local["are_layer"])
+    for layer in layers:
+        assert layer["plugin"] == "nav2_costmap_2d::StaticLayer"
+        assert layer["map_topic"] == PREFIX + "augmented_map"
+        assert layer["map_subscribe_transient_local"] is True
+        assert layer["subscribe_to_updates"] is False
+    assert (local["plugins"][0], local["plugins"][-1]) == ("are_layer", "inflation_layer")
+    assert costmap(by_map, "global_costmap")["update_frequency"] == 5.0
+
+
+def test_nav2_takes_the_augmented_scan_instead() -> None:
+    """In both costmaps and in the collision monitor."""
+    _, by_scan = nav2_lines()
+    monitor = by_scan["collision_monitor"]["ros__parameters"]
+    sources = [
+        costmap(by_scan, "global_costmap")["obstacle_layer"]["scan"],
+        costmap(by_scan, "local_costmap")["voxel_layer"]["scan"],
+    ]
+    assert all(source["topic"] == PREFIX + "scan" for source in [*sources, monitor["scan"]])
+    assert all(source["clearing"] and source["inf_is_valid"] for source in sources)
+    assert monitor["observation_sources"] == ["scan"]
+
+
+def is_part(of: Any, part: Any) -> bool:
+    """Tell whether nested mappings hold all that others hold."""
+    if not isinstance(part, dict):
+        return bool(of == part)
+    return all(key in of and is_part(of[key], value) for key, value in part.items())
+
+
+def test_the_readme_says_what_the_files_say() -> None:
+    """Its lines for Nav2, its bounds of versions, its one line that builds."""
+    section = README.partition("## On a robot\n")[2].partition("\n## ")[0]
+    (block,) = re.findall(r"```yaml\n(.*?)```", section, flags=re.DOTALL)
+    assert is_part(nav2_lines()[0], yaml.safe_load(block))
+    bounds = re.findall(r'pip install "(\S+)" "(\S+)"', section)
+    assert bounds
+    assert all(f'"{bound}"' in PYPROJECT for bound in bounds[0])
+    assert re.findall(r"^\S+ python -m colcon build$", section, flags=re.MULTILINE)
+    assert all(name in section for name in loaded(LAUNCH).ARGUMENTS)
+
+
+def test_colcon_finds_both_packages_for_each_verb() -> None:
+    """And tests the folder that is made for it."""
+    defaults = yaml.safe_load((PROJECT / "colcon_defaults.yaml").read_text(encoding="utf-8"))
+    assert all(
+        defaults[verb]["base-paths"] == [".", "msg_defs"] for verb in ("build", "list", "test")
+    )
+    assert all((PROJECT / path).is_dir() for path in defaults["test"]["pytest-args"])
+    assert defaults["test"]["return-code-on-test-failure"] is True
+    assert (PROJECT / "msg_defs" / "compat" / "COLCON_IGNORE").is_file()
+
+
+def test_each_file_is_installed_where_ros_looks_for_it() -> None:
+    """Launch file and configurations once, under share/are_ros: ros2 launch refuses two."""
+    blocks = dict(re.findall(r'^"(share/[\w/]+)" = \[(.*)\]$', PYPROJECT, flags=re.MULTILINE))
+    patterns = {folder: re.findall(r'"([^"]+)"', text) for folder, text in blocks.items()}
+    places = {
+        "launch/ar_builder.launch.py": "share/are_ros/launch",
+        "config/are.yaml": "share/are_ros/config",
+        "config/nav2_are.yaml": "share/are_ros/config",
+        "config/are.rviz": "share/are_ros/config",
+    }
+    for path, place in places.items():
+        hits = [
+            folder
+            for folder, own in patterns.items()
+            for pattern in own
+            if fnmatch.fnmatch(path, pattern)
+        ]
+        assert hits == [place]
+        assert (PROJECT / path).is_file()
