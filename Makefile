@@ -32,9 +32,9 @@ endif
 .PHONY: demo test test-long lint bench colcon constraints clean another-python
 
 demo: $(VENV)/ready-for-ros
-	@test -e $< || echo 'Instead of the live demo, the same drive is replayed, which needs no ROS.'
-	$(BIN)/are replay bags/sample_office.mcap --params bags/sample_office.yaml --out $(OUT)/demo
-	@echo 'picture: $(OUT)/demo/overview.png'
+	@if test -e $<; then $(BIN)/are demo --out $(OUT)/demo; \
+	else echo 'Instead of the live demo, the same drive is replayed, which needs no ROS.'; \
+	$(BIN)/are replay bags/sample_office.mcap --params bags/sample_office.yaml --out $(OUT)/demo; fi
 
 test: $(VENV)/ready-for-tests
 	$(BIN)/pytest -n $(JOBS)

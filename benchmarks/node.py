@@ -90,6 +90,7 @@ class Robot:
         )
         self.tf = node.create_publisher(TFMessage, "/tf", 100)
         self.tf_static = node.create_publisher(TFMessage, "/tf_static", latched)
+        self.number = -1
         self.sent_s: dict[int, float] = {}
         self.latencies_s: dict[str, list[float]] = {"bare": [], "ar_builder": []}
         for name in self.latencies_s:
@@ -305,7 +306,7 @@ def wait_for_node(robot: Robot, executor: Any) -> None:
 
 def _drive(robot: Robot, executor: Any, seconds: float) -> None:
     """Publish as the clock says, and take what comes in between."""
-    if not hasattr(robot, "number"):
+    if robot.number < 0:
         robot.number = 0
         robot.start()
     end_s = time.perf_counter() + seconds

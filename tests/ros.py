@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import sys
 import tempfile
 import threading
 import time
@@ -14,7 +15,12 @@ from typing import Any
 
 import pytest
 
-NOT_SET_UP = "rclpy and are_msgs are not set up: make test does it"
+_WITHOUT_ROS = Path(sys.prefix, "without-ros")
+NOT_SET_UP = (
+    _WITHOUT_ROS.read_text(encoding="utf-8").strip()
+    if _WITHOUT_ROS.is_file()
+    else "rclpy and are_msgs are not set up: make test does it"
+)
 _DOMAINS = range(41, 102)
 """Up to 101 the ports are none that Linux gives away; the low numbers are left to people."""
 

@@ -94,9 +94,7 @@ class Population:
             if artefact.id not in self._outside_the_law:
                 artefact.departure_ns = self._law.departure_of(artefact.id)
 
-    def set_marks(
-        self, rows: Sequence[CatalogueRow], law: RowLaw, mean_group_size: float
-    ) -> None:
+    def set_marks(self, rows: Sequence[CatalogueRow], law: RowLaw, mean_group_size: float) -> None:
         """Let later arrivals be drawn from other rows, by another law, in other groups."""
         self._source.set_mean_group_size(mean_group_size)
         self._source.set_rows(rows, law)

@@ -82,18 +82,20 @@ def describe(**options: Any) -> None:
     describe_command(click.echo, **options)
 
 
-@click.command(short_help="Check a replay's output against the invariants.")
-@click.argument("folder", metavar="OUT", type=FILE)
+@click.command(short_help="Check a result or a live recording against the invariants.")
+@click.argument("recording", metavar="RECORDING", type=FILE)
 @click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="The real map.")
-def check(folder: Path, map_file: Path | None) -> None:
-    """Check the output folder of a replay, by a program of its own.
+@click.option("--params", "parameters_file", metavar="FILE", type=FILE, help="Its parameters.")
+def check(recording: Path, map_file: Path | None, parameters_file: Path | None) -> None:
+    """Check what the node or a replay gave out, by a program of its own.
 
-    It reads only the written recording and the map; what cannot be checked is said. Replays with
-    --with-inputs can be checked further.
+    RECORDING is the folder of a replay or of the demo, a rosbag2 folder, an .mcap or .db3 file. It
+    reads only the recording and the map; what cannot be checked is said. With the inputs in it
+    (replay --with-inputs) more can be checked.
     """
     from are_ros.replay.command import check_command
 
-    if not check_command(click.echo, folder, map_file):
+    if not check_command(click.echo, recording, map_file, parameters_file):
         sys.exit(IMPERFECT)
 
 

@@ -9,7 +9,6 @@ from rclpy.parameter import Parameter
 
 from are_ros.errors import AreError, ParameterError
 from are_ros.node.descriptors import descriptor, ros_parameter, ros_type
-from are_ros.parameters.node_parameters import NodeParameters
 from are_ros.parameters.declaration import (
     Description,
     describe,
@@ -18,6 +17,7 @@ from are_ros.parameters.declaration import (
     with_values,
 )
 from are_ros.parameters.model import Parameters
+from are_ros.parameters.node_parameters import NodeParameters
 from are_ros.parameters.validation import validated
 
 _QOS_OVERRIDES: Final = "qos_overrides."

@@ -1,5 +1,6 @@
 """Lockstep: the time goes on when a node has taken everything that came before."""
 
+import time
 from typing import Any, Final
 
 from rclpy.executors import SingleThreadedExecutor
@@ -17,11 +18,12 @@ _ASK_S: Final = 0.05
 class Lockstep:
     """A pace that is set by one node: as fast as it can, and always the same.
 
-    Before the time goes on, the reliable publishers wait for their acknowledgements, and one round
-    trip through a service that every node has shows that the node's executor has run the callbacks
-    of all that came before: DDS delivers messages and requests of one process in their order, and
-    an executor takes messages before the request that came after them. After the time has been
-    told, another round trip shows that the node knows it. NodeError where the node does not answer.
+    Before the time goes on, one round trip through a service that every node has acknowledges what
+    was sent: DDS delivers messages and requests of one process in their order, and an executor runs
+    the callbacks of messages before that of the request that came after them. Maps and clouds,
+    sent in fragments, are acknowledged by DDS as well (which takes too long to be done for all).
+    After the time has been told, another round trip shows that the node knows it. NodeError
+    where the node does not answer.
     """
 
     def __init__(self, node: Node, name: str, outlets: PlayOutlets, should_stop: Any) -> None:
@@ -50,7 +52,7 @@ class Lockstep:
 
     def about_to_tell(self) -> None:
         """Wait until the node has taken everything."""
-        if not self._outlets.wait_until_acknowledged(_PATIENCE_S):
+        if not self._outlets.wait_for_latched(_PATIENCE_S):
             raise NodeError(f"--lockstep {self._name}: messages were not acknowledged")
         self._meet()
 
@@ -62,6 +64,9 @@ class Lockstep:
         if self._should_stop():
             return
         future = self._client.call_async(self._request)
-        self._executor.spin_until_future_complete(future, timeout_sec=_PATIENCE_S)
-        if not future.done():
-            raise NodeError(f"--lockstep {self._name}: no answer for {_PATIENCE_S:.0f} s")
+        deadline_s = time.monotonic() + _PATIENCE_S
+        # Not spin_until_future_complete: each of its calls leaves tasks behind for the next ones.
+        while not future.done() and not self._should_stop():
+            self._executor.spin_once(timeout_sec=_ASK_S)
+            if time.monotonic() > deadline_s:
+                raise NodeError(f"--lockstep {self._name}: no answer for {_PATIENCE_S:.0f} s")

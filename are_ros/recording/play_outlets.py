@@ -34,6 +34,8 @@ class PlayOutlets:
         self._factory = RosbagsFactory()
         self._types: dict[str, str] = {}
         self._publishers: dict[str, Any] = {}
+        self._latched: set[str] = set()
+        self._unacknowledged: set[str] = set()
         for topic in reader.topics:
             if topic.count and options.is_chosen(topic.name):
                 self._open(node, topic, options, say)
@@ -62,11 +64,18 @@ class PlayOutlets:
             data = bytes(message.data)
         self._publishers[topic].publish(data)
         self.counts[topic] += 1
+        if topic in self._latched:
+            self._unacknowledged.add(topic)
 
-    def wait_until_acknowledged(self, timeout_s: float) -> bool:
-        """Wait until reliable subscribers have everything; tell whether they did."""
+    def wait_for_latched(self, timeout_s: float) -> bool:
+        """Wait until reliable subscribers have what is latched; tell whether they did.
+
+        These are maps and clouds: of many fragments, of which one that is lost comes again only
+        with the next heartbeat of DDS, seconds later.
+        """
         limit = Duration(seconds=timeout_s)
-        return all(publisher.wait_for_all_acked(limit) for publisher in self._publishers.values())
+        waiting, self._unacknowledged = self._unacknowledged, set()
+        return all(self._publishers[topic].wait_for_all_acked(limit) for topic in waiting)
 
     def _as_ros2(self, topic: str, original: Any) -> bytes:
         type_name = self._types[topic]
@@ -90,6 +99,8 @@ class PlayOutlets:
         self._types[topic.name] = type_name
         self._publishers[topic.name] = publisher
         self.counts[topic.name] = 0
+        if topic.is_latched:
+            self._latched.add(topic.name)
 
 
 def _qos(topic: BagTopic, options: PlayOptions) -> QoSProfile:

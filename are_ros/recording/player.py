@@ -28,6 +28,8 @@ _RECENT_NS: Final = 10 * NS_PER_S
 """Of what moves, so much from before the start is sent: as much as tf2 keeps."""
 _ASK_S: Final = 0.05
 _LATE_S: Final = 0.1
+_LATCHED_S: Final = 5.0
+"""The time does not go on before the map of the start has arrived, or this is over."""
 
 ShouldStop = Callable[[], bool]
 
@@ -90,7 +92,6 @@ def play(
         while outcome.is_complete and (options.loop or not outcome.passes):
             outcome.is_complete = _play_once(recording, outlets, teller, pace, progress)
             outcome.passes += 1
-        outlets.wait_until_acknowledged(1.0)
         if isinstance(pace, _Lifelike) and pace.worst_s > _LATE_S:
             say(f"the player fell behind by up to {pace.worst_s:.2f} s; nothing was left out")
     return outcome
@@ -152,10 +153,15 @@ def _play_once(
     _tell(recording.start_ns, teller, pace)
     clock = teller.times_after(recording.start_ns, recording.end_ns)
     clock_ns = next(clock, None)
+    has_begun = False
     for now_ns, message in recording.messages(outlets.topics):
         while clock_ns is not None and clock_ns <= now_ns:
             if not pace.wait_until(clock_ns):
                 return False
+            if not has_begun:
+                outlets.wait_for_latched(_LATCHED_S)
+                pace.begin(clock_ns)
+                has_begun = True
             _tell(clock_ns, teller, pace)
             clock_ns = next(clock, None)
         if not pace.wait_until(now_ns):

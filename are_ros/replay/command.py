@@ -182,12 +182,14 @@ def inspect_command(
         echo(line)
 
 
-def check_command(echo: Say, folder: Path, map_file: Path | None) -> bool:
+def check_command(
+    echo: Say, path: Path, map_file: Path | None, parameters_file: Path | None
+) -> bool:
     """Run `are check`; return whether no check failed."""
     from are_ros.replay._check_result import Outcome as CheckOutcome
-    from are_ros.replay.checks import check_replay
+    from are_ros.replay.checks import check_recording
 
-    results = check_replay(folder, map_file, None)
+    results = check_recording(path, map_file, None, parameters_file)
     for result in results:
         echo(result.sentence())
     return not any(result.outcome is CheckOutcome.FAILED for result in results)

@@ -15,11 +15,11 @@ from rcl_interfaces import srv
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from are_ros.errors import CatalogueError, ParameterError
-from are_ros.parameters.node_parameters import NodeParameters
 from are_ros.node.parameters import ParameterBridge
 from are_ros.parameters.choices import Departures
 from are_ros.parameters.declaration import Description, describe, flatten, plain, value_at
 from are_ros.parameters.model import Parameters
+from are_ros.parameters.node_parameters import NodeParameters
 
 ITEMS = describe(Parameters())
 Bridged = Callable[..., "Bench"]

@@ -51,7 +51,7 @@ def test_our_own_reader_reads_it(tmp_path: Path, factory: RosbagsFactory) -> Non
             BagTopic("/are/artefacts", ARRAY, 40, False),
             BagTopic("/are/map", GRID, 40, True),
             BagTopic("/are/markers", MARKERS, 40, False),
-            BagTopic("/are/scan", "sensor_msgs/msg/LaserScan", 0, False),
+            BagTopic("/are/scan", "sensor_msgs/msg/LaserScan", 0, False, False),
         )
         assert (reader.start_ns, reader.end_ns) == (0, 3901)
         messages = list(reader.messages())

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from are_ros.builder.ar_builder import ArBuilder
+from are_ros.builder.assembly import catalogue_of
 from are_ros.builder.sensor_path import ReleasedScan
 from are_ros.builder.tick import Tick
 from are_ros.conventions import NS_PER_S
@@ -17,7 +18,6 @@ from are_ros.replay.bag_reader import BagMessage, BagReader
 from are_ros.replay.options import ReplayOptions
 from are_ros.replay.roles import find_roles
 from are_ros.replay.runner import Replay
-from are_ros.builder.assembly import catalogue_of
 from are_ros.replay.stopwatch import Stopwatch
 
 Records = Sequence[tuple[str, int, Any]]

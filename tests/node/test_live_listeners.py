@@ -1,0 +1,259 @@
+"""Who comes late, who publishes how, and two nodes side by side: what DDS makes of the topics."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from tests.ros import NOT_SET_UP
+
+pytest.importorskip("rclpy", reason=NOT_SET_UP)
+
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from tests.node.live_bench import DELETE_ALL, LATCHED, Bench
+from tests.node.live_scene import (
+    camera_info,
+    cloud,
+    laser_mount,
+    odometry,
+    pose_at,
+    robot_at,
+    room,
+    scan,
+    transforms,
+    wall_voxels,
+)
+
+MakeBench = Callable[..., Bench]
+SCAN = "sensor_msgs/msg/LaserScan"
+CLOUD = "octomap_point_cloud_centers"
+ADD = 0
+RELIABLE = QoSProfile(depth=5)
+BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def crowded(make_bench: MakeBench, **options: Any) -> Bench:
+    """Return an active node with two artefacts, of which the robot sees one."""
+    bench = make_bench({"costmap.gate": "all"}, "configure", "activate", **options)
+    bench.clock(1000.0)
+    bench.send("map", room())
+    bench.send("tf", robot_at(1000.0, yaw=0.0))
+    bench.tick(1000.1)
+    for x in (2.55, 0.45):
+        assert bench.spawn(pose_at(x, 2.05), label="post").success
+    bench.send("tf", robot_at(1000.1))
+    bench.tick(1000.2)
+    return bench
+
+
+@pytest.mark.parametrize("use_events_executor", [False, True])
+def test_a_late_viewer_gets_all_markers_and_so_does_a_second_one(
+    make_bench: MakeBench, *, use_events_executor: bool
+) -> None:
+    """After a DELETEALL; who was there before sees the same again, and then only what changes."""
+    bench = crowded(make_bench, use_events_executor=use_events_executor)
+    first = bench.listen("markers")
+    bench.tick(1000.3)
+    second = bench.listen("markers")
+    bench.tick(1000.4)
+    bench.tick(1000.5)
+    for viewer in (first, second):
+        beginning, *rest = viewer[0].markers
+        assert beginning.action == DELETE_ALL
+        assert {(marker.action, marker.id) for marker in rest} == {(ADD, 10**9), (ADD, 10**9 + 1)}
+    assert first[1] == second[0]
+    deletions = [m.action for batch in first for m in batch.markers if m.action == DELETE_ALL]
+    assert len(deletions) == 2
+
+
+@pytest.mark.parametrize("use_events_executor", [False, True])
+@pytest.mark.parametrize("name", ["augmented_map", "augmented_costmap"])
+def test_a_late_listener_gets_the_last_map(
+    make_bench: MakeBench, name: str, *, use_events_executor: bool
+) -> None:
+    """With the artefacts in it, though no other one is published; so does a second listener."""
+    bench = crowded(make_bench, use_events_executor=use_events_executor)
+    heard = [bench.listen(name) for _ in range(2)]
+    bench.until(lambda: all(heard))
+    bench.settle()
+    for (grid,) in heard:
+        assert grid.data.tolist().count(100) == 4 * 39 + 2 * 25
+        assert (grid.info.width, grid.info.height, grid.header.frame_id) == (40, 40, "map")
+
+
+@pytest.mark.parametrize("qos", [RELIABLE, BEST_EFFORT], ids=["reliable", "best effort"])
+def test_sensors_are_heard_however_they_are_published(
+    make_bench: MakeBench, qos: QoSProfile
+) -> None:
+    """Odometry places the robot, the CameraInfo lets it see, and its scan is augmented."""
+    static = {"frames.static": ["0 0 0 0 0 0 map odom"], "camera.model": "auto"}
+    bench = make_bench(static, "configure", "activate")
+    perceived, scans = bench.listen("perceived"), bench.listen("scan", SCAN)
+    bench.clock(1000.0)
+    bench.send("map", room())
+    bench.send("tf_static", laser_mount())
+    bench.send("odom", odometry(1000.0, 1.0, 2.0), qos=qos)
+    info = camera_info(1000.0, frame_id="camera_optical")
+    optical = transforms(("base_link", "camera_optical", 0.0, (0.0, 0.0, 0.5), 0.0))
+    optical.transforms[0].transform.rotation = forward_looking()
+    bench.send("tf_static", optical)
+    bench.send("camera/camera_info", info, qos=qos)
+    bench.tick(1000.1)
+    spawned = bench.spawn(pose_at(2.5, 2.0), label="post")
+    bench.send("odom", odometry(1000.2, 1.0, 2.0))
+    bench.send("scan", scan(1000.15), qos=qos)
+    bench.tick(1000.2)
+    assert [one.id for one in perceived[-1].artefacts] == [spawned.id]
+    bench.until(lambda: scans)
+    assert min(scans[-1].ranges) == pytest.approx(1.3, abs=0.01), "the post's front"
+
+
+def forward_looking() -> Any:
+    """Return the rotation of an optical frame (z forward, x right) whose body looks along +x."""
+    quaternion = pose_at(0.0, 0.0).pose.orientation
+    quaternion.x, quaternion.y, quaternion.z, quaternion.w = -0.5, 0.5, -0.5, 0.5
+    return quaternion
+
+
+def place_in_the_voxels(bench: Bench) -> str:
+    """Ask for a post in the wall that only the cloud has, and return what is said."""
+    answer = bench.spawn(pose_at(3.05, 2.05), label="post")
+    if answer.success:
+        bench.call("remove", id=answer.id)
+    return str(answer.message)
+
+
+def test_the_cloud_is_received_latched_and_not_and_after_a_switch(make_bench: MakeBench) -> None:
+    """The subscription follows its publishers while the node runs, within a second or two."""
+    bench = make_bench({"world.voxel_size": 0.1}, "configure", "activate")
+    kind = type(cloud(wall_voxels()))
+    latched = bench.user.create_publisher(kind, f"/{CLOUD}", LATCHED)
+    latched.publish(cloud(wall_voxels()))
+    bench.clock(1000.0)
+    bench.send("map", room())
+    assert bench.node._inlets is not None
+    watch = bench.node._inlets.watches[f"/{CLOUD}"]
+    bench.until(lambda: watch.count == 1)
+    bench.tick(1000.1)
+    assert "in a wall" in place_in_the_voxels(bench)
+    bench.user.destroy_publisher(latched)
+    bench.until(lambda: bench.node.count_publishers(f"/{CLOUD}") == 0)
+    volatile = bench.user.create_publisher(kind, f"/{CLOUD}", RELIABLE)
+    bench.until(volatile.get_subscription_count)
+    volatile.publish(cloud([(0.55, 0.55, 0.05)]))
+    bench.until(lambda: watch.count == 2)
+    bench.tick(1000.2)
+    assert "stands" in place_in_the_voxels(bench)
+    bench.user.destroy_publisher(volatile)
+    bench.until(lambda: bench.node.count_publishers(f"/{CLOUD}") == 0)
+    again = bench.user.create_publisher(kind, f"/{CLOUD}", LATCHED)
+    again.publish(cloud(wall_voxels()))
+    bench.until(lambda: watch.count == 3)
+    bench.tick(1000.3)
+    assert "in a wall" in place_in_the_voxels(bench)
+    assert watch.refused_count == 0
+
+
+def test_the_last_latched_cloud_is_there_for_a_node_that_comes_later(
+    make_bench: MakeBench,
+) -> None:
+    """Also where one publisher latches and another does not, from then on."""
+    bench = make_bench()
+    kind = type(cloud(wall_voxels()))
+    latched = bench.user.create_publisher(kind, f"/{CLOUD}", LATCHED)
+    latched.publish(cloud(wall_voxels()))
+    bench.clock(1000.0)
+    assert bench.change_state("configure", "activate")
+    assert bench.node._inlets is not None
+    watch = bench.node._inlets.watches[f"/{CLOUD}"]
+    bench.until(lambda: watch.count == 1)
+    volatile = bench.user.create_publisher(kind, f"/{CLOUD}", RELIABLE)
+    bench.until(volatile.get_subscription_count)
+    assert latched.get_subscription_count() == 1
+    volatile.publish(cloud([(0.55, 0.55, 0.05)]))
+    bench.until(lambda: watch.count == 2)
+
+
+def test_qos_can_be_overridden_by_parameters(make_bench: MakeBench) -> None:
+    """As in every node: here, markers latched, and reliable scans only."""
+    overrides = {
+        "qos_overrides./ar_builder/markers.publisher.durability": "transient_local",
+        "qos_overrides./scan.subscription.reliability": "reliable",
+    }
+    bench = make_bench(overrides, "configure")
+    (markers,) = bench.user.get_publishers_info_by_topic("/ar_builder/markers")
+    assert markers.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    (taken,) = bench.user.get_subscriptions_info_by_topic("/scan")
+    assert taken.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+
+
+def test_inputs_can_be_remapped(make_bench: MakeBench) -> None:
+    """By the usual rules; the diagnostics tell the topic that is really read."""
+    rules = ("-r", "map:=/upstairs/map", "-r", "scan:=/front/scan")
+    bench = make_bench({}, "configure", arguments=rules)
+    maps, scans = bench.listen("augmented_map"), bench.listen("scan", SCAN)
+    bench.send("map", room(), topic="/upstairs/map")
+    bench.send("scan", scan(999.0), topic="/front/scan")
+    bench.until(lambda: maps and scans)
+    values = {pair.key: pair.value for pair in bench.report()["inputs/map"].values}
+    assert values["topic"] == "/upstairs/map"
+
+
+def test_several_scans_keep_their_names(make_bench: MakeBench) -> None:
+    """Each comes out on its own topic."""
+    names = ["front/scan", "rear/scan"]
+    bench = make_bench({"sensors.scans": names}, "configure")
+    outputs = {name: bench.listen(name, SCAN) for name in names}
+    for index, name in enumerate(names):
+        bench.send("scan", scan(999.0 + index), topic=f"/{name}")
+    bench.until(lambda: all(outputs.values()))
+    assert [outputs[name][0].header.stamp.sec for name in names] == [999, 1000]
+
+
+def test_two_nodes_in_two_namespaces_live_side_by_side(make_bench: MakeBench) -> None:
+    """Each with a map, artefacts, services and outputs of its own; the transforms are shared."""
+    spaces = ("one", "two")
+    benches = [
+        make_bench(
+            {"costmap.gate": "all"},
+            "configure",
+            "activate",
+            arguments=("-r", f"__ns:=/{space}"),
+        )
+        for space in spaces
+    ]
+    blocks: tuple[tuple[tuple[int, int, int, int], ...], ...] = ((), ((30, 34, 30, 34),))
+    heard = [(bench.listen("augmented_map"), bench.listen("artefacts")) for bench in benches]
+    for bench, block in zip(benches, blocks, strict=True):
+        bench.send("map", room(*block))
+        bench.clock(1000.0)
+        bench.tick(1000.1)
+    assert benches[0].spawn(pose_at(2.05, 2.05), label="post").success
+    for bench in benches:
+        bench.tick(1000.2)
+    counts = [maps[-1].data.tolist().count(100) for maps, _ in heard]
+    assert counts == [4 * 39 + 25, 4 * 39 + 16]
+    assert [len(lists[-1].artefacts) for _, lists in heard] == [1, 0]
+    names = [status.name for bench in benches for status in statuses(bench)]
+    assert {name.partition(":")[0] for name in names} == {"one/ar_builder", "two/ar_builder"}
+
+
+def statuses(bench: Bench) -> list[Any]:
+    """Return what a node says in its diagnostics."""
+    bench.report()
+    assert bench._reports is not None
+    return list(bench._reports[-1].status)
+
+
+def test_nobody_is_perceived_for_nothing(make_bench: MakeBench) -> None:
+    """Without listeners, and with a gate that lets all in, nothing looks; then it does."""
+    bench = crowded(make_bench)
+    assert bench.node.live is not None
+    builder = bench.node.live.builder
+    assert builder.looks == 0
+    perceived = bench.listen("perceived")
+    bench.send("tf", robot_at(1000.2))
+    bench.tick(1000.3)
+    assert builder.looks == 1
+    assert [one.id for one in perceived[-1].artefacts] == [10**9]
