@@ -4,7 +4,8 @@ from time import monotonic_ns
 from traceback import format_exc
 from typing import Any, Final
 
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock, ClockType, JumpThreshold
+from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from are_ros.artefacts.catalogue import Catalogue
@@ -26,6 +27,10 @@ from are_ros.parameters.model import Parameters
 NAME: Final = "ar_builder"
 _REPORT_S: Final = 1.0
 _MOST_SENTENCES: Final = 1000
+_LEAPS: Final = JumpThreshold(
+    min_forward=Duration(seconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
+)
+"""After such leaps of its clock no timer tells the truth about what is due."""
 _DONE, _FAILED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
@@ -55,6 +60,11 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self._timer = self.create_timer(_REPORT_S, self._work)
         self._timer.cancel()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._alarm = self.create_timer(0.0, self._leapt, clock=steady)
+        self._alarm.cancel()
+        self._leaps = self.get_clock().create_jump_callback(
+            _LEAPS, post_callback=lambda _: self._alarm.reset()
+        )
         self._report_timer = self.create_timer(_REPORT_S, self._report, clock=steady)
 
     def now_ns(self) -> int:
@@ -180,6 +190,11 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         else:
             self._timer.timer_period_ns = max(due_ns - self.now_ns(), 1)
             self._timer.reset()
+
+    def _leapt(self) -> None:
+        """Do what is due after a leap of the clock, once."""
+        self._alarm.cancel()
+        self._work()
 
     def _report(self) -> None:
         """Once a second: follow the publishers, drain what waits, say how the node does."""

@@ -106,7 +106,7 @@ class Bench:
         """Say the time, and wait until the node has nothing to do before a later time."""
         self.clock(t_s)
         self.until(lambda: self._due_ns() > ns(t_s))
-        self.settle()
+        self.settle()  # the executor has turned: after a leap back, too
 
     def settle(self) -> None:
         """Wait for what is on its way: a round trip, then until nothing comes any more."""
