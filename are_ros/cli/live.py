@@ -65,7 +65,9 @@ def node(
     default="",
     help="As fast as this node can: the time goes on when it has taken everything earlier.",
 )
-@click.option("--wait-for", metavar="NODE", default="", help="Begin when this node listens.")
+@click.option(
+    "--wait-for", metavar="NODE", multiple=True, help="Begin when this node listens. Repeatable."
+)
 def play(**options: Any) -> None:
     """Play a recording to live topics, with /clock, as `ros2 bag play --clock` does.
 

@@ -109,7 +109,7 @@ def _play_options(options: DemoOptions) -> PlayOptions:
         rate=options.rate,
         duration_s=options.duration_s,
         lockstep=NODE if options.lockstep else "",
-        wait_for=NODE,
+        wait_for=(NODE, "/are_recorder"),
     )
 
 

@@ -1,72 +1,145 @@
 """Lockstep: the time goes on when a node has taken everything that came before."""
 
 import time
+from collections.abc import Callable
+from functools import partial
 from typing import Any, Final
 
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
+from are_ros.conventions import NS_PER_S
 from are_ros.errors import NodeError
 from are_ros.node.message_classes import service_class
-from are_ros.recording.play_outlets import PlayOutlets
+from are_ros.recording.play_outlets import CLOCK, LARGE_BYTES, PlayOutlets
+from are_ros.replay.bag_reader import BagMessage
 
 _PATIENCE_S: Final = 60.0
 """A node may compile its kernels meanwhile."""
+_CLOCK_PATIENCE_S: Final = 5.0
 _ASK_S: Final = 0.05
+_REQUESTS: Final = 2
 
 
 class Lockstep:
     """A pace that is set by one node: as fast as it can, and always the same.
 
-    Before the time goes on, one round trip through a service that every node has acknowledges what
-    was sent: DDS delivers messages and requests of one process in their order, and an executor runs
-    the callbacks of messages before that of the request that came after them. Maps and clouds,
-    sent in fragments, are acknowledged by DDS as well (which takes too long to be done for all).
-    After the time has been told, another round trip shows that the node knows it. NodeError
-    where the node does not answer.
+    A barrier is a round trip through a service that every node has, its parameters'. Small
+    messages and requests of this process travel in one queue, in the order in which they were
+    sent. So when a request is there, all messages from before it are, also those for best-effort
+    readers. What an executor does then depends on its kind:
+
+    - rclpy's and rclcpp's single-threaded executors look at what is there, and then take of each
+      subscription *one* message, and after the subscriptions one request of each service. Between
+      looking at the subscriptions and at the services more may arrive, so that a request can be
+      answered before a message that came earlier. A barrier is therefore two requests: the second
+      is taken in a later look than the first, at which everything from before the first was
+      there. And before a second message goes out on one topic there is a barrier, since one look
+      takes one; no queue of a reader overflows then either, however short it is.
+    - rclpy's EventsExecutor takes messages and requests in the order of their arrival.
+
+    Timers that the time lets fire are due before what is sent after the barrier, as executors see
+    to timers first. A multi-threaded executor with callbacks in several groups keeps no order.
+
+    Packets of a large message may be lost and repeated, after the request. For these the
+    publisher waits until reliable readers have acknowledged them. (For every message that would
+    cost 6 ms: readers answer so late, and only when asked, which publishers do when their history
+    is full: hence its depth of one in lockstep.) Large messages to best-effort readers may be
+    lost, as always. NodeError where the node does not answer.
     """
 
     def __init__(self, node: Node, name: str, outlets: PlayOutlets, should_stop: Any) -> None:
         self._name = name if name.startswith("/") else f"/{name}"
         self._outlets = outlets
         self._should_stop = should_stop
-        self._executor = SingleThreadedExecutor(context=node.context)
-        self._executor.add_node(node)
-        kind = service_class("rcl_interfaces/srv/GetParameters")
-        self._client = node.create_client(kind, f"{self._name}/get_parameters")
-        self._request = kind.Request()
+        self._under_way: set[str] = set()
+        self._kind = service_class("rcl_interfaces/srv/GetParameters")
+        self._client = node.create_client(self._kind, f"{self._name}/get_parameters")
+        self._node = node
 
     def begin(self, now_ns: int) -> None:
-        """Wait until the node can be asked."""
+        """Wait until the node can be asked, and follows /clock."""
         del now_ns
-        waited_s = 0.0
-        while not self._client.wait_for_service(_ASK_S) and not self._should_stop():
-            waited_s += _ASK_S
-            if waited_s > _PATIENCE_S:
-                raise NodeError(f"--lockstep {self._name}: there is no such node")
+        self._await(self._client.service_is_ready, _PATIENCE_S, "there is no such node")
+        why = "it does not follow /clock: start it with use_sim_time"
+        self._await(self._follows_clock, _CLOCK_PATIENCE_S, why)
 
     def wait_until(self, now_ns: int) -> bool:
         """Wait for nothing; tell whether to go on."""
         del now_ns
         return not self._should_stop()
 
+    def wait_a_little(self) -> bool:
+        """Wait for nothing; tell whether to go on."""
+        return not self._should_stop()
+
+    def about_to_send(self, message: BagMessage) -> None:
+        """Wait until the message before this one, on its topic, was taken."""
+        if self._outlets.target(message.topic) in self._under_way:
+            self._meet()
+
+    def sent(self, message: BagMessage) -> None:
+        """Remember the message; wait until a large one has arrived."""
+        if self._outlets.has_listeners(message.topic):
+            self._under_way.add(self._outlets.target(message.topic))
+            if len(message.data) > LARGE_BYTES:
+                self._await_arrival(message.topic)
+
     def about_to_tell(self) -> None:
         """Wait until the node has taken everything."""
-        if not self._outlets.wait_for_latched(_PATIENCE_S):
-            raise NodeError(f"--lockstep {self._name}: messages were not acknowledged")
-        self._meet()
+        if self._under_way:
+            self._meet()
 
     def told(self) -> None:
         """Wait until the node knows the time."""
         self._meet()
 
-    def _meet(self) -> None:
-        if self._should_stop():
-            return
-        future = self._client.call_async(self._request)
-        deadline_s = time.monotonic() + _PATIENCE_S
-        # Not spin_until_future_complete: each of its calls leaves tasks behind for the next ones.
-        while not future.done() and not self._should_stop():
-            self._executor.spin_once(timeout_sec=_ASK_S)
+    def _await(self, is_so: Callable[[], bool], patience_s: float, why_not: str) -> None:
+        deadline_s = time.monotonic() + patience_s
+        while not self._should_stop() and not is_so():
             if time.monotonic() > deadline_s:
-                raise NodeError(f"--lockstep {self._name}: no answer for {_PATIENCE_S:.0f} s")
+                raise NodeError(f"--lockstep {self._name}: {why_not}")
+            time.sleep(_ASK_S)
+
+    def _follows_clock(self) -> bool:
+        space, _, name = self._name.rpartition("/")
+        wanted = (name, space or "/")
+        infos = self._node.get_subscriptions_info_by_topic(CLOCK)
+        return any((info.node_name, info.node_namespace) == wanted for info in infos)
+
+    def _await_arrival(self, topic: str) -> None:
+        why_not = f"{topic} was not acknowledged for {_PATIENCE_S:.0f} s"
+        arrived = partial(self._outlets.wait_until_acknowledged, topic, _ASK_S)
+        self._await(arrived, _PATIENCE_S, why_not)
+
+    def _meet(self) -> None:
+        """Pass the barrier, or return early where it is to stop."""
+        self._under_way.clear()
+        deadline_s = time.monotonic() + _PATIENCE_S
+        client = self._client.handle
+        with client, self._node.context.handle:
+            last = [client.send_request(self._kind.Request()) for _ in range(_REQUESTS)][-1]
+            while not self._should_stop():
+                answered = self._next_answer()
+                if answered is not None and answered >= last:
+                    return
+                if answered is None and time.monotonic() > deadline_s:
+                    message = f"--lockstep {self._name}: no answer for {_PATIENCE_S:.0f} s"
+                    raise NodeError(message)
+
+    def _next_answer(self) -> int | None:
+        """Return the number of the next request that was answered, None if none is soon.
+
+        By a wait set of its own: an executor would take ten times as long about it.
+        """
+        client = self._client.handle
+        wait_set = rclpy_implementation.WaitSet(0, 0, 0, 1, 0, 0, self._node.context.handle)
+        wait_set.clear_entities()
+        wait_set.add_client(client)
+        wait_set.wait(int(_ASK_S * NS_PER_S))
+        header, _ = client.take_response(self._kind.Response)
+        if header is not None:
+            return int(header.request_id.sequence_number)
+        if not self._client.service_is_ready():
+            raise NodeError(f"--lockstep {self._name}: the node is gone")
+        return None

@@ -1,7 +1,7 @@
 """What is asked of a player."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,8 +13,8 @@ class PlayOptions:
     """The options of `are play`; BagError for one that makes no sense.
 
     `topics` (empty: all) and `exclude` are names as recorded, `remaps` gives others. `clock_hz` of
-    0: no /clock. `lockstep` names the node to keep in step with, `wait_for` the node to wait for,
-    for at most `wait_s`; empty: none.
+    0: no /clock. `lockstep` names the node to keep in step with (empty: none), `wait_for` the nodes
+    to wait for, for at most `wait_s`.
     """
 
     bags: tuple[Path, ...]
@@ -27,7 +27,7 @@ class PlayOptions:
     remaps: Mapping[str, str] = field(default_factory=dict)
     clock_hz: float = 100.0
     lockstep: str = ""
-    wait_for: str = ""
+    wait_for: tuple[str, ...] = ()
     wait_s: float = 60.0
 
     def __post_init__(self) -> None:
@@ -37,6 +37,16 @@ class PlayOptions:
             raise BagError(f"--clock {self.clock_hz}: it is not a rate from 0 to 1000 Hz")
         if self.lockstep and not self.clock_hz:
             raise BagError("--lockstep needs /clock: leave --clock 0 out")
+
+    def check_topics(self, recorded: Collection[str]) -> None:
+        """Raise BagError where an option names a topic that was not recorded."""
+        known = set(map(_slashed, recorded))
+        named = {"--topics": self.topics, "--exclude": self.exclude, "--remap": self.remaps}
+        for option, topics in named.items():
+            for topic in topics:
+                if _slashed(topic) not in known:
+                    there = ", ".join(sorted(known))
+                    raise BagError(f"{option} {topic}: not in the recording, which has {there}")
 
     def is_chosen(self, topic: str) -> bool:
         """Tell whether a recorded topic is to be played."""

@@ -9,9 +9,11 @@ from rclpy.node import Node
 from are_ros.errors import NodeError
 from are_ros.recording.play_options import PlayOptions
 
-_GRACE_S: Final = 1.0
-_SETTLE_S: Final = 0.2
-"""Publisher and subscriber do not find each other at the same instant."""
+_GRACE_S: Final = 2.0
+_SHORT_GRACE_S: Final = 1.0
+_SETTLE_S: Final = 0.5
+"""Publisher and subscriber do not find each other at the same instant, and recorders look for
+topics a few times a second."""
 _ASK_S: Final = 0.05
 
 
@@ -21,29 +23,42 @@ def await_subscribers(
     options: PlayOptions,
     should_stop: Callable[[], bool],
 ) -> bool:
-    """Wait until `options.wait_for` listens, and all who are known to listen are connected.
+    """Wait until the nodes of `options` listen, and all who are known to listen are connected.
 
-    Where one cannot be connected (it asks for more than was recorded), the wait ends after a
-    second. Returns whether to go on; NodeError if the node does not listen in time.
+    They are if for half a second nobody came; where one cannot be connected (it asks for more than
+    was recorded), the wait ends after two. Returns whether to go on; NodeError if a node does not
+    listen in time.
     """
     deadline_s = time.monotonic() + options.wait_s
-    while options.wait_for and not _is_listening(node, options.wait_for, publishers):
-        if time.monotonic() > deadline_s:
-            message = f"--wait-for {options.wait_for}: it listened to nothing within"
-            raise NodeError(f"{message} {options.wait_s:g} s")
-        if should_stop():
-            return False
-        time.sleep(_ASK_S)
-    deadline_s = time.monotonic() + _GRACE_S
-    begun_s = time.monotonic()
+    for name in options.wait_for:
+        while not _is_listening(node, name, publishers):
+            if time.monotonic() > deadline_s:
+                message = f"{name} is waited for, but it listened to nothing within"
+                raise NodeError(f"{message} {options.wait_s:g} s")
+            if should_stop():
+                return False
+            time.sleep(_ASK_S)
+    return _await_connections(node, publishers, bool(options.wait_for), should_stop)
+
+
+def _await_connections(
+    node: Node,
+    publishers: Mapping[str, Any],
+    is_somebody_awaited: bool,
+    should_stop: Callable[[], bool],
+) -> bool:
+    """Wait until nobody comes any more; tell whether to go on."""
+    deadline_s = time.monotonic() + (_GRACE_S if is_somebody_awaited else _SHORT_GRACE_S)
+    connected, since_s = -1, time.monotonic()
     while time.monotonic() < deadline_s:
-        is_settled = time.monotonic() - begun_s > _SETTLE_S
         if should_stop():
             return False
-        if is_settled and options.wait_for and _are_connected(node, publishers):
-            break
+        count = sum(publisher.get_subscription_count() for publisher in publishers.values())
+        if count != connected or not _are_connected(node, publishers):
+            connected, since_s = count, time.monotonic()
+        if is_somebody_awaited and time.monotonic() - since_s > _SETTLE_S:
+            return True
         time.sleep(_ASK_S)
-    time.sleep(_SETTLE_S)
     return True
 
 

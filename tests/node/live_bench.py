@@ -103,10 +103,10 @@ class Bench:
         self.until(lambda: self.node.now_ns() == ns(t_s))
 
     def tick(self, t_s: float) -> None:
-        """Say the time, and wait until the node has nothing to do before a later time."""
+        """Say the time to an active node, and wait until only what is later is due next."""
         self.clock(t_s)
-        self.until(lambda: self._due_ns() > ns(t_s))
-        self.settle()  # the executor has turned: after a leap back, too
+        self.until(lambda: 0 < self._due_ns() - ns(t_s) <= PERIOD_NS)
+        self.settle()
 
     def settle(self) -> None:
         """Wait for what is on its way: a round trip, then until nothing comes any more."""

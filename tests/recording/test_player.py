@@ -32,7 +32,7 @@ from tests.recording.player_runs import (
 )
 from tests.ros import RosWorld
 
-FAST = {"rate": 20.0, "wait_for": LISTENER}
+FAST = {"rate": 20.0, "wait_for": (LISTENER,)}
 GRID_NS = 20_000_000
 
 
@@ -108,7 +108,7 @@ def test_who_comes_late_gets_what_was_latched(ros: RosWorld, tmp_path: Path) -> 
     records = [("/map", 0.0, "old"), ("/map", 0.05, "new"), ("/a", 0.1, "gone"), ("/a", 9.0, "x")]
     bag = write_strings(tmp_path / "late.mcap", records, latched=["/map"])
     early = listen(ros, ("/a",))
-    with playing(bag, wait_for=LISTENER), ros.spinning():
+    with playing(bag, wait_for=(LISTENER,)), ros.spinning():
         wait_for_text(early, "gone")
         late = listen(ros, ("/map", "/a"), qos=profile(is_latched=True, depth=1), name="late")
         wait_for_text(late, "new")
@@ -121,7 +121,7 @@ def test_a_recording_is_played_at_its_rate(ros: RosWorld, tmp_path: Path) -> Non
     """A second takes half of one at twice the rate, by the wall clock."""
     bag = write_strings(tmp_path / "rate.mcap", [("/a", 0.0, "first"), ("/a", 1.0, "last")])
     heard = listen(ros, ("/a",))
-    with ros.spinning(), playing(bag, rate=2.0, wait_for=LISTENER):
+    with ros.spinning(), playing(bag, rate=2.0, wait_for=(LISTENER,)):
         wait_for_text(heard, "first")
         begun_s = time.monotonic()
         wait_for_text(heard, "last")
@@ -332,7 +332,7 @@ def test_a_recording_of_ros1_plays_as_ros2(ros: RosWorld, tmp_path: Path) -> Non
         writer.write(connection, START_NS + NS_PER_S, bytes(store.serialize_ros1(point, name)))
     node = ros.make_node("listener")
     points = ros.collect(node, PointStamped, "/goal", profile(is_latched=True))
-    with ros.spinning(), playing(bag, wait_for=LISTENER):
+    with ros.spinning(), playing(bag, wait_for=(LISTENER,)):
         ros.spin_until(lambda: points)
         assert offers(node, "/goal") == [("RELIABLE", "TRANSIENT_LOCAL")]
     assert (points[0].header.frame_id, points[0].header.stamp.sec) == ("map", 7)
@@ -344,7 +344,7 @@ def test_it_stops_in_the_middle(ros: RosWorld, tmp_path: Path) -> None:
     records = [("/a", 0.0, "first"), ("/a", 100.0, "last")]
     bag = write_strings(tmp_path / "long.mcap", records)
     heard = listen(ros, ("/a",))
-    with ros.spinning(), playing(bag, wait_for=LISTENER) as run:
+    with ros.spinning(), playing(bag, wait_for=(LISTENER,)) as run:
         wait_for_text(heard, "first")
         run.stop.set()
         begun_s = time.monotonic()
@@ -358,7 +358,7 @@ def test_it_stops_in_the_middle(ros: RosWorld, tmp_path: Path) -> None:
 def test_it_stops_while_it_waits_for_a_node(ros_available: None, words: Path) -> None:
     """Nobody is there, and somebody pressed Ctrl-C: nothing is played."""
     del ros_available
-    with playing(words, wait_for="/nobody") as run:
+    with playing(words, wait_for=("/nobody",)) as run:
         time.sleep(0.3)
     assert not run.outcome.is_complete
     assert run.outcome.counts == {"/a": 0, "/b": 0}
@@ -366,7 +366,7 @@ def test_it_stops_while_it_waits_for_a_node(ros_available: None, words: Path) ->
 
 def test_it_waits_for_a_node(ros: RosWorld, words: Path) -> None:
     """A node that comes late gets the very first message."""
-    with ros.spinning(), playing(words, rate=20.0, wait_for=LISTENER):
+    with ros.spinning(), playing(words, rate=20.0, wait_for=(LISTENER,)):
         time.sleep(0.5)
         heard = listen(ros, ("/a",))
         wait_for_text(heard, "/a20")
@@ -377,14 +377,14 @@ def test_a_node_that_does_not_come_is_named(ros_available: None, words: Path) ->
     """After the time it was given, in a sentence."""
     del ros_available
     with pytest.raises(NodeError, match="/nobody") as caught:
-        played(words, wait_for="/nobody", wait_s=0.2)
+        played(words, wait_for=("/nobody",), wait_s=0.2)
     assert "\n" not in str(caught.value)
 
 
 def test_falling_behind_is_said(ros: RosWorld, words: Path) -> None:
     """By how much; and nothing is left out."""
     heard = listen(ros, ("/a",))
-    with ros.spinning(), playing(words, rate=2.0, wait_for=LISTENER) as run:
+    with ros.spinning(), playing(words, rate=2.0, wait_for=(LISTENER,)) as run:
         run.reached_ns = SlowList()
         assert run.ended.wait(20.0)
         ros.spin_until(lambda: len(heard) == 21)
