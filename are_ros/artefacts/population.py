@@ -99,6 +99,14 @@ class Population:
         self._source.set_mean_group_size(mean_group_size)
         self._source.set_rows(rows, law)
 
+    def postpone(self, by_ns: int) -> None:
+        """Let the lives that were given end so much later: time stood still for them."""
+        self._scheduled = [
+            Departure(end.time_ns + by_ns, end.artefact_id) for end in self._scheduled
+        ]
+        for end in self._scheduled:
+            self._living[end.artefact_id].departure_ns = end.time_ns
+
     def next_event_ns(self) -> int | None:
         """Return when `handle_next` has something to do [ns], None if never as things stand."""
         departure, arrival_ns = self._next_departure(), self._source.next_ns()

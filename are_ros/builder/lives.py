@@ -56,6 +56,7 @@ class Lives:
         self.population = random_population(parameters, catalogue)
         self.displaced = 0
         self.is_paused = False
+        self._paused_ns = 0
         self.goal: Footprint | None = None
         self._catalogue = catalogue
         self._parameters = parameters
@@ -110,7 +111,7 @@ class Lives:
             self.population.start(now_ns)
             self._next_step_ns = -(-now_ns // self._step_ns) * self._step_ns
         while True:
-            event_ns = self.population.next_event_ns()
+            event_ns = self._next_event_ns()
             if event_ns is not None and event_ns <= min(now_ns, self._next_step_ns):
                 self._run_event()
             elif self._next_step_ns <= now_ns:
@@ -122,7 +123,7 @@ class Lives:
     def next_due_ns(self) -> int:
         """Return when the next sub-step or event of the population is due."""
         step_ns = self._next_step_ns or 0
-        event_ns = self.population.next_event_ns()
+        event_ns = self._next_event_ns()
         return step_ns if event_ns is None else min(step_ns, event_ns)
 
     def restart(self, now_ns: int) -> None:
@@ -145,8 +146,14 @@ class Lives:
         self._say(self.population.remove(artefact_id, now_ns, cause))
 
     def pause(self, now_ns: int, *, is_paused: bool) -> None:
-        """Stop or resume arrivals, what is left of the lives drawn, and collisions."""
+        """Stop or resume arrivals, what is left of all lives, and collisions."""
+        if is_paused == self.is_paused:
+            return
         self.is_paused = is_paused
+        if is_paused:
+            self._paused_ns = now_ns
+        else:
+            self.population.postpone(max(0, now_ns - self._paused_ns))
         self._set_rates(now_ns)
 
     def reconfigure(self, parameters: Parameters, resolver: CollisionResolver, now_ns: int) -> None:
@@ -189,6 +196,9 @@ class Lives:
         if step_ns - self._last_input_ns < _IDLE_NS:
             return following_ns
         return max(following_ns, now_ns // self._step_ns * self._step_ns + self._step_ns)
+
+    def _next_event_ns(self) -> int | None:
+        return None if self.is_paused else self.population.next_event_ns()
 
     def _run_event(self) -> None:
         for event in self.population.handle_next(self._find_place):

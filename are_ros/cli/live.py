@@ -1,8 +1,10 @@
 """The commands of `are` that speak ROS 2: the node, a player, a recorder, and the demo of all."""
 
 import sys
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import click
@@ -34,12 +36,25 @@ def node(
     """
     _require_ros()
     from are_ros.node.main import main as run_node
+    from are_ros.parameters.ros_yaml import in_any_namespace
 
+    with TemporaryDirectory(prefix="ar_builder_") as folder:
+        copies = [Path(folder, f"{number}.yaml") for number in range(len(files))]
+        for path, copy in zip(files, copies, strict=True):
+            copy.write_text(in_any_namespace(path), encoding="utf-8")
+        given = _ros_words(copies, values, namespace, use_sim_time=use_sim_time)
+        sys.exit(run_node(["--ros-args", *given, "--", *ros_args]))
+
+
+def _ros_words(
+    files: Sequence[Path], values: Sequence[str], namespace: str | None, *, use_sim_time: bool
+) -> list[str]:
+    """Return the options as ROS takes them, behind --ros-args."""
     given = [word for path in files for word in ("--params-file", str(path))]
     given += [word for value in values for word in ("-p", value)]
     given += ["-r", f"__ns:=/{namespace.strip('/')}"] if namespace else []
     given += ["-p", "use_sim_time:=true"] if use_sim_time else []
-    sys.exit(run_node(["--ros-args", *given, "--", *ros_args]))
+    return given
 
 
 @click.command(short_help="Play a recording to live topics.")

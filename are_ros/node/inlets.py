@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from typing import Any, Final
 
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 
@@ -96,6 +97,7 @@ class Inlets:
         options: dict[str, Any] = {"raw": True}
         if role == _CLOUD:
             options["qos_profile"] = self._cloud_qos()
+            options["event_callbacks"] = SubscriptionEventCallbacks(incompatible_qos=_adapt_later)
         name = self._node.resolve_topic_name(topic)
         type_name = INPUTS[role].type_name
 
@@ -109,3 +111,8 @@ class Inlets:
         if self._is_cloud_latched:
             profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
         return profile
+
+
+def _adapt_later(event: Any) -> None:
+    """Warn of nothing: `follow_publishers` adapts the subscription to a publisher that differs."""
+    del event

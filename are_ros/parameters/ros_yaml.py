@@ -1,5 +1,6 @@
 """The `ros__parameters` file of node and replay, and `name:=value` of a command line."""
 
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,17 @@ def read_ros_parameters(path: Path) -> dict[str, Any]:
         if _is_for_us(str(node)):
             values.update(_flattened(_own_values(path, str(node), section)))
     return {name: value for name, value in values.items() if not _belongs_to_ros(name)}
+
+
+def in_any_namespace(path: Path) -> str:
+    """Return the text of a parameter file whose `ar_builder:` holds in every namespace.
+
+    ROS takes that line for /ar_builder alone, and would leave a node of a namespace its defaults
+    without a word. ParameterError if the file cannot be read.
+    """
+    read_ros_parameters(path)
+    text = path.read_text(encoding="utf-8")
+    return re.sub(rf"^/?{_NODE}:", f"/**/{_NODE}:", text, flags=re.MULTILINE)
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:

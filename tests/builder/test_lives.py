@@ -181,6 +181,31 @@ def test_nobody_stands_in_a_new_wall_after_the_next_sub_step(make_scene: Make) -
     assert seen > 50
 
 
+def test_nothing_goes_on_in_a_pause(make_scene: Make) -> None:
+    """Nobody arrives, no life is used up, drawn or given, and nobody is moved."""
+    scene = make_scene(BUSY)
+    scene.map(0.0)
+    scene.robot(0.0, 1.0, 2.0)
+    given = scene.place(0, (3.0, 3.0), 0.1, life_s=2.0)
+    scene.builder.advance(scene.ns(1.0))
+    lives = scene.builder.lives
+    before = {i: one.departure_ns for i, one in lives.population.living.items()}
+    assert len(before) > 1
+    lives.take_events()
+    lives.pause(scene.ns(1.0), is_paused=True)
+    scene.robot(5.0, 3.0, 3.0)
+    scene.builder.advance(scene.ns(11.0))
+    assert lives.take_events() == []
+    scene.robot(11.0, 1.0, 2.0)
+    lives.pause(scene.ns(11.0), is_paused=False)
+    after = {i: one.departure_ns for i, one in lives.population.living.items()}
+    assert after.keys() == before.keys()
+    assert all(abs(after[i] - before[i] - scene.ns(10.0) + scene.ns(0.0)) <= 2 for i in before)
+    scene.builder.advance(scene.ns(20.0))
+    ends = {event.artefact_id: event.stamp_ns for event in lives.take_events()}
+    assert ends[given] == scene.ns(12.1)
+
+
 def test_nobody_arrives_at_the_robots_goal(make_scene: Make) -> None:
     """Where its plan ends the robot's clearance is kept, until there is no plan."""
     scene = make_scene(BUSY | {"population.mean_life": 0.1, "robot.clearance": 0.8})

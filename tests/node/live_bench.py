@@ -128,7 +128,7 @@ class Bench:
         topic = topic or INPUTS[role].topic or f"{self._space}/{role}"
         if topic not in self.publishers:
             kind = message_class(INPUTS[role].type_name)
-            made = self.user.create_publisher(kind, topic, qos or input_qos(role))
+            made = self.user.create_publisher(kind, topic, qos or _usual_qos(role))
             self.publishers[topic] = made
             self.until(made.get_subscription_count)
             subscriptions = self.node._inlets._subscriptions if self.node._inlets else {}
@@ -241,6 +241,11 @@ class Bench:
 def stamp_ns(message: Any) -> int:
     """Return the stamp of a message's header."""
     return int(message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec)
+
+
+def _usual_qos(role: str) -> QoSProfile:
+    """Return how an input is usually published: a cloud of voxels is latched."""
+    return LATCHED if role == "octomap_point_cloud_centers" else input_qos(role)
 
 
 def _parameters(values: Mapping[str, Any]) -> list[Any]:

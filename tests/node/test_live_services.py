@@ -200,11 +200,7 @@ def stamp_in(event: Any, begin_s: float) -> int:
     "life",
     [
         pytest.param(life_of(0.0), id="drawn"),
-        pytest.param(
-            life_of(3.0),
-            id="given",
-            marks=pytest.mark.xfail(reason="Lives.pause does not stop the lives that were given"),
-        ),
+        pytest.param(life_of(3.0), id="given"),
     ],
 )
 def test_a_pause_does_not_count(bench: Bench, life: Any) -> None:

@@ -11,6 +11,7 @@ from are_ros.errors import ParameterError
 from are_ros.parameters.declaration import Description, describe, flatten, with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import (
+    in_any_namespace,
     parse_assignment,
     read_ros_parameters,
     write_ros_parameters,
@@ -137,3 +138,15 @@ def test_what_is_written_is_read_back(
     path = tmp_path_factory.getbasetemp() / "written.yaml"
     path.write_text(write_ros_parameters(parameters), encoding="utf-8")
     assert flatten(with_values(Parameters(), read_ros_parameters(path))) == flatten(parameters)
+
+
+def test_a_file_for_one_node_holds_in_every_namespace(tmp_path: Path) -> None:
+    """What ROS would take for /ar_builder alone; other lines stay as they are."""
+    path = tmp_path / "my.yaml"
+    path.write_text("# mine\nar_builder:\n  ros__parameters:\n    seed: 3\n", encoding="utf-8")
+    text = in_any_namespace(path)
+    assert text == "# mine\n/**/ar_builder:\n  ros__parameters:\n    seed: 3\n"
+    path.write_text(text, encoding="utf-8")
+    assert read_ros_parameters(path) == {"seed": 3}
+    with pytest.raises(ParameterError, match=r"none\.yaml"):
+        in_any_namespace(tmp_path / "none.yaml")

@@ -102,7 +102,7 @@ CASES = (
     (("replay", "no_tf"), "the robot's pose in the map was never known"),
     (("inspect", "none.mcap"), "none.mcap: there is no such file or folder"),
     (("inspect", "cut.mcap"), "cut.mcap: it ends too early"),
-    (("check", "none"), "none: there is no augmented.mcap to check"),
+    (("check", "none"), "none: there is no such file or folder"),
     # windows and frames
     (("replay", "good.mcap", "--start", "1e4"), "--start 10000: the recording is 60.0 s long"),
     (("replay", "good.mcap", "--duration", "0"), "--duration 0: the recording is 60.0 s long"),

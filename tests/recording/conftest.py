@@ -1,0 +1,39 @@
+"""Fixtures of the live tests: runs that several modules look at, made once."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.recording.live_runs import made_once, replay_of, run_demo
+
+PLAYED_S = 15
+
+
+@pytest.fixture(scope="session")
+def lockstep_run(ros_available: None, tmp_path_factory: pytest.TempPathFactory) -> Path:  # noqa: ARG001
+    """Return the results of `are demo --lockstep` on the first seconds of the sample."""
+    return made_once(
+        tmp_path_factory,
+        "demo_in_lockstep",
+        lambda folder: run_demo(folder, "--lockstep", "--duration", PLAYED_S),
+    )
+
+
+@pytest.fixture(scope="session")
+def free_run(ros_available: None, tmp_path_factory: pytest.TempPathFactory) -> Path:  # noqa: ARG001
+    """Return the results of `are demo` on the same seconds, at a rate and with no lockstep."""
+    return made_once(
+        tmp_path_factory,
+        "demo_at_a_rate",
+        lambda folder: run_demo(folder, "--rate", 3, "--duration", PLAYED_S),
+    )
+
+
+@pytest.fixture(scope="session")
+def replayed(lockstep_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the results of a replay of the same seconds with the same parameters."""
+    return made_once(
+        tmp_path_factory,
+        "demo_replayed",
+        lambda folder: replay_of(lockstep_run, folder, PLAYED_S),
+    )
