@@ -154,6 +154,14 @@ class Reality:
         if self.parameters.camera.model is CameraModel.AUTO:
             self.camera = None
 
+    def use_default_camera(self) -> str:
+        """Look through the parameters' camera until a CameraInfo comes; return what to say."""
+        self.camera, camera = assembly.default_camera(self.parameters), self.parameters.camera
+        return (
+            f"a pinhole of {camera.width}x{camera.height} pixels on the base, "
+            f"{camera.mount[2]:g} m up, stands in for it (parameters camera.*)"
+        )
+
     def scan_counts(self) -> Mapping[str, SensorPathCounts]:
         """Return how the scans of each topic have left so far."""
         return self._scans.counts()

@@ -26,6 +26,7 @@ from are_ros.parameters.model import Parameters
 
 NAME: Final = "ar_builder"
 _REPORT_S: Final = 1.0
+_NO_CAMERA_S: Final = 3.0
 _MOST_SENTENCES: Final = 1000
 _LEAPS: Final = JumpThreshold(
     min_forward=Duration(seconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
@@ -57,6 +58,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         )
         self._requests = Services(self, self._active_live, self.now_ns, self._set_paused)
         self._reporter = Reporter(self)
+        self._cameraless_s = 0.0
         self._timer = self.create_timer(_REPORT_S, self._work)
         self._timer.cancel()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -200,10 +202,19 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         """Once a second: follow the publishers, drain what waits, say how the node does."""
         if self.live is not None and self._inlets is not None:
             self._inlets.follow_publishers()
+            self._look_for_camera(self.live, self._inlets)
             self._work()
             for notice in self.live.take_notices():
                 self._say(notice)
         self._reporter.report(self.live, self._inlets, monotonic_ns(), is_paused=self._is_paused)
+
+    def _look_for_camera(self, live: LiveBuilder, inlets: Inlets) -> None:
+        """Let the default camera stand in, when for some seconds nobody offered to tell another."""
+        is_missing = self._is_active and live.builder.camera is None
+        is_missing = is_missing and not inlets.is_offered("camera/camera_info")
+        self._cameraless_s = self._cameraless_s + _REPORT_S if is_missing else 0.0
+        if self._cameraless_s >= _NO_CAMERA_S:
+            self._say(f"nobody publishes CameraInfo: {live.builder.use_default_camera()}")
 
     def _active_live(self) -> LiveBuilder | None:
         return self.live if self._is_active else None

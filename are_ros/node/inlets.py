@@ -51,6 +51,11 @@ class Inlets:
         """The full names of the scans' topics, in their order."""
         return [topic for topic, role in self.roles.items() if role == "scan"]
 
+    def is_offered(self, role: str) -> bool:
+        """Tell whether anybody publishes the input of a role."""
+        topics = [topic for topic, its_role in self.roles.items() if its_role == role]
+        return any(self._node.count_publishers(topic) for topic in topics)
+
     def follow_publishers(self) -> None:
         """Subscribe to the cloud anew if its publishers offer it otherwise than was asked for."""
         topic = next((topic for topic, role in self.roles.items() if role == _CLOUD), None)

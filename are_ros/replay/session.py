@@ -75,6 +75,8 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 say(sentence)
             if "camera/camera_info" in replay.role_of_topic.values():
                 builder.await_camera()
+            elif options.parameters.camera.model is CameraModel.AUTO:
+                say(f"no camera in the recording: {builder.use_default_camera()}")
             with said_if_slow(say, "preparing the kernels (half a minute the first time)"):
                 warm_up(catalogue)
             files.feed(builder, replay.start_ns)
@@ -111,12 +113,6 @@ def _say_what_is_missing(options: ReplayOptions, roles: RolesFound, say: Say) ->
     if roles.topic("map") is None and options.map_file is None:
         raise BagError(
             "the recording has no map (nav_msgs/OccupancyGrid): give one with --map FILE.yaml"
-        )
-    camera = options.parameters.camera
-    if roles.topic("camera/camera_info") is None and camera.model is CameraModel.AUTO:
-        say(
-            f"no camera in the recording: a pinhole of {camera.width}x{camera.height} pixels on "
-            f"the base, {camera.mount[2]:g} m up, stands in for it (parameters camera.*)"
         )
 
 

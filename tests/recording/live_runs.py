@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,7 +27,7 @@ START_NS = 1_700_000_000 * NS_PER_S
 PREFIX = "/ar_builder/"
 MANY = (
     *("--set", "population.arrival_rate:=0.03", "--set", "population.mean_life:=5"),
-    *("--set", "collisions.on_robot_contact:=displace", "--seed", "8"),
+    *("--set", "collisions.on_robot_contact:=displace", "--seed", "9"),
 )
 """Many short lives, so that seconds hold all that can happen to them."""
 _SAID = "said.txt"
@@ -94,6 +95,7 @@ def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path],
     return folder
 
 
+@cache
 def outputs_of(folder: Path) -> dict[str, list[Sent]]:
     """Return the messages of each output, in their order."""
     found: dict[str, list[Sent]] = defaultdict(list)

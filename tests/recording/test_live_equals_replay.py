@@ -27,7 +27,7 @@ OUTPUTS = {
 }
 HAPPENED = {
     *(EventKind.ARRIVED, EventKind.DEPARTED, EventKind.DISPLACED),
-    *(EventKind.PERCEIVED, EventKind.LOST),
+    *(EventKind.PERCEIVED, EventKind.LOST, EventKind.ROBOT_CONTACT),
 }
 
 Outputs = Mapping[str, list[Sent]]
@@ -49,7 +49,7 @@ def assert_equal(live: Outputs, replayed: Outputs, end_ns: int) -> None:
 
 
 def test_in_lockstep_every_message_is_the_replay_s(lockstep_run: Path, replayed: Path) -> None:
-    """All outputs, to the byte, while artefacts come, go, are seen, lost and displaced."""
+    """All outputs, to the byte, while artefacts come, go, are seen, lost and driven into."""
     live, expected = outputs_of(lockstep_run), outputs_of(replayed)
     assert {event.kind for event in events_of(expected)} >= HAPPENED
     assert len(fates_of(expected)) > 20
@@ -93,10 +93,10 @@ def test_the_whole_sample_in_lockstep_is_the_replay_s(
     ros_available: None,  # noqa: ARG001 - it skips
     tmp_path: Path,
 ) -> None:
-    """A minute, to the byte, robot contacts among them."""
+    """A minute of it, to the byte."""
     run_demo(tmp_path / "live", "--lockstep", timeout_s=300.0)
     replay_of(tmp_path / "live", tmp_path / "replay", None)
     live, expected = outputs_of(tmp_path / "live"), outputs_of(tmp_path / "replay")
-    assert EventKind.ROBOT_CONTACT in {event.kind for event in events_of(expected)}
+    assert {event.kind for event in events_of(expected)} >= HAPPENED
     last_ns = stamp_ns_of(expected["artefacts"][-1].message)
     assert_equal(live, expected, last_ns)
