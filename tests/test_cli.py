@@ -76,6 +76,14 @@ def test_version_is_the_package_s() -> None:
         (("replay", "a.bag", "--start", "-1"), ("'--start'", "not in the range")),
         (("replay", "a.bag", "--duration", "inf"), ("'--duration'", "not in the range")),
         (("replay", "a.bag", "--duration", "1e300"), ("'--duration'", "not in the range")),
+        (("play",), ("BAG...", "(see `are play --help`)")),
+        (("play", "a.bag", "--rate", "0"), ("'--rate'", "not in the range")),
+        (("play", "a.bag", "--clock", "1001"), ("'--clock'", "not in the range")),
+        (("play", "a.bag", "--duration", "nan"), ("'--duration': 'nan' is not a number",)),
+        (("record",), ("OUT", "(see `are record --help`)")),
+        (("record", "a", "b"), ("(b)", "(see `are record --help`)")),
+        (("demo", "--rate", "x"), ("'--rate'", "(see `are demo --help`)")),
+        (("node", "--params"), ("Option '--params' requires an argument",)),
     ],
 )
 def test_wrong_usage_is_one_sentence(
@@ -184,6 +192,61 @@ def test_a_process_of_its_own_says_one_sentence(
     assert "Traceback" not in done.stderr
     assert sum(line.startswith("are: ") for line in done.stderr.splitlines()) == 1
     assert list(tmp_path.glob("out/*")) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("play", "none.mcap"), "none.mcap: there is no such file or folder"),
+        (("play", SAMPLE, "--remap", "/scan"), "--remap /scan: it must be /FROM:=/TO"),
+        (("play", SAMPLE, "--clock", 0, "--lockstep", "a"), "--lockstep needs /clock"),
+        (("record", "none.db3"), "none.db3: a recording is an .mcap file, or a folder"),
+        (("record", SAMPLE), "exists already; choose another name, or --overwrite"),
+        (("demo", "none.mcap"), "none.mcap: there is no such file or folder"),
+    ],
+)
+def test_live_commands_say_one_sentence(
+    ros_available: None, words: tuple[object, ...], sentence: str
+) -> None:
+    """Status 1, and one line on stderr: files that are not there, or are, and odd wishes."""
+    del ros_available
+    done = run_process(*words)
+    assert (done.returncode, done.stdout) == (1, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("are: ")
+    assert sentence in line
+
+
+def test_live_commands_need_ros(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where rclpy is missing, each says so, and what works without."""
+    monkeypatch.setattr("are_ros.cli.live.find_spec", lambda _: None)
+    for words in (("node",), ("play", str(SAMPLE)), ("record", "a.mcap"), ("demo",)):
+        assert end_of(monkeypatch, *words) == 1
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith("are: rclpy is not installed")
+        assert "are replay" in line
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--set", "population.mean_life:=-1"), "'population.mean_life': -1.0 is below 0.001 s"),
+        (("--set", "nix:=1"), "parameter 'nix': there is no such parameter"),
+        (("--params", "none.yaml"), "none.yaml"),
+        (("--set", "nonsense"), "nonsense"),
+    ],
+)
+def test_the_node_ends_at_a_bad_parameter(
+    ros_available: None, words: tuple[str, ...], sentence: str
+) -> None:
+    """Status 1 and a sentence, without a traceback."""
+    del ros_available
+    done = run_process("node", *words)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert sentence in done.stderr.splitlines()[-1]
 
 
 def test_a_process_of_its_own_replays(tmp_path: Path) -> None:

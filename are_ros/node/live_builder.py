@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Container, Mapping, Sequence
-from time import perf_counter_ns
+from time import monotonic_ns
 from typing import Final, NamedTuple, Protocol
 
 from are_ros.artefacts.catalogue import Catalogue
@@ -27,6 +27,8 @@ from are_ros.world.rigid_transform import RigidTransform
 _BACKLOG_NS: Final = NS_PER_S
 """Ticks that are later than this are left out: the machine cannot keep up, or time leapt."""
 _LATCHED: Final = ("map", "octomap_point_cloud_centers", "tf_static")
+_COSTLY: Final = ("map", "octomap_point_cloud_centers")
+"""What takes long to take in is taken at once, so that no tick has to wait for it."""
 _MOVING: Final = ("tf", "odom", "tf_static")
 _SIGHTS: Final = ("perceived", "events", "metrics", "markers")
 """The outputs that tell who is perceived."""
@@ -97,7 +99,7 @@ class LiveBuilder:
         if has_time or role in _LATCHED:
             self._stored.append(_Stored(message, received_ns))
         is_awaited = role in _MOVING and self.builder.next_deadline_ns() is not None
-        return self.is_running and (role == "scan" or is_awaited)
+        return self.is_running and (role == "scan" or role in _COSTLY or is_awaited)
 
     def work(self, now_ns: int) -> None:
         """Take what was stored, run the ticks that are due, release the scans that must go."""
@@ -163,6 +165,8 @@ class LiveBuilder:
             self._click(message, received_ns)
         elif sentence := self._feed.take(message, received_ns):
             self._refused(message.topic, sentence)
+        if self._roles[message.topic] in _COSTLY:
+            self.builder.prepare()
         self._send_scans()
 
     def _click(self, message: RawMessage, received_ns: int) -> None:
@@ -205,14 +209,14 @@ class LiveBuilder:
             self._run_tick(tick_ns, until_ns - tick_ns)
 
     def _run_tick(self, tick_ns: int, late_ns: int) -> None:
-        began_ns = perf_counter_ns()
+        began_ns = monotonic_ns()
         wanted = self._outlet.wanted()
         self.builder.demand = self._encoder.demand = self._demand(wanted)
         tick = self.builder.step(tick_ns)
         self._events += tick.events
         self._send_tick(tick, wanted)
         self._send_scans()
-        ended_ns = perf_counter_ns()
+        ended_ns = monotonic_ns()
         self.watch.ran(ended_ns, ended_ns - began_ns, late_ns)
 
     def _demand(self, wanted: Container[str]) -> Demand:

@@ -144,4 +144,6 @@ class Reporter:
 def _camera_problem(builder: ArBuilder) -> str:
     if builder.camera is None:
         return "no CameraInfo came yet"
+    if builder.world.environment is None:
+        return "there is no map yet"
     return builder.robots.camera_missing

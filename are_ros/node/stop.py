@@ -29,11 +29,14 @@ class Stop:
 
 @contextmanager
 def stop_on_signals() -> Iterator[Stop]:
-    """Give out what signals set while the block runs; for the main thread."""
+    """Give out what signals set while the block runs; for the main thread.
+
+    After a signal later ones are ignored for good: who ends already need not be told again.
+    """
     stop = Stop()
     before = {number: signal.signal(number, stop) for number in _SIGNALS}
     try:
         yield stop
     finally:
         for number, previous in before.items():
-            signal.signal(number, previous)
+            signal.signal(number, signal.SIG_IGN if stop.is_set else previous)

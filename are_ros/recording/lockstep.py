@@ -73,6 +73,9 @@ class Lockstep:
         """Wait for nothing; tell whether to go on."""
         return not self._should_stop()
 
+    def rest(self) -> None:
+        """Do nothing: the node takes what it takes before the time goes on."""
+
     def about_to_send(self, message: BagMessage) -> None:
         """Wait until the message before this one, on its topic, was taken."""
         if self._outlets.target(message.topic) in self._under_way:

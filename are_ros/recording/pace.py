@@ -8,6 +8,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.replay.bag_reader import BagMessage
 
 _ASK_S: Final = 0.05
+_REST_S: Final = 0.5
 _APART_S: Final = 0.001
 """So long between the messages from before the start: a reader's queue is short."""
 
@@ -25,6 +26,9 @@ class Pace(Protocol):
 
     def wait_a_little(self) -> bool:
         """Wait between messages that count as sent at the same time; False as above."""
+
+    def rest(self) -> None:
+        """Let those who got the map of the start take it in."""
 
     def about_to_send(self, message: BagMessage) -> None:
         """Get ready for a message."""
@@ -70,6 +74,10 @@ class Lifelike:
         """Sleep for as long as a reader takes for a message; tell whether to go on."""
         time.sleep(_APART_S)
         return not self._should_stop()
+
+    def rest(self) -> None:
+        """Sleep for a moment: what comes while a map is taken in would count as come later."""
+        time.sleep(_REST_S)
 
     def about_to_send(self, message: BagMessage) -> None:
         """Do nothing."""

@@ -96,6 +96,7 @@ def _play_once(
                 return False
             if not has_begun:
                 outlets.wait_for_latched(_LATCHED_S)
+                pace.rest()
                 pace.begin(clock_ns)
                 has_begun = True
             _tell(clock_ns, teller, pace)

@@ -23,7 +23,6 @@ from are_ros.replay.output_folder import AUGMENTED
 from are_ros.replay.session import run_replay
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample_office.mcap"
-START_NS = 1_700_000_000 * NS_PER_S
 PREFIX = "/ar_builder/"
 MANY = (
     *("--set", "population.arrival_rate:=0.03", "--set", "population.mean_life:=5"),

@@ -47,13 +47,15 @@ def test_play_says_what_it_played(ros_available: None, tmp_path: Path) -> None:
 
 
 def test_record_says_what_it_recorded(ros_available: None, tmp_path: Path) -> None:
-    """When it is ready, and in the end how many of each topic, and the file."""
+    """When it is ready, and the file; False where a topic that was asked for is not in it."""
     del ros_available
     from are_ros.recording.commands import record_command
 
     said: list[str] = []
     path = tmp_path / "nothing.mcap"
-    assert record_command(said.append, path=path, topics=("/nobody_sends_this",), duration_s=0.2)
-    assert said[0] == "recording; Ctrl-C ends it"
-    assert said[-1] == f"{path}: 0.0 MB"
+    assert record_command(said.append, path=path, topics=("/nobody*",), duration_s=0.2)
+    assert said == ["recording; Ctrl-C ends it", f"{path}: 0.0 MB"]
     assert path.is_file()
+    named = {"path": path, "topics": ("/nobody",), "duration_s": 0.2}
+    assert not record_command(said.append, **named, overwrite=True)
+    assert "/nobody is not recorded: nobody published it" in said

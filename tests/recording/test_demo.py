@@ -118,7 +118,7 @@ def write_renamed(path: Path, duration_s: float) -> Path:
 def test_a_node_that_ends_early_is_one_sentence(ros_available: None, tmp_path: Path) -> None:
     """It repeats the node's last line; nothing goes on running or waiting."""
     del ros_available
-    words = ("--set", f"catalogue.file:={tmp_path / 'none.yaml'}", "--out", tmp_path / "out")
+    words = ("--set", f"catalogue:={tmp_path / 'none.yaml'}", "--out", tmp_path / "out")
     done = run_are("demo", SAMPLE, *words, timeout_s=60.0)
     assert done.returncode == 1
     assert "Traceback" not in done.stderr

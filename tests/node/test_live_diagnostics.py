@@ -1,0 +1,251 @@
+"""What the running node says of itself on /diagnostics, and inputs that stop and come back."""
+
+from collections.abc import Callable
+from time import monotonic_ns
+from typing import Any, Final
+
+import pytest
+
+from tests.ros import NOT_SET_UP
+
+pytest.importorskip("rclpy", reason=NOT_SET_UP)
+
+from tests.node.live_bench import Bench
+from tests.node.live_scene import cloud, laser_mount, ns, pose_at, robot_at, room, scan, wall_voxels
+
+MakeBench = Callable[..., Bench]
+Later = Callable[[float], None]
+OK, WARN, ERROR, STALE = b"\0", b"\1", b"\2", b"\3"
+CLOUD: Final = "octomap_point_cloud_centers"
+
+
+@pytest.fixture
+def later(monkeypatch: pytest.MonkeyPatch) -> Later:
+    """Return what puts the clock that never jumps forward by some seconds."""
+    ahead_ns = 0
+
+    def now_ns() -> int:
+        return monotonic_ns() + ahead_ns
+
+    def put_forward(seconds: float) -> None:
+        nonlocal ahead_ns
+        ahead_ns += ns(seconds)
+
+    for module in ("ar_builder_node", "live_builder"):
+        monkeypatch.setattr(f"are_ros.node.{module}.monotonic_ns", now_ns)
+    return put_forward
+
+
+def said(bench: Bench, name: str) -> tuple[bytes, str]:
+    """Return level and message of a line of the diagnostics."""
+    status = bench.report()[name]
+    return status.level, status.message
+
+
+def step(bench: Bench, t_s: float, x: float = 1.0) -> None:
+    """Let the robot say where it is, and the time go on to a tick."""
+    bench.send("tf", robot_at(t_s - 0.05, x=x))
+    bench.tick(t_s)
+
+
+@pytest.fixture
+def bench(make_bench: MakeBench, later: Later) -> Bench:  # noqa: ARG001 - it comes first
+    """Return an active node at 1000.1 s: the room, and the robot in it."""
+    made = make_bench({}, "configure", "activate")
+    made.clock(1000.0)
+    made.send("tf_static", laser_mount())
+    made.send("map", room())
+    step(made, 1000.1)
+    return made
+
+
+def test_each_state_has_its_lines(make_bench: MakeBench) -> None:
+    """Unconfigured there is no input, inactive nothing to tick."""
+    bench = make_bench()
+    assert said(bench, "state") == (OK, "unconfigured: nothing is received and nothing published")
+    assert [*bench.report()] == ["state", "clock"]
+    bench.change_state("configure")
+    assert said(bench, "state") == (OK, "inactive: the real map is relayed")
+    inactive = {*bench.report()} - {"state", "clock"}
+    assert inactive == {name for name in inactive if name.startswith("inputs/")}
+    assert len(inactive) == 9
+    bench.change_state("activate")
+    assert said(bench, "state") == (OK, "active")
+    lines = {"frames/robot", "frames/camera", "cloud", "ticks", "population", "robot contact"}
+    assert {*bench.report()} == {"state", "clock"} | inactive | lines
+
+
+def test_it_comes_once_a_second_by_itself(make_bench: MakeBench) -> None:
+    """With the node's name, and a stamp of its clock."""
+    bench = make_bench({}, "configure")
+    bench.clock(1000.0)
+    bench.report()
+    assert bench._reports is not None
+    bench._reports.clear()
+    bench.turn_for(2.3)
+    assert len(bench._reports) in {2, 3}
+    message = bench._reports[-1]
+    assert message.header.stamp.sec == 1000
+    assert all(status.name.startswith("ar_builder: ") for status in message.status)
+
+
+def test_what_is_missing_is_an_error_after_a_while(make_bench: MakeBench, later: Later) -> None:
+    """Not before five seconds; each line says what to look at."""
+    bench = make_bench({}, "configure", "activate")
+    bench.tick(1000.0)
+    bench.tick(1000.1)
+    for name in ("inputs/map", "frames/robot", "frames/camera"):
+        assert said(bench, name)[0] == OK, name
+    assert said(bench, "clock") == (OK, "the time of /clock")
+    later(5.5)
+    level, message = said(bench, "inputs/map")
+    assert level == ERROR
+    assert message.endswith("nobody publishes /map")
+    assert said(bench, "frames/robot")[0] == ERROR
+    assert said(bench, "frames/camera")[0] == WARN
+    assert said(bench, "inputs/scan") == (OK, "no message yet; the node works without")
+    bench.send("map", room())
+    step(bench, 1000.2)
+    bench.listen("perceived")
+    step(bench, 1000.3)
+    for name in ("inputs/map", "frames/robot", "frames/camera"):
+        assert said(bench, name)[0] == OK, name
+
+
+def test_a_map_of_which_none_is_of_use_is_an_error(make_bench: MakeBench) -> None:
+    """The reason of the last refusal is given."""
+    bench = make_bench({}, "configure", "activate")
+    bench.clock(1000.0)
+    bench.send("map", room(frame_id="odom"))
+    level, message = said(bench, "inputs/map")
+    assert level == ERROR
+    assert message == (
+        "1 message, none of use; the last: /map: its frame is 'odom', but frames.map is 'map'"
+    )
+
+
+def test_without_a_clock_that_is_said(make_bench: MakeBench) -> None:
+    """And the scans go on as they came."""
+    bench = make_bench({}, "configure", "activate")
+    assert said(bench, "clock") == (
+        ERROR,
+        "use_sim_time is true, but nothing came on /clock: the time stands still",
+    )
+
+
+def test_transforms_that_stop_and_come_back(bench: Bench, later: Later) -> None:
+    """Nothing is perceived meanwhile, and it is said; then it is as before."""
+    perceived = bench.listen("perceived")
+    spawned = bench.spawn(pose_at(2.5, 2.0), label="post")
+    step(bench, 1000.2)
+    step(bench, 1000.3)
+    assert [one.id for one in perceived[-1].artefacts] == [spawned.id]
+    assert said(bench, "inputs/tf")[0] == OK
+    bench.tick(1001.1)
+    assert perceived[-1].artefacts == []
+    later(6.0)
+    bench.tick(1001.2)
+    level, message = said(bench, "frames/robot")
+    assert level == ERROR
+    assert "from 'base_link' to 'map' is 0.950 s old" in message
+    assert said(bench, "frames/camera")[0] == WARN
+    level, message = said(bench, "inputs/tf")
+    assert level == STALE
+    assert message.startswith("it has stopped: it came at ")
+    step(bench, 1001.3)
+    assert [one.id for one in perceived[-1].artefacts] == [spawned.id]
+    for name in ("frames/robot", "frames/camera", "inputs/tf"):
+        assert said(bench, name)[0] == OK, name
+
+
+def test_scans_that_stop_and_come_back(bench: Bench, later: Later) -> None:
+    """It is said while they are away; then they are augmented as before."""
+    scans = bench.listen("scan", "sensor_msgs/msg/LaserScan")
+    assert bench.spawn(pose_at(2.5, 2.0), label="post").success
+    for index in range(3):
+        bench.send("tf", robot_at(1000.2 + 0.1 * index))
+        bench.send("scan", scan(1000.2 + 0.1 * index))
+        bench.tick(1000.2 + 0.1 * index)
+    assert len(scans) == 3
+    later(4.0)
+    assert said(bench, "inputs/scan")[0] == STALE
+    bench.send("tf", robot_at(1004.0))
+    bench.send("scan", scan(1004.0))
+    bench.tick(1004.1)
+    assert said(bench, "inputs/scan")[0] == OK
+    assert min(scans[-1].ranges) == pytest.approx(1.3, abs=0.01)
+
+
+def test_scans_without_a_transform_are_said(bench: Bench) -> None:
+    """They go on as they came, and the reason is given."""
+    scans = bench.listen("scan", "sensor_msgs/msg/LaserScan")
+    bench.send("scan", scan(1000.15, frame_id="roof_laser"))
+    step(bench, 1000.3)
+    assert [message.header.frame_id for message in scans] == ["roof_laser"]
+    level, message = said(bench, "scans/scan")
+    assert level == WARN
+    assert message.startswith("1 scan without artefacts in the last 10 s: ")
+    assert "'roof_laser'" in message
+
+
+def test_a_cloud_that_waits_for_its_frame_is_said(bench: Bench) -> None:
+    """Until the frame is known."""
+    bench.send(CLOUD, cloud(wall_voxels(), frame_id="base_link"))
+    bench.send(CLOUD, cloud(wall_voxels(), frame_id="tower"))
+    step(bench, 1000.2)
+    level, message = said(bench, "cloud")
+    assert level == WARN
+    assert message.endswith("nothing joins its frame 'tower' to the map")
+    bench.send(CLOUD, cloud(wall_voxels()))
+    step(bench, 1000.3)
+    assert said(bench, "cloud") == (OK, "no cloud waits")
+
+
+def test_ticks_that_stop_are_stale(bench: Bench, later: Later) -> None:
+    """As when a recording is paused; but not while the node itself is."""
+    assert said(bench, "ticks")[0] == OK
+    later(2.0)
+    level, message = said(bench, "ticks")
+    assert level == STALE
+    assert message.startswith("the last tick was 2.")
+    bench.pause(is_paused=True)
+    assert said(bench, "ticks")[0] == OK
+    assert said(bench, "state") == (OK, "paused: the real map is relayed")
+    bench.pause(is_paused=False)
+    step(bench, 1000.2)
+    assert said(bench, "ticks")[0] == OK
+
+
+def test_a_crowd_that_finds_no_place_is_said(bench: Bench) -> None:
+    """With what would help."""
+    assert bench.set_together(population__max_alive=1, population__arrival_rate=2.0) == ""
+    step(bench, 1000.9)
+    assert bench.set(population__arrival_rate=0.0) == ""
+    level, message = said(bench, "population")
+    assert level == WARN
+    assert "found no place: fewer (population.arrival_rate)" in message
+    values = {pair.key: pair.value for pair in bench.report()["population"].values}
+    assert values["alive"] == "1"
+    assert int(values["blocked"]) > 3
+
+
+def test_a_contact_with_the_robot_is_said_for_a_while(bench: Bench, later: Later) -> None:
+    """With who it was and how deep; the artefact holds its place live."""
+    lists = bench.listen("artefacts")
+    spawned = bench.spawn(pose_at(1.6, 2.0), label="post")
+    step(bench, 1000.2)
+    step(bench, 1000.3, x=1.3)
+    level, message = said(bench, "robot contact")
+    assert level == WARN
+    assert message.startswith(f"the robot has touched post {spawned.id}, 0.10 m deep, 0.")
+    assert lists[-1].artefacts[0].ground_pose.position.x == pytest.approx(1.6)
+    later(6.0)
+    assert said(bench, "robot contact") == (OK, "1 contact")
+
+
+def test_nothing_to_complain_of(bench: Bench) -> None:
+    """With all inputs there every line is OK."""
+    bench.listen("perceived")
+    step(bench, 1000.2)
+    levels: dict[str, Any] = {name: status.level for name, status in bench.report().items()}
+    assert {name for name, level in levels.items() if level != OK} == set()

@@ -1,0 +1,253 @@
+"""The process of the node: how it ends at a signal, and what it says of bad arguments."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from queue import Queue
+from threading import Thread
+from typing import Any
+
+import pytest
+
+from tests.ros import NOT_SET_UP, RosWorld
+
+pytest.importorskip("rclpy", reason=NOT_SET_UP)
+
+from are_ros.messages.tick_encoding import OUTPUTS
+from are_ros.node.main import main
+from are_ros.node.message_classes import message_class, service_class
+from are_ros.node.qos import input_qos, output_qos
+from tests.node.live_bench import DELETE_ALL
+from tests.node.live_scene import FACTORY, QUIET, pose_at, robot_at, room
+
+Start = Callable[..., "Process"]
+PROGRAM = (
+    "print('up', file=sys.stderr, flush=True); from are_ros.node.main import main; "
+    "sys.exit(main(sys.argv[1:]))"
+)
+READY, PREPARING = "active: artefacts arrive", "preparing the kernels"
+SOON_S = 3.0
+"""So long after a signal the process has ended."""
+
+
+class Process:
+    """A node in a process of its own, and what it writes on stderr."""
+
+    def __init__(self, arguments: Sequence[str], environment: dict[str, str]) -> None:
+        self._popen = subprocess.Popen(
+            [sys.executable, "-c", f"import sys; {PROGRAM}", *arguments],
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment,
+        )
+        self.said: list[str] = []
+        self._lines: Queue[str] = Queue()
+        Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        assert self._popen.stderr is not None
+        with self._popen.stderr as lines:
+            for line in lines:
+                self._lines.put(line)
+
+    def wait_for(self, sentence: str, timeout_s: float = 60.0) -> None:
+        """Wait until it writes a sentence."""
+        while not any(sentence in line for line in self.said):
+            self.said.append(self._lines.get(timeout=timeout_s))
+
+    def signal(self, number: int) -> None:
+        """Send a signal."""
+        self._popen.send_signal(number)
+
+    def end(self, timeout_s: float = 60.0) -> int:
+        """Wait for its end, and return the exit status; it has left no traceback."""
+        status = self._popen.wait(timeout_s)
+        time.sleep(0.05)  # the reader gets the rest
+        while not self._lines.empty():
+            self.said.append(self._lines.get())
+        complaints = [line for line in self.said if "Traceback" in line or "ignored" in line]
+        assert complaints == [], self.said
+        return status
+
+    def is_alive(self) -> bool:
+        """Tell whether it has not ended yet."""
+        return self._popen.poll() is None
+
+    def kill(self) -> None:
+        """Leave nothing behind."""
+        self._popen.kill()
+        self._popen.wait()
+
+
+@pytest.fixture
+def start(catalogue_file: Path) -> Iterator[Start]:
+    """Return what starts a node: with `values` by path, or a quiet one; and its environment."""
+    started: list[Process] = []
+
+    def begin(values: dict[str, Any] | None = None, **environment: str) -> Process:
+        own = {**QUIET, "catalogue": str(catalogue_file)} if values is None else values
+        words = [word for path, value in own.items() for word in ("-p", f"{path}:={text(value)}")]
+        process = Process(["--ros-args", *words], {**os.environ, **environment})
+        started.append(process)
+        return process
+
+    yield begin
+    for process in started:
+        process.kill()
+
+
+def text(value: Any) -> str:
+    """Return a value as the command line has it."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+@pytest.mark.parametrize(
+    ("delay_s", "number"),
+    [
+        (0.1, signal.SIGTERM),
+        (0.5, signal.SIGINT),
+        (1.0, signal.SIGTERM),
+        (2.0, signal.SIGINT),
+        (4.0, signal.SIGTERM),
+    ],
+)
+def test_it_ends_at_a_signal_at_any_moment(
+    ros_available: None,  # noqa: ARG001 - it skips where there is none
+    start: Start,
+    delay_s: float,
+    number: int,
+) -> None:
+    """While it imports, prepares or runs: with 0, soon, and without a traceback."""
+    process = start({})
+    process.wait_for("up")
+    time.sleep(delay_s)
+    process.signal(number)
+    began_s = time.monotonic()
+    assert process.end() == 0
+    assert time.monotonic() - began_s < SOON_S
+
+
+def test_it_ends_while_kernels_compile(
+    ros_available: None,  # noqa: ARG001 - it skips where there is none
+    start: Start,
+    tmp_path: Path,
+) -> None:
+    """As after an installation: they are not waited for."""
+    process = start(NUMBA_CACHE_DIR=str(tmp_path))
+    process.wait_for(PREPARING)
+    time.sleep(1.0)
+    process.signal(signal.SIGINT)
+    began_s = time.monotonic()
+    assert process.end() == 0
+    assert time.monotonic() - began_s < SOON_S
+    assert not any("configured" in line for line in process.said)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_it_leaves_what_is_real(
+    ros: RosWorld, start: Start, catalogue_file: Path, number: int
+) -> None:
+    """Every marker is deleted, the last map is the real one; a second signal changes nothing."""
+    process = start({**QUIET, "catalogue": str(catalogue_file), "costmap.gate": "all"})
+    user = ros.make_node("user")
+    heard = {name: collect(ros, user, name) for name in ("augmented_map", "markers", "artefacts")}
+    publish(user, "map", room())
+    process.wait_for(READY)
+    ros.spin_until(lambda: heard["augmented_map"])
+    placed = spawn(ros, user, pose_at(2.05, 2.05))
+    ros.spin_until(lambda: heard["augmented_map"][-1].data.tolist().count(100) == 4 * 39 + 25)
+    ros.spin_until(lambda: any(m.id == placed for m in heard["markers"][-1].markers))
+    process.signal(number)
+    process.signal(number)
+    began_s = time.monotonic()
+    while process.is_alive():
+        ros.spin_for(0.02)
+    assert time.monotonic() - began_s < SOON_S
+    ros.spin_for(0.2)
+    assert process.end() == 0
+    assert heard["augmented_map"][-1].data == room().data
+    assert [marker.action for marker in heard["markers"][-1].markers] == [DELETE_ALL]
+    assert heard["artefacts"][-1].artefacts == []
+
+
+def collect(ros: RosWorld, user: Any, name: str) -> list[Any]:
+    """Subscribe to an output, and return what comes."""
+    kind = message_class(OUTPUTS[name].type_name)
+    return ros.collect(user, kind, f"/ar_builder/{name}", output_qos(name))
+
+
+def publish(user: Any, role: str, message: Any) -> Any:
+    """Publish an input, and return its publisher."""
+    publisher = user.create_publisher(type(message), f"/{role}", input_qos(role))
+    publisher.publish(message)
+    return publisher
+
+
+def spawn(ros: RosWorld, user: Any, pose: Any) -> int:
+    """Place a post, and return its id."""
+    kind = service_class("are_msgs/srv/SpawnArtefact")
+    request = kind.Request(pose=pose, label="post", row=-1)
+    answer = ros.call(user, kind, "/ar_builder/spawn", request)
+    assert answer.success, answer.message
+    return int(answer.id)
+
+
+def test_it_waits_to_be_told_without_autostart(ros: RosWorld, start: Start) -> None:
+    """It goes through the states that a lifecycle manager asks for, and ends in each."""
+    process = start({"autostart": False})
+    user = ros.make_node("user")
+    kind = service_class("lifecycle_msgs/srv/ChangeState")
+    metrics = collect(ros, user, "metrics")
+    state = service_class("lifecycle_msgs/srv/GetState")
+    answer = ros.call(user, state, "/ar_builder/get_state", timeout_s=30.0)
+    assert answer.current_state.label == "unconfigured"
+    for label in ("configure", "activate"):
+        transition = FACTORY.make("lifecycle_msgs/msg/Transition", label=label)
+        request = kind.Request(transition=transition)
+        answer = ros.call(user, kind, "/ar_builder/change_state", request, timeout_s=30.0)
+        assert answer.success, label
+    publisher = publish(user, "tf", robot_at(0.0))
+    ros.spin_until(lambda: len(metrics) > 2 and publisher.get_subscription_count())
+    process.signal(signal.SIGTERM)
+    assert process.end(SOON_S) == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["-p", "population.arrival_rate:=-1.0"], "'population.arrival_rate': -1.0 is below 0.0"),
+        (["-p", "population.arrival_rate:=many"], "'many' is not a number"),
+        (["-p", "no.such:=1"], "parameter 'no.such': there is no such parameter"),
+        (["-p", "catalogue:=/nowhere.yaml"], "the catalogue /nowhere.yaml cannot be read"),
+        (["-p", "broken"], "Couldn't parse parameter override rule: '-p broken'"),
+        (["-p", "use_sim_time:=maybe"], "'use_sim_time'"),
+        (["--params-file", "/nowhere.yaml"], "Couldn't parse params file"),
+        (["--no-such-flag"], "--no-such-flag"),
+    ],
+)
+def test_bad_arguments_are_refused_in_a_sentence(
+    ros_available: None,  # noqa: ARG001 - it skips where there is none
+    capfd: pytest.CaptureFixture[str],
+    words: list[str],
+    sentence: str,
+) -> None:
+    """With exit status 1, and no traceback."""
+    assert main(["--ros-args", *words]) == 1
+    said = capfd.readouterr().err
+    (line,) = (line for line in said.splitlines() if "[ar_builder]" in line)
+    assert sentence in line
+    assert "Traceback" not in said
+
+
+def test_a_refusal_is_the_exit_status(
+    ros_available: None,  # noqa: ARG001 - it skips where there is none
+    start: Start,
+) -> None:
+    """Of the process."""
+    process = start({"population.mean_life": 0.0})
+    assert process.end() == 1
+    assert any("'population.mean_life': 0.0 is below 0.001" in line for line in process.said)

@@ -1,0 +1,56 @@
+"""Signals are noted, and cut short what may be."""
+
+import signal
+from collections.abc import Iterator
+
+import pytest
+
+from are_ros.node.stop import Stopped, stop_on_signals
+
+NUMBERS = (signal.SIGINT, signal.SIGTERM)
+
+
+@pytest.fixture(autouse=True)
+def own_handlers() -> Iterator[None]:
+    """Restore what signals did before a test."""
+    before = {number: signal.getsignal(number) for number in NUMBERS}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_a_signal_is_noted(number: signal.Signals) -> None:
+    """Nothing is raised, however often it comes."""
+    with stop_on_signals() as stop:
+        assert not stop.is_set
+        signal.raise_signal(number)
+        signal.raise_signal(number)
+        assert stop.is_set
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_what_may_be_cut_short_is(number: signal.Signals) -> None:
+    """By an exception that no `except Exception` swallows."""
+    with stop_on_signals() as stop:
+        stop.may_cut = lambda: True
+        with pytest.raises(Stopped):
+            signal.raise_signal(number)
+        assert stop.is_set
+        assert not issubclass(Stopped, Exception)
+
+
+def test_afterwards_signals_are_what_they_were() -> None:
+    """Also where the block failed."""
+    before = [signal.getsignal(number) for number in NUMBERS]
+    with pytest.raises(ValueError, match="mine"), stop_on_signals():
+        raise ValueError("mine")
+    assert [signal.getsignal(number) for number in NUMBERS] == before
+
+
+def test_who_ends_already_is_not_disturbed() -> None:
+    """As by a second Ctrl-C while the interpreter ends."""
+    with stop_on_signals():
+        signal.raise_signal(signal.SIGTERM)
+    for number in NUMBERS:
+        signal.raise_signal(number)
