@@ -80,4 +80,5 @@ def read_remaps(texts: Sequence[str]) -> dict[str, str]:
 def _played(outcome: PlayOutcome) -> str:
     """Return how much was played."""
     count = sum(outcome.counts.values())
-    return f"played       {count} messages on {len(outcome.counts)} topics"
+    topics = len(outcome.counts)
+    return f"played       {count} messages on {topics} {'topic' if topics == 1 else 'topics'}"

@@ -40,7 +40,7 @@ def test_play_says_what_it_played(ros_available: None, tmp_path: Path) -> None:
     bag = write_strings(tmp_path / "bag.mcap", records, unknown=["/odd"])
     said: list[str] = []
     assert play_command(said.append, (), bags=(bag,), exclude=("/odd",))
-    assert said == ["played       2 messages on 1 topics"]
+    assert said == ["played       2 messages on 1 topic"]
     said.clear()
     assert not play_command(said.append, (), bags=(bag,))
     assert "/odd is not played" in said[0]
