@@ -22,6 +22,7 @@ class Cause(Enum):
     REMOVED = "removed"
     ROBOT_CONTACT = "robot_contact"
     CLOCK_JUMPED_BACK = "clock_jumped_back"
+    CLOCK_LEAPT = "clock_leapt"
     MAX_ALIVE = "max_alive"
     NO_PLACE = "no_place"
 

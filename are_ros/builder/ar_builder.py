@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from are_ros.artefacts.catalogue import Catalogue
+from are_ros.artefacts.population_events import Cause
 from are_ros.builder import assembly
 from are_ros.builder.events import ArtefactEvent
 from are_ros.builder.grids import Grids
@@ -86,9 +87,9 @@ class ArBuilder(Reality):
             map_from_camera=None,
         )
 
-    def restart(self, now_ns: int) -> None:
-        """Forget what came later than `now_ns`: the clock jumped back."""
-        super().restart(now_ns)
+    def restart(self, now_ns: int, cause: Cause = Cause.CLOCK_JUMPED_BACK) -> None:
+        """Let all artefacts go, and forget what came later than `now_ns`: the clock jumped."""
+        super().restart(now_ns, cause)
         self._watch.forget()
 
     def reconfigure(self, parameters: Parameters, now_ns: int) -> None:
@@ -147,7 +148,7 @@ class ArBuilder(Reality):
 
     def _register(self, scene: Scene) -> dict[int, CellPatch]:
         """Registration: the cells that each artefact covers, by id."""
-        environment = self.lives.environment
+        environment = self.world.environment
         if environment is None:
             return {}
         if self._registered[:2] != (environment, scene):

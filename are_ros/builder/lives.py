@@ -126,9 +126,9 @@ class Lives:
         event_ns = self._next_event_ns()
         return step_ns if event_ns is None else min(step_ns, event_ns)
 
-    def restart(self, now_ns: int) -> None:
-        """Let all artefacts go, with an event each, and go on at an earlier time."""
-        self.clear(now_ns, Cause.CLOCK_JUMPED_BACK)
+    def restart(self, now_ns: int, cause: Cause) -> None:
+        """Let all artefacts go, with an event each, and go on at another time."""
+        self.clear(now_ns, cause)
         self.population.start(now_ns)
         self._contacts.forget()
         self._robot = self.goal = None

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.catalogue import Catalogue
+from are_ros.artefacts.population_events import Cause
 from are_ros.builder import assembly
 from are_ros.builder.lives import Lives
 from are_ros.builder.mesh_bank import MeshBank
@@ -28,6 +29,9 @@ _BEFORE_ALL_NS: Final = -(2**63)
 CLOCK_JITTER_NS: Final = NS_PER_S
 """What comes out of order by no more than this is taken as if it came now: machines' clocks are
 set back by fractions of a second, recordings that loop go back further."""
+_LEAP_NS: Final = 7200 * NS_PER_S
+"""A clock that leaps ahead by more than this leaves everything behind: nobody saw that time, and
+to let a day of it happen takes seconds, years take hours."""
 _ODOMETRY_SOURCES: Final = {
     OdometryUse.AUTO: TransformSource.ODOMETRY,
     OdometryUse.USE: TransformSource.PREFERRED_ODOMETRY,
@@ -177,6 +181,8 @@ class Reality:
         if now_ns < self._idle_until_ns:
             self._check_clock(now_ns)
             return
+        if now_ns > self._now_ns + _LEAP_NS and self._now_ns != _BEFORE_ALL_NS:
+            self._leap(now_ns)
         self._now_ns = max(self._now_ns, now_ns)
         while (deadline_ns := self._scans.next_deadline_ns()) is not None:
             if deadline_ns > now_ns:
@@ -213,11 +219,19 @@ class Reality:
         self._now_ns = self._idle_until_ns = now_ns
         self.restart(now_ns)
 
-    def restart(self, now_ns: int) -> None:
-        """Forget what came later than `now_ns`: the clock jumped back."""
+    def _leap(self, now_ns: int) -> None:
+        """Start anew when the clock has leapt ahead, as it does when another recording begins."""
+        self.notices.append(
+            f"the clock leapt ahead by {(now_ns - self._now_ns) / NS_PER_S:.0f} s: "
+            "all artefacts are gone"
+        )
+        self.restart(now_ns, Cause.CLOCK_LEAPT)
+
+    def restart(self, now_ns: int, cause: Cause = Cause.CLOCK_JUMPED_BACK) -> None:
+        """Let all artefacts go, and forget what came later than `now_ns`: the clock jumped."""
         self.frames.forget_after(now_ns)
         self.robots.forget()
-        self.lives.restart(now_ns)
+        self.lives.restart(now_ns, cause)
         self._scans.clear()
 
     def _received(self, received_ns: int) -> None:

@@ -1,6 +1,10 @@
 """Compiling the kernels before they are needed: a miniature scene, run once."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
+from numba.core import event
 
 from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue import Catalogue
@@ -25,19 +29,50 @@ _MINIATURE = {
 }
 
 
-def warm_up(catalogue: Catalogue) -> None:
+class _Unwanted(BaseException):
+    """Nobody wants the kernels any more; no `except Exception` of the compiler's stops this."""
+
+
+class _BetweenKernels(event.Listener):  # type: ignore[misc] # numba is not typed
+    """Raises _Unwanted before another kernel compiles: the one place where it harms nothing."""
+
+    def __init__(self, is_wanted: Callable[[], bool]) -> None:
+        self._is_wanted = is_wanted
+
+    def on_start(self, _: Any) -> None:
+        """Ask whether to go on."""
+        if not self._is_wanted():
+            raise _Unwanted
+
+    def on_end(self, _: Any) -> None:
+        """Go on."""
+
+
+def warm_up(catalogue: Catalogue, is_wanted: Callable[[], bool] = lambda: True) -> bool:
     """Compile, or load from the cache, every kernel of the builder: half a minute at the most.
 
-    Runs a room with a robot, a wall, voxels, a scan and some artefacts for two seconds.
+    Asks every second or so whether that `is_wanted`; stops, and returns False, when it is not. An
+    exception out of a signal's handler is no way to stop it: the compiler crashes, or swallows it.
     """
-    last = len(catalogue.rows) - 1
-    rates = (last / 4, last / 2)  # small and large ones, of a catalogue of any length
+    with event.install_listener("numba:compile", _BetweenKernels(is_wanted)):
+        try:
+            return _run(catalogue, is_wanted)
+        except _Unwanted:
+            return False
+
+
+def _run(catalogue: Catalogue, is_wanted: Callable[[], bool]) -> bool:
+    """Run a room with a robot, a wall, voxels, a scan and some artefacts for two seconds."""
+    count = len(catalogue.rows)
+    rates = (count / 4, count / 2)  # small and large ones, of a catalogue of any length
     parameters = with_values(Parameters(), {**_MINIATURE, "mixture.rates": rates})
     builder = ArBuilder(parameters, catalogue)
     builder.receive_map(_room(), 0)
     builder.receive_cloud(_cloud(), "map", 0, 0.1)
     row = catalogue.rows[0]
     for tick in range(20):
+        if not is_wanted():
+            return False
         now_ns = tick * NS_PER_S // 10
         builder.receive_transform("map", "base_link", now_ns, (0.1 * tick, 0, 0), _NO_TURN, now_ns)
         builder.receive_scan("scan", _scan(now_ns), now_ns)
@@ -45,6 +80,7 @@ def warm_up(catalogue: Catalogue) -> None:
             builder.lives.place(row, GroundPose(2.0, 1.5, 0.0, 0.1), now_ns)
         builder.step(now_ns)
         builder.take_scans()
+    return True
 
 
 def _room() -> OccupancyGrid:

@@ -102,8 +102,8 @@ def check(recording: Path, map_file: Path | None, parameters_file: Path | None) 
 @click.command(short_help="Draw what rviz would show of a recording.")
 @click.argument("recording", metavar="RECORDING", type=FILE)
 @click.option("--at", "at_s", type=Seconds(), help="Moment, from its beginning [s]. [the fullest]")
-@click.option("--out", type=FILE, default=Path("rviz.png"), show_default=True, help="Picture.")
-def view(recording: Path, at_s: float | None, out: Path) -> None:
+@click.option("--out", type=FILE, help="Picture. [rviz.png in the recording's folder]")
+def view(recording: Path, at_s: float | None, out: Path | None) -> None:
     """Draw what rviz would show of a recording: map, costmap, markers, scan, robot.
 
     RECORDING is a result of `are replay`, `are demo` or `are record`, or any recording of the
@@ -111,6 +111,8 @@ def view(recording: Path, at_s: float | None, out: Path) -> None:
     """
     from are_ros.replay.rviz_picture import draw_rviz
 
+    folder = recording if recording.is_dir() else recording.parent
+    out = out or folder / "rviz.png"
     draw_rviz(recording, out, at_s)
     say(f"picture: {out}")
 

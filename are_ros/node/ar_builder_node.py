@@ -1,5 +1,6 @@
 """`ar_builder`: the AR-builder as a lifecycle node beside a robot's navigation stack."""
 
+from collections.abc import Callable
 from time import monotonic_ns
 from traceback import format_exc
 from typing import Any, Final
@@ -12,7 +13,7 @@ from are_ros.artefacts.catalogue import Catalogue
 from are_ros.builder.assembly import catalogue_of
 from are_ros.builder.lives import mixture_of
 from are_ros.builder.warm_up import warm_up
-from are_ros.errors import AreError
+from are_ros.errors import AreError, NodeError
 from are_ros.node.decoding import WireDecoding, WireMessage
 from are_ros.node.inlets import Inlets
 from are_ros.node.live_builder import LiveBuilder
@@ -40,8 +41,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
 
     From configure to cleanup the real map and the scans are relayed; while the node is active, and
     not paused, artefacts are among them. Raises ParameterError where the parameters given are bad,
-    NodeError where are_msgs is not installed. `is_preparing` while kernels compile, which nothing
-    depends on: it may be cut short.
+    NodeError where are_msgs is not installed. A configuration that takes long is given up once the
+    node is not `is_wanted()` any more.
     """
 
     def __init__(self, node_name: str = NAME, **options: Any) -> None:
@@ -50,7 +51,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self._inlets: Inlets | None = None
         self._outlets: Outlets | None = None
         self._catalogue: Catalogue | None = None
-        self.is_preparing = False
+        self.is_wanted: Callable[[], bool] = lambda: True
         self._is_active = self._is_paused = False
         self._said: set[str] = set()
         self.bridge = ParameterBridge(
@@ -151,11 +152,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
 
     def _prepare(self, catalogue: Catalogue) -> None:
         self.get_logger().info("preparing the kernels (half a minute the first time)")
-        self.is_preparing = True
-        try:
-            warm_up(catalogue)
-        finally:
-            self.is_preparing = False
+        if not warm_up(catalogue, self.is_wanted):
+            raise NodeError("it is not configured: the node is to end")
 
     def _close(self) -> None:
         self.retire()

@@ -70,9 +70,11 @@ class Inlets:
 
     def snapshots(self, now_ns: int) -> Iterator[InputSnapshot]:
         """Yield what came in so far, by the monotonic clock."""
+        scans = self.scans
         for topic, role in self.roles.items():
+            is_one_of_several = role == "scan" and len(scans) > 1
             yield InputSnapshot(
-                role=role,
+                role=f"{role}{topic}" if is_one_of_several else role,
                 topic=topic,
                 figures=self.watches[topic].figures(now_ns),
                 is_required=role in _REQUIRED,

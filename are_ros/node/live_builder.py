@@ -22,6 +22,7 @@ from are_ros.messages.tick_encoding import TickEncoder, encode_scan, scan_output
 from are_ros.node.tick_watch import TickWatch
 from are_ros.parameters.choices import CostmapGate, SensorGate
 from are_ros.parameters.model import Parameters
+from are_ros.world.environment import Environment
 from are_ros.world.rigid_transform import RigidTransform
 
 _BACKLOG_NS: Final = NS_PER_S
@@ -29,6 +30,7 @@ _BACKLOG_NS: Final = NS_PER_S
 _LATCHED: Final = ("map", "octomap_point_cloud_centers", "tf_static")
 _COSTLY: Final = ("map", "octomap_point_cloud_centers")
 """What takes long to take in is taken at once, so that no tick has to wait for it."""
+_MOST_KEPT: Final = 1000
 _MOVING: Final = ("tf", "odom", "tf_static")
 _SIGHTS: Final = ("perceived", "events", "metrics", "markers")
 """The outputs that tell who is perceived."""
@@ -79,6 +81,7 @@ class LiveBuilder:
         self._stored: deque[_Stored] = deque()
         self._schedule: TickSchedule | None = None
         self._now_ns = 0
+        self._shown: Environment | None = None
         scans = [topic for topic, role in roles.items() if role == "scan"]
         self._scan_outputs = scan_outputs(scans)
         self.builder.lives.is_paused = True
@@ -96,10 +99,26 @@ class LiveBuilder:
             self._relay(role, message)
         if role == "scan" and not self.is_running:
             return False
-        if has_time or role in _LATCHED:
+        if has_time:
             self._stored.append(_Stored(message, received_ns))
+        elif role in _LATCHED:
+            self._keep(role, message)
         is_awaited = role in _MOVING and self.builder.next_deadline_ns() is not None
         return self.is_running and (role == "scan" or role in _COSTLY or is_awaited)
+
+    def _keep(self, role: str, message: RawMessage) -> None:
+        """Keep what is latched until the time is known: the newest map and cloud, all statics."""
+        replaced = [
+            stored
+            for stored in self._stored
+            if stored.message.topic == message.topic
+            and (role in _COSTLY or stored.message.data == message.data)
+        ]
+        for stored in replaced:
+            self._stored.remove(stored)
+        self._stored.append(_Stored(message, 0))
+        while len(self._stored) > _MOST_KEPT:
+            self._stored.popleft()
 
     def work(self, now_ns: int) -> None:
         """Take what was stored, run the ticks that are due, release the scans that must go."""
@@ -136,6 +155,7 @@ class LiveBuilder:
         self._send_scans()
         self.is_running = False
         self.builder.lives.pause(now_ns, is_paused=True)
+        self._shown = self.builder.world.environment
         self._send_tick(self.builder.farewell(now_ns))
 
     def reconfigure(self, parameters: Parameters, now_ns: int) -> None:
@@ -166,8 +186,16 @@ class LiveBuilder:
         elif sentence := self._feed.take(message, received_ns):
             self._refused(message.topic, sentence)
         if self._roles[message.topic] in _COSTLY:
-            self.builder.prepare()
+            self._took_map(received_ns)
         self._send_scans()
+
+    def _took_map(self, now_ns: int) -> None:
+        """Do what a new environment costs; a costmap is latched, so it is never an old one."""
+        self.builder.prepare()
+        environment = self.builder.world.environment
+        if not self.is_running and environment is not self._shown:
+            self._shown = environment
+            self._send_tick(self.builder.farewell(now_ns), ("augmented_costmap",))
 
     def _click(self, message: RawMessage, received_ns: int) -> None:
         """Place an artefact where somebody clicked, or refuse it with the reason."""

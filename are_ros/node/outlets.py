@@ -1,5 +1,6 @@
 """The publishers of the node's outputs: bytes go out as they are, to those who listen."""
 
+import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
@@ -53,9 +54,11 @@ class Outlets:
             publisher.publish(data)
 
     def flush(self, timeout_s: float) -> None:
-        """Wait until reliable subscribers have what was published, each at most this long."""
+        """Wait until reliable subscribers have what was published, in all at most this long."""
+        deadline_s = time.monotonic() + timeout_s
         for publisher in self._publishers.values():
-            publisher.wait_for_all_acked(Duration(seconds=timeout_s))
+            rest_s = max(0.0, deadline_s - time.monotonic())
+            publisher.wait_for_all_acked(Duration(seconds=rest_s))
 
     def close(self) -> None:
         """Withdraw all outputs."""

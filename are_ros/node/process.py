@@ -14,7 +14,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from are_ros.errors import AreError, NodeError
 from are_ros.node.ar_builder_node import NAME, ArBuilderNode
-from are_ros.node.stop import Stop, Stopped
+from are_ros.node.stop import Stop
 
 _OK, _FAILED = 0, 1
 _WAIT_S: Final = 0.1
@@ -43,20 +43,18 @@ def run(arguments: Sequence[str] | None, stop: Stop) -> int:
 
 def _live(node: ArBuilderNode, stop: Stop) -> int:
     """Let the node live until it is to stop; the outputs that it leaves behind are real."""
-    stop.may_cut = lambda: node.is_preparing
+    node.is_wanted = lambda: not stop.is_set
     try:
         executor = _executor(node.context)
         executor.add_node(node)
         is_running = stop.is_set or _start(node)
         while is_running and not stop.is_set and node.context.ok():
             executor.spin_once(timeout_sec=_WAIT_S)
-    except Stopped:
-        is_running = True
     finally:
         node.retire()
         node.flush(_FLUSH_S)
         node.destroy_node()
-    return _OK if is_running else _FAILED
+    return _OK if is_running or stop.is_set else _FAILED
 
 
 def _start(node: ArBuilderNode) -> bool:

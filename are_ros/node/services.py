@@ -7,7 +7,7 @@ from rclpy.node import Node
 
 from are_ros.builder.requests import SpawnRequest
 from are_ros.conventions import NS_PER_S
-from are_ros.errors import AreError, InputError
+from are_ros.errors import AreError, InputError, PlacementError
 from are_ros.messages.goals import read_stamped_pose
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import service_class
@@ -69,6 +69,8 @@ class Services:
         return answer
 
     def _spawn(self, request: Any, response: Any, live: LiveBuilder) -> str:
+        if not live.is_running:
+            raise PlacementError("spawn: it is paused")
         frame_id, _, pose = read_stamped_pose(request.pose, "spawn: pose")
         seconds, nanoseconds = request.life.sec, request.life.nanosec
         life_ns = seconds * NS_PER_S + nanoseconds

@@ -1,30 +1,23 @@
-"""SIGINT and SIGTERM: noted, and what takes long is cut short."""
+"""SIGINT and SIGTERM, noted from the first moment on."""
 
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 
-class Stopped(BaseException):
-    """A signal came while something was going on that may be cut short."""
-
-
 class Stop:
-    """Set by a signal, which raises Stopped while `may_cut()`, and nothing otherwise."""
+    """Set by a signal, which does nothing else: raised exceptions would crash what is compiled."""
 
     def __init__(self) -> None:
         self.is_set = False
-        self.may_cut: Callable[[], bool] = bool
 
     def __call__(self, number: int, frame: Any) -> None:
         """Take a signal."""
         del number, frame
         self.is_set = True
-        if self.may_cut():
-            raise Stopped
 
 
 @contextmanager

@@ -621,6 +621,26 @@ def test_a_clock_set_back_by_a_fraction_of_a_second_changes_nothing(scene: Scene
     assert ids(scene.tick(1.1)) == [artefact_id]
 
 
+def test_a_clock_that_leaps_ahead_starts_anew(make_scene: Make) -> None:
+    """Nobody lived through years that nobody saw: all depart at once, with an event each."""
+    scene = make_scene(BUSY)
+    scene.map(10.0)
+    scene.robot(10.0, 1.0, 2.0)
+    old = ids(scene.tick(14.0))
+    assert old
+    later_s = 14.0 + 5 * 365 * 86_400.0
+    tick = scene.tick(later_s)
+    assert (tick.artefacts, tick.map_from_base) == ((), None)
+    gone = [e.artefact_id for e in tick.events if e.detail == "clock_leapt"]
+    assert gone == old
+    (sentence,) = scene.builder.notices
+    assert "leapt ahead by 157680000 s" in sentence
+    scene.robot(later_s + 0.1, 1.0, 2.0)
+    fresh = {i for step in range(2, 50) for i in ids(scene.tick(later_s + 0.1 * step))}
+    assert fresh
+    assert not fresh & set(old)
+
+
 # --- scans through the builder
 
 

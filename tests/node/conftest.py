@@ -22,7 +22,7 @@ def catalogue_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def warm_once(ros_available: None) -> Callable[[Any], None]:  # noqa: ARG001 - it skips
+def warm_once(ros_available: None) -> Callable[..., bool]:  # noqa: ARG001 - it skips
     """Return what compiles the kernels at its first call, and does nothing at later ones.
 
     That is all that `warm_up` is for, and kernels stay compiled for as long as a process lives.
@@ -31,18 +31,17 @@ def warm_once(ros_available: None) -> Callable[[Any], None]:  # noqa: ARG001 - i
 
     is_warm = False
 
-    def warm(catalogue: Any) -> None:
+    def warm(catalogue: Any, is_wanted: Callable[[], bool]) -> bool:
         nonlocal is_warm
-        if not is_warm:
-            warm_up(catalogue)
-        is_warm = True
+        is_warm = is_warm or warm_up(catalogue, is_wanted)
+        return is_warm
 
     return warm
 
 
 @pytest.fixture
 def make_bench(
-    warm_once: Callable[[Any], None],
+    warm_once: Callable[..., bool],
     catalogue_file: Path,
     monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],

@@ -1,11 +1,11 @@
-"""Signals are noted, and cut short what may be."""
+"""Signals are noted, and disturb nothing."""
 
 import signal
 from collections.abc import Iterator
 
 import pytest
 
-from are_ros.node.stop import Stopped, stop_on_signals
+from are_ros.node.stop import stop_on_signals
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
@@ -27,17 +27,6 @@ def test_a_signal_is_noted(number: signal.Signals) -> None:
         signal.raise_signal(number)
         signal.raise_signal(number)
         assert stop.is_set
-
-
-@pytest.mark.parametrize("number", NUMBERS)
-def test_what_may_be_cut_short_is(number: signal.Signals) -> None:
-    """By an exception that no `except Exception` swallows."""
-    with stop_on_signals() as stop:
-        stop.may_cut = lambda: True
-        with pytest.raises(Stopped):
-            signal.raise_signal(number)
-        assert stop.is_set
-        assert not issubclass(Stopped, Exception)
 
 
 def test_afterwards_signals_are_what_they_were() -> None:
