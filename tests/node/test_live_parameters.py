@@ -167,7 +167,7 @@ def lives_of(bench: Bench, *, with_changes: bool = False) -> list[Any]:
     lists = bench.listen("artefacts")
     bench.clock(1000.0)
     bench.send("map", room())
-    changes = [
+    changes: list[dict[str, Any]] = [
         {"occlusion__tau": 30},
         {"costmap__gate": "all", "augmented_map__max_rate": 1.0},
         {"markers__shape": "mesh", "sensors__shape": "mesh"},
@@ -196,7 +196,7 @@ def test_parameters_can_be_changed_before_the_node_is_configured(make_bench: Mak
 
 def values(bench: Bench) -> dict[str, Any]:
     """Return what ROS says that the parameters are."""
-    names = ("mixture.weights", "mixture.rates", "occlusion.tau", "costmap.gate", "seed")
-    names += ("population.arrival_rate", "population.mean_life", "population.max_alive")
+    names = ["mixture.weights", "mixture.rates", "occlusion.tau", "costmap.gate", "seed"]
+    names += ["population.arrival_rate", "population.mean_life", "population.max_alive"]
     found = {name: bench.node.get_parameter(name).value for name in names}
     return {k: v if isinstance(v, (int, float, str)) else list(v) for k, v in found.items()}

@@ -1,6 +1,7 @@
 """The node's time: simulated by /clock, which stands still, leaps and loops, and that of walls."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -24,6 +25,11 @@ def stamps(messages: Sequence[Any]) -> list[int]:
     """Return the stamps of messages, in ticks since 1000 s."""
     assert all(stamp_ns(message) % PERIOD_NS == 0 for message in messages)
     return [(stamp_ns(message) - ns(1000.0)) // PERIOD_NS for message in messages]
+
+
+def has_more_than(messages: list[Any], count: int) -> bool:
+    """Tell whether more have come."""
+    return len(messages) > count
 
 
 @pytest.mark.parametrize("use_events_executor", [False, True])
@@ -169,8 +175,7 @@ def test_by_the_clock_of_the_wall(make_bench: MakeBench, *, use_events_executor:
     late_ns: list[int] = []
     bench.until(lambda: metrics)
     while len(metrics) < 12:
-        count = len(metrics)
-        bench.until(lambda count=count: len(metrics) > count)
+        bench.until(partial(has_more_than, metrics, len(metrics)))
         late_ns.append(bench.node.now_ns() - stamp_ns(metrics[-1]))
     found = [stamp_ns(message) for message in metrics]
     assert all(stamp % PERIOD_NS == 0 for stamp in found)
