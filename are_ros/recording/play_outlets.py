@@ -89,14 +89,16 @@ class PlayOutlets:
         return bool(self._publishers[topic].wait_for_all_acked(Duration(seconds=timeout_s)))
 
     def wait_for_latched(self, timeout_s: float) -> bool:
-        """Wait until reliable subscribers have what is latched; tell whether they did.
+        """Wait until reliable subscribers have what is latched; tell whether there was any.
 
         These are maps and clouds: of many fragments, of which one that is lost comes again only
         with the next heartbeat of DDS, seconds later.
         """
         limit = Duration(seconds=timeout_s)
         waiting, self._unacknowledged = self._unacknowledged, set()
-        return all(self._publishers[topic].wait_for_all_acked(limit) for topic in waiting)
+        for topic in waiting:
+            self._publishers[topic].wait_for_all_acked(limit)
+        return bool(waiting)
 
     def _as_ros2(self, topic: str, original: Any) -> bytes:
         type_name = self._types[topic]

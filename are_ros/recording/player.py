@@ -95,8 +95,8 @@ def _play_once(
             if not pace.wait_until(clock_ns):
                 return False
             if not has_begun:
-                outlets.wait_for_latched(_LATCHED_S)
-                pace.rest()
+                if outlets.wait_for_latched(_LATCHED_S):
+                    pace.rest()
                 pace.begin(clock_ns)
                 has_begun = True
             _tell(clock_ns, teller, pace)
