@@ -95,8 +95,7 @@ def _play_once(
             if not pace.wait_until(clock_ns):
                 return False
             if not has_begun:
-                if outlets.wait_for_latched(_LATCHED_S):
-                    pace.rest()
+                _let_it_arrive(outlets, pace)
                 pace.begin(clock_ns)
                 has_begun = True
             _tell(clock_ns, teller, pace)
@@ -112,6 +111,12 @@ def _play_once(
         clock_ns = next(clock, None)
     progress(recording.end_ns)
     return True
+
+
+def _let_it_arrive(outlets: PlayOutlets, pace: Pace) -> None:
+    """Wait until the map of the start has arrived, if there was one."""
+    if outlets.wait_for_latched(_LATCHED_S):
+        pace.rest()
 
 
 def _send(message: BagMessage, outlets: PlayOutlets, pace: Pace) -> None:
