@@ -17,6 +17,10 @@ class CatalogueError(AreError):
     """The catalogue of artefacts, or a mesh that it names, cannot be used."""
 
 
+class ScenarioError(AreError):
+    """A scenario, or a track that it names, cannot be used or written."""
+
+
 class MapError(AreError):
     """A map file (occupancy grid or octomap) is missing or malformed."""
 

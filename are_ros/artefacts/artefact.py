@@ -2,9 +2,10 @@
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,8 +25,7 @@ class Origin(IntEnum):
     SERVICE = 2
 
 
-@dataclass(frozen=True, slots=True)
-class GroundPose:
+class GroundPose(NamedTuple):
     """F_A projected vertically on the ground, in the map frame: metres and radians."""
 
     x_m: float
@@ -123,6 +123,9 @@ class Artefact:
     """A living artefact; its life is the half-open interval [arrival, departure).
 
     `departure_ns` is None as long as the end is not known in advance. Ids are never reused.
+    `behaviour` names what it does in its life, `activity` what it does just now (empty: that).
+    Once its life is over, an artefact that walks to an exit `is_leaving`. `options` are those of
+    a behaviour that takes any.
     """
 
     id: int
@@ -132,6 +135,9 @@ class Artefact:
     history: PoseHistory
     departure_ns: int | None = None
     behaviour: str = "standing"
+    activity: str = ""
+    is_leaving: bool = False
+    options: Mapping[str, Any] | None = None
 
     def ground_pose_at(self, t_ns: int) -> GroundPose:
         """Return the pose on the ground at `t_ns`, in the map frame."""

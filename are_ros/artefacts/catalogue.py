@@ -4,16 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.shapes import Shape
 from are_ros.errors import CatalogueError
-
-BEHAVIOURS: Final = ("standing", "stopping", "walking", "running", "driving", "following")
-"""Names of what an artefact may be doing (the set B of section 3.2)."""
 
 
 @dataclass(frozen=True)
@@ -35,13 +31,20 @@ class MotionLimits:
     """What a type can do on the ground: speed [m/s], acceleration [m/s^2], turning.
 
     `turn_rate_radps` limits the change of yaw [rad/s], `turn_radius_m` is the smallest circle that
-    it drives [m] (0: it turns on the spot). A speed of 0 means that it never moves.
+    it drives [m] (0: it turns on the spot). A speed of 0 means that it never moves. The speed is
+    that of walking and driving; who runs goes `running_factor` (>= 1) times as fast.
     """
 
     speed_mps: float = 0.0
     acceleration_mps2: float = 1.0
     turn_rate_radps: float = 1.0
     turn_radius_m: float = 0.0
+    running_factor: float = 1.8
+
+    @property
+    def top_speed_mps(self) -> float:
+        """The speed that it never exceeds, that of running."""
+        return self.speed_mps * self.running_factor
 
 
 @dataclass(frozen=True)

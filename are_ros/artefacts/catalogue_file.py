@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from are_ros.artefacts._fields import Fields
+from are_ros.artefacts.behaviours.registry import BEHAVIOURS, why_not
 from are_ros.artefacts.catalogue import (
-    BEHAVIOURS,
     Catalogue,
     CatalogueRow,
     MeshFile,
@@ -75,6 +75,8 @@ def _row(
     _habits(own)
     given = Fields(place, _merged(classes[class_name], own), _ROW_KEYS)
     surface, geometry = _geometry(path, place, own, given)
+    habits = _habits(given)
+    _check_stands(given, habits)
     return CatalogueRow(
         index=index,
         label=own.text("label"),
@@ -82,8 +84,16 @@ def _row(
         size_m=geometry.size_m,
         box_centre_in_artefact_m=geometry.box_centre_in_artefact_m,
         surface=surface,
-        **_habits(given),
+        **habits,
     )
+
+
+def _check_stands(given: Fields, habits: Mapping[str, Any]) -> None:
+    """Refuse a behaviour that moves where the speed is 0."""
+    for name, share in habits.get("behaviours", {}).items():
+        reason = why_not(name, habits["motion"].speed_mps)
+        if share > 0.0 and reason is not None:
+            given.refuse(f"behaviours.{name}", reason)
 
 
 def _merged(defaults: Mapping[str, Any], own: Fields) -> dict[str, Any]:
@@ -148,14 +158,23 @@ def _habits(given: Fields) -> dict[str, Any]:
         known = asdict(kind())
         section = given.section(key, tuple(known))
         habits[key] = kind(**{name: section.number(name, value) for name, value in known.items()})
+    if habits["motion"].running_factor < 1.0:
+        factor = habits["motion"].running_factor
+        given.refuse("motion.running_factor", f"is {factor:g}, but must be >= 1")
     if "behaviours" in given:
-        habits["behaviours"] = _behaviours(given.section("behaviours", BEHAVIOURS), given)
+        habits["behaviours"] = _behaviours(given)
     habits["features"] = _features(given)
     return habits
 
 
-def _behaviours(weights: Fields, given: Fields) -> dict[str, float]:
-    """Return the probability of each behaviour."""
+def _behaviours(given: Fields) -> dict[str, float]:
+    """Return the probability of each behaviour; the user's own are imported."""
+    raw = given.raw("behaviours")
+    own = [name for name in raw if ":" in str(name)] if isinstance(raw, dict) else []
+    weights = given.section("behaviours", (*BEHAVIOURS, *own))
+    for name in weights:
+        if (reason := why_not(name)) is not None:
+            weights.refuse(name, reason)
     numbers = {name: weights.number(name) for name in weights}
     total = sum(numbers.values())
     if not total > 0.0:

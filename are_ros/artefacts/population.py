@@ -26,12 +26,19 @@ Place = Callable[
 """(id, row, generator, the (x, y) of the group's first member) -> a free pose, or None."""
 
 
+def _nobody(_: Artefact) -> bool:
+    return False
+
+
 class Population:
     """The artefacts alive, and the events that change them, one at a time and in order.
 
     Of two events at one instant a departure comes before an arrival. The bound `max_alive` (None:
     none) counts all the living. Artefacts of rows that live for ever, and those admitted with a
     life of their own, do not take part in the law of departures.
+
+    Of whom `walks_out` says so, the end of its life is not its departure: it is leaving from then
+    on, no law's business any more but one of those alive, until the caller removes it.
     """
 
     def __init__(
@@ -42,8 +49,13 @@ class Population:
         *,
         max_alive: int | None = 200,
         history_ns: int = 2 * NS_PER_S,
+        walks_out: Callable[[Artefact], bool] = _nobody,
+        begun: Callable[[Artefact], object] = _nobody,
     ) -> None:
+        """Take the parts; `begun` is told of each artefact as soon as it lives."""
         self.max_alive = max_alive
+        self._begun = begun
+        self._walks_out = walks_out
         self._seed = seed
         self._source = source
         self._law = departures
@@ -91,7 +103,7 @@ class Population:
         self._source.set_rate(rate_per_s, now_ns)
         self._law.set_mean_life(mean_life_s, now_ns)
         for artefact in self._living.values():
-            if artefact.id not in self._outside_the_law:
+            if artefact.id not in self._outside_the_law and not artefact.is_leaving:
                 artefact.departure_ns = self._law.departure_of(artefact.id)
 
     def set_marks(self, rows: Sequence[CatalogueRow], law: RowLaw, mean_group_size: float) -> None:
@@ -124,7 +136,7 @@ class Population:
         if departure and (arrival_ns is None or departure.time_ns <= arrival_ns):
             if departure.artefact_id not in self._outside_the_law:
                 self._law.pop()
-            return [self.remove(departure.artefact_id, departure.time_ns, Cause.LIFE_OVER)]
+            return [self._end(departure)]
         return self._arrive(place)
 
     def remove(self, artefact_id: int, now_ns: int, cause: Cause) -> PopulationEvent:
@@ -135,7 +147,8 @@ class Population:
         artefact = self._living.pop(artefact_id, None)
         if artefact is None:
             raise InputError(f"no artefact with id {artefact_id} is alive")
-        self._end_life(artefact_id, now_ns)
+        if not artefact.is_leaving:
+            self._end_life(artefact_id, now_ns)
         artefact.departure_ns = now_ns
         self._departed.append(artefact)
         self._forget_before(now_ns - self._history_ns)
@@ -149,11 +162,13 @@ class Population:
         *,
         origin: Origin,
         life_ns: int | None = None,
+        behaviour: str = "",
     ) -> PopulationEvent:
         """Let a scripted or requested artefact live at a pose that the caller found free.
 
         A given life [ns] ends on its own; None draws one by the law of departures, or for a row
-        that lives for ever gives no end. Raises `PlacementError` at the bound.
+        that lives for ever gives no end. A behaviour that is not given is drawn from the row's.
+        Raises `PlacementError` at the bound.
         """
         if self._is_full():
             msg = (
@@ -163,7 +178,7 @@ class Population:
         artefact_id = self._next_admitted_id
         self._next_admitted_id += 1
         end_ns = None if life_ns is None else now_ns + life_ns
-        return self._begin(artefact_id, row, pose, now_ns, origin, end_ns)
+        return self._begin(artefact_id, row, pose, now_ns, origin, end_ns, behaviour)
 
     def present_at(self, t_ns: int) -> list[Artefact]:
         """Return who was there at `t_ns` (arrival <= t < departure), in the order of their ids.
@@ -173,6 +188,16 @@ class Population:
         everyone = [*self._departed, *self._living.values()]
         present = [artefact for artefact in everyone if artefact.is_present_at(t_ns)]
         return sorted(present, key=lambda artefact: artefact.id)
+
+    def _end(self, departure: Departure) -> PopulationEvent:
+        """Let one depart whose life is over, or walk out first."""
+        time_ns, artefact_id = departure
+        artefact = self._living[artefact_id]
+        if not self._walks_out(artefact):
+            return self.remove(artefact_id, time_ns, Cause.LIFE_OVER)
+        self._end_life(artefact_id, time_ns)
+        artefact.is_leaving, artefact.departure_ns = True, None
+        return self._say(time_ns, EventKind.LEAVING, artefact_id, artefact.row, Cause.LIFE_OVER)
 
     def _arrive(self, place: Place) -> list[PopulationEvent]:
         offer = self._source.take()
@@ -204,12 +229,22 @@ class Population:
         now_ns: int,
         origin: Origin,
         end_ns: int | None,
+        behaviour: str = "",
     ) -> PopulationEvent:
+        behaviour = behaviour or self._drawn_behaviour(artefact_id, row)
         end_ns = self._begin_life(artefact_id, row, now_ns, end_ns)
         history = PoseHistory(now_ns, pose, self._history_ns)
-        self._living[artefact_id] = Artefact(artefact_id, row, origin, now_ns, history, end_ns)
+        artefact = Artefact(artefact_id, row, origin, now_ns, history, end_ns, behaviour)
+        self._living[artefact_id] = artefact
         self._sort_living()
+        self._begun(artefact)
         return self._say(now_ns, EventKind.ARRIVED, artefact_id, row, None)
+
+    def _drawn_behaviour(self, artefact_id: int, row: CatalogueRow) -> str:
+        """Draw one of the row's behaviours by their probabilities, with one uniform number."""
+        names, weights = list(row.behaviours), np.cumsum(list(row.behaviours.values()))
+        uniform = generator(self._seed, Purpose.BEHAVIOUR, artefact_id).random() * weights[-1]
+        return names[int(np.searchsorted(weights, uniform, side="right"))]
 
     def _begin_life(
         self, artefact_id: int, row: CatalogueRow, now_ns: int, end_ns: int | None

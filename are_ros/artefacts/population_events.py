@@ -12,6 +12,8 @@ class EventKind(Enum):
     ARRIVED = "arrived"
     DEPARTED = "departed"
     BLOCKED = "blocked"
+    LEAVING = "leaving"
+    """Its life is over, and it walks to an exit: it departs there."""
 
 
 class Cause(Enum):
@@ -25,6 +27,8 @@ class Cause(Enum):
     CLOCK_LEAPT = "clock_leapt"
     MAX_ALIVE = "max_alive"
     NO_PLACE = "no_place"
+    NO_HIDDEN_PLACE = "no_hidden_place"
+    """There is a place, but a camera sees each (population.appear: out_of_view)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +59,7 @@ class Counts:
         """Return the counts with one more event."""
         kind = event.kind
         return Counts(
-            offered=self.offered + (kind is not EventKind.DEPARTED),
+            offered=self.offered + (kind in {EventKind.ARRIVED, EventKind.BLOCKED}),
             arrived=self.arrived + (kind is EventKind.ARRIVED),
             blocked=self.blocked + (kind is EventKind.BLOCKED),
             departed=self.departed + (kind is EventKind.DEPARTED),

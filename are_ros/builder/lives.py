@@ -7,21 +7,21 @@ what the first of them saw. So what happens depends on the seed and on what was 
 which sub-step, never on how often `advance` is called, nor on the instant of reception itself.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, boxes_of
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
-from are_ros.artefacts.departures import departure_law
-from are_ros.artefacts.mixture import TruncatedPoissonMixture
-from are_ros.artefacts.population import Population
 from are_ros.artefacts.population_events import Cause, PopulationEvent
 from are_ros.artefacts.population_events import EventKind as PopulationEventKind
-from are_ros.artefacts.sources import RandomSource
-from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
-from are_ros.builder.contact_log import ContactLog
+from are_ros.builder.collisions import CollisionResolver
 from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.builder.farewells import Farewells
+from are_ros.builder.motions import MotionCounts
+from are_ros.builder.out_of_view import Viewpoint
+from are_ros.builder.populations import mixture_of, motions_of, random_population
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.robots import RobotPose, RobotTracker
 from are_ros.builder.scene import Scene
@@ -32,14 +32,18 @@ from are_ros.parameters.model import Parameters
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint
 
-_IDLE_NS = NS_PER_S
-"""Once nothing came in for this long, nothing can change between the population's events."""
+_IDLE_NS = 60 * NS_PER_S
+"""Once nothing came in for this long, the world stands still between the population's events."""
 
 _EVENT_KINDS = {
     PopulationEventKind.ARRIVED: EventKind.ARRIVED,
     PopulationEventKind.DEPARTED: EventKind.DEPARTED,
     PopulationEventKind.BLOCKED: EventKind.BLOCKED,
 }
+
+
+def _no_viewpoints(_: int) -> Sequence[Viewpoint]:
+    return ()
 
 
 class Lives:
@@ -53,24 +57,26 @@ class Lives:
         robots: RobotTracker,
         resolver: CollisionResolver,
     ) -> None:
-        self.population = random_population(parameters, catalogue)
-        self.displaced = 0
+        self._motions = motions_of(parameters, robots.observer.name, resolver)
+        self.population = random_population(
+            parameters, catalogue, begun=self._motions.begin, walks_out=self._walks_out
+        )
         self.is_paused = False
         self._paused_ns = 0
         self.goal: Footprint | None = None
+        self.plan_m: npt.NDArray[np.float64] = np.empty((0, 2))
+        self.viewpoints: Callable[[int], Sequence[Viewpoint]] = _no_viewpoints
         self._catalogue = catalogue
         self._parameters = parameters
         self._world = world
         self._robots = robots
-        self._resolver = resolver
         self._spawning = Spawning(parameters, robots.observer.footprint)
-        self._contacts = ContactLog(robots.observer.name)
+        self._farewells = Farewells(parameters.population)
         self._step_ns = seconds_to_ns(parameters.motion.step)
         self._next_step_ns: int | None = None
         self._last_input_ns = 0
         self._robot: RobotPose | None = None
         self._events: list[ArtefactEvent] = []
-        self._standing: Scene | None = None
         self._environment: Environment | None = None
         self._scene = Scene.of((), 0)
 
@@ -82,7 +88,17 @@ class Lives:
     @property
     def robot_contacts(self) -> int:
         """How often the robot has come to touch an artefact."""
-        return self._contacts.count
+        return self._motions.contacts.count
+
+    @property
+    def displaced(self) -> int:
+        """How often an artefact had to be put elsewhere, or to leave, for want of a safe pose."""
+        return self._motions.counts.displaced
+
+    @property
+    def motion_counts(self) -> MotionCounts:
+        """How many sub-steps artefacts have lived and moved, and how many had to be resolved."""
+        return self._motions.counts
 
     @property
     def environment(self) -> Environment | None:
@@ -130,8 +146,9 @@ class Lives:
         """Let all artefacts go, with an event each, and go on at another time."""
         self.clear(now_ns, cause)
         self.population.start(now_ns)
-        self._contacts.forget()
+        self._motions.forget()
         self._robot = self.goal = None
+        self.plan_m = np.empty((0, 2))
         self._next_step_ns, self._last_input_ns = None, now_ns
 
     def clear(self, now_ns: int, cause: Cause = Cause.REMOVED) -> int:
@@ -163,8 +180,9 @@ class Lives:
         """
         settings = parameters.population
         law = mixture_of(parameters, self._catalogue)
-        self._parameters, self._resolver = parameters, resolver
         self._spawning.reconfigure(parameters)
+        self._parameters, self._motions.resolver = parameters, resolver
+        self._farewells.reconfigure(settings)
         self.population.max_alive = settings.max_alive
         self.population.set_marks(self._catalogue.rows, law, settings.group_size)
         self._set_rates(now_ns)
@@ -177,6 +195,7 @@ class Lives:
         *,
         origin: Origin = Origin.SERVICE,
         life_ns: int | None = None,
+        behaviour: str = "",
     ) -> int:
         """Let an artefact live at this very pose, and return its id.
 
@@ -186,7 +205,9 @@ class Lives:
         reason = self._why_not_placed(row, pose, self._robots.pose(now_ns) or self._robot)
         if reason:
             raise PlacementError(f"{row.label} at {pose.x_m:.2f}, {pose.y_m:.2f}: {reason}")
-        event = self.population.admit(row, pose, now_ns, origin=origin, life_ns=life_ns)
+        event = self.population.admit(
+            row, pose, now_ns, origin=origin, life_ns=life_ns, behaviour=behaviour
+        )
         self._say(event)
         return event.artefact_id
 
@@ -211,15 +232,16 @@ class Lives:
         generator: np.random.Generator,
         near: tuple[float, float] | None,
     ) -> GroundPose | None:
-        self._standing = None  # members of the same group may have come since
-        others = self._stand().boxes
-        return self._spawning.place(row, generator, others, self._robot, near)
+        motions = self._motions
+        return self._spawning.place(
+            row, generator, motions.crowd.boxes, self._robot, near, motions.traffic.is_clear
+        )
 
     def _why_not_placed(self, row: CatalogueRow, pose: GroundPose, robot: RobotPose | None) -> str:
         environment = self._world.environment
         if environment is None:
             return "there is no map yet"
-        others = self._stand().boxes
+        others = self._motions.crowd.boxes
         return self._spawning.why_not(boxes_of([row], [pose]), environment, others, robot)
 
     def _sub_step(self, step_ns: int) -> None:
@@ -232,10 +254,12 @@ class Lives:
         self._spawning.goal = self.goal
         if self._environment is None:
             return
-        if self._spawning.refresh(self._environment, self._robot):
+        spawning = self._spawning
+        viewpoints = self.viewpoints(step_ns) if spawning.needs_viewpoints else ()
+        if spawning.refresh(self._environment, self._robot, viewpoints):
             self._set_rates(step_ns)
-        if not self.is_paused:
-            self._resolve(step_ns, self._environment)
+        if not self.is_paused and self.population.living:
+            self._move(step_ns, self._environment)
 
     def _set_rates(self, now_ns: int) -> None:
         """Let the rates of the parameters hold; nobody arrives before the region is known."""
@@ -245,72 +269,36 @@ class Lives:
             rate, mean_life_s = 0.0, float("inf")
         self.population.set_rates(rate, area_m2, mean_life_s, now_ns)
 
-    def _resolve(self, now_ns: int, environment: Environment) -> None:
-        """Apply the remedies to those whose pose is not safe."""
-        standing = self._stand()
-        if not len(standing):
-            return
-        robots: Sequence[Footprint] = [self._robot.footprint] if self._robot else []
-        resolution = self._resolver.resolve(
-            standing.ids, standing.boxes, standing.boxes, environment, robots
+    def _move(self, step_ns: int, environment: Environment) -> None:
+        """Let the living decide, move and keep apart; let those go who are out, or have to."""
+        motions, spawning = self._motions, self._spawning
+        motions.enter(environment, spawning.region, spawning.zones)
+        happened = motions.step(
+            step_ns, self._step_ns, self.population.living, environment, self._robot, self.plan_m
         )
-        living = self.population.living
-        self._events += self._contacts.begun(now_ns, resolution.contacts, living)
-        if not resolution.is_all_kept:
-            self._apply(now_ns, standing.artefacts, resolution)
+        self._events += happened.events
+        for artefact_id, cause in happened.leavers:
+            self.remove(artefact_id, step_ns, cause)
+        exits_m = motions.navigation.places.exits_m
+        for artefact_id in self._farewells.due(
+            step_ns, motions.crowd, exits_m, spawning.out_of_view
+        ):
+            self.remove(artefact_id, step_ns, Cause.LIFE_OVER)
 
-    def _stand(self) -> Scene:
-        """Return the living where they are now; kept while nobody comes, goes or is moved."""
-        if self._standing is None:
-            artefacts = [*self.population.living.values()]
-            self._standing = Scene.now(artefacts)
-        return self._standing
-
-    def _apply(self, step_ns: int, artefacts: Sequence[Artefact], resolution: Resolution) -> None:
-        """Move or remove those whose pose is no longer safe."""
-        for i, artefact in enumerate(artefacts):
-            outcome = Outcome(int(resolution.outcomes[i]))
-            if outcome is Outcome.DISPLACED_TO_SAFE:
-                self._shift(step_ns, artefact, resolution, i)
-            elif outcome is Outcome.LEAVES:
-                self.displaced += 1
-                self.remove(artefact.id, step_ns, Cause.DISPLACED)
-            elif outcome is Outcome.LEAVES_ON_CONTACT:
-                self.remove(artefact.id, step_ns, Cause.ROBOT_CONTACT)
-
-    def _shift(self, now_ns: int, artefact: Artefact, resolution: Resolution, index: int) -> None:
-        was, (dx_m, dy_m) = artefact.history.latest, resolution.shifts_m[index].tolist()
-        bottom_m = resolution.boxes.centres_m[index, 2] - resolution.boxes.half_sizes_m[index, 2]
-        pose = GroundPose(was.x_m + dx_m, was.y_m + dy_m, float(bottom_m), was.yaw_rad)
-        artefact.history.append(now_ns - 1, was)
-        artefact.history.append(now_ns, pose)
-        self._standing = None
-        self.displaced += 1
-        distance_m = float(np.hypot(dx_m, dy_m))
-        label = artefact.row.label
-        event = ArtefactEvent(now_ns, EventKind.DISPLACED, artefact.id, label, "moved", distance_m)
-        self._events.append(event)
+    def _walks_out(self, artefact: Artefact) -> bool:
+        """Say whether the end of an artefact's life is the beginning of its way out."""
+        return self._farewells.walks_to_exit and self._motions.minds.has(artefact.id)
 
     def _say(self, event: PopulationEvent) -> None:
-        self._standing = None
+        """Tell the motions who went or is to go, and keep the event for the outputs."""
+        artefact_id = event.artefact_id
+        if event.kind is PopulationEventKind.DEPARTED:
+            self._motions.end(artefact_id)
+            self._farewells.end(artefact_id)
+        elif event.kind is PopulationEventKind.LEAVING:
+            self._motions.minds.send_out(artefact_id)
+            self._farewells.begin(self.population.living[artefact_id], event.time_ns)
+            return
         detail = event.cause.value if event.cause else ""
         kind, label = _EVENT_KINDS[event.kind], event.row.label
-        self._events.append(ArtefactEvent(event.time_ns, kind, event.artefact_id, label, detail))
-
-
-def random_population(parameters: Parameters, catalogue: Catalogue) -> Population:
-    """Return the population of the random source; ParameterError where the mixture is bad."""
-    settings, law = parameters.population, mixture_of(parameters, catalogue)
-    return Population(
-        parameters.seed,
-        RandomSource(parameters.seed, catalogue.rows, law, settings.group_size),
-        departure_law(settings.departures, parameters.seed, settings.mean_life),
-        max_alive=settings.max_alive,
-        history_ns=seconds_to_ns(parameters.poses.history),
-    )
-
-
-def mixture_of(parameters: Parameters, catalogue: Catalogue) -> TruncatedPoissonMixture:
-    """Return the law of the rows (Eq. 1); ParameterError where the mixture is bad."""
-    mixture = parameters.mixture
-    return TruncatedPoissonMixture(mixture.weights, mixture.rates, len(catalogue.rows))
+        self._events.append(ArtefactEvent(event.time_ns, kind, artefact_id, label, detail))

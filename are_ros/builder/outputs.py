@@ -15,6 +15,7 @@ class ArtefactState:
 
     Poses are in the map's frame; `box_centre_m` and the twist are in F_A; `departure_ns` is 0 where
     it is not known in advance. `origin` tells whether it came at random, by script or by service.
+    `activity`, what it does just now, is one of the features too.
     """
 
     artefact_id: int
@@ -32,6 +33,7 @@ class ArtefactState:
     departure_ns: int
     origin: Origin
     features: Mapping[str, str]
+    activity: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
 """The real environment as it comes in, and the artefacts that live in it, in the order of time."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -11,6 +11,7 @@ from are_ros.artefacts.population_events import Cause
 from are_ros.builder import assembly
 from are_ros.builder.lives import Lives
 from are_ros.builder.mesh_bank import MeshBank
+from are_ros.builder.out_of_view import Viewpoint
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.scans import ScanAugmentation
 from are_ros.builder.sensor_path import ReleasedScan, SensorPathCounts
@@ -57,6 +58,7 @@ class Reality:
         self.lives = Lives(parameters, catalogue, self.world, self.robots, resolver)
         self.camera: Camera | None = assembly.default_camera(parameters)
         self._meshes = MeshBank()
+        self.lives.viewpoints = self._viewpoints
         self._scans = ScanAugmentation(parameters, self.frames, self.lives, self._meshes)
         self._now_ns = _BEFORE_ALL_NS
         self._idle_until_ns = _BEFORE_ALL_NS
@@ -147,7 +149,9 @@ class Reality:
         FrameError where the frame's pose is not known.
         """
         self._received(received_ns)
-        self.lives.goal = self._goal_of(points_m, frame_id) if len(points_m) else None
+        plan_m = self._in_map(points_m, frame_id) if len(points_m) else np.empty((0, 3))
+        self.lives.plan_m = plan_m[:, :2]
+        self.lives.goal = self._goal_of(plan_m) if len(plan_m) else None
 
     def take_scans(self) -> list[ReleasedScan]:
         """Return the scans that have left the sensor path since the last call."""
@@ -239,11 +243,24 @@ class Reality:
         self.advance(received_ns)
         self.lives.touch(received_ns)
 
-    def _goal_of(self, points_m: npt.NDArray[np.floating], frame_id: str) -> Footprint:
-        """Return the robot's disc at the end of its way, in the map's frame."""
+    def _in_map(
+        self, points_m: npt.NDArray[np.floating], frame_id: str
+    ) -> npt.NDArray[np.float64]:
+        """Return points (N, 3) of a frame, where that is now, in the map's frame."""
         map_frame = self.parameters.frames.map
         stamp_ns = self.frames.latest_common_time(map_frame, frame_id)
         map_from_plan = self.frames.lookup(map_frame, frame_id, stamp_ns)
-        end_m = map_from_plan.apply(np.asarray(points_m[-1:], dtype=np.float64))
+        return map_from_plan.apply(np.asarray(points_m, dtype=np.float64))
+
+    def _goal_of(self, plan_m: npt.NDArray[np.float64]) -> Footprint:
+        """Return the robot's disc at the end of its way (N, 3), in the map's frame."""
         radius_m = self.robots.observer.footprint.circumscribed_radius_m
-        return Footprint(end_m[:, :2], radius_m)
+        return Footprint(plan_m[-1:, :2], radius_m)
+
+    def _viewpoints(self, now_ns: int) -> Sequence[Viewpoint]:
+        """Return the camera where it is, nothing where that is not known."""
+        camera = self.camera
+        map_from_camera = self.robots.map_from_camera(camera, now_ns) if camera else None
+        if camera is None or map_from_camera is None:
+            return ()
+        return (Viewpoint(camera.view, map_from_camera),)

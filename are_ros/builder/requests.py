@@ -1,15 +1,15 @@
 """What people ask of ARE while it runs: place an artefact, take one away, clear, begin anew."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from are_ros.artefacts.artefact import GroundPose, Origin, boxes_of
+from are_ros.artefacts.behaviours.registry import BEHAVIOURS, why_not
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.builder.reality import Reality
 from are_ros.errors import CatalogueError, PlacementError
 from are_ros.world.rigid_transform import RigidTransform
-
-_STANDING = ("", "standing")
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,7 +17,7 @@ class SpawnRequest:
     """An artefact to be placed at `frame_from_pose`, of which x, y and yaw on the ground count.
 
     `label` names a row or a class; `row` is the index of one, -1 for any of the label. `life_ns` of
-    None draws a life.
+    None draws a life. A `behaviour` that is not given is drawn, too.
     """
 
     frame_id: str
@@ -38,17 +38,20 @@ class Requests:
     def spawn(self, request: SpawnRequest, now_ns: int) -> int:
         """Place an artefact, and return its id; it is never moved.
 
-        Raises CatalogueError for an unknown label or row, FrameError for an unknown frame,
-        PlacementError where it cannot stand.
+        Raises CatalogueError for an unknown label or row, or one that cannot behave so, FrameError
+        for an unknown frame, PlacementError where it cannot stand.
         """
         reality = self._reality
         reality.advance(now_ns)
-        if request.behaviour not in _STANDING:
-            raise PlacementError(f"behaviour '{request.behaviour}': artefacts only stand as yet")
         row = self._row_of(request)
         pose = self._ground_pose(request, row)
         return reality.lives.place(
-            row, pose, now_ns, origin=Origin.SERVICE, life_ns=request.life_ns
+            row,
+            pose,
+            now_ns,
+            origin=Origin.SERVICE,
+            life_ns=request.life_ns,
+            behaviour=request.behaviour,
         )
 
     def remove(self, artefact_id: int, now_ns: int) -> None:
@@ -70,6 +73,7 @@ class Requests:
         catalogue = self._reality.catalogue
         rows = catalogue.rows_named(request.label) if request.label else catalogue.rows
         if request.row < 0:
+            rows = self._able(rows, request)
             self._asked += 1
             stream = generator(self._reality.parameters.seed, Purpose.REQUEST, self._asked)
             return rows[int(stream.integers(len(rows)))]
@@ -79,7 +83,27 @@ class Requests:
             first, last = rows[0].index, rows[-1].index
             message = f"the catalogue has no row {request.row}{among}: the rows are {first}..{last}"
             raise CatalogueError(message)
-        return chosen[0]
+        return self._able(chosen, request)[0]
+
+    def _able(
+        self, rows: Sequence[CatalogueRow], request: SpawnRequest
+    ) -> Sequence[CatalogueRow]:
+        """Return the rows that can behave as asked; CatalogueError where none can.
+
+        A class of the user's must be one that the catalogue names: no request imports another.
+        """
+        name = request.behaviour
+        if not name:
+            return rows
+        named = {own for row in self._reality.catalogue.rows for own in row.behaviours}
+        if name not in named and name not in BEHAVIOURS:
+            known = ", ".join(sorted(named | set(BEHAVIOURS)))
+            raise CatalogueError(f"behaviour '{name}' is not known; known are {known}")
+        refusals = [why_not(name, row.motion.speed_mps) for row in rows]
+        able = [row for row, refusal in zip(rows, refusals, strict=True) if refusal is None]
+        if not able:
+            raise CatalogueError(f"behaviour '{name}' {refusals[0]}")
+        return able
 
     def _ground_pose(self, request: SpawnRequest, row: CatalogueRow) -> GroundPose:
         """Return the pose in the map's frame, on the ground there."""
@@ -91,7 +115,7 @@ class Requests:
         if environment is None:
             return flat
         (height_m,) = environment.ground_heights_m(boxes_of([row], [flat])).tolist()
-        return replace(flat, z_m=height_m)
+        return flat._replace(z_m=height_m)
 
     def _map_from(self, frame_id: str) -> RigidTransform:
         frames, map_frame = self._reality.frames, self._reality.parameters.frames.map

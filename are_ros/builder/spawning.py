@@ -1,45 +1,65 @@
 """Where artefacts may arrive in the present environment, and away from whom."""
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.placement import Placer
+from are_ros.artefacts.population_events import Cause
 from are_ros.artefacts.surroundings import Disc, KeepOut, Surroundings
+from are_ros.builder.out_of_view import OutOfView, Viewpoint
 from are_ros.builder.robots import RobotPose
 from are_ros.errors import ParameterError
-from are_ros.parameters.choices import Region
+from are_ros.parameters.choices import Appear, Leave, Region
 from are_ros.parameters.model import Parameters
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint, signed_distance_m
 from are_ros.world.oriented_boxes import OrientedBoxes, overlaps_any
 from are_ros.world.region import RegionFinder, SpawnRegion, region_finder
-from are_ros.world.zones import Zones, read_zones_file
+from are_ros.world.zones import Zones, polygon_mask, read_zones_file, zone_weights
+
+Allowed = Callable[[OrientedBoxes], npt.NDArray[np.bool_]]
+"""Tells which of N boxes may stand where they are: bool (N,)."""
 
 
 class Spawning:
     """Keeps region and placer in step with the environment and with the robot's place in it.
 
     `goal` is where the robot is going, None where that is not known: nobody arrives there.
+    `out_of_view` tells what no camera sees, and `cause` why `place` last found nothing.
     """
 
     def __init__(self, parameters: Parameters, footprint: Footprint) -> None:
         self.goal: Footprint | None = None
-        self.reconfigure(parameters)
+        self.cause = Cause.NO_PLACE
+        self.out_of_view = OutOfView(parameters.occlusion.max_range)
         self._robot_radius_m = footprint.inscribed_radius_m
         zones = parameters.population.zones
-        self._zones = read_zones_file(Path(zones)) if zones else Zones()
-        if parameters.population.region is Region.ZONES and not self._zones.zones:
+        self.zones = read_zones_file(Path(zones)) if zones else Zones()
+        if parameters.population.region is Region.ZONES and not self.zones.zones:
             raise ParameterError("population.region is zones, but population.zones lists none")
         self._environment: Environment | None = None
         self._finder: RegionFinder | None = None
         self._region: SpawnRegion | None = None
         self._placer: Placer | None = None
+        self._entrances: Placer | None = None
+        self.reconfigure(parameters)
 
     def reconfigure(self, parameters: Parameters) -> None:
-        """Keep other distances from now on; region and zones stay."""
+        """Keep other distances, and appear otherwise, from now on; region and zones stay.
+
+        Raises ParameterError, and changes nothing, where artefacts are to appear in zones and
+        there is none.
+        """
+        if parameters.population.appear is Appear.ZONES and not self.zones.ways_in:
+            raise ParameterError(
+                "population.appear is zones, "
+                "but population.zones names no file that lists entrances or zones"
+            )
         self._population = parameters.population
         self._clearance_m = parameters.robot.clearance
 
@@ -48,8 +68,25 @@ class Spawning:
         """The effective area of the region, 0 before it is known."""
         return self._region.area_m2 if self._region else 0.0
 
-    def refresh(self, environment: Environment, robot: RobotPose | None) -> bool:
-        """Follow environment and robot; return whether the region is another one than before."""
+    @property
+    def region(self) -> SpawnRegion | None:
+        """The region, None before it is known."""
+        return self._region
+
+    @property
+    def needs_viewpoints(self) -> bool:
+        """Whether it matters what the cameras see."""
+        appear, leave = self._population.appear, self._population.leave
+        return appear is Appear.OUT_OF_VIEW or leave is Leave.WALK_TO_EXIT
+
+    def refresh(
+        self,
+        environment: Environment,
+        robot: RobotPose | None,
+        viewpoints: Sequence[Viewpoint] = (),
+    ) -> bool:
+        """Follow environment, robot and cameras; return whether the region is another one."""
+        self.out_of_view.look(environment, viewpoints)
         if self._finder is None or environment is not self._environment:
             self._finder = self._finder_for(environment)
             self._environment = environment
@@ -57,6 +94,7 @@ class Spawning:
         if region is self._region:
             return False
         self._region, self._placer = region, Placer(environment, region)
+        self._entrances = None
         return True
 
     def place(
@@ -66,14 +104,28 @@ class Spawning:
         others: OrientedBoxes,
         robot: RobotPose | None,
         near: tuple[float, float] | None,
+        allowed: Allowed | None = None,
     ) -> GroundPose | None:
-        """Draw a pose for an artefact, near the first of its group; None if there is none."""
-        if self._placer is None:
+        """Draw a pose for an artefact, near the first of its group; None, and a cause, if none.
+
+        `allowed` is a wish: boxes that it refuses are taken if there are no others.
+        """
+        self.cause = Cause.NO_PLACE
+        placer = self._placer_to_use()
+        if placer is None:
             return None
         shapes = ([robot.footprint] if robot else []) + ([self.goal] if self.goal else [])
         keep_out = tuple(KeepOut(shape, self._clearance_m) for shape in shapes)
         within = None if near is None else Disc(*near, self._population.group_radius)
-        return self._placer.place(row, generator, Surroundings(others, keep_out), within)
+        hidden, wished = _Filter(self._hidden()), _Filter(allowed)
+        for tests in ((hidden, wished), (hidden,)):
+            around = Surroundings(others, keep_out, _all_of(*tests))
+            pose = placer.place(row, generator, around, within)
+            if pose is not None or not wished.has_refused:
+                break
+        if pose is None and hidden.has_refused:
+            self.cause = Cause.NO_HIDDEN_PLACE
+        return pose
 
     def why_not(
         self,
@@ -91,6 +143,31 @@ class Spawning:
             return f"it would be nearer to the robot than robot.clearance, {self._clearance_m} m"
         return ""
 
+    def _hidden(self) -> Allowed | None:
+        """Return the test that boxes have to pass to appear where they are."""
+        return self.out_of_view.hides if self._population.appear is Appear.OUT_OF_VIEW else None
+
+    def _placer_to_use(self) -> Placer | None:
+        """Return the placer of the region or, where artefacts appear there, of the entrances."""
+        environment, region = self._environment, self._region
+        if environment is None or region is None or self._population.appear is not Appear.ZONES:
+            return self._placer
+        if self._entrances is None:
+            self._entrances = Placer(environment, self._entrance_region(environment, region))
+        return self._entrances
+
+    def _entrance_region(self, environment: Environment, region: SpawnRegion) -> SpawnRegion:
+        """Return the ways in, as far as they are in the region; zones keep them to free space."""
+        mask = region.mask
+        if self._population.region is Region.ZONES:
+            mask = environment.classes.free.copy()
+            for polygon_m in self.zones.no_spawn:
+                mask &= ~polygon_mask(polygon_m, environment.grid)
+        weight = zone_weights(self.zones.ways_in, environment.grid)
+        weight[~mask] = 0.0
+        area_m2 = float(weight.sum(dtype=np.float64)) * environment.grid.cell_area_m2
+        return SpawnRegion(weight > 0.0, weight, area_m2)
+
     def _finder_for(self, environment: Environment) -> RegionFinder:
         return region_finder(
             self._population.region,
@@ -98,9 +175,36 @@ class Spawning:
             environment.classes.free,
             environment.clearance_m,
             self._robot_radius_m,
-            zones=self._zones,
+            zones=self.zones,
             last_point_m=self._finder.last_point_m if self._finder else None,
         )
+
+
+class _Filter:
+    """A test of boxes, or none, that remembers whether it has refused any."""
+
+    def __init__(self, test: Allowed | None) -> None:
+        self.has_refused = False
+        self._test = test
+
+    def __call__(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
+        if self._test is None:
+            return np.ones(len(boxes), np.bool_)
+        passed = self._test(boxes)
+        self.has_refused |= not passed.all()
+        return passed
+
+
+def _all_of(*tests: Allowed) -> Allowed:
+    """Return the test of passing all tests; a later one sees only what passed those before."""
+
+    def allowed(boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
+        passed = np.ones(len(boxes), np.bool_)
+        for test in tests:
+            passed[passed] = test(boxes.take(passed))
+        return passed
+
+    return allowed
 
 
 def _point_of(robot: RobotPose | None) -> tuple[float, float] | None:

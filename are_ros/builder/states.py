@@ -1,7 +1,7 @@
 """The artefacts as what goes out: ground truth, and what is perceived of it."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from are_ros.artefacts.artefact import Artefact, map_from_artefact
 from are_ros.builder.outputs import ArtefactState, PerceivedArtefact, Vector3
@@ -36,6 +36,7 @@ def _still_holds(state: ArtefactState, artefact: Artefact, now_ns: int) -> bool:
         and not any((*state.linear_velocity_m_s, *state.angular_velocity_rad_s))
         and state.departure_ns == (artefact.departure_ns or 0)
         and state.behaviour == artefact.behaviour
+        and state.activity == artefact.activity
     )
 
 
@@ -55,11 +56,17 @@ def artefact_state(artefact: Artefact, now_ns: int) -> ArtefactState:
         linear_velocity_m_s=linear_m_s,
         angular_velocity_rad_s=angular_rad_s,
         behaviour=artefact.behaviour,
+        activity=artefact.activity,
         arrival_ns=artefact.arrival_ns,
         departure_ns=artefact.departure_ns or 0,
         origin=artefact.origin,
-        features=row.features,
+        features=_features(row.features, artefact.activity),
     )
+
+
+def _features(features: Mapping[str, str], activity: str) -> Mapping[str, str]:
+    """Return the row's features, and what the artefact does just now where that is to be said."""
+    return {**features, "activity": activity} if activity else features
 
 
 def perceived_artefact(state: ArtefactState, sighting: Sighting, seen_ns: int) -> PerceivedArtefact:

@@ -73,10 +73,21 @@ def inspect(**options: Any) -> None:
 
 
 @click.command(short_help="Say what a configuration means.")
-@click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="Map, for its free area.")
+@click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="Map, for its region.")
+@click.option(
+    "--plot",
+    "plot_folder",
+    metavar="FOLDER",
+    type=FILE,
+    help="Run the population alone, and draw population.png into this folder.",
+)
 @parameter_options
 def describe(**options: Any) -> None:
-    """Say what a configuration means: arrivals per minute, expected population, types, gates."""
+    """Say what a configuration means: arrivals per minute, expected population, types, gates.
+
+    With --plot also in a picture: the number alive over time, waiting times and lives against
+    their laws, and where artefacts appear on the map.
+    """
     from are_ros.replay.command import describe_command
 
     describe_command(click.echo, **options)

@@ -3,32 +3,33 @@
 import math
 
 from are_ros.artefacts.catalogue import Catalogue
-from are_ros.artefacts.mixture import TruncatedPoissonMixture
 from are_ros.description._tables import aligned, section
-from are_ros.description.population_lines import (
+from are_ros.description.catalogue_lines import (
+    behaviour_lines,
     catalogue_lines,
     mixture_lines,
-    population_lines,
+    row_law,
 )
+from are_ros.description.population_lines import population_lines
+from are_ros.description.site import Site
 from are_ros.parameters.choices import CameraModel, CostmapGate, SensorGate
 from are_ros.parameters.declaration import Value, describe, flatten
 from are_ros.parameters.model import CameraParameters, Parameters
 
 
 def describe_lines(
-    parameters: Parameters, catalogue: Catalogue, area_m2: float | None = None
+    parameters: Parameters, catalogue: Catalogue, site: Site | None = None
 ) -> list[str]:
-    """Return the description, line by line; figures are for an area, or else for 100 m^2.
+    """Return the description, line by line; figures are for a site, or else for 100 m^2.
 
-    `area_m2` is that on which artefacts arrive [m^2]. Raises ParameterError where the mixture does
-    not fit the catalogue.
+    Raises ParameterError where the mixture does not fit the catalogue.
     """
-    mixture = parameters.mixture
-    law = TruncatedPoissonMixture(mixture.weights, mixture.rates, len(catalogue.rows))
+    law = row_law(parameters, catalogue)
     probabilities = law.probabilities()
     lines = [
-        *population_lines(parameters, probabilities, catalogue, area_m2),
+        *population_lines(parameters, probabilities, catalogue, site or Site()),
         *mixture_lines(law, catalogue),
+        *behaviour_lines(probabilities, catalogue),
         *catalogue_lines(probabilities, catalogue),
         *section("Perception and outputs", aligned(_outputs(parameters))),
         *section("Parameters that differ from their defaults", _changed_lines(parameters)),

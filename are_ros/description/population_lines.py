@@ -1,78 +1,69 @@
-"""Who comes, how many live at once, and of which kind: the stochastic part in figures."""
-
-import numpy as np
+"""Who comes, how many live at once, how they come and go: the birth-death process in figures."""
 
 from are_ros.artefacts.catalogue import Catalogue
-from are_ros.artefacts.mixture import Numbers, TruncatedPoissonMixture
+from are_ros.artefacts.mixture import Numbers
 from are_ros.description._tables import aligned, section
-from are_ros.description.stationary_law import stationary_law
-from are_ros.parameters.choices import Departures
+from are_ros.description.birth_death import BirthDeath
+from are_ros.description.catalogue_lines import percent
+from are_ros.description.site import Site, site_rows
+from are_ros.parameters.choices import Appear, Departures, Leave
 from are_ros.parameters.model import Parameters, PopulationParameters
 
-UNIT_AREA_M2 = 100.0
-"""What is spoken of where no area is known."""
-
-_LIKELIEST = 5
+_WORTH_A_WORD = 0.001
 
 
 def population_lines(
-    parameters: Parameters, probabilities: Numbers, catalogue: Catalogue, area_m2: float | None
+    parameters: Parameters, probabilities: Numbers, catalogue: Catalogue, site: Site
 ) -> list[str]:
-    """Return arrivals per minute, lives, and the law of the number alive on an area [m^2]."""
-    settings, area = parameters.population, UNIT_AREA_M2 if area_m2 is None else area_m2
-    groups_per_s = settings.arrival_rate * area
-    members_per_s = groups_per_s * settings.group_size
-    where = f"on {area:.4g} m^2" + (" (no map is given)" if area_m2 is None else "")
+    """Return arrivals per minute, lives, and the law of the number alive at a site."""
+    settings = parameters.population
+    chain = BirthDeath.of(settings, site.area_m2, staying_share(probabilities, catalogue, site))
+    where = f"on {site.area_m2:.4g} m^2" + ("" if site.survey else " (no map is given)")
     rows = [
-        ("arrivals", _arrivals_text(settings, groups_per_s)),
-        ("life", f"exponential, mean {settings.mean_life:g} s"),
-        ("departures", _departures_text(settings, members_per_s)),
-        ("alive at once", _alive_text(settings, groups_per_s)),
-        ("bound", f"at most {settings.max_alive} alive (population.max_alive)"),
-        ("region", f"{settings.region.value} space, {settings.arrival_rate:g} arrivals/(m^2 s)"),
+        *site_rows(site, parameters, catalogue, probabilities),
+        ("arrivals", _arrivals_text(settings, chain.groups_per_s)),
+        ("life", _life_text(chain)),
+        ("departures", _departures_text(settings)),
+        ("alive at once", _alive_text(chain)),
+        ("law", _law_text(chain)),
+        ("", _exactness_text(chain)),
+        ("bound", _bound_text(chain)),
+        *_memory_rows(chain),
+        *_forever_rows(chain, probabilities, catalogue, site),
     ]
-    forever = sum(probabilities[row.index] for row in catalogue.rows if row.forever)
-    if forever > 0.0:
-        per_hour = 3600.0 * members_per_s * forever
-        text = f"{_percent(forever)} of arrivals never leave: {per_hour:.3g} more per hour"
-        rows.append(("for ever", text + ", beside the law above"))
-    return section(f"Population {where}", aligned(rows))
+    lines = section(f"Population {where}", aligned(rows))
+    return [*lines, *section("Coming and going", appearing_lines(parameters))]
 
 
-def mixture_lines(law: TruncatedPoissonMixture, catalogue: Catalogue) -> list[str]:
-    """Return the components of Eq. 1, the probability of each class and the likeliest rows."""
-    probabilities = law.probabilities()
-    components = [("component", "weight pi", "rate lambda", "mostly")]
-    for i, of_rows in enumerate(law.component_probabilities()):
-        by_class = catalogue.class_probabilities(of_rows)
-        best = int(np.argmax(by_class))
-        mostly = f"{catalogue.class_names[best]} ({_percent(by_class[best])})"
-        components.append((str(i), f"{law.weights[i]:.3f}", f"{law.rates[i]:g}", mostly))
-    by_class = catalogue.class_probabilities(probabilities)
-    classes = [
-        (name, _percent(share))
-        for name, share in sorted(
-            zip(catalogue.class_names, by_class.tolist(), strict=True), key=lambda pair: -pair[1]
-        )
-    ]
-    order = np.argsort(-probabilities, kind="stable")[:_LIKELIEST]
-    rows = [(catalogue.rows[k].label, _percent(probabilities[k])) for k in order.tolist()]
-    return [
-        *section("Mixture (Eq. 1)", aligned(components, numbers=(0, 1, 2))),
-        *section("Classes", aligned(classes, numbers=(1,))),
-        *section("Likeliest rows", aligned(rows, numbers=(1,))),
-    ]
+def appearing_lines(parameters: Parameters) -> list[str]:
+    """Return where artefacts appear, and what they do when their life is over."""
+    settings = parameters.population
+    appear = {
+        Appear.ANYWHERE: "anywhere in the region where there is room",
+        Appear.OUT_OF_VIEW: "in the region, where no camera of the robot sees them appear",
+        Appear.ZONES: "in the entrances that population.zones lists",
+    }
+    leave = {
+        Leave.VANISH: "they vanish where they are",
+        Leave.WALK_TO_EXIT: "those who can walk to an exit vanish there, after at most "
+        f"{settings.exit_patience:g} s",
+    }
+    rows = [("appear", appear[settings.appear]), ("leave", leave[settings.leave])]
+    if settings.leave is Leave.WALK_TO_EXIT:
+        rows.append(("", _walking_text(settings)))
+    if settings.group_size > 1.0:
+        rows.append(("groups", f"all within {settings.group_radius:g} m of the first, at once"))
+    return aligned(rows)
 
 
-def catalogue_lines(probabilities: Numbers, catalogue: Catalogue) -> list[str]:
-    """Return the catalogue: row, label, class, size and probability of each."""
-    rows = [("row", "label", "class", "size [m]", "probability", "")]
-    for row in catalogue.rows:
-        size = " x ".join(f"{length:.2f}" for length in row.size_m)
-        note = "for ever" if row.forever else ""
-        share = _percent(probabilities[row.index])
-        rows.append((str(row.index), row.label, row.class_name, size, share, note))
-    return section(f"Catalogue ({len(catalogue.rows)} rows)", aligned(rows, numbers=(0, 3, 4)))
+def staying_share(probabilities: Numbers, catalogue: Catalogue, site: Site) -> float:
+    """Return the probability that an artefact finds a place and is of a row that once leaves."""
+    kept = [row.index for row in catalogue.rows if _counts(row.index, row.forever, site)]
+    return min(float(probabilities[kept].sum()), 1.0)
+
+
+def _counts(index: int, forever: bool, site: Site) -> bool:
+    return not forever and index not in site.misfits
 
 
 def _arrivals_text(settings: PopulationParameters, groups_per_s: float) -> str:
@@ -84,34 +75,98 @@ def _arrivals_text(settings: PopulationParameters, groups_per_s: float) -> str:
     return f"{per_minute:.3g} {noun} per minute, one every {1.0 / groups_per_s:.3g} s"
 
 
-def _departures_text(settings: PopulationParameters, members_per_s: float) -> str:
-    load = members_per_s * settings.mean_life
-    alone = settings.group_size <= 1.0
+def _departures_text(settings: PopulationParameters) -> str:
     if settings.departures is Departures.INDEPENDENT:
-        law = f"Poisson({load:.3g})" if alone else f"mean {load:.3g}, wider than Poisson"
-        return f"independent, each at 1/{settings.mean_life:g} s; unbounded: {law}"
-    if load >= 1.0:
-        return f"constant_rate: {load:.3g} arrive for one that leaves, so the bound is reached"
-    law = f"geometric, ratio {load:.3g}" if alone else f"load {load:.3g}"
-    return f"constant_rate, one in {settings.mean_life:g} s; unbounded: {law}"
+        return f"independent: n alive leave at {_per_life(settings, 'n')}"
+    return f"constant_rate: while anyone is alive, one leaves at {_per_life(settings, '1')}"
 
 
-def _alive_text(settings: PopulationParameters, groups_per_s: float) -> str:
-    law = stationary_law(
-        groups_per_s,
-        settings.group_size,
-        settings.mean_life,
-        settings.departures,
-        settings.max_alive,
-    )
-    mean = float(law @ np.arange(len(law)))
-    low, high = np.searchsorted(np.cumsum(law), (0.05, 0.95)).tolist()
-    text = f"{mean:.3g} expected, {low} to {high} in nine tenths of the time"
-    empty, full = float(law[0]), float(law[-1])
-    text += f"; empty {_percent(empty)}" if empty > 0.001 else ""
-    return text + (f"; at the bound {_percent(full)}" if full > 0.001 else "")
+def _life_text(chain: BirthDeath) -> str:
+    """Return the law of a life; at a constant rate its mean is that of Little's law."""
+    if chain.departures is Departures.INDEPENDENT:
+        return f"exponential, mean {chain.mean_life_s:g} s"
+    text = "until it is drawn, uniformly among those alive"
+    admitted_per_s = chain.members_per_s * (1.0 - chain.blocked_share)
+    mean = f": mean {_duration(chain.mean / admitted_per_s)}" if admitted_per_s > 0.0 else ""
+    return text + mean
 
 
-def _percent(share: float) -> str:
-    percent = 100.0 * share
-    return f"{percent:.1f} %" if percent >= 0.05 or percent == 0.0 else "< 0.1 %"
+def _per_life(settings: PopulationParameters, leavers: str) -> str:
+    return f"rate {leavers}/({settings.mean_life:g} s)"
+
+
+def _alive_text(chain: BirthDeath) -> str:
+    low, high = chain.band()
+    text = f"{chain.mean:.3g} expected, {low} to {high} in nine tenths of the time"
+    empty, full = float(chain.law[0]), float(chain.law[-1])
+    text += f"; empty {percent(empty)}" if empty > _WORTH_A_WORD else ""
+    return text + (f"; at the bound {percent(full)}" if full > _WORTH_A_WORD else "")
+
+
+def _law_text(chain: BirthDeath) -> str:
+    """Return the law of the number alive, by name where it has one."""
+    load = f"{chain.load:.3g}"
+    if chain.departures is Departures.INDEPENDENT:
+        if chain.is_grouped:
+            return f"of groups, wider than Poisson: deviation {chain.deviation:.3g}, mean {load}"
+        return f"Poisson({load}), cut at the bound"
+    if chain.is_grouped:
+        growth = ", so the bound is reached" if chain.load >= 1.0 else ""
+        return f"of groups, wider than geometric; {load} arrive for one that leaves{growth}"
+    if chain.load >= 1.0:
+        return f"geometric, {load} arrive for one that leaves, so the bound is reached"
+    return f"geometric, ratio {load}, cut at the bound"
+
+
+def _exactness_text(chain: BirthDeath) -> str:
+    """Return what the law rests on."""
+    where = "exact while all find room, and none is displaced or placed on request"
+    if chain.is_grouped:
+        return f"{where}; computed level by level"
+    if chain.departures is Departures.INDEPENDENT:
+        return f"{where}; so for lives of any law"
+    return where
+
+
+def _bound_text(chain: BirthDeath) -> str:
+    """Return how much the bound takes away."""
+    text = f"at most {chain.max_alive} alive (population.max_alive)"
+    if chain.blocked_share > _WORTH_A_WORD:
+        return f"{text} blocks {percent(chain.blocked_share)} of the arrivals"
+    return f"{text}; it blocks hardly anyone" if chain.members_per_s > 0.0 else text
+
+
+def _memory_rows(chain: BirthDeath) -> list[tuple[str, str]]:
+    """Return for how long the number alive remembers, nothing where it never changes."""
+    if chain.members_per_s <= 0.0 or chain.max_alive == 0:
+        return []
+    text = f"the number alive forgets in about {_duration(chain.correlation_s)} (correlation time)"
+    return [("memory", text)]
+
+
+def _forever_rows(
+    chain: BirthDeath, probabilities: Numbers, catalogue: Catalogue, site: Site
+) -> list[tuple[str, str]]:
+    """Return how those who never leave add up, nothing if nobody stays."""
+    staying = [row.index for row in catalogue.rows if row.forever and row.index not in site.misfits]
+    share = float(probabilities[staying].sum())
+    if share <= 0.0:
+        return []
+    per_s = chain.groups_per_s * chain.mean_group_size * share
+    text = f"{percent(share)} of arrivals never leave: {3600.0 * per_s:.3g} more per hour"
+    full = f", the bound in about {_duration(chain.max_alive / per_s)}" if per_s > 0.0 else ""
+    return [("for ever", f"{text}, beside the law above{full}")]
+
+
+def _walking_text(settings: PopulationParameters) -> str:
+    """Return what walking out adds to the law."""
+    if settings.departures is Departures.INDEPENDENT:
+        return "until then they count as alive: the law above with the way out added to the life"
+    return "until then they count as alive: more than the law above, by arrivals times way out"
+
+
+def _duration(duration_s: float) -> str:
+    for unit, length_s in (("days", 86400.0), ("hours", 3600.0), ("min", 60.0)):
+        if duration_s >= 2.0 * length_s:
+            return f"{duration_s / length_s:.3g} {unit}"
+    return f"{duration_s:.3g} s"

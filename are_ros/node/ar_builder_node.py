@@ -11,7 +11,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.builder.assembly import catalogue_of
-from are_ros.builder.lives import mixture_of
+from are_ros.builder.populations import mixture_of
 from are_ros.builder.warm_up import warm_up
 from are_ros.errors import AreError, NodeError
 from are_ros.node.decoding import WireDecoding, WireMessage

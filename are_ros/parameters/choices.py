@@ -18,6 +18,21 @@ class Region(Enum):
     ZONES = "zones"
 
 
+class Appear(Enum):
+    """Where in the region an artefact comes into being."""
+
+    ANYWHERE = "anywhere"
+    OUT_OF_VIEW = "out_of_view"
+    ZONES = "zones"
+
+
+class Leave(Enum):
+    """What an artefact does when its life is over."""
+
+    VANISH = "vanish"
+    WALK_TO_EXIT = "walk_to_exit"
+
+
 class GroundKind(Enum):
     """What artefacts stand on."""
 

@@ -7,10 +7,12 @@ import math
 from dataclasses import dataclass, field
 
 from are_ros.parameters.choices import (
+    Appear,
     CameraModel,
     CostmapGate,
     Departures,
     GroundKind,
+    Leave,
     OdometryUse,
     OnRobotContact,
     Region,
@@ -77,7 +79,27 @@ class PopulationParameters:
         "or the polygons of population.zones.",
     )
     zones: str = parameter(
-        "", "YAML file of spawn polygons with weights, and of no-spawn polygons."
+        "",
+        "YAML file of polygons: zones with weights, no_spawn, entrances, exits.",
+    )
+    appear: Appear = parameter(
+        Appear.ANYWHERE,
+        "Where in the region artefacts appear: anywhere, where no camera sees them, "
+        "or in the entrances of population.zones.",
+        live=True,
+    )
+    leave: Leave = parameter(
+        Leave.VANISH,
+        "What they do when their life is over: vanish, or walk to an exit and vanish there.",
+        live=True,
+    )
+    exit_patience: float = parameter(
+        60.0,
+        "One that is to leave and reaches no exit vanishes after this.",
+        unit="s",
+        low=0.0,
+        high=1e6,
+        live=True,
     )
 
 
@@ -264,6 +286,29 @@ class AugmentedMapParameters:
 
 
 @dataclass(frozen=True)
+class BehaviourParameters:
+    """The decision processes of the artefacts (section 3.2)."""
+
+    cell_size: float = parameter(
+        0.5, "Edge of a cell of the grid that decisions are made on.", unit="m", low=0.1, high=10.0
+    )
+    decision_period: float = parameter(
+        1.0,
+        "Time between two decisions of an artefact, from its arrival on.",
+        unit="s",
+        low=0.1,
+        high=60.0,
+    )
+    max_horizon: float = parameter(
+        40.0,
+        "Longest time that a decision looks ahead; at most what is left of the life.",
+        unit="s",
+        low=1.0,
+        high=600.0,
+    )
+
+
+@dataclass(frozen=True)
 class MotionParameters:
     """The integration of motion."""
 
@@ -362,6 +407,7 @@ class Parameters:
     occlusion: OcclusionParameters = field(default_factory=OcclusionParameters)
     costmap: CostmapParameters = field(default_factory=CostmapParameters)
     augmented_map: AugmentedMapParameters = field(default_factory=AugmentedMapParameters)
+    behaviour: BehaviourParameters = field(default_factory=BehaviourParameters)
     motion: MotionParameters = field(default_factory=MotionParameters)
     poses: PosesParameters = field(default_factory=PosesParameters)
     collisions: CollisionsParameters = field(default_factory=CollisionsParameters)

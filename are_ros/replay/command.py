@@ -8,6 +8,7 @@ from typing import Any
 from are_ros.builder.assembly import catalogue_of, parse_static_transform
 from are_ros.builder.tick import Demand
 from are_ros.description.configuration import describe_lines
+from are_ros.description.site import Site, surveyed
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import parse_assignment, read_ros_parameters, write_ros_parameters
@@ -18,6 +19,7 @@ from are_ros.replay.inspection_text import inspection_lines
 from are_ros.replay.options import ReplayOptions
 from are_ros.replay.output_folder import all_or_nothing
 from are_ros.replay.overview import draw_overview
+from are_ros.replay.population_picture import plot_population
 from are_ros.replay.progress_bar import ProgressBar
 from are_ros.replay.results import (
     ReplayCounts,
@@ -30,7 +32,6 @@ from are_ros.replay.results import (
 from are_ros.replay.roles import read_overrides
 from are_ros.replay.session import Outcome, run_replay
 from are_ros.world.map_file import read_map_file
-from are_ros.world.occupancy_grid import classify
 
 Say = Callable[[str], None]
 
@@ -145,19 +146,17 @@ def describe_command(
     parameter_files: Sequence[Path],
     assignments: Sequence[str],
     seed: int | None,
+    plot_folder: Path | None = None,
 ) -> None:
     """Run `are describe`."""
     parameters = effective_parameters(parameter_files, assignments, seed)
-    area_m2 = None if map_file is None else _free_area_m2(map_file, parameters)
-    for line in describe_lines(parameters, catalogue_of(parameters), area_m2):
+    catalogue, site = catalogue_of(parameters), Site()
+    if map_file is not None:
+        site = surveyed(read_map_file(map_file, parameters.frames.map), parameters, catalogue)
+    for line in describe_lines(parameters, catalogue, site):
         echo(line)
-
-
-def _free_area_m2(map_file: Path, parameters: Parameters) -> float:
-    grid = read_map_file(map_file, parameters.frames.map)
-    world = parameters.world
-    classes = classify(grid, world.occupied_threshold, world.free_threshold)
-    return int(classes.free.sum()) * grid.cell_area_m2
+    if plot_folder is not None:
+        echo(f"\npicture: {plot_population(parameters, catalogue, site, plot_folder)}")
 
 
 def inspect_command(

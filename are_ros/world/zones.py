@@ -1,7 +1,7 @@
-"""Spawn zones: weighted polygons of a YAML file, and the cells of a grid that they cover."""
+"""Zones: polygons of a YAML file (to arrive in, to keep out of, ways in, ways out), as cells."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +14,8 @@ from are_ros.world._planar import cosine_and_sine
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.yaml_text import read_yaml
 
-_FILE_FIELDS: Final = frozenset({"zones", "no_spawn"})
+_LISTS_OF_ZONES: Final = ("zones", "entrances", "exits")
+_FILE_FIELDS: Final = frozenset({*_LISTS_OF_ZONES, "no_spawn"})
 _ZONE_FIELDS: Final = frozenset({"name", "polygon", "weight"})
 
 
@@ -32,32 +33,51 @@ class Zone:
 
 @dataclass(frozen=True, eq=False)
 class Zones:
-    """The content of a zones file: where artefacts may arrive, and where they never do.
+    """The content of a zones file: where artefacts may arrive, never do, come in and go out.
 
-    Where zones overlap their weights add. `no_spawn` holds polygons as in `Zone`.
+    Where zones overlap their weights add. `no_spawn` holds polygons as in `Zone`; the weight of
+    an exit means nothing.
     """
 
     zones: tuple[Zone, ...] = ()
     no_spawn: tuple[npt.NDArray[np.float64], ...] = ()
+    entrances: tuple[Zone, ...] = ()
+    exits: tuple[Zone, ...] = ()
+
+    @property
+    def ways_in(self) -> tuple[Zone, ...]:
+        """The entrances; where none is marked, the zones."""
+        return self.entrances or self.zones
+
+    @property
+    def ways_out(self) -> tuple[Zone, ...]:
+        """The exits; where none is marked, the entrances."""
+        return self.exits or self.entrances
 
 
 def read_zones_file(path: Path) -> Zones:
     """Read `zones: [{name, polygon: [[x, y], ...], weight}]` and `no_spawn: [[[x, y], ...]]`.
 
-    Both lists may be left out; `name` defaults to "zone N", `weight` to 1. Raises
-    `ParameterError` that names file, field and reason.
+    `entrances` and `exits` are lists as `zones` is. Each list may be left out; `name` defaults to
+    "zone N" ("entrance N", "exit N"), `weight` to 1. Raises `ParameterError` that names file,
+    field and reason.
     """
     content = _yaml_mapping(path)
     _refuse_unknown(content, _FILE_FIELDS, str(path))
-    zones = [
-        _zone(entry, f"{path}: zones[{number}]", number)
-        for number, entry in enumerate(_list_of(content, "zones", path))
-    ]
+    zones, entrances, exits = (_zones(content, field, path) for field in _LISTS_OF_ZONES)
     no_spawn = [
         _polygon(entry, f"{path}: no_spawn[{number}]")
         for number, entry in enumerate(_list_of(content, "no_spawn", path))
     ]
-    return Zones(tuple(zones), tuple(no_spawn))
+    return Zones(zones, tuple(no_spawn), entrances, exits)
+
+
+def zone_weights(zones: Sequence[Zone], grid: OccupancyGrid) -> npt.NDArray[np.float32]:
+    """Return float32 (height, width): the sum of the weights of the zones over each cell."""
+    weights = np.zeros((grid.height, grid.width), np.float32)
+    for zone in zones:
+        weights[polygon_mask(zone.polygon_m, grid)] += zone.weight
+    return weights
 
 
 def polygon_mask(polygon_m: npt.NDArray[np.float64], grid: OccupancyGrid) -> npt.NDArray[np.bool_]:
@@ -99,7 +119,8 @@ def _toggle_right_of_edge(
 def _yaml_mapping(path: Path) -> Mapping[str, Any]:
     content = read_yaml(path, f"{path}: the zones file", ParameterError)
     if not isinstance(content, dict):
-        raise ParameterError(f"{path}: the file must map zones and no_spawn to lists")
+        names = ", ".join(sorted(_FILE_FIELDS))
+        raise ParameterError(f"{path}: the file must map some of {names} to lists")
     return content
 
 
@@ -119,11 +140,21 @@ def _refuse_unknown(content: Mapping[Any, Any], known: frozenset[str], where: st
         raise ParameterError(f"{where}: {unknown[0]} is no field of it; these are: {names}")
 
 
-def _zone(entry: Any, where: str, number: int) -> Zone:
+def _zones(content: Mapping[str, Any], field: str, path: Path) -> tuple[Zone, ...]:
+    """Return the zones of one list; those without a name take the list's, in the singular."""
+    entries = enumerate(_list_of(content, field, path))
+    singular = field.removesuffix("s")
+    return tuple(
+        _zone(entry, f"{path}: {field}[{number}]", f"{singular} {number}")
+        for number, entry in entries
+    )
+
+
+def _zone(entry: Any, where: str, default_name: str) -> Zone:
     if not isinstance(entry, dict):
         raise ParameterError(f"{where} is no mapping of name, polygon and weight")
     _refuse_unknown(entry, _ZONE_FIELDS, where)
-    name = entry.get("name", f"zone {number}")
+    name = entry.get("name", default_name)
     if not isinstance(name, str):
         raise ParameterError(f"{where}.name is {name!r}, not a text")
     weight = entry.get("weight", 1.0)

@@ -5,7 +5,8 @@ import colorsys
 import numpy as np
 import pytest
 
-from are_ros.artefacts.catalogue import BEHAVIOURS, Catalogue, CatalogueRow
+from are_ros.artefacts.behaviours.registry import BEHAVIOURS
+from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.artefacts.meshes import mesh_of
 from are_ros.artefacts.mixture import TruncatedPoissonMixture

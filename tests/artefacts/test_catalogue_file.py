@@ -10,7 +10,8 @@ import pytest
 import trimesh
 import yaml
 
-from are_ros.artefacts.catalogue import BEHAVIOURS, Catalogue, MeshFile, MotionLimits, RewardWeights
+from are_ros.artefacts.behaviours.registry import BEHAVIOURS
+from are_ros.artefacts.catalogue import Catalogue, MeshFile, MotionLimits, RewardWeights
 from are_ros.artefacts.catalogue_file import _METRES, _ROW_KEYS, SHIPPED_CATALOGUE, read_catalogue
 from are_ros.artefacts.shapes import Shape
 from are_ros.errors import CatalogueError
@@ -165,6 +166,11 @@ def test_a_glb_stands_as_its_format_says(tmp_path: Path) -> None:
         ({"motion": 3}, "motion is a number, but a mapping is needed"),
         ({"motion": [1]}, "motion is a list, but a mapping is needed"),
         ({"rewards": {"gaol": 1}}, "rewards.gaol is not known; did you mean 'goal'?"),
+        ({"behaviours": {"walking": 1}}, "behaviours.walking is for what moves, but motion.speed"),
+        ({"behaviours": {"along_way": 1}}, "behaviours.along_way needs waypoints, which only a"),
+        ({"behaviours": {"nowhere:Man": 1}}, "behaviours.nowhere:Man cannot be imported"),
+        ({"behaviours": {"os:sep": 1}}, "behaviours.os:sep is no class"),
+        ({"motion": {"running_factor": 0.5}}, "motion.running_factor is 0.5, but must be >= 1"),
         ({"behaviours": {"walk": 1}}, "behaviours.walk is not known; did you mean 'walking'?"),
         ({"behaviours": {"zzz": 1}}, "behaviours.zzz is not known; known are standing"),
         ({"behaviours": {"walking": 0}}, "behaviours has no positive weight"),

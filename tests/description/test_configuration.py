@@ -1,12 +1,16 @@
 """Tests of what `are describe` says."""
 
+import re
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
+from are_ros.artefacts.mixture import TruncatedPoissonMixture
 from are_ros.artefacts.shapes import Shape
 from are_ros.description.configuration import describe_lines
+from are_ros.description.site import Site
 from are_ros.errors import ParameterError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
@@ -26,7 +30,8 @@ SMALL = {"mixture.weights": [0.5, 0.5], "mixture.rates": [1.0, 6.0]}
 def _text(area_m2: float | None = None, catalogue: Catalogue = CATALOGUE, **values: Any) -> str:
     paths = {name.replace("__", "."): value for name, value in values.items()}
     parameters = with_values(Parameters(), {**SMALL, **paths})
-    return "\n".join(describe_lines(parameters, catalogue, area_m2))
+    site = None if area_m2 is None else Site(area_m2)
+    return "\n".join(describe_lines(parameters, catalogue, site))
 
 
 def test_arrivals_per_minute_and_expected_population() -> None:
@@ -34,7 +39,8 @@ def test_arrivals_per_minute_and_expected_population() -> None:
     text = _text(200.0)
     assert "6 artefacts per minute, one every 10 s" in text
     assert "6 expected, 2 to 10 in nine tenths of the time" in text
-    assert "unbounded: Poisson(6)" in text
+    assert "Poisson(6), cut at the bound" in text
+    assert "so for lives of any law" in text
 
 
 def test_without_a_map_it_is_for_100_square_metres() -> None:
@@ -49,6 +55,7 @@ def test_bound_truncates_the_population() -> None:
     text = _text(200.0, population__max_alive=2)
     assert "1.68 expected" in text
     assert "at the bound 72.0 %" in text
+    assert "at most 2 alive (population.max_alive) blocks 72.0 % of the arrivals" in text
 
 
 def test_constant_rate() -> None:
@@ -56,6 +63,7 @@ def test_constant_rate() -> None:
     calm = _text(20.0, population__departures="constant_rate")
     assert "geometric, ratio 0.6" in calm
     assert "1.5 expected" in calm
+    assert "until it is drawn, uniformly among those alive: mean 2.5 min" in calm
     crowded = _text(200.0, population__departures="constant_rate")
     assert "6 arrive for one that leaves, so the bound is reached" in crowded
 
@@ -65,6 +73,10 @@ def test_groups() -> None:
     text = _text(200.0, population__group_size=2.0)
     assert "6 groups of 2 on average" in text
     assert "12 expected" in text
+    assert "of groups, wider than Poisson: deviation 4.58, mean 12" in text
+    assert "groups  all within 2 m of the first" in text
+    constant = _text(20.0, population__group_size=2.0, population__departures="constant_rate")
+    assert "of groups, wider than geometric; 1.2 arrive for one that leaves, so" in constant
 
 
 def test_no_arrivals() -> None:
@@ -77,7 +89,10 @@ def test_no_arrivals() -> None:
 def test_rows_that_live_for_ever() -> None:
     """Rows that never leave are said to accumulate."""
     catalogue = Catalogue(tuple(_row(i, "wall", forever=i == 0) for i in range(9)))
-    assert "of arrivals never leave" in _text(catalogue=catalogue)
+    text = _text(catalogue=catalogue, mixture__rates=[1.0, 1.0])
+    assert "37.0 % of arrivals never leave: 66.6 more per hour, beside the law above" in text
+    assert "the bound in about 3 hours" in text
+    assert "Poisson(1.89)" in text
     assert "never leave" not in _text()
 
 
@@ -95,6 +110,54 @@ def test_catalogue_is_listed() -> None:
     text = _text()
     assert "Catalogue (9 rows)" in text
     assert all(row.label in text for row in CATALOGUE.rows)
+
+
+def test_behaviours_of_classes_and_of_rows_that_differ() -> None:
+    """Each class has its behaviours, weighted by its rows; rows are told where they differ."""
+    calm, lively = {"standing": 1.0}, {"standing": 0.25, "walking": 0.75}
+    rows = [replace(row, behaviours=lively if row.index == 1 else calm) for row in CATALOGUE.rows]
+    text = _text(catalogue=Catalogue(tuple(rows)), mixture__rates=[1.0, 1.0])
+    share = TruncatedPoissonMixture((0.5, 0.5), (1.0, 1.0), 9).probabilities()
+    of_cats = 75.0 * share[1] / share[:4].sum()
+    assert f"standing {100.0 - of_cats:.1f} %, walking {of_cats:.1f} %" in text
+    assert re.search(r"row 1 +36\.\d %  walking 75\.0 %, standing 25\.0 %", text)
+    assert re.search(r"rows 2 to 3 +\d+\.\d %  standing 100\.0 %", text)
+    assert re.search(r"dog +\d+\.\d %  standing 100\.0 %", text)
+    assert "rows 4 to 8" not in text
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({}, "anywhere in the region where there is room"),
+        ({}, "they vanish where they are"),
+        ({"population__appear": "out_of_view"}, "where no camera of the robot sees them"),
+        ({"population__appear": "zones"}, "in the entrances that population.zones lists"),
+        (
+            {"population__leave": "walk_to_exit", "population__exit_patience": 30.0},
+            "those who can walk to an exit vanish there, after at most 30 s",
+        ),
+        ({"population__leave": "walk_to_exit"}, "the law above with the way out added to the life"),
+        (
+            {"population__leave": "walk_to_exit", "population__departures": "constant_rate"},
+            "more than the law above, by arrivals times way out",
+        ),
+    ],
+)
+def test_coming_and_going(values: dict[str, Any], expected: str) -> None:
+    """Where artefacts appear, how they leave, and what walking out adds to the law."""
+    assert expected in _text(**values)
+
+
+def test_nothing_is_wider_than_a_page() -> None:
+    """However long the words, no line is longer than 120 characters."""
+    for values in (
+        {"population__group_size": 3.5, "population__departures": "constant_rate"},
+        {"population__group_size": 3.5, "population__max_alive": 7},
+        {"population__leave": "walk_to_exit", "population__arrival_rate": 0.123},
+    ):
+        text = _text(123.456, **values)
+        assert max(len(line) for line in text.splitlines()) <= 120
 
 
 def test_changed_parameters_with_their_units() -> None:

@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import pytest
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
@@ -19,7 +18,7 @@ from are_ros.node.ar_builder_node import ArBuilderNode
 from are_ros.node.message_classes import message_class, service_class
 from are_ros.node.qos import INPUTS, input_qos, output_qos
 from tests.node.live_scene import FACTORY, ns
-from tests.ros import RosWorld
+from tests.ros import WAIT_S, RosWorld, running_s, wait_until
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -39,12 +38,18 @@ _SERVICES = {
 }
 _WARNING = re.compile(r"(?m)^\[(?:WARN|ERROR|FATAL)\] \[[\d.]+\] \[[\w.]*ar_builder\]: (.*)$")
 _IDLE_S, _IDLE_TURNS = 0.008, 2
+_ASK_S = 0.05
+
+
+class UndiscoveredError(Exception):
+    """Node and user did not find each other; the text tells what the user sees of the node."""
 
 
 class Bench:
     """What a user does to the node, over topics and services, and what it hears of it.
 
-    `node` is looked into only to know that DDS has done its part.
+    `node` is looked into only to know that DDS has done its part. UndiscoveredError where it does
+    not within `discovery_s`.
     """
 
     def __init__(
@@ -54,6 +59,7 @@ class Bench:
         values: Mapping[str, Any],
         read_log: Callable[[], str],
         arguments: tuple[str, ...] = (),
+        discovery_s: float = WAIT_S,
     ) -> None:
         self._worlds = (node_world, user_world)
         kind: Any = ArBuilderNode
@@ -69,22 +75,18 @@ class Bench:
         self._clients: dict[str, Any] = {}
         self._reports: list[Any] | None = None
         self._clock = self.user.create_publisher(Clock, "/clock", 10)
-        self._connect()
+        self._connect(discovery_s)
 
     # ------------------------------------------------------------------------------ turning
 
-    def until(self, is_done: Callable[[], Any], timeout_s: float = 10.0) -> None:
+    def until(self, is_done: Callable[[], Any], timeout_s: float = WAIT_S) -> None:
         """Run callbacks until `is_done()`; the test fails when it is not within the time."""
-        deadline_s = time.monotonic() + timeout_s
-        while not is_done():
-            if time.monotonic() > deadline_s:
-                pytest.fail(f"what was waited for did not happen within {timeout_s} s")
-            self.turn()
+        wait_until(is_done, self.turn, timeout_s)
 
     def turn_for(self, duration_s: float) -> None:
         """Run callbacks for a while."""
-        deadline_s = time.monotonic() + duration_s
-        while time.monotonic() < deadline_s:
+        end_s = running_s() + duration_s
+        while running_s() < end_s:
             self.turn()
 
     def turn(self) -> None:
@@ -167,21 +169,39 @@ class Bench:
         self.until(future.done)
         return future.result()
 
-    def _connect(self) -> None:
-        """Wait until all services can be called.
+    def _connect(self, discovery_s: float) -> None:
+        """Wait until all services can be called; UndiscoveredError if they cannot in time.
 
         Between participants of one process Fast DDS loses requests that come before the server has
         seen the client. It sees clients in their order, so one answer of the last one is enough.
         """
+        last = self._clients_to_the_node()
+        answers: list[Any] = []
+        end_s = running_s() + discovery_s
+        while not answers:
+            if running_s() > end_s:
+                raise UndiscoveredError(self._what_the_user_sees(last))
+            if last.service_is_ready():
+                last.call_async(last.srv_type.Request()).add_done_callback(answers.append)
+                self.turn_for(_ASK_S)
+            else:
+                self.turn()
+
+    def _clients_to_the_node(self) -> Any:
+        """Make the clients of all services, and return the last one."""
         for service, type_name in _SERVICES.items():
             kind = service_class(type_name)
             self._clients[service] = self.user.create_client(kind, f"{self.name}/{service}")
-        last = self._clients[[*_SERVICES][-1]]
-        self.until(last.service_is_ready)
-        answers: list[Any] = []
-        while not answers:
-            last.call_async(last.srv_type.Request()).add_done_callback(answers.append)
-            self.turn_for(0.05)
+        return self._clients[[*_SERVICES][-1]]
+
+    def _what_the_user_sees(self, client: Any) -> str:
+        """Return what the user knows of the node and of one of its services."""
+        requests, replies = f"rq{client.srv_name}Request", f"rr{client.srv_name}Reply"
+        readers = self.user.get_subscriptions_info_by_topic(requests, no_mangle=True)
+        writers = self.user.get_publishers_info_by_topic(replies, no_mangle=True)
+        found = f"readers of requests: {len(readers)}, writers of replies: {len(writers)}"
+        names = f"nodes: {self.user.get_node_names()}"
+        return f"{client.srv_name}: {found}, ready: {client.service_is_ready()}, {names}"
 
     def change_state(self, *labels: str) -> bool:
         """Go through transitions (configure, activate, ...); tell whether the last one was done."""

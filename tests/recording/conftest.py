@@ -1,10 +1,13 @@
 """Fixtures of the live tests: runs that several modules look at, made once."""
 
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from tests.recording.live_runs import made_once, replay_of, run_demo
+from tests.ros import import_rclpy_quietly, is_ros_available, running_s
 
 PLAYED_S = 15
 
@@ -37,3 +40,17 @@ def replayed(lockstep_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
         "demo_replayed",
         lambda folder: replay_of(lockstep_run, folder, PLAYED_S),
     )
+
+
+@pytest.fixture(autouse=True)
+def running_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let players and recorders of this process not count stalls of the machine as patience.
+
+    They wait a second or two for subscribers to be found, and for one of two subscriptions to be of
+    no use any more; the pace of what is played goes by the clock of the wall all the same.
+    """
+    if is_ros_available():
+        import_rclpy_quietly()
+        clock = SimpleNamespace(**{**vars(time), "monotonic": running_s})
+        for module in ("inbox", "lockstep", "subscribers"):
+            monkeypatch.setattr(f"are_ros.recording.{module}.time", clock)

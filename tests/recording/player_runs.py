@@ -1,7 +1,6 @@
 """A player that runs in a thread of its own, what it plays, and a node that notes what it hears."""
 
 import threading
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +11,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from are_ros.conventions import NS_PER_S
 from are_ros.replay.bag_writer import BagWriter
 from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
+from tests.ros import WAIT_S, nap, running_s
 
 START_NS = 1_700_000_000 * NS_PER_S + 3_000_000
 """Not on the grid of /clock."""
@@ -56,7 +56,10 @@ class PlayerRun:
 
     def _open(self, start_ns: int, end_ns: int) -> Any:
         self.windows_ns.append((start_ns, end_ns))
-        return self.reached_ns.append
+        return self._reach
+
+    def _reach(self, now_ns: int) -> None:
+        self.reached_ns.append(now_ns)  # to a list that a test may have put there meanwhile
 
 
 @contextmanager
@@ -71,7 +74,7 @@ def playing(bag: Path, **options: Any) -> Iterator[PlayerRun]:
         yield run
     finally:
         run.stop.set()
-        thread.join(20.0)
+        thread.join(2.0 * WAIT_S)
     assert run.ended.is_set(), "the player did not stop"
     if run.error is not None:
         raise run.error
@@ -80,7 +83,7 @@ def playing(bag: Path, **options: Any) -> Iterator[PlayerRun]:
 def played(bag: Path, **options: Any) -> PlayerRun:
     """Play to the end, and return what is seen of it."""
     with playing(bag, **options) as run:
-        assert run.ended.wait(20.0), "the player did not come to its end"
+        assert run.ended.wait(2.0 * WAIT_S), "the player did not come to its end"
     return run
 
 
@@ -111,10 +114,10 @@ def texts(heard: Sequence[Heard], topic: str) -> list[str]:
 
 def wait_for_text(heard: Sequence[Heard], text: str) -> None:
     """Wait until another thread has heard a text; the test fails after a while."""
-    deadline_s = time.monotonic() + 10.0
+    end_s = running_s() + WAIT_S
     while all(one.text != text for one in heard):
-        assert time.monotonic() < deadline_s, f"{text} was not heard"
-        time.sleep(0.01)
+        assert running_s() < end_s, f"{text} was not heard"
+        nap()
 
 
 def write_strings(

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from are_ros.replay.bag_reader import BagMessage, BagReader
+from tests.ros import WAIT_S
 
 
 class RecorderRun:
@@ -41,11 +42,12 @@ def recording(path: Path, *wait_for: str, **options: Any) -> Iterator[RecorderRu
     thread = threading.Thread(target=run.work, args=(wanted,))
     thread.start()
     try:
-        assert run.ready.wait(20.0), "the recorder did not become ready"
+        assert run.ready.wait(2.0 * WAIT_S), "the recorder did not become ready"
         yield run
     finally:
         run.stop.set()
-        thread.join(10.0)
+        thread.join(2.0 * WAIT_S)
+    assert not thread.is_alive(), "the recorder did not stop"
     if run.error is not None:
         raise run.error
 

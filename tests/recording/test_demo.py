@@ -119,7 +119,7 @@ def test_a_node_that_ends_early_is_one_sentence(ros_available: None, tmp_path: P
     """It repeats the node's last line; nothing goes on running or waiting."""
     del ros_available
     words = ("--set", f"catalogue:={tmp_path / 'none.yaml'}", "--out", tmp_path / "out")
-    done = run_are("demo", SAMPLE, *words, timeout_s=60.0)
+    done = run_are("demo", SAMPLE, *words)
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
     (sentence,) = [line for line in done.stderr.splitlines() if line.startswith("are: ")]

@@ -93,7 +93,7 @@ def test_the_whole_sample_in_lockstep_is_the_replay_s(
     tmp_path: Path,
 ) -> None:
     """A minute of it, to the byte."""
-    run_demo(tmp_path / "live", "--lockstep", timeout_s=300.0)
+    run_demo(tmp_path / "live", "--lockstep")
     replay_of(tmp_path / "live", tmp_path / "replay", None)
     live, expected = outputs_of(tmp_path / "live"), outputs_of(tmp_path / "replay")
     assert {event.kind for event in events_of(expected)} >= HAPPENED

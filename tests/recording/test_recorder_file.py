@@ -30,7 +30,7 @@ class SlowBag(BagWriter):
 
     def add_topic(self, topic: str, type_name: str, **options: object) -> None:
         """Wait before the first message."""
-        assert self.may_write.wait(5.0)
+        assert self.may_write.wait(60.0)
         super().add_topic(topic, type_name, **options)  # type: ignore[arg-type]
 
 

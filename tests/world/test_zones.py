@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from are_ros.errors import ParameterError
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.zones import polygon_mask, read_zones_file
+from are_ros.world.zones import Zone, polygon_mask, read_zones_file, zone_weights
 
 
 def _grid(
@@ -62,14 +62,40 @@ def test_lists_may_be_left_out(tmp_path: Path) -> None:
     assert len(content.no_spawn) == 1
 
 
+def test_entrances_and_exits_stand_in_for_each_other(tmp_path: Path) -> None:
+    """Ways in are entrances, else zones; ways out are exits, else entrances, else none."""
+    polygon = "polygon: [[0, 0], [1, 0], [0, 1]]"
+    zones, entrances, exits = (
+        f"{name}: [{{{polygon}}}]\n" for name in ("zones", "entrances", "exits")
+    )
+
+    def ways(text: str) -> list[list[str]]:
+        content = read_zones_file(_file(tmp_path, text))
+        return [[way.name for way in ways] for ways in (content.ways_in, content.ways_out)]
+
+    assert ways(zones) == [["zone 0"], []]
+    assert ways(exits) == [[], ["exit 0"]]
+    assert ways(zones + entrances) == [["entrance 0"], ["entrance 0"]]
+    assert ways(zones + entrances + exits) == [["entrance 0"], ["exit 0"]]
+
+
+def test_weights_add_where_zones_overlap() -> None:
+    """Two squares of weights 2 and 0.5 share two cells."""
+    square = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
+    zones = [Zone("a", square, 2.0), Zone("b", square + np.array((1.0, 0.0)), 0.5)]
+    expected = np.zeros((3, 4))
+    expected[:2, :3] = (2.0, 2.5, 0.5)
+    np.testing.assert_array_equal(zone_weights(zones, _grid(3, 4)), expected)
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
         ("zones: [", "is no valid YAML"),
-        ("[1, 2]", "must map zones and no_spawn"),
-        ("", "must map zones and no_spawn"),
+        ("[1, 2]", "must map some of entrances, exits, no_spawn, zones to lists"),
+        ("", "must map some of"),
         ("zones: 3", "zones is no list"),
-        ("zone: []", "zone is no field of it; these are: no_spawn, zones"),
+        ("zone: []", "zone is no field of it; these are: entrances, exits, no_spawn, zones"),
         ("zones: [1]", r"zones\[0\] is no mapping"),
         ("zones: [{name: 3, polygon: [[0, 0], [1, 0], [0, 1]]}]", r"zones\[0\]\.name is 3"),
         ("zones: [{name: a, polygon: [[0, 0], [1, 0]]}]", r"zones\[0\]\.polygon is no list of at"),
@@ -82,6 +108,8 @@ def test_lists_may_be_left_out(tmp_path: Path) -> None:
         ("zones: [{polygon: [[0, 0], [1, 0], [0, 1]], colour: 1}]", r"zones\[0\]: colour is no"),
         ("no_spawn: [[[0, 0], [1, 0], 5]]", r"no_spawn\[0\]\[2\] is 5"),
         ("no_spawn: {}", "no_spawn is no list"),
+        ("entrances: 1", "entrances is no list"),
+        ("exits: [{polygon: [[0, 0], [1, 0]]}]", r"exits\[0\]\.polygon is no list of at least"),
     ],
 )
 def test_a_bad_file_is_refused_in_one_sentence(tmp_path: Path, text: str, reason: str) -> None:

@@ -1,0 +1,67 @@
+"""Where the robot is going, as artefacts guess it."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.artefacts.behaviours.intent import Point
+from are_ros.artefacts.behaviours.situation import RobotView
+
+_OFF_PLAN_M = 1.5
+_IS_MOVING_MPS = 0.05
+
+
+class RobotPath:
+    """The robot's way from where it is: along its plan, then straight on for ever.
+
+    A plan that passes more than 1.5 m from the robot is an old one: then, and with none, the way is
+    straight on, in the direction of its motion, or of its heading while it stands.
+    """
+
+    def __init__(self, robot: RobotView) -> None:
+        here_m = np.array(robot.point_m)
+        rest_m = _rest_of(robot.plan_m, here_m)
+        self._points_m = np.vstack((here_m, rest_m))
+        steps_m = np.diff(self._points_m, axis=0)
+        self._lengths_m = np.concatenate(([0.0], np.cumsum(np.hypot(*steps_m.T))))
+        self._heading_rad = robot.yaw_rad
+        if robot.speed_mps > _IS_MOVING_MPS:
+            self._heading_rad = math.atan2(robot.vy_mps, robot.vx_mps)
+
+    def at(self, length_m: float) -> tuple[Point, Point]:
+        """Return the point at this length (>= 0) from the robot, and the unit direction there."""
+        k = int(np.searchsorted(self._lengths_m, length_m, side="right")) - 1
+        start_m, beyond_m = self._points_m[k], length_m - float(self._lengths_m[k])
+        ahead = self._points_m[k + 1 :][:1] - start_m
+        along = ahead[0] / np.hypot(*ahead[0]) if len(ahead) else self._last_direction()
+        x_m, y_m = (start_m + beyond_m * along).tolist()
+        return (x_m, y_m), (float(along[0]), float(along[1]))
+
+    def distance_m(self, point_m: Point, within_m: float) -> tuple[float, float]:
+        """Return how far a point is from the way's first `within_m`, and how far along that is."""
+        lengths_m = np.arange(0.0, within_m, 0.25).tolist()
+        apart_m = [math.dist(self.at(length_m)[0], point_m) for length_m in lengths_m]
+        nearest = int(np.argmin(apart_m))
+        return apart_m[nearest], lengths_m[nearest]
+
+    def _last_direction(self) -> npt.NDArray[np.float64]:
+        if len(self._points_m) > 1:
+            step_m = self._points_m[-1] - self._points_m[-2]
+            return np.asarray(step_m / np.hypot(*step_m))
+        return np.array((math.cos(self._heading_rad), math.sin(self._heading_rad)))
+
+
+def _rest_of(
+    plan_m: npt.NDArray[np.float64], here_m: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Return the points (N, 2) of the plan that are still to come, no two in one place."""
+    if not len(plan_m):
+        return np.empty((0, 2))
+    apart_m = np.hypot(*(plan_m - here_m).T)
+    nearest = int(apart_m.argmin())
+    if apart_m[nearest] > _OFF_PLAN_M:
+        return np.empty((0, 2))
+    rest_m = plan_m[nearest + 1 :]
+    before_m = np.vstack((here_m, rest_m[:-1]))
+    return rest_m[np.hypot(*(rest_m - before_m).T) > 1e-3] if len(rest_m) else rest_m

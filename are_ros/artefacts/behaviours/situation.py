@@ -1,0 +1,150 @@
+"""What one artefact knows when it decides: itself, the others, the robot and the places."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.artefacts.behaviours.intent import Intent, Point
+from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.artefacts.places import Places
+
+
+@dataclass(frozen=True, slots=True)
+class Fellow:
+    """An artefact as others see it: pose and velocity on the ground, map frame.
+
+    `radius_m` is that of the circle about (x, y) that holds its body. `behaviour` names what it
+    does in its life, `activity` what its last intent said.
+    """
+
+    id: int
+    class_name: str
+    label: str
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    vx_mps: float
+    vy_mps: float
+    radius_m: float
+    behaviour: str
+    activity: str = ""
+
+    @property
+    def point_m(self) -> Point:
+        """Where it is."""
+        return self.x_m, self.y_m
+
+    @property
+    def speed_mps(self) -> float:
+        """How fast it is."""
+        return math.hypot(self.vx_mps, self.vy_mps)
+
+
+@dataclass(frozen=True, eq=False)
+class RobotView:
+    """The robot as artefacts see it: pose and velocity of its base, map frame.
+
+    `plan_m` is float64 (N, 2), the path it last published, empty if there is none.
+    """
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    vx_mps: float
+    vy_mps: float
+    radius_m: float
+    plan_m: npt.NDArray[np.float64]
+
+    @property
+    def point_m(self) -> Point:
+        """Where it is."""
+        return self.x_m, self.y_m
+
+    @property
+    def speed_mps(self) -> float:
+        """How fast it is."""
+        return math.hypot(self.vx_mps, self.vy_mps)
+
+
+class View(Protocol):
+    """Everybody and the walls, as of one instant, asked by each artefact that decides then."""
+
+    def fellow(self, artefact_id: int) -> Fellow | None:
+        """Return an artefact that is alive, None if it is not."""
+
+    def within(self, x_m: float, y_m: float, radius_m: float) -> Sequence[Fellow]:
+        """Return those whose (x, y) is at most this far from a point, the nearest first."""
+
+    def sees(self, me: Fellow, x_m: float, y_m: float) -> bool:
+        """Say whether this artefact could go straight on to a point, were nobody in its way."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Situation:
+    """What one artefact knows at one decision epoch.
+
+    `left_s` is what is left of its life, None if that is not known. `random` is its own stream.
+    `last` is its last intent, None at the first decision, and the four after it are about that:
+    whether its goal is reached, how long [s] and by what ("", "wall", "artefact 12", "robot") it
+    has been kept from going on, and whether no way leads to the goal.
+    """
+
+    now_ns: int
+    me: Fellow
+    row: CatalogueRow
+    places: Places
+    random: np.random.Generator
+    view: View
+    robot: RobotView | None = None
+    left_s: float | None = None
+    last: Intent | None = None
+    arrived: bool = False
+    blocked_s: float = 0.0
+    blocked_by: str = ""
+    no_way: bool = False
+
+    @property
+    def point_m(self) -> Point:
+        """Where the artefact is."""
+        return self.me.x_m, self.me.y_m
+
+    def fellow(self, artefact_id: int) -> Fellow | None:
+        """Return another artefact, None if it lives no more."""
+        return self.view.fellow(artefact_id)
+
+    def fellows_within(self, radius_m: float) -> list[Fellow]:
+        """Return the others whose (x, y) is at most this far away, the nearest first."""
+        found = self.view.within(self.me.x_m, self.me.y_m, radius_m)
+        return [fellow for fellow in found if fellow.id != self.me.id]
+
+    def sees(self, x_m: float, y_m: float) -> bool:
+        """Say whether no wall is in the straight way to a point."""
+        return self.view.sees(self.me, x_m, y_m)
+
+    def wanted(self, goal_m: Point | None) -> bool:
+        """Say whether this was the goal of the last intent; None was not."""
+        return self.last is not None and goal_m is not None and self.last.goal_m == goal_m
+
+    def has_reached(self, goal_m: Point | None) -> bool:
+        """Say whether this was the goal of the last intent, and it has arrived there."""
+        if self.last is None or goal_m is None or self.last.goal_m != goal_m:
+            return False
+        return self.arrived or self.distance_m(goal_m) <= self.last.arrive_within_m
+
+    def drawn_between(self, low: float, high: float) -> float:
+        """Draw a number from [low, high), from the artefact's own stream."""
+        stream = self.random
+        return float(stream.uniform(low, high))
+
+    def drawn_from(self, indices: npt.NDArray[np.integer]) -> int:
+        """Draw one of some indices (N > 0), from the artefact's own stream."""
+        stream = self.random
+        return int(indices[stream.integers(len(indices))])
+
+    def distance_m(self, point_m: Point) -> float:
+        """Return how far away a point is."""
+        return math.hypot(point_m[0] - self.me.x_m, point_m[1] - self.me.y_m)

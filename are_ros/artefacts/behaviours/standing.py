@@ -1,0 +1,16 @@
+"""Standing: what cannot move, and what does not care to."""
+
+from typing import ClassVar
+
+from are_ros.artefacts.behaviours.intent import Intent, stand
+from are_ros.artefacts.behaviours.situation import Situation
+
+
+class Standing:
+    """Stays where it arrived, as it stood then."""
+
+    name: ClassVar[str] = "standing"
+
+    def decide(self, situation: Situation) -> Intent:  # noqa: ARG002 - nothing can change its mind
+        """Return the intent to stand."""
+        return stand("standing")

@@ -1,0 +1,151 @@
+"""M2D coarsened for decisions: which cells a disc can be in, and between which it can go."""
+
+import math
+from collections import OrderedDict
+from typing import Final, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.artefacts import _coarse_kernels
+from are_ros.world._planar import cosine_and_sine
+from are_ros.world.environment import Environment
+from are_ros.world.occupancy_grid import OccupancyGrid
+
+SEARCH_M: Final = 2.0
+"""How far from a point the cell that stands for it may be, along each axis of the grid."""
+
+WALL_COMFORT_M: Final = 0.5
+"""With so much room to the nearest wall, beside the own radius, nobody minds it."""
+
+RADIUS_STEP_M: Final = 0.05
+MAPS_KEPT: Final = 32
+
+Cell = tuple[int, int]
+
+
+class TerrainLike(Protocol):
+    """What a coarse map takes of a terrain."""
+
+    @property
+    def environment(self) -> Environment:
+        """The environment, whose version tells maps apart."""
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """The grid that the clearance belongs to."""
+
+    @property
+    def height_m(self) -> float:
+        """Up to which height the terrain was looked at."""
+
+    @property
+    def clearance_m(self) -> npt.NDArray[np.float32]:
+        """Distance (H, W) between centres to the nearest cell that is in the way."""
+
+
+class CoarseMap:
+    """A terrain in cells of about half a metre, for a disc of one radius (MDP of section 3.2).
+
+    Plain max-pooling would close doors of 0.8 m, so a coarse cell is open if the disc fits at one
+    fine cell in it at least. Of the components of such fine cells within the coarse cell the
+    largest counts; its anchor is the fine cell with most clearance (but `WALL_COMFORT_M` of room
+    is enough), of equal ones the most central. An edge between neighbours is open if their
+    components join within the two cells: no wall leaks, however thin.
+
+    `shape` is (h, w); cells are (row, col) from the grid's origin, rows along its y. `anchors_m`
+    float64 (h, w, 2) in the map frame, NaN where closed. `edges` bool (4, h, w): 0 east (x of the
+    grid), 1 north (y), 2 west, 3 south. `room_m` float32 (h, w): what the disc has left between
+    itself and the nearest wall at the anchor, -1 where closed. `components` int32 (h, w): cells
+    with one number are joined by open edges, -1 is closed. `cell_size_m` is the nearest multiple
+    of the grid's resolution to the one asked for. All arrays are read-only. `key` tells maps
+    apart: version of the environment, height, radius, cell size.
+    """
+
+    def __init__(self, terrain: TerrainLike, radius_m: float, cell_size_m: float = 0.5) -> None:
+        """Coarsen a terrain: some 10 ns per fine cell."""
+        self.grid = terrain.grid
+        self.radius_m = radius_m
+        resolution_m = self.grid.resolution_m
+        self._side = max(1, round(cell_size_m / resolution_m))
+        self.cell_size_m = self._side * resolution_m
+        self.key = (terrain.environment.version, terrain.height_m, radius_m, self.cell_size_m)
+        self._clearance_m = np.ascontiguousarray(terrain.clearance_m, np.float32)
+        self._least_m = np.float32(radius_m + 0.5 * resolution_m)
+        self._cosine, self._sine = cosine_and_sine(self.grid.origin.rotation_xyzw)
+        self._coarsen()
+
+    def _coarsen(self) -> None:
+        shape = tuple(-(-size // self._side) for size in self._clearance_m.shape)
+        self.shape: Cell = (shape[0], shape[1])
+        labels = np.empty(self._clearance_m.shape, np.uint16)
+        mains = np.empty(shape, np.uint16)
+        fine = np.zeros((*shape, 2), np.int32)
+        levels_m = (float(self._least_m), float(self._least_m) + WALL_COMFORT_M)
+        _coarse_kernels.label_blocks(self._clearance_m, levels_m, self._side, labels, mains, fine)
+        self.edges = np.empty((4, *shape), np.bool_)
+        _coarse_kernels.open_edges(labels, mains, self._side, self.edges)
+        self.components = _coarse_kernels.label_components(mains, self.edges)
+        self._is_main = _coarse_kernels.belongs_to_main(labels, mains, self._side)
+        self._place_anchors(fine)
+
+    def _place_anchors(self, fine: npt.NDArray[np.int32]) -> None:
+        is_open = self.components >= 0
+        points_m = self.grid.cells_to_points(fine.reshape(-1, 2)).reshape(fine.shape)
+        self.anchors_m = np.where(is_open[..., None], points_m, np.nan)
+        room_m = self._clearance_m[fine[..., 0], fine[..., 1]] - self._least_m
+        self.room_m = np.where(is_open, room_m, np.float32(-1.0))
+        for array in (self.edges, self.components, self.anchors_m, self.room_m):
+            array.flags.writeable = False
+
+    def cell_of(self, x_m: float, y_m: float) -> Cell | None:
+        """Return the open cell whose component a point of the map frame is in, or is nearest to.
+
+        Nearest is measured over free fine cells, not through walls, up to `SEARCH_M` along each
+        axis; from a point that is in a wall itself, through that wall. None if there is none, and
+        outside the grid.
+        """
+        start = self.grid.cell_at(x_m, y_m)
+        if start is None:
+            return None
+        if not self._is_main[start]:
+            reach = math.ceil(SEARCH_M / self.grid.resolution_m)
+            start = _coarse_kernels.nearest_main(
+                self._is_main, self._clearance_m, self._least_m, start, reach
+            )
+        return None if start[0] < 0 else (start[0] // self._side, start[1] // self._side)
+
+    def holds(self, x_m: float, y_m: float) -> bool:
+        """Tell whether the disc fits at a point that its cell's component contains."""
+        fine = self.grid.cell_at(x_m, y_m)
+        return fine is not None and bool(self._is_main[fine])
+
+    def joins(self, one: Cell, other: Cell) -> bool:
+        """Tell whether there is a way between two open cells."""
+        return bool(self.components[one] == self.components[other])
+
+    def heading_of(self, yaw_rad: float) -> int:
+        """Return the nearest of the four headings (0 east, 1 north, ...) to a yaw in the map."""
+        along_x = math.cos(yaw_rad) * self._cosine + math.sin(yaw_rad) * self._sine
+        along_y = math.sin(yaw_rad) * self._cosine - math.cos(yaw_rad) * self._sine
+        return round(math.atan2(along_y, along_x) / (0.5 * math.pi)) % 4
+
+
+class CoarseMaps:
+    """Coarse maps by terrain and radius, made when first asked for; the latest 32 are kept."""
+
+    def __init__(self, cell_size_m: float = 0.5) -> None:
+        """Take the size of all cells."""
+        self._cell_size_m = cell_size_m
+        self._maps: OrderedDict[tuple[int, float, float], CoarseMap] = OrderedDict()
+
+    def of(self, terrain: TerrainLike, radius_m: float) -> CoarseMap:
+        """Return the map for a disc, its radius rounded up to a multiple of 0.05 m."""
+        radius_m = RADIUS_STEP_M * math.ceil(radius_m / RADIUS_STEP_M - 1e-6)
+        key = (terrain.environment.version, terrain.height_m, radius_m)
+        if key not in self._maps:
+            self._maps[key] = CoarseMap(terrain, radius_m, self._cell_size_m)
+        self._maps.move_to_end(key)
+        while len(self._maps) > MAPS_KEPT:
+            self._maps.popitem(last=False)
+        return self._maps[key]

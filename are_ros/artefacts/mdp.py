@@ -1,0 +1,186 @@
+"""The decision process of a type that goes to a place (section 3.2), solved by backward induction.
+
+A state is a coarse cell and one of four headings; an action is to stay or to go one of four ways.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.artefacts import _mdp_kernels
+from are_ros.artefacts.catalogue import CatalogueRow
+
+Cell = tuple[int, int]
+Floats = npt.NDArray[np.float32]
+
+UNREACHABLE: Final = np.float32(-1e6)
+"""Value of a cell that has no way to the goal, whatever the horizon."""
+
+MAX_REACH: Final = 255
+KEPT_BYTES: Final = 4 * 2**20
+
+_VEHICLE_HALF_TURN_S: Final = 20.0
+
+
+class Action(IntEnum):
+    """The five actions; the direction of a move is its number less one (0 east, 1 north, ...)."""
+
+    STAY = 0
+    EAST = 1
+    NORTH = 2
+    WEST = 3
+    SOUTH = 4
+
+
+@dataclass(frozen=True, slots=True)
+class TravelModel:
+    """What an epoch of going somewhere means to a type, in numbers; it is the key of its values.
+
+    `reach` is how many cells it goes in an epoch. `slip` is the probability, to each side, that it
+    goes a quarter turn aside of where it wants to. `time` is the price of an epoch, `clearance`
+    what one next to a wall costs beside that, `goal` the value of being there; `quarter_turn` and
+    `half_turn` are the prices of turning before going.
+    """
+
+    reach: int = 1
+    slip: float = 0.0
+    time: float = 0.1
+    clearance: float = 0.5
+    goal: float = 1.0
+    quarter_turn: float = 0.1
+    half_turn: float = 0.2
+
+    @classmethod
+    def of(
+        cls, row: CatalogueRow, speed_mps: float, cell_size_m: float, period_s: float, slip: float
+    ) -> "TravelModel":
+        """Return the model of a type that goes at a speed, with decisions every period.
+
+        Turning on the spot costs the time it takes; a type with a turning circle pays a quarter
+        of it for a quarter turn, and turns around only where nothing else helps (20 s).
+        """
+        motion, rewards = row.motion, row.rewards
+        reach = max(1, min(MAX_REACH, round(speed_mps * period_s / cell_size_m)))
+        quarter_s = 0.5 * math.pi / max(motion.turn_rate_radps, 1e-3)
+        half_s = 2.0 * quarter_s
+        if motion.turn_radius_m > 0.0:
+            quarter_s = max(quarter_s, 0.5 * math.pi * motion.turn_radius_m / max(speed_mps, 1e-3))
+            half_s = 2.0 * quarter_s + _VEHICLE_HALF_TURN_S
+        price = rewards.time / period_s
+        return cls(
+            reach=reach,
+            slip=slip,
+            time=rewards.time,
+            clearance=rewards.clearance,
+            goal=rewards.goal,
+            quarter_turn=price * quarter_s,
+            half_turn=price * half_s,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A decision process with a goal, on h x w cells, as backward induction takes it.
+
+    `lengths` uint8 (4, h, w): how many cells one goes in each direction (at most `model.reach`).
+    `gains` float32 (5, h, w): what an epoch brings that is spent going in each direction (whether
+    that was meant or slipped into), and staying; turning is paid beside. `terminal` float32 (h, w):
+    V_0, for all headings. `costs` float32 (h, w): the cheapest way to the goal, without
+    turning and slipping, inf where there is none.
+    """
+
+    lengths: npt.NDArray[np.uint8]
+    gains: Floats
+    terminal: Floats
+    costs: Floats
+    goal: Cell
+    model: TravelModel
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Values float32 (K, 4, h, w) by epochs left and heading; beyond the last, the last holds.
+
+    With K = 1 only the longest horizon was kept. `epochs` is how many were computed: fewer than
+    the horizon where nothing changed any more.
+    """
+
+    planes: Floats
+    epochs: int
+
+    def plane(self, epochs_left: int) -> Floats:
+        """Return V (4, h, w) with so many epochs left, of what was kept."""
+        last: Floats = self.planes[min(epochs_left, len(self.planes) - 1)]
+        return last
+
+
+def travel_problem(
+    edges: npt.NDArray[np.bool_],
+    nearness: Floats,
+    goal: Cell,
+    model: TravelModel,
+    penalty: Floats | None = None,
+) -> Problem:
+    """Return the decision process of going to a cell.
+
+    `edges` bool (4, h, w) tells where one can step, both ways alike; `nearness` float32 (h, w) in
+    [0, 1] how near the walls are. A step into a cell costs the cell's price (of an epoch: time,
+    clearance) over the reach, so that a move that ends early costs as much less. Being at
+    the goal is worth `model.goal`, and ends everything; the terminal value elsewhere is that less
+    the price of the cheapest way there, which no policy can beat: with it a short horizon
+    keeps nobody from setting out, and V falls (never rises) with the epochs left.
+
+    `penalty` float32 (h, w), not negative, adds to what an epoch in each cell costs: others who
+    stand there for good (the exact counterpart of the lookahead in `routes`). Moves are
+    as without it.
+    """
+    edges, goal = np.ascontiguousarray(edges), (int(goal[0]), int(goal[1]))
+    price = np.ascontiguousarray(model.time + model.clearance * nearness, np.float32)
+    costs = _mdp_kernels.way_prices(edges, price, model.reach, goal)
+    lengths = _mdp_kernels.find_moves(edges, costs, model.reach, goal)
+    if penalty is not None:
+        price = price + penalty.astype(np.float32)
+    gains = _mdp_kernels.find_gains(lengths, costs, price, model.reach, goal)
+    terminal = np.where(np.isfinite(costs), np.float32(model.goal) - costs, UNREACHABLE)
+    return Problem(lengths, gains, terminal, costs, goal, model)
+
+
+def solve(problem: Problem, horizon: int, kept_bytes: int = KEPT_BYTES) -> Solution:
+    """Return V_0 .. V_horizon by exact backward induction in float32, without a transition matrix.
+
+    What one finds when going a way does not depend on the heading, nor on the action that led to
+    it: four shifted planes an epoch, then the best of five sums (eq. of section 3.2). It is one
+    thread, and the same to the last bit everywhere. If all planes would need more than
+    `kept_bytes`, only the last is kept.
+    """
+    height, width = problem.terminal.shape
+    model = problem.model
+    keeps_all = 16 * (horizon + 1) * height * width <= kept_bytes
+    kept = horizon + 1 if keeps_all else 2
+    flat, planes = _planes(kept, height, width, model.reach)
+    planes[0] = problem.terminal
+    epochs = _mdp_kernels.induct(
+        flat,
+        kept,
+        width,
+        problem.lengths.reshape(4, -1),
+        problem.gains.reshape(5, -1),
+        model.reach,
+        (np.float32(1.0 - 2.0 * model.slip), np.float32(model.slip)),
+        (np.float32(model.quarter_turn), np.float32(model.half_turn)),
+        horizon,
+    )
+    wanted = planes[: epochs + 1] if keeps_all else planes[epochs % kept][None]
+    return Solution(np.ascontiguousarray(wanted), epochs)
+
+
+def _planes(kept: int, height: int, width: int, reach: int) -> tuple[Floats, Floats]:
+    """Return the padded memory that `induct` works in, and a view (kept, 4, h, w) of its planes."""
+    padding, size = reach * width, 4 * height * width
+    flat = np.zeros(kept * (size + padding) + padding, np.float32)
+    view = flat[padding:].reshape(kept, size + padding)[:, :size]
+    return flat, view.reshape(kept, 4, height, width)

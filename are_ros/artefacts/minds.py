@@ -1,0 +1,183 @@
+"""What the artefacts have in mind: once a period each decides what to do, and how to get there.
+
+An artefact's decision epochs are a decision period apart, from the first sub-step after its arrival
+on. All that are due in a sub-step decide by what the sub-step before has left, in the order of
+their ids; each draws from a stream of its own.
+"""
+
+from bisect import insort
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from are_ros.artefacts.artefact import Artefact
+from are_ros.artefacts.behaviours.intent import Behaviour, Intent
+from are_ros.artefacts.behaviours.registry import make_behaviour
+from are_ros.artefacts.behaviours.situation import Fellow, RobotView, Situation
+from are_ros.artefacts.motion.body import Body
+from are_ros.artefacts.motion.hindrance import Hindrance
+from are_ros.artefacts.motion.traffic import Traffic
+from are_ros.artefacts.navigation import Leg, Navigation, Traveller
+from are_ros.artefacts.onlookers import Onlookers
+from are_ros.artefacts.randomness import Purpose, generator
+from are_ros.conventions import NS_PER_S
+
+LEAVING = "leaving"
+_PATIENCE = 2
+"""So many decisions in a row one waits for others; then it is the traffic's to get past them."""
+
+
+@dataclass(eq=False, slots=True)
+class Mind:
+    """One artefact's behaviour, and what became of its last intent."""
+
+    artefact: Artefact
+    traveller: Traveller
+    behaviour: Behaviour
+    random: np.random.Generator
+    phase: int
+    intent: Intent | None = None
+    leg: Leg | None = None
+    waits: int = 0
+
+    @property
+    def is_out(self) -> bool:
+        """Whether it has left by an exit."""
+        arrived = self.leg is not None and self.leg.arrived
+        return self.artefact.is_leaving and arrived
+
+
+class Minds:
+    """Lets those decide who can move; the others stand, and have no mind."""
+
+    def __init__(self, seed: int, step_s: float, period_s: float, navigation: Navigation) -> None:
+        """Take the lengths of a sub-step and of a decision period."""
+        self._seed = seed
+        self._step_s = step_s
+        self._period = max(1, round(period_s / step_s))
+        self._navigation = navigation
+        self._minds: dict[int, Mind] = {}
+        self._due: list[list[int]] = [[] for _ in range(self._period)]
+
+    def reseed(self, seed: int) -> None:
+        """Let those who arrive later draw from another seed."""
+        self._seed = seed
+
+    def admit(self, artefact: Artefact, body: Body) -> None:
+        """Give an artefact that has just arrived a mind, where it can move."""
+        if body.speed_mps <= 0.0:
+            return
+        step_ns = round(self._step_s * NS_PER_S)
+        phase = -(-artefact.arrival_ns // step_ns) % self._period
+        behaviour = make_behaviour(artefact.behaviour, artefact.options)
+        random = generator(self._seed, Purpose.GOAL, artefact.id)
+        traveller = Traveller.of(artefact.row, body)
+        self._minds[artefact.id] = Mind(artefact, traveller, behaviour, random, phase)
+        insort(self._due[phase], artefact.id)
+
+    def dismiss(self, artefact_id: int) -> None:
+        """Forget an artefact, known or not."""
+        mind = self._minds.pop(artefact_id, None)
+        if mind is not None:
+            self._due[mind.phase].remove(artefact_id)
+
+    def send_out(self, artefact_id: int) -> None:
+        """Let an artefact walk to an exit from its next decision on; its life is over."""
+        mind = self._minds[artefact_id]
+        mind.artefact.behaviour = LEAVING
+        mind.behaviour, mind.intent, mind.leg = make_behaviour(LEAVING), None, None
+
+    def has(self, artefact_id: int) -> bool:
+        """Say whether an artefact has a mind: whether it can move."""
+        return artefact_id in self._minds
+
+    def decide(
+        self,
+        index: int,
+        now_ns: int,
+        view: Onlookers,
+        traffic: Traffic,
+        robot: RobotView | None,
+    ) -> list[int]:
+        """Let all decide who are due in sub-step `index`; return who has left by an exit."""
+        out = []
+        for artefact_id in self._due[index % self._period]:
+            mind = self._minds[artefact_id]
+            me = view.fellow(artefact_id)
+            if me is None:
+                continue
+            if mind.is_out:
+                out.append(artefact_id)
+                continue
+            self._decide(mind, me, now_ns, view, traffic, robot)
+        return out
+
+    def sees(self, me: Fellow, x_m: float, y_m: float) -> bool:
+        """Say whether an artefact could go straight to a point, were nobody in its way."""
+        return self._navigation.sees(self._minds[me.id].traveller, me.point_m, (x_m, y_m))
+
+    def _decide(
+        self,
+        mind: Mind,
+        me: Fellow,
+        now_ns: int,
+        view: Onlookers,
+        traffic: Traffic,
+        robot: RobotView | None,
+    ) -> None:
+        situation = self._situation(mind, me, now_ns, view, traffic, robot)
+        intent = mind.behaviour.decide(situation)
+        is_patient = mind.waits < _PATIENCE
+        mind.leg = self._navigation.leg(
+            mind.traveller, me, intent, situation.left_s, view, robot, is_patient=is_patient
+        )
+        mind.waits = mind.waits + 1 if mind.leg.waits else 0
+        mind.intent = intent
+        mind.artefact.activity = _activity(mind, situation)
+        traffic.order(me.id, mind.leg.order)
+
+    def _situation(
+        self,
+        mind: Mind,
+        me: Fellow,
+        now_ns: int,
+        view: Onlookers,
+        traffic: Traffic,
+        robot: RobotView | None,
+    ) -> Situation:
+        what, who, since_s = traffic.hindrance(me.id)
+        departure_ns, leg = mind.artefact.departure_ns, mind.leg
+        return Situation(
+            now_ns=now_ns,
+            me=me,
+            row=mind.artefact.row,
+            places=self._navigation.places,
+            random=mind.random,
+            view=view,
+            robot=robot,
+            left_s=None if departure_ns is None else (departure_ns - now_ns) / NS_PER_S,
+            last=mind.intent,
+            arrived=leg is not None and leg.arrived,
+            blocked_s=since_s if what is not Hindrance.NONE else 0.0,
+            blocked_by=_name_of(what, who),
+            no_way=leg is not None and leg.no_way,
+        )
+
+
+def _name_of(what: Hindrance, who: int) -> str:
+    """Return what is in the way, in words."""
+    if what is Hindrance.ARTEFACT:
+        return f"artefact {who}"
+    return "" if what is Hindrance.NONE else what.name.lower()
+
+
+def _activity(mind: Mind, situation: Situation) -> str:
+    """Return what the artefact does just now; what it waits for, where it cannot go on."""
+    if mind.leg is not None and mind.leg.no_way:
+        return "no way"
+    if situation.blocked_s >= 1.0 and mind.intent is not None and mind.intent.goal_m is not None:
+        return f"waiting for {situation.blocked_by}"
+    activity = mind.intent.activity if mind.intent else ""
+    return "" if activity == mind.artefact.behaviour else activity
+

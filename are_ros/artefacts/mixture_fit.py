@@ -1,0 +1,286 @@
+"""Fitting the Poisson mixture of Eq. 1 to observed rows: EM on their histogram (section 3.2).
+
+The law is that which is sampled: each component conditioned on the rows on its own. The cost is
+that of the histogram, however many samples are in it.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import gammainccinv, gammaln
+
+from are_ros.artefacts._mixture_information import Precision, headroom, precision
+from are_ros.artefacts._mixture_kernels import LOWEST_LOG_WEIGHT, climb
+from are_ros.artefacts._mixture_starts import Start, grown, starts_for
+from are_ros.artefacts.mixture import TruncatedPoissonMixture
+from are_ros.errors import InputError, ParameterError
+
+Counts = npt.NDArray[np.int64]
+Floats = npt.NDArray[np.float64]
+Progress = Callable[[int, int], None]
+"""Told how many searches of how many are done."""
+
+LOWEST_RATE: Final = 1e-9
+_TOLERANCE: Final = 1e-12
+_EVALUATIONS: Final = 100_000
+_FIRST_EVALUATIONS: Final = 1_500
+_FINALISTS: Final = 3
+_RANDOM_STARTS: Final = 8
+_AT_LIMIT: Final = 1e-6
+
+
+class Stop(Enum):
+    """Why a search ended."""
+
+    CONVERGED = "three cycles in a row gained less than the tolerance"
+    LIMIT = "the limit of evaluations was reached"
+
+
+@dataclass(frozen=True)
+class Search:
+    """One climb: where it began, the steps of EM it took, log-likelihood per sample at its end."""
+
+    start: str
+    evaluations: int
+    log_likelihood: float
+    stop: Stop
+
+
+@dataclass(frozen=True, eq=False)
+class MixtureFit:
+    """A mixture of most likely weights and rates, its components in the order of their rates.
+
+    `log_likelihood` is the sum over `samples` samples. `trace` (float64) has the log-likelihood
+    per sample at each point of the best climb that counts; it never falls. `precision` has the
+    standard errors. `at_lowest` and `at_highest` (bool (n,)) say which rates lie at the limit of
+    their domain. No mixture of whatever number of components is better by more than
+    `headroom` per sample. `searches` are all climbs, the best first.
+    """
+
+    law: TruncatedPoissonMixture
+    samples: int
+    log_likelihood: float
+    trace: Floats
+    precision: Precision
+    at_lowest: npt.NDArray[np.bool_]
+    at_highest: npt.NDArray[np.bool_]
+    headroom: float
+    growing_rate: float
+    searches: tuple[Search, ...]
+
+    @property
+    def components(self) -> int:
+        """The number n of components."""
+        return len(self.law.rates)
+
+    @property
+    def log_likelihood_per_sample(self) -> float:
+        """The mean log-likelihood of a sample."""
+        return self.log_likelihood / self.samples
+
+    @property
+    def bic(self) -> float:
+        """Schwarz's criterion, (2n - 1) log N - 2 log L: the lower the better."""
+        return (2 * self.components - 1) * math.log(self.samples) - 2.0 * self.log_likelihood
+
+
+def count_rows(samples: npt.ArrayLike, rows: int) -> Counts:
+    """Return how often each of `rows` rows occurs among samples (N,), int64 (rows,).
+
+    InputError, naming the first sample at fault, unless all are whole numbers in [0, rows).
+    """
+    values = np.asarray(samples)
+    if values.ndim != 1 or values.dtype.kind not in "iuf":
+        raise InputError("the samples are no list of numbers")
+    is_row = (values >= 0) & (values < rows)
+    if values.dtype.kind == "f":
+        is_row &= values == np.floor(values)
+    if not is_row.all():
+        first = int(np.argmin(is_row))
+        reason = why_no_row(float(values[first]), rows)
+        raise InputError(f"sample {first} is {values[first]:g}, {reason}")
+    return np.bincount(values.astype(np.int64, copy=False), minlength=rows).astype(np.int64)
+
+
+def why_no_row(value: float, rows: int) -> str:
+    """Return why a number is no row: the end of a sentence that names it. Empty if it is one."""
+    if math.isnan(value):
+        return "not a number"
+    if value < 0.0:
+        return "negative, but rows are counted from 0"
+    if value >= rows:
+        return f"beyond the {rows} rows of the catalogue (0 to {rows - 1})"
+    return "" if value == math.floor(value) else "a fraction, but rows are whole numbers"
+
+
+def most_components(counts: Counts) -> int:
+    """Return how many components a histogram can tell apart.
+
+    No more than rows that occur (Lindsay 1983), nor more parameters than rows less one.
+    """
+    return max(1, min(int(np.count_nonzero(counts)), len(counts) // 2))
+
+
+def fit_mixture(
+    counts: Counts, components: int, *, seed: int = 0, progress: Progress | None = None
+) -> MixtureFit:
+    """Return the most likely mixture of so many components for a histogram, int64 (rows,).
+
+    Raises InputError for a histogram that tells nothing (empty, or one row only, or negative
+    counts), ParameterError where it cannot tell so many components apart. The same histogram and
+    seed give the same fit.
+    """
+    return _fits(counts, components, seed, progress)[-1]
+
+
+def fit_by_bic(
+    counts: Counts, most: int, *, seed: int = 0, progress: Progress | None = None
+) -> tuple[MixtureFit, ...]:
+    """Return the fits of 1 to `most` components, or as many as the histogram can tell apart.
+
+    The one of least `bic` is the choice (`best_by_bic`). Raises as `fit_mixture`.
+    """
+    if most < 1:
+        raise ParameterError(f"{most} components at most, but a mixture has at least one")
+    _check_counts(counts)
+    return _fits(counts, min(most, most_components(counts)), seed, progress)
+
+
+def best_by_bic(fits: Sequence[MixtureFit]) -> MixtureFit:
+    """Return the fit of least BIC; of equals that with the fewest components."""
+    return min(fits, key=lambda fit: (fit.bic, fit.components))
+
+
+def rate_limits(rows: int) -> tuple[float, float]:
+    """Return the rates that a component may have: at the upper one it keeps half of its mass."""
+    return LOWEST_RATE, float(gammainccinv(rows, 0.5)) * (1.0 - 1e-9)
+
+
+def _fits(
+    counts: Counts, components: int, seed: int, progress: Progress | None
+) -> tuple[MixtureFit, ...]:
+    """Fit 1, 2, ... components, each beginning also where the fit before could grow best."""
+    _check_counts(counts)
+    _check_components(counts, components)
+    fits: list[MixtureFit] = []
+    for n in range(1, components + 1):
+        fits.append(_fit(counts.astype(np.float64), n, seed, fits[-1] if fits else None))
+        if progress is not None:
+            progress(n, components)
+    return tuple(fits)
+
+
+def _fit(counts: Floats, components: int, seed: int, smaller: MixtureFit | None) -> MixtureFit:
+    """Climb a little from every start, and to the top from the best of them."""
+    limits = rate_limits(len(counts))
+    # The number of components is part of the seed: a fit does not depend on what else is fitted.
+    generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, components))))
+    count = _RANDOM_STARTS if components > 1 else 0
+    starts = list(starts_for(counts, components, limits, generator, count))
+    if smaller is not None:
+        starts.append(grown(smaller.law.weights, smaller.law.rates, smaller.growing_rate))
+    climbs = [_Climb(counts, limits, start) for start in starts]
+    for each in climbs:
+        each.go_on(_FIRST_EVALUATIONS)
+    # Sorting is stable: of equals the one that began first is kept.
+    climbs.sort(key=lambda each: -each.log_likelihood)
+    for each in climbs[:_FINALISTS]:
+        each.go_on(_EVALUATIONS)
+    climbs.sort(key=lambda each: -each.log_likelihood)
+    return _result(counts, limits, climbs)
+
+
+class _Climb:
+    """A search that can be taken up again where it ended."""
+
+    def __init__(self, counts: Floats, limits: tuple[float, float], start: Start) -> None:
+        self.name = start.name
+        with np.errstate(divide="ignore"):
+            log_weights = np.maximum(np.log(start.weights), LOWEST_LOG_WEIGHT)
+        self.point = np.concatenate((log_weights, np.log(np.clip(start.rates, *limits))))
+        self.trace = np.empty(0)
+        self.evaluations = 0
+        self.is_over = False
+        self._counts, self._limits = counts, limits
+        self._log_factorials = gammaln(np.arange(len(counts)) + 1.0)
+
+    @property
+    def log_likelihood(self) -> float:
+        """The log-likelihood where it stands now."""
+        return float(self.trace[-1])
+
+    def go_on(self, evaluations: int) -> None:
+        """Climb on, by so many evaluations at most."""
+        if self.is_over:
+            return
+        trace = np.empty(evaluations)
+        tolerance = _TOLERANCE * float(self._counts.sum())
+        used, kept, self.is_over = climb(
+            self._counts, self._log_factorials, self._limits, self.point, trace, tolerance
+        )
+        # The last point of the part before is the first of this one.
+        self.trace = np.concatenate((self.trace[:-1], trace[:kept]))
+        self.evaluations += used
+
+    def summary(self, samples: float) -> Search:
+        """Return what is to be told of it."""
+        stop = Stop.CONVERGED if self.is_over else Stop.LIMIT
+        return Search(self.name, self.evaluations, self.log_likelihood / samples, stop)
+
+
+def _result(counts: Floats, limits: tuple[float, float], climbs: Sequence[_Climb]) -> MixtureFit:
+    """Return the fit of the best climb, which is the first."""
+    best, n = climbs[0], len(climbs[0].point) // 2
+    order = np.argsort(best.point[n:], kind="stable")
+    rates = np.exp(best.point[n:][order])
+    weights = np.exp(best.point[:n][order])
+    weights /= weights.sum()
+    at_lowest = rates <= limits[0] * (1.0 + _AT_LIMIT)
+    at_highest = rates >= limits[1] * (1.0 - _AT_LIMIT)
+    rates = np.clip(rates, *limits)
+    gain, growing_rate = headroom(counts, weights, rates, limits)
+    samples = float(counts.sum())
+    return MixtureFit(
+        law=TruncatedPoissonMixture(weights.tolist(), rates.tolist(), len(counts)),
+        samples=int(samples),
+        log_likelihood=best.log_likelihood,
+        trace=best.trace / samples,
+        precision=precision(counts, weights, rates, at_lowest | at_highest),
+        at_lowest=at_lowest,
+        at_highest=at_highest,
+        headroom=gain,
+        growing_rate=growing_rate,
+        searches=tuple(each.summary(samples) for each in climbs),
+    )
+
+
+def _check_counts(counts: Counts) -> None:
+    """Refuse a histogram from which nothing can be told."""
+    if counts.ndim != 1 or counts.dtype.kind not in "iu":
+        raise InputError("the histogram is no list of whole numbers")
+    if counts.size and counts.min() < 0:
+        raise InputError(f"row {int(np.argmin(counts))} was counted {counts.min()} times")
+    if not counts.any():
+        raise InputError("there is no sample to fit")
+    if np.count_nonzero(counts) == 1:
+        row, count = int(np.argmax(counts)), int(counts.max())
+        samples = "the only sample is" if count == 1 else f"all {count} samples are"
+        raise InputError(f"{samples} row {row}: one value tells no rates")
+
+
+def _check_components(counts: Counts, components: int) -> None:
+    """Refuse a number of components that the histogram cannot tell apart."""
+    most, distinct = most_components(counts), int(np.count_nonzero(counts))
+    if components < 1:
+        raise ParameterError(f"{components} components, but a mixture has at least one")
+    if components > most:
+        msg = (
+            f"{components} components, but {distinct} different rows of {len(counts)} "
+            f"tell at most {most} apart"
+        )
+        raise ParameterError(msg)

@@ -1,0 +1,1 @@
+"""Motion planning: short committed trajectories, free of collisions, that end in a stand."""

@@ -1,0 +1,98 @@
+"""What an artefact could do next, each with what it costs as far as its goal is concerned.
+
+Costs are without dimension: 0 is full speed towards the goal, 1 is no progress. An option is a row
+(kind, heading or curvature, speed, cost); the kinds are those of `_rollouts`.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from are_ros._compiled import compiled
+from are_ros.artefacts.motion._aims import GOING, Aim
+from are_ros.artefacts.motion._rollouts import BRAKE, HEADING, POINT
+from are_ros.artefacts.motion._state import COS, SIN, SPEED, Floats, Tempo
+from are_ros.artefacts.motion._vehicles import vehicle_options
+
+_DELTAS = np.radians(
+    np.array([0, -12, 12, -25, 25, -40, 40, -60, 60, -85, 85, -115, 115, -145, 145, 180.0])
+)
+_COSINES = np.cos(_DELTAS)
+_SPEEDS = np.array([1.0, 0.75, 0.5, 0.25])
+_DEVIATION = 0.12  # of the square of the angle over a right angle
+_LEFT = 0.03  # people keep to the right
+_CHANGE = 0.08  # for turning away from what was chosen last
+_PLAIN_STOP = 0.02
+_NEAR = 0.15
+
+
+@compiled
+def set_option(
+    options: Floats, n: int, kind: int, direction: float, speed: float, cost: float
+) -> int:
+    """Write one option; return the next index."""
+    options[n, 0], options[n, 1], options[n, 2], options[n, 3] = kind, direction, speed, cost
+    return n + 1
+
+
+@compiled
+def fill_options(
+    options: Floats, aim: Aim, pose: Floats, body: Any, order: Any, mind: Any, tempo: Tempo
+) -> int:
+    """Write the options of an artefact at a pose; return how many there are."""
+    if aim.speed <= 0.0:
+        count = set_option(options, 0, BRAKE, aim.heading, 0.0, 0.0)
+        return set_option(options, count, BRAKE, np.nan, 0.0, _PLAIN_STOP)
+    if body.turn_radius > 0.0:
+        return vehicle_options(options, aim, pose, body, order, mind, tempo)
+    return _walker_options(options, aim, pose, body, order, mind)
+
+
+@compiled
+def _walker_options(
+    options: Floats, aim: Aim, pose: Floats, body: Any, order: Any, mind: Any
+) -> int:
+    ends = aim.kind == GOING and order.stops == 1
+    count = 0
+    for n in range(_DELTAS.shape[0]):
+        delta = _DELTAS[n]
+        heading = aim.heading + delta
+        share = delta * (2.0 / np.pi)
+        cost = 1.0 + _DEVIATION * share * share + (_LEFT if delta > 0.0 else 0.0)
+        if not np.isnan(mind.chosen):
+            cost += _CHANGE * (1.0 - np.cos(heading - mind.chosen))
+        kind = POINT if n == 0 and ends else HEADING
+        for factor in _SPEEDS:
+            speed = factor * aim.speed
+            if ends and n > 0:
+                speed = min(speed, max(aim.distance, _NEAR))
+            gain = speed / aim.speed * _COSINES[n]
+            if gain < 0.0 and factor < 0.5:
+                continue
+            count = set_option(options, count, kind, heading, speed, cost - gain)
+    count = set_option(options, count, BRAKE, aim.heading, 0.0, aim.stop_cost)
+    return set_option(options, count, BRAKE, np.nan, 0.0, aim.stop_cost + _PLAIN_STOP)
+
+
+@compiled
+def cheapest(options: Floats, count: int) -> int:
+    """Return the option of the least cost, the first of several; -1 if all are spent (inf)."""
+    found, least = -1, np.inf
+    for n in range(count):
+        if options[n, 3] < least:
+            found, least = n, options[n, 3]
+    return found
+
+
+@compiled
+def is_at_rest(aim: Aim, pose: Floats) -> bool:
+    """Tell whether there is nothing to do."""
+    return bool(aim.speed <= 0.0 and np.isnan(aim.heading) and pose[SPEED] == 0.0)
+
+
+@compiled
+def direction_of(option: Floats, pose: Floats) -> float:
+    """Return what of an option is remembered: its heading or curvature."""
+    if np.isnan(option[1]):
+        return float(np.arctan2(pose[SIN], pose[COS]))
+    return float(option[1])

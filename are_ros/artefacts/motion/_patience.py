@@ -1,0 +1,125 @@
+"""Deadlocks dissolve: who makes no progress pushes others out of its way, or tries a detour.
+
+Of two in each other's way the one of the higher rank pushes; who is pushed takes the other's rank,
+and so pushes on who is behind it (priority inheritance). Ranks are drawn anew every eight seconds
+by a hash of the id and that time, so that nobody is the last for long.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from are_ros._compiled import compiled
+from are_ros.artefacts.motion._aims import COASTING, Aim, aim_of
+from are_ros.artefacts.motion._state import (
+    BY_ARTEFACT,
+    NOBODY,
+    UNHINDERED,
+    X,
+    Y,
+    YAW,
+    Fleet,
+    Floats,
+    Tempo,
+)
+from are_ros.artefacts.motion._vehicles import way_left
+
+_SLOWEST = 0.1  # progress below this speed counts as none
+_MOST_CREDIT = 0.3
+_PUSHES_AFTER = 0.75
+_PUSH_SECONDS = 2
+_FIRST_DETOUR = 3.0
+_ANGLES = np.array([1.05, 1.6, 2.1, 2.7])
+_GOLDEN = 0x9E3779B97F4A7C15
+_MIX_A = 0xBF58476D1CE4E5B9
+_MIX_B = 0x94D049BB133111EB
+
+
+@compiled
+def hashed(a: int, b: int) -> float:
+    """Return a number in [0, 1) that two integers fix (splitmix64)."""
+    z = np.uint64(a) * np.uint64(_GOLDEN) + np.uint64(b) * np.uint64(_MIX_B)
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(_MIX_A)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(_MIX_B)
+    z = z ^ (z >> np.uint64(31))
+    return float(z >> np.uint64(11)) / float(1 << 53)
+
+
+@compiled
+def _rank(fleet: Fleet, i: int, now: int, epoch: int) -> float:
+    own = hashed(fleet.place[i].id, epoch)
+    mind = fleet.mind[i]
+    return max(own, mind.push_rank) if now < mind.pushed_until else own
+
+
+@compiled
+def push(
+    fleet: Fleet, i: int, j: int, aim: Aim, pose: Floats, now: int, epoch: int, second: int
+) -> None:
+    """Let i, hindered by j, push j out of its way if it has waited, or already did, and may."""
+    mine, other = fleet.mind[i], fleet.mind[j]
+    is_pushing = other.push_by == fleet.place[i].id and now < other.pushed_until
+    is_pushed = now < mine.pushed_until
+    if not (is_pushing or is_pushed or mine.blocked > _PUSHES_AFTER):
+        return
+    if fleet.order[j].has_goal == 0 or fleet.body[j].speed <= 0.0:
+        return
+    rank = _rank(fleet, i, now, epoch)
+    if not is_pushing and rank <= _rank(fleet, j, now, epoch):
+        return
+    other.pushed_until = now + _PUSH_SECONDS * second
+    other.push_by, other.push_rank = fleet.place[i].id, rank
+    other.push_x, other.push_y = pose[X], pose[Y]
+    other.push_cos, other.push_sin = np.cos(aim.heading), np.sin(aim.heading)
+
+
+@compiled
+def consider_detour(mind: Any, artefact_id: int, now: int, second: int) -> None:
+    """Let one that is blocked for long go another way for some seconds, farther each time."""
+    if mind.blocked < mind.patience or now < mind.detour_until:
+        return
+    attempt = int(mind.patience)
+    draw = hashed(artefact_id, 1000 + attempt + now // (8 * second) * 64)
+    angle = _ANGLES[int(draw * 997.0) % 4]
+    mind.detour = angle if draw < 0.5 else -angle
+    seconds = 1.0 + 0.15 * min(mind.patience, 20.0)
+    mind.detour_until = now + int(seconds * second)
+    mind.patience += seconds + 1.5
+
+
+@compiled
+def note_progress(
+    fleet: Fleet, i: int, before: Floats, after: Floats, now: int, tempo: Tempo
+) -> None:
+    """Count for how long one that wants to move has made no progress."""
+    mind, order, body = fleet.mind[i], fleet.order[i], fleet.body[i]
+    aim = aim_of(fleet, i, after, now, tempo.second)
+    if order.has_goal == 0 or aim.speed <= 0.0 or aim.kind == COASTING:
+        forget_blockade(mind)
+        return
+    if body.turn_radius > 0.0:
+        gain = way_left(before[X], before[Y], before[YAW], order.x, order.y, body.turn_radius)
+        gain -= way_left(after[X], after[Y], after[YAW], order.x, order.y, body.turn_radius)
+    else:
+        gain = np.hypot(order.x - before[X], order.y - before[Y])
+        gain -= np.hypot(order.x - after[X], order.y - after[Y])
+    credit = mind.credit + gain - _SLOWEST * tempo.step_s
+    mind.credit = min(max(credit, 0.0), _MOST_CREDIT)
+    if credit > 0.0:
+        mind.blocked, mind.patience = 0.0, _FIRST_DETOUR
+    else:
+        mind.blocked += tempo.step_s
+
+
+@compiled
+def forget_blockade(mind: Any) -> None:
+    """Let one that does not want to move, or has got going, be patient again."""
+    mind.blocked, mind.credit, mind.patience = 0.0, 0.0, _FIRST_DETOUR
+    mind.hindrance, mind.hindered_by = UNHINDERED, NOBODY
+
+
+@compiled
+def note_hindrance(mind: Any, kind: int, who: int) -> None:
+    """Remember what was in the way of what it would have liked best."""
+    mind.hindrance = kind
+    mind.hindered_by = who if kind == BY_ARTEFACT else NOBODY

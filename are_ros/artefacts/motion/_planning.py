@@ -1,0 +1,242 @@
+"""Planning one artefact: the cheapest option that meets nobody's committed path, or the old one."""
+
+from typing import Any
+
+import numpy as np
+
+from are_ros._compiled import compiled
+from are_ros.artefacts.motion._aims import GOING, aim_of
+from are_ros.artefacts.motion._buckets import gather
+from are_ros.artefacts.motion._gaps import gap_between, robot_conflict, separation, wall_conflict
+from are_ros.artefacts.motion._options import cheapest, direction_of, fill_options, is_at_rest
+from are_ros.artefacts.motion._patience import consider_detour, note_hindrance, push
+from are_ros.artefacts.motion._rollouts import BRAKE, pace_of, roll_out, wrapped
+from are_ros.artefacts.motion._state import (
+    BY_ARTEFACT,
+    BY_ROBOT,
+    BY_WALL,
+    EMERGENCIES,
+    KEPT,
+    NEVER,
+    NOBODY,
+    PLANS,
+    STAMP,
+    UNHINDERED,
+    X,
+    Y,
+    YAW,
+    Buckets,
+    Desk,
+    Fleet,
+    Floats,
+    Floor,
+    RobotPath,
+    Tempo,
+)
+
+_INFEASIBLE = np.inf
+_NEAR_WALL = 0.25
+_NEAR_OTHERS = 0.5
+_NEAR_ROBOT = 0.6
+_INTO_ROBOT = 6.0  # for entering where the robot is predicted to be, the less the later
+_LATER = 0.05
+
+
+@compiled
+def reach_of(body: Any, tempo: Tempo) -> float:
+    """Return how far from where it is any point of a body can get on its next path."""
+    steps = tempo.drive if body.turn_radius > 0.0 else tempo.walk
+    way = body.speed * (steps * tempo.step_s + 0.5 * body.speed / body.acceleration)
+    return float(way + body.radius)
+
+
+@compiled
+def _assess_robot(
+    path: Floats, last: int, body: Any, order: Any, robot: RobotPath, pace: float, desk: Desk
+) -> tuple[float, bool]:
+    """Return what a path costs for its nearness to the robot; whether it runs into it."""
+    comfort = order.robot_comfort
+    far = np.hypot(path[0, X] - robot.x, path[0, Y] - robot.y)
+    if robot.outlines.shape[0] == 0 or far > robot.reach + last * pace + body.radius + comfort:
+        return 0.0, False
+    least, predicted, present = robot_conflict(
+        path, 0, last, body, robot, comfort, pace + robot.pace, desk.box
+    )
+    if present != NEVER:
+        return _INFEASIBLE, True
+    cost = _NEAR_ROBOT * (1.0 - least / comfort) if least < comfort else 0.0
+    if predicted != NEVER:
+        return cost + _INTO_ROBOT - _LATER * min(predicted, 60), True
+    return cost, False
+
+
+@compiled
+def _assess_others(
+    fleet: Fleet, i: int, path: Floats, last: int, pace: float, now: int, desk: Desk, count: int
+) -> tuple[float, int]:
+    """Return what a path costs for its nearness to others; the slot of whom it meets first."""
+    until, culprit = NEVER, NOBODY
+    cost, comfort = 0.0, fleet.order[i].comfort
+    start = path[0]
+    for n in range(count):
+        j = desk.near[n]
+        place, other = fleet.place[j], fleet.body[j]
+        first = min(now - place.begin, place.last)
+        wanted = comfort
+        far = np.hypot(start[X] - fleet.path[j, first, X], start[Y] - fleet.path[j, first, Y])
+        if far < comfort + fleet.body[i].radius + other.radius:
+            gap = separation(start, fleet.body[i], fleet.path[j, first], other)
+            wanted = min(max(gap, 0.0), comfort)
+        closing = pace + place.pace
+        gap, k = gap_between(
+            path,
+            last,
+            fleet.body[i],
+            fleet.path[j],
+            first,
+            place.last,
+            other,
+            wanted,
+            closing,
+            until,
+        )
+        if k != NEVER:
+            until, culprit = k - 1, j
+        elif gap < wanted:
+            cost = max(cost, (wanted - gap) / comfort)
+        if until == 0:
+            break
+    return _NEAR_OTHERS * cost, culprit
+
+
+@compiled
+def _assess(
+    fleet: Fleet,
+    i: int,
+    path: Floats,
+    last: int,
+    now: int,
+    tempo: Tempo,
+    floor: Floor,
+    robot: RobotPath,
+    desk: Desk,
+    count: int,
+) -> tuple[float, int, int]:
+    """Return what a path costs besides its option, what is in its way, and the slot of whom."""
+    body, order = fleet.body[i], fleet.order[i]
+    pace = pace_of(path, last, body, tempo.step_s)
+    kept, k = wall_conflict(path, last, body, order.wall_comfort, pace, floor, desk.box)
+    if k != NEVER:
+        return _INFEASIBLE, BY_WALL, NOBODY
+    nearness, culprit = _assess_others(fleet, i, path, last, pace, now, desk, count)
+    if culprit != NOBODY:
+        return _INFEASIBLE, BY_ARTEFACT, culprit
+    cost, meets = _assess_robot(path, last, body, order, robot, pace, desk)
+    cost += nearness + (0.0 if kept else _NEAR_WALL)
+    return cost, BY_ROBOT if meets else UNHINDERED, NOBODY
+
+
+@compiled
+def commit(fleet: Fleet, i: int, path: Floats, last: int, now: int, tempo: Tempo) -> None:
+    """Make a path, whose pose 0 is that of `now`, the one that artefact i will follow."""
+    place = fleet.place[i]
+    fleet.path[i, : last + 1] = path[: last + 1]
+    place.begin, place.last, place.must_plan = now, last, 0
+    place.pace = pace_of(path, last, fleet.body[i], tempo.step_s)
+    low_x, low_y, high_x, high_y = path[0, X], path[0, Y], path[0, X], path[0, Y]
+    for k in range(1, last + 1):
+        low_x, high_x = min(low_x, path[k, X]), max(high_x, path[k, X])
+        low_y, high_y = min(low_y, path[k, Y]), max(high_y, path[k, Y])
+    place.x, place.y = 0.5 * (low_x + high_x), 0.5 * (low_y + high_y)
+    half_diagonal = 0.5 * np.hypot(high_x - low_x, high_y - low_y)
+    place.reach = half_diagonal + fleet.body[i].radius
+
+
+@compiled
+def _search(
+    fleet: Fleet,
+    i: int,
+    goal: Floats,
+    now: int,
+    tempo: Tempo,
+    floor: Floor,
+    robot: RobotPath,
+    desk: Desk,
+    options: int,
+    near: int,
+) -> tuple[int, int, int, int, int]:
+    """Try options, cheapest first, until none can be cheaper than the best found.
+
+    Returns the option chosen (-1: none is feasible), which of the two scratch paths it fills and
+    its last index, and what was in the way of the first: kind and slot.
+    """
+    best, chosen, side, last = _INFEASIBLE, -1, 0, 0
+    hindrance, culprit, is_first = UNHINDERED, NOBODY, True
+    while True:
+        n = cheapest(desk.options, options)
+        if n < 0 or desk.options[n, 3] >= best:
+            break
+        path = desk.paths[1 - side]
+        end = roll_out(path, desk.options[n], goal, fleet.body[i], tempo)
+        extra, kind, who = _assess(
+            fleet, i, path, end, now, tempo, floor, robot, desk, near
+        )
+        cost = desk.options[n, 3] + extra
+        if is_first and kind != UNHINDERED:
+            hindrance, culprit = kind, who
+        is_first = False
+        if cost < best:
+            best, chosen, side, last = cost, n, 1 - side, end
+        desk.options[n, 3] = np.inf
+    return chosen, side, last, hindrance, culprit
+
+
+@compiled
+def plan(
+    fleet: Fleet,
+    i: int,
+    now: int,
+    epoch: int,
+    tempo: Tempo,
+    floor: Floor,
+    robot: RobotPath,
+    buckets: Buckets,
+    desk: Desk,
+) -> None:
+    """Plan artefact i from where it is at sub-step `now`."""
+    place, mind, order = fleet.place[i], fleet.mind[i], fleet.order[i]
+    start = min(now - place.begin, place.last)
+    pose = desk.paths[0, 0]
+    pose[:] = fleet.path[i, start]
+    pose[YAW] = wrapped(pose[YAW])
+    desk.paths[1, 0] = pose
+    consider_detour(mind, place.id, now, tempo.second)
+    aim = aim_of(fleet, i, pose, now, tempo.second)
+    if is_at_rest(aim, pose) and start == place.last:
+        place.must_plan = 0
+        return
+    options = fill_options(desk.options, aim, pose, fleet.body[i], order, mind, tempo)
+    desk.counters[STAMP] += 1
+    square = np.array([pose[X], pose[Y], reach_of(fleet.body[i], tempo)])
+    near = gather(buckets, square, i, fleet, desk.seen, desk.counters[STAMP], desk.near)
+    goal = np.array([order.x, order.y])
+    chosen, side, last, hindrance, culprit = _search(
+        fleet, i, goal, now, tempo, floor, robot, desk, options, near
+    )
+    who = fleet.place[culprit].id if culprit != NOBODY else NOBODY
+    note_hindrance(mind, hindrance, who)
+    if culprit != NOBODY and aim.speed > 0.0:
+        push(fleet, i, culprit, aim, pose, now, epoch, tempo.second)
+    if chosen < 0:
+        desk.counters[KEPT] += 1
+        desk.counters[EMERGENCIES] += place.must_plan
+        place.must_plan = 0
+        return
+    option = desk.options[chosen]
+    if option[0] != BRAKE:
+        mind.chosen = direction_of(option, pose)
+        mind.gear = 1 if option[2] > 0.0 else -1
+    elif aim.kind != GOING and aim.speed <= 0.0:
+        mind.chosen = np.nan
+    commit(fleet, i, desk.paths[side], last, now, tempo)
+    desk.counters[PLANS] += 1

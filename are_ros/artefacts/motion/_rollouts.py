@@ -1,0 +1,167 @@
+"""Rolling out an option: the poses of a unicycle that steers for a while, then brakes to a stand.
+
+One sub-step: speed and yaw change evenly, the ground point goes along the mean heading.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from are_ros._compiled import compiled
+from are_ros.artefacts.motion._state import COS, SIN, SPEED, X, Y, YAW, Floats, Tempo
+
+HEADING, POINT, CURVE, ARC_TO_POINT, BRAKE = range(5)
+"""Kinds of options: walk towards a heading; to a point and stop there; drive along a curve; drive
+to a point and stop there; brake and turn towards a heading."""
+
+_STILL = 1e-9
+_AIMED = 0.05  # nearer to its point than this, a body no longer turns towards it
+
+
+@compiled
+def wrapped(angle: float) -> float:
+    """Return an angle in [-pi, pi]."""
+    return float(angle - 2.0 * np.pi * np.rint(angle / (2.0 * np.pi)))
+
+
+@compiled
+def clamped(value: float, low: float, high: float) -> float:
+    """Return the value, or the end of the range beyond which it lies."""
+    return float(min(max(value, low), high))
+
+
+@compiled
+def stopping_speed(left: float, speed: float, acceleration: float, dt: float) -> float:
+    """Return the highest speed after the next sub-step that still lets it stop within `left`."""
+    rest = 2.0 * (left - 0.5 * speed * dt) / acceleration
+    if rest <= 0.0:
+        return 0.0
+    return float(acceleration * (np.sqrt(0.25 * dt * dt + rest) - 0.5 * dt))
+
+
+@compiled
+def advance(path: Floats, k: int, turn: float, speed: float, dt: float) -> None:
+    """Write pose k + 1: yaw changes by `turn`, the speed to `speed`."""
+    pose, after = path[k], path[k + 1]
+    way = 0.5 * (pose[SPEED] + speed) * dt
+    c, s = pose[COS], pose[SIN]
+    if turn == 0.0:
+        after[YAW], after[COS], after[SIN] = pose[YAW], c, s
+    else:
+        c, s = np.cos(pose[YAW] + 0.5 * turn), np.sin(pose[YAW] + 0.5 * turn)
+        after[YAW] = pose[YAW] + turn
+        after[COS], after[SIN] = np.cos(after[YAW]), np.sin(after[YAW])
+    after[X], after[Y] = pose[X] + way * c, pose[Y] + way * s
+    after[SPEED] = speed
+
+
+@compiled
+def brake(path: Floats, k: int, curvature: float, body: Any, dt: float) -> int:
+    """Brake from pose k on along a curve; return the index of the pose where it stands."""
+    step = body.acceleration * dt
+    while path[k, SPEED] != 0.0 and k + 1 < path.shape[0]:
+        speed = path[k, SPEED]
+        slower = max(speed - step, 0.0) if speed > 0.0 else min(speed + step, 0.0)
+        limit = body.turn_rate * dt
+        turn = clamped(curvature * 0.5 * (speed + slower) * dt, -limit, limit)
+        advance(path, k, turn, slower, dt)
+        k += 1
+    return k
+
+
+@compiled
+def _walk(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt: float) -> int:
+    """Turn towards a heading or the goal and walk, slower while it looks elsewhere."""
+    limit, step = body.turn_rate * dt, body.acceleration * dt
+    heading, to_point = option[1], option[0] == POINT
+    for k in range(steps):
+        speed, want = path[k, SPEED], option[2]
+        if to_point:
+            dx, dy = goal[0] - path[k, X], goal[1] - path[k, Y]
+            left = np.hypot(dx, dy)
+            if left > _AIMED:
+                heading = math.atan2(dy, dx)
+            want = min(want, stopping_speed(left, speed, body.acceleration, dt))
+        error = wrapped(heading - path[k, YAW])
+        turn = clamped(error, -limit, limit)
+        if error != 0.0:
+            want *= max(np.cos(error), 0.0)
+        faster = clamped(want, max(speed - step, 0.0), speed + step)
+        if turn == 0.0 and speed == 0.0 and faster < _STILL:
+            return k
+        advance(path, k, turn, faster, dt)
+    return steps
+
+
+@compiled
+def _drive(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt: float) -> int:
+    """Drive along a curve, or the arc to the goal; a negative speed is reverse."""
+    limit, step = body.turn_rate * dt, body.acceleration * dt
+    tightest = 1.0 / body.turn_radius
+    curvature, to_point = option[1], option[0] == ARC_TO_POINT
+    direction = 1.0 if option[2] >= 0.0 else -1.0
+    for k in range(steps):
+        speed, want = path[k, SPEED], option[2]
+        if to_point:
+            dx, dy = goal[0] - path[k, X], goal[1] - path[k, Y]
+            ahead = direction * (dx * path[k, COS] + dy * path[k, SIN])
+            aside = dy * path[k, COS] - dx * path[k, SIN]
+            square = max(dx * dx + dy * dy, 1e-6)
+            if ahead > _AIMED:
+                curvature = clamped(2.0 * aside / square, -tightest, tightest)
+            slow = stopping_speed(max(ahead, 0.0), abs(speed), body.acceleration, dt)
+            want = direction * min(abs(want), slow)
+        if curvature != 0.0:
+            fastest = body.turn_rate / abs(curvature)
+            want = clamped(want, -fastest, fastest)
+        faster = clamped(want, speed - step, speed + step)
+        if speed == 0.0 and abs(faster) < _STILL:
+            return k
+        turn = clamped(curvature * 0.5 * (speed + faster) * dt, -limit, limit)
+        advance(path, k, turn, faster, dt)
+    return steps
+
+
+@compiled
+def _stop(path: Floats, option: Floats, body: Any, steps: int, dt: float) -> int:
+    """Brake, and turn on the spot towards a heading on the way (nan: none)."""
+    limit, step = body.turn_rate * dt, body.acceleration * dt
+    k = 0
+    while k < steps:
+        speed = path[k, SPEED]
+        error = 0.0 if np.isnan(option[1]) else wrapped(option[1] - path[k, YAW])
+        if speed == 0.0 and error == 0.0:
+            break
+        advance(path, k, clamped(error, -limit, limit), max(speed - step, 0.0), dt)
+        k += 1
+    return k
+
+
+@compiled
+def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, tempo: Tempo) -> int:
+    """Fill a path, whose pose 0 is given, by an option (kind, heading or curvature, speed, cost).
+
+    Returns the index of the last pose, where the body stands.
+    """
+    kind = option[0]
+    if kind == BRAKE and body.turn_radius > 0.0:
+        return brake(path, 0, option[1], body, tempo.step_s)
+    if kind == BRAKE:
+        k = _stop(path, option, body, tempo.walk, tempo.step_s)
+    elif kind <= POINT:
+        k = _walk(path, option, goal, body, tempo.walk, tempo.step_s)
+    else:
+        k = _drive(path, option, goal, body, tempo.drive, tempo.step_s)
+        return brake(path, k, option[1] if kind == CURVE else 0.0, body, tempo.step_s)
+    return brake(path, k, 0.0, body, tempo.step_s)
+
+
+@compiled
+def pace_of(path: Floats, last: int, body: Any, dt: float) -> float:
+    """Return how far any point of the box moves in one sub-step of a path at most."""
+    fastest, turn = 0.0, 0.0
+    for k in range(1, last + 1):
+        fastest = max(fastest, abs(path[k, SPEED]), abs(path[k - 1, SPEED]))
+        turn = max(turn, abs(path[k, YAW] - path[k - 1, YAW]))
+    return float(fastest * dt + turn * body.radius)

@@ -1,0 +1,202 @@
+"""What the kernels of the planner work on: records by slot, and what surrounds them.
+
+A slot is where an artefact's records lie; slots are reused, and nothing depends on which one it is.
+"""
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.artefacts.motion.body import Body
+from are_ros.artefacts.motion.order import Order
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Records = npt.NDArray[Any]
+
+X, Y, YAW, COS, SIN, SPEED = range(6)
+"""Columns of a path: the pose of F_A's ground point, and the speed along its heading."""
+
+NOBODY: Final = -1
+UNHINDERED, BY_WALL, BY_ARTEFACT, BY_ROBOT = range(4)
+NEVER: Final = 1 << 60
+
+PLACE = np.dtype(
+    [
+        ("id", "i8"),
+        ("begin", "i8"),  # the sub-step of the path's first pose
+        ("last", "i8"),  # index of the path's last pose; it is held for ever
+        ("x", "f8"),  # a circle that holds the body on all of the path
+        ("y", "f8"),
+        ("reach", "f8"),
+        ("pace", "f8"),  # the highest speed of any point of the box on the path
+        ("must_plan", "i8"),
+        ("is_scripted", "i8"),
+    ]
+)
+BODY = np.dtype(
+    [
+        ("half_x", "f8"),
+        ("half_y", "f8"),
+        ("centre_x", "f8"),
+        ("centre_y", "f8"),
+        ("radius", "f8"),
+        ("speed", "f8"),
+        ("acceleration", "f8"),
+        ("turn_rate", "f8"),
+        ("turn_radius", "f8"),
+        ("discs", "i8"),
+        ("disc_x", "f8"),  # from one disc's centre to the next, in F_A
+        ("disc_y", "f8"),
+        ("disc_radius", "f8"),
+        ("terrain", "i8"),
+    ]
+)
+ORDER = np.dtype(
+    [
+        ("has_goal", "i8"),
+        ("x", "f8"),
+        ("y", "f8"),
+        ("speed", "f8"),
+        ("stops", "i8"),
+        ("face", "f8"),  # nan: none
+        ("comfort", "f8"),
+        ("robot_comfort", "f8"),
+        ("wall_comfort", "f8"),
+    ]
+)
+MIND = np.dtype(
+    [
+        ("blocked", "f8"),  # for how long it has wanted to move and did not [s]
+        ("credit", "f8"),  # progress ahead of what counts as none [m]
+        ("patience", "f8"),  # a detour is tried when it has been blocked for this long [s]
+        ("detour_until", "i8"),
+        ("detour", "f8"),  # angle of the detour from the direction of the goal
+        ("pushed_until", "i8"),
+        ("push_by", "i8"),  # id of who pushes
+        ("push_rank", "f8"),
+        ("push_x", "f8"),
+        ("push_y", "f8"),
+        ("push_cos", "f8"),
+        ("push_sin", "f8"),
+        ("chosen", "f8"),  # heading or curvature chosen last
+        ("gear", "i8"),
+        ("passed_at", "i8"),
+        ("hindrance", "i8"),
+        ("hindered_by", "i8"),
+    ]
+)
+
+
+class Fleet(NamedTuple):
+    """Records of all slots (C,); `path` float64 (C, K, 6)."""
+
+    place: Records
+    body: Records
+    order: Records
+    mind: Records
+    path: Floats
+
+
+class Tempo(NamedTuple):
+    """The sub-step [s], and in sub-steps: manoeuvres on foot and of vehicles, pushes."""
+
+    step_s: float
+    walk: int
+    drive: int
+    second: int
+
+
+class Floor(NamedTuple):
+    """Clearance float32 (T, height, width) and solid cells, bool, of T terrains; the lattice."""
+
+    clearance: npt.NDArray[np.float32]
+    solid: npt.NDArray[np.bool_]
+    lattice: Floats
+    unit: float
+
+
+class RobotPath(NamedTuple):
+    """The robot's outlines (K, V, 2) now (0) and later, K = 0: none; rounded by `radius`.
+
+    All lie in the circle x, y, reach; `pace` bounds the speed of any point of it.
+    """
+
+    outlines: Floats
+    radius: float
+    x: float
+    y: float
+    reach: float
+    pace: float
+
+
+class Buckets(NamedTuple):
+    """A hash grid: where the slots of each bucket start, and the slots in the order of ids."""
+
+    starts: Integers
+    slots: Integers
+    bits: int
+
+
+class Desk(NamedTuple):
+    """Scratch: two paths (2, K, 6), neighbours, marks of who was seen, options (M, 4), counters."""
+
+    paths: Floats
+    near: Integers
+    seen: Integers
+    options: Floats
+    counters: Integers
+    box: Floats
+
+
+PLANS, KEPT, EMERGENCIES, STAMP = range(4)
+"""Counters: accepted, old trajectory kept, broken ones with no way out, marks given so far."""
+
+
+def fleet_of(capacity: int, length: int) -> Fleet:
+    """Return the records of empty slots for paths of `length` poses."""
+    tables = [np.zeros(capacity, kind) for kind in (PLACE, BODY, ORDER, MIND)]
+    return Fleet(*tables, np.zeros((capacity, length, 6)))
+
+
+def desk_of(capacity: int, length: int) -> Desk:
+    """Return scratch for that many slots."""
+    return Desk(
+        np.zeros((2, length, 6)),
+        np.zeros(capacity, np.int64),
+        np.zeros(capacity, np.int64),
+        np.zeros((128, 4)),
+        np.zeros(4, np.int64),
+        np.zeros((1, 8)),
+    )
+
+
+def write_body(record: Any, body: Body, top_speed: float, terrain: int) -> None:
+    """Write a body into its record; its speed is limited to `top_speed`."""
+    count, gap, radius = body.discs()
+    lengthwise = body.half_size_m[0] >= body.half_size_m[1]
+    record["half_x"], record["half_y"] = body.half_size_m
+    record["centre_x"], record["centre_y"] = body.centre_m
+    record["radius"] = body.radius_m
+    record["speed"] = min(body.speed_mps, top_speed)
+    record["acceleration"] = body.acceleration_mps2
+    record["turn_rate"] = body.turn_rate_radps
+    record["turn_radius"] = body.turn_radius_m
+    record["discs"], record["disc_radius"] = count, radius
+    record["disc_x"] = gap if lengthwise else 0.0
+    record["disc_y"] = 0.0 if lengthwise else gap
+    record["terrain"] = terrain
+
+
+def write_order(record: Any, order: Order) -> None:
+    """Write an order into its record."""
+    goal = order.subgoal_m
+    record["has_goal"] = goal is not None
+    record["x"], record["y"] = goal or (0.0, 0.0)
+    record["speed"] = order.speed_mps
+    record["stops"] = order.stop_there
+    record["face"] = np.nan if order.face_rad is None else order.face_rad
+    record["comfort"] = order.comfort_m
+    record["robot_comfort"] = order.robot_comfort_m
+    record["wall_comfort"] = order.wall_comfort_m

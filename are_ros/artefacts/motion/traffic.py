@@ -1,0 +1,266 @@
+"""The traffic: everybody on a committed trajectory that ends in a stand and meets nobody's.
+
+A trajectory is a manoeuvre of about a second and then braking. It is taken only if, sub-step by
+sub-step, its boxes overlap neither closed ground nor anybody on the trajectory that he is committed
+to (open boxes, exact); else the old one goes on, which was free and still is, for all the others
+have kept clear of it. So nobody ever overlaps, unless something breaks in from outside: an arrival,
+a displaced one, a new map, the robot. Those who are due in a sub-step plan one after the other, by
+id, so each knows what the ones before it have decided.
+"""
+
+from bisect import bisect_left
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.artefacts.artefact import GroundPose
+from are_ros.artefacts.motion import _state, _steps
+from are_ros.artefacts.motion._floors import Floors
+from are_ros.artefacts.motion._patience import forget_blockade
+from are_ros.artefacts.motion._scripts import Scripts
+from are_ros.artefacts.motion._state import COS, NOBODY, SIN, X, Y, YAW
+from are_ros.artefacts.motion.body import Body
+from are_ros.artefacts.motion.hindrance import Hindrance
+from are_ros.artefacts.motion.order import STAND, Order
+from are_ros.artefacts.motion.robot import PREDICTION_S, RobotMotion
+from are_ros.artefacts.terrain import Terrains
+from are_ros.world.environment import Environment
+from are_ros.world.oriented_boxes import OrientedBoxes
+
+_WALK_S: Final = 1.0
+_DRIVE_S: Final = 1.5
+_BRAKE_S: Final = 2.5
+_FIRST_CAPACITY: Final = 64
+
+
+@dataclass(frozen=True)
+class TrafficCounters:
+    """How often so far a plan was made, an old one kept, a broken one found no way out."""
+
+    plans_made: int
+    plans_kept: int
+    emergency_stops: int
+
+
+class Traffic:
+    """Moves artefacts by their orders; ids are any integers >= 0, slots and order do not matter."""
+
+    def __init__(self, step_s: float, terrains: Terrains | None = None) -> None:
+        """Take the length of a sub-step [s], and the terrains where others need them, too."""
+        walk, drive = round(_WALK_S / step_s), round(_DRIVE_S / step_s)
+        self._tempo = _state.Tempo(step_s, walk, drive, round(1.0 / step_s))
+        self._length = drive + round(_BRAKE_S / step_s) + 3
+        self._floors = Floors(terrains or Terrains())
+        self.clear()
+
+    def clear(self) -> None:
+        """Let nobody be there; counters go back to 0."""
+        self._fleet = _state.fleet_of(_FIRST_CAPACITY, self._length)
+        self._desk = _state.desk_of(_FIRST_CAPACITY, self._length)
+        self._slot_of: dict[int, int] = {}
+        self._free = list(range(_FIRST_CAPACITY))[::-1]
+        self._ids: list[int] = []
+        self._scripts = Scripts()
+        self._intruders: list[int] = []
+        self._now = 0
+        self._forget()
+
+    def add(self, artefact_id: int, pose: GroundPose, body: Body) -> None:
+        """Let one more stand at a pose, with nothing to do."""
+        if artefact_id in self._slot_of:
+            raise ValueError(f"artefact {artefact_id} is in the traffic already")
+        if not self._free:
+            self._grow()
+        slot = self._free.pop()
+        fleet = self._fleet
+        for table in fleet[:4]:
+            table[slot] = 0
+        self._slot_of[artefact_id] = slot
+        self._ids.insert(bisect_left(self._ids, artefact_id), artefact_id)
+        level = self._floors.level_of(body.height_m)
+        top_speed = body.acceleration_mps2 * _BRAKE_S
+        _state.write_body(fleet.body[slot], body, top_speed, level)
+        fleet.place["id"][slot] = artefact_id
+        fleet.mind["passed_at"][slot] = _state.NEVER
+        fleet.mind["chosen"][slot] = np.nan
+        self.order(artefact_id, STAND)
+        self._forget()
+        self.put(artefact_id, pose)
+
+    def remove(self, artefact_id: int) -> None:
+        """Let one be gone."""
+        slot = self._slot_of.pop(artefact_id)
+        del self._ids[bisect_left(self._ids, artefact_id)]
+        self._free.append(slot)
+        self._scripts.cancel(artefact_id)
+        self._intruders = [other for other in self._intruders if other != slot]
+        self._forget()
+
+    def order(self, artefact_id: int, order: Order) -> None:
+        """Tell one what to do from the next sub-step on, unless it is scripted."""
+        slot = self._slot_of[artefact_id]
+        record, goal = self._fleet.order[slot], order.subgoal_m
+        is_same = record["has_goal"] and goal == (record["x"], record["y"])
+        _state.write_order(record, order)
+        if not is_same:
+            self._fleet.mind["passed_at"][slot] = _state.NEVER
+        if goal is None:
+            forget_blockade(self._fleet.mind[slot])
+
+    def put(self, artefact_id: int, pose: GroundPose) -> None:
+        """Let one stand at another pose; who is on the way there plans anew at once."""
+        slot = self._slot_of[artefact_id]
+        yaw = pose.yaw_rad
+        row = (pose.x_m, pose.y_m, yaw, np.cos(yaw), np.sin(yaw), 0.0)
+        self._fleet.path[slot, 0] = row
+        place = self._fleet.place[slot]
+        place["begin"], place["last"], place["pace"] = self._now, 0, 0.0
+        place["x"], place["y"] = pose.x_m, pose.y_m
+        place["reach"] = self._fleet.body["radius"][slot]
+        place["must_plan"] = 0
+        self._scripts.repeat(artefact_id)
+        self._intruders.append(slot)
+        self._poses = None
+
+    def prescribe(self, artefact_id: int, poses: npt.NDArray[np.float64]) -> None:
+        """Let one follow x, y, yaw float64 (K, 3) in the next K sub-steps; no poses cancel that.
+
+        Nothing is tested; the others plan around it. Afterwards its order holds again.
+        """
+        slot = self._slot_of[artefact_id]
+        self._scripts.begin(artefact_id, np.array(poses, dtype=np.float64), self._now)
+        self._fleet.place["is_scripted"][slot] = len(poses) > 0
+        if not len(poses):
+            self.put(artefact_id, GroundPose(*self._pose(slot)[:2], 0.0, self._pose(slot)[2]))
+
+    def step(self, index: int, environment: Environment, robot: RobotMotion | None) -> None:
+        """Let those plan who are due, and everybody go one sub-step on.
+
+        `index` is the number of the sub-step since the epoch: it fixes who is due.
+        """
+        is_new, floor = self._floors.of(environment)
+        self._intruders += self._scripts.lay(self._slot_of, self._fleet, self._now, self._tempo)
+        slots = self._slots()
+        if is_new or self._intruders:
+            intruders = np.array(self._intruders, np.int64)
+            _steps.mark_broken(
+                self._fleet, slots, intruders, is_new, self._now, floor, self._desk.box
+            )
+        self._intruders = []
+        path = _robot_path(robot, self._tempo.step_s)
+        self._moved = _steps.run(
+            self._fleet, slots, self._now, index, self._tempo, floor, path, self._desk
+        )
+        self._now += 1
+        self._poses = None
+
+    @property
+    def ids(self) -> npt.NDArray[np.int64]:
+        """The ids (N,) of who is there, ascending."""
+        return np.array(self._ids, np.int64)
+
+    @property
+    def poses(self) -> npt.NDArray[np.float64]:
+        """Where they are now: x, y [m], yaw [rad] in the map frame, float64 (N, 3)."""
+        return self._current()[:, :3]
+
+    @property
+    def speeds(self) -> npt.NDArray[np.float64]:
+        """The speeds (N,) [m/s] along their headings; negative in reverse."""
+        return self._current()[:, _state.SPEED]
+
+    @property
+    def moved(self) -> npt.NDArray[np.bool_]:
+        """Whose pose changed in the last sub-step, bool (N,)."""
+        if self._moved is None:
+            self._moved = np.zeros(len(self._ids), np.bool_)
+        return self._moved
+
+    @property
+    def counters(self) -> TrafficCounters:
+        """What planning has come to so far."""
+        made, kept, emergencies, _ = self._desk.counters.tolist()
+        return TrafficCounters(made, kept, emergencies)
+
+    def trajectory(self, artefact_id: int) -> npt.NDArray[np.float64]:
+        """Return x, y, yaw float64 (K, 3), K >= 1, at the next sub-steps; it holds the last."""
+        slot = self._slot_of[artefact_id]
+        place = self._fleet.place[slot]
+        first = min(self._now + 1 - int(place["begin"]), int(place["last"]))
+        return self._fleet.path[slot, first : int(place["last"]) + 1, :3].copy()
+
+    def is_clear(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
+        """Tell which boxes (M,), standing from now on, nobody meets on his trajectory."""
+        poses = np.zeros((len(boxes), 6))
+        poses[:, [X, Y]], poses[:, YAW] = boxes.centres_m[:, :2], boxes.yaws_rad
+        poses[:, COS], poses[:, SIN] = boxes.packed[:, 3], boxes.packed[:, 4]
+        bodies = np.zeros(len(boxes), _state.BODY)
+        bodies["half_x"], bodies["half_y"] = boxes.half_sizes_m[:, :2].T
+        bodies["radius"] = np.hypot(bodies["half_x"], bodies["half_y"])
+        return _steps.are_clear(self._fleet, self._slots(), self._now, poses, bodies)
+
+    def hindrance(self, artefact_id: int) -> tuple[Hindrance, int, float]:
+        """Tell what is in an artefact's way, whose id that is (or -1), and since when [s].
+
+        The time is that in which it wanted to move and came nearer to its sub-goal by less than
+        0.1 m/s; 0: nothing is in its way.
+        """
+        mind = self._fleet.mind[self._slot_of[artefact_id]]
+        blocked_s = float(mind["blocked"])
+        if blocked_s <= 0.0:
+            return Hindrance.NONE, NOBODY, 0.0
+        return Hindrance(int(mind["hindrance"])), int(mind["hindered_by"]), blocked_s
+
+    def _slots(self) -> npt.NDArray[np.int64]:
+        """Return the slots (N,) in the order of ids."""
+        if self._order is None:
+            self._order = np.array([self._slot_of[one] for one in self._ids], np.int64)
+        return self._order
+
+    def _current(self) -> npt.NDArray[np.float64]:
+        if self._poses is None:
+            slots = self._slots()
+            place = self._fleet.place[slots]
+            index = np.minimum(self._now - place["begin"], place["last"])
+            self._poses = self._fleet.path[slots, index]
+        return self._poses
+
+    def _pose(self, slot: int) -> tuple[float, float, float]:
+        place = self._fleet.place[slot]
+        index = min(self._now - int(place["begin"]), int(place["last"]))
+        x, y, yaw = self._fleet.path[slot, index, :3].tolist()
+        return x, y, yaw
+
+    def _forget(self) -> None:
+        """Forget what was derived from who is there."""
+        self._order: npt.NDArray[np.int64] | None = None
+        self._poses: npt.NDArray[np.float64] | None = None
+        self._moved: npt.NDArray[np.bool_] | None = None
+
+    def _grow(self) -> None:
+        """Double the number of slots."""
+        old = len(self._fleet.place)
+        fleet = _state.fleet_of(2 * old, self._length)
+        for table, before in zip(fleet, self._fleet, strict=True):
+            table[:old] = before
+        counters = self._desk.counters
+        self._fleet = fleet
+        self._desk = _state.desk_of(2 * old, self._length)._replace(counters=counters)
+        self._free = list(range(old, 2 * old))[::-1]
+
+
+def _robot_path(robot: RobotMotion | None, step_s: float) -> _state.RobotPath:
+    """Return where the robot will be, for the kernels."""
+    if robot is None:
+        return _state.RobotPath(np.empty((0, 1, 2)), 0.0, 0.0, 0.0, 0.0, 0.0)
+    outlines = robot.outlines_m(step_s, round(PREDICTION_S / step_s))
+    points = outlines.reshape(-1, 2)
+    x, y = (0.5 * (points.min(axis=0) + points.max(axis=0))).tolist()
+    radius = robot.footprint.radius_m
+    reach = float(np.hypot(points[:, 0] - x, points[:, 1] - y).max()) + radius
+    corners = robot.footprint.vertices_m - (robot.x_m, robot.y_m)
+    sweep = abs(robot.yaw_rate) * float(np.hypot(corners[:, 0], corners[:, 1]).max())
+    pace = (robot.speed_mps + sweep) * step_s
+    return _state.RobotPath(outlines, radius, x, y, reach, pace)

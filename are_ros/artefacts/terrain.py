@@ -1,0 +1,228 @@
+"""Where a body of one height may be: the free cells over which no voxel stands in its way."""
+
+import math
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros._compiled import compiled
+from are_ros.world.environment import Environment
+from are_ros.world.lattice_cover import lattice_row
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes
+from are_ros.world.voxel_map import VoxelMap
+
+HEIGHT_STEP_M: Final = 0.25
+_HALF_CELL: Final = 0.5
+
+
+class Terrain:
+    """The ground of one environment as bodies up to `height_m` find it; it never changes.
+
+    A voxel of M3D stands in the way if its top is more than the environment's ground clearance
+    above the ground of the cell, and its bottom below the body's top there. An extruded M3D says no
+    more than the grid.
+    """
+
+    def __init__(self, environment: Environment, height_m: float) -> None:
+        self.environment = environment
+        self.height_m = height_m
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """The occupancy grid M2D of the environment."""
+        return self.environment.grid
+
+    @cached_property
+    def clearance_m(self) -> npt.NDArray[np.float32]:
+        """Distance (height, width) [m] of each cell from the nearest that is closed, read-only.
+
+        Exact, between cell centres; 0 on closed cells. Closed are the cells that are not free,
+        those over which a voxel stands in the way, and all outside the grid.
+        """
+        if not has_own_voxels(self.environment):
+            return self.environment.clearance_m
+        field = _distances(self.environment.classes.free & ~self._overhung)
+        field *= np.float32(self.grid.resolution_m)
+        field.flags.writeable = False
+        return field
+
+    @cached_property
+    def solid(self) -> npt.NDArray[np.bool_]:
+        """Cells (height, width) that are occupied, or over which a voxel stands in the way."""
+        occupied = self.environment.classes.occupied
+        if not has_own_voxels(self.environment):
+            return occupied
+        solid: npt.NDArray[np.bool_] = occupied | self._overhung
+        return solid
+
+    def fits(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
+        """Tell which boxes (N,) cover free cells of the grid only and hit no wall: exact."""
+        return self.environment.is_placeable(boxes)
+
+    def sees(
+        self, from_m: tuple[float, float], to_m: tuple[float, float], radius_m: float
+    ) -> bool:
+        """Tell whether a disc can roll straight from one point to another of the map frame.
+
+        Clearance is interpolated between cells: the answer is right to about half a cell.
+        """
+        lattice = self._lattice
+        return bool(
+            _rolls(self.clearance_m, lattice, self.grid.resolution_m, from_m, to_m, radius_m)
+        )
+
+    @cached_property
+    def _lattice(self) -> npt.NDArray[np.float64]:
+        resolution_m = self.grid.resolution_m
+        return lattice_row(self.grid.origin, resolution_m, resolution_m)
+
+    @cached_property
+    def _overhung(self) -> npt.NDArray[np.bool_]:
+        voxels = self.environment.voxels
+        if voxels is None:
+            return np.zeros(self.grid.cells.shape, np.bool_)
+        return _overhung_cells(self.environment, voxels, self.height_m)
+
+
+class Terrains:
+    """The terrains of the newest environment asked for, one for each height."""
+
+    def __init__(self) -> None:
+        self._environment: Environment | None = None
+        self._terrains: dict[float, Terrain] = {}
+
+    def of(self, environment: Environment, height_m: float) -> Terrain:
+        """Return the terrain of a body `height_m` high; heights are rounded up to 0.25 m.
+
+        Where M3D says no more than the grid, all heights share one terrain.
+        """
+        if environment is not self._environment:
+            self._environment, self._terrains = environment, {}
+        level_m = math.ceil(height_m / HEIGHT_STEP_M) * HEIGHT_STEP_M
+        key = level_m if has_own_voxels(environment) else 0.0
+        if key not in self._terrains:
+            self._terrains[key] = Terrain(environment, level_m)
+        return self._terrains[key]
+
+
+def has_own_voxels(environment: Environment) -> bool:
+    """Tell whether M3D may close cells that are free in the grid."""
+    return environment.voxels is not None and not environment.voxels.is_extruded
+
+
+def _overhung_cells(
+    environment: Environment, voxels: VoxelMap, height_m: float
+) -> npt.NDArray[np.bool_]:
+    """Return the cells (height, width) whose square meets a voxel in the way."""
+    grid = environment.grid
+    rows, cols = np.indices(grid.cells.shape)
+    points_m = grid.cells_to_points(np.column_stack((rows.ravel(), cols.ravel())))
+    floors_m = environment.ground.heights(points_m).reshape(grid.cells.shape)
+    floors_m = np.maximum(floors_m, environment.ground.lowest_m())
+    x, y, base_m = voxels.map_from_lattice.translation_m
+    local = grid.origin.inverse() @ voxels.map_from_lattice
+    width_m, depth_m, layer_m = voxels.voxel_size_m
+    del x, y
+    columns = np.argwhere(voxels.occupied.any(axis=2))
+    cosine, sine = math.cos(local.yaw_rad()), math.sin(local.yaw_rad())
+    x0_m, y0_m, _ = local.translation_m
+    overhung = np.zeros(grid.cells.shape, np.bool_)
+    packed = np.zeros((len(columns), 8))
+    along_m, across_m = (columns + _HALF_CELL).T * np.array([[width_m], [depth_m]])
+    packed[:, 0] = x0_m + cosine * along_m - sine * across_m
+    packed[:, 1] = y0_m + sine * along_m + cosine * across_m
+    packed[:, 3], packed[:, 4] = cosine, sine
+    packed[:, 5], packed[:, 6] = _HALF_CELL * width_m, _HALF_CELL * depth_m
+    _mark_columns(
+        overhung,
+        packed,
+        columns,
+        voxels.occupied,
+        floors_m,
+        (base_m, layer_m, environment.ground_clearance_m, height_m),
+        grid.resolution_m,
+    )
+    return overhung
+
+
+@compiled
+def _mark_columns(
+    overhung: npt.NDArray[np.bool_],
+    packed: npt.NDArray[np.float64],
+    columns: npt.NDArray[np.int64],
+    occupied: npt.NDArray[np.uint8],
+    floors_m: npt.NDArray[np.float64],
+    levels_m: tuple[float, float, float, float],
+    resolution_m: float,
+) -> None:
+    """Mark the cells that each column of voxels (M,), a box in the grid's frame, meets."""
+    base, layer, clearance, height = levels_m
+    for i in range(columns.shape[0]):
+        c, s = abs(packed[i, 3]), abs(packed[i, 4])
+        x, y = packed[i, 0] / resolution_m, packed[i, 1] / resolution_m
+        reach_x = (c * packed[i, 5] + s * packed[i, 6]) / resolution_m
+        reach_y = (s * packed[i, 5] + c * packed[i, 6]) / resolution_m
+        first_row = max(int(np.floor(y - reach_y + TOUCH_TOLERANCE_M)), 0)
+        last_row = min(int(np.ceil(y + reach_y - TOUCH_TOLERANCE_M)), overhung.shape[0])
+        first_col = max(int(np.floor(x - reach_x + TOUCH_TOLERANCE_M)), 0)
+        last_col = min(int(np.ceil(x + reach_x - TOUCH_TOLERANCE_M)), overhung.shape[1])
+        stack = occupied[columns[i, 0], columns[i, 1]]
+        for row in range(first_row, last_row):
+            for col in range(first_col, last_col):
+                floor = floors_m[row, col]
+                for k in range(stack.shape[0]):
+                    if stack[k] and floor + clearance < base + (k + 1) * layer - TOUCH_TOLERANCE_M:
+                        overhung[row, col] |= base + k * layer < floor + height - TOUCH_TOLERANCE_M
+
+
+def _distances(is_open: npt.NDArray[np.bool_]) -> npt.NDArray[np.float32]:
+    """Return the exact distances [cells] from the nearest closed cell; outside all is closed."""
+    import cv2
+
+    padded = np.pad(is_open.astype(np.uint8), 1)
+    field = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.ascontiguousarray(field[1:-1, 1:-1], dtype=np.float32)
+
+
+@compiled
+def _interpolated(field: npt.NDArray[np.float32], x: float, y: float) -> float:
+    """Return the field between the cell centres around a point given in cells; 0 outside."""
+    if not (0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]):
+        return 0.0
+    u = min(max(x - 0.5, 0.0), field.shape[1] - 1.0)
+    v = min(max(y - 0.5, 0.0), field.shape[0] - 1.0)
+    col, row = int(u), int(v)
+    next_col, next_row = min(col + 1, field.shape[1] - 1), min(row + 1, field.shape[0] - 1)
+    a, b = u - col, v - row
+    low = field[row, col] * (1.0 - a) + field[row, next_col] * a
+    high = field[next_row, col] * (1.0 - a) + field[next_row, next_col] * a
+    return float(low * (1.0 - b) + high * b)
+
+
+@compiled
+def _rolls(
+    field: npt.NDArray[np.float32],
+    lattice: npt.NDArray[np.float64],
+    unit: float,
+    from_m: tuple[float, float],
+    to_m: tuple[float, float],
+    radius: float,
+) -> bool:
+    """March along the segment in leaps of what is left of the clearance."""
+    length = np.hypot(to_m[0] - from_m[0], to_m[1] - from_m[1])
+    along = 0.0
+    while True:
+        share = along / length if length > 0.0 else 0.0
+        dx = from_m[0] + share * (to_m[0] - from_m[0]) - lattice[0]
+        dy = from_m[1] + share * (to_m[1] - from_m[1]) - lattice[1]
+        x = (dx * lattice[2] + dy * lattice[3]) / unit
+        y = (dy * lattice[2] - dx * lattice[3]) / unit
+        room = _interpolated(field, x, y) - 0.5 * unit - radius
+        if room < 0.0:
+            return False
+        if along >= length:
+            return True
+        along = min(along + max(0.5 * unit, room), length)

@@ -1,0 +1,238 @@
+"""What happens to the living in a sub-step: minds decide, traffic plans, collisions are resolved.
+
+Positions belong to the sub-steps: who is KEPT is where the traffic has planned it to be; the others
+are where the resolver has left them (section 3.3), and the traffic is told.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.artefacts.artefact import Artefact, GroundPose
+from are_ros.artefacts.behaviours.situation import RobotView
+from are_ros.artefacts.exits import exits_of
+from are_ros.artefacts.minds import Minds
+from are_ros.artefacts.motion.body import Body
+from are_ros.artefacts.motion.robot import RobotMotion
+from are_ros.artefacts.motion.traffic import Traffic
+from are_ros.artefacts.navigation import Navigation
+from are_ros.artefacts.onlookers import Onlookers
+from are_ros.artefacts.places import Places, places_in
+from are_ros.artefacts.population_events import Cause
+from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
+from are_ros.builder.contact_log import ContactLog
+from are_ros.builder.crowd import Crowd
+from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.builder.robot_motion import RobotWatch
+from are_ros.builder.robots import RobotPose
+from are_ros.world.environment import Environment
+from are_ros.world.region import SpawnRegion
+from are_ros.world.zones import Zones
+
+
+@dataclass
+class MotionCounts:
+    """Sub-steps of artefacts so far: all, those of who moved, and those that the resolver changed.
+
+    `moved_back` and `displaced` over `artefact_steps` is the share of artefact-seconds in which a
+    collision had to be resolved because planning had not avoided it.
+    """
+
+    artefact_steps: int = 0
+    moving_steps: int = 0
+    moved_back: int = 0
+    displaced: int = 0
+
+
+@dataclass
+class Happened:
+    """What a sub-step brought: events, who has to go and why."""
+
+    events: list[ArtefactEvent] = field(default_factory=list)
+    leavers: list[tuple[int, Cause]] = field(default_factory=list)
+
+
+class Motions:
+    """Moves the living, all at once, from one sub-step to the next."""
+
+    def __init__(
+        self,
+        crowd: Crowd,
+        minds: Minds,
+        navigation: Navigation,
+        traffic: Traffic,
+        resolver: CollisionResolver,
+        robot: str,
+    ) -> None:
+        """Take the parts, and the name of the robot."""
+        self.crowd = crowd
+        self.minds = minds
+        self.navigation = navigation
+        self.traffic = traffic
+        self.resolver = resolver
+        self.counts = MotionCounts()
+        self.contacts = ContactLog(robot)
+        self._robot_watch = RobotWatch()
+        self._entered: tuple[Environment, SpawnRegion] | None = None
+
+    def begin(self, artefact: Artefact) -> None:
+        """Let an artefact that has just arrived be there, and have a mind where it can move."""
+        pose = artefact.history.latest
+        body = Body.of(artefact.row)
+        self.crowd.add(artefact.id, artefact.row, pose)
+        self.traffic.add(artefact.id, pose, body)
+        self.minds.admit(artefact, body)
+
+    def end(self, artefact_id: int) -> None:
+        """Let an artefact be gone."""
+        self.crowd.remove(artefact_id)
+        self.traffic.remove(artefact_id)
+        self.minds.dismiss(artefact_id)
+
+    def enter(self, environment: Environment, region: SpawnRegion | None, zones: Zones) -> None:
+        """Go on in this environment and region; where they are others, so are places and exits."""
+        if region is None or (environment, region) == self._entered:
+            return
+        self._entered = (environment, region)
+        grid, clearance_m = environment.grid, environment.clearance_m
+        spread = places_in(grid, region.mask, clearance_m)
+        places = Places(spread.destinations_m, exits_of(environment, region.mask, zones))
+        self.navigation.enter(environment, places)
+
+    def forget(self) -> None:
+        """Forget how the robot moved, and whom it touches: the clock jumped."""
+        self.contacts.forget()
+        self._robot_watch.forget()
+
+    def step(
+        self,
+        step_ns: int,
+        period_ns: int,
+        living: Mapping[int, Artefact],
+        environment: Environment,
+        robot: RobotPose | None,
+        plan_m: npt.NDArray[np.float64],
+    ) -> Happened:
+        """Run the sub-step that ends at `step_ns`, a multiple of `period_ns` since the epoch."""
+        index = step_ns // period_ns
+        motion = self._robot_watch.see(robot, step_ns) if robot else None
+        gone = self._decide(index, step_ns, living, motion, plan_m)
+        last_safe = self.crowd.boxes
+        self.traffic.step(index, environment, motion)
+        moved = self.traffic.moved
+        poses, boxes = self.crowd.proposed(self.traffic.poses, moved, environment)
+        resolution = self.resolver.resolve(
+            self.crowd.ids, boxes, last_safe, environment, [robot.footprint] if robot else []
+        )
+        begun = self.contacts.begun(step_ns, resolution.contacts, living)
+        happened = Happened(begun, [(artefact_id, Cause.LIFE_OVER) for artefact_id in gone])
+        self._count(moved, resolution)
+        if resolution.is_all_kept:
+            self.crowd.move(poses, boxes)
+        else:
+            moved = self._correct(step_ns, poses, moved, resolution, living, happened)
+        self._remember(step_ns, step_ns - period_ns, moved, living)
+        return happened
+
+    def _decide(
+        self,
+        index: int,
+        step_ns: int,
+        living: Mapping[int, Artefact],
+        robot: RobotMotion | None,
+        plan_m: npt.NDArray[np.float64],
+    ) -> list[int]:
+        """Let those decide whose turn it is; return who has left by an exit."""
+        crowd, traffic = self.crowd, self.traffic
+        view = Onlookers(
+            living, crowd.ids, crowd.poses, traffic.speeds, crowd.radii_m, self.minds.sees
+        )
+        seen = _as_seen(robot, plan_m) if robot else None
+        return self.minds.decide(index, step_ns, view, traffic, seen)
+
+    def _count(self, moved: npt.NDArray[np.bool_], resolution: Resolution) -> None:
+        counts, outcomes = self.counts, resolution.outcomes
+        counts.artefact_steps += len(moved)
+        counts.moving_steps += int(np.count_nonzero(moved))
+        counts.moved_back += int(np.count_nonzero(outcomes == Outcome.MOVED_BACK))
+        counts.displaced += int(np.count_nonzero(outcomes >= Outcome.DISPLACED_TO_SAFE))
+
+    def _correct(
+        self,
+        step_ns: int,
+        poses: npt.NDArray[np.float64],
+        moved: npt.NDArray[np.bool_],
+        resolution: Resolution,
+        living: Mapping[int, Artefact],
+        happened: Happened,
+    ) -> npt.NDArray[np.bool_]:
+        """Put those where they are who could not be kept; return who has moved by itself."""
+        corrected = np.flatnonzero(resolution.outcomes != Outcome.KEPT)
+        settled = poses.copy()
+        settled[corrected] = self.crowd.poses[corrected]
+        moved = moved.copy()
+        moved[corrected] = False
+        for i in corrected.tolist():
+            artefact = living[int(self.crowd.ids[i])]
+            outcome = Outcome(int(resolution.outcomes[i]))
+            if outcome is Outcome.DISPLACED_TO_SAFE:
+                settled[i] = self._displaced(step_ns, artefact, resolution, i, happened)
+            elif outcome is Outcome.LEAVES:
+                happened.leavers.append((artefact.id, Cause.DISPLACED))
+            elif outcome is Outcome.LEAVES_ON_CONTACT:
+                happened.leavers.append((artefact.id, Cause.ROBOT_CONTACT))
+            self.traffic.put(artefact.id, GroundPose(*settled[i].tolist()))
+        self.crowd.move(settled)
+        return moved
+
+    def _displaced(
+        self,
+        step_ns: int,
+        artefact: Artefact,
+        resolution: Resolution,
+        i: int,
+        happened: Happened,
+    ) -> GroundPose:
+        """Let an artefact jump to the pose that the search has found for it."""
+        was, (dx_m, dy_m) = artefact.history.latest, resolution.shifts_m[i].tolist()
+        bottom_m = resolution.boxes.centres_m[i, 2] - resolution.boxes.half_sizes_m[i, 2]
+        pose = GroundPose(was.x_m + dx_m, was.y_m + dy_m, float(bottom_m), was.yaw_rad)
+        artefact.history.append(step_ns - 1, was)
+        artefact.history.append(step_ns, pose)
+        distance_m, label = float(np.hypot(dx_m, dy_m)), artefact.row.label
+        happened.events.append(
+            ArtefactEvent(step_ns, EventKind.DISPLACED, artefact.id, label, "moved", distance_m)
+        )
+        return pose
+
+    def _remember(
+        self,
+        step_ns: int,
+        before_ns: int,
+        moved: npt.NDArray[np.bool_],
+        living: Mapping[int, Artefact],
+    ) -> None:
+        """Append the poses of who moved to its history; one that sets off did so a step ago."""
+        which = np.flatnonzero(moved)
+        rows = zip(self.crowd.ids[which].tolist(), self.crowd.poses[which].tolist(), strict=True)
+        for artefact_id, numbers in rows:
+            history = living[artefact_id].history
+            if history.latest_ns < before_ns:
+                history.append(before_ns, history.latest)
+            history.append(step_ns, GroundPose(*numbers))
+
+
+
+def _as_seen(robot: RobotMotion, plan_m: npt.NDArray[np.float64]) -> RobotView:
+    """Return the robot as the behaviours see it."""
+    return RobotView(
+        robot.x_m,
+        robot.y_m,
+        robot.yaw_rad,
+        robot.vx_mps,
+        robot.vy_mps,
+        robot.footprint.circumscribed_radius_m,
+        plan_m,
+    )

@@ -1,0 +1,67 @@
+"""How the parameters become the population: rows by Eq. 1, lives by the law of departures."""
+
+from collections.abc import Callable
+
+from are_ros.artefacts.artefact import Artefact
+from are_ros.artefacts.catalogue import Catalogue
+from are_ros.artefacts.departures import departure_law
+from are_ros.artefacts.minds import Minds
+from are_ros.artefacts.mixture import TruncatedPoissonMixture
+from are_ros.artefacts.motion.traffic import Traffic
+from are_ros.artefacts.navigation import Navigation
+from are_ros.artefacts.population import Population
+from are_ros.artefacts.sources import RandomSource
+from are_ros.artefacts.terrain import Terrains
+from are_ros.builder.collisions import CollisionResolver
+from are_ros.builder.crowd import Crowd
+from are_ros.builder.motions import Motions
+from are_ros.conventions import seconds_to_ns
+from are_ros.parameters.model import Parameters
+
+
+def _nothing(_: Artefact) -> None:
+    return None
+
+
+def _nobody(_: Artefact) -> bool:
+    return False
+
+
+def random_population(
+    parameters: Parameters,
+    catalogue: Catalogue,
+    begun: Callable[[Artefact], object] = _nothing,
+    walks_out: Callable[[Artefact], bool] = _nobody,
+) -> Population:
+    """Return the population of the random source; ParameterError where the mixture is bad.
+
+    `begun` is told of each artefact as soon as it lives; `walks_out` says of whom whose life is
+    over that it is to leave on its own feet.
+    """
+    settings, law = parameters.population, mixture_of(parameters, catalogue)
+    return Population(
+        parameters.seed,
+        RandomSource(parameters.seed, catalogue.rows, law, settings.group_size),
+        departure_law(settings.departures, parameters.seed, settings.mean_life),
+        max_alive=settings.max_alive,
+        history_ns=seconds_to_ns(parameters.poses.history),
+        begun=begun,
+        walks_out=walks_out,
+    )
+
+
+def mixture_of(parameters: Parameters, catalogue: Catalogue) -> TruncatedPoissonMixture:
+    """Return the law of the rows (Eq. 1); ParameterError where the mixture is bad."""
+    mixture = parameters.mixture
+    return TruncatedPoissonMixture(mixture.weights, mixture.rates, len(catalogue.rows))
+
+
+def motions_of(parameters: Parameters, robot: str, resolver: CollisionResolver) -> Motions:
+    """Return what moves the artefacts; `robot` is its name in the events."""
+    settings, step_s = parameters.behaviour, parameters.motion.step
+    terrains = Terrains()
+    navigation = Navigation(settings, terrains)
+    minds = Minds(parameters.seed, step_s, settings.decision_period, navigation)
+    crowd = Crowd(parameters.world.ground)
+    traffic = Traffic(step_s, terrains)
+    return Motions(crowd, minds, navigation, traffic, resolver, robot)

@@ -1,0 +1,60 @@
+"""The birth-death chain on a stretch of levels as sparse matrices, and what they solve."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Numbers = npt.NDArray[np.float64]
+
+
+def jumps_per_s(count: int, beyond_per_s: Numbers) -> Any:
+    """Return the sparse rates (count, count) [1/s] of jumps up between neighbouring levels.
+
+    `beyond_per_s[j]` is the rate of jumps by more than j; what would leave the stretch ends at its
+    last level.
+    """
+    from scipy.sparse import csr_array, diags, hstack
+
+    reach = min(len(beyond_per_s), count - 1)
+    by_exactly = -np.diff(np.append(beyond_per_s, 0.0))
+    inner = diags(by_exactly[:reach], np.arange(1, reach + 1), shape=(count, count))
+    last = np.zeros((count, 1))
+    last[count - 1 - reach : count - 1, 0] = beyond_per_s[:reach][::-1]
+    return csr_array(hstack((inner.tocsc()[:, :-1], last)))
+
+
+def poisson_solution(jumps: Any, deaths_per_s: Numbers, rewards: Numbers, law: Numbers) -> Numbers:
+    """Return h with Q h = -rewards and (law, h) = 0; the rewards have mean 0 under the law.
+
+    Q is singular: its equation at the likeliest level follows from the others and is left out.
+    """
+    from scipy.sparse import diags
+    from scipy.sparse.linalg import spsolve
+
+    falls = np.append(0.0, deaths_per_s[1:])
+    rests = diags(jumps.sum(axis=1) + falls)
+    generator = jumps - rests + diags(falls[1:], -1, shape=jumps.shape)
+    kept = np.flatnonzero(np.arange(len(law)) != np.argmax(law))
+    h = np.zeros(len(law))
+    h[kept] = spsolve(generator.tocsr()[kept][:, kept].tocsc(), -rewards[kept])
+    return h - law @ h
+
+
+def tagged_survival(
+    jumps: Any, deaths_per_s: Numbers, levels: npt.NDArray[np.int64], met: Numbers, times_s: Numbers
+) -> Numbers:
+    """Return Pr(life > t) of one among n >= 1 alive, who leaves with chance 1/n at each departure.
+
+    `met` is the law of the level at its beginning, `times_s` are equally spaced from 0 on.
+    """
+    from scipy.sparse import diags
+    from scipy.sparse.linalg import expm_multiply
+
+    drawn = deaths_per_s / levels
+    falls = np.append(0.0, (deaths_per_s - drawn)[1:])
+    rests = diags(jumps.sum(axis=1) + falls + drawn)
+    forward = (jumps - rests + diags(falls[1:], -1, shape=jumps.shape)).T
+    paths = expm_multiply(forward.tocsc(), met, times_s[0], times_s[-1], len(times_s))
+    survival: Numbers = np.asarray(paths).sum(axis=1)
+    return survival

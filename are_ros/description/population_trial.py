@@ -1,0 +1,242 @@
+"""The population alone: arrivals, departures and places over a long simulated time, no motion."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.artefacts.artefact import GroundPose, boxes_of
+from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
+from are_ros.artefacts.departures import departure_law
+from are_ros.artefacts.placement import Placer
+from are_ros.artefacts.population import Place, Population
+from are_ros.artefacts.population_events import Cause, EventKind, PopulationEvent
+from are_ros.artefacts.sources import RandomSource
+from are_ros.artefacts.surroundings import Disc, Surroundings
+from are_ros.conventions import NS_PER_S
+from are_ros.description.birth_death import BirthDeath
+from are_ros.description.catalogue_lines import row_law
+from are_ros.description.population_lines import staying_share
+from are_ros.description.site import Site
+from are_ros.errors import ParameterError
+from are_ros.parameters.model import Parameters
+
+CORRELATIONS: Final = 400
+"""How many correlation times of N a trial lasts, once N has come to its likeliest level."""
+LEAST_GROUPS: Final = 1500
+MOST_MEMBERS: Final = 10_000
+
+Progress = Callable[[float], None]
+_Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """What happened, in seconds from the beginning, when nobody was alive.
+
+    `offers_s` (G,) are the instants of the groups; `rows` int64 (M,) of all members offered, in
+    order. N(t) is `alive` int64 (K,) from `changes_s` (K,) on, the first at 0. `lives_s` are those
+    of all who came in the first nine tenths and left, `departure_gaps_s` the times between
+    departures while anyone was alive. `points_m` (P, 2) is where, at `placed_s` (P,), the first of
+    each group appeared. `without_place` counts those who fit on the empty map and found no place.
+    """
+
+    chain: BirthDeath
+    end_s: float
+    offers_s: _Floats
+    rows: npt.NDArray[np.int64]
+    changes_s: _Floats
+    alive: npt.NDArray[np.int64]
+    lives_s: _Floats
+    departure_gaps_s: _Floats
+    points_m: _Floats
+    placed_s: _Floats
+    without_place: int
+
+    @property
+    def waits_s(self) -> _Floats:
+        """The times between offers (G,), the first from the beginning."""
+        return np.diff(self.offers_s, prepend=0.0)
+
+
+def run_trial(
+    parameters: Parameters, catalogue: Catalogue, site: Site, progress: Progress
+) -> Trial:
+    """Run the population of a configuration on a site until its laws show.
+
+    Those who would never leave are left out: they would fill the place. On a map everybody stands
+    where he appeared, and is in the way of the others; on a site without one nobody is. `progress`
+    is told the share that is done. Raises ParameterError where nobody ever comes or stays.
+    """
+    settings = parameters.population
+    law = row_law(parameters, catalogue)
+    share = staying_share(law.probabilities(), catalogue, site)
+    chain = BirthDeath.of(settings, site.area_m2, share)
+    if chain.members_per_s <= 0.0 or settings.max_alive == 0:
+        raise ParameterError("nobody ever comes with these parameters: there is nothing to plot")
+    population = Population(
+        parameters.seed,
+        RandomSource(parameters.seed, catalogue.rows, law, settings.group_size),
+        departure_law(settings.departures, parameters.seed, settings.mean_life),
+        max_alive=settings.max_alive,
+        history_ns=0,
+    )
+    population.start(0)
+    population.set_rates(settings.arrival_rate, site.area_m2, settings.mean_life, 0)
+    book = _Book(chain, site.misfits)
+    _run(population, book, _place_on(site, population, settings.group_radius), progress)
+    return book.closed()
+
+
+def _run(population: Population, book: "_Book", place: Place, progress: Progress) -> None:
+    while (now_ns := population.next_event_ns()) is not None and not book.is_full:
+        poses = len(population.living)
+        for event in population.handle_next(place):
+            book.note(event, population)
+        book.count(now_ns / NS_PER_S, poses, len(population.living))
+        progress(book.done)
+    progress(1.0)
+
+
+@dataclass(eq=False)
+class _Book:
+    """Notes events as they come."""
+
+    chain: BirthDeath
+    misfits: frozenset[int]
+    now_s: float = 0.0
+    settled_s: float = math.inf
+    offers_s: list[float] = field(default_factory=list)
+    rows: list[int] = field(default_factory=list)
+    changes_s: list[float] = field(default_factory=lambda: [0.0])
+    alive: list[int] = field(default_factory=lambda: [0])
+    arrived_s: dict[int, float] = field(default_factory=dict)
+    lives: list[tuple[float, float]] = field(default_factory=list)
+    busy_s: float = 0.0
+    gaps_s: list[float] = field(default_factory=list)
+    places: list[tuple[float, float, float]] = field(default_factory=list)
+    without_place: int = 0
+
+    def __post_init__(self) -> None:
+        self._mode = int(np.argmax(self.chain.law))
+        self._wanted_s = max(
+            CORRELATIONS * self.chain.correlation_s, LEAST_GROUPS / self.chain.groups_per_s
+        )
+
+    @property
+    def done(self) -> float:
+        """The share of the trial that is done."""
+        lasted_s = max(self.now_s - self.settled_s, 0.0)
+        return min(max(lasted_s / self._wanted_s, len(self.rows) / MOST_MEMBERS), 1.0)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether it lasted long enough."""
+        return self.done >= 1.0
+
+    def note(self, event: PopulationEvent, population: Population) -> None:
+        """Note what became of one artefact."""
+        at_s = event.time_ns / NS_PER_S
+        if event.kind is EventKind.DEPARTED:
+            self.gaps_s.append(self.busy_s + at_s - self.now_s)
+            self.now_s, self.busy_s = at_s, 0.0
+            arrived_s = self.arrived_s.pop(event.artefact_id)
+            self.lives.append((arrived_s, at_s - arrived_s))
+            return
+        is_first = not self.offers_s or self.offers_s[-1] < at_s
+        if is_first:
+            self.offers_s.append(at_s)
+        self.rows.append(event.row.index)
+        if event.kind is EventKind.ARRIVED:
+            self._note_place(event, population, at_s)
+        elif event.cause is Cause.NO_PLACE and not event.row.forever:
+            self.without_place += event.row.index not in self.misfits
+
+    def count(self, now_s: float, before: int, alive: int) -> None:
+        """Note how many are alive from now on."""
+        if before:
+            self.busy_s += now_s - self.now_s
+        self.now_s = now_s
+        if alive != before:
+            self.changes_s.append(now_s)
+            self.alive.append(alive)
+        if alive == self._mode:
+            self.settled_s = min(self.settled_s, now_s)
+
+    def closed(self) -> Trial:
+        """Return what was noted."""
+        early_s = 0.9 * self.now_s
+        places = np.array(self.places).reshape(-1, 3)
+        return Trial(
+            self.chain,
+            self.now_s,
+            np.array(self.offers_s),
+            np.array(self.rows, np.int64),
+            np.array(self.changes_s),
+            np.array(self.alive, np.int64),
+            np.array([life_s for arrived_s, life_s in self.lives if arrived_s < early_s]),
+            np.array(self.gaps_s),
+            places[:, :2],
+            places[:, 2],
+            self.without_place,
+        )
+
+    def _note_place(self, event: PopulationEvent, population: Population, at_s: float) -> None:
+        self.arrived_s[event.artefact_id] = at_s
+        if not self.places or self.places[-1][2] < at_s:
+            pose = population.living[event.artefact_id].ground_pose_at(event.time_ns)
+            self.places.append((pose.x_m, pose.y_m, at_s))
+
+
+def _place_on(site: Site, population: Population, group_radius_m: float) -> Place:
+    """Return what finds a place on a site, for those who once leave."""
+    place = _in_the_open(math.sqrt(site.area_m2), group_radius_m)
+    if site.survey is not None:
+        placer = Placer(site.survey.environment, site.survey.region)
+        place = _on_the_map(placer, population, group_radius_m)
+
+    def place_mortal(
+        artefact_id: int,
+        row: CatalogueRow,
+        stream: np.random.Generator,
+        near: tuple[float, float] | None,
+    ) -> GroundPose | None:
+        return None if row.forever else place(artefact_id, row, stream, near)
+
+    return place_mortal
+
+
+def _on_the_map(placer: Placer, population: Population, radius_m: float) -> Place:
+    def place(
+        _: int,
+        row: CatalogueRow,
+        stream: np.random.Generator,
+        near: tuple[float, float] | None,
+    ) -> GroundPose | None:
+        living = population.living.values()
+        rows = [artefact.row for artefact in living]
+        poses = [artefact.ground_pose_at(artefact.arrival_ns) for artefact in living]
+        within = None if near is None else Disc(*near, radius_m)
+        return placer.place(row, stream, Surroundings(boxes_of(rows, poses)), within)
+
+    return place
+
+
+def _in_the_open(side_m: float, radius_m: float) -> Place:
+    """Return what places points in a square, members of a group in a disc about their first."""
+
+    def place(
+        _: int,
+        __: CatalogueRow,
+        stream: np.random.Generator,
+        near: tuple[float, float] | None,
+    ) -> GroundPose | None:
+        while True:
+            x_m, y_m = (side_m * stream.random(2)).tolist()
+            if near is None or math.hypot(x_m - near[0], y_m - near[1]) <= radius_m:
+                return GroundPose(x_m, y_m, 0.0, 0.0)
+
+    return place

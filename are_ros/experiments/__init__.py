@@ -1,0 +1,1 @@
+"""Experiments: what is measured over whole runs (section 4)."""

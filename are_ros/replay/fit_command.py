@@ -1,0 +1,152 @@
+"""`are fit` without the shell: observed rows in, the mixture that explains them out."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NoReturn
+
+from tqdm import tqdm
+
+from are_ros.artefacts.catalogue_file import read_catalogue
+from are_ros.artefacts.mixture_fit import Progress, best_by_bic, fit_by_bic, fit_mixture
+from are_ros.errors import BagError, InputError, ParameterError
+from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import Parameters
+from are_ros.parameters.ros_yaml import read_ros_parameters
+from are_ros.replay._check_paths import find_recording
+from are_ros.replay._picture_fit import draw_fit
+from are_ros.replay.fit_input import ObservedRows, RowSpace, is_recording, read_observed
+from are_ros.replay.fit_results import (
+    PICTURE,
+    RECORD,
+    RESULTS,
+    FitOutcome,
+    outcome_lines,
+    record_content,
+    write_parameters,
+)
+from are_ros.replay.progress_bar import ProgressBar
+from are_ros.replay.results import write_json
+
+Say = Callable[[str], None]
+
+_SHOWN_AFTER_S: Final = 1.0
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """What the command line asks for.
+
+    The rows are those of `rows`, else of the catalogue `catalogue_file`, else of that of
+    `parameter_files`, else of the effective.yaml beside a recording, else of the shipped one.
+    `components` None: the number of least BIC, of at most `max_components`.
+    """
+
+    source: Path
+    out: Path
+    rows: int | None = None
+    catalogue_file: Path | None = None
+    components: int | None = None
+    max_components: int = 8
+    seed: int = 0
+    parameter_files: tuple[Path, ...] = ()
+
+
+def fit_command(echo: Say, say: Say, options: FitOptions) -> None:
+    """Run `are fit`: tables by `echo`, files into the folder. Raises AreError."""
+    space, catalogue_file = row_space(options)
+    with ProgressBar("read") as bar:
+        observed = read_observed(options.source, space, bar.open)
+    outcome = fitted(options, observed, space, catalogue_file)
+    write_outcome(outcome, options.out)
+    for line in outcome_lines(outcome):
+        echo(line)
+    say(f"results in {options.out}: {', '.join(RESULTS)}")
+
+
+def row_space(options: FitOptions) -> tuple[RowSpace, Path | None]:
+    """Return the rows that can occur, and the file of a catalogue that is not the shipped one."""
+    if options.rows is not None:
+        return RowSpace(options.rows), None
+    if options.catalogue_file is not None:
+        return RowSpace.of(read_catalogue(options.catalogue_file)), options.catalogue_file
+    parameters = Parameters()
+    for path in _parameter_files(options):
+        parameters = with_values(parameters, read_ros_parameters(path))
+    if not parameters.catalogue:
+        return RowSpace.of(read_catalogue()), None
+    return RowSpace.of(read_catalogue(Path(parameters.catalogue))), Path(parameters.catalogue)
+
+
+def fitted(
+    options: FitOptions, observed: ObservedRows, space: RowSpace, catalogue_file: Path | None
+) -> FitOutcome:
+    """Fit the mixture; what is wrong with the rows is said with the name of their source."""
+    with _told_of(options.source), _search_bar() as progress:
+        if options.components is None:
+            most, seed = options.max_components, options.seed
+            fits = fit_by_bic(observed.counts, most, seed=seed, progress=progress)
+        else:
+            count, seed = options.components, options.seed
+            fits = (fit_mixture(observed.counts, count, seed=seed, progress=progress),)
+    return FitOutcome(
+        source=options.source.name or str(options.source),
+        observed=observed,
+        space=space,
+        fits=fits,
+        chosen=best_by_bic(fits),
+        is_by_bic=options.components is None,
+        seed=options.seed,
+        catalogue_file=catalogue_file,
+    )
+
+
+def write_outcome(outcome: FitOutcome, folder: Path) -> None:
+    """Write fitted.yaml, fit.json and fit.png, all or none; BagError if they cannot be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_parameters(outcome, folder)
+        write_json(folder / RECORD, record_content(outcome))
+        draw_fit(outcome, folder / PICTURE)
+    except OSError as cause:
+        _give_up(folder, cause)
+
+
+def _parameter_files(options: FitOptions) -> Sequence[Path]:
+    if options.parameter_files or not is_recording(options.source):
+        return options.parameter_files
+    beside = find_recording(options.source).parameters
+    return () if beside is None else (beside,)
+
+
+@contextmanager
+def _told_of(source: Path) -> Iterator[None]:
+    """Let refusals of the numbers begin with the name of their source."""
+    try:
+        yield
+    except (InputError, ParameterError) as cause:
+        raise type(cause)(f"{source}: {cause}") from cause
+
+
+@contextmanager
+def _search_bar() -> Iterator[Progress]:
+    """Show a bar on stderr if the search is long; where stderr is no terminal there is none."""
+    bar: tqdm[NoReturn] = tqdm(desc="fit", unit="n", disable=None, delay=_SHOWN_AFTER_S)
+
+    def move(done: int, of: int) -> None:
+        bar.total = of
+        bar.update(done - bar.n)
+
+    with bar:
+        yield move
+
+
+def _give_up(folder: Path, cause: OSError) -> NoReturn:
+    """Remove what was written, and say why there is nothing."""
+    for name in RESULTS:
+        with suppress(OSError):
+            (folder / name).unlink()
+    reason = (cause.strerror or str(cause)).lower()
+    message = f"--out {folder}: the results cannot be written ({reason}), none is left"
+    raise BagError(message) from cause

@@ -1,0 +1,172 @@
+"""Backward induction by a stencil against QuantEcon's over a sparse matrix, in one run.
+
+Rooms of 5 m with doors, cells of 0.5 m and four headings, five actions of three outcomes (straight
+on, slipped to the left, to the right). Both start from the same V_0, zero but at the goal, so that
+every epoch changes something and none is left out; QuantEcon's matrix is built before. Both keep
+one thread. Then: what one artefact's decision costs. Run: python benchmarks/decisions.py [repetitions]
+"""
+
+import functools
+import importlib
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+
+from are_ros.artefacts.coarse_map import CoarseMap
+from are_ros.artefacts.mdp import Problem, Solution, TravelModel, solve, travel_problem
+from are_ros.artefacts.routes import choose, way
+from are_ros.artefacts.terrain import Terrain
+from are_ros.artefacts.value_tables import ValueTables
+from are_ros.world.environment import Environment
+from are_ros.world.ground import PlaneGround
+from are_ros.world.occupancy_grid import OccupancyGrid, classify
+from are_ros.world.rigid_transform import RigidTransform
+
+SIDES_AND_HORIZONS = ((200, 50), (64, 20))
+REACHES = (1, 3)
+CALLS = 2000
+STEPS = ((0, 1), (1, 0), (0, -1), (-1, 0))
+
+
+def rooms(side: int) -> npt.NDArray[np.bool_]:
+    """Return edges bool (4, side, side): walls every ten cells, a door of a cell in each."""
+    edges = np.zeros((4, side, side), np.bool_)
+    steps, doors = np.arange(side - 1) % 10 != 9, np.arange(side) % 10 == 4
+    edges[0, :, :-1] = edges[2, :, 1:] = steps | doors[:, None]
+    edges[1, :-1] = edges[3, 1:] = (steps | doors[:, None]).T
+    return edges
+
+
+def problem_of(side: int, reach: int) -> Problem:
+    """Return the process of going to the middle; beyond the goal V_0 is zero."""
+    nearness = np.random.default_rng(0).random((side, side)).astype(np.float32)
+    model, goal = TravelModel(reach=reach, slip=0.1), (side // 2, side // 2)
+    problem = travel_problem(rooms(side), nearness, goal, model)
+    terminal = np.zeros_like(problem.terminal)
+    terminal[goal] = model.goal
+    return replace(problem, terminal=terminal)
+
+
+def quantecon_process(problem: Problem, markov: Any) -> Any:
+    """Return the same as QuantEcon's DiscreteDP; state heading * h * w + cell."""
+    height, width = problem.terminal.shape
+    cells, slip, model = height * width, problem.model.slip, problem.model
+    states = np.repeat(np.arange(4 * cells), 5)
+    actions = np.tile(np.arange(5), 4 * cells)
+    rewards = np.where(actions == 0, problem.gains[4].ravel()[states % cells], 0.0)
+    moves = np.flatnonzero(actions > 0)
+    entries = [(np.flatnonzero(actions == 0), states[actions == 0], 1.0)]
+    for turn, chance in ((0, 1.0 - 2.0 * slip), (1, slip), (3, slip)):
+        direction, cell = (actions[moves] - 1 + turn) % 4, states[moves] % cells
+        length = problem.lengths.reshape(4, -1)[direction, cell].astype(np.int64)
+        step = np.array([row * width + col for row, col in STEPS])[direction]
+        entries.append((moves, direction * cells + cell + length * step, chance))
+        rewards[moves] += chance * problem.gains.reshape(5, -1)[direction, cell]
+    turns = np.array([0.0, model.quarter_turn, model.half_turn, model.quarter_turn])
+    rewards[moves] -= turns[(actions[moves] - 1 - states[moves] // cells) % 4]
+    matrix = sparse.csr_matrix(
+        (
+            np.concatenate([np.full(len(rows), chance) for rows, _, chance in entries]),
+            (np.concatenate([e[0] for e in entries]), np.concatenate([e[1] for e in entries])),
+        ),
+        shape=(len(states), 4 * cells),
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # beta = 1 has no infinite horizon, which is not asked for
+        return markov.DiscreteDP(rewards, matrix, 1.0, states, actions)
+
+
+def milliseconds(action: Callable[[], object], calls: int = 1) -> float:
+    """Return how long one call takes [ms], of several."""
+    start = time.perf_counter()
+    for _ in range(calls):
+        action()
+    return 1e3 * (time.perf_counter() - start) / calls
+
+
+def compare(side: int, horizon: int, reach: int, repetitions: int) -> None:
+    """Check that both agree, then print medians of interleaved runs and their ratio."""
+    markov = importlib.import_module("quantecon.markov")
+    induction = importlib.import_module("quantecon.markov.ddp").backward_induction
+    problem = problem_of(side, reach)
+    process = quantecon_process(problem, markov)
+    terminal = np.tile(problem.terminal.ravel().astype(np.float64), 4)
+    theirs = functools.partial(induction, process, horizon, terminal)
+    ours = functools.partial(solve, problem, horizon)
+    apart = difference(theirs()[0], ours(), horizon)
+    times = [(milliseconds(theirs), milliseconds(ours)) for _ in range(repetitions)]
+    theirs_ms, ours_ms = np.median(times, axis=0)
+    print(
+        f"{side} x {side} x 4 states, T = {horizon}, reach {reach}: {theirs_ms:9.2f} {ours_ms:9.3f}"
+        f" {theirs_ms / ours_ms:8.1f}   {apart:.1e}"
+    )
+
+
+def difference(theirs: npt.NDArray[np.float64], ours: Solution, horizon: int) -> float:
+    """Return by how much values differ at most, over all epochs kept; SystemExit if by too much."""
+    if ours.epochs != horizon:
+        raise SystemExit(f"only {ours.epochs} of {horizon} epochs were computed")
+    kept = theirs[::-1] if len(ours.planes) > 1 else theirs[:1]
+    apart = float(np.abs(kept.reshape(ours.planes.shape) - ours.planes).max())
+    if apart > 1e-4 * np.abs(theirs).max():
+        raise SystemExit(f"the values differ by {apart}")
+    return apart
+
+
+def furnished_hall() -> CoarseMap:
+    """Return a hall of 32 x 32 m with a thousand posts, for a disc of 0.25 m."""
+    cells = np.zeros((640, 640), np.int8)
+    cells.ravel()[np.random.default_rng(1).permutation(cells.size)[:1000]] = 100
+    grid = OccupancyGrid(cells, 0.05, RigidTransform.identity(), "map")
+    environment = Environment(grid, classify(grid, 65, 25), None, PlaneGround(), 0.06)
+    return CoarseMap(Terrain(environment, 1.75), 0.25)
+
+
+def decide() -> None:
+    """Print what a decision takes, once its values are there and before."""
+    coarse, model, tables = furnished_hall(), TravelModel(reach=3), ValueTables()
+    random = np.random.default_rng(2)
+    corner_m = coarse.anchors_m[5, 5]
+    goals_m = [tuple((corner_m + random.random(2) * 20.0).tolist()) for _ in range(6)]
+    tables_ms = [milliseconds(functools.partial(tables.value, coarse, model, g)) for g in goals_m]
+    table = tables.value(coarse, model, goals_m[0])
+    if table is None:
+        raise SystemExit("the goal is in a wall")
+    print(f"values of a new goal, 64 x 64 cells, 60 epochs: {np.median(tables_ms[1:]):.2f} ms")
+    x_m, y_m = coarse.anchors_m[60, 60].tolist()
+    others = (random.random((10, 2)) * 3.0 + (x_m - 1.5), np.full(10, 0.3), np.full(10, 0.5))
+    chosen = choose(table, coarse, x_m, y_m, 0.0, 30, *others)
+    calls: dict[str, Callable[[], object]] = {
+        "values of a known goal": functools.partial(tables.value, coarse, model, goals_m[0]),
+        "choose, 10 others": functools.partial(choose, table, coarse, x_m, y_m, 0.0, 30, *others),
+        "way, 16 points": functools.partial(way, table, coarse, x_m, y_m, 0, chosen),
+    }
+    for name, call in calls.items():
+        call()
+        times = [milliseconds(call, CALLS) for _ in range(5)]
+        print(f"{name:24s} {1e3 * np.median(times):8.2f} us")
+
+
+def main(repetitions: int) -> None:
+    """Print all figures of one run."""
+    try:
+        version = importlib.import_module("quantecon").__version__
+    except ImportError:
+        raise SystemExit("QuantEcon is not installed: pip install quantecon") from None
+    print(f"QuantEcon {version}; median of {repetitions}, one thread each")
+    print(f"{'':40s} {'theirs ms':>9s} {'ours ms':>9s} {'ratio':>8s}   difference")
+    for side, horizon in SIDES_AND_HORIZONS:
+        for reach in REACHES:
+            compare(side, horizon, reach, repetitions)
+    decide()
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 5)

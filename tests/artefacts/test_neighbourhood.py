@@ -1,0 +1,44 @@
+"""Who is near, against all distances."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from are_ros.artefacts.neighbourhood import Neighbourhood
+
+COORDINATES = st.floats(-50.0, 50.0) | st.sampled_from((0.0, 4.0, -4.0, 1e6, -1e6))
+
+
+def slow(points_m: np.ndarray, x_m: float, y_m: float, radius_m: float) -> list[int]:
+    """Return the indices within the disc by trying all."""
+    squares = [(x - x_m) ** 2 + (y - y_m) ** 2 for x, y in points_m.tolist()]
+    near = [i for i, square in enumerate(squares) if square <= radius_m**2]
+    return sorted(near, key=lambda i: (squares[i], i))
+
+
+@given(
+    points=st.lists(st.tuples(COORDINATES, COORDINATES), max_size=30),
+    centre=st.tuples(COORDINATES, COORDINATES),
+    radius_m=st.floats(0.0, 200.0),
+    cell_m=st.floats(0.5, 10.0),
+)
+def test_it_finds_whom_all_distances_find(
+    points: list[tuple[float, float]],
+    centre: tuple[float, float],
+    radius_m: float,
+    cell_m: float,
+) -> None:
+    """Everybody within the radius is found once, the nearest first, also outliers."""
+    points_m = np.array(points, dtype=np.float64).reshape(-1, 2)
+    found = Neighbourhood(points_m, cell_m).within(*centre, radius_m)
+    assert found.tolist() == slow(points_m, *centre, radius_m)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2000])
+def test_a_crowd_of_any_size(count: int) -> None:
+    """A crowd is asked about a place inside and one outside of it."""
+    points_m = np.random.default_rng(4).uniform(0.0, 100.0, (count, 2))
+    near = Neighbourhood(points_m)
+    for centre in ((50.0, 50.0), (-3.0, 120.0)):
+        assert near.within(*centre, 7.0).tolist() == slow(points_m, *centre, 7.0)
