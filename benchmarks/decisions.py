@@ -3,7 +3,8 @@
 Rooms of 5 m with doors, cells of 0.5 m and four headings, five actions of three outcomes (straight
 on, slipped to the left, to the right). Both start from the same V_0, zero but at the goal, so that
 every epoch changes something and none is left out; QuantEcon's matrix is built before. Both keep
-one thread. Then: what one artefact's decision costs. Run: python benchmarks/decisions.py [repetitions]
+one thread. Then: what one artefact's decision costs. Run:
+python benchmarks/decisions.py [repetitions]
 """
 
 import functools

@@ -25,6 +25,16 @@ NOT_SET_UP = (
 )
 _DOMAINS = range(41, 102)
 """Up to 101 the ports are none that Linux gives away; the low numbers are left to people."""
+_PROFILE = """<?xml version="1.0" encoding="UTF-8"?>
+<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
+  <participant profile_name="of_tests" is_default_profile="true"><rtps><builtin><discovery_config>
+    <leaseDuration><sec>600</sec></leaseDuration>
+    <leaseAnnouncement><sec>3</sec></leaseAnnouncement>
+  </discovery_config></builtin></rtps></participant>
+</profiles>
+"""
+"""As ever, but for the lease, which is 20 s otherwise: when a machine stalls for longer,
+participants take each other for dead, and lose what is under way."""
 
 WAIT_S = 60.0
 """So long is waited for what must come. It costs nothing where it comes, and leaves DDS and a busy
@@ -114,6 +124,8 @@ def is_ros_available() -> bool:
 def keep_ros_apart() -> None:
     """Set the environment: DDS on this machine only, a domain and log folder of the tests' own.
 
+    And participants that survive a stall of the machine.
+
     To be called before anything imports rclpy. Processes that a test starts inherit it.
     """
     folder = Path(tempfile.gettempdir()) / f"are_ros_tests_{os.getuid()}"
@@ -121,6 +133,9 @@ def keep_ros_apart() -> None:
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     os.environ["ROS_DOMAIN_ID"] = str(_claimed_domain(folder))
     os.environ["ROS_LOG_DIR"] = str(folder / "log")
+    profile = folder / f"profile_{os.environ['ROS_DOMAIN_ID']}.xml"
+    profile.write_text(_PROFILE, encoding="utf-8")
+    os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(profile)
 
 
 def _claimed_domain(folder: Path) -> int:

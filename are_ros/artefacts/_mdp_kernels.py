@@ -15,14 +15,14 @@ Lengths = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.bool_]
 
 CHUNK: Final = 2048
-"""Cells at a time: eight rows of so many float32 are the scratch, which stays in the cache."""
+"""Cells at a time: four rows of so many float32 are the scratch, which stays in the cache."""
 
 ROW_STEPS: Final = (0, 1, 0, -1)
 COL_STEPS: Final = (1, 0, -1, 0)
 
-_HEADING_1: Final = CHUNK
-_HEADING_2: Final = 2 * CHUNK
-_HEADING_3: Final = 3 * CHUNK
+_SECOND: Final = CHUNK
+_THIRD: Final = 2 * CHUNK
+_FOURTH: Final = 3 * CHUNK
 
 
 @compiled
@@ -165,23 +165,32 @@ def induct(
 ) -> int:
     """Fill V_1 .. V_horizon by backward induction, and return the last epoch computed.
 
-    `flat` holds `kept` times four planes of n = h * w cells, one per heading, with reach * width
-    numbers of padding before, between and after; epoch h is in place h % kept, V_0 is given.
-    `lengths` (4, n), `gains` (5, n), `chances` of going straight and of each side, `turns` what
-    a quarter and a half turn cost. Ends early when nothing has changed: so it would go on.
+    `flat` holds reach * width numbers that do not matter (so that looking that far is allowed
+    everywhere), `kept` times four planes of n = h * w cells, one per heading, and as much again;
+    epoch h is in place h % kept, V_0 is given. `lengths` (4, n), `gains` (5, n), `chances` of going
+    straight and of each side, `turns` what a quarter and a half turn cost. Ends early when
+    nothing has changed: so it would go on.
     """
     cells = lengths.shape[1]
-    padding = reach * width
-    scratch = np.zeros(8 * CHUNK, np.float32)
+    scratch = np.zeros(4 * CHUNK, np.float32)
     for epoch in range(1, horizon + 1):
-        old = padding + ((epoch - 1) % kept) * (4 * cells + padding)
-        new = padding + (epoch % kept) * (4 * cells + padding)
+        old = reach * width + ((epoch - 1) % kept) * 4 * cells
+        new = reach * width + (epoch % kept) * 4 * cells
         changed = False
         for start in range(0, cells, CHUNK):
-            count = min(CHUNK, cells - start)
-            _arrive(flat, old, start, count, width, lengths, gains, reach, scratch)
-            _decide(scratch, count, chances, turns)
-            changed |= _put(flat, old, new, start, count, cells, scratch, not changed)
+            end = min(start + CHUNK, cells)
+            _arrive(flat, old, start, end, width, lengths, gains, reach, scratch)
+            _decide(
+                scratch,
+                flat[old + start : old + end],
+                flat[old + cells + start : old + cells + end],
+                flat[old + 2 * cells + start : old + 2 * cells + end],
+                flat[old + 3 * cells + start : old + 3 * cells + end],
+                gains[4, start:end],
+                chances,
+                turns,
+            )
+            changed |= _put(flat, old + start, new + start, end - start, cells, scratch, changed)
         if not changed:
             return epoch
     return horizon
@@ -192,42 +201,64 @@ def _arrive(
     flat: Floats,
     old: int,
     start: int,
-    count: int,
+    end: int,
     width: int,
     lengths: Lengths,
     gains: Floats,
     reach: int,
     scratch: Floats,
 ) -> None:
-    """Put into the scratch what each direction brings from each cell, then what staying brings."""
+    """Put into the scratch what each direction brings from each cell."""
     cells = lengths.shape[1]
-    part = slice(start, start + count)
     for direction in range(4):
-        begin = old + direction * cells + start
-        here, out = flat[begin : begin + count], scratch[direction * CHUNK :][:count]
+        first, last = old + direction * cells + start, old + direction * cells + end
         step = ROW_STEPS[direction] * width + COL_STEPS[direction]
-        length = lengths[direction, part]
-        _first(out, here, flat[begin + step : begin + step + count], length, gains[direction, part])
-        for k in range(2, reach + 1):
-            there = flat[begin + k * step : begin + k * step + count]
-            _further(out, there, length, np.uint8(k), gains[direction, part])
-        _add(scratch[(4 + direction) * CHUNK :][:count], here, gains[4, part])
+        length, gain = lengths[direction, start:end], gains[direction, start:end]
+        out = scratch[direction * CHUNK :][: end - start]
+        here, one = flat[first:last], flat[first + step : last + step]
+        if reach == 1:
+            _by_one(out, here, one, length, gain)
+            continue
+        two = flat[first + 2 * step : last + 2 * step]
+        three = flat[first + 3 * step : last + 3 * step] if reach > 2 else two
+        _by_three(out, here, one, two, three, length, gain)
+        for k in range(4, reach + 1):
+            _by_more(out, flat[first + k * step : last + k * step], length, np.uint8(k), gain)
 
 
 # The loops below run over slices that begin at 0, load whatever they may need before they choose,
 # write to one array each and read from few others: only then does the compiler make vector
-# instructions of them (it tests at run time that the arrays do not overlap, up to eight pairs).
+# instructions of them (it tests at run time that what is written overlaps nothing that is read,
+# for up to eight arrays).
 
 
 @compiled
-def _first(out: Floats, here: Floats, there: Floats, length: Lengths, gain: Floats) -> None:
+def _by_one(out: Floats, here: Floats, one: Floats, length: Lengths, gain: Floats) -> None:
     for i in range(out.shape[0]):
-        stays, goes = here[i], there[i]
+        stays, goes = here[i], one[i]
         out[i] = (goes if length[i] != np.uint8(0) else stays) + gain[i]
 
 
 @compiled
-def _further(
+def _by_three(
+    out: Floats,
+    here: Floats,
+    one: Floats,
+    two: Floats,
+    three: Floats,
+    length: Lengths,
+    gain: Floats,
+) -> None:
+    for i in range(out.shape[0]):
+        stays, goes_one, goes_two, goes_three = here[i], one[i], two[i], three[i]
+        goes = goes_one if length[i] != np.uint8(0) else stays
+        goes = goes_two if length[i] == np.uint8(2) else goes
+        goes = goes_three if length[i] == np.uint8(3) else goes
+        out[i] = goes + gain[i]
+
+
+@compiled
+def _by_more(
     out: Floats, there: Floats, length: Lengths, this_length: np.uint8, gain: Floats
 ) -> None:
     for i in range(out.shape[0]):
@@ -236,54 +267,42 @@ def _further(
 
 
 @compiled
-def _add(out: Floats, values: Floats, gain: Floats) -> None:
-    for i in range(out.shape[0]):
-        out[i] = values[i] + gain[i]
-
-
-@compiled
 def _decide(
     scratch: Floats,
-    count: int,
+    facing_east: Floats,
+    facing_north: Floats,
+    facing_west: Floats,
+    facing_south: Floats,
+    stay: Floats,
     chances: tuple[np.float32, np.float32],
     turns: tuple[np.float32, np.float32],
 ) -> None:
-    """Replace what staying brings, for each heading, by what the best of five actions brings."""
+    """Replace what each direction brings by what the best of five actions brings, by heading."""
     straight, aside = chances
     quarter, half = turns
-    for i in range(count):
-        east, north = scratch[i], scratch[_HEADING_1 + i]
-        west, south = scratch[_HEADING_2 + i], scratch[_HEADING_3 + i]
+    for i in range(stay.shape[0]):
+        east, north = scratch[i], scratch[_SECOND + i]
+        west, south = scratch[_THIRD + i], scratch[_FOURTH + i]
         sides_of_x, sides_of_y = aside * (north + south), aside * (east + west)
         east, west = straight * east + sides_of_x, straight * west + sides_of_x
         north, south = straight * north + sides_of_y, straight * south + sides_of_y
-        along_x = max(east, west) - quarter
-        along_y = max(north, south) - quarter
-        scratch[i] = max(scratch[4 * CHUNK + i], east, along_y, west - half)
-        scratch[_HEADING_1 + i] = max(scratch[5 * CHUNK + i], north, along_x, south - half)
-        scratch[_HEADING_2 + i] = max(scratch[6 * CHUNK + i], west, along_y, east - half)
-        scratch[_HEADING_3 + i] = max(scratch[7 * CHUNK + i], south, along_x, north - half)
+        along_x, along_y = max(east, west) - quarter, max(north, south) - quarter
+        scratch[i] = max(facing_east[i] + stay[i], east, along_y, west - half)
+        scratch[_SECOND + i] = max(facing_north[i] + stay[i], north, along_x, south - half)
+        scratch[_THIRD + i] = max(facing_west[i] + stay[i], west, along_y, east - half)
+        scratch[_FOURTH + i] = max(facing_south[i] + stay[i], south, along_x, north - half)
 
 
 @compiled
 def _put(
-    flat: Floats,
-    old: int,
-    new: int,
-    start: int,
-    count: int,
-    cells: int,
-    scratch: Floats,
-    compares: bool,
+    flat: Floats, old: int, new: int, count: int, cells: int, scratch: Floats, changed: bool
 ) -> bool:
-    """Copy the new values to their place; tell whether any differs from the old, if to compare."""
-    changed = False
+    """Copy the new values to their place; tell whether any differs from the old, or it is known."""
     for heading in range(4):
-        offset = heading * cells + start
         values = scratch[heading * CHUNK :][:count]
-        _copy(flat[new + offset : new + offset + count], values)
-        if compares and not changed:
-            changed = _differ(flat[old + offset : old + offset + count], values)
+        _copy(flat[new + heading * cells : new + heading * cells + count], values)
+        if not changed:
+            changed = _differ(flat[old + heading * cells : old + heading * cells + count], values)
     return changed
 
 

@@ -26,7 +26,7 @@ def look_ahead(
     state: tuple[int, int, int],
 ) -> int:
     """Return the best action with the values of epoch `place` to come, as `action_values`."""
-    brings = np.empty(5)
+    brings = np.empty(9)
     action_values(planes[place], lengths, gains, weights, anchors_m, moving, state, brings)
     return _best_action(brings, state[2])
 
@@ -42,14 +42,14 @@ def action_values(
     state: tuple[int, int, int],
     result: Doubles,
 ) -> None:
-    """Fill in what staying and the four directions bring: float64 (5,).
+    """Fill in what staying and the four directions bring: the first 5 of float64 (9,).
 
     `values` (4, h, w) with one epoch less; `state` row and column in the window, and heading;
     `weights` as `ValueTable.weights`; `anchors_m` (H, W, 2) of the whole coarse map; `moving`
     (M, 5) is x, y, radius, fade and weight of each who moves there.
     """
     row, col, heading = state
-    brings = np.empty(4)
+    brings = result[5:]
     result[0] = gains[4, row, col] + values[heading, row, col]
     if moving.shape[0] > 0:
         result[0] -= _bother(anchors_m, weights, row, col, moving)
@@ -131,7 +131,7 @@ def greedy_way(
     Returns how many there are, and the epochs to the goal: inf if it is never reached so.
     """
     row, col, heading = state
-    brings, nobody = np.empty(5), np.empty((0, 5))
+    brings, nobody = np.empty(9), np.empty((0, 5))
     values = planes[planes.shape[0] - 1]
     count, epochs = 0, 0.0
     for _ in range(lengths.size):

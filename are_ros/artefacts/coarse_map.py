@@ -120,6 +120,11 @@ class CoarseMap:
         fine = self.grid.cell_at(x_m, y_m)
         return fine is not None and bool(self._is_main[fine])
 
+    def anchor_of(self, cell: Cell) -> tuple[float, float]:
+        """Return the anchor of an open cell in the map frame."""
+        x_m, y_m = self.anchors_m[cell].tolist()
+        return x_m, y_m
+
     def joins(self, one: Cell, other: Cell) -> bool:
         """Tell whether there is a way between two open cells."""
         return bool(self.components[one] == self.components[other])

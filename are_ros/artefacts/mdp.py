@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from are_ros.artefacts import _mdp_kernels
 from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.errors import ParameterError
 
 Cell = tuple[int, int]
 Floats = npt.NDArray[np.float32]
@@ -22,6 +23,9 @@ UNREACHABLE: Final = np.float32(-1e6)
 
 MAX_REACH: Final = 255
 KEPT_BYTES: Final = 4 * 2**20
+
+LEAST_TIME: Final = 0.01
+"""Price of an epoch at least: if ways were free nobody would ever set out."""
 
 _VEHICLE_HALF_TURN_S: Final = 20.0
 
@@ -54,6 +58,16 @@ class TravelModel:
     quarter_turn: float = 0.1
     half_turn: float = 0.2
 
+    def __post_init__(self) -> None:
+        """Raise ParameterError for numbers that no decision process can be made of."""
+        if not 1 <= self.reach <= MAX_REACH:
+            raise ParameterError(f"a reach of {self.reach} cells is not 1 to {MAX_REACH}")
+        if not 0.0 <= self.slip <= 0.5:
+            raise ParameterError(f"a slip of {self.slip} to each side is not 0 to 0.5")
+        prices = (self.time - LEAST_TIME, self.clearance, self.quarter_turn, self.half_turn)
+        if not all(0.0 <= price < math.inf for price in prices):
+            raise ParameterError(f"{self}: a price is negative or not finite, or time is for free")
+
     @classmethod
     def of(
         cls, row: CatalogueRow, speed_mps: float, cell_size_m: float, period_s: float, slip: float
@@ -70,15 +84,15 @@ class TravelModel:
         if motion.turn_radius_m > 0.0:
             quarter_s = max(quarter_s, 0.5 * math.pi * motion.turn_radius_m / max(speed_mps, 1e-3))
             half_s = 2.0 * quarter_s + _VEHICLE_HALF_TURN_S
-        price = rewards.time / period_s
+        time = max(rewards.time, LEAST_TIME)
         return cls(
             reach=reach,
             slip=slip,
-            time=rewards.time,
+            time=time,
             clearance=rewards.clearance,
             goal=rewards.goal,
-            quarter_turn=price * quarter_s,
-            half_turn=price * half_s,
+            quarter_turn=time * quarter_s / period_s,
+            half_turn=time * half_s / period_s,
         )
 
 
@@ -174,13 +188,17 @@ def solve(problem: Problem, horizon: int, kept_bytes: int = KEPT_BYTES) -> Solut
         (np.float32(model.quarter_turn), np.float32(model.half_turn)),
         horizon,
     )
-    wanted = planes[: epochs + 1] if keeps_all else planes[epochs % kept][None]
-    return Solution(np.ascontiguousarray(wanted), epochs)
+    wanted = planes[: epochs + 1] if keeps_all else planes[epochs % kept][None].copy()
+    return Solution(wanted, epochs)
 
 
 def _planes(kept: int, height: int, width: int, reach: int) -> tuple[Floats, Floats]:
-    """Return the padded memory that `induct` works in, and a view (kept, 4, h, w) of its planes."""
-    padding, size = reach * width, 4 * height * width
-    flat = np.zeros(kept * (size + padding) + padding, np.float32)
-    view = flat[padding:].reshape(kept, size + padding)[:, :size]
-    return flat, view.reshape(kept, 4, height, width)
+    """Return the padded memory that `induct` works in, and a view (kept, 4, h, w) of its planes.
+
+    Beyond the reach of any move nothing is read; what is read there is not used. Zeros all
+    the same, as numbers that are none could slow it down.
+    """
+    padding, size = reach * width, kept * 4 * height * width
+    flat = np.empty(size + 2 * padding, np.float32)
+    flat[:padding] = flat[padding + size :] = 0.0
+    return flat, flat[padding : padding + size].reshape(kept, 4, height, width)

@@ -13,6 +13,7 @@ import numpy as np
 
 from are_ros.artefacts.artefact import Artefact
 from are_ros.artefacts.behaviours.intent import Behaviour, Intent
+from are_ros.artefacts.behaviours.leaving import Leaving
 from are_ros.artefacts.behaviours.registry import make_behaviour
 from are_ros.artefacts.behaviours.situation import Fellow, RobotView, Situation
 from are_ros.artefacts.motion.body import Body
@@ -23,7 +24,6 @@ from are_ros.artefacts.onlookers import Onlookers
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.conventions import NS_PER_S
 
-LEAVING = "leaving"
 _PATIENCE = 2
 """So many decisions in a row one waits for others; then it is the traffic's to get past them."""
 
@@ -44,8 +44,7 @@ class Mind:
     @property
     def is_out(self) -> bool:
         """Whether it has left by an exit."""
-        arrived = self.leg is not None and self.leg.arrived
-        return self.artefact.is_leaving and arrived
+        return isinstance(self.behaviour, Leaving) and self.behaviour.has_left
 
 
 class Minds:
@@ -85,8 +84,8 @@ class Minds:
     def send_out(self, artefact_id: int) -> None:
         """Let an artefact walk to an exit from its next decision on; its life is over."""
         mind = self._minds[artefact_id]
-        mind.artefact.behaviour = LEAVING
-        mind.behaviour, mind.intent, mind.leg = make_behaviour(LEAVING), None, None
+        mind.artefact.behaviour = Leaving.name
+        mind.behaviour, mind.intent, mind.leg = Leaving(), None, None
 
     def has(self, artefact_id: int) -> bool:
         """Say whether an artefact has a mind: whether it can move."""

@@ -33,7 +33,9 @@ class TrackPlayer:
     where a track jumps.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, period_ns: int) -> None:
+        """Take the length of a sub-step."""
+        self._period_ns = period_ns
         self._parts: dict[int, _Part] = {}
 
     def __contains__(self, artefact_id: object) -> bool:
@@ -50,9 +52,15 @@ class TrackPlayer:
         self._parts = dict(sorted(self._parts.items()))
         self.tell(artefact.arrival_ns)
 
-    def remove(self, artefact_id: int) -> None:
-        """Forget an artefact, known or not."""
-        self._parts.pop(artefact_id, None)
+    def remove(self, artefact_id: int, now_ns: int) -> None:
+        """Forget an artefact, known or not, that departs at `now_ns`.
+
+        If its track has a pose at that very instant, it departs from there: in the run that it was
+        saved from, it had moved before it left.
+        """
+        part = self._parts.pop(artefact_id, None)
+        if part is not None and now_ns - part.start_ns in part.track.times_ns:
+            _move(part, now_ns, self._period_ns)
 
     def clear(self) -> None:
         """Forget all."""
@@ -75,29 +83,25 @@ class TrackPlayer:
                 _do(part.artefact, part.track.doings[part.next_doing], part.start_ns)
                 part.next_doing += 1
 
-    def move(
-        self, step_ns: int, period_ns: int
-    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
+    def move(self, step_ns: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
         """Take all to where they are in the sub-step that ends at `step_ns`.
 
         Returns, in the order of `ids`, the poses, float64 (M, 4), and bool (M,) who has moved
         there; another whose pose is a new one has jumped.
         """
         parts = list(self._parts.values())
-        moved = np.array([_move(part, step_ns, period_ns) for part in parts], dtype=np.bool_)
+        moved = np.array([_move(part, step_ns, self._period_ns) for part in parts], dtype=np.bool_)
         poses = np.array([part.artefact.history.latest for part in parts], dtype=np.float64)
         return poses.reshape(-1, 4), moved
 
-    def ahead(
-        self, artefact_id: int, step_ns: int, period_ns: int, count: int
-    ) -> npt.NDArray[np.float64]:
+    def ahead(self, artefact_id: int, step_ns: int, count: int) -> npt.NDArray[np.float64]:
         """Return where one will be in the `count` sub-steps after `step_ns`, float64 (count, 3).
 
         The columns are x, y, yaw. Good to plan by; the poses to be are those of `move`.
         """
         part = self._parts[artefact_id]
-        since_ns = step_ns - part.start_ns + period_ns * np.arange(1, count + 1, dtype=np.int64)
-        return part.track.poses_at(since_ns)
+        steps = np.arange(1, count + 1, dtype=np.int64)
+        return part.track.poses_at(step_ns - part.start_ns + self._period_ns * steps)
 
 
 def _do(artefact: Artefact, doing: Doing, start_ns: int) -> None:

@@ -3,12 +3,16 @@
 import math
 from collections import OrderedDict
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.coarse_map import WALL_COMFORT_M, Cell, CoarseMap
-from are_ros.artefacts.mdp import KEPT_BYTES, TravelModel, solve, travel_problem
+from are_ros.artefacts.mdp import TravelModel, solve, travel_problem
+
+KEPT_BYTES_PER_TABLE: Final = 2**20
+"""Planes of all epochs need so much at most; a crowd with a hundred goals has to fit the budget."""
 
 Window = tuple[slice, slice]
 Key = tuple[tuple[int, float, float, float], TravelModel, Cell, Cell, Cell]
@@ -20,8 +24,8 @@ class ValueTable:
 
     `corner` is the window's first cell (row, col) in the coarse map, `goal` the goal's. `goal_m`
     is the point in the map frame to end at. `planes` float32 (K, 4, h, w) by epochs left and
-    heading; K = 1 if all planes up to the horizon would have needed more than 4 MB: then
-    the values of the longest horizon serve for all. `lengths`, `gains`, `costs` as in
+    heading; K = 1 if all planes up to the horizon would have needed more than a bound: then the
+    values of the longest horizon serve for all. `lengths`, `gains`, `costs` as in
     `mdp.Problem`. `weights` float64 (9,) is what kernels take of the rest: the chances of going
     straight and to either side, prices of a quarter and a half turn, reach, corner, and the goal
     in the window.
@@ -66,7 +70,7 @@ class ValueTables:
         horizon: int = 60,
         max_trip_m: float = 60.0,
         budget_bytes: int = 256 * 2**20,
-        kept_bytes: int = KEPT_BYTES,
+        kept_bytes: int = KEPT_BYTES_PER_TABLE,
     ) -> None:
         """Take the longest horizon [epochs]; on larger maps a window of two longest trips a side.
 
@@ -105,8 +109,10 @@ class ValueTables:
         if key not in self._tables:
             self._insert(key, self._made(coarse, model, goal, window))
         self._tables.move_to_end(key)
-        end_m = goal_m if coarse.holds(*goal_m) else tuple(coarse.anchors_m[goal].tolist())
-        return replace(self._tables[key], goal_m=end_m)
+        table = self._tables[key]
+        if not coarse.holds(*goal_m):
+            goal_m = coarse.anchor_of(goal)
+        return table if table.goal_m == goal_m else replace(table, goal_m=goal_m)
 
     def _window(self, coarse: CoarseMap, goal: Cell) -> Window:
         reach = math.ceil(self._max_trip_m / coarse.cell_size_m)
@@ -131,7 +137,7 @@ class ValueTables:
             costs=problem.costs,
             corner=corner,
             goal=goal,
-            goal_m=(math.nan, math.nan),
+            goal_m=coarse.anchor_of(goal),
             model=model,
             weights=_weights(model, corner, inner),
         )

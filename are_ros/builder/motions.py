@@ -19,7 +19,7 @@ from are_ros.artefacts.motion.robot import RobotMotion
 from are_ros.artefacts.motion.traffic import Traffic
 from are_ros.artefacts.navigation import Navigation
 from are_ros.artefacts.onlookers import Onlookers
-from are_ros.artefacts.places import Places, places_in
+from are_ros.artefacts.places import places_in
 from are_ros.artefacts.population_events import Cause
 from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
 from are_ros.builder.contact_log import ContactLog
@@ -97,8 +97,8 @@ class Motions:
             return
         self._entered = (environment, region)
         grid, clearance_m = environment.grid, environment.clearance_m
-        spread = places_in(grid, region.mask, clearance_m)
-        places = Places(spread.destinations_m, exits_of(environment, region.mask, zones))
+        exits_m = exits_of(environment, region.mask, zones)
+        places = places_in(grid, region.mask, clearance_m, exits_m=exits_m)
         self.navigation.enter(environment, places)
 
     def forget(self) -> None:

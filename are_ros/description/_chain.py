@@ -7,6 +7,9 @@ import numpy.typing as npt
 
 Numbers = npt.NDArray[np.float64]
 
+_DENSE = 600
+"""Up to so many levels the exponential of a step is computed once and applied again and again."""
+
 
 def jumps_per_s(count: int, beyond_per_s: Numbers) -> Any:
     """Return the sparse rates (count, count) [1/s] of jumps up between neighbouring levels.
@@ -16,6 +19,8 @@ def jumps_per_s(count: int, beyond_per_s: Numbers) -> Any:
     """
     from scipy.sparse import csr_array, diags, hstack
 
+    if count == 1:
+        return csr_array((1, 1))
     reach = min(len(beyond_per_s), count - 1)
     by_exactly = -np.diff(np.append(beyond_per_s, 0.0))
     inner = diags(by_exactly[:reach], np.arange(1, reach + 1), shape=(count, count))
@@ -34,7 +39,7 @@ def poisson_solution(jumps: Any, deaths_per_s: Numbers, rewards: Numbers, law: N
 
     falls = np.append(0.0, deaths_per_s[1:])
     rests = diags(jumps.sum(axis=1) + falls)
-    generator = jumps - rests + diags(falls[1:], -1, shape=jumps.shape)
+    generator = jumps - rests + _one_down(falls)
     kept = np.flatnonzero(np.arange(len(law)) != np.argmax(law))
     h = np.zeros(len(law))
     h[kept] = spsolve(generator.tocsr()[kept][:, kept].tocsc(), -rewards[kept])
@@ -48,13 +53,28 @@ def tagged_survival(
 
     `met` is the law of the level at its beginning, `times_s` are equally spaced from 0 on.
     """
+    from scipy.linalg import expm
     from scipy.sparse import diags
     from scipy.sparse.linalg import expm_multiply
 
     drawn = deaths_per_s / levels
     falls = np.append(0.0, (deaths_per_s - drawn)[1:])
     rests = diags(jumps.sum(axis=1) + falls + drawn)
-    forward = (jumps - rests + diags(falls[1:], -1, shape=jumps.shape)).T
-    paths = expm_multiply(forward.tocsc(), met, times_s[0], times_s[-1], len(times_s))
-    survival: Numbers = np.asarray(paths).sum(axis=1)
+    forward = (jumps - rests + _one_down(falls)).T
+    if len(levels) > _DENSE:
+        paths = expm_multiply(forward.tocsc(), met, times_s[0], times_s[-1], len(times_s))
+        return np.asarray(paths).sum(axis=1)
+    step = expm((times_s[1] - times_s[0]) * forward.toarray())
+    survival: Numbers = np.empty(len(times_s))
+    for i in range(len(times_s)):
+        survival[i] = met.sum()
+        met = step @ met
     return survival
+
+
+def _one_down(falls_per_s: Numbers) -> Any:
+    """Return the sparse rates of falls from each level to the one below."""
+    from scipy.sparse import csr_array
+
+    levels = np.arange(1, len(falls_per_s))
+    return csr_array((falls_per_s[1:], (levels, levels - 1)), shape=(len(falls_per_s),) * 2)

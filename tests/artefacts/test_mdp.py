@@ -1,5 +1,7 @@
 """Tests of the decision process of going to a place."""
 
+import math
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +21,7 @@ from are_ros.artefacts.mdp import (
     travel_problem,
 )
 from are_ros.artefacts.shapes import Shape
+from are_ros.errors import ParameterError
 from tests.artefacts.slow_travel import SlowTravel, quantecon_arguments, random_edges
 
 Arguments = tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32], tuple[int, int], TravelModel]
@@ -239,6 +242,26 @@ def test_who_is_slow_goes_one_cell() -> None:
     """Even a speed of nothing has a reach of one cell."""
     model = TravelModel.of(row_with(MotionLimits()), 0.0, 0.5, 1.0, 0.0)
     assert model.reach == 1
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("reach", 0),
+        ("reach", 256),
+        ("slip", -0.1),
+        ("slip", 0.6),
+        ("time", 0.0),
+        ("clearance", -1.0),
+        ("quarter_turn", math.nan),
+        ("half_turn", math.inf),
+    ],
+)
+def test_impossible_numbers_are_refused(field: str, value: float) -> None:
+    """In a sentence that holds the number."""
+    numbers: dict[str, Any] = {field: value}
+    with pytest.raises(ParameterError, match=re.escape(str(value))):
+        replace(TravelModel(), **numbers)
 
 
 def test_a_problem_says_what_it_is_made_of() -> None:

@@ -120,8 +120,11 @@ def test_from_every_place_the_way_leads_to_the_goal() -> None:
     """The best actions end at the goal from each cell and heading, with slips to fear or not."""
     walls = np.random.default_rng(2).random((100, 120)) < 0.004
     coarse = CoarseMap(terrain_of(walls), 0.25)
-    for model in (TravelModel(reach=3), TravelModel(reach=2, slip=0.2, half_turn=3.0)):
-        table = table_of(coarse, (3.0, 2.5), model)
+    slipping = TravelModel(reach=2, slip=0.2, half_turn=3.0)
+    dear = TravelModel(reach=1, quarter_turn=0.3, half_turn=3.0)
+    for model, horizon in ((TravelModel(reach=3), 60), (slipping, 60), (dear, 60), (dear, 20)):
+        table = ValueTables(horizon=horizon).value(coarse, model, (3.0, 2.5))
+        assert table is not None
         for (row, col), heading in product(np.ndindex(coarse.shape), range(4)):
             x_m, y_m = coarse.anchors_m[row, col].tolist()
             if not table.reaches((row, col)):
@@ -180,14 +183,14 @@ def test_the_lookahead_is_the_exact_solve_where_others_count_for_one_epoch(seed:
     later = table.planes[table.place(29)]
     values = {state: float(later[state[2], state[0], state[1]]) for state in slow.states}
     packed = np.column_stack((*others[:2], np.full(3, FADE_M), others[2]))
-    brings = np.empty(5)
+    brings = np.empty(9)
     for state in slow.states[:: 1 + len(slow.states) // 40]:
         if slow.ends(state[:2]):
             continue
         arrays = (table.lengths, table.gains, table.weights, coarse.anchors_m, packed)
         _route_kernels.action_values(later, *arrays, state, brings)
         expected = [slow.value_of(values, state, action) for action in range(5)]
-        np.testing.assert_allclose(brings, expected, atol=1e-4)
+        np.testing.assert_allclose(brings[:5], expected, atol=1e-4)
         x_m, y_m = coarse.anchors_m[state[:2]].tolist()
         chosen = choose(table, coarse, x_m, y_m, state[2] * math.pi / 2, 30, *others)
         assert expected[chosen] >= max(expected) - 1e-4

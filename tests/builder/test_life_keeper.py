@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
@@ -111,9 +111,10 @@ class Original(Stage):
         self.keeper.start(START_NS)
         self._ids = [1, 2, 3, 1_000_000_000, 1_000_000_001]
         span_ns = until_ns - START_NS
-        self._arrivals = sorted(START_NS + int(self.random.integers(span_ns)) for _ in self._ids)
+        instants_ns = [START_NS + int(self.random.integers(span_ns)) for _ in self._ids]
         if seed % 3 == 0:
-            self._arrivals[0] = FIRST_STEP_NS  # with a sub-step, to the nanosecond
+            instants_ns[0] = FIRST_STEP_NS  # with a sub-step, to the nanosecond
+        self._arrivals = sorted(instants_ns)
 
     def happen_until(self, now_ns: int) -> None:
         """Let artefacts come and go, or begin to leave, at instants of their own."""
@@ -192,10 +193,10 @@ class Repeated(Stage):
         self._source = ScriptedSource(scenario)
         self._source.restart(START_NS)
         self._source.open(START_NS)
-        self._player = TrackPlayer()
+        self._player = TrackPlayer(PERIOD_NS)
         self._ends: dict[int, tuple[int, Cause]] = {}
         self._keeper = keeper
-        if keeper:
+        if keeper is not None:
             keeper.start(START_NS)
 
     def happen_until(self, now_ns: int) -> None:
@@ -208,13 +209,13 @@ class Repeated(Stage):
                 self._arrive(self._source.take())
             else:
                 self._player.tell(t_ns)
-            if self._keeper:
+            if self._keeper is not None:
                 self._keeper.look(t_ns, self.living)
 
     def sub_step(self, step_ns: int) -> None:
         """Let the tracks go on."""
-        poses, moved = self._player.move(step_ns, PERIOD_NS)
-        if self._keeper:
+        poses, moved = self._player.move(step_ns)
+        if self._keeper is not None:
             ids = np.array(self._player.ids, np.int64)
             self._keeper.step(step_ns, ids, poses, moved)
             self._keeper.look(step_ns, self.living)
@@ -239,14 +240,14 @@ class Repeated(Stage):
             self._ends[artefact_id] = end_ns, offer.cause
         self.begin(artefact)
         self._player.add(artefact, offer.track, offer.start_ns)
-        if self._keeper:
+        if self._keeper is not None:
             self._keeper.arrived(artefact)
 
     def _depart(self, artefact_id: int, t_ns: int) -> None:
         _, cause = self._ends.pop(artefact_id)
-        self._player.remove(artefact_id)
+        self._player.remove(artefact_id, t_ns)
         self.end(artefact_id, t_ns)
-        if self._keeper:
+        if self._keeper is not None:
             self._keeper.departed(artefact_id, t_ns, cause)
 
 
@@ -264,12 +265,13 @@ def _content(scenario: Scenario) -> list[Truth]:
     ]
 
 
-@settings(max_examples=60, deadline=None)
+# A seed does not shrink to anything simpler.
+@settings(max_examples=50, deadline=None, phases=[Phase.explicit, Phase.generate])
 @given(seed=st.integers(0, 10**6), seconds=st.floats(0.1, 4.0))
 def test_a_kept_run_is_repeated_bit_by_bit(seed: int, seconds: float) -> None:
     """Ids, times, poses, twists, doings, ends at all ticks; poses at stamps between, through files.
 
-    And what is kept of the repeated run is what was kept of the first.
+    And the repeated run, when it is kept and repeated in turn, is still the same.
     """
     until_ns = START_NS + round(seconds * NS_PER_S)
     original = Original(seed, until_ns)
@@ -286,8 +288,9 @@ def test_a_kept_run_is_repeated_bit_by_bit(seed: int, seconds: float) -> None:
     assert repeated.record == original.record
     assert repeated.past == original.past
     assert any(truths for _, truths in original.record) or seconds < 2.0
-    # By one detail they may differ: who leaves because it was displaced was known to before.
-    assert _content(again.scenario()) == _content(scenario)
+    third = Repeated(again.scenario())
+    third.run(until_ns)
+    assert third.record == original.record
 
 
 def test_a_scenario_of_a_run_has_nobody_at_random() -> None:

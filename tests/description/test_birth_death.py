@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.linalg import expm
 
+from are_ros.description import _chain
 from are_ros.description.birth_death import BirthDeath
 from are_ros.description.stationary_law import group_tail
 from are_ros.parameters.choices import Departures
@@ -31,11 +32,11 @@ def _dense_generator(chain: BirthDeath) -> np.ndarray[tuple[int, int], np.dtype[
     """Write the rates down one by one, members drawn one by one from a binomial law."""
     bound = chain.max_alive
     rates = np.zeros((bound + 1, bound + 1))
-    for extra, chance in enumerate(stats.poisson.pmf(range(60), chain.mean_group_size - 1.0)):
-        for members in range(extra + 2):
-            counted = chance * stats.binom.pmf(members, extra + 1, chain.share)
-            for n in range(bound + 1):
-                rates[n, min(n + members, bound)] += chain.groups_per_s * counted
+    for extra, chance in enumerate(stats.poisson.pmf(range(40), chain.mean_group_size - 1.0)):
+        counted = chance * stats.binom.pmf(range(extra + 2), extra + 1, chain.share)
+        for n in range(bound + 1):
+            ends = np.minimum(n + np.arange(extra + 2), bound)
+            np.add.at(rates[n], ends, chain.groups_per_s * counted)
     for n in range(1, bound + 1):
         leavers = n if chain.departures is INDEPENDENT else 1
         rates[n, n - 1] += leavers / chain.mean_life_s
@@ -142,3 +143,11 @@ def test_nobody_comes() -> None:
 def test_members_that_count(mean: float, share: float) -> None:
     """The tail sums to the mean number of members that count."""
     assert group_tail(mean, share).sum() == pytest.approx(mean * share, abs=1e-9)
+
+
+def test_many_levels_take_another_way_to_the_same_lives(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the matrix would be too large its exponential is applied without being computed."""
+    chain = BirthDeath(0.6, 2.0, 1.0, CONSTANT, 20)
+    expected = chain.survival(30.0, 31)
+    monkeypatch.setattr(_chain, "_DENSE", 0)
+    assert chain.survival(30.0, 31) == pytest.approx(expected, abs=1e-9)

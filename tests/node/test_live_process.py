@@ -41,8 +41,9 @@ sys.exit(main(sys.argv[1:]))
 """
 """It says when it listens to signals: before that, one would end any process."""
 READY, PREPARING = "active: artefacts arrive", "preparing the kernels"
-SOON_S = 3.0
-"""So long after a signal the process has ended; stalls of the machine do not count."""
+SOON_S = 10.0
+"""So long after a signal the process has ended, which takes one or two on an idle machine, and half
+a minute if kernels were waited for; stalls of the machine do not count."""
 PREPARED_S = 300.0
 """By then kernels are compiled on the slowest machine."""
 

@@ -77,7 +77,7 @@ class Crossing:
 
     def _is_over(self, path: RobotPath, situation: Situation) -> bool:
         """Say whether the robot has passed or turned away, or something is in between."""
-        apart_m, _ = path.distance_m(self._middle_m, _NEAR_M)
+        apart_m = path.distance_m(self._middle_m, _NEAR_M)
         under_way_s = (situation.now_ns - self._begun_ns) / NS_PER_S
         is_kept = min(situation.blocked_s, under_way_s) > _BLOCKED_S
         is_kept |= situation.no_way or under_way_s > _LONGEST_S

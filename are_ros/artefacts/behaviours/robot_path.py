@@ -10,6 +10,8 @@ from are_ros.artefacts.behaviours.situation import RobotView
 
 _OFF_PLAN_M = 1.5
 _IS_MOVING_MPS = 0.05
+_FOR_EVER_M = 1000.0
+_SAMPLE_M = 0.25
 
 
 class RobotPath:
@@ -21,35 +23,38 @@ class RobotPath:
 
     def __init__(self, robot: RobotView) -> None:
         here_m = np.array(robot.point_m)
-        rest_m = _rest_of(robot.plan_m, here_m)
-        self._points_m = np.vstack((here_m, rest_m))
+        points_m = np.vstack((here_m, _rest_of(robot.plan_m, here_m)))
+        end_m = points_m[-1] + _FOR_EVER_M * _last_direction(points_m, robot)
+        self._points_m = np.vstack((points_m, end_m))
         steps_m = np.diff(self._points_m, axis=0)
         self._lengths_m = np.concatenate(([0.0], np.cumsum(np.hypot(*steps_m.T))))
-        self._heading_rad = robot.yaw_rad
-        if robot.speed_mps > _IS_MOVING_MPS:
-            self._heading_rad = math.atan2(robot.vy_mps, robot.vx_mps)
 
     def at(self, length_m: float) -> tuple[Point, Point]:
         """Return the point at this length (>= 0) from the robot, and the unit direction there."""
         k = int(np.searchsorted(self._lengths_m, length_m, side="right")) - 1
-        start_m, beyond_m = self._points_m[k], length_m - float(self._lengths_m[k])
-        ahead = self._points_m[k + 1 :][:1] - start_m
-        along = ahead[0] / np.hypot(*ahead[0]) if len(ahead) else self._last_direction()
-        x_m, y_m = (start_m + beyond_m * along).tolist()
+        k = min(k, len(self._lengths_m) - 2)
+        step_m = self._points_m[k + 1] - self._points_m[k]
+        along = step_m / np.hypot(*step_m)
+        x_m, y_m = (self._points_m[k] + (length_m - self._lengths_m[k]) * along).tolist()
         return (x_m, y_m), (float(along[0]), float(along[1]))
 
-    def distance_m(self, point_m: Point, within_m: float) -> tuple[float, float]:
-        """Return how far a point is from the way's first `within_m`, and how far along that is."""
-        lengths_m = np.arange(0.0, within_m, 0.25).tolist()
-        apart_m = [math.dist(self.at(length_m)[0], point_m) for length_m in lengths_m]
-        nearest = int(np.argmin(apart_m))
-        return apart_m[nearest], lengths_m[nearest]
+    def distance_m(self, point_m: Point, within_m: float) -> float:
+        """Return how far a point is from the first `within_m` of the way, to some centimetres."""
+        lengths_m = np.arange(0.0, within_m, _SAMPLE_M)
+        x_m = np.interp(lengths_m, self._lengths_m, self._points_m[:, 0])
+        y_m = np.interp(lengths_m, self._lengths_m, self._points_m[:, 1])
+        return float(np.hypot(x_m - point_m[0], y_m - point_m[1]).min())
 
-    def _last_direction(self) -> npt.NDArray[np.float64]:
-        if len(self._points_m) > 1:
-            step_m = self._points_m[-1] - self._points_m[-2]
-            return np.asarray(step_m / np.hypot(*step_m))
-        return np.array((math.cos(self._heading_rad), math.sin(self._heading_rad)))
+
+def _last_direction(points_m: npt.NDArray[np.float64], robot: RobotView) -> npt.NDArray[np.float64]:
+    """Return the unit direction in which the way goes on at its end."""
+    if len(points_m) > 1:
+        step_m = points_m[-1] - points_m[-2]
+        return np.asarray(step_m / np.hypot(*step_m))
+    heading_rad = robot.yaw_rad
+    if robot.speed_mps > _IS_MOVING_MPS:
+        heading_rad = math.atan2(robot.vy_mps, robot.vx_mps)
+    return np.array((math.cos(heading_rad), math.sin(heading_rad)))
 
 
 def _rest_of(

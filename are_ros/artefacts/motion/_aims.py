@@ -33,7 +33,8 @@ _MOST_IMPATIENT = 1.5
 class Aim(NamedTuple):
     """What it is after: a kind, a heading in the map, how far that goes, how fast.
 
-    `stop_cost` is what standing costs; going straight costs 0.
+    `stop_cost` is what standing costs; going straight costs 0. Who is pushed wants to get `aside`
+    of the heading by so much, to the left if positive, or else to go ahead of who pushes.
     """
 
     kind: int
@@ -41,6 +42,7 @@ class Aim(NamedTuple):
     distance: float
     speed: float
     stop_cost: float
+    aside: float
 
 
 @compiled
@@ -71,10 +73,12 @@ def aim_of(fleet: Fleet, i: int, pose: Floats, now: int, second: int) -> Aim:
     order, mind, body = fleet.order[i], fleet.mind[i], fleet.body[i]
     speed = min(order.speed, body.speed)
     if now < mind.pushed_until:
-        speed = max(speed, 0.5 * body.speed)
-        return Aim(PUSHED, _out_of_the_way(pose, mind), np.inf, speed, 1.4)
+        aside = _missing_room(pose, mind)
+        if aside != 0.0:
+            line = math.atan2(mind.push_sin, mind.push_cos)
+            return Aim(PUSHED, line, np.inf, max(speed, 0.5 * body.speed), 1.2, aside)
     if order.has_goal == 0 or speed <= 0.0:
-        return Aim(STANDING, np.nan, 0.0, 0.0, 0.0)
+        return Aim(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0)
     dx, dy = order.x - pose[X], order.y - pose[Y]
     heading, distance = math.atan2(dy, dx), np.hypot(dx, dy)
     stop_cost = 1.0 + min(_IMPATIENCE * mind.blocked, _MOST_IMPATIENT)
@@ -82,14 +86,14 @@ def aim_of(fleet: Fleet, i: int, pose: Floats, now: int, second: int) -> Aim:
         if mind.passed_at == NEVER and _passes(pose, order, body):
             mind.passed_at = now
         if now - second >= mind.passed_at:
-            return Aim(STANDING, np.nan, 0.0, 0.0, 0.0)
+            return Aim(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0)
         if mind.passed_at != NEVER:
-            return Aim(COASTING, pose[YAW], np.inf, speed, stop_cost)
+            return Aim(COASTING, pose[YAW], np.inf, speed, stop_cost, 0.0)
     elif abs(pose[SPEED]) < _STANDS and has_arrived(pose, order, body):
         return _face(pose, order, body)
     if now < mind.detour_until:
-        return Aim(DETOURING, heading + mind.detour, np.inf, speed, stop_cost)
-    return Aim(GOING, heading, distance, speed, stop_cost)
+        return Aim(DETOURING, heading + mind.detour, np.inf, speed, stop_cost, 0.0)
+    return Aim(GOING, heading, distance, speed, stop_cost, 0.0)
 
 
 @compiled
@@ -97,18 +101,19 @@ def _face(pose: Floats, order: Any, body: Any) -> Aim:
     """Return the turn on the spot that is left to one that has arrived."""
     is_done = np.isnan(order.face) or abs(wrapped(order.face - pose[YAW])) < _FACED
     if is_done or body.turn_radius > 0.0:
-        return Aim(STANDING, np.nan, 0.0, 0.0, 0.0)
-    return Aim(FACING, order.face, 0.0, 0.0, 0.0)
+        return Aim(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0)
+    return Aim(FACING, order.face, 0.0, 0.0, 0.0, 0.0)
 
 
 @compiled
-def _out_of_the_way(pose: Floats, mind: Any) -> float:
-    """Return the heading to the side, and along, for one that is in the way of who pushes.
+def _missing_room(pose: Floats, mind: Any) -> float:
+    """Return how far one must still go to the left of the line on which another pushes; 0: not.
 
-    To the side where it already is, of the line on which the other wants to go; to the right of
-    that line if it is right on it.
+    Negative: to the right. To the side where it already is; to the right if it is on the line.
     """
     dx, dy = pose[X] - mind.push_x, pose[Y] - mind.push_y
+    if mind.push_cos * dx + mind.push_sin * dy < -0.5 * mind.push_room:
+        return 0.0  # it is behind by now
     aside = mind.push_cos * dy - mind.push_sin * dx
-    side = 1.0 if aside > 0.05 else -1.0
-    return math.atan2(mind.push_sin, mind.push_cos) + side * 0.9
+    missing = max(mind.push_room - abs(aside), 0.0)
+    return missing if aside > 0.05 else -missing

@@ -56,6 +56,24 @@ def separation(p: Floats, a: Any, q: Floats, b: Any) -> float:
 
 
 @compiled
+def _room_to_turn(p: Floats, a: Any, q: Floats, b: Any) -> float:
+    """Return how far the disc that body a sweeps, turning at pose p, is from box b at pose q."""
+    dx = p[X] - q[X] - q[COS] * b.centre_x + q[SIN] * b.centre_y
+    dy = p[Y] - q[Y] - q[SIN] * b.centre_x - q[COS] * b.centre_y
+    ahead = max(abs(dx * q[COS] + dy * q[SIN]) - b.half_x, 0.0)
+    aside = max(abs(dy * q[COS] - dx * q[SIN]) - b.half_y, 0.0)
+    return float(np.hypot(ahead, aside) - a.radius)
+
+
+@compiled
+def _jams(p: Floats, a: Any, q: Floats, b: Any) -> bool:
+    """Tell whether one of two that stand so, and could turn on the spot, cannot turn any more."""
+    if a.turn_radius == 0.0 and _room_to_turn(p, a, q, b) < 0.0:
+        return True
+    return bool(b.turn_radius == 0.0 and b.speed > 0.0 and _room_to_turn(q, b, p, a) < 0.0)
+
+
+@compiled
 def gap_between(
     plan: Floats,
     last: int,
@@ -71,10 +89,19 @@ def gap_between(
     """Return the least gap, at most `comfort`, of a plan from a path, and when they first overlap.
 
     The path is at index `start` now and ends at `end`; `pace` is the highest closing speed per
-    sub-step. Looks at sub-steps 1..until; NEVER: they do not overlap in these.
+    sub-step. Looks at sub-steps 1..until; NEVER: they do not overlap in these. To stand so near in
+    the end that one cannot turn on the spot is like an overlap, unless staying here is no better:
+    who walks cannot step back, and would be stuck for ever.
     """
     radii = body.radius + other.radius
-    until = min(until, max(last, end - start))
+    final = max(last, end - start)
+    if final <= until and last > 0:
+        p, q = plan[last], path[end]
+        near = np.hypot(q[X] - p[X], q[Y] - p[Y]) < radii
+        if near and _jams(p, body, q, other) and not _jams(plan[0], body, q, other):
+            until = final - 1
+    jammed = until == final - 1
+    until = min(until, final)
     least, k = comfort, 1
     while k <= until:
         p, q = plan[min(k, last)], path[min(start + k, end)]
@@ -87,7 +114,7 @@ def gap_between(
             return gap, k
         least = min(least, gap)
         k += 1
-    return least, NEVER
+    return least, (final if jammed else NEVER)
 
 
 @compiled
@@ -135,6 +162,30 @@ def is_free(pose: Floats, body: Any, grow: float, floor: Floor, box: Floats) -> 
 
 
 @compiled
+def turns_freely(pose: Floats, body: Any, floor: Floor) -> bool:
+    """Tell whether the disc that a body sweeps, turning on the spot, covers open cells only."""
+    lattice, unit = floor.lattice, floor.unit
+    field = floor.clearance[layer_of(body, floor)]
+    dx, dy = pose[X] - lattice[0], pose[Y] - lattice[1]
+    x = (dx * lattice[2] + dy * lattice[3]) / unit
+    y = (dy * lattice[2] - dx * lattice[3]) / unit
+    radius = body.radius / unit - TOUCH_TOLERANCE_M
+    first_row, last_row = int(np.floor(y - radius)), int(np.floor(y + radius))
+    first_col, last_col = int(np.floor(x - radius)), int(np.floor(x + radius))
+    if min(first_row, first_col) < 0 or last_row >= field.shape[0] or last_col >= field.shape[1]:
+        return False
+    if field[int(y), int(x)] >= (radius + _TWO_HALF_DIAGONALS) * unit:
+        return True
+    for row in range(first_row, last_row + 1):
+        v = max(row - y, y - row - 1.0, 0.0)
+        for col in range(first_col, last_col + 1):
+            u = max(col - x, x - col - 1.0, 0.0)
+            if field[row, col] == 0.0 and u * u + v * v < radius * radius:
+                return False
+    return True
+
+
+@compiled
 def _solid_cells(pose: Floats, body: Any, floor: Floor, box: Floats) -> int:
     """Count the solid cells that a body covers; a huge number if it reaches outside the grid."""
     lay_box(pose, body, 0.0, box)
@@ -153,7 +204,8 @@ def wall_conflict(
 ) -> tuple[bool, int]:
     """Tell whether a plan leaves the walls their comfort, and when it first runs into one.
 
-    Who starts on free cells stays on such. Who does not (a new map) may go over all that is not
+    Who starts on free cells stays on such, and who turns on the spot does not end where it cannot.
+    Who does not start so (a new map) may go over all that is not
     solid, and covers no more solid cells than at the start.
     """
     if not is_free(plan[0], body, 0.0, floor, box):
@@ -175,6 +227,8 @@ def wall_conflict(
             if room < 0.0 and not is_free(plan[k], body, 0.0, floor, box):
                 return False, k
         k += 1
+    if body.turn_radius == 0.0 and last > 0 and not turns_freely(plan[last], body, floor):
+        return kept, last if turns_freely(plan[0], body, floor) else NEVER
     return kept, NEVER
 
 

@@ -1,7 +1,7 @@
 """What an artefact could do next, each with what it costs as far as its goal is concerned.
 
 Costs are without dimension: 0 is full speed towards the goal, 1 is no progress. An option is a row
-(kind, heading or curvature, speed, cost); the kinds are those of `_rollouts`.
+(kind, heading or curvature, speed, cost, heading in the second half); kinds: see `_rollouts`.
 """
 
 from typing import Any
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from are_ros._compiled import compiled
-from are_ros.artefacts.motion._aims import GOING, Aim
+from are_ros.artefacts.motion._aims import GOING, PUSHED, Aim
 from are_ros.artefacts.motion._rollouts import BRAKE, HEADING, POINT
 from are_ros.artefacts.motion._state import COS, SIN, SPEED, Floats, Tempo
 from are_ros.artefacts.motion._vehicles import vehicle_options
@@ -24,14 +24,17 @@ _LEFT = 0.03  # people keep to the right
 _CHANGE = 0.08  # for turning away from what was chosen last
 _PLAIN_STOP = 0.02
 _NEAR = 0.15
+_SHIFTS = 8
+_SHIFT = 0.04
 
 
 @compiled
 def set_option(
-    options: Floats, n: int, kind: int, direction: float, speed: float, cost: float
+    options: Floats, n: int, kind: int, direction: float, speed: float, cost: float, then: float
 ) -> int:
-    """Write one option; return the next index."""
+    """Write one option; return the next index. `then` is the heading in its second half."""
     options[n, 0], options[n, 1], options[n, 2], options[n, 3] = kind, direction, speed, cost
+    options[n, 4] = then
     return n + 1
 
 
@@ -41,24 +44,33 @@ def fill_options(
 ) -> int:
     """Write the options of an artefact at a pose; return how many there are."""
     if aim.speed <= 0.0:
-        count = set_option(options, 0, BRAKE, aim.heading, 0.0, 0.0)
-        return set_option(options, count, BRAKE, np.nan, 0.0, _PLAIN_STOP)
+        count = set_option(options, 0, BRAKE, aim.heading, 0.0, 0.0, np.nan)
+        return set_option(options, count, BRAKE, np.nan, 0.0, _PLAIN_STOP, np.nan)
     if body.turn_radius > 0.0:
         return vehicle_options(options, aim, pose, body, order, mind, tempo)
-    return _walker_options(options, aim, pose, body, order, mind)
+    return _walker_options(options, aim, order, mind)
 
 
 @compiled
-def _walker_options(
-    options: Floats, aim: Aim, pose: Floats, body: Any, order: Any, mind: Any
-) -> int:
+def _gain(aim: Aim, delta: float, cosine: float, speed: float) -> float:
+    """Return what a second at a speed gains, 1 for full speed straight on."""
+    if aim.kind != PUSHED:
+        return speed / aim.speed * cosine
+    aside = speed * np.sin(delta) * (1.0 if aim.aside > 0.0 else -1.0)
+    return float((1.5 * min(aside, abs(aim.aside)) + 0.4 * speed * cosine) / aim.speed)
+
+
+@compiled
+def _walker_options(options: Floats, aim: Aim, order: Any, mind: Any) -> int:
     ends = aim.kind == GOING and order.stops == 1
     count = 0
     for n in range(_DELTAS.shape[0]):
         delta = _DELTAS[n]
         heading = aim.heading + delta
         share = delta * (2.0 / np.pi)
-        cost = 1.0 + _DEVIATION * share * share + (_LEFT if delta > 0.0 else 0.0)
+        cost = 1.0 + (_LEFT if delta > 0.0 else 0.0)
+        if aim.kind != PUSHED:
+            cost += _DEVIATION * share * share
         if not np.isnan(mind.chosen):
             cost += _CHANGE * (1.0 - np.cos(heading - mind.chosen))
         kind = POINT if n == 0 and ends else HEADING
@@ -66,12 +78,15 @@ def _walker_options(
             speed = factor * aim.speed
             if ends and n > 0:
                 speed = min(speed, max(aim.distance, _NEAR))
-            gain = speed / aim.speed * _COSINES[n]
+            gain = _gain(aim, delta, _COSINES[n], speed)
             if gain < 0.0 and factor < 0.5:
                 continue
-            count = set_option(options, count, kind, heading, speed, cost - gain)
-    count = set_option(options, count, BRAKE, aim.heading, 0.0, aim.stop_cost)
-    return set_option(options, count, BRAKE, np.nan, 0.0, aim.stop_cost + _PLAIN_STOP)
+            count = set_option(options, count, kind, heading, speed, cost - gain, heading)
+            if 0 < n <= _SHIFTS and aim.kind != PUSHED:  # a step aside, then on
+                gain = 0.5 * (gain + speed / aim.speed) - _SHIFT
+                count = set_option(options, count, HEADING, heading, speed, cost - gain, aim.heading)
+    count = set_option(options, count, BRAKE, aim.heading, 0.0, aim.stop_cost, np.nan)
+    return set_option(options, count, BRAKE, np.nan, 0.0, aim.stop_cost + _PLAIN_STOP, np.nan)
 
 
 @compiled

@@ -29,6 +29,7 @@ _MOST_CREDIT = 0.3
 _PUSHES_AFTER = 0.75
 _PUSH_SECONDS = 2
 _FIRST_DETOUR = 3.0
+_ROOM = 0.05
 _ANGLES = np.array([1.05, 1.6, 2.1, 2.7])
 _GOLDEN = 0x9E3779B97F4A7C15
 _MIX_A = 0xBF58476D1CE4E5B9
@@ -71,6 +72,7 @@ def push(
     other.push_by, other.push_rank = fleet.place[i].id, rank
     other.push_x, other.push_y = pose[X], pose[Y]
     other.push_cos, other.push_sin = np.cos(aim.heading), np.sin(aim.heading)
+    other.push_room = fleet.body[i].radius + fleet.body[j].radius + _ROOM
 
 
 @compiled

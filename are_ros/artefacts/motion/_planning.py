@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from are_ros._compiled import compiled
-from are_ros.artefacts.motion._aims import GOING, aim_of
+from are_ros.artefacts.motion._aims import GOING, PUSHED, aim_of
 from are_ros.artefacts.motion._buckets import gather
 from are_ros.artefacts.motion._gaps import gap_between, robot_conflict, separation, wall_conflict
 from are_ros.artefacts.motion._options import cheapest, direction_of, fill_options, is_at_rest
@@ -168,7 +168,7 @@ def _search(
     """Try options, cheapest first, until none can be cheaper than the best found.
 
     Returns the option chosen (-1: none is feasible), which of the two scratch paths it fills and
-    its last index, and what was in the way of the first: kind and slot.
+    its last index, what was in the way of the first, and the slot of the first that was in the way.
     """
     best, chosen, side, last = _INFEASIBLE, -1, 0, 0
     hindrance, culprit, is_first = UNHINDERED, NOBODY, True
@@ -182,8 +182,10 @@ def _search(
             fleet, i, path, end, now, tempo, floor, robot, desk, near
         )
         cost = desk.options[n, 3] + extra
-        if is_first and kind != UNHINDERED:
-            hindrance, culprit = kind, who
+        if is_first:
+            hindrance = kind
+        if culprit == NOBODY:
+            culprit = who
         is_first = False
         if cost < best:
             best, chosen, side, last = cost, n, 1 - side, end
@@ -224,8 +226,9 @@ def plan(
         fleet, i, goal, now, tempo, floor, robot, desk, options, near
     )
     who = fleet.place[culprit].id if culprit != NOBODY else NOBODY
-    note_hindrance(mind, hindrance, who)
-    if culprit != NOBODY and aim.speed > 0.0:
+    if aim.kind == GOING:
+        note_hindrance(mind, hindrance, who)
+    if culprit != NOBODY and (aim.kind == PUSHED or hindrance == BY_ARTEFACT):
         push(fleet, i, culprit, aim, pose, now, epoch, tempo.second)
     if chosen < 0:
         desk.counters[KEPT] += 1

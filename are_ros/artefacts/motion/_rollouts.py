@@ -77,6 +77,8 @@ def _walk(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt:
     heading, to_point = option[1], option[0] == POINT
     for k in range(steps):
         speed, want = path[k, SPEED], option[2]
+        if 2 * k == steps:
+            heading = option[4]
         if to_point:
             dx, dy = goal[0] - path[k, X], goal[1] - path[k, Y]
             left = np.hypot(dx, dy)
@@ -140,7 +142,7 @@ def _stop(path: Floats, option: Floats, body: Any, steps: int, dt: float) -> int
 
 @compiled
 def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, tempo: Tempo) -> int:
-    """Fill a path, whose pose 0 is given, by an option (kind, heading or curvature, speed, cost).
+    """Fill a path, whose pose 0 is given, by an option (see `_options`).
 
     Returns the index of the last pose, where the body stands.
     """

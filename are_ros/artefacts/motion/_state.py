@@ -80,6 +80,7 @@ MIND = np.dtype(
         ("push_y", "f8"),
         ("push_cos", "f8"),
         ("push_sin", "f8"),
+        ("push_room", "f8"),  # what it takes to be out of the way, to the side
         ("chosen", "f8"),  # heading or curvature chosen last
         ("gear", "i8"),
         ("passed_at", "i8"),
@@ -140,7 +141,7 @@ class Buckets(NamedTuple):
 
 
 class Desk(NamedTuple):
-    """Scratch: two paths (2, K, 6), neighbours, marks of who was seen, options (M, 4), counters."""
+    """Scratch: two paths (2, K, 6), neighbours, marks of who was seen, options (M, 5), counters."""
 
     paths: Floats
     near: Integers
@@ -166,7 +167,7 @@ def desk_of(capacity: int, length: int) -> Desk:
         np.zeros((2, length, 6)),
         np.zeros(capacity, np.int64),
         np.zeros(capacity, np.int64),
-        np.zeros((128, 4)),
+        np.zeros((160, 5)),
         np.zeros(4, np.int64),
         np.zeros((1, 8)),
     )

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from are_ros._compiled import compiled
-from are_ros.artefacts.motion._aims import GOING, Aim
+from are_ros.artefacts.motion._aims import GOING, PUSHED, Aim
 from are_ros.artefacts.motion._rollouts import ARC_TO_POINT, BRAKE, CURVE
 from are_ros.artefacts.motion._state import COS, SIN, SPEED, X, Y, YAW, Floats, Tempo
 
@@ -78,6 +78,10 @@ def _arc_cost(
     if turn != 0.0:
         x, y = way * np.sin(turn) / turn, way * (1.0 - np.cos(turn)) / turn
     dx, dy = pose[COS] * x - pose[SIN] * y, pose[SIN] * x + pose[COS] * y
+    if aim.kind == PUSHED:
+        aside = (dy * np.cos(aim.heading) - dx * np.sin(aim.heading)) * np.sign(aim.aside)
+        ahead = dx * np.cos(aim.heading) + dy * np.sin(aim.heading)
+        return float(1.0 - (1.5 * min(aside, abs(aim.aside)) + 0.6 * ahead) / full)
     if aim.kind != GOING:
         return float(1.0 - (dx * np.cos(aim.heading) + dy * np.sin(aim.heading)) / full)
     now = way_left(pose[X], pose[Y], pose[YAW], order.x, order.y, radius)

@@ -33,7 +33,7 @@ class Body:
             (0.5 * row.size_m[0], 0.5 * row.size_m[1]),
             (row.box_centre_in_artefact_m[0], row.box_centre_in_artefact_m[1]),
             row.size_m[2],
-            limits.speed_mps,
+            limits.top_speed_mps,
             limits.acceleration_mps2,
             limits.turn_rate_radps,
             limits.turn_radius_m,

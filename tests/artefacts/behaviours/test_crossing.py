@@ -17,6 +17,8 @@ def test_the_path_is_the_rest_of_the_plan_then_straight_on() -> None:
     assert path.at(0.5) == ((1.5, 0.0), (1.0, 0.0))
     assert path.at(2.0) == ((2.0, 1.0), (0.0, 1.0))
     assert path.at(9.0) == ((2.0, 8.0), (0.0, 1.0))
+    assert path.distance_m((2.0, 6.0), 10.0) == pytest.approx(0.0, abs=0.13)
+    assert path.distance_m((2.0, 6.0), 4.0) == pytest.approx(3.25, abs=0.2)
 
 
 def test_without_a_fitting_plan_the_path_is_straight_on() -> None:

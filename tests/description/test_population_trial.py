@@ -1,0 +1,119 @@
+"""Tests of the population alone: its books, its places, and who is left out."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from are_ros.artefacts.catalogue import Catalogue
+from are_ros.description import population_trial
+from are_ros.description.population_trial import Trial, run_trial
+from are_ros.description.site import Site, surveyed
+from are_ros.errors import ParameterError
+from are_ros.parameters.model import Parameters
+from are_ros.world.occupancy_grid import OccupancyGrid
+
+GridOf = Callable[[str], OccupancyGrid]
+ParametersOf = Callable[..., Parameters]
+HALL = "\n".join(["." * 16] * 16)
+
+
+@pytest.fixture(autouse=True)
+def _short(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(population_trial, "MOST_MEMBERS", 300)
+
+
+def _trial(parameters: Parameters, catalogue: Catalogue, site: Site) -> Trial:
+    return run_trial(parameters, catalogue, site, lambda _: None)
+
+
+@pytest.mark.parametrize("kind", ["independent", "constant_rate"])
+@pytest.mark.parametrize("group", [1.0, 2.5])
+def test_the_books_agree(
+    kind: str, group: float, parameters_of: ParametersOf, catalogue: Catalogue
+) -> None:
+    """N(t) is what came less what went, whatever the law and the groups."""
+    parameters = parameters_of(
+        population__departures=kind, population__group_size=group, population__max_alive=4
+    )
+    trial = _trial(parameters, catalogue, Site())
+    assert trial.changes_s[0] == trial.alive[0] == 0
+    assert (np.diff(trial.changes_s) > 0.0).all()
+    assert trial.alive.max() == 4
+    assert trial.alive.min() == 0
+    assert trial.offers_s[-1] <= trial.end_s
+    assert trial.waits_s.sum() == pytest.approx(trial.offers_s[-1])
+    assert len(trial.rows) >= len(trial.offers_s) >= len(trial.points_m) > 30
+    assert (np.diff(trial.placed_s) > 0.0).all()
+    fell = -np.diff(trial.alive)
+    assert len(trial.departure_gaps_s) == fell[fell > 0].sum()
+    lasted_s = np.diff(np.append(trial.changes_s, trial.end_s))
+    busy_s = lasted_s[trial.alive > 0].sum()
+    assert trial.departure_gaps_s.sum() <= busy_s < trial.departure_gaps_s.sum() + 600.0
+
+
+def test_the_same_seed_gives_the_same_trial(
+    parameters_of: ParametersOf, catalogue: Catalogue
+) -> None:
+    """Nothing else is random."""
+    one, two = (_trial(parameters_of(seed=3), catalogue, Site()) for _ in range(2))
+    other = _trial(parameters_of(seed=4), catalogue, Site())
+    assert np.array_equal(one.changes_s, two.changes_s)
+    assert np.array_equal(one.points_m, two.points_m)
+    assert not np.array_equal(one.rows[:50], other.rows[:50])
+
+
+def test_on_a_map_everybody_stands_in_the_region_and_in_nobodys_way(
+    grid_of: GridOf, parameters_of: ParametersOf, catalogue: Catalogue
+) -> None:
+    """In a crowd some find no place; those who fit nowhere do not count as such."""
+    parameters = parameters_of(population__arrival_rate=0.02, population__mean_life=600.0)
+    site = surveyed(grid_of("....\n....\n....\n...."), parameters, catalogue)
+    trial = _trial(parameters, catalogue, site)
+    assert site.misfits == {2}
+    assert ((trial.points_m > 0.0) & (trial.points_m < 2.0)).all()
+    misfits = int((trial.rows == 2).sum())
+    assert 0 < trial.without_place <= len(trial.rows) - misfits - len(trial.points_m)
+
+
+def test_members_of_a_group_stand_near_their_first(
+    parameters_of: ParametersOf, catalogue: Catalogue, grid_of: GridOf
+) -> None:
+    """A place is told for the first of each group only, with a map and without."""
+    parameters = parameters_of(population__group_size=3.0, population__arrival_rate=0.002)
+    for site in (Site(), surveyed(grid_of(HALL), parameters, catalogue)):
+        trial = _trial(parameters, catalogue, site)
+        assert len(trial.points_m) <= len(trial.offers_s)
+        assert set(trial.placed_s) <= set(trial.offers_s)
+        assert len(trial.rows) > 2 * len(trial.offers_s)
+
+
+def test_who_never_leaves_is_left_out(parameters_of: ParametersOf, catalogue: Catalogue) -> None:
+    """A row that lives for ever is drawn, but nobody of it fills the place."""
+    rows = (replace(catalogue.rows[0], forever=True), *catalogue.rows[1:])
+    trial = _trial(parameters_of(), Catalogue(rows), Site())
+    assert (trial.rows == 0).sum() > 50
+    assert len(trial.points_m) == (trial.rows != 0).sum()
+    assert trial.without_place == 0
+    assert trial.chain.share < 1.0
+
+
+def test_progress_grows_to_one(parameters_of: ParametersOf, catalogue: Catalogue) -> None:
+    """What is told never falls, and ends at 1."""
+    told: list[float] = []
+    run_trial(parameters_of(), catalogue, Site(), told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    assert len(told) > 100
+
+
+@pytest.mark.parametrize(
+    "values", [{"population__arrival_rate": 0.0}, {"population__max_alive": 0}]
+)
+def test_nobody_comes(
+    values: dict[str, float], parameters_of: ParametersOf, catalogue: Catalogue
+) -> None:
+    """What would never end is refused."""
+    with pytest.raises(ParameterError, match="nobody ever comes"):
+        _trial(parameters_of(**values), catalogue, Site())

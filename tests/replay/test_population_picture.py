@@ -1,0 +1,91 @@
+"""Tests of population.png: it is drawn for every law, and the same again for the same input."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
+from are_ros.artefacts.shapes import Shape
+from are_ros.description import population_trial
+from are_ros.description.site import Site, surveyed
+from are_ros.errors import InputError
+from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import Parameters
+from are_ros.replay.command import describe_command
+from are_ros.replay.population_picture import FILE_NAME, plot_population
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.rigid_transform import RigidTransform
+
+MIXTURE = {"mixture.weights": [1.0], "mixture.rates": [1.0], "population.mean_life": 10.0}
+
+
+@pytest.fixture(autouse=True)
+def _short(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(population_trial, "MOST_MEMBERS", 400)
+
+
+def _catalogue() -> Catalogue:
+    def row(index: int) -> CatalogueRow:
+        size_m, class_name = (0.3, 0.3, 1.0), "cat" if index < 2 else "dog"
+        return CatalogueRow(
+            index, f"{class_name} {index}", class_name, size_m, (0.0, 0.0, 0.0), Shape.WALL
+        )
+
+    return Catalogue(tuple(row(index) for index in range(4)))
+
+
+def _on_a_map(parameters: Parameters) -> Site:
+    cells = np.zeros((20, 60), np.int8)
+    cells[:, 30] = cells[3] = 100
+    origin = RigidTransform.from_xyz_ypr(3.0, -2.0, 0.0, 0.7, 0.0, 0.0)
+    return surveyed(OccupancyGrid(cells, 0.2, origin, "map"), parameters, _catalogue())
+
+
+def _in_the_open(_: Parameters) -> Site:
+    return Site()
+
+
+@pytest.mark.parametrize("site_of", [_in_the_open, _on_a_map])
+@pytest.mark.parametrize(
+    "values",
+    [
+        {},
+        {"population.group_size": 3.0, "population.max_alive": 5},
+        {"population.departures": "constant_rate", "population.arrival_rate": 0.0008},
+        {"population.departures": "constant_rate", "population.max_alive": 1},
+    ],
+)
+def test_every_law_has_its_picture(
+    site_of: Callable[[Parameters], Site], values: dict[str, float | str], tmp_path: Path
+) -> None:
+    """The picture is written, is no empty sheet, and the same again byte for byte."""
+    parameters = with_values(Parameters(), {**MIXTURE, **values})
+    site = site_of(parameters)
+    path = plot_population(parameters, _catalogue(), site, tmp_path / "new" / "folder")
+    image = cv2.imread(str(path))
+    assert path == tmp_path / "new" / "folder" / FILE_NAME
+    assert image is not None
+    assert image.std() > 20.0
+    again = plot_population(parameters, _catalogue(), site, tmp_path)
+    assert again.read_bytes() == path.read_bytes()
+
+
+def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
+    """A file in the folder's place is refused in a sentence."""
+    (tmp_path / "taken").write_text("")
+    parameters = with_values(Parameters(), MIXTURE)
+    with pytest.raises(InputError, match=r"--plot .*taken.*population\.png cannot be written"):
+        plot_population(parameters, _catalogue(), Site(), tmp_path / "taken")
+
+
+def test_describe_says_where_the_picture_is(tmp_path: Path) -> None:
+    """`are describe --plot` describes and draws; without it nothing is drawn."""
+    said: list[str] = []
+    describe_command(said.append, None, (), (), 3, tmp_path / "plots")
+    assert said[-1] == f"\npicture: {tmp_path / 'plots' / FILE_NAME}"
+    said.clear()
+    describe_command(said.append, None, (), (), 3)
+    assert not any("picture" in line for line in said)
