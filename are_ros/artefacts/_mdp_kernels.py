@@ -17,6 +17,8 @@ Mask = npt.NDArray[np.bool_]
 CHUNK: Final = 2048
 """Cells at a time: four rows of so many float32 are the scratch, which stays in the cache."""
 
+EPOCHS_AT_ONCE: Final = 8
+
 ROW_STEPS: Final = (0, 1, 0, -1)
 COL_STEPS: Final = (1, 0, -1, 0)
 
@@ -170,30 +172,72 @@ def induct(
     epoch h is in place h % kept, V_0 is given. `lengths` (4, n), `gains` (5, n), `chances` of going
     straight and of each side, `turns` what a quarter and a half turn cost. Ends early when
     nothing has changed: so it would go on.
+
+    Several epochs go over the map at once, each as far behind the one before as a move reaches,
+    so that what one has read is still in the cache for the next.
     """
-    cells = lengths.shape[1]
     scratch = np.zeros(4 * CHUNK, np.float32)
-    for epoch in range(1, horizon + 1):
-        old = reach * width + ((epoch - 1) % kept) * 4 * cells
-        new = reach * width + (epoch % kept) * 4 * cells
-        changed = False
-        for start in range(0, cells, CHUNK):
-            end = min(start + CHUNK, cells)
-            _arrive(flat, old, start, end, width, lengths, gains, reach, scratch)
-            _decide(
-                scratch,
-                flat[old + start : old + end],
-                flat[old + cells + start : old + cells + end],
-                flat[old + 2 * cells + start : old + 2 * cells + end],
-                flat[old + 3 * cells + start : old + 3 * cells + end],
-                gains[4, start:end],
-                chances,
-                turns,
-            )
-            changed |= _put(flat, old + start, new + start, end - start, cells, scratch, changed)
-        if not changed:
-            return epoch
+    chunks = (lengths.shape[1] + CHUNK - 1) // CHUNK
+    lag = (reach * width + CHUNK - 1) // CHUNK + 1
+    for first in range(1, horizon + 1, EPOCHS_AT_ONCE):
+        count = min(EPOCHS_AT_ONCE, horizon + 1 - first)
+        changed = np.zeros(count, np.bool_)
+        for step in range(chunks + (count - 1) * lag):
+            for k in range(count):
+                start = (step - k * lag) * CHUNK
+                if 0 <= start < lengths.shape[1]:
+                    changed[k] |= _improve(
+                        flat,
+                        first + k,
+                        kept,
+                        start,
+                        width,
+                        lengths,
+                        gains,
+                        reach,
+                        chances,
+                        turns,
+                        scratch,
+                        changed[k],
+                    )
+        for k in range(count):
+            if not changed[k]:
+                return first + k
     return horizon
+
+
+@compiled
+def _improve(
+    flat: Floats,
+    epoch: int,
+    kept: int,
+    start: int,
+    width: int,
+    lengths: Lengths,
+    gains: Floats,
+    reach: int,
+    chances: tuple[np.float32, np.float32],
+    turns: tuple[np.float32, np.float32],
+    scratch: Floats,
+    changed: bool,
+) -> bool:
+    """Compute one chunk of V of an epoch; tell whether it differs from that of the one before."""
+    cells = lengths.shape[1]
+    end = min(start + CHUNK, cells)
+    old = reach * width + ((epoch - 1) % kept) * 4 * cells
+    new = reach * width + (epoch % kept) * 4 * cells
+    _arrive(flat, old, start, end, width, lengths, gains, reach, scratch)
+    _decide(
+        scratch,
+        flat[old + start : old + end],
+        flat[old + cells + start : old + cells + end],
+        flat[old + 2 * cells + start : old + 2 * cells + end],
+        flat[old + 3 * cells + start : old + 3 * cells + end],
+        gains[4, start:end],
+        chances,
+        turns,
+    )
+    return _put(flat, old + start, new + start, end - start, cells, scratch, changed)
 
 
 @compiled
@@ -216,14 +260,11 @@ def _arrive(
         length, gain = lengths[direction, start:end], gains[direction, start:end]
         out = scratch[direction * CHUNK :][: end - start]
         here, one = flat[first:last], flat[first + step : last + step]
-        if reach == 1:
-            _by_one(out, here, one, length, gain)
-            continue
-        two = flat[first + 2 * step : last + 2 * step]
-        three = flat[first + 3 * step : last + 3 * step] if reach > 2 else two
-        _by_three(out, here, one, two, three, length, gain)
-        for k in range(4, reach + 1):
-            _by_more(out, flat[first + k * step : last + k * step], length, np.uint8(k), gain)
+        _by_one(out, here, one, length, gain)
+        for k in range(2, reach + 1, 2):
+            this = flat[first + k * step : last + k * step]
+            further = flat[first + (k + 1) * step : last + (k + 1) * step] if k < reach else this
+            _by_more(out, this, further, length, np.uint8(k), gain)
 
 
 # The loops below run over slices that begin at 0, load whatever they may need before they choose,
@@ -240,30 +281,15 @@ def _by_one(out: Floats, here: Floats, one: Floats, length: Lengths, gain: Float
 
 
 @compiled
-def _by_three(
-    out: Floats,
-    here: Floats,
-    one: Floats,
-    two: Floats,
-    three: Floats,
-    length: Lengths,
-    gain: Floats,
-) -> None:
-    for i in range(out.shape[0]):
-        stays, goes_one, goes_two, goes_three = here[i], one[i], two[i], three[i]
-        goes = goes_one if length[i] != np.uint8(0) else stays
-        goes = goes_two if length[i] == np.uint8(2) else goes
-        goes = goes_three if length[i] == np.uint8(3) else goes
-        out[i] = goes + gain[i]
-
-
-@compiled
 def _by_more(
-    out: Floats, there: Floats, length: Lengths, this_length: np.uint8, gain: Floats
+    out: Floats, this: Floats, further: Floats, length: Lengths, shorter: np.uint8, gain: Floats
 ) -> None:
+    """Replace what moves of length `shorter` bring by `this`, those of one more by `further`."""
+    longer = np.uint8(shorter + 1)
     for i in range(out.shape[0]):
-        nearer, goes = out[i], there[i] + gain[i]
-        out[i] = goes if length[i] == this_length else nearer
+        nearer, goes, goes_on = out[i], this[i] + gain[i], further[i] + gain[i]
+        best = goes if length[i] == shorter else nearer
+        out[i] = goes_on if length[i] == longer else best
 
 
 @compiled

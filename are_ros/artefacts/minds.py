@@ -6,7 +6,6 @@ their ids; each draws from a stream of its own.
 """
 
 from bisect import insort
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -179,4 +178,3 @@ def _activity(mind: Mind, situation: Situation) -> str:
         return f"waiting for {situation.blocked_by}"
     activity = mind.intent.activity if mind.intent else ""
     return "" if activity == mind.artefact.behaviour else activity
-

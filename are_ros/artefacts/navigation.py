@@ -135,13 +135,14 @@ class Navigation:
         if is_near and self.sees(traveller, me.point_m, goal_m):
             return Leg(_going(order, goal_m, intent, stop_there=True))
         others = self._others(traveller, me, view, robot) if is_patient else _NOBODY
-        return self._leg_by_values(traveller, me, intent, left_s, others, order)
+        return self._leg_by_values(traveller, me, intent, goal_m, left_s, others, order)
 
     def _leg_by_values(
         self,
         traveller: Traveller,
         me: Fellow,
         intent: Intent,
+        goal_m: Point,
         left_s: float | None,
         others: _Others,
         order: Order,
@@ -149,7 +150,7 @@ class Navigation:
         """Take the best action among those around, and the way that follows it."""
         terrain = self._terrain(traveller)
         coarse = self._coarse_maps.of(terrain, traveller.radius_m)
-        table = self._table(coarse, traveller, intent)
+        table = self._table(coarse, traveller, goal_m, intent.speed_mps)
         if table is None:
             return Leg(order, no_way=True)
         epochs_left = self._epochs(left_s)
@@ -171,14 +172,13 @@ class Navigation:
         return self._terrains.of(self._environment, traveller.height_m)
 
     def _table(
-        self, coarse: CoarseMap, traveller: Traveller, intent: Intent
+        self, coarse: CoarseMap, traveller: Traveller, goal_m: Point, speed_mps: float
     ) -> ValueTable | None:
         settings = self._settings
         model = TravelModel.of(
-            traveller.row, intent.speed_mps, coarse.cell_size_m, settings.decision_period, 0.0
+            traveller.row, speed_mps, coarse.cell_size_m, settings.decision_period, 0.0
         )
-        assert intent.goal_m is not None
-        return self._tables.value(coarse, model, intent.goal_m)
+        return self._tables.value(coarse, model, goal_m)
 
     def _epochs(self, left_s: float | None) -> int:
         """Return the horizon: what is left of the life, at most the longest."""

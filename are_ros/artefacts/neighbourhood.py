@@ -102,7 +102,8 @@ def _within(
                 if square <= radius_m * radius_m:
                     at = count
                     while at > 0 and (
-                        squares[at - 1] > square or (squares[at - 1] == square and found[at - 1] > i)
+                        squares[at - 1] > square
+                        or (squares[at - 1] == square and found[at - 1] > i)
                     ):
                         squares[at], found[at] = squares[at - 1], found[at - 1]
                         at -= 1

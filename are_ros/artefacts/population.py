@@ -21,9 +21,11 @@ FIRST_ADMITTED_ID: Final = 1_000_000_000
 """Scripted and requested artefacts count from here, so that they shift no random one's draws."""
 
 Place = Callable[
-    [int, CatalogueRow, np.random.Generator, tuple[float, float] | None], GroundPose | None
+    [int, CatalogueRow, np.random.Generator, tuple[float, float] | None], GroundPose | Cause | None
 ]
-"""(id, row, generator, the (x, y) of the group's first member) -> a free pose, or None."""
+"""(id, row, generator, (x, y) of the group's first member) -> a free pose, or why there is none.
+
+None is short for `Cause.NO_PLACE`."""
 
 
 def _nobody(_: Artefact) -> bool:
@@ -204,10 +206,10 @@ class Population:
         events: list[PopulationEvent] = []
         near: tuple[float, float] | None = None
         for artefact_id, row in offer.members:
-            pose, cause = self._find_pose(artefact_id, row, near, place)
-            if pose is None:
+            pose = self._find_pose(artefact_id, row, near, place)
+            if isinstance(pose, Cause):
                 blocked = EventKind.BLOCKED
-                events.append(self._say(offer.time_ns, blocked, artefact_id, row, cause))
+                events.append(self._say(offer.time_ns, blocked, artefact_id, row, pose))
                 continue
             near = near or (pose.x_m, pose.y_m)
             events.append(self._begin(artefact_id, row, pose, offer.time_ns, Origin.RANDOM, None))
@@ -215,11 +217,11 @@ class Population:
 
     def _find_pose(
         self, artefact_id: int, row: CatalogueRow, near: tuple[float, float] | None, place: Place
-    ) -> tuple[GroundPose | None, Cause]:
+    ) -> GroundPose | Cause:
         if self._is_full():
-            return None, Cause.MAX_ALIVE
+            return Cause.MAX_ALIVE
         stream = generator(self._seed, Purpose.PLACE, artefact_id)
-        return place(artefact_id, row, stream, near), Cause.NO_PLACE
+        return place(artefact_id, row, stream, near) or Cause.NO_PLACE
 
     def _begin(
         self,

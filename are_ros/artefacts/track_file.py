@@ -8,9 +8,12 @@ empty is no pose: it only tells what the artefact does from then on.
 import csv
 import math
 from array import array
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from heapq import merge
+from io import StringIO
+from operator import itemgetter
 from pathlib import Path
 from typing import Final, TextIO
 
@@ -29,6 +32,8 @@ COLUMNS: Final = (_WHO, _TIME, *_POSE, *_DOING)
 _NEEDED: Final = (_TIME, *_POSE)
 _NONE: Final = "-"
 """No activity, or no end of life that is known; a text of dashes only gets one more."""
+
+_END: Final = "\r\n"
 
 _Cells = list[str]
 
@@ -59,31 +64,39 @@ def read_tracks(path: Path) -> dict[str, Track]:
 
 
 def _write(file: TextIO, tracks: Mapping[str, Track]) -> None:
-    writer = csv.writer(file)
-    writer.writerow(COLUMNS)
+    file.write(_line(COLUMNS))
     for key, track in tracks.items():
-        who = key
-        for cells in merge(_pose_lines(track), _doing_lines(track), key=lambda line: line[0]):
-            writer.writerow([who, seconds_text(cells[0]), *cells[1]])
+        who = _line([key]).removesuffix(_END)
+        for t_ns, cells in merge(_pose_cells(track), _doing_cells(track), key=itemgetter(0)):
+            file.write(f"{who},{seconds_text(t_ns)}{cells}")
             who = ""
 
 
-def _pose_lines(track: Track) -> Iterator[tuple[int, _Cells]]:
+def _pose_cells(track: Track) -> Iterator[tuple[int, str]]:
     """Yield the instant and the cells of each pose; x is never left out, or it would be none."""
-    before = [""] * len(_POSE)
+    y = z = yaw = ""
     for t_ns, pose in zip(track.times_ns.tolist(), track.poses.tolist(), strict=True):
-        texts = [repr(number) for number in pose]
-        changed = ["" if now == was else now for now, was in zip(texts, before, strict=True)]
-        before = texts
-        yield t_ns, [texts[0], *changed[1:]]
+        was = y, z, yaw
+        x, y, z, yaw = map(repr, pose)
+        changed = [
+            "" if now == before else now for now, before in zip((y, z, yaw), was, strict=True)
+        ]
+        yield t_ns, f",{x},{','.join(changed)}{_END}"
 
 
-def _doing_lines(track: Track) -> Iterator[tuple[int, _Cells]]:
+def _doing_cells(track: Track) -> Iterator[tuple[int, str]]:
     for doing in track.doings:
         ends_ns = doing.departs_ns
         ends = _NONE if ends_ns is None else seconds_text(ends_ns)
-        blank = [""] * len(_POSE)
-        yield doing.t_ns, [*blank, doing.behaviour, _dashed(doing.activity), ends]
+        said = _line([doing.behaviour, _dashed(doing.activity), ends])
+        yield doing.t_ns, f"{',' * (len(_POSE) + 1)}{said}"
+
+
+def _line(cells: Sequence[str]) -> str:
+    """Return cells as a line of CSV, quoted where they have to be."""
+    line = StringIO()
+    csv.writer(line, lineterminator=_END).writerow(cells)
+    return line.getvalue()
 
 
 def _dashed(text: str) -> str:
@@ -112,18 +125,17 @@ def _read(path: Path, lines: Iterator[_Cells]) -> dict[str, Track]:
     names = [name.strip() for name in next(lines, [])]
     _check_columns(path, names)
     places = [names.index(name) if name in names else len(names) for name in COLUMNS]
-    readings: dict[str, _Reading] = {}
-    key = ""
+    readings: defaultdict[str, _Reading] = defaultdict(_Reading)
+    key, blank = "", [""] * (len(names) + 1)
     for number, line in enumerate(lines, start=2):
         if not line:
             continue
         if len(line) > len(names):
             raise ScenarioError(f"{path}, line {number}: it has more cells than the first line")
-        padded = line + [""] * (len(names) + 1 - len(line))
-        cells = [padded[place] for place in places]
-        key = cells[0] or key
+        line += blank[len(line) :]
+        key = line[places[0]] or key
         try:
-            _take(readings.setdefault(key, _Reading()), cells)
+            _take(readings[key], [line[place] for place in places])
         except ValueError as cause:
             raise ScenarioError(f"{path}, line {number}: {cause}") from cause
     return dict(_finished(path, readings.items()))

@@ -15,10 +15,11 @@ _Floats = npt.NDArray[np.float64]
 
 
 class Crowd:
-    """N artefacts: `ids` int64 (N,), ascending; `poses` float64 (N, 4), x, y, z, yaw in the map;
-    `radii_m` float64 (N,), of the circles about (x, y) that hold the boxes.
+    """N artefacts, in the order of their ids.
 
-    All are replaced, never written into, so that what was taken stays what it was.
+    `ids` int64 (N,), ascending; `poses` float64 (N, 4), x, y, z, yaw in the map; `radii_m` float64
+    (N,), of the circles about (x, y) that hold the boxes. All are replaced, never written into, so
+    that what was taken stays what it was.
     """
 
     def __init__(self, ground: GroundKind) -> None:
@@ -74,7 +75,7 @@ class Crowd:
         if not moved.any():
             return self.poses, self.boxes
         poses = self.poses.copy()
-        poses[np.ix_(moved, (0, 1, 3))] = planar[moved]
+        poses[moved, :2], poses[moved, 3] = planar[moved, :2], planar[moved, 2]
         boxes = self._boxes_at(poses)
         if self._is_plane:
             return poses, boxes

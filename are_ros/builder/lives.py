@@ -76,6 +76,7 @@ class Lives:
         self._next_step_ns: int | None = None
         self._last_input_ns = 0
         self._robot: RobotPose | None = None
+        self._viewpoints: Sequence[Viewpoint] = ()
         self._events: list[ArtefactEvent] = []
         self._environment: Environment | None = None
         self._scene = Scene.of((), 0)
@@ -148,6 +149,7 @@ class Lives:
         self.population.start(now_ns)
         self._motions.forget()
         self._robot = self.goal = None
+        self._viewpoints = ()
         self.plan_m = np.empty((0, 2))
         self._next_step_ns, self._last_input_ns = None, now_ns
 
@@ -231,11 +233,11 @@ class Lives:
         row: CatalogueRow,
         generator: np.random.Generator,
         near: tuple[float, float] | None,
-    ) -> GroundPose | None:
-        motions = self._motions
-        return self._spawning.place(
-            row, generator, motions.crowd.boxes, self._robot, near, motions.traffic.is_clear
-        )
+    ) -> GroundPose | Cause:
+        motions, spawning = self._motions, self._spawning
+        boxes, is_clear = motions.crowd.boxes, motions.traffic.is_clear
+        pose = spawning.place(row, generator, boxes, self._robot, near, is_clear)
+        return pose or spawning.cause
 
     def _why_not_placed(self, row: CatalogueRow, pose: GroundPose, robot: RobotPose | None) -> str:
         environment = self._world.environment
@@ -255,8 +257,9 @@ class Lives:
         if self._environment is None:
             return
         spawning = self._spawning
-        viewpoints = self.viewpoints(step_ns) if spawning.needs_viewpoints else ()
-        if spawning.refresh(self._environment, self._robot, viewpoints):
+        if spawning.needs_viewpoints:
+            self._viewpoints = self.viewpoints(step_ns) or self._viewpoints
+        if spawning.refresh(self._environment, self._robot, self._viewpoints):
             self._set_rates(step_ns)
         if not self.is_paused and self.population.living:
             self._move(step_ns, self._environment)

@@ -224,7 +224,6 @@ class Motions:
             history.append(step_ns, GroundPose(*numbers))
 
 
-
 def _as_seen(robot: RobotMotion, plan_m: npt.NDArray[np.float64]) -> RobotView:
     """Return the robot as the behaviours see it."""
     return RobotView(

@@ -243,9 +243,7 @@ class Reality:
         self.advance(received_ns)
         self.lives.touch(received_ns)
 
-    def _in_map(
-        self, points_m: npt.NDArray[np.floating], frame_id: str
-    ) -> npt.NDArray[np.float64]:
+    def _in_map(self, points_m: npt.NDArray[np.floating], frame_id: str) -> npt.NDArray[np.float64]:
         """Return points (N, 3) of a frame, where that is now, in the map's frame."""
         map_frame = self.parameters.frames.map
         stamp_ns = self.frames.latest_common_time(map_frame, frame_id)

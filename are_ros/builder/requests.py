@@ -8,7 +8,7 @@ from are_ros.artefacts.behaviours.registry import BEHAVIOURS, why_not
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.builder.reality import Reality
-from are_ros.errors import CatalogueError, PlacementError
+from are_ros.errors import CatalogueError
 from are_ros.world.rigid_transform import RigidTransform
 
 
@@ -71,6 +71,7 @@ class Requests:
 
     def _row_of(self, request: SpawnRequest) -> CatalogueRow:
         catalogue = self._reality.catalogue
+        rows: Sequence[CatalogueRow]
         rows = catalogue.rows_named(request.label) if request.label else catalogue.rows
         if request.row < 0:
             rows = self._able(rows, request)
@@ -85,9 +86,7 @@ class Requests:
             raise CatalogueError(message)
         return self._able(chosen, request)[0]
 
-    def _able(
-        self, rows: Sequence[CatalogueRow], request: SpawnRequest
-    ) -> Sequence[CatalogueRow]:
+    def _able(self, rows: Sequence[CatalogueRow], request: SpawnRequest) -> Sequence[CatalogueRow]:
         """Return the rows that can behave as asked; CatalogueError where none can.
 
         A class of the user's must be one that the catalogue names: no request imports another.

@@ -21,6 +21,7 @@ _SIDE = 120
 _MINIATURE = {
     "population.arrival_rate": 0.5,
     "population.mean_life": 1.0,
+    "population.appear": "out_of_view",
     "mixture.weights": (0.85, 0.15),
     "camera.width": 32,
     "camera.height": 24,

@@ -63,9 +63,10 @@ def tagged_survival(
     forward = (jumps - rests + _one_down(falls)).T
     if len(levels) > _DENSE:
         paths = expm_multiply(forward.tocsc(), met, times_s[0], times_s[-1], len(times_s))
-        return np.asarray(paths).sum(axis=1)
+        survival: Numbers = np.asarray(paths).sum(axis=1)
+        return survival
     step = expm((times_s[1] - times_s[0]) * forward.toarray())
-    survival: Numbers = np.empty(len(times_s))
+    survival = np.empty(len(times_s))
     for i in range(len(times_s)):
         survival[i] = met.sum()
         met = step @ met

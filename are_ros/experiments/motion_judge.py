@@ -74,9 +74,7 @@ class _Life:
 class MotionJudge:
     """Takes the ground truth of one sub-step after the other."""
 
-    def __init__(
-        self, grid: OccupancyGrid, occupied: npt.NDArray[np.bool_], step_s: float
-    ) -> None:
+    def __init__(self, grid: OccupancyGrid, occupied: npt.NDArray[np.bool_], step_s: float) -> None:
         """Take the map, which of its cells are occupied, and the length of a sub-step."""
         self.verdict = Verdict()
         self._step_s = step_s
@@ -137,7 +135,12 @@ class MotionJudge:
         reason = _beyond(limits, self._step_s, speed_mps, life.speed_mps, turn_rad, across_m)
         if reason:
             self._note("limits", t_s, f"{state.label} {state.artefact_id}: {reason}")
-        life.x_m, life.y_m, life.yaw_rad, life.speed_mps = pose.x_m, pose.y_m, pose.yaw_rad, speed_mps
+        life.x_m, life.y_m, life.yaw_rad, life.speed_mps = (
+            pose.x_m,
+            pose.y_m,
+            pose.yaw_rad,
+            speed_mps,
+        )
         self._watch_standing(t_s, state, life)
 
     def _watch_standing(self, t_s: float, state: ArtefactState, life: _Life) -> None:
@@ -181,7 +184,9 @@ def _beyond(
         return f"slides {across_m * 1000:.2f} mm sideways"
     radius_m = limits.turn_radius_m
     if radius_m > 0.0 and turn_rate * radius_m > abs(speed_mps) * 1.01 + 1e-3:
-        return f"turns at {turn_rate:.3f} rad/s with {speed_mps:.3f} m/s: radius below {radius_m:g} m"
+        return (
+            f"turns at {turn_rate:.3f} rad/s with {speed_mps:.3f} m/s: radius below {radius_m:g} m"
+        )
     return ""
 
 
@@ -238,7 +243,7 @@ def _met_by_disc(boxes: _Floats, x_m: float, y_m: float, radius_m: float) -> lis
     c, s = np.cos(boxes[:, 2]), np.sin(boxes[:, 2])
     along = np.maximum(np.abs(c * dx + s * dy) - boxes[:, 3], 0.0)
     across = np.maximum(np.abs(c * dy - s * dx) - boxes[:, 4], 0.0)
-    return np.flatnonzero(np.hypot(along, across) < radius_m - _TOUCH_M).tolist()
+    return [int(i) for i in np.flatnonzero(np.hypot(along, across) < radius_m - _TOUCH_M)]
 
 
 class _Walls:
@@ -261,7 +266,8 @@ class _Walls:
         reach = np.hypot(boxes[:, 3], boxes[:, 4]) + self._reach_m
         distances, _ = self._tree.query(boxes[:, :2])
         corners = _corners(boxes)
-        return [i for i in np.flatnonzero(distances < reach).tolist() if self._meets(corners[i], boxes[i], reach[i])]
+        near = np.flatnonzero(distances < reach).tolist()
+        return [i for i in near if self._meets(corners[i], boxes[i], reach[i])]
 
     def _meets(self, corners: _Floats, box: _Floats, reach_m: float) -> bool:
         near = self._centres_m[self._tree.query_ball_point(box[:2], reach_m)]

@@ -10,13 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.catalogue import Catalogue
+from are_ros.artefacts.catalogue import Catalogue, MotionLimits
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.events import EventKind
 from are_ros.builder.motions import MotionCounts
 from are_ros.builder.tick import Demand, Tick
 from are_ros.conventions import NS_PER_S
+from are_ros.errors import MapError
 from are_ros.experiments.motion_judge import Limits, MotionJudge, Verdict
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
@@ -52,14 +53,15 @@ def soak(
     duration_s: float,
     progress: Callable[[float], object] = lambda _: None,
 ) -> SoakResult:
-    """Let artefacts live on a map for a while, judged at each sub-step; `progress` takes seconds."""
+    """Let artefacts live on a map, judged at each sub-step; `progress` is told the time [s]."""
     step_s = parameters.motion.step
     step_ns = round(step_s * NS_PER_S)
     parameters = with_values(parameters, {"builder.tick_rate": 1.0 / step_s})
     builder = ArBuilder(parameters, catalogue, _NOTHING_SHOWN)
     builder.receive_map(grid, 0)
     environment = builder.world.environment
-    assert environment is not None
+    if environment is None:
+        raise MapError("nobody lives without a map")
     judge = MotionJudge(grid, environment.classes.occupied, step_s)
     limits = {row.label: _limits(row.motion) for row in catalogue.rows}
     robot = RovingRobot(environment, parameters.robot.radius, parameters.seed)
@@ -77,7 +79,8 @@ def soak(
         robot.drive(step_s, tick)
         pose = (robot.x_m, robot.y_m, 0.0)
         turn = (0.0, 0.0, math.sin(0.5 * robot.yaw_rad), math.cos(0.5 * robot.yaw_rad))
-        builder.receive_transform("map", "base_link", now_ns + step_ns // 2, pose, turn, now_ns + step_ns // 2)
+        then_ns = now_ns + step_ns // 2
+        builder.receive_transform("map", "base_link", then_ns, pose, turn, then_ns)
         progress(now_ns / NS_PER_S)
     lives = builder.lives
     return SoakResult(
@@ -89,13 +92,12 @@ def soak(
     )
 
 
-def _limits(motion: object) -> Limits:
-    top_mps = getattr(motion, "top_speed_mps")
+def _limits(motion: MotionLimits) -> Limits:
     return Limits(
-        top_mps,
-        getattr(motion, "acceleration_mps2"),
-        getattr(motion, "turn_rate_radps"),
-        getattr(motion, "turn_radius_m"),
+        motion.top_speed_mps,
+        motion.acceleration_mps2,
+        motion.turn_rate_radps,
+        motion.turn_radius_m,
     )
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from are_ros.errors import ParameterError
 from are_ros.parameters.choices import Region
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.zones import Zones, polygon_mask
+from are_ros.world.zones import Zones, polygon_mask, zone_weights
 
 SNAP_M: Final = 1.0
 """How far from the robot its component is looked for when it stands in none."""
@@ -169,9 +169,7 @@ def _zones_region(zones: Zones, allowed: _Mask, grid: OccupancyGrid) -> SpawnReg
         raise ParameterError(
             "population.region is zones, but population.zones names no file that lists any zone"
         )
-    weight = np.zeros(allowed.shape, np.float32)
-    for zone in zones.zones:
-        weight[polygon_mask(zone.polygon_m, grid)] += zone.weight
+    weight = zone_weights(zones.zones, grid)
     weight[~allowed] = 0.0
     area_m2 = float(weight.sum(dtype=np.float64)) * grid.cell_area_m2
     return SpawnRegion(weight > 0.0, weight, area_m2)

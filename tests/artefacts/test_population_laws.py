@@ -99,8 +99,7 @@ class _History:
         for low_s, high_s, row in pairs:
             inside_s = np.minimum(ends_s, high_s) - np.maximum(self.times_s, low_s)
             np.add.at(row, np.minimum(self.alive, levels - 1), np.maximum(inside_s, 0.0))
-            row /= high_s - low_s
-        return shares
+        return shares / np.diff(edges_s)[:, np.newaxis]
 
 
 def _ns(at_s: float) -> int:
@@ -176,7 +175,7 @@ def _run(population: Population, regimes: Sequence[_Regime], end_s: float) -> _H
 def test_under_changing_rates_the_integrated_rates_are_unit_exponentials(
     kind: Departures, group: float
 ) -> None:
-    """KS on 1,000 waits and on the lives, or the departures' gaps, over 160 changes of all three."""
+    """KS on 1,000 waits and on the lives, or the departures' gaps, over 160 changes of them."""
     regimes = _regimes(160, 7.3)
     population = _population(5, kind, group=group, max_alive=10_000)
     history = _run(population, regimes, regimes[-1].begin_s + 7.3)
@@ -284,7 +283,7 @@ def _long_run(case: tuple[float, float, float, Departures, int, float], batches:
     population = _population(17, kind, group=group, max_alive=bound)
     population.set_rates(groups_per_s / 50.0, 50.0, life_s, EPOCH_NS)
     history, length_s = _History(), 40.0 * memory_s
-    edges_s = 20.0 * memory_s + length_s * np.arange(batches + 1)
+    edges_s: Floats = 20.0 * memory_s + length_s * np.arange(batches + 1, dtype=np.float64)
     _advance(population, history, edges_s[-1])
     # Batches of 40 correlation times are as good as independent; a class has a sixth of the time.
     classes = np.minimum(np.searchsorted(np.cumsum(law)[:-1], np.arange(1.0, 6.0) / 6.0), bound)
@@ -379,7 +378,7 @@ def test_rows_follow_the_mixture_whatever_becomes_of_them() -> None:
     """Chi-square of the rows of those admitted at a tight bound: the mark is independent of it."""
     population = _population(23, INDEPENDENT, group=2.0, max_alive=3)
     population.set_rates(0.02, 100.0, 2.0, EPOCH_NS)
-    rows = []
+    rows: list[int] = []
     while len(rows) < 1500:
         events = population.handle_next(_anywhere)
         rows += [event.row.index for event in events if event.kind is EventKind.ARRIVED]

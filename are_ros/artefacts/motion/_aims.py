@@ -25,6 +25,7 @@ _ARRIVED = 0.1
 _ABEAM = 0.4  # a vehicle whose goal is beside it, no farther than this, has arrived
 _FACED = 0.02
 _PASSED = 0.35
+_ASTRAY = 1.0  # farther than this from what it has passed, it comes back if nothing else is asked
 _STANDS = 1e-6
 _IMPATIENCE = 0.25
 _MOST_IMPATIENT = 1.5
@@ -86,7 +87,9 @@ def aim_of(fleet: Fleet, i: int, pose: Floats, now: int, second: int) -> Aim:
         if mind.passed_at == NEVER and _passes(pose, order, body):
             mind.passed_at = now
         if now - second >= mind.passed_at:
-            return Aim(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0)
+            if distance <= _ASTRAY:
+                return Aim(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0)
+            mind.passed_at = NEVER
         if mind.passed_at != NEVER:
             return Aim(COASTING, pose[YAW], np.inf, speed, stop_cost, 0.0)
     elif abs(pose[SPEED]) < _STANDS and has_arrived(pose, order, body):
