@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.artefacts._mdp_kernels import COL_STEPS, ROW_STEPS
+from are_ros.artefacts._coarse_kernels import COL_STEPS, ROW_STEPS
 
 Floats = npt.NDArray[np.float32]
 Doubles = npt.NDArray[np.float64]

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts import _mdp_kernels
+from are_ros.artefacts import _mdp_kernels, _travel_kernels
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.errors import ParameterError
 
@@ -82,7 +82,9 @@ class TravelModel:
         quarter_s = 0.5 * math.pi / max(motion.turn_rate_radps, 1e-3)
         half_s = 2.0 * quarter_s
         if motion.turn_radius_m > 0.0:
-            quarter_s = max(quarter_s, 0.5 * math.pi * motion.turn_radius_m / max(speed_mps, 1e-3))
+            # by the rounded speed, so that speeds of one reach share their values
+            arc_m = 0.5 * math.pi * motion.turn_radius_m
+            quarter_s = max(quarter_s, arc_m * period_s / (reach * cell_size_m))
             half_s = 2.0 * quarter_s + _VEHICLE_HALF_TURN_S
         time = max(rewards.time, LEAST_TIME)
         return cls(
@@ -154,11 +156,11 @@ def travel_problem(
     """
     edges, goal = np.ascontiguousarray(edges), (int(goal[0]), int(goal[1]))
     price = np.ascontiguousarray(model.time + model.clearance * nearness, np.float32)
-    costs = _mdp_kernels.way_prices(edges, price, model.reach, goal)
-    lengths = _mdp_kernels.find_moves(edges, costs, model.reach, goal)
+    costs = _travel_kernels.way_prices(edges, price, model.reach, goal)
+    lengths = _travel_kernels.find_moves(edges, costs, model.reach, goal)
     if penalty is not None:
         price = price + penalty.astype(np.float32)
-    gains = _mdp_kernels.find_gains(lengths, costs, price, model.reach, goal)
+    gains = _travel_kernels.find_gains(lengths, costs, price, model.reach, goal)
     terminal = np.where(np.isfinite(costs), np.float32(model.goal) - costs, UNREACHABLE)
     return Problem(lengths, gains, terminal, costs, goal, model)
 

@@ -7,18 +7,30 @@ that of the histogram, however many samples are in it.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import gammainccinv, gammaln
+from scipy.special import gammainccinv
 
+from are_ros.artefacts._mixture_climb import Climb, Search, Stop
 from are_ros.artefacts._mixture_information import Precision, headroom, precision
-from are_ros.artefacts._mixture_kernels import LOWEST_LOG_WEIGHT, climb
-from are_ros.artefacts._mixture_starts import Start, grown, starts_for
+from are_ros.artefacts._mixture_starts import grown, starts_for
 from are_ros.artefacts.mixture import TruncatedPoissonMixture
 from are_ros.errors import InputError, ParameterError
+
+__all__ = (
+    "MixtureFit",
+    "Search",
+    "Stop",
+    "best_by_bic",
+    "count_rows",
+    "fit_by_bic",
+    "fit_mixture",
+    "most_components",
+    "rate_limits",
+    "why_no_row",
+)
 
 Counts = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
@@ -26,29 +38,11 @@ Progress = Callable[[int, int], None]
 """Told how many searches of how many are done."""
 
 LOWEST_RATE: Final = 1e-9
-_TOLERANCE: Final = 1e-12
 _EVALUATIONS: Final = 100_000
 _FIRST_EVALUATIONS: Final = 1_500
 _FINALISTS: Final = 3
 _RANDOM_STARTS: Final = 8
 _AT_LIMIT: Final = 1e-6
-
-
-class Stop(Enum):
-    """Why a search ended."""
-
-    CONVERGED = "three cycles in a row gained less than the tolerance"
-    LIMIT = "the limit of evaluations was reached"
-
-
-@dataclass(frozen=True)
-class Search:
-    """One climb: where it began, the steps of EM it took, log-likelihood per sample at its end."""
-
-    start: str
-    evaluations: int
-    log_likelihood: float
-    stop: Stop
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +178,7 @@ def _fit(counts: Floats, components: int, seed: int, smaller: MixtureFit | None)
     starts = list(starts_for(counts, components, limits, generator, count))
     if smaller is not None:
         starts.append(grown(smaller.law.weights, smaller.law.rates, smaller.growing_rate))
-    climbs = [_Climb(counts, limits, start) for start in starts]
+    climbs = [Climb(counts, limits, start) for start in starts]
     for each in climbs:
         each.go_on(_FIRST_EVALUATIONS)
     # Sorting is stable: of equals the one that began first is kept.
@@ -195,45 +189,7 @@ def _fit(counts: Floats, components: int, seed: int, smaller: MixtureFit | None)
     return _result(counts, limits, climbs)
 
 
-class _Climb:
-    """A search that can be taken up again where it ended."""
-
-    def __init__(self, counts: Floats, limits: tuple[float, float], start: Start) -> None:
-        self.name = start.name
-        with np.errstate(divide="ignore"):
-            log_weights = np.maximum(np.log(start.weights), LOWEST_LOG_WEIGHT)
-        self.point = np.concatenate((log_weights, np.log(np.clip(start.rates, *limits))))
-        self.trace = np.empty(0)
-        self.evaluations = 0
-        self.is_over = False
-        self._counts, self._limits = counts, limits
-        self._log_factorials = gammaln(np.arange(len(counts)) + 1.0)
-
-    @property
-    def log_likelihood(self) -> float:
-        """The log-likelihood where it stands now."""
-        return float(self.trace[-1])
-
-    def go_on(self, evaluations: int) -> None:
-        """Climb on, by so many evaluations at most."""
-        if self.is_over:
-            return
-        trace = np.empty(evaluations)
-        tolerance = _TOLERANCE * float(self._counts.sum())
-        used, kept, self.is_over = climb(
-            self._counts, self._log_factorials, self._limits, self.point, trace, tolerance
-        )
-        # The last point of the part before is the first of this one.
-        self.trace = np.concatenate((self.trace[:-1], trace[:kept]))
-        self.evaluations += used
-
-    def summary(self, samples: float) -> Search:
-        """Return what is to be told of it."""
-        stop = Stop.CONVERGED if self.is_over else Stop.LIMIT
-        return Search(self.name, self.evaluations, self.log_likelihood / samples, stop)
-
-
-def _result(counts: Floats, limits: tuple[float, float], climbs: Sequence[_Climb]) -> MixtureFit:
+def _result(counts: Floats, limits: tuple[float, float], climbs: Sequence[Climb]) -> MixtureFit:
     """Return the fit of the best climb, which is the first."""
     best, n = climbs[0], len(climbs[0].point) // 2
     order = np.argsort(best.point[n:], kind="stable")

@@ -28,7 +28,9 @@ from are_ros.world.environment import Environment
 _STRAIGHT_M = 3.0
 """A goal that is seen and no farther than this is gone to without asking for values."""
 
-_TURNING_ROOM_M = 0.35
+_TURNING_ROOM = 0.1
+"""What a body needs beside its half width to get round corners, as a share of its length."""
+
 _MINDED_M = 3.0
 _NOWHERE = Places(np.empty((0, 2)), np.empty((0, 2)))
 _Others = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]
@@ -63,7 +65,7 @@ class Traveller:
     @classmethod
     def of(cls, row: CatalogueRow, body: Body) -> "Traveller":
         """Return the traveller of a row; one much longer than wide needs some room to turn."""
-        narrow_m = 0.5 * row.size_m[1] + _TURNING_ROOM_M
+        narrow_m = 0.5 * row.size_m[1] + _TURNING_ROOM * row.size_m[0]
         return cls(row, body, min(body.radius_m, narrow_m), Comfort.of(row.rewards))
 
     @property

@@ -60,7 +60,9 @@ def write_scenario(scenario: Scenario, path: Path) -> list[Path]:
     tracks = {_key(one): one.track for one in artefacts if one.track and _is_beside(one)}
     head = {**({"name": scenario.name} if scenario.name else {}), "random": scenario.random}
     content = {"scenario": head, "artefacts": [_entry(one, sidecar.name) for one in artefacts]}
-    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=_LINE)
+    text = yaml.safe_dump(
+        content, sort_keys=False, allow_unicode=True, width=_LINE, default_flow_style=None
+    )
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as cause:

@@ -132,7 +132,7 @@ def _read(path: Path, lines: Iterator[_Cells]) -> dict[str, Track]:
             continue
         if len(line) > len(names):
             raise ScenarioError(f"{path}, line {number}: it has more cells than the first line")
-        line += blank[len(line) :]
+        line.extend(blank[len(line) :])
         key = line[places[0]] or key
         try:
             _take(readings[key], [line[place] for place in places])

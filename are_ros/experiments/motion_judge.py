@@ -59,7 +59,10 @@ class Verdict:
 
 @dataclass
 class _Life:
-    """What is kept of one artefact: where it was a sub-step ago, and since when it stands."""
+    """What is kept of one artefact: where it was a sub-step ago, and since when it stands.
+
+    The speed is NaN where it is not known: in the sub-step of its arrival it may have set off.
+    """
 
     x_m: float
     y_m: float
@@ -120,7 +123,7 @@ class MotionJudge:
         verdict.lived_s[name] = verdict.lived_s.get(name, 0.0) + self._step_s
         if life is None or jumped:
             here = (pose.x_m, pose.y_m)
-            self._lives[state.artefact_id] = _Life(*here, pose.yaw_rad, 0.0, here, t_s)
+            self._lives[state.artefact_id] = _Life(*here, pose.yaw_rad, math.nan, here, t_s)
             return
         self._lives[state.artefact_id] = life
         dx_m, dy_m = pose.x_m - life.x_m, pose.y_m - life.y_m

@@ -45,6 +45,8 @@ class Census:
     blocked: dict[_Key, str] = field(default_factory=dict)
     seen: dict[_Key, _Known] = field(default_factory=dict)
     begun_ns: dict[str, int] = field(default_factory=dict)
+    low_scripted: set[str] = field(default_factory=set)
+    """Nodes whose scenario gives low ids; nobody comes at random beside such a scenario."""
 
     def take_event(self, node: str, message: Any) -> None:
         """Keep an are_msgs/ArtefactEvent of a node."""
@@ -62,6 +64,8 @@ class Census:
             if key not in self.seen:
                 known = _Known(int(artefact.row), artefact.label, int(artefact.origin))
                 self.seen[key] = known
+                if known.origin == Origin.SCRIPTED and key.artefact_id < FIRST_ADMITTED_ID:
+                    self.low_scripted.add(node)
 
     def comers(self) -> "Comers":
         """Return the labels of those whom the mixture sent within the recording."""
@@ -81,7 +85,8 @@ class Census:
         known = self.seen.get(key)
         if known is not None:
             return known.origin == Origin.RANDOM
-        return 0 < key.artefact_id < FIRST_ADMITTED_ID
+        is_low = 0 < key.artefact_id < FIRST_ADMITTED_ID
+        return is_low and key.node not in self.low_scripted
 
 
 @dataclass

@@ -3,6 +3,7 @@
 import math
 from array import array
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -31,13 +32,26 @@ class Track:
         return len(self.stamps_ns)
 
 
+class Doing(NamedTuple):
+    """What an artefact does from `since_ns` on; an `activity` that is empty is its behaviour."""
+
+    since_ns: int
+    behaviour: str
+    activity: str = ""
+
+
+def _never() -> npt.NDArray[np.int64]:
+    return np.zeros(0, dtype=np.int64)
+
+
 @dataclass(frozen=True, eq=False)
 class Life:
     """One artefact from its arrival to its departure (None: none within the record).
 
     `footprints` is a track of the box's centre, (x, y, yaw), one pose per change; it is empty for
     a life between two ticks. `left_by` is the cause of the departure. `seen_ticks` counts the
-    ticks that perceived it, of which `first_seen_ns` and `last_seen_ns` are the ends.
+    ticks that perceived it, of which `first_seen_ns` and `last_seen_ns` are the ends, and `seen_ns`
+    int64 (seen_ticks,) the stamps. `doings` has one entry per change, the first from its arrival.
     """
 
     artefact_id: int
@@ -49,6 +63,8 @@ class Life:
     seen_ticks: int
     first_seen_ns: int | None
     last_seen_ns: int | None
+    seen_ns: npt.NDArray[np.int64] = field(default_factory=_never)
+    doings: tuple[Doing, ...] = ()
 
     @property
     def is_perceived(self) -> bool:
@@ -58,6 +74,16 @@ class Life:
     def is_present_at(self, t_ns: int) -> bool:
         """Say whether `t_ns` lies in [arrival, departure)."""
         return self.arrival_ns <= t_ns and (self.departure_ns is None or t_ns < self.departure_ns)
+
+    def is_perceived_at(self, stamp_ns: int) -> bool:
+        """Say whether the tick of this very stamp perceived it."""
+        at = int(np.searchsorted(self.seen_ns, stamp_ns))
+        return at < len(self.seen_ns) and int(self.seen_ns[at]) == stamp_ns
+
+    def doing_at(self, t_ns: int) -> Doing:
+        """Return what it did at `t_ns`, held outside; a doing without names if none is known."""
+        before = [doing for doing in self.doings if doing.since_ns <= t_ns]
+        return (before or [*self.doings[:1], Doing(self.arrival_ns, "")])[-1 if before else 0]
 
     def footprint_at(self, t_ns: int) -> tuple[float, float, float]:
         """Return (x, y, yaw) of the box's centre at `t_ns`, held outside; there must be a pose."""
@@ -77,9 +103,8 @@ class LifeRecorder:
     stamps_ns: "array[int]" = field(default_factory=lambda: array("q"))
     poses: "array[float]" = field(default_factory=lambda: array("d"))
     last_pose: GroundPose | None = None
-    seen_ticks: int = 0
-    first_seen_ns: int | None = None
-    last_seen_ns: int | None = None
+    seen_ns: "array[int]" = field(default_factory=lambda: array("q"))
+    doings: list[Doing] = field(default_factory=list)
 
     def stand(self, stamp_ns: int, pose: GroundPose) -> None:
         """Say where the artefact stands; kept only if it is elsewhere than before."""
@@ -92,12 +117,14 @@ class LifeRecorder:
         centre_m = (pose.x_m + cos * x_m - sin * y_m, pose.y_m + sin * x_m + cos * y_m)
         self.poses.extend((*centre_m, pose.yaw_rad))
 
+    def do(self, stamp_ns: int, behaviour: str, activity: str) -> None:
+        """Say what it does; kept only if it is something else than before."""
+        if not self.doings or self.doings[-1][1:] != (behaviour, activity):
+            self.doings.append(Doing(stamp_ns, behaviour, activity))
+
     def see(self, stamp_ns: int) -> None:
         """Say that a tick perceived it."""
-        self.seen_ticks += 1
-        self.last_seen_ns = stamp_ns
-        if self.first_seen_ns is None:
-            self.first_seen_ns = stamp_ns
+        self.seen_ns.append(stamp_ns)
 
     def finished(self, artefact_id: int) -> Life:
         """Return the life as it is known so far."""
@@ -108,9 +135,11 @@ class LifeRecorder:
             self.departure_ns,
             self.left_by,
             track_of(self.stamps_ns, self.poses, 3),
-            self.seen_ticks,
-            self.first_seen_ns,
-            self.last_seen_ns,
+            len(self.seen_ns),
+            self.seen_ns[0] if self.seen_ns else None,
+            self.seen_ns[-1] if self.seen_ns else None,
+            np.array(self.seen_ns, dtype=np.int64),
+            tuple(self.doings),
         )
 
 

@@ -97,9 +97,9 @@ class SceneRecorder:
         """Take a tick, and the camera that it looked through (None: none is known)."""
         self._add_events(tick)
         for state in tick.artefacts:
-            self._life(state.artefact_id, state.label, state.arrival_ns).stand(
-                tick.stamp_ns, state.ground_pose
-            )
+            life = self._life(state.artefact_id, state.label, state.arrival_ns)
+            life.stand(tick.stamp_ns, state.ground_pose)
+            life.do(tick.stamp_ns, state.behaviour, state.activity)
         for seen in tick.perceived:
             if seen.artefact_id in self._lives:
                 self._lives[seen.artefact_id].see(tick.stamp_ns)

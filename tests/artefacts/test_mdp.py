@@ -10,7 +10,10 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse import lil_matrix
+from scipy.sparse.csgraph import dijkstra
 
+from are_ros.artefacts import _travel_kernels
 from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits, RewardWeights
 from are_ros.artefacts.mdp import (
     UNREACHABLE,
@@ -22,7 +25,7 @@ from are_ros.artefacts.mdp import (
 )
 from are_ros.artefacts.shapes import Shape
 from are_ros.errors import ParameterError
-from tests.artefacts.slow_travel import SlowTravel, quantecon_arguments, random_edges
+from tests.artefacts.slow_travel import STEPS, SlowTravel, quantecon_arguments, random_edges
 
 Arguments = tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32], tuple[int, int], TravelModel]
 
@@ -143,6 +146,21 @@ def test_every_cell_with_a_way_comes_nearer_to_the_goal(seed: int, reach: int) -
         ends = [slow.moved((cell[0], cell[1]), d) for d in range(4)]
         costs = [problem.costs[end[-1]] for end in ends if end]
         assert tuple(cell) == goal or min(costs) < problem.costs[tuple(cell)]
+
+
+@pytest.mark.parametrize("spread", [0.0, 1.0, 1e7])
+def test_prices_of_ways_are_exact_however_wild_prices_are(spread: float) -> None:
+    """Also where the dearest step costs a million times the cheapest, against scipy's Dijkstra."""
+    random = np.random.default_rng(4)
+    edges = random_edges(0.8, (30, 40), random)
+    price = (0.01 + spread * random.random((30, 40)) ** 12).astype(np.float32)
+    graph = lil_matrix((1200, 1200))
+    for direction, row, col in np.argwhere(edges).tolist():
+        step = STEPS[direction]
+        graph[row * 40 + col, (row + step[0]) * 40 + col + step[1]] = price[row, col]
+    expected = dijkstra(graph.tocsr(), indices=613).reshape(30, 40)
+    ours = _travel_kernels.way_prices(edges, price, 1, (15, 13))
+    np.testing.assert_allclose(ours, expected, rtol=1e-5)
 
 
 def test_moves_go_as_far_as_the_reach_and_end_at_walls_and_at_the_goal() -> None:

@@ -131,7 +131,9 @@ def test_a_window_on_a_large_map_equals_the_whole_inside() -> None:
     coarse = CoarseMap(terrain_of(walls), 0.25)
     goal_m = tuple(coarse.anchors_m[20, 25].tolist())
     whole = ValueTables(horizon=40, kept_bytes=2**22).value(coarse, WALKER, (goal_m[0], goal_m[1]))
-    window = ValueTables(40, max_trip_m=6.0, kept_bytes=2**22).value(coarse, WALKER, (goal_m[0], goal_m[1]))
+    window = ValueTables(40, max_trip_m=6.0, kept_bytes=2**22).value(
+        coarse, WALKER, (goal_m[0], goal_m[1])
+    )
     assert whole is not None
     assert window is not None
     assert whole.planes.shape[2:] == (40, 50)

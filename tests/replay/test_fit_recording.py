@@ -133,6 +133,16 @@ def test_scripted_and_requested_ones_are_left_out(factory: RosbagsFactory, read:
     assert observed.notes[1] == "left out: 6 scripted or asked for"
 
 
+def test_a_scenario_with_ids_of_its_own_does_not_count(factory: RosbagsFactory, read: Any) -> None:
+    """Where a scripted artefact has a low id, so have those that no ground truth shows."""
+    script, other = Script(factory), Script(factory, "/second/ar_builder")
+    script.event(10.0, EventKind.BLOCKED, 2, 5).array(10.1, (1, 8, 10.0, SCRIPTED))
+    other.event(10.0, EventKind.BLOCKED, 2, 5)
+    counts, observed = read([*script.records, *other.records])
+    assert counts == {5: 1}
+    assert observed.notes[1] == "left out: 2 scripted or asked for"
+
+
 def test_a_node_begun_anew_and_a_second_node_count_anew(factory: RosbagsFactory, read: Any) -> None:
     """The same id at another time, or of another node, is another artefact; once told twice not."""
     script, other = Script(factory), Script(factory, "/second/ar_builder")

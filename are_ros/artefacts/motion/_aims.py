@@ -25,7 +25,6 @@ _ARRIVED = 0.1
 _ABEAM = 0.4  # a vehicle whose goal is beside it, no farther than this, has arrived
 _FACED = 0.02
 _PASSED = 0.35
-_ASTRAY = 1.0  # farther than this from what it has passed, it comes back if nothing else is asked
 _STANDS = 1e-6
 _IMPATIENCE = 0.25
 _MOST_IMPATIENT = 1.5
@@ -35,7 +34,8 @@ class Aim(NamedTuple):
     """What it is after: a kind, a heading in the map, how far that goes, how fast.
 
     `stop_cost` is what standing costs; going straight costs 0. Who is pushed wants to get `aside`
-    of the heading by so much, to the left if positive, or else to go ahead of who pushes.
+    of the heading by so much, to the left if positive, or else to go ahead of who pushes. `ends`:
+    the way ends where the distance does.
     """
 
     kind: int
@@ -44,6 +44,7 @@ class Aim(NamedTuple):
     speed: float
     stop_cost: float
     aside: float
+    ends: bool
 
 
 @compiled
@@ -70,33 +71,33 @@ def _passes(pose: Floats, order: Any, body: Any) -> bool:
 
 @compiled
 def aim_of(fleet: Fleet, i: int, pose: Floats, now: int, second: int) -> Aim:
-    """Return what artefact i is after at sub-step `now`, standing or moving at `pose`."""
+    """Return what artefact i is after at sub-step `now`, standing or moving at `pose`.
+
+    One that has passed its sub-goal goes on for a second; then it comes back to stand there.
+    """
     order, mind, body = fleet.order[i], fleet.mind[i], fleet.body[i]
     speed = min(order.speed, body.speed)
     if now < mind.pushed_until:
         aside = _missing_room(pose, mind)
         if aside != 0.0:
             line = math.atan2(mind.push_sin, mind.push_cos)
-            return Aim(PUSHED, line, np.inf, max(speed, 0.5 * body.speed), 1.2, aside)
+            return Aim(PUSHED, line, np.inf, max(speed, 0.5 * body.speed), 1.2, aside, False)
     if order.has_goal == 0 or speed <= 0.0:
-        return Aim(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0)
+        return Aim(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0, False)
     dx, dy = order.x - pose[X], order.y - pose[Y]
     heading, distance = math.atan2(dy, dx), np.hypot(dx, dy)
     stop_cost = 1.0 + min(_IMPATIENCE * mind.blocked, _MOST_IMPATIENT)
-    if order.stops == 0:
+    ends = order.stops == 1 or now - second >= mind.passed_at
+    if not ends:
         if mind.passed_at == NEVER and _passes(pose, order, body):
             mind.passed_at = now
-        if now - second >= mind.passed_at:
-            if distance <= _ASTRAY:
-                return Aim(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0)
-            mind.passed_at = NEVER
         if mind.passed_at != NEVER:
-            return Aim(COASTING, pose[YAW], np.inf, speed, stop_cost, 0.0)
+            return Aim(COASTING, pose[YAW], np.inf, speed, stop_cost, 0.0, False)
     elif abs(pose[SPEED]) < _STANDS and has_arrived(pose, order, body):
         return _face(pose, order, body)
     if now < mind.detour_until:
-        return Aim(DETOURING, heading + mind.detour, np.inf, speed, stop_cost, 0.0)
-    return Aim(GOING, heading, distance, speed, stop_cost, 0.0)
+        return Aim(DETOURING, heading + mind.detour, np.inf, speed, stop_cost, 0.0, False)
+    return Aim(GOING, heading, distance, speed, stop_cost, 0.0, ends)
 
 
 @compiled
@@ -104,8 +105,8 @@ def _face(pose: Floats, order: Any, body: Any) -> Aim:
     """Return the turn on the spot that is left to one that has arrived."""
     is_done = np.isnan(order.face) or abs(wrapped(order.face - pose[YAW])) < _FACED
     if is_done or body.turn_radius > 0.0:
-        return Aim(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0)
-    return Aim(FACING, order.face, 0.0, 0.0, 0.0, 0.0)
+        return Aim(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0, False)
+    return Aim(FACING, order.face, 0.0, 0.0, 0.0, 0.0, False)
 
 
 @compiled

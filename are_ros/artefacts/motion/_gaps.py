@@ -208,14 +208,15 @@ def wall_conflict(
     Who does not start so (a new map) may go over all that is not
     solid, and covers no more solid cells than at the start.
     """
-    if not is_free(plan[0], body, 0.0, floor, box):
+    room = disc_room(plan[0], body, floor)
+    if room < 0.0 and not is_free(plan[0], body, 0.0, floor, box):
         limit = _solid_cells(plan[0], body, floor, box)
         for k in range(1, last + 1):
             if _solid_cells(plan[k], body, floor, box) > limit:
                 return False, k
         return False, NEVER
-    comfortable, k = is_free(plan[0], body, comfort, floor, box), 1
-    wanted = comfort if comfortable else 0.0
+    comfortable = room >= comfort or is_free(plan[0], body, comfort, floor, box)
+    wanted, k = comfort if comfortable else 0.0, 1
     kept = True
     while k <= last:
         room = disc_room(plan[k], body, floor)

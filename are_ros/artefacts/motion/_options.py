@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from are_ros._compiled import compiled
-from are_ros.artefacts.motion._aims import GOING, PUSHED, Aim
+from are_ros.artefacts.motion._aims import PUSHED, Aim
 from are_ros.artefacts.motion._rollouts import BRAKE, HEADING, POINT
 from are_ros.artefacts.motion._state import COS, SIN, SPEED, Floats, Tempo
 from are_ros.artefacts.motion._vehicles import vehicle_options
@@ -48,7 +48,7 @@ def fill_options(
         return set_option(options, count, BRAKE, np.nan, 0.0, _PLAIN_STOP, np.nan)
     if body.turn_radius > 0.0:
         return vehicle_options(options, aim, pose, body, order, mind, tempo)
-    return _walker_options(options, aim, order, mind)
+    return _walker_options(options, aim, mind)
 
 
 @compiled
@@ -61,8 +61,8 @@ def _gain(aim: Aim, delta: float, cosine: float, speed: float) -> float:
 
 
 @compiled
-def _walker_options(options: Floats, aim: Aim, order: Any, mind: Any) -> int:
-    ends = aim.kind == GOING and order.stops == 1
+def _walker_options(options: Floats, aim: Aim, mind: Any) -> int:
+    ends = aim.ends
     count = 0
     for n in range(_DELTAS.shape[0]):
         delta = _DELTAS[n]

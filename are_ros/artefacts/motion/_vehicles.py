@@ -149,7 +149,7 @@ def vehicle_options(
     duration = tempo.drive * tempo.step_s
     count = _add_arcs(options, 0, _FORWARD, aim, pose, body, order, mind, duration)
     count = _add_arcs(options, count, _BACKWARD, aim, pose, body, order, mind, duration)
-    if aim.kind == GOING and order.stops == 1:
+    if aim.ends:
         count = _add_arcs_to_goal(options, count, aim, pose, body, order, mind)
     options[count, 0], options[count, 1], options[count, 2] = BRAKE, 0.0, 0.0
     options[count, 3] = aim.stop_cost
