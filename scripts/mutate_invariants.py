@@ -166,8 +166,8 @@ BREAKAGES = (
     Breakage(
         OTHERS,
         "members of a group do not see each other",
-        "are_ros/builder/lives.py",
-        "        self._standing = None  # members of the same group may have come since\n",
+        "are_ros/builder/crowd.py",
+        "        self._boxes = None  # the next member of a group keeps clear of this one\n",
         "",
         (_LIVES + "test_arrivals_overlap_nothing_at_the_instant_they_come[4.0]",),
     ),
@@ -190,9 +190,9 @@ BREAKAGES = (
     Breakage(
         ROBOT,
         "contacts are not reported",
-        "are_ros/builder/lives.py",
-        "        self._events += self._contacts.begun(now_ns, resolution.contacts, living)\n",
-        "",
+        "are_ros/builder/motions.py",
+        "begun = self.contacts.begun(step_ns, resolution.contacts, living)",
+        "begun: list[ArtefactEvent] = []",
         (
             _RUN + "test_none_overlaps_the_robot_but_for_reported_contacts",
             _LIVES + "test_a_robot_that_drives_into_an_artefact",

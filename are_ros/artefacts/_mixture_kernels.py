@@ -16,6 +16,7 @@ Floats = npt.NDArray[np.float64]
 LOWEST_LOG_WEIGHT: Final = -700.0
 """Just above where a weight would underflow to 0, from which no step leads back."""
 
+_TINY: Final = 1e-280
 _NEWTON_STEPS: Final = 100
 _RELATIVE_STEP: Final = 1e-15
 _STALE_CYCLES: Final = 3
@@ -62,12 +63,39 @@ def rate_of_mean(mean: float, last: int, guess: float, low: float, high: float) 
 
 
 @compiled
-def log_kept(log_rate: float, log_factorials: Floats) -> float:
-    """Return the logarithm of the mass that Poisson(rate) has on the rows."""
-    rate, mass = math.exp(log_rate), 0.0
-    for k in range(len(log_factorials)):
-        mass += math.exp(k * log_rate - rate - log_factorials[k])
-    return math.log(mass)
+def write_law(log_rate: float, log_factorials: Floats, law: Floats) -> float:
+    """Write the Poisson masses of the rows (rows,) and return their sum.
+
+    From the mode outwards, each by its neighbour: what underflows is the tails.
+    """
+    rate, rows = math.exp(log_rate), len(law)
+    mode = min(int(rate), rows - 1)
+    law[mode] = math.exp(mode * log_rate - rate - log_factorials[mode])
+    mass = law[mode]
+    for k in range(mode + 1, rows):
+        law[k] = law[k - 1] * (rate / k)
+        mass += law[k]
+    for k in range(mode - 1, -1, -1):
+        law[k] = law[k + 1] * ((k + 1) / rate)
+        mass += law[k]
+    return mass
+
+
+@compiled
+def far_terms(k: int, log_factorial: float, point: Floats, masses: Floats, terms: Floats) -> float:
+    """Write weight times law of each component at a row where all of them underflow.
+
+    They are divided by the largest, whose logarithm is returned.
+    """
+    n, top = len(terms), -math.inf
+    for i in range(n):
+        log_rate = point[n + i]
+        log_law = k * log_rate - math.exp(log_rate) - log_factorial - math.log(masses[i])
+        terms[i] = point[i] + log_law
+        top = max(top, terms[i])
+    for i in range(n):
+        terms[i] = math.exp(terms[i] - top)
+    return top
 
 
 @compiled
@@ -84,27 +112,27 @@ def em_step(
     component decides its rate, since a truncated Poisson law is an exponential family.
     """
     n, rows = len(point) // 2, len(counts)
-    offsets, terms = np.empty(n), np.empty(n)
+    laws, terms = np.empty((n, rows)), np.empty(n)
+    masses, scales = np.empty(n), np.empty(n)
     shares, moments = np.zeros(n), np.zeros(n)
     for i in range(n):
-        kept = log_kept(point[n + i], log_factorials)
-        offsets[i] = point[i] - math.exp(point[n + i]) - kept
+        masses[i] = write_law(point[n + i], log_factorials, laws[i])
+        scales[i] = math.exp(point[i]) / masses[i]
     log_likelihood, total = 0.0, 0.0
     for k in range(rows):
         if counts[k] == 0.0:
             continue
-        top = -math.inf
+        top, mixed = 0.0, 0.0
         for i in range(n):
-            terms[i] = offsets[i] + k * point[n + i]
-            top = max(top, terms[i])
-        mass = 0.0
-        for i in range(n):
-            terms[i] = math.exp(terms[i] - top)
-            mass += terms[i]
-        log_likelihood += counts[k] * (top + math.log(mass) - log_factorials[k])
+            terms[i] = scales[i] * laws[i, k]
+            mixed += terms[i]
+        if mixed < _TINY:
+            top = far_terms(k, log_factorials[k], point, masses, terms)
+            mixed = terms.sum()
+        log_likelihood += counts[k] * (top + math.log(mixed))
         total += counts[k]
         for i in range(n):
-            share = terms[i] * (counts[k] / mass)
+            share = terms[i] * (counts[k] / mixed)
             shares[i] += share
             moments[i] += k * share
     for i in range(n):

@@ -74,6 +74,7 @@ class ValueTables:
     ) -> None:
         """Take the longest horizon [epochs]; on larger maps a window of two longest trips a side.
 
+        A horizon whose epochs cost less than the turns of a type makes it rather stand than turn.
         `budget_bytes` bounds all tables together (the newest stays whatever it needs),
         `kept_bytes` the planes of one.
         """

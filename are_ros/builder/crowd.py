@@ -45,7 +45,7 @@ class Crowd:
         self._offsets_m = np.insert(self._offsets_m, at, offset, axis=0)
         half_x_m, half_y_m = (0.5 * row.size_m[k] + abs(offset[k]) for k in range(2))
         self.radii_m = np.insert(self.radii_m, at, np.hypot(half_x_m, half_y_m))
-        self._boxes = None
+        self._boxes = None  # the next member of a group keeps clear of this one
 
     def remove(self, artefact_id: int) -> None:
         """Let one be gone."""

@@ -160,7 +160,7 @@ def _forever_rows(
 
 def _walking_text(settings: PopulationParameters) -> str:
     """Return what walking out adds to the law."""
-    if settings.departures is Departures.INDEPENDENT:
+    if settings.departures is Departures.INDEPENDENT and settings.group_size <= 1.0:
         return "until then they count as alive: the law above with the way out added to the life"
     return "until then they count as alive: more than the law above, by arrivals times way out"
 

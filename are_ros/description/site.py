@@ -1,6 +1,5 @@
 """The place that a configuration is described for: a map's area, region and what fits there."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -138,10 +137,7 @@ def _region_text(survey: Survey, kind: Region, area_m2: float) -> str:
 
 
 def _misfit_text(site: Site, catalogue: Catalogue, probabilities: npt.NDArray[np.float64]) -> str:
-    rows = [row for row in catalogue.rows if row.index in site.misfits]
-    share = float(probabilities[[row.index for row in rows]].sum())
-    return f"{_counted(rows)} fit nowhere in the region: {percent(share)} of arrivals blocked"
-
-
-def _counted(rows: Sequence[object]) -> str:
-    return f"{len(rows)} row{'s' if len(rows) > 1 else ''}"
+    rows = [row.index for row in catalogue.rows if row.index in site.misfits]
+    noun = "row fits" if len(rows) == 1 else "rows fit"
+    share = percent(float(probabilities[rows].sum()))
+    return f"{len(rows)} {noun} nowhere in the region: {share} of arrivals blocked"

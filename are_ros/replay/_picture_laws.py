@@ -46,6 +46,8 @@ def time_unit(span_s: float) -> tuple[float, str]:
 
 def draw_path(axes: Any, trial: Trial, end_s: float, colours: Any) -> None:
     """Draw N(t) from the beginning, its stationary mean and band, and a tick for each arrival."""
+    from matplotlib.ticker import MaxNLocator
+
     unit_s, name = time_unit(end_s)
     chain, (low, high) = trial.chain, trial.chain.band()
     shown = trial.changes_s <= end_s
@@ -63,6 +65,7 @@ def draw_path(axes: Any, trial: Trial, end_s: float, colours: Any) -> None:
     axes.set(xlim=(0.0, end_s / unit_s), ylim=(-2.1 * tick, top), xlabel=f"time [{name}]")
     axes.set_title("N(t): how many are alive, and when they arrive", **_title_look())
     axes.legend(loc="upper left", ncol=3, frameon=False, fontsize=8.5, labelcolor=INK)
+    axes.yaxis.set_major_locator(MaxNLocator(8, integer=True))
     _tidy(axes)
 
 

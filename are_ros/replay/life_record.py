@@ -82,8 +82,9 @@ class Life:
 
     def doing_at(self, t_ns: int) -> Doing:
         """Return what it did at `t_ns`, held outside; a doing without names if none is known."""
-        before = [doing for doing in self.doings if doing.since_ns <= t_ns]
-        return (before or [*self.doings[:1], Doing(self.arrival_ns, "")])[-1 if before else 0]
+        known = self.doings or (Doing(self.arrival_ns, ""),)
+        begun = sum(doing.since_ns <= t_ns for doing in known)
+        return known[max(begun - 1, 0)]
 
     def footprint_at(self, t_ns: int) -> tuple[float, float, float]:
         """Return (x, y, yaw) of the box's centre at `t_ns`, held outside; there must be a pose."""

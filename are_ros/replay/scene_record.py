@@ -1,18 +1,20 @@
 """What a replay keeps of its ticks, compactly: what the picture and the metrics are made of."""
 
 from array import array
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.catalogue import Catalogue
+from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.outputs import SceneMetrics
+from are_ros.builder.outputs import ArtefactState, SceneMetrics
 from are_ros.builder.tick import Tick
 from are_ros.replay.life_record import Life, LifeRecorder, Track, track_of
 from are_ros.world.footprint import Footprint
 from are_ros.world.observer import Camera
+from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.view_models import ViewModel
 
 Floats = npt.NDArray[np.float64]
@@ -63,6 +65,19 @@ class SceneRecord:
         return int(stamps[-1] - stamps[0]) if len(stamps) else 0
 
 
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """What is kept of a tick: the ids perceived, the events since the last tick, and the poses."""
+
+    stamp_ns: int
+    artefacts: Sequence[ArtefactState]
+    perceived: Sequence[int]
+    events: Sequence[ArtefactEvent]
+    metrics: SceneMetrics
+    map_from_base: RigidTransform | None
+    map_from_camera: RigidTransform | None
+
+
 class SceneRecorder:
     """Collects a `SceneRecord`, tick by tick."""
 
@@ -93,23 +108,40 @@ class SceneRecorder:
         self._blind_ticks = 0
         self._metrics: SceneMetrics | None = None
 
+    def know(self, row: CatalogueRow) -> None:
+        """Take one more row that artefacts may be of."""
+        self._rows.setdefault(row.label, row)
+
     def add(self, tick: Tick, camera: Camera | None) -> None:
         """Take a tick, and the camera that it looked through (None: none is known)."""
-        self._add_events(tick)
-        for state in tick.artefacts:
+        moment = Moment(
+            tick.stamp_ns,
+            tick.artefacts,
+            [seen.artefact_id for seen in tick.perceived],
+            tick.events,
+            tick.metrics,
+            tick.map_from_base,
+            tick.map_from_camera,
+        )
+        self.keep(moment, camera)
+
+    def keep(self, moment: Moment, camera: Camera | None) -> None:
+        """Take what is kept of a tick."""
+        self._add_events(moment.events)
+        for state in moment.artefacts:
             life = self._life(state.artefact_id, state.label, state.arrival_ns)
-            life.stand(tick.stamp_ns, state.ground_pose)
-            life.do(tick.stamp_ns, state.behaviour, state.activity)
-        for seen in tick.perceived:
-            if seen.artefact_id in self._lives:
-                self._lives[seen.artefact_id].see(tick.stamp_ns)
-        self._add_robot(tick)
-        self._add_camera(tick, camera)
-        self._metrics = tick.metrics
-        counts = (tick.stamp_ns, len(tick.artefacts), len(tick.perceived))
+            life.stand(moment.stamp_ns, state.ground_pose)
+            life.do(moment.stamp_ns, state.behaviour, state.activity)
+        for seen in moment.perceived:
+            if seen in self._lives:
+                self._lives[seen].see(moment.stamp_ns)
+        self._add_robot(moment)
+        self._add_camera(moment, camera)
+        self._metrics = moment.metrics
+        counts = (moment.stamp_ns, len(moment.artefacts), len(moment.perceived))
         for series, value in zip(self._counts, counts, strict=True):
             series.append(value)
-        self._clutter.append(tick.metrics.clutter_ratio)
+        self._clutter.append(moment.metrics.clutter_ratio)
 
     def record(self) -> SceneRecord:
         """Return what was collected so far."""
@@ -129,10 +161,10 @@ class SceneRecorder:
             metrics=self._metrics,
         )
 
-    def _add_events(self, tick: Tick) -> None:
-        self._events.extend(tick.events)
-        for event in tick.events:
-            if event.kind is EventKind.ARRIVED:
+    def _add_events(self, events: Sequence[ArtefactEvent]) -> None:
+        self._events.extend(events)
+        for event in events:
+            if event.kind is EventKind.ARRIVED and event.label in self._rows:
                 self._life(event.artefact_id, event.label, event.stamp_ns)
             elif event.kind is EventKind.DEPARTED and event.artefact_id in self._lives:
                 life = self._lives[event.artefact_id]
@@ -143,19 +175,19 @@ class SceneRecorder:
             self._lives[artefact_id] = LifeRecorder(self._rows[label], arrival_ns)
         return self._lives[artefact_id]
 
-    def _add_robot(self, tick: Tick) -> None:
-        if tick.map_from_base is not None:
-            x_m, y_m, _ = tick.map_from_base.translation_m.tolist()
-            self._robot[0].append(tick.stamp_ns)
-            self._robot[1].extend((x_m, y_m, tick.map_from_base.yaw_rad()))
+    def _add_robot(self, moment: Moment) -> None:
+        if moment.map_from_base is not None:
+            x_m, y_m, _ = moment.map_from_base.translation_m.tolist()
+            self._robot[0].append(moment.stamp_ns)
+            self._robot[1].extend((x_m, y_m, moment.map_from_base.yaw_rad()))
 
-    def _add_camera(self, tick: Tick, camera: Camera | None) -> None:
-        pose = tick.map_from_camera
+    def _add_camera(self, moment: Moment, camera: Camera | None) -> None:
+        pose = moment.map_from_camera
         if pose is None:
             self._blind_ticks += self._is_perceiving
         elif camera is not None:
             if not self._views or self._views[-1] != camera.view:
                 self._views.append(camera.view)
-            self._camera[0].append(tick.stamp_ns)
+            self._camera[0].append(moment.stamp_ns)
             self._camera[1].extend((*pose.translation_m.tolist(), *pose.rotation_xyzw.tolist()))
             self._view_of_pose.append(len(self._views) - 1)

@@ -128,6 +128,7 @@ def test_who_has_a_track_arrives_where_the_track_is_then() -> None:
     source.restart(START_NS)
     source.open(START_NS + 50)
     offer = source.take()
-    assert offer.pose == GroundPose(0.5, 1.0, pytest.approx(0.2), 0.0)
+    assert offer.pose == track.pose_at(50)
+    assert offer.pose.z_m == pytest.approx(0.2)
     assert offer.has_height
     assert offer.track is track

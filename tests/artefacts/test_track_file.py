@@ -14,7 +14,7 @@ from are_ros.errors import ScenarioError
 
 HEAD = "artefact,t_s,x_m,y_m,z_m,yaw_rad,behaviour,activity,departs_s\n"
 INSTANTS = st.integers(0, 10**18)
-TEXTS = st.text(st.characters(blacklist_categories=("Cs",), blacklist_characters="\0"))
+TEXTS = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"))
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 ROUGH = st.sampled_from([0.0, -0.0, 1.0, 1e-300, 0.1])
 

@@ -129,6 +129,7 @@ def test_lives_at_a_constant_rate_are_those_of_the_tagged_chain(
 ) -> None:
     """KS of every 40th life, several correlation times apart; level 1/1,000, and no exponential."""
     monkeypatch.setattr(population_trial, "MOST_MEMBERS", 8000)
+    monkeypatch.setattr(population_trial, "CORRELATIONS", 5000)
     parameters = parameters_of(
         population__departures="constant_rate",
         population__group_size=group,

@@ -71,41 +71,62 @@ def _assess_robot(
 
 
 @compiled
+def _wanted_gap(fleet: Fleet, i: int, j: int, pose: Floats, other: Floats) -> float:
+    """Return the gap that i wants from j: its comfort, or what there is if that is less."""
+    body, comfort = fleet.body[i], fleet.order[i].comfort
+    far = np.hypot(pose[X] - other[X], pose[Y] - other[Y])
+    if far >= comfort + body.radius + fleet.body[j].radius:
+        return float(comfort)
+    return min(max(separation(pose, body, other, fleet.body[j]), 0.0), comfort)
+
+
+@compiled
 def _assess_others(
-    fleet: Fleet, i: int, path: Floats, last: int, pace: float, now: int, desk: Desk, count: int
+    fleet: Fleet,
+    i: int,
+    path: Floats,
+    last: int,
+    pace: float,
+    now: int,
+    desk: Desk,
+    count: int,
+    is_any: bool,
 ) -> tuple[float, int]:
-    """Return what a path costs for its nearness to others; the slot of whom it meets first."""
-    until, culprit = NEVER, NOBODY
-    cost, comfort = 0.0, fleet.order[i].comfort
-    start = path[0]
+    """Return what a path costs for its nearness to others; the slot of whom it meets first.
+
+    With `is_any` whom it meets at all. That one is put before the others, to be tried first.
+    """
+    until, culprit, cost = NEVER, NOBODY, 0.0
+    start, end = path[0], path[last]
+    x, y = 0.5 * (start[X] + end[X]), 0.5 * (start[Y] + end[Y])
+    reach = 0.5 * last * pace + fleet.body[i].radius + fleet.order[i].comfort
     for n in range(count):
         j = desk.near[n]
-        place, other = fleet.place[j], fleet.body[j]
+        place = fleet.place[j]
+        if np.hypot(place.x - x, place.y - y) >= place.reach + reach:
+            continue
+        other = fleet.path[j]
         first = min(now - place.begin, place.last)
-        wanted = comfort
-        far = np.hypot(start[X] - fleet.path[j, first, X], start[Y] - fleet.path[j, first, Y])
-        if far < comfort + fleet.body[i].radius + other.radius:
-            gap = separation(start, fleet.body[i], fleet.path[j, first], other)
-            wanted = min(max(gap, 0.0), comfort)
-        closing = pace + place.pace
+        wanted = _wanted_gap(fleet, i, j, start, other[first])
         gap, k = gap_between(
             path,
             last,
             fleet.body[i],
-            fleet.path[j],
+            other,
             first,
             place.last,
-            other,
+            fleet.body[j],
             wanted,
-            closing,
+            pace + place.pace,
             until,
         )
         if k != NEVER:
             until, culprit = k - 1, j
+            desk.near[0], desk.near[n] = j, desk.near[0]
+            if is_any or k == 1:
+                break
         elif gap < wanted:
-            cost = max(cost, (wanted - gap) / comfort)
-        if until == 0:
-            break
+            cost = max(cost, (wanted - gap) / fleet.order[i].comfort)
     return _NEAR_OTHERS * cost, culprit
 
 
@@ -121,6 +142,7 @@ def _assess(
     robot: RobotPath,
     desk: Desk,
     count: int,
+    is_any: bool,
 ) -> tuple[float, int, int]:
     """Return what a path costs besides its option, what is in its way, and the slot of whom."""
     body, order = fleet.body[i], fleet.order[i]
@@ -128,7 +150,9 @@ def _assess(
     kept, k = wall_conflict(path, last, body, order.wall_comfort, pace, floor, desk.box)
     if k != NEVER:
         return _INFEASIBLE, BY_WALL, NOBODY
-    nearness, culprit = _assess_others(fleet, i, path, last, pace, now, desk, count)
+    nearness, culprit = _assess_others(
+        fleet, i, path, last, pace, now, desk, count, is_any
+    )
     if culprit != NOBODY:
         return _INFEASIBLE, BY_ARTEFACT, culprit
     cost, meets = _assess_robot(path, last, body, order, robot, pace, desk)
@@ -179,7 +203,7 @@ def _search(
         path = desk.paths[1 - side]
         end = roll_out(path, desk.options[n], goal, fleet.body[i], tempo)
         extra, kind, who = _assess(
-            fleet, i, path, end, now, tempo, floor, robot, desk, near
+            fleet, i, path, end, now, tempo, floor, robot, desk, near, culprit != NOBODY
         )
         cost = desk.options[n, 3] + extra
         if is_first:
