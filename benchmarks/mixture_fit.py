@@ -4,7 +4,7 @@ The paper's example: rates 15, 7, 3, 21, 5 on 42 rows. The peers take the same s
 start and end at the same point to 1e-9: one has a responsibility for each sample, one works on the
 histogram in numpy. Then the search with leaps: how many steps it takes to within 1e-6 per sample of
 the top, and how long a whole fit takes. Run:
-python benchmarks/mixture_fit.py [rounds [samples [steps]]]
+OMP_NUM_THREADS=1 python benchmarks/mixture_fit.py [rounds [samples [steps]]]
 """
 
 import sys
@@ -90,12 +90,12 @@ def start() -> Floats:
 
 
 def milliseconds(action: Callable[[], object], calls: int = 1) -> float:
-    """Return how long one call takes [ms], the median of several."""
+    """Return the CPU time of one call [ms], the median of several: other programs do not count."""
     took = []
     for _ in range(calls):
-        begun = time.perf_counter()
+        begun = time.process_time()
         action()
-        took.append(1e3 * (time.perf_counter() - begun))
+        took.append(1e3 * (time.process_time() - begun))
     return float(np.median(took))
 
 

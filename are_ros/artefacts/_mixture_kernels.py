@@ -71,7 +71,7 @@ def write_law(log_rate: float, log_factorials: Floats, law: Floats) -> float:
     rate, rows = math.exp(log_rate), len(law)
     mode = min(int(rate), rows - 1)
     law[mode] = math.exp(mode * log_rate - rate - log_factorials[mode])
-    mass = law[mode]
+    mass = float(law[mode])
     for k in range(mode + 1, rows):
         law[k] = law[k - 1] * (rate / k)
         mass += law[k]

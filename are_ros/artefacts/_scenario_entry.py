@@ -26,7 +26,12 @@ KEYS: Final = (
     *("speed", "follows", "track", "origin", "left_by"),
 )
 _ORIGINS: Final = {origin.name.lower(): origin for origin in Origin}
-_BLOCKS: Final = (Cause.MAX_ALIVE, Cause.NO_PLACE, Cause.NO_HIDDEN_PLACE)
+_BLOCKS: Final = (
+    Cause.MAX_ALIVE,
+    Cause.NO_PLACE,
+    Cause.NO_HIDDEN_PLACE,
+    Cause.REFUSED,
+)
 _CAUSES: Final = {cause.value: cause for cause in Cause if cause not in _BLOCKS}
 
 

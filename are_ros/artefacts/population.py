@@ -3,7 +3,6 @@
 from bisect import insort
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Final
 
 import numpy as np
 
@@ -13,12 +12,11 @@ from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.departures import Departure, DepartureLaw, leaving_rate_per_s
 from are_ros.artefacts.population_events import Cause, Counts, EventKind, PopulationEvent
 from are_ros.artefacts.randomness import Purpose, generator
+from are_ros.artefacts.scenario import Scenario
+from are_ros.artefacts.scripted import ScriptedOffer, ScriptedSource
 from are_ros.artefacts.sources import RandomSource, RowLaw
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError, PlacementError
-
-FIRST_ADMITTED_ID: Final = 1_000_000_000
-"""Scripted and requested artefacts count from here, so that they shift no random one's draws."""
 
 Place = Callable[
     [int, CatalogueRow, np.random.Generator, tuple[float, float] | None], GroundPose | Cause | None
@@ -28,8 +26,20 @@ Place = Callable[
 None is short for `Cause.NO_PLACE`."""
 
 
+Admit = Callable[[ScriptedOffer], GroundPose | str]
+"""A scripted artefact that is to arrive -> where it stands, or why it cannot stand there."""
+
+
 def _nobody(_: Artefact) -> bool:
     return False
+
+
+def _nothing(_: Artefact, __: ScriptedOffer | None) -> None:
+    return None
+
+
+def _as_scripted(offer: ScriptedOffer) -> GroundPose | str:
+    return offer.pose
 
 
 class Population:
@@ -52,9 +62,11 @@ class Population:
         max_alive: int | None = 200,
         history_ns: int = 2 * NS_PER_S,
         walks_out: Callable[[Artefact], bool] = _nobody,
-        begun: Callable[[Artefact], object] = _nobody,
+        begun: Callable[[Artefact, ScriptedOffer | None], object] = _nothing,
+        scripted: ScriptedSource | None = None,
     ) -> None:
-        """Take the parts; `begun` is told of each artefact as soon as it lives."""
+        """Take the parts; `begun` is told of each artefact as soon as it lives, and its script."""
+        self.scripted = scripted or ScriptedSource(Scenario())
         self.max_alive = max_alive
         self._begun = begun
         self._walks_out = walks_out
@@ -66,7 +78,7 @@ class Population:
         self._scheduled: list[Departure] = []
         self._outside_the_law: set[int] = set()
         self._departed: list[Artefact] = []
-        self._next_admitted_id = FIRST_ADMITTED_ID
+        self._causes: dict[int, Cause] = {}
         self.counts = Counts()
 
     @property
@@ -81,7 +93,9 @@ class Population:
         """
         for kept in (self._living, self._scheduled, self._outside_the_law, self._departed):
             kept.clear()
+        self._causes.clear()
         self._source.restart(now_ns)
+        self.scripted.restart(now_ns)
         self._law.restart(now_ns)
 
     def reseed(self, seed: int, now_ns: int) -> None:
@@ -114,7 +128,11 @@ class Population:
         self._source.set_rows(rows, law)
 
     def postpone(self, by_ns: int) -> None:
-        """Let the lives that were given end so much later: time stood still for them."""
+        """Let the lives that were given end so much later: time stood still for them.
+
+        Scripted artefacts still to come do so as much later, too.
+        """
+        self.scripted.postpone(by_ns)
         self._scheduled = [
             Departure(end.time_ns + by_ns, end.artefact_id) for end in self._scheduled
         ]
@@ -123,22 +141,28 @@ class Population:
 
     def next_event_ns(self) -> int | None:
         """Return when `handle_next` has something to do [ns], None if never as things stand."""
-        departure, arrival_ns = self._next_departure(), self._source.next_ns()
-        if departure is None or arrival_ns is None:
-            return departure.time_ns if departure else arrival_ns
-        return min(departure.time_ns, arrival_ns)
+        departure = self._next_departure()
+        instants = (
+            departure.time_ns if departure else None,
+            self.scripted.next_ns(),
+            self._source.next_ns(),
+        )
+        return min((t_ns for t_ns in instants if t_ns is not None), default=None)
 
-    def handle_next(self, place: Place) -> list[PopulationEvent]:
-        """Process the next event: one departure, or the arrival of one group.
+    def handle_next(self, place: Place, admit: Admit = _as_scripted) -> list[PopulationEvent]:
+        """Process the next event: one departure, a scripted arrival, or the arrival of one group.
 
-        `place` finds a pose for each member in turn; those before it live already. Returns what
+        In this order at one instant. `place` finds a pose for each member in turn; those before it
+        live already. `admit` says where a scripted one stands, or why it cannot. Returns what
         happened, an event per artefact. Raises `ParameterError` if there is no event.
         """
-        departure, arrival_ns = self._next_departure(), self._source.next_ns()
-        if departure and (arrival_ns is None or departure.time_ns <= arrival_ns):
+        departure, next_ns = self._next_departure(), self.next_event_ns()
+        if departure and departure.time_ns == next_ns:
             if departure.artefact_id not in self._outside_the_law:
                 self._law.pop()
             return [self._end(departure)]
+        if next_ns is not None and self.scripted.next_ns() == next_ns:
+            return [self._arrive_by_script(admit)]
         return self._arrive(place)
 
     def remove(self, artefact_id: int, now_ns: int, cause: Cause) -> PopulationEvent:
@@ -177,8 +201,7 @@ class Population:
                 f"{row.label} is refused: {len(self._living)} artefacts live, population.max_alive"
             )
             raise PlacementError(msg)
-        artefact_id = self._next_admitted_id
-        self._next_admitted_id += 1
+        artefact_id = self.scripted.new_id()
         end_ns = None if life_ns is None else now_ns + life_ns
         return self._begin(artefact_id, row, pose, now_ns, origin, end_ns, behaviour)
 
@@ -196,10 +219,32 @@ class Population:
         time_ns, artefact_id = departure
         artefact = self._living[artefact_id]
         if not self._walks_out(artefact):
-            return self.remove(artefact_id, time_ns, Cause.LIFE_OVER)
+            return self.remove(artefact_id, time_ns, self._causes.pop(artefact_id, Cause.LIFE_OVER))
         self._end_life(artefact_id, time_ns)
         artefact.is_leaving, artefact.departure_ns = True, None
         return self._say(time_ns, EventKind.LEAVING, artefact_id, artefact.row, Cause.LIFE_OVER)
+
+    def _arrive_by_script(self, admit: Admit) -> PopulationEvent:
+        offer = self.scripted.take()
+        pose = admit(offer)
+        if isinstance(pose, str) or self._is_full():
+            cause = Cause.REFUSED if isinstance(pose, str) else Cause.MAX_ALIVE
+            reason = f"{offer.place}: {pose}" if isinstance(pose, str) else ""
+            blocked = EventKind.BLOCKED
+            return self._say(
+                offer.time_ns, blocked, offer.artefact_id, offer.row, cause, reason=reason
+            )
+        self._causes[offer.artefact_id] = offer.cause
+        return self._begin(
+            offer.artefact_id,
+            offer.row,
+            pose,
+            offer.time_ns,
+            offer.origin,
+            None if offer.life_ns is None else offer.time_ns + offer.life_ns,
+            offer.behaviour,
+            offer,
+        )
 
     def _arrive(self, place: Place) -> list[PopulationEvent]:
         offer = self._source.take()
@@ -232,14 +277,17 @@ class Population:
         origin: Origin,
         end_ns: int | None,
         behaviour: str = "",
+        offer: ScriptedOffer | None = None,
     ) -> PopulationEvent:
         behaviour = behaviour or self._drawn_behaviour(artefact_id, row)
-        end_ns = self._begin_life(artefact_id, row, now_ns, end_ns)
+        is_for_ever = row.forever or (offer is not None and end_ns is None)
+        end_ns = self._begin_life(artefact_id, now_ns, end_ns, is_for_ever=is_for_ever)
         history = PoseHistory(now_ns, pose, self._history_ns)
         artefact = Artefact(artefact_id, row, origin, now_ns, history, end_ns, behaviour)
+        artefact.options = offer.options if offer else None
         self._living[artefact_id] = artefact
         self._sort_living()
-        self._begun(artefact)
+        self._begun(artefact, offer)
         return self._say(now_ns, EventKind.ARRIVED, artefact_id, row, None)
 
     def _drawn_behaviour(self, artefact_id: int, row: CatalogueRow) -> str:
@@ -249,11 +297,11 @@ class Population:
         return names[int(np.searchsorted(weights, uniform, side="right"))]
 
     def _begin_life(
-        self, artefact_id: int, row: CatalogueRow, now_ns: int, end_ns: int | None
+        self, artefact_id: int, now_ns: int, end_ns: int | None, *, is_for_ever: bool
     ) -> int | None:
         if end_ns is not None:
             insort(self._scheduled, Departure(end_ns, artefact_id))
-        if end_ns is not None or row.forever:
+        if end_ns is not None or is_for_ever:
             self._outside_the_law.add(artefact_id)
             return end_ns
         self._law.arrived(artefact_id, now_ns)
@@ -275,9 +323,16 @@ class Population:
             self._living.update(in_order)
 
     def _say(
-        self, now_ns: int, kind: EventKind, artefact_id: int, row: CatalogueRow, cause: Cause | None
+        self,
+        now_ns: int,
+        kind: EventKind,
+        artefact_id: int,
+        row: CatalogueRow,
+        cause: Cause | None,
+        *,
+        reason: str = "",
     ) -> PopulationEvent:
-        event = PopulationEvent(now_ns, kind, artefact_id, row, cause)
+        event = PopulationEvent(now_ns, kind, artefact_id, row, cause, reason)
         self.counts = self.counts.after(event)
         return event
 

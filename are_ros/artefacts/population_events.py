@@ -27,19 +27,24 @@ class Cause(Enum):
     CLOCK_LEAPT = "clock_leapt"
     MAX_ALIVE = "max_alive"
     NO_PLACE = "no_place"
+    REFUSED = "refused"
     NO_HIDDEN_PLACE = "no_hidden_place"
     """There is a place, but a camera sees each (population.appear: out_of_view)."""
 
 
 @dataclass(frozen=True, eq=False)
 class PopulationEvent:
-    """One artefact came, went, or could not come, at `time_ns`; an arrival has no cause."""
+    """One artefact came, went, or could not come, at `time_ns`; an arrival has no cause.
+
+    `reason` says in words why one that was scripted is refused.
+    """
 
     time_ns: int
     kind: EventKind
     artefact_id: int
     row: CatalogueRow
     cause: Cause | None = None
+    reason: str = ""
 
 
 @dataclass(frozen=True)

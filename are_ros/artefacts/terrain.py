@@ -62,9 +62,7 @@ class Terrain:
         """Tell which boxes (N,) cover free cells of the grid only and hit no wall: exact."""
         return self.environment.is_placeable(boxes)
 
-    def sees(
-        self, from_m: tuple[float, float], to_m: tuple[float, float], radius_m: float
-    ) -> bool:
+    def sees(self, from_m: tuple[float, float], to_m: tuple[float, float], radius_m: float) -> bool:
         """Tell whether a disc can roll straight from one point to another of the map frame.
 
         Clearance is interpolated between cells: the answer is right to about half a cell.

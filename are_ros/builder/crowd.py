@@ -82,6 +82,14 @@ class Crowd:
         poses[moved, 2] = environment.ground_heights_m(boxes.take(moved))
         return poses, self._boxes_at(poses)
 
+    def with_poses(
+        self, poses: _Floats, which: npt.NDArray[np.intp], others: _Floats
+    ) -> tuple[_Floats, OrientedBoxes]:
+        """Return poses (N, 4), and the boxes there, where those of some are `others` (M, 4)."""
+        poses = poses.copy()
+        poses[which] = others
+        return poses, self._boxes_at(poses)
+
     def move(self, poses: _Floats, boxes: OrientedBoxes | None = None) -> None:
         """Let all be at `poses` (N, 4), and their boxes be `boxes` where these are known."""
         self.poses, self._boxes = poses, boxes

@@ -16,9 +16,11 @@ from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, boxes_of
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.population_events import Cause, PopulationEvent
 from are_ros.artefacts.population_events import EventKind as PopulationEventKind
+from are_ros.artefacts.scripted import ScriptedOffer
 from are_ros.builder.collisions import CollisionResolver
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.farewells import Farewells
+from are_ros.builder.life_keeper import LifeKeeper
 from are_ros.builder.motions import MotionCounts
 from are_ros.builder.out_of_view import Viewpoint
 from are_ros.builder.populations import mixture_of, motions_of, random_population
@@ -97,6 +99,16 @@ class Lives:
         return self._motions.counts.displaced
 
     @property
+    def keeper(self) -> LifeKeeper | None:
+        """What is told all that happens, so that it can be saved; None if nobody is."""
+        return self._motions.keeper
+
+    def keep(self) -> LifeKeeper:
+        """Keep all that happens from the start on; to be called before anything does."""
+        self._motions.keeper = LifeKeeper(self._step_ns)
+        return self._motions.keeper
+
+    @property
     def motion_counts(self) -> MotionCounts:
         """How many sub-steps artefacts have lived and moved, and how many had to be resolved."""
         return self._motions.counts
@@ -125,12 +137,12 @@ class Lives:
     def advance(self, now_ns: int) -> None:
         """Run the population's events and the sub-steps that are due up to `now_ns`."""
         if self._next_step_ns is None:
-            self.population.start(now_ns)
+            self._start(now_ns)
             self._next_step_ns = -(-now_ns // self._step_ns) * self._step_ns
         while True:
             event_ns = self._next_event_ns()
             if event_ns is not None and event_ns <= min(now_ns, self._next_step_ns):
-                self._run_event()
+                self._run_event(event_ns)
             elif self._next_step_ns <= now_ns:
                 self._sub_step(self._next_step_ns)
                 self._next_step_ns = self._step_after(self._next_step_ns, now_ns)
@@ -146,12 +158,18 @@ class Lives:
     def restart(self, now_ns: int, cause: Cause) -> None:
         """Let all artefacts go, with an event each, and go on at another time."""
         self.clear(now_ns, cause)
-        self.population.start(now_ns)
+        self._start(now_ns)
         self._motions.forget()
         self._robot = self.goal = None
         self._viewpoints = ()
         self.plan_m = np.empty((0, 2))
         self._next_step_ns, self._last_input_ns = None, now_ns
+
+    def _start(self, now_ns: int) -> None:
+        self.population.start(now_ns)
+        self._motions.player.clear()
+        if self.keeper is not None:
+            self.keeper.start(now_ns)
 
     def clear(self, now_ns: int, cause: Cause = Cause.REMOVED) -> int:
         """Let all artefacts go, with an event each; return how many."""
@@ -172,7 +190,10 @@ class Lives:
         if is_paused:
             self._paused_ns = now_ns
         else:
-            self.population.postpone(max(0, now_ns - self._paused_ns))
+            by_ns = max(0, now_ns - self._paused_ns)
+            self.population.postpone(by_ns)
+            self._motions.player.postpone(by_ns)
+            self._look_at_doings(now_ns)
         self._set_rates(now_ns)
 
     def reconfigure(self, parameters: Parameters, resolver: CollisionResolver, now_ns: int) -> None:
@@ -188,6 +209,7 @@ class Lives:
         self.population.max_alive = settings.max_alive
         self.population.set_marks(self._catalogue.rows, law, settings.group_size)
         self._set_rates(now_ns)
+        self._look_at_doings(now_ns)
 
     def place(
         self,
@@ -221,11 +243,36 @@ class Lives:
         return max(following_ns, now_ns // self._step_ns * self._step_ns + self._step_ns)
 
     def _next_event_ns(self) -> int | None:
-        return None if self.is_paused else self.population.next_event_ns()
+        if self.is_paused:
+            return None
+        instants = (self.population.next_event_ns(), self._motions.player.next_ns())
+        return min((t_ns for t_ns in instants if t_ns is not None), default=None)
 
-    def _run_event(self) -> None:
-        for event in self.population.handle_next(self._find_place):
-            self._say(event)
+    def _run_event(self, event_ns: int) -> None:
+        """Let somebody come or go, or those who go by a script do something else."""
+        if self.population.next_event_ns() == event_ns:
+            for event in self.population.handle_next(self._find_place, self._admit):
+                self._say(event)
+        else:
+            self._motions.player.tell(event_ns)
+        self._look_at_doings(event_ns)
+
+    def _admit(self, offer: ScriptedOffer) -> GroundPose | str:
+        """Return where a scripted artefact stands, or why it cannot stand there."""
+        environment = self._environment
+        if environment is None:
+            return "there is no map yet"
+        pose, others = offer.pose, self._motions.crowd.boxes
+        if not offer.has_height:
+            (z_m,) = environment.ground_heights_m(boxes_of([offer.row], [pose])).tolist()
+            pose = pose._replace(z_m=z_m)
+        box, robot = boxes_of([offer.row], [pose]), self._robot
+        return self._spawning.why_not(box, environment, others, robot, 0.0) or pose
+
+    def _look_at_doings(self, t_ns: int) -> None:
+        """Let the keeper, if there is one, see what everybody does."""
+        if self.keeper is not None:
+            self.keeper.look(t_ns, self.population.living)
 
     def _find_place(
         self,
@@ -261,13 +308,17 @@ class Lives:
             self._viewpoints = self.viewpoints(step_ns) or self._viewpoints
         if spawning.refresh(self._environment, self._robot, self._viewpoints):
             self._set_rates(step_ns)
+        self.population.scripted.open(step_ns)
         if not self.is_paused and self.population.living:
             self._move(step_ns, self._environment)
+            self._look_at_doings(step_ns)
 
     def _set_rates(self, now_ns: int) -> None:
         """Let the rates of the parameters hold; nobody arrives before the region is known."""
         settings, area_m2 = self._parameters.population, self._spawning.area_m2
         rate, mean_life_s = settings.arrival_rate, settings.mean_life
+        if not self.population.scripted.scenario.random:
+            rate = 0.0
         if self.is_paused:
             rate, mean_life_s = 0.0, float("inf")
         self.population.set_rates(rate, area_m2, mean_life_s, now_ns)
@@ -296,12 +347,12 @@ class Lives:
         """Tell the motions who went or is to go, and keep the event for the outputs."""
         artefact_id = event.artefact_id
         if event.kind is PopulationEventKind.DEPARTED:
-            self._motions.end(artefact_id)
+            self._motions.end(artefact_id, event.time_ns, event.cause or Cause.REMOVED)
             self._farewells.end(artefact_id)
         elif event.kind is PopulationEventKind.LEAVING:
             self._motions.minds.send_out(artefact_id)
             self._farewells.begin(self.population.living[artefact_id], event.time_ns)
             return
-        detail = event.cause.value if event.cause else ""
+        detail = event.reason or (event.cause.value if event.cause else "")
         kind, label = _EVENT_KINDS[event.kind], event.row.label
         self._events.append(ArtefactEvent(event.time_ns, kind, artefact_id, label, detail))

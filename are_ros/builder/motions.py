@@ -5,7 +5,7 @@ are where the resolver has left them (section 3.3), and the traffic is told.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -21,15 +21,21 @@ from are_ros.artefacts.navigation import Navigation
 from are_ros.artefacts.onlookers import Onlookers
 from are_ros.artefacts.places import places_in
 from are_ros.artefacts.population_events import Cause
+from are_ros.artefacts.scripted import ScriptedOffer
+from are_ros.artefacts.track_player import TrackPlayer
 from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
 from are_ros.builder.contact_log import ContactLog
 from are_ros.builder.crowd import Crowd
 from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.builder.life_keeper import LifeKeeper
 from are_ros.builder.robot_motion import RobotWatch
 from are_ros.builder.robots import RobotPose
 from are_ros.world.environment import Environment
 from are_ros.world.region import SpawnRegion
 from are_ros.world.zones import Zones
+
+_STEPS_AHEAD = 30
+"""So many sub-steps of a track the others know in advance."""
 
 
 @dataclass
@@ -63,6 +69,7 @@ class Motions:
         minds: Minds,
         navigation: Navigation,
         traffic: Traffic,
+        player: TrackPlayer,
         resolver: CollisionResolver,
         robot: str,
     ) -> None:
@@ -71,22 +78,32 @@ class Motions:
         self.minds = minds
         self.navigation = navigation
         self.traffic = traffic
+        self.player = player
+        self.keeper: LifeKeeper | None = None
         self.resolver = resolver
         self.counts = MotionCounts()
         self.contacts = ContactLog(robot)
         self._robot_watch = RobotWatch()
         self._entered: tuple[Environment, SpawnRegion] | None = None
 
-    def begin(self, artefact: Artefact) -> None:
-        """Let an artefact that has just arrived be there, and have a mind where it can move."""
+    def begin(self, artefact: Artefact, script: ScriptedOffer | None) -> None:
+        """Let an artefact that has just arrived be there; it has a track, or a mind of its own."""
         pose = artefact.history.latest
         body = Body.of(artefact.row)
         self.crowd.add(artefact.id, artefact.row, pose)
         self.traffic.add(artefact.id, pose, body)
-        self.minds.admit(artefact, body)
+        if script is not None and script.track is not None:
+            self.player.add(artefact, script.track, script.start_ns)
+        else:
+            self.minds.admit(artefact, body)
+        if self.keeper is not None:
+            self.keeper.arrived(artefact)
 
-    def end(self, artefact_id: int) -> None:
-        """Let an artefact be gone."""
+    def end(self, artefact_id: int, now_ns: int, cause: Cause) -> None:
+        """Let an artefact be gone, that has departed."""
+        if self.keeper is not None:
+            self.keeper.departed(artefact_id, now_ns, cause)
+        self.player.remove(artefact_id, now_ns)
         self.crowd.remove(artefact_id)
         self.traffic.remove(artefact_id)
         self.minds.dismiss(artefact_id)
@@ -120,12 +137,21 @@ class Motions:
         motion = self._robot_watch.see(robot, step_ns) if robot else None
         gone = self._decide(index, step_ns, living, motion, plan_m)
         last_safe = self.crowd.boxes
+        for artefact_id in self.player.ids:
+            ahead = self.player.ahead(artefact_id, step_ns - period_ns, _STEPS_AHEAD)
+            self.traffic.prescribe(artefact_id, ahead)
         self.traffic.step(index, environment, motion)
         moved = self.traffic.moved
         poses, boxes = self.crowd.proposed(self.traffic.poses, moved, environment)
+        tracked = np.searchsorted(self.crowd.ids, self.player.ids)
+        if len(tracked):
+            on_track, goes = self.player.move(step_ns)
+            poses, boxes = self.crowd.with_poses(poses, tracked, on_track)
         resolution = self.resolver.resolve(
             self.crowd.ids, boxes, last_safe, environment, [robot.footprint] if robot else []
         )
+        if len(tracked):
+            resolution = _let_pass(resolution, tracked)
         begun = self.contacts.begun(step_ns, resolution.contacts, living)
         happened = Happened(begun, [(artefact_id, Cause.LIFE_OVER) for artefact_id in gone])
         self._count(moved, resolution)
@@ -133,7 +159,14 @@ class Motions:
             self.crowd.move(poses, boxes)
         else:
             moved = self._correct(step_ns, poses, moved, resolution, living, happened)
+        if len(tracked):
+            moved = moved.copy()
+            moved[tracked] = False  # the player has written their histories
         self._remember(step_ns, step_ns - period_ns, moved, living)
+        if self.keeper is not None:
+            if len(tracked):
+                moved[tracked] = goes
+            self.keeper.step(step_ns, self.crowd.ids, self.crowd.poses, moved)
         return happened
 
     def _decide(
@@ -222,6 +255,17 @@ class Motions:
             if history.latest_ns < before_ns:
                 history.append(before_ns, history.latest)
             history.append(step_ns, GroundPose(*numbers))
+
+
+def _let_pass(resolution: Resolution, tracked: npt.NDArray[np.intp]) -> Resolution:
+    """Return what was resolved, but that those who go by a track are where it says.
+
+    Unless they leave for a contact with the robot.
+    """
+    outcomes, shifts_m = resolution.outcomes.copy(), resolution.shifts_m.copy()
+    stay = tracked[outcomes[tracked] != Outcome.LEAVES_ON_CONTACT]
+    outcomes[stay], shifts_m[stay] = Outcome.KEPT, 0.0
+    return replace(resolution, outcomes=outcomes, shifts_m=shifts_m)
 
 
 def _as_seen(robot: RobotMotion, plan_m: npt.NDArray[np.float64]) -> RobotView:

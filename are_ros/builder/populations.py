@@ -1,6 +1,7 @@
 """How the parameters become the population: rows by Eq. 1, lives by the law of departures."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 from are_ros.artefacts.artefact import Artefact
 from are_ros.artefacts.catalogue import Catalogue
@@ -10,8 +11,12 @@ from are_ros.artefacts.mixture import TruncatedPoissonMixture
 from are_ros.artefacts.motion.traffic import Traffic
 from are_ros.artefacts.navigation import Navigation
 from are_ros.artefacts.population import Population
+from are_ros.artefacts.scenario import Scenario
+from are_ros.artefacts.scenario_file import read_scenario
+from are_ros.artefacts.scripted import ScriptedOffer, ScriptedSource
 from are_ros.artefacts.sources import RandomSource
 from are_ros.artefacts.terrain import Terrains
+from are_ros.artefacts.track_player import TrackPlayer
 from are_ros.builder.collisions import CollisionResolver
 from are_ros.builder.crowd import Crowd
 from are_ros.builder.motions import Motions
@@ -19,7 +24,7 @@ from are_ros.conventions import seconds_to_ns
 from are_ros.parameters.model import Parameters
 
 
-def _nothing(_: Artefact) -> None:
+def _nothing(_: Artefact, __: ScriptedOffer | None) -> None:
     return None
 
 
@@ -30,13 +35,13 @@ def _nobody(_: Artefact) -> bool:
 def random_population(
     parameters: Parameters,
     catalogue: Catalogue,
-    begun: Callable[[Artefact], object] = _nothing,
+    begun: Callable[[Artefact, ScriptedOffer | None], object] = _nothing,
     walks_out: Callable[[Artefact], bool] = _nobody,
 ) -> Population:
     """Return the population of the random source; ParameterError where the mixture is bad.
 
     `begun` is told of each artefact as soon as it lives; `walks_out` says of whom whose life is
-    over that it is to leave on its own feet.
+    over that it is to leave on its own feet. ScenarioError where the scenario is bad.
     """
     settings, law = parameters.population, mixture_of(parameters, catalogue)
     return Population(
@@ -47,6 +52,7 @@ def random_population(
         history_ns=seconds_to_ns(parameters.poses.history),
         begun=begun,
         walks_out=walks_out,
+        scripted=ScriptedSource(scenario_of(parameters, catalogue)),
     )
 
 
@@ -64,4 +70,11 @@ def motions_of(parameters: Parameters, robot: str, resolver: CollisionResolver) 
     minds = Minds(parameters.seed, step_s, settings.decision_period, navigation)
     crowd = Crowd(parameters.world.ground)
     traffic = Traffic(step_s, terrains)
-    return Motions(crowd, minds, navigation, traffic, resolver, robot)
+    player = TrackPlayer(seconds_to_ns(step_s))
+    return Motions(crowd, minds, navigation, traffic, player, resolver, robot)
+
+
+def scenario_of(parameters: Parameters, catalogue: Catalogue) -> Scenario:
+    """Return the scenario that the parameters name, or the one in which nobody is scripted."""
+    path = parameters.population.scenario
+    return read_scenario(Path(path), catalogue) if path else Scenario()

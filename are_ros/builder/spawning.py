@@ -133,14 +133,18 @@ class Spawning:
         environment: Environment,
         others: OrientedBoxes,
         robot: RobotPose | None,
+        clearance_m: float | None = None,
     ) -> str:
         """Return why a box of length one cannot stand where it is, empty if it can."""
         if not environment.is_placeable(box)[0]:
             return "it would stand in a wall, or not on free cells only"
         if overlaps_any(box, others)[0]:
             return "it would overlap another artefact"
-        if robot is not None and signed_distance_m(robot.footprint, box)[0] < self._clearance_m:
-            return f"it would be nearer to the robot than robot.clearance, {self._clearance_m} m"
+        least_m = self._clearance_m if clearance_m is None else clearance_m
+        if robot is not None and signed_distance_m(robot.footprint, box)[0] < least_m:
+            if least_m <= 0.0:
+                return "it would overlap the robot"
+            return f"it would be nearer to the robot than robot.clearance, {least_m} m"
         return ""
 
     def _hidden(self) -> Allowed | None:

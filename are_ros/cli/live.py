@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from are_ros.cli.options import FILE, Seconds, parameter_options, say
+from are_ros.cli.options import FILE, Seconds, animate_option, parameter_options, say
 from are_ros.cli.status import IMPERFECT
 from are_ros.errors import NodeError
 
@@ -128,12 +128,13 @@ def record(**options: Any) -> None:
 @click.option("--duration", "duration_s", type=Seconds(), help="Length to play [s].")
 @click.option("--lockstep", is_flag=True, help="As fast as the node can, repeatable to the byte.")
 @click.option("--out", type=FILE, default=Path("out/demo"), show_default=True, help="Folder.")
+@animate_option
 @parameter_options
 def demo(**options: Any) -> None:
     """Run the live node over DDS, on this machine only, fed with a recording; record and draw it.
 
     The folder gets augmented.mcap (inputs and outputs as they were on the wire), rviz.png (what
-    rviz would show), effective.yaml and the node's log.
+    rviz would show), overview.png (who went where), effective.yaml and the node's log.
     """
     _require_ros()
     from are_ros.recording.commands import demo_command

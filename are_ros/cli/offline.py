@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from are_ros.cli.options import FILE, Seconds, parameter_options, say
+from are_ros.cli.options import FILE, Seconds, animate_option, parameter_options, say
 from are_ros.cli.status import IMPERFECT
 
 _SKIPPABLE = ("perception", "grids", "markers")
@@ -35,6 +35,19 @@ _SKIPPABLE = ("perception", "grids", "markers")
 @click.option("--start", "start_s", type=Seconds(), default=0.0, help="Begin here [s].")
 @click.option("--duration", "duration_s", type=Seconds(), help="Length to replay [s].")
 @click.option("--out", type=FILE, default=Path("out"), show_default=True, help="Output folder.")
+@click.option(
+    "--scenario",
+    "scenario_file",
+    metavar="FILE.yaml",
+    type=FILE,
+    help="Scripted artefacts (population.scenario).",
+)
+@click.option(
+    "--save-scenario",
+    metavar="FILE.yaml",
+    type=FILE,
+    help="Write what happens as a scenario, to be repeated exactly.",
+)
 @click.option("--with-inputs", is_flag=True, help="Write the inputs beside the outputs.")
 @click.option(
     "--skip",
@@ -42,6 +55,7 @@ _SKIPPABLE = ("perception", "grids", "markers")
     multiple=True,
     help="Leave out a part that nobody needs. Repeatable.",
 )
+@animate_option
 @parameter_options
 def replay(**options: Any) -> None:
     """Replay a recording as fast as it goes, with artefacts in it.
@@ -114,15 +128,25 @@ def check(recording: Path, map_file: Path | None, parameters_file: Path | None) 
 @click.argument("recording", metavar="RECORDING", type=FILE)
 @click.option("--at", "at_s", type=Seconds(), help="Moment, from its beginning [s]. [the fullest]")
 @click.option("--out", type=FILE, help="Picture. [rviz.png in the recording's folder]")
-def view(recording: Path, at_s: float | None, out: Path | None) -> None:
+@animate_option
+def view(recording: Path, at_s: float | None, out: Path | None, animate: Path | None) -> None:
     """Draw what rviz would show of a recording: map, costmap, markers, scan, robot.
 
     RECORDING is a result of `are replay`, `are demo` or `are record`, or any recording of the
-    node's topics.
+    node's topics. With --animate all of it, from above, instead of one moment.
     """
+    folder = recording if recording.is_dir() else recording.parent
+    if animate is not None:
+        if at_s is not None or out is not None:
+            message = "--animate shows all of a recording and names its file: no --at, no --out"
+            raise click.UsageError(message)
+        from are_ros.replay.film_command import animate_recording
+        from are_ros.replay.film_path import film_path
+
+        animate_recording(recording, film_path(animate, folder), say)
+        return
     from are_ros.replay.rviz_picture import draw_rviz
 
-    folder = recording if recording.is_dir() else recording.parent
     out = out or folder / "rviz.png"
     draw_rviz(recording, out, at_s)
     say(f"picture: {out}")

@@ -7,6 +7,8 @@ from typing import Any, TypeVar
 
 import click
 
+from are_ros.replay.film_path import ANIMATION, why_no_film
+
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 FILE = click.Path(path_type=Path)
 
@@ -25,6 +27,33 @@ class Seconds(click.FloatRange):
         if math.isnan(seconds):
             self.fail(f"{value!r} is not a number.", param, ctx)
         return seconds
+
+
+class Film(click.Path):
+    """The file of an animation; a recording that was taken for one is told so."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """Return the path, if its name tells of a format that can be written."""
+        path = Path(value)
+        if reason := why_no_film(path):
+            self.fail(f"{reason}; where none is meant, --animate goes last", param, ctx)
+        return path
+
+
+def animate_option(command: _Command) -> _Command:
+    """Add --animate, with or without the name of a file."""
+    option = click.option(
+        "--animate",
+        metavar="[FILE]",
+        type=Film(),
+        is_flag=False,
+        flag_value=ANIMATION,
+        help=f"Animate it, as .gif, .webp or .mp4; a bare name goes into the folder. [{ANIMATION}]",
+    )
+    return option(command)
 
 
 def parameter_options(command: _Command) -> _Command:

@@ -17,13 +17,14 @@ def jumps_per_s(count: int, beyond_per_s: Numbers) -> Any:
     `beyond_per_s[j]` is the rate of jumps by more than j; what would leave the stretch ends at its
     last level.
     """
-    from scipy.sparse import csr_array, diags, hstack
+    from scipy.sparse import csr_array, diags_array, hstack
 
     if count == 1:
         return csr_array((1, 1))
     reach = min(len(beyond_per_s), count - 1)
     by_exactly = -np.diff(np.append(beyond_per_s, 0.0))
-    inner = diags(by_exactly[:reach], np.arange(1, reach + 1), shape=(count, count))
+    offsets = np.arange(1, reach + 1)
+    inner = diags_array(by_exactly[:reach], offsets=offsets, shape=(count, count))
     last = np.zeros((count, 1))
     last[count - 1 - reach : count - 1, 0] = beyond_per_s[:reach][::-1]
     return csr_array(hstack((inner.tocsc()[:, :-1], last)))
@@ -34,11 +35,11 @@ def poisson_solution(jumps: Any, deaths_per_s: Numbers, rewards: Numbers, law: N
 
     Q is singular: its equation at the likeliest level follows from the others and is left out.
     """
-    from scipy.sparse import diags
+    from scipy.sparse import diags_array
     from scipy.sparse.linalg import spsolve
 
     falls = np.append(0.0, deaths_per_s[1:])
-    rests = diags(jumps.sum(axis=1) + falls)
+    rests = diags_array(jumps.sum(axis=1) + falls)
     generator = jumps - rests + _one_down(falls)
     kept = np.flatnonzero(np.arange(len(law)) != np.argmax(law))
     h = np.zeros(len(law))
@@ -54,12 +55,12 @@ def tagged_survival(
     `met` is the law of the level at its beginning, `times_s` are equally spaced from 0 on.
     """
     from scipy.linalg import expm
-    from scipy.sparse import diags
+    from scipy.sparse import diags_array
     from scipy.sparse.linalg import expm_multiply
 
     drawn = deaths_per_s / levels
     falls = np.append(0.0, (deaths_per_s - drawn)[1:])
-    rests = diags(jumps.sum(axis=1) + falls + drawn)
+    rests = diags_array(jumps.sum(axis=1) + falls + drawn)
     forward = (jumps - rests + _one_down(falls)).T
     if len(levels) > _DENSE:
         paths = expm_multiply(forward.tocsc(), met, times_s[0], times_s[-1], len(times_s))

@@ -39,9 +39,10 @@ class Trial:
 
     `offers_s` (G,) are the instants of the groups; `rows` int64 (M,) of all members offered, in
     order. N(t) is `alive` int64 (K,) from `changes_s` (K,) on, the first at 0. `lives_s` are those
-    of all who came in the first nine tenths and left, `departure_gaps_s` the times between
-    departures while anyone was alive. `points_m` (P, 2) is where, at `placed_s` (P,), the first of
-    each group appeared. `without_place` counts those who fit on the empty map and found no place.
+    of all who came in the first nine tenths and left, `unfinished` counts who of them did not;
+    `departure_gaps_s` are the times between departures while anyone was alive. `points_m` (P, 2)
+    is where, at `placed_s` (P,), the first of each group appeared. `without_place` counts those
+    who fit on the empty map and found no place.
     """
 
     chain: BirthDeath
@@ -51,6 +52,7 @@ class Trial:
     changes_s: _Floats
     alive: npt.NDArray[np.int64]
     lives_s: _Floats
+    unfinished: int
     departure_gaps_s: _Floats
     points_m: _Floats
     placed_s: _Floats
@@ -178,6 +180,7 @@ class _Book:
             np.array(self.changes_s),
             np.array(self.alive, np.int64),
             np.array([life_s for arrived_s, life_s in self.lives if arrived_s < early_s]),
+            sum(arrived_s < early_s for arrived_s in self.arrived_s.values()),
             np.array(self.gaps_s),
             places[:, :2],
             places[:, 2],
@@ -203,7 +206,7 @@ def _place_on(site: Site, population: Population, group_radius_m: float) -> Plac
         row: CatalogueRow,
         stream: np.random.Generator,
         near: tuple[float, float] | None,
-    ) -> GroundPose | None:
+    ) -> GroundPose | Cause | None:
         return None if row.forever else place(artefact_id, row, stream, near)
 
     return place_mortal

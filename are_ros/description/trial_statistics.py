@@ -14,6 +14,7 @@ Integers = npt.NDArray[np.int64]
 
 _LEAST_EXPECTED: Final = 5.0
 _LEAST_SHARE: Final = 0.2
+_MOST_UNFINISHED: Final = 0.002
 _BATCHES: Final = 40
 _CORRELATIONS_PER_BATCH: Final = 5.0
 _QUADRATS: Final = 5
@@ -28,9 +29,11 @@ def lives_p_value(trial: Trial) -> float:
     """Return that of what is exponential of mean 1/mu in either reading of mu (KS).
 
     Independent lives themselves; at a constant rate, where lives depend on each other, the times
-    between departures while anyone is alive.
+    between departures while anyone is alive. nan where the long lives are not over.
     """
     is_independent = trial.chain.departures is Departures.INDEPENDENT
+    if is_independent and trial.unfinished > _MOST_UNFINISHED * len(trial.lives_s):
+        return math.nan
     times_s = trial.lives_s if is_independent else trial.departure_gaps_s
     return _exponential_p_value(times_s, trial.chain.mean_life_s)
 
@@ -127,9 +130,10 @@ def _with_rest(values: npt.NDArray[np.number], alone: npt.NDArray[np.bool_]) -> 
 def _classes(law: Floats) -> Integers:
     """Return the number of each level's class: neighbours of a fifth or more together."""
     groups, number, mass = np.zeros(len(law), np.int64), 0, 0.0
+    above = np.append(np.cumsum(law[::-1])[::-1][1:], 0.0)
     for level, chance in enumerate(law.tolist()):
         groups[level] = number
         mass += chance
-        if mass >= _LEAST_SHARE and law[level + 1 :].sum() >= _LEAST_SHARE:
+        if mass >= _LEAST_SHARE and above[level] >= _LEAST_SHARE:
             number, mass = number + 1, 0.0
     return groups

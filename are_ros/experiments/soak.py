@@ -5,39 +5,50 @@ Nothing is rendered: ticks run at the sub-steps, and their ground truth goes to 
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-
-import numpy as np
-import numpy.typing as npt
+from dataclasses import dataclass, field
+from typing import Any
 
 from are_ros.artefacts.catalogue import Catalogue, MotionLimits
-from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.events import EventKind
 from are_ros.builder.motions import MotionCounts
+from are_ros.builder.outputs import ArtefactState
 from are_ros.builder.tick import Demand, Tick
 from are_ros.conventions import NS_PER_S
-from are_ros.errors import MapError
-from are_ros.experiments.motion_judge import Limits, MotionJudge, Verdict
+from are_ros.errors import MapError, ParameterError
+from are_ros.experiments.motion_judge import Limits, MotionJudge, Walls
+from are_ros.experiments.roving_robot import RovingRobot
+from are_ros.experiments.verdict import Verdict
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 _NOTHING_SHOWN = Demand(perception=False, grids=False, markers=False)
-_ROBOT_MPS = 0.5
-_LOOK_AHEAD_M = 0.9
+_WAY_STEP_S = 0.5
+_LONGEST_EMPTY_S = 60.0
+
+
+@dataclass(eq=False)
+class Way:
+    """Where one artefact was, twice a second; `jumps` are the points it did not walk to."""
+
+    label: str
+    class_name: str
+    points_m: list[tuple[float, float]] = field(default_factory=list)
+    jumps: set[int] = field(default_factory=set)
 
 
 @dataclass(frozen=True)
 class SoakResult:
-    """What was judged, and how often the resolver had to step in."""
+    """What was judged, how often the resolver had to step in, and the ways by id."""
 
     verdict: Verdict
     counts: MotionCounts
     contacts: int
     blocked: int
     simulated_s: float
+    ways: dict[int, Way]
+    robot_way_m: list[tuple[float, float]]
 
     @property
     def resolved_share(self) -> float:
@@ -45,50 +56,153 @@ class SoakResult:
         steps = max(self.counts.artefact_steps, 1)
         return (self.counts.moved_back + self.counts.displaced) / steps
 
+    @property
+    def unexplained_brakes(self) -> int:
+        """Brakings beyond the limits that no resolved collision accounts for."""
+        return max(0, self.verdict.hard_brakes - self.counts.moved_back - self.counts.displaced)
+
+    @property
+    def is_clean(self) -> bool:
+        """Whether nothing happened that must not."""
+        return self.verdict.is_clean and not self.unexplained_brakes
+
+    def table(self) -> list[str]:
+        """Return all of it as lines for a reader."""
+        counts = self.counts
+        share = f"{100.0 * self.resolved_share:.4f} % of artefact-seconds"
+        resolved = f"{counts.moved_back} moved back, {counts.displaced} displaced, {share}"
+        return [
+            f"simulated {self.simulated_s:.0f} s, {self.blocked} arrivals blocked",
+            f"collisions resolved: {resolved}",
+            f"contacts with the robot: {self.contacts}",
+            "",
+            *self.verdict.table(),
+        ]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return all of it but the ways as plain values."""
+        return {
+            "is_clean": self.is_clean,
+            "simulated_s": self.simulated_s,
+            "blocked_arrivals": self.blocked,
+            "robot_contacts": self.contacts,
+            "artefact_steps": self.counts.artefact_steps,
+            "moved_back": self.counts.moved_back,
+            "displaced": self.counts.displaced,
+            "resolved_share": self.resolved_share,
+            "unexplained_brakes": self.unexplained_brakes,
+            **self.verdict.as_json(),
+        }
+
 
 def soak(
     grid: OccupancyGrid,
     parameters: Parameters,
     catalogue: Catalogue,
-    duration_s: float,
+    *,
+    artefact_minutes: float = math.inf,
+    longest_s: float = math.inf,
     progress: Callable[[float], object] = lambda _: None,
 ) -> SoakResult:
-    """Let artefacts live on a map, judged at each sub-step; `progress` is told the time [s]."""
-    step_s = parameters.motion.step
-    step_ns = round(step_s * NS_PER_S)
-    parameters = with_values(parameters, {"builder.tick_rate": 1.0 / step_s})
-    builder = ArBuilder(parameters, catalogue, _NOTHING_SHOWN)
-    builder.receive_map(grid, 0)
-    environment = builder.world.environment
-    if environment is None:
-        raise MapError("nobody lives without a map")
-    judge = MotionJudge(grid, environment.classes.occupied, step_s)
-    limits = {row.label: _limits(row.motion) for row in catalogue.rows}
-    robot = RovingRobot(environment, parameters.robot.radius, parameters.seed)
-    touching: set[int] = set()
-    for index in range(1, round(duration_s / step_s) + 1):
-        now_ns = index * step_ns
-        tick = builder.step(now_ns)
-        touching |= {e.artefact_id for e in tick.events if e.kind is EventKind.ROBOT_CONTACT}
-        jumped = {e.artefact_id for e in tick.events if e.kind is EventKind.DISPLACED}
-        here = None if index == 1 else (robot.x_m, robot.y_m, parameters.robot.radius)
-        judge.judge(
-            now_ns / NS_PER_S, tick.artefacts, limits, frozenset(jumped), here, frozenset(touching)
-        )
-        touching &= _touched(tick, robot, parameters.robot.radius)
-        robot.drive(step_s, tick)
+    """Let artefacts live on a map for so many minutes in all, judged at each sub-step.
+
+    It ends earlier after `longest_s`; `progress` is told the artefact-minutes so far. Raises
+    ParameterError where nobody ever arrives, MapError where there is no room for anybody.
+    """
+    if parameters.population.arrival_rate <= 0.0:
+        raise ParameterError("population.arrival_rate is 0: nobody would live to be judged")
+    run = _Run(grid, parameters, catalogue)
+    while run.judge.verdict.artefact_s < 60.0 * artefact_minutes and run.now_s < longest_s:
+        run.step()
+        progress(run.judge.verdict.artefact_s / 60.0)
+    return run.result()
+
+
+class _Run:
+    """A builder, the robot beside it, and the judge of both."""
+
+    def __init__(self, grid: OccupancyGrid, parameters: Parameters, catalogue: Catalogue) -> None:
+        self._step_s = parameters.motion.step
+        self._radius_m = parameters.robot.radius
+        parameters = with_values(parameters, {"builder.tick_rate": 1.0 / self._step_s})
+        self._builder = ArBuilder(parameters, catalogue, _NOTHING_SHOWN)
+        self._builder.receive_map(grid, 0)
+        environment = self._builder.world.environment
+        if environment is None:
+            raise MapError("nobody lives without a map")
+        limits = {row.label: _limits(row.motion) for row in catalogue.rows}
+        walls = walls_of(grid, parameters.world.occupied_threshold)
+        self.judge = MotionJudge(walls, limits, self._step_s)
+        self._robot = RovingRobot(environment, self._radius_m, parameters.seed)
+        self._is_robot_seen = False
+        self._touching: set[int] = set()
+        self._index = 0
+        self._ways: dict[int, Way] = {}
+        self._robot_way_m: list[tuple[float, float]] = []
+
+    @property
+    def now_s(self) -> float:
+        """The time so far."""
+        return self._index * self._step_s
+
+    def step(self) -> None:
+        """Run a sub-step, judge it, and drive the robot on."""
+        self._index += 1
+        step_ns = round(self._step_s * NS_PER_S)
+        now_ns = self._index * step_ns
+        tick = self._builder.step(now_ns)
+        if self.now_s > _LONGEST_EMPTY_S and not self._builder.lives.area_m2:
+            raise MapError("the map has no room for anybody where the robot can go")
+        jumped = _named(tick, EventKind.DISPLACED)
+        self._touching |= _named(tick, EventKind.ROBOT_CONTACT)
+        robot = self._robot
+        here = (robot.x_m, robot.y_m, self._radius_m) if self._is_robot_seen else None
+        self.judge.judge(self.now_s, tick.artefacts, jumped, here, frozenset(self._touching))
+        self._touching &= _near(tick, robot, self._radius_m)
+        self._remember(tick.artefacts, jumped)
+        robot.drive(self._step_s, tick.artefacts)
         pose = (robot.x_m, robot.y_m, 0.0)
         turn = (0.0, 0.0, math.sin(0.5 * robot.yaw_rad), math.cos(0.5 * robot.yaw_rad))
         then_ns = now_ns + step_ns // 2
-        builder.receive_transform("map", "base_link", then_ns, pose, turn, then_ns)
-        progress(now_ns / NS_PER_S)
-    lives = builder.lives
-    return SoakResult(
-        judge.verdict,
-        lives.motion_counts,
-        lives.robot_contacts,
-        lives.population.counts.blocked,
-        duration_s,
+        self._builder.receive_transform("map", "base_link", then_ns, pose, turn, then_ns)
+        self._is_robot_seen = True
+
+    def result(self) -> SoakResult:
+        """Return what has come of it."""
+        lives = self._builder.lives
+        return SoakResult(
+            self.judge.verdict,
+            lives.motion_counts,
+            lives.robot_contacts,
+            lives.population.counts.blocked,
+            self.now_s,
+            self._ways,
+            self._robot_way_m,
+        )
+
+    def _remember(self, states: tuple[ArtefactState, ...], jumped: frozenset[int]) -> None:
+        """Keep the ways, at the instants of a coarser clock and about jumps."""
+        is_due = self._index % max(1, round(_WAY_STEP_S / self._step_s)) == 0
+        if is_due:
+            self._robot_way_m.append((self._robot.x_m, self._robot.y_m))
+        for state in states:
+            is_jump = state.artefact_id in jumped
+            if not is_due and not is_jump:
+                continue
+            way = self._ways.setdefault(state.artefact_id, Way(state.label, state.class_name))
+            here_m = (state.ground_pose.x_m, state.ground_pose.y_m)
+            if is_jump:
+                way.jumps.add(len(way.points_m))
+            if not way.points_m or way.points_m[-1] != here_m:
+                way.points_m.append(here_m)
+
+
+def walls_of(grid: OccupancyGrid, occupied_from: int) -> Walls:
+    """Return the walls of a map for the judge, from its numbers alone."""
+    x_m, y_m, _ = grid.origin.translation_m.tolist()
+    _, _, z, w = grid.origin.rotation_xyzw.tolist()
+    return Walls(
+        grid.cells >= occupied_from, grid.resolution_m, (x_m, y_m, 2.0 * math.atan2(z, w))
     )
 
 
@@ -101,7 +215,11 @@ def _limits(motion: MotionLimits) -> Limits:
     )
 
 
-def _touched(tick: Tick, robot: "RovingRobot", radius_m: float) -> set[int]:
+def _named(tick: Tick, kind: EventKind) -> frozenset[int]:
+    return frozenset(event.artefact_id for event in tick.events if event.kind is kind)
+
+
+def _near(tick: Tick, robot: RovingRobot, radius_m: float) -> set[int]:
     """Return who is near enough to the robot to be in contact still."""
     near = set()
     for state in tick.artefacts:
@@ -110,64 +228,3 @@ def _touched(tick: Tick, robot: "RovingRobot", radius_m: float) -> set[int]:
         if math.hypot(pose.x_m - robot.x_m, pose.y_m - robot.y_m) <= reach_m:
             near.add(state.artefact_id)
     return near
-
-
-class RovingRobot:
-    """Drives straight from point to point that it sees; every other time it stops for artefacts."""
-
-    def __init__(self, environment: Environment, radius_m: float, seed: int) -> None:
-        self._environment = environment
-        self._radius_m = radius_m
-        self._random = generator(seed, Purpose.REQUEST, 0)
-        self._points_m = _open_points(environment, radius_m)
-        self.x_m, self.y_m = self._points_m[0].tolist()
-        self.yaw_rad = 0.0
-        self._goal = (self.x_m, self.y_m)
-        self._is_careful = True
-
-    def drive(self, dt_s: float, tick: Tick) -> None:
-        """Go on for one sub-step."""
-        if math.dist((self.x_m, self.y_m), self._goal) < 0.05:
-            self._choose()
-        heading = math.atan2(self._goal[1] - self.y_m, self._goal[0] - self.x_m)
-        turn = math.remainder(heading - self.yaw_rad, math.tau)
-        self.yaw_rad += max(-1.5 * dt_s, min(1.5 * dt_s, turn))
-        if abs(turn) > 0.1 or (self._is_careful and self._is_blocked(tick)):
-            return
-        way_m = min(_ROBOT_MPS * dt_s, math.dist((self.x_m, self.y_m), self._goal))
-        self.x_m += way_m * math.cos(heading)
-        self.y_m += way_m * math.sin(heading)
-
-    def _choose(self) -> None:
-        here = np.array((self.x_m, self.y_m))
-        for _ in range(30):
-            goal = self._points_m[int(self._random.integers(len(self._points_m)))]
-            count = max(2, int(math.dist(here, goal) / 0.05))
-            way = here + np.linspace(0.0, 1.0, count)[:, None] * (goal - here)
-            if (self._environment.lookup(way) > self._radius_m + 0.1).all():
-                self._goal = (float(goal[0]), float(goal[1]))
-                self._is_careful = not self._is_careful
-                return
-
-    def _is_blocked(self, tick: Tick) -> bool:
-        ahead = (
-            self.x_m + _LOOK_AHEAD_M * math.cos(self.yaw_rad),
-            self.y_m + _LOOK_AHEAD_M * math.sin(self.yaw_rad),
-        )
-        return any(
-            math.dist(ahead, (s.ground_pose.x_m, s.ground_pose.y_m)) < _LOOK_AHEAD_M
-            for s in tick.artefacts
-        )
-
-
-def _open_points(environment: Environment, radius_m: float) -> npt.NDArray[np.float64]:
-    """Return up to 500 points of the largest part of the map where the robot fits."""
-    import cv2
-
-    open_cells = environment.clearance_m > radius_m + 0.15
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(open_cells.view(np.uint8))
-    largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
-    cells = np.argwhere(labels == largest)
-    chosen = cells[:: max(1, len(cells) // 500)]
-    middle = chosen[np.argsort(np.abs(chosen - chosen.mean(axis=0)).sum(axis=1), kind="stable")]
-    return environment.grid.cells_to_points(middle)

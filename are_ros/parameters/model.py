@@ -82,6 +82,9 @@ class PopulationParameters:
         "",
         "YAML file of polygons: zones with weights, no_spawn, entrances, exits.",
     )
+    scenario: str = parameter(
+        "", "YAML file of scripted artefacts beside the random ones, or instead of them."
+    )
     appear: Appear = parameter(
         Appear.ANYWHERE,
         "Where in the region artefacts appear: anywhere, where no camera sees them, "

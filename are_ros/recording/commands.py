@@ -12,6 +12,8 @@ from are_ros.recording.record_options import RecordOptions
 from are_ros.recording.recorder import record
 from are_ros.recording.stop_signal import stop_on_signal
 from are_ros.replay.command import effective_parameters
+from are_ros.replay.film_command import draw_recording
+from are_ros.replay.film_path import film_path
 from are_ros.replay.output_folder import AUGMENTED
 from are_ros.replay.progress_bar import ProgressBar
 from are_ros.replay.rviz_picture import draw_rviz
@@ -48,9 +50,11 @@ def demo_command(
     parameter_files: Sequence[Path],
     assignments: Sequence[str],
     seed: int | None,
+    animate: Path | None = None,
     **options: Any,
 ) -> bool:
     """Run `are demo`; return whether everything could be played."""
+    film = None if animate is None else film_path(animate, out)
     beside = bag.with_suffix(".yaml")
     files = [*([beside] if beside.is_file() else []), *parameter_files]
     parameters = effective_parameters(files, assignments, seed)
@@ -62,7 +66,9 @@ def demo_command(
         say(line)
     picture = out / "rviz.png"
     draw_rviz(out / AUGMENTED, picture, None)
-    say(f"picture      {picture}\nrecording    {out / AUGMENTED}\nnode's log   {out / 'node.log'}")
+    draw_recording(out / AUGMENTED, out / "overview.png", film, say)
+    say(f"pictures     {picture}, {out / 'overview.png'}")
+    say(f"recording    {out / AUGMENTED}\nnode's log   {out / 'node.log'}")
     return not outcome.skipped
 
 

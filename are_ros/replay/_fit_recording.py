@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from are_ros.artefacts.artefact import Origin
-from are_ros.artefacts.population import FIRST_ADMITTED_ID
+from are_ros.artefacts.scenario import FIRST_ADMITTED_ID
 from are_ros.builder.events import EventKind
 from are_ros.errors import BagError, InputError
 from are_ros.messages.times import read_time

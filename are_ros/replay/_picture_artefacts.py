@@ -7,7 +7,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.population import FIRST_ADMITTED_ID
+from are_ros.artefacts.scenario import FIRST_ADMITTED_ID
+from are_ros.conventions import NS_PER_S
 from are_ros.replay._picture_map import Window
 from are_ros.replay.life_record import Life
 
@@ -24,17 +25,22 @@ _FURTHER: Final = ("#3a7d44", "#b5179e", "#8d99ae", "#e07a1f", "#5f0f40", "#606c
 _SMALLEST_PT: Final = 7.0
 _LABEL_PT: Final = 7.0
 _MOST_LABELS: Final = 60
+_GONE_ALPHA: Final = 0.38
 _SIDES: Final = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
 
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A life as it is drawn: corners (4, 2) of its box and the middle of its front (2,) [m]."""
+    """A life as it ended: corners (4, 2) of its box and the middle of its front (2,) [m].
+
+    `is_gone`: it left before the record ends.
+    """
 
     life: Life
     centre_m: Floats
     corners_m: Floats
     front_m: Floats
+    is_gone: bool
 
 
 def class_colours(names: Sequence[str]) -> dict[str, str]:
@@ -44,38 +50,46 @@ def class_colours(names: Sequence[str]) -> dict[str, str]:
     return {**_KNOWN_CLASSES, **further}
 
 
-def drawn_lives(lives: Sequence[Life]) -> list[Drawn]:
-    """Return where each life is drawn: as it was first perceived, else where it stood last.
+def drawn_lives(lives: Sequence[Life], end_ns: int) -> list[Drawn]:
+    """Return each life where it ended: at the end of the record, or where it left.
 
-    Those ever perceived come last, and so on top.
+    On top are those still there, and of these and of the others those ever perceived.
     """
-    standing = [life for life in lives if len(life.footprints)]
-    return [_drawn(life) for life in sorted(standing, key=lambda life: life.is_perceived)]
+    drawn = [_drawn(life, end_ns) for life in lives if len(life.footprints)]
+    return sorted(drawn, key=lambda item: (not item.is_gone, item.life.is_perceived))
 
 
 def draw_artefacts(
     axes: Any, drawn: Sequence[Drawn], colours: Mapping[str, str], points_per_m: float
 ) -> None:
-    """Draw the footprints: filled if ever perceived, else hatched; and where they moved."""
+    """Draw the footprints: filled if ever perceived, else hatched; pale are those that left."""
     from matplotlib.patches import Polygon
 
     for order, item in enumerate(drawn):
         colour, layer = colours[item.life.row.class_name], 4.0 + order * 1e-4
         look = _filled(colour) if item.life.is_perceived else _hatched(colour)
-        poses = item.life.footprints.poses
-        if len(poses) > 1:
-            axes.plot(poses[:, 0], poses[:, 1], color=colour, lw=0.8, alpha=0.6, zorder=3.5)
+        look |= {"alpha": _GONE_ALPHA if item.is_gone else 1.0, "zorder": layer}
         if np.ptp(item.corners_m, axis=0).max() * points_per_m < _SMALLEST_PT:
             _draw_dot(axes, item, colour, layer)
             continue
-        axes.add_patch(Polygon(item.corners_m, closed=True, zorder=layer, **look))
+        axes.add_patch(Polygon(item.corners_m, closed=True, **look))
         tick = np.array((item.centre_m, item.front_m))
         tick_colour = "white" if item.life.is_perceived else colour
-        axes.plot(*tick.T, color=tick_colour, lw=1.1, zorder=layer, solid_capstyle="butt")
+        look = {"alpha": look["alpha"], "zorder": layer, "solid_capstyle": "butt"}
+        axes.plot(*tick.T, color=tick_colour, lw=1.3, **look)
 
 
-def draw_labels(axes: Any, drawn: Sequence[Drawn], window: Window, points_per_m: float) -> None:
-    """Write ids beside the artefacts, where they cover nothing; of many, the perceived only."""
+def draw_labels(
+    axes: Any,
+    drawn: Sequence[Drawn],
+    leaders: Mapping[int, int],
+    window: Window,
+    points_per_m: float,
+) -> None:
+    """Write ids beside the artefacts, where they cover nothing; of many, the perceived only.
+
+    `leaders` has the id of whom a follower followed last.
+    """
     from matplotlib.patheffects import withStroke
 
     look = {"fontsize": _LABEL_PT, "color": "#3b4148", "ha": "center", "va": "center"}
@@ -85,7 +99,7 @@ def draw_labels(axes: Any, drawn: Sequence[Drawn], window: Window, points_per_m:
     perceived = [item for item in drawn if item.life.is_perceived]
     labelled = drawn if len(drawn) <= _MOST_LABELS else perceived[-_MOST_LABELS:]
     for item in reversed(labelled):
-        text = id_text(item.life.artefact_id)
+        text = _label(item.life.artefact_id, leaders)
         size_m = (0.66 * height_m * len(text), height_m)
         spot = _free_spot(item, size_m, np.array(taken), window, 0.25 * height_m)
         if spot is None:
@@ -95,22 +109,30 @@ def draw_labels(axes: Any, drawn: Sequence[Drawn], window: Window, points_per_m:
         axes.text(x_m, y_m, text, zorder=7, path_effects=halo, **look)
 
 
+def _label(artefact_id: int, leaders: Mapping[int, int]) -> str:
+    text = id_text(artefact_id)
+    return f"{text}\u2192{id_text(leaders[artefact_id])}" if artefact_id in leaders else text
+
+
 def id_text(artefact_id: int) -> str:
     """Return an id as short as it can be: requested ones count from s0, not from a billion."""
     requested = artefact_id - FIRST_ADMITTED_ID
     return str(artefact_id) if requested < 0 else f"s{requested}"
 
 
-def _drawn(life: Life) -> Drawn:
-    when_ns = life.first_seen_ns
-    stamps = life.footprints.stamps_ns
-    x_m, y_m, yaw_rad = life.footprint_at(int(stamps[-1]) if when_ns is None else when_ns)
+def is_gone(life: Life, end_ns: int) -> bool:
+    """Say whether it left before the end; live, in the last second everybody has to."""
+    return life.departure_ns is not None and life.departure_ns < end_ns - NS_PER_S
+
+
+def _drawn(life: Life, end_ns: int) -> Drawn:
+    x_m, y_m, yaw_rad = life.footprints.poses[-1].tolist()
     forward = np.array((np.cos(yaw_rad), np.sin(yaw_rad)))
     left = np.array((-forward[1], forward[0]))
     ahead, aside = 0.5 * life.row.size_m[0] * forward, 0.5 * life.row.size_m[1] * left
     centre = np.array((x_m, y_m))
     corners = centre + np.array((ahead + aside, aside - ahead, -ahead - aside, ahead - aside))
-    return Drawn(life, centre, corners, centre + ahead)
+    return Drawn(life, centre, corners, centre + ahead, is_gone(life, end_ns))
 
 
 def _filled(colour: str) -> dict[str, Any]:
@@ -126,7 +148,8 @@ def _draw_dot(axes: Any, item: Drawn, colour: str, layer: float) -> None:
     face = colour if item.life.is_perceived else "white"
     edge = "white" if item.life.is_perceived else colour
     look = {"markerfacecolor": face, "markeredgecolor": edge, "markeredgewidth": 0.9}
-    axes.plot(*item.centre_m, "o", ms=_SMALLEST_PT - 1.0, zorder=layer, **look)
+    alpha = _GONE_ALPHA if item.is_gone else 1.0
+    axes.plot(*item.centre_m, "o", ms=_SMALLEST_PT - 1.0, alpha=alpha, zorder=layer, **look)
 
 
 def _free_spot(

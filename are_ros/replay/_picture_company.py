@@ -1,7 +1,7 @@
 """Who went behind whom: followers and their leaders, from where both were.
 
 The ground truth says that somebody follows, not whom: the leader is taken to be the one that was
-nearest all along.
+nearest all along, of those that moved.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,8 +20,9 @@ Stamps = npt.NDArray[np.int64]
 FOLLOWING: Final = "following"
 _STEP_NS: Final = NS_PER_S // 2
 _SHORTEST_NS: Final = 2 * NS_PER_S
-_FARTHEST_M: Final = 3.5
+FARTHEST_M: Final = 3.5
 _PRESENT: Final = 0.9
+_MOVED_M: Final = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +85,13 @@ def _leader(life: Life, others: Sequence[Life], stamps_ns: Stamps) -> Life | Non
     for other in others:
         if other is life or _share_present(other, stamps_ns) < _PRESENT:
             continue
-        apart_m = np.linalg.norm(positions_at(other, stamps_ns) - here, axis=1)
+        there = positions_at(other, stamps_ns)
+        if np.ptp(there, axis=0).max() < _MOVED_M:
+            continue
+        apart_m = np.linalg.norm(there - here, axis=1)
         near.append((float(np.median(apart_m)), other.artefact_id, other))
     apart_m, _, leader = min(near, key=lambda entry: entry[:2], default=(np.inf, 0, None))
-    return leader if apart_m <= _FARTHEST_M else None
+    return leader if apart_m <= FARTHEST_M else None
 
 
 def _share_present(life: Life, stamps_ns: Stamps) -> float:

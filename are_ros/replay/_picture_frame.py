@@ -1,7 +1,8 @@
 """What surrounds the map in the overview picture: title, legend, time and scale."""
 
 import math
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -10,7 +11,7 @@ import numpy as np
 from are_ros.builder.events import EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.replay._picture_map import Window
-from are_ros.replay._picture_robot import SEEN_COLOUR, time_colours
+from are_ros.replay._picture_robot import time_colours
 from are_ros.replay.scene_record import SceneRecord
 
 _LARGEST_IN: Final = (11.5, 8.5)
@@ -18,35 +19,42 @@ _SMALLEST_IN: Final = (7.6, 2.6)
 _MARGIN_IN: Final = 0.22
 _HEADER_IN: Final = 0.82
 _FOOTER_IN: Final = 0.74
+_ROW_IN: Final = 0.2
+_TIME_BAR_IN: Final = 2.2
 _DPI: Final = 120
 _PAPER: Final = "#eceef0"
 _INK: Final = "#23282e"
 _FAINT_INK: Final = "#66707a"
-_GREY: Final = "#6c757d"
 
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """The figure, the axes of the map on it, what they show, and points (1/72 inch) per metre."""
+    """The figure, the axes of the map on it, what they show, and points (1/72 inch) per metre.
+
+    `footer_in` is the height of the strip below the map, in inches.
+    """
 
     figure: Any
     axes: Any
     window: Window
     points_per_m: float
+    footer_in: float
 
     @classmethod
-    def of(cls, window: Window) -> "Sheet":
-        """Lay out a sheet as large as the window's shape asks for."""
+    def of(cls, window: Window, legends: Sequence[Sequence[Any]] = ()) -> "Sheet":
+        """Lay out a sheet as large as the window's shape asks for, with room for the legends."""
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
         scale = min(_LARGEST_IN[0] / window.width_m, _LARGEST_IN[1] / window.height_m)
         width = max(_SMALLEST_IN[0], window.width_m * scale)
         height = max(_SMALLEST_IN[1], window.height_m * scale)
-        sides = (width + 2 * _MARGIN_IN, height + _HEADER_IN + _FOOTER_IN)
+        rows = sum(len(legend_rows(legend, width + 2 * _MARGIN_IN)) for legend in legends)
+        footer = max(_FOOTER_IN, 0.16 + _ROW_IN * rows)
+        sides = (width + 2 * _MARGIN_IN, height + _HEADER_IN + footer)
         figure = Figure(figsize=sides, dpi=_DPI, facecolor="white")
         FigureCanvasAgg(figure)
-        place = (_MARGIN_IN / sides[0], _FOOTER_IN / sides[1], width / sides[0], height / sides[1])
+        place = (_MARGIN_IN / sides[0], footer / sides[1], width / sides[0], height / sides[1])
         axes = figure.add_axes(place, facecolor=_PAPER, xticks=[], yticks=[])
         axes.spines[:].set_color("#d3d7db")
         middle = (0.5 * (window.left + window.right), 0.5 * (window.bottom + window.top))
@@ -58,17 +66,20 @@ class Sheet:
             middle[1] + half_m[1],
         )
         axes.set(xlim=(shown.left, shown.right), ylim=(shown.bottom, shown.top), autoscale_on=False)
-        return cls(figure, axes, shown, scale * 72.0)
+        return cls(figure, axes, shown, scale * 72.0, footer)
 
 
-def draw_frame(sheet: Sheet, record: SceneRecord, colours: Mapping[str, str]) -> None:
-    """Write title and legend around the map, and the scale of length and of time."""
+def draw_frame(sheet: Sheet, record: SceneRecord, legends: Sequence[Sequence[Any]]) -> None:
+    """Write title and legends around the map, and the scale of length and of time."""
     width_in, height_in = sheet.figure.get_size_inches()
     left, top = _MARGIN_IN / width_in, 1.0 - 0.16 / height_in
     sheet.figure.text(left, top, _title(record), size=15, weight="bold", color=_INK, va="top")
     below = top - 0.34 / height_in
     sheet.figure.text(left, below, _subtitle(record), size=9, color=_FAINT_INK, va="top")
-    _draw_legend(sheet, record, colours)
+    top_in = sheet.footer_in - 0.06
+    for row in (row for legend in legends for row in legend_rows(legend, width_in)):
+        _add_legend(sheet, row, top_in)
+        top_in -= _ROW_IN
     _draw_scale(sheet)
     if len(record.robot):
         _draw_time(sheet, record)
@@ -84,50 +95,40 @@ def _title(record: SceneRecord) -> str:
 def _subtitle(record: SceneRecord) -> str:
     steps = np.diff(record.robot.poses[:, :2], axis=0)
     driven_m = float(np.linalg.norm(steps, axis=1).sum())
-    contacts = sum(event.kind is EventKind.ROBOT_CONTACT for event in record.events)
+    counts = Counter(event.kind for event in record.events)
+    blocked = counts[EventKind.BLOCKED]
     parts = [
         f"{record.duration_ns / NS_PER_S:.0f} s",
         f"robot drove {driven_m:.1f} m" if len(record.robot) else "no pose of the robot",
-        f"{contacts} robot contacts" if contacts else "",
+        f"{blocked} arrivals blocked" if blocked else "",
         f"seed {record.seed}",
         "numbers are ids, as in metrics.json" if record.lives else "",
     ]
     return "   ·   ".join(part for part in parts if part)
 
 
-def _draw_legend(sheet: Sheet, record: SceneRecord, colours: Mapping[str, str]) -> None:
-    """Say in one line which colours are which classes, and in another what the rest means."""
-    from matplotlib.patches import Patch
-
-    classes, meanings = [], []
-    for name in sorted({life.row.class_name for life in record.lives}):
-        lives = [life for life in record.lives if life.row.class_name == name]
-        text = f"{name}  {sum(life.is_perceived for life in lives)} of {len(lives)}"
-        classes.append(Patch(facecolor=colours[name], edgecolor="white", label=text))
-    if record.lives:
-        outline: dict[str, Any] = {"edgecolor": _GREY, "lw": 0.9}
-        meanings.append(Patch(facecolor=_GREY, label="perceived"))
-        meanings.append(Patch(facecolor="white", hatch="/////", label="never perceived", **outline))
-    if len(record.camera):
-        meanings.append(
-            Patch(facecolor=SEEN_COLOUR, alpha=0.42, label="field of view, at poses drawn")
-        )
-        meanings.append(Patch(facecolor=SEEN_COLOUR, alpha=0.17, label="in view at some time"))
-    used_in = _add_legend(sheet, classes, _FOOTER_IN - 0.06)
-    _add_legend(sheet, meanings, _FOOTER_IN - 0.06 - used_in)
+def legend_rows(handles: Sequence[Any], width_in: float) -> list[list[Any]]:
+    """Return the handles in rows that fit beside the bar of time, by the length of their texts."""
+    rows: list[list[Any]] = []
+    used_in = math.inf
+    for handle in handles:
+        needed_in = 0.5 + 0.068 * len(handle.get_label())
+        if used_in + needed_in > width_in - _TIME_BAR_IN:
+            rows.append([])
+            used_in = 0.0
+        rows[-1].append(handle)
+        used_in += needed_in
+    return rows
 
 
-def _add_legend(sheet: Sheet, handles: list[Any], top_in: float) -> float:
-    """Add a legend whose upper edge is so high above the sheet's edge; return its height."""
-    if not handles:
-        return 0.0
+def _add_legend(sheet: Sheet, handles: Sequence[Any], top_in: float) -> None:
+    """Add a row of a legend whose upper edge is so high above the sheet's edge."""
     width_in, height_in = sheet.figure.get_size_inches()
-    columns = max(1, int((width_in - 2.3) / 1.15))
     sheet.figure.legend(
         handles=handles,
         loc="upper left",
         bbox_to_anchor=((_MARGIN_IN - 0.06) / width_in, top_in / height_in),
-        ncol=columns,
+        ncol=len(handles),
         frameon=False,
         fontsize=8.5,
         labelcolor=_INK,
@@ -135,7 +136,6 @@ def _add_legend(sheet: Sheet, handles: list[Any], top_in: float) -> float:
         handlelength=1.5,
         borderpad=0.1,
     )
-    return 0.2 * math.ceil(len(handles) / columns)
 
 
 def _draw_time(sheet: Sheet, record: SceneRecord) -> None:
@@ -143,7 +143,7 @@ def _draw_time(sheet: Sheet, record: SceneRecord) -> None:
     width_in, height_in = sheet.figure.get_size_inches()
     length = 1.6
     left = (width_in - _MARGIN_IN - length) / width_in
-    place = (left, (_FOOTER_IN - 0.36) / height_in, length / width_in, 0.09 / height_in)
+    place = (left, (sheet.footer_in - 0.36) / height_in, length / width_in, 0.09 / height_in)
     axes = sheet.figure.add_axes(place, yticks=[])
     colours = np.linspace(0.0, 1.0, 256)[np.newaxis]
     end_s = record.duration_ns / NS_PER_S

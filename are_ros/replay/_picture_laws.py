@@ -21,6 +21,7 @@ _LAW: Final = "#d1495b"
 _BAND: Final = "#e9eef3"
 _BINS: Final = 40
 _QUANTILE: Final = 0.995
+_SEPARATE_BARS: Final = 40
 _CUT_FROM: Final = 0.001
 _SHOWN_CORRELATIONS: Final = 25.0
 _SHOWN_GROUPS: Final = (60.0, 250.0)
@@ -77,9 +78,14 @@ def draw_shares(axes: Any, trial: Trial) -> None:
     shares = statistics.time_shares(trial.changes_s, trial.alive, trial.end_s, len(law))
     likely = np.flatnonzero((law > 2e-3 * law.max()) | (shares > 2e-3))
     shown = levels[likely[0] : likely[-1] + 1]
-    axes.barh(shown, shares[shown], height=0.86, color=_BAR, label="share of the time")
-    dots = "o-" if len(shown) <= 40 else "-"
-    axes.plot(law[shown], shown, dots, color=_LAW, ms=3.2, lw=1.2, label=_law_name(trial.chain))
+    is_short = len(shown) <= _SEPARATE_BARS
+    if is_short:
+        axes.barh(shown, shares[shown], height=0.86, color=_BAR)
+    else:
+        edges = np.append(shown, shown[-1] + 1) - 0.5
+        axes.stairs(shares[shown], edges, orientation="horizontal", fill=True, color=_BAR)
+    dots = "o-" if is_short else "-"
+    axes.plot(law[shown], shown, dots, color=_LAW, ms=3.2, lw=1.2)
     axes.set_xlim(0.0, 1.2 * float(max(law.max(), shares.max())))
     p_value = statistics.path_p_value(
         trial.changes_s, trial.alive, trial.end_s, law, trial.chain.correlation_s
@@ -107,6 +113,11 @@ def draw_waits(axes: Any, trial: Trial) -> None:
 def draw_lives(axes: Any, trial: Trial) -> None:
     """Draw the lives and their density: exponential, or that of who is drawn at random."""
     chain, lives_s = trial.chain, trial.lives_s
+    axes.set_title("lives", **_title_look())
+    if not len(lives_s):
+        _write(axes, ["nobody who came has left yet"])
+        _tidy(axes)
+        return
     reach_s, unit_s, name = _reach(lives_s)
     times_s = np.linspace(0.0, reach_s, 201)
     density = -np.diff(chain.survival(reach_s, len(times_s))) / np.diff(times_s)
@@ -118,7 +129,6 @@ def draw_lives(axes: Any, trial: Trial) -> None:
         _write(axes, [count, p_value])
     else:
         _write(axes, [count, "who leaves is drawn at random;", "between departures:", p_value])
-    axes.set_title("lives", **_title_look())
     axes.set_xlabel(f"time [{name}]")
 
 

@@ -15,13 +15,14 @@ import numpy.typing as npt
 
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.replay._picture_behaviours import behaviour_of
-from are_ros.replay._picture_company import Company, positions_at
+from are_ros.replay._picture_company import FARTHEST_M, Company, positions_at
 from are_ros.replay.life_record import Life
 
 Floats = npt.NDArray[np.float64]
 Rgb = tuple[float, float, float]
 
-_FADE: Final = (0.22, 0.95)
+_FADE: Final = (0.25, 0.95)
+_PALE_FADE: Final = (0.18, 0.75)
 _PLAIN_LW, _SEEN_LW = 1.1, 2.6
 _MOST_VERTICES: Final = 500
 _CROWD: Final = 18
@@ -30,7 +31,7 @@ _CROWD: Final = 18
 _MOVED_M: Final = 0.3
 _ARROW_EVERY_PT: Final = 62.0
 _ARROW_PT: Final = 4.6
-_MARK_PT: Final = 5.2
+_MARK_PT: Final = 5.8
 _RUNGS: Final = 6
 _SHADES: Final = (0.0, 0.1, -0.1, 0.05, -0.06)
 
@@ -54,11 +55,11 @@ class Way:
 def way_of(life: Life, moved_ns: Sequence[int]) -> Way:
     """Return the way of a life that has a pose; `moved_ns` are the stamps when it was displaced."""
     stamps, poses = life.footprints.stamps_ns, life.footprints.poses
-    jumps = np.searchsorted(stamps, np.asarray(moved_ns, dtype=np.int64)) if moved_ns else []
+    jumps: list[int] = np.searchsorted(stamps, np.array(moved_ns, dtype=np.int64)).tolist()
     count = len(stamps)
     every = max(1, math.ceil(count / _MOST_VERTICES))
     kept = np.unique((*range(0, count, every), count - 1, *_around(jumps, count))).astype(np.int64)
-    is_jump = np.isin(kept[1:], np.asarray(jumps, dtype=np.int64))
+    is_jump = np.isin(kept[1:], np.array(jumps, dtype=np.int64))
     at = np.searchsorted(life.seen_ns, stamps[kept])
     is_seen = np.searchsorted(life.seen_ns, stamps[kept[1:]], side="right") > at[:-1]
     return Way(life, poses[kept, :2], is_seen, is_jump)
@@ -103,23 +104,22 @@ def draw_companies(axes: Any, found: Sequence[Company], colours: Mapping[str, st
     for company in found:
         stamps = company.instants(_RUNGS)
         behind, ahead = (positions_at(one, stamps) for one in (company.follower, company.leader))
-        colour = shade_of(
-            colours[company.follower.row.class_name], company.follower.artefact_id
-        )
-        for ends in np.stack((behind, ahead), axis=1):
+        colour = shade_of(colours[company.follower.row.class_name], company.follower.artefact_id)
+        near = np.linalg.norm(ahead - behind, axis=1) <= FARTHEST_M
+        for ends in np.stack((behind, ahead), axis=1)[near]:
             axes.plot(*ends.T, color=colour, lw=1.1, ls=(0, (1, 1.2)), alpha=0.9, zorder=3.55)
 
 
-def _around(jumps: Any, count: int) -> list[int]:
+def _around(jumps: Sequence[int], count: int) -> list[int]:
     """Return the indices before and after each jump."""
-    return [i for jump in jumps for i in (int(jump) - 1, int(jump)) if 0 <= i < count]
+    return [i for jump in jumps for i in (jump - 1, jump) if 0 <= i < count]
 
 
 def _draw_line(axes: Any, way: Way, colour: Rgb, thin: float) -> None:
     from matplotlib.collections import LineCollection
 
     pieces = np.stack((way.points_m[:-1], way.points_m[1:]), axis=1)
-    low, high = _FADE if way.life.is_perceived else (0.5 * _FADE[0], 0.7 * _FADE[1])
+    low, high = _FADE if way.life.is_perceived else _PALE_FADE
     alphas = np.linspace(low, high, len(pieces))
     rgba = np.column_stack((np.tile(colour, (len(pieces), 1)), alphas))
     widths = thin * np.where(way.is_seen, _SEEN_LW, _PLAIN_LW)
@@ -142,7 +142,7 @@ def _draw_arrows(axes: Any, way: Way, colour: Rgb, points_per_m: float) -> None:
     travelled = np.cumsum(lengths)
     spacing_m, size_m = _ARROW_EVERY_PT / points_per_m, _ARROW_PT / points_per_m
     places = np.arange(0.6 * spacing_m, travelled[-1], spacing_m)
-    low, high = _FADE if way.life.is_perceived else (0.5 * _FADE[0], 0.7 * _FADE[1])
+    low, high = _FADE if way.life.is_perceived else _PALE_FADE
     for place in places.tolist():
         i = int(np.searchsorted(travelled, place))
         share = (place - (travelled[i] - lengths[i])) / lengths[i]

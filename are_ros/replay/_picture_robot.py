@@ -71,7 +71,7 @@ def draw_path(axes: Any, record: SceneRecord, shown: Sequence[Fan], points_per_m
     at_fans = np.searchsorted(stamps, [fan.stamp_ns for fan in shown]).tolist()
     for index in sorted({0, len(poses) - 1, *at_fans} - {len(poses)}):
         _draw_robot(axes, record, index, points_per_m)
-    below_pt = 9.0 + points_per_m * _outline(record.footprint)[:, 1].max()
+    below_pt = 9.0 + points_per_m * robot_outline(record.footprint)[:, 1].max()
     _mark(axes, poses[0], "start", TIME_COLOURS[1], below_pt)
     if len(poses) > 1:
         _mark(axes, poses[-1], "end", TIME_COLOURS[-1], below_pt)
@@ -101,7 +101,7 @@ def _draw_robot(axes: Any, record: SceneRecord, index: int, points_per_m: float)
     x_m, y_m, yaw_rad = record.robot.poses[index].tolist()
     fraction = time_fraction(record, record.robot.stamps_ns[index])
     colour = time_colours()(float(fraction))
-    outline = _outline(record.footprint.at(x_m, y_m, yaw_rad))
+    outline = robot_outline(record.footprint.at(x_m, y_m, yaw_rad))
     if np.ptp(outline, axis=0).max() * points_per_m < _SMALLEST_ROBOT_PT:
         look = {"ms": _SMALLEST_ROBOT_PT - 2.0, "markeredgecolor": colour, "markeredgewidth": 1.5}
         axes.plot(x_m, y_m, "o", markerfacecolor="white", zorder=5.2, **look)
@@ -114,7 +114,7 @@ def _draw_robot(axes: Any, record: SceneRecord, index: int, points_per_m: float)
     axes.plot(*nose.T, color=colour, lw=1.5, zorder=5.3)
 
 
-def _outline(footprint: Footprint) -> Floats:
+def robot_outline(footprint: Footprint) -> Floats:
     """Return the corners of a rounded polygon: those of discs at its vertices, hull taken."""
     import cv2
 

@@ -75,9 +75,7 @@ def metrics_of(message: Any) -> SceneMetrics:
 
 def _transform(pose: Any) -> RigidTransform:
     place, turn = pose.position, pose.orientation
-    return RigidTransform.checked(
-        (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
-    )
+    return RigidTransform.checked((place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w))
 
 
 def _vector(message: Any) -> Vector3:

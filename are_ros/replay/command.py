@@ -14,6 +14,8 @@ from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import parse_assignment, read_ros_parameters, write_ros_parameters
 from are_ros.parameters.validation import validated
 from are_ros.replay.bag_reader import BagReader
+from are_ros.replay.film_command import animate
+from are_ros.replay.film_path import film_path
 from are_ros.replay.inspection import inspect_bag
 from are_ros.replay.inspection_text import inspection_lines
 from are_ros.replay.options import ReplayOptions
@@ -42,6 +44,7 @@ def effective_parameters(
     seed: int | None,
     map_frame: str | None = None,
     static_transforms: Sequence[str] = (),
+    scenario_file: Path | None = None,
 ) -> Parameters:
     """Return the parameters of files, assignments and options, each overriding those before it.
 
@@ -58,6 +61,8 @@ def effective_parameters(
         options["frames.map"] = map_frame
     if static_transforms:
         options["frames.static"] = (*parameters.frames.static, *static_transforms)
+    if scenario_file is not None:
+        options["population.scenario"] = str(scenario_file)
     return validated(with_values(parameters, options))
 
 
@@ -69,6 +74,7 @@ def options_of(skip: Sequence[str], **options: Any) -> ReplayOptions:
         options["seed"],
         options["map_frame"],
         options["static_transforms"],
+        options["scenario_file"],
     )
     return ReplayOptions(
         bags=options["bags"],
@@ -80,6 +86,7 @@ def options_of(skip: Sequence[str], **options: Any) -> ReplayOptions:
         start_s=options["start_s"],
         duration_s=options["duration_s"],
         with_inputs=options["with_inputs"],
+        save_scenario=options["save_scenario"],
         demand=replace(Demand(), **dict.fromkeys(skip, False)),
     )
 
@@ -90,12 +97,17 @@ def replay_command(say: Say, **options: Any) -> bool:
     Raises AreError where there is no result.
     """
     replay = options_of(**options)
+    wanted = options.get("animate")
+    film = None if wanted is None else film_path(wanted, options["out"])
     with ProgressBar() as bar:
         outcome = run_replay(replay, say, bar.open)
     with all_or_nothing(options["out"]):
         summary = write_results(outcome, options["out"])
     for line in summary:
         say(line)
+    if film is not None:
+        threshold = replay.parameters.world.occupied_threshold
+        animate(outcome.record, outcome.grid, film, threshold, say)
     for line in complaints(outcome):
         say(line)
     return not (outcome.refusals.counts or outcome.camera_problem)

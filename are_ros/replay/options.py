@@ -13,7 +13,8 @@ class ReplayOptions:
     """The options of `are replay`; times are seconds from the beginning of the recording.
 
     `parameters` are the effective ones. `map_file` and `octomap_file` replace what the recording
-    lacks or holds; `topics` are the user's choices by role. With `out` None nothing is written.
+    lacks or holds; `topics` are the user's choices by role. With `out` None nothing is written,
+    but for what happened, as a scenario, into `save_scenario` if that is given.
     """
 
     bags: tuple[Path, ...]
@@ -26,3 +27,4 @@ class ReplayOptions:
     duration_s: float | None = None
     with_inputs: bool = False
     demand: Demand = field(default_factory=Demand)
+    save_scenario: Path | None = None

@@ -1,4 +1,4 @@
-"""overview.png: a replay seen from above, with what the robot perceived and what it did not."""
+"""overview.png: a run seen from above, who went where, and what the robot perceived of it."""
 
 from pathlib import Path
 from typing import Any, Final
@@ -11,7 +11,10 @@ from are_ros.replay._picture_artefacts import (
     draw_labels,
     drawn_lives,
 )
+from are_ros.replay._picture_behaviours import behaviour_counts, behaviour_marks
+from are_ros.replay._picture_company import companies
 from are_ros.replay._picture_frame import Sheet, draw_frame
+from are_ros.replay._picture_legend import legends
 from are_ros.replay._picture_map import (
     KnownPart,
     known_part,
@@ -19,6 +22,8 @@ from are_ros.replay._picture_map import (
     shaded,
     window_of,
 )
+from are_ros.replay._picture_marks import draw_marks
+from are_ros.replay._picture_paths import displacements, draw_companies, draw_ways, way_of
 from are_ros.replay._picture_robot import draw_fans, draw_path
 from are_ros.replay._picture_view import Fan, Sight, fan_at, spread_indices, telling_indices
 from are_ros.replay.scene_record import SceneRecord
@@ -31,11 +36,11 @@ _SWEPT_FANS: Final = 60
 def draw_overview(
     record: SceneRecord, grid: OccupancyGrid, path: Path, *, occupied_threshold: int
 ) -> None:
-    """Write the picture of a replay over its map, as PNG; the same input gives the same bytes.
+    """Write the picture of a run over its map, as PNG; the same input gives the same bytes.
 
     It shows the known part of the map, the robot's path, some of its fields of view as far as the
-    walls of the map and taller artefacts let them reach, and each artefact where it was first
-    perceived, or else where it stood last. Settings of matplotlib in force change nothing.
+    walls of the map and taller artefacts let them reach, and each artefact where it ended, with the
+    way that it went there. Settings of matplotlib in force change nothing.
     """
     import matplotlib as mpl
 
@@ -47,20 +52,34 @@ def draw_overview(
 
 
 def _figure(record: SceneRecord, grid: OccupancyGrid, occupied_threshold: int) -> Any:
-    part = known_part(grid)
-    drawn = drawn_lives(record.lives)
-    corners = [item.corners_m for item in drawn]
-    window = window_of(grid, part, np.concatenate((record.robot.poses[:, :2], *corners)))
+    part, end_ns = known_part(grid), _end_ns(record)
+    drawn = drawn_lives(record.lives, end_ns)
     colours = class_colours([life.row.class_name for life in record.lives])
-    sheet = Sheet.of(window)
+    marks = behaviour_marks([*behaviour_counts(record.lives)])
+    moved = displacements(record.events)
+    ways = [way_of(item.life, moved.get(item.life.artefact_id, ())) for item in drawn]
+    found = companies(record.lives, end_ns)
+    outlines = [item.corners_m for item in drawn] + [way.points_m for way in ways]
+    window = window_of(grid, part, np.concatenate((record.robot.poses[:, :2], *outlines)))
+    handles = legends(record, colours, marks, has_companies=bool(found))
+    sheet = Sheet.of(window, handles)
     swept, shown = _fans(record, Sight(grid, part, occupied_threshold))
     _draw_map(sheet, grid, part)
     draw_fans(sheet.axes, record, swept, shown, window)
     draw_path(sheet.axes, record, shown, sheet.points_per_m)
+    draw_ways(sheet.axes, ways, colours, marks, sheet.points_per_m)
+    draw_companies(sheet.axes, found, colours)
     draw_artefacts(sheet.axes, drawn, colours, sheet.points_per_m)
-    draw_labels(sheet.axes, drawn, window, sheet.points_per_m)
-    draw_frame(sheet, record, colours)
+    draw_marks(sheet.axes, record)
+    leaders = {one.follower.artefact_id: one.leader.artefact_id for one in found}
+    draw_labels(sheet.axes, drawn, leaders, window, sheet.points_per_m)
+    draw_frame(sheet, record, handles)
     return sheet.figure
+
+
+def _end_ns(record: SceneRecord) -> int:
+    stamps = record.series.stamps_ns
+    return int(stamps[-1]) if len(stamps) else 0
 
 
 def _fans(record: SceneRecord, sight: Sight) -> tuple[list[Fan], list[Fan]]:

@@ -5,8 +5,10 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
 from are_ros.artefacts.catalogue import Catalogue
+from are_ros.artefacts.scenario_file import write_scenario
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of, parse_static_transform, robot_footprint
+from are_ros.builder.life_keeper import LifeKeeper
 from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.builder.warm_up import warm_up
 from are_ros.errors import BagError
@@ -67,10 +69,13 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             _say_what_is_missing(options, roles, say)
             catalogue = catalogue_of(options.parameters)
             builder = ArBuilder(options.parameters, catalogue, options.demand)
+            lives_keeper = builder.lives.keep() if options.save_scenario else None
             replay = Replay(reader, builder, options, roles, stopwatch)
             files = MapFiles.read(options)
             if options.out is not None:
                 prepare_folder(options.out)
+            if options.save_scenario is not None:
+                prepare_folder(options.save_scenario.parent)
             for sentence in filter(None, (replay.sentence, replay.clock.sentence)):
                 say(sentence)
             if "camera/camera_info" in replay.role_of_topic.values():
@@ -88,6 +93,8 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 progress = open_progress(replay.start_ns, replay.end_ns)
                 replay.run(All([keeper, *writers]), progress)
             grid = _known_map(builder, replay)
+    if lives_keeper is not None:
+        _save_scenario(options, lives_keeper, say)
     for notice in [*builder.notices, *builder.frames.drain_notices()]:
         say(notice)
     if frame := builder.world.missing_frame():
@@ -96,6 +103,17 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             "give the transform with --static-tf"
         )
     return _outcome(options, replay, builder, grid, recorder, counts(), stopwatch)
+
+
+def _save_scenario(options: ReplayOptions, keeper: LifeKeeper, say: Say) -> None:
+    """Write what happened as a scenario; say if it is not the whole run."""
+    path = options.save_scenario
+    if path is None:
+        return
+    if keeper.notice:
+        say(keeper.notice)
+    written = write_scenario(keeper.scenario(path.stem), path)
+    say(f"scenario     {', '.join(str(file) for file in written)}")
 
 
 def _with_replay_policy(options: ReplayOptions) -> ReplayOptions:

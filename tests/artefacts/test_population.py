@@ -14,7 +14,8 @@ from are_ros.artefacts.artefact import GroundPose, Origin
 from are_ros.artefacts.catalogue import CatalogueRow, MeshFile
 from are_ros.artefacts.departures import ConstantRateDepartures, IndependentLives, departure_law
 from are_ros.artefacts.mixture import TruncatedPoissonMixture
-from are_ros.artefacts.population import FIRST_ADMITTED_ID, Place, Population
+from are_ros.artefacts.population import Place, Population
+from are_ros.artefacts.scenario import FIRST_ADMITTED_ID
 from are_ros.artefacts.population_events import Cause, Counts, EventKind, PopulationEvent
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.artefacts.sources import FIRST_ID, RandomSource

@@ -7,11 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.artefacts import population
 from are_ros.artefacts.artefact import GroundPose, PoseHistory
 from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.artefacts.scenario import (
-    FIRST_ADMITTED_ID,
     Doing,
     Scenario,
     ScriptedArtefact,
@@ -75,11 +73,6 @@ def test_doings_are_in_the_order_of_time() -> None:
     """What comes before cannot be told after."""
     with pytest.raises(ScenarioError, match="not in the order of time"):
         _track([0], Doing(5, "walking"), Doing(4, "standing"))
-
-
-def test_scripted_ids_begin_where_the_population_admits() -> None:
-    """One number tells random ids from others."""
-    assert FIRST_ADMITTED_ID == population.FIRST_ADMITTED_ID
 
 
 @pytest.mark.parametrize(

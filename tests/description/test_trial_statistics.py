@@ -8,6 +8,7 @@ from scipy import stats
 
 from are_ros.description import trial_statistics as statistics
 from are_ros.description.birth_death import BirthDeath
+from are_ros.description.population_trial import Trial
 from are_ros.parameters.choices import Departures
 
 INDEPENDENT, CONSTANT = Departures.INDEPENDENT, Departures.CONSTANT_RATE
@@ -107,3 +108,17 @@ def test_points_in_a_square() -> None:
     points_m = 10.0 * np.random.default_rng(3).random((1500, 2))
     assert statistics.square_p_value(points_m, 10.0) > 1e-3
     assert statistics.square_p_value(points_m**1.15 / 10.0**0.15, 10.0) < 1e-3
+
+
+def test_lives_that_are_not_over_have_no_p_value() -> None:
+    """Where a run is shorter than the lives, those that ended are the short ones."""
+    chain, nothing = BirthDeath(1.0, 1.0, 2.0, INDEPENDENT, 200), np.zeros(0)
+    lives_s = np.random.default_rng(1).exponential(2.0, 900)
+
+    def trial(unfinished: int) -> Trial:
+        ints = np.zeros(0, np.int64)
+        times = (nothing, ints, nothing, ints, lives_s, unfinished, nothing)
+        return Trial(chain, 1.0, *times, np.zeros((0, 2)), nothing, 0)
+
+    assert statistics.lives_p_value(trial(1)) > 1e-3
+    assert math.isnan(statistics.lives_p_value(trial(9)))

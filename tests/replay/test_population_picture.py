@@ -54,6 +54,7 @@ def _in_the_open(_: Parameters) -> Site:
     [
         (_in_the_open, {"population.group_size": 3.0, "population.max_alive": 5}),
         (_in_the_open, {"population.departures": "constant_rate", "population.max_alive": 1}),
+        (_in_the_open, {"population.mean_life": 1e7, "population.max_alive": 100_000}),
         (
             _on_a_map,
             {"population.departures": "constant_rate", "population.arrival_rate": 0.0008},

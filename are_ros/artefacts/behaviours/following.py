@@ -31,7 +31,9 @@ class Following:
 
     name: ClassVar[str] = "following"
 
-    def __init__(self) -> None:
+    def __init__(self, leader_id: int | None = None) -> None:
+        """Follow whoever comes; or the one of this id for as long as it lives, nobody else."""
+        self._only_id = leader_id
         self._walk = Walking()
         self._leader_id: int | None = None
         self._left_id: int | None = None
@@ -53,6 +55,8 @@ class Following:
 
     def _leader(self, situation: Situation) -> Fellow | None:
         """Return whom to follow: the leader so far, else somebody new."""
+        if self._only_id is not None:
+            return self._the_one(self._only_id, situation)
         leader = None
         if self._leader_id is not None:
             leader = situation.fellow(self._leader_id)
@@ -64,6 +68,13 @@ class Following:
             leader = next((f for f in found if self._may_lead(f, situation)), None)
             if leader is not None:
                 self._begin(leader, situation)
+        return leader
+
+    def _the_one(self, leader_id: int, situation: Situation) -> Fellow | None:
+        """Return the only one that it follows, None if that one does not live."""
+        leader = situation.fellow(leader_id)
+        if leader is not None and self._leader_id is None:
+            self._begin(leader, situation)
         return leader
 
     def _may_lead(self, fellow: Fellow, situation: Situation) -> bool:

@@ -41,11 +41,13 @@ BEHAVIOURS: Final = (*_PLAIN, AlongWay.name)
 def make_behaviour(name: str, options: Mapping[str, Any] | None = None) -> Behaviour:
     """Return a new behaviour, for one artefact: a name of `BEHAVIOURS`, or `module:Class`.
 
-    Only along_way takes options, see `AlongWay.of`. CatalogueError, one sentence, if there is no
-    such behaviour, or if it does not take these options.
+    along_way takes options, see `AlongWay.of`, and following takes the id of its leader.
+    CatalogueError, one sentence, if there is no such behaviour, or if it does not take these.
     """
     if name == AlongWay.name:
         return AlongWay.of(options or {})
+    if name == Following.name and options and set(options) == {"leader"}:
+        return Following(int(options["leader"]))
     if options:
         raise CatalogueError(
             f"{name} takes no options, but {', '.join(map(str, options))} is given"

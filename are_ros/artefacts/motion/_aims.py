@@ -12,11 +12,11 @@ from are_ros.artefacts.motion._state import (
     NEVER,
     SIN,
     SPEED,
-    X,
-    Y,
     YAW,
     Fleet,
     Floats,
+    X,
+    Y,
 )
 
 STANDING, FACING, GOING, PUSHED, DETOURING, COASTING = range(6)

@@ -13,11 +13,11 @@ from are_ros.artefacts.motion._state import (
     COS,
     NEVER,
     SIN,
-    X,
-    Y,
     Floats,
     Floor,
     RobotPath,
+    X,
+    Y,
 )
 from are_ros.world._footprint_kernels import signed_distances
 from are_ros.world._wall_kernels import are_free, hits_cells
@@ -194,8 +194,12 @@ def _solid_cells(pose: Floats, body: Any, floor: Floor, box: Floats) -> int:
     if not hits_cells(box, floor.lattice, solid, field, floor.unit, TOUCH_TOLERANCE_M)[0]:
         return 0
     row, col, mask = covered(box, 0, floor.lattice, solid.shape, TOUCH_TOLERANCE_M)
-    under = solid[row : row + mask.shape[0], col : col + mask.shape[1]]
-    return int(np.sum(under & mask)) or int(NEVER)
+    count = 0
+    for i in range(mask.shape[0]):
+        for j in range(mask.shape[1]):
+            if mask[i, j] and solid[row + i, col + j]:
+                count += 1
+    return count if count > 0 else NEVER
 
 
 @compiled

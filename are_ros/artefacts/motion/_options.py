@@ -84,7 +84,9 @@ def _walker_options(options: Floats, aim: Aim, mind: Any) -> int:
             count = set_option(options, count, kind, heading, speed, cost - gain, heading)
             if 0 < n <= _SHIFTS and aim.kind != PUSHED:  # a step aside, then on
                 gain = 0.5 * (gain + speed / aim.speed) - _SHIFT
-                count = set_option(options, count, HEADING, heading, speed, cost - gain, aim.heading)
+                count = set_option(
+                    options, count, HEADING, heading, speed, cost - gain, aim.heading
+                )
     count = set_option(options, count, BRAKE, aim.heading, 0.0, aim.stop_cost, np.nan)
     return set_option(options, count, BRAKE, np.nan, 0.0, aim.stop_cost + _PLAIN_STOP, np.nan)
 

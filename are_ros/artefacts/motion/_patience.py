@@ -15,17 +15,18 @@ from are_ros.artefacts.motion._state import (
     BY_ARTEFACT,
     NOBODY,
     UNHINDERED,
-    X,
-    Y,
     YAW,
     Fleet,
     Floats,
     Tempo,
+    X,
+    Y,
 )
 from are_ros.artefacts.motion._vehicles import way_left
 
 _SLOWEST = 0.1  # progress below this speed counts as none
 _MOST_CREDIT = 0.3
+_MOST_DEBT = 2.0  # a way back counts: it must be made again before one is not blocked any more
 _PUSHES_AFTER = 0.75
 _PUSH_SECONDS = 2
 _FIRST_DETOUR = 3.0
@@ -105,11 +106,12 @@ def note_progress(
     else:
         gain = np.hypot(order.x - before[X], order.y - before[Y])
         gain -= np.hypot(order.x - after[X], order.y - after[Y])
-    credit = mind.credit + gain - _SLOWEST * tempo.step_s
-    mind.credit = min(max(credit, 0.0), _MOST_CREDIT)
-    if credit > 0.0:
+    credit, drain = max(mind.credit + gain, -_MOST_DEBT), _SLOWEST * tempo.step_s
+    if credit > drain:
+        mind.credit = min(credit - drain, _MOST_CREDIT)
         mind.blocked, mind.patience = 0.0, _FIRST_DETOUR
     else:
+        mind.credit = min(credit, 0.0)
         mind.blocked += tempo.step_s
 
 

@@ -10,7 +10,7 @@ from are_ros.artefacts.motion._buckets import gather
 from are_ros.artefacts.motion._gaps import gap_between, robot_conflict, separation, wall_conflict
 from are_ros.artefacts.motion._options import cheapest, direction_of, fill_options, is_at_rest
 from are_ros.artefacts.motion._patience import consider_detour, note_hindrance, push
-from are_ros.artefacts.motion._rollouts import BRAKE, pace_of, roll_out, wrapped
+from are_ros.artefacts.motion._rollouts import BRAKE, pace_of, roll_out
 from are_ros.artefacts.motion._state import (
     BY_ARTEFACT,
     BY_ROBOT,
@@ -22,9 +22,6 @@ from are_ros.artefacts.motion._state import (
     PLANS,
     STAMP,
     UNHINDERED,
-    X,
-    Y,
-    YAW,
     Buckets,
     Desk,
     Fleet,
@@ -32,6 +29,8 @@ from are_ros.artefacts.motion._state import (
     Floor,
     RobotPath,
     Tempo,
+    X,
+    Y,
 )
 
 _INFEASIBLE = np.inf
@@ -40,6 +39,13 @@ _NEAR_OTHERS = 0.5
 _NEAR_ROBOT = 0.6
 _INTO_ROBOT = 6.0  # for entering where the robot is predicted to be, the less the later
 _LATER = 0.05
+
+
+@compiled
+def copy_pose(source: Floats, target: Floats) -> None:
+    """Copy a row of a path."""
+    for column in range(target.shape[0]):
+        target[column] = source[column]
 
 
 @compiled
@@ -60,7 +66,7 @@ def _assess_robot(
     if robot.outlines.shape[0] == 0 or far > robot.reach + last * pace + body.radius + comfort:
         return 0.0, False
     least, predicted, present = robot_conflict(
-        path, 0, last, body, robot, comfort, pace + robot.pace, desk.box
+        path, np.int64(0), last, body, robot, comfort, pace + robot.pace, desk.box
     )
     if present != NEVER:
         return _INFEASIBLE, True
@@ -150,9 +156,7 @@ def _assess(
     kept, k = wall_conflict(path, last, body, order.wall_comfort, pace, floor, desk.box)
     if k != NEVER:
         return _INFEASIBLE, BY_WALL, NOBODY
-    nearness, culprit = _assess_others(
-        fleet, i, path, last, pace, now, desk, count, is_any
-    )
+    nearness, culprit = _assess_others(fleet, i, path, last, pace, now, desk, count, is_any)
     if culprit != NOBODY:
         return _INFEASIBLE, BY_ARTEFACT, culprit
     cost, meets = _assess_robot(path, last, body, order, robot, pace, desk)
@@ -164,7 +168,8 @@ def _assess(
 def commit(fleet: Fleet, i: int, path: Floats, last: int, now: int, tempo: Tempo) -> None:
     """Make a path, whose pose 0 is that of `now`, the one that artefact i will follow."""
     place = fleet.place[i]
-    fleet.path[i, : last + 1] = path[: last + 1]
+    for k in range(last + 1):  # slices would take ten seconds more to compile
+        copy_pose(path[k], fleet.path[i, k])
     place.begin, place.last, place.must_plan = now, last, 0
     place.pace = pace_of(path, last, fleet.body[i], tempo.step_s)
     low_x, low_y, high_x, high_y = path[0, X], path[0, Y], path[0, X], path[0, Y]
@@ -233,9 +238,8 @@ def plan(
     place, mind, order = fleet.place[i], fleet.mind[i], fleet.order[i]
     start = min(now - place.begin, place.last)
     pose = desk.paths[0, 0]
-    pose[:] = fleet.path[i, start]
-    pose[YAW] = wrapped(pose[YAW])
-    desk.paths[1, 0] = pose
+    copy_pose(fleet.path[i, start], pose)
+    copy_pose(pose, desk.paths[1, 0])
     consider_detour(mind, place.id, now, tempo.second)
     aim = aim_of(fleet, i, pose, now, tempo.second)
     if is_at_rest(aim, pose) and start == place.last:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from are_ros._compiled import compiled
-from are_ros.artefacts.motion._state import COS, SIN, SPEED, X, Y, YAW, Floats, Tempo
+from are_ros.artefacts.motion._state import COS, SIN, SPEED, YAW, Floats, Tempo, X, Y
 
 HEADING, POINT, CURVE, ARC_TO_POINT, BRAKE = range(5)
 """Kinds of options: walk towards a heading; to a point and stop there; drive along a curve; drive
@@ -148,7 +148,7 @@ def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, tempo: Tempo
     """
     kind = option[0]
     if kind == BRAKE and body.turn_radius > 0.0:
-        return brake(path, 0, option[1], body, tempo.step_s)
+        return brake(path, np.int64(0), option[1], body, tempo.step_s)
     if kind == BRAKE:
         k = _stop(path, option, body, tempo.walk, tempo.step_s)
     elif kind <= POINT:

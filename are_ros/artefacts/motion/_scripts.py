@@ -49,9 +49,7 @@ class Scripts:
         return changed
 
 
-def _lay(
-    fleet: Fleet, slot: int, poses: npt.NDArray[np.float64], now: int, tempo: Tempo
-) -> None:
+def _lay(fleet: Fleet, slot: int, poses: npt.NDArray[np.float64], now: int, tempo: Tempo) -> None:
     """Make the next poses the path of a slot, from where it is."""
     place = fleet.place[slot]
     index = min(now - int(place["begin"]), int(place["last"]))

@@ -17,8 +17,6 @@ from are_ros.artefacts.motion._patience import note_progress
 from are_ros.artefacts.motion._planning import plan, reach_of
 from are_ros.artefacts.motion._state import (
     NEVER,
-    X,
-    Y,
     YAW,
     Desk,
     Fleet,
@@ -28,6 +26,8 @@ from are_ros.artefacts.motion._state import (
     Records,
     RobotPath,
     Tempo,
+    X,
+    Y,
 )
 
 _Mask = npt.NDArray[np.bool_]
@@ -120,9 +120,7 @@ def _go_on(fleet: Fleet, slots: Integers, now: int, tempo: Tempo) -> _Mask:
         place, path = fleet.place[i], fleet.path[i]
         before = path[min(now - place.begin, place.last)]
         after = path[min(now + 1 - place.begin, place.last)]
-        moved[n] = (
-            before[X] != after[X] or before[Y] != after[Y] or before[YAW] != after[YAW]
-        )
+        moved[n] = before[X] != after[X] or before[Y] != after[Y] or before[YAW] != after[YAW]
         if fleet.order[i].has_goal:
             note_progress(fleet, i, before, after, now + 1, tempo)
     return moved
@@ -143,7 +141,7 @@ def mark_broken(
         place, body = fleet.place[i], fleet.body[i]
         if place.is_scripted or not _is_moving(place, now):
             continue
-        rest = fleet.path[i, now - place.begin : place.last + 1]
+        rest = fleet.path[i][now - place.begin : place.last + 1]
         last = rest.shape[0] - 1
         broken = False
         if is_new_floor:
@@ -162,7 +160,7 @@ def mark_broken(
                 fleet.body[j],
                 0.0,
                 pace,
-                NEVER,
+                np.int64(NEVER),
             )
             broken = broken or (i != j and k != NEVER)
         if broken:
@@ -170,9 +168,7 @@ def mark_broken(
 
 
 @compiled
-def are_clear(
-    fleet: Fleet, slots: Integers, now: int, poses: Floats, bodies: Records
-) -> _Mask:
+def are_clear(fleet: Fleet, slots: Integers, now: int, poses: Floats, bodies: Records) -> _Mask:
     """Tell which bodies (M,) standing at poses (M, 6) from now on are met by nobody's path."""
     clear = np.ones(poses.shape[0], np.bool_)
     for n in range(poses.shape[0]):
@@ -188,7 +184,7 @@ def are_clear(
                 break
             _, k = gap_between(
                 poses[n : n + 1],
-                0,
+                np.int64(0),
                 bodies[n],
                 fleet.path[i],
                 start,
@@ -196,7 +192,7 @@ def are_clear(
                 fleet.body[i],
                 0.0,
                 place.pace,
-                NEVER,
+                np.int64(NEVER),
             )
             if k != NEVER:
                 clear[n] = False

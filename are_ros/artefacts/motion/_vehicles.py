@@ -12,7 +12,7 @@ import numpy as np
 from are_ros._compiled import compiled
 from are_ros.artefacts.motion._aims import GOING, PUSHED, Aim
 from are_ros.artefacts.motion._rollouts import ARC_TO_POINT, BRAKE, CURVE
-from are_ros.artefacts.motion._state import COS, SIN, SPEED, X, Y, YAW, Floats, Tempo
+from are_ros.artefacts.motion._state import COS, SIN, SPEED, YAW, Floats, Tempo, X, Y
 
 REVERSE_SHARE = 0.5
 """The fastest reverse over the fastest forward speed."""
@@ -111,7 +111,9 @@ def _add_arcs(
             speed = factor * top
             way = _travelled(pose[SPEED], speed, body.acceleration, duration)
             cost = _arc_cost(bend, way, aim, pose, order, radius, full) + _BEND * abs(bend)
-            cost += _CHANGE * abs(bend - mind.chosen * radius) if mind.chosen == mind.chosen else 0.0
+            cost += (
+                _CHANGE * abs(bend - mind.chosen * radius) if mind.chosen == mind.chosen else 0.0
+            )
             cost += _REVERSE if factor < 0.0 else 0.0
             cost += _SHIFT if factor * mind.gear < 0.0 else 0.0
             options[count, 0], options[count, 1] = CURVE, bend / radius
@@ -147,7 +149,7 @@ def vehicle_options(
 ) -> int:
     """Write the options of a vehicle at a pose; return how many there are."""
     duration = tempo.drive * tempo.step_s
-    count = _add_arcs(options, 0, _FORWARD, aim, pose, body, order, mind, duration)
+    count = _add_arcs(options, np.int64(0), _FORWARD, aim, pose, body, order, mind, duration)
     count = _add_arcs(options, count, _BACKWARD, aim, pose, body, order, mind, duration)
     if aim.ends:
         count = _add_arcs_to_goal(options, count, aim, pose, body, order, mind)

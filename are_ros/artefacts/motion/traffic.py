@@ -8,6 +8,7 @@ a displaced one, a new map, the robot. Those who are due in a sub-step plan one 
 id, so each knows what the ones before it have decided.
 """
 
+import math
 from bisect import bisect_left
 from dataclasses import dataclass
 from typing import Final
@@ -20,7 +21,7 @@ from are_ros.artefacts.motion import _state, _steps
 from are_ros.artefacts.motion._floors import Floors
 from are_ros.artefacts.motion._patience import forget_blockade
 from are_ros.artefacts.motion._scripts import Scripts
-from are_ros.artefacts.motion._state import COS, NOBODY, SIN, X, Y, YAW
+from are_ros.artefacts.motion._state import COS, NOBODY, SIN, YAW, X, Y
 from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.motion.hindrance import Hindrance
 from are_ros.artefacts.motion.order import STAND, Order
@@ -33,6 +34,7 @@ _WALK_S: Final = 1.0
 _DRIVE_S: Final = 1.5
 _BRAKE_S: Final = 2.5
 _FIRST_CAPACITY: Final = 64
+_ELSEWHERE_M: Final = 1.0
 
 
 @dataclass(frozen=True)
@@ -102,10 +104,14 @@ class Traffic:
         """Tell one what to do from the next sub-step on, unless it is scripted."""
         slot = self._slot_of[artefact_id]
         record, goal = self._fleet.order[slot], order.subgoal_m
-        is_same = record["has_goal"] and goal == (record["x"], record["y"])
+        shift_m = math.inf
+        if record["has_goal"] and goal is not None:
+            shift_m = math.dist(goal, (record["x"], record["y"]))
         _state.write_order(record, order)
-        if not is_same:
+        if shift_m > 0.0:
             self._fleet.mind["passed_at"][slot] = _state.NEVER
+        if shift_m > _ELSEWHERE_M:  # what it went back from the old one is no loss
+            self._fleet.mind["credit"][slot] = max(self._fleet.mind["credit"][slot], 0.0)
         if goal is None:
             forget_blockade(self._fleet.mind[slot])
 

@@ -1,0 +1,158 @@
+"""What a judge of motion has found: counts, sentences, and both as a table."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+FAULTS: Final = {
+    "overlaps": "overlaps of artefacts",
+    "walls": "overlaps with walls",
+    "robot": "overlaps with the robot, unreported",
+    "limits": "limits of motion broken",
+    "still": "a minute's stand without a cause",
+    "deadlocks": "waiting for each other over a minute",
+}
+"""What must not be, by kind: the words of the table."""
+
+_KEPT_SENTENCES = 50
+
+
+@dataclass
+class Company:
+    """How near followers were to whom they follow, over all seconds in which they followed."""
+
+    followed_s: float = 0.0
+    near_s: float = 0.0
+    gaps_m: float = 0.0
+
+    def note(self, gap_m: float, seconds: float, *, is_near: bool) -> None:
+        """Count some seconds at a distance from the leader."""
+        self.followed_s += seconds
+        self.near_s += seconds * is_near
+        self.gaps_m += seconds * gap_m
+
+    @property
+    def near_share(self) -> float:
+        """The share of the time near the leader; 1 where nobody followed."""
+        return self.near_s / self.followed_s if self.followed_s else 1.0
+
+    @property
+    def mean_gap_m(self) -> float:
+        """The mean distance from the leader; 0 where nobody followed."""
+        return self.gaps_m / self.followed_s if self.followed_s else 0.0
+
+
+@dataclass
+class Verdict:
+    """What was counted; `found` by kind of `FAULTS`, with a sentence for the first fifty of each.
+
+    Brakings harder than the type's acceleration are apart, for only a resolved collision may cause
+    them; `dead_stops` are those of them that ended in a stand within the sub-step. `causes` counts
+    stands of more than a minute by their cause, `longest_s` tells the longest. `travelled_m`,
+    `lived_s` and `arrivals` (stops at a destination) are by behaviour.
+    """
+
+    artefact_s: float = 0.0
+    moving_s: float = 0.0
+    found: Counter[str] = field(default_factory=Counter)
+    sentences: dict[str, list[str]] = field(default_factory=dict)
+    hard_brakes: int = 0
+    dead_stops: int = 0
+    hardest_mps2: float = 0.0
+    causes: Counter[str] = field(default_factory=Counter)
+    longest_s: dict[str, float] = field(default_factory=dict)
+    travelled_m: dict[str, float] = field(default_factory=dict)
+    lived_s: dict[str, float] = field(default_factory=dict)
+    arrivals: Counter[str] = field(default_factory=Counter)
+    company: Company = field(default_factory=Company)
+
+    @property
+    def is_clean(self) -> bool:
+        """Whether nothing was found that must not be."""
+        return not self.found
+
+    def note(self, kind: str, t_s: float, sentence: str) -> None:
+        """Count something that must not be, at a time."""
+        self.found[kind] += 1
+        kept = self.sentences.setdefault(kind, [])
+        if len(kept) < _KEPT_SENTENCES:
+            kept.append(f"{t_s:.2f} s: {sentence}")
+
+    def note_braking(self, deceleration_mps2: float, *, is_dead_stop: bool) -> None:
+        """Count a braking harder than the type can."""
+        self.hard_brakes += 1
+        self.dead_stops += is_dead_stop
+        self.hardest_mps2 = max(self.hardest_mps2, deceleration_mps2)
+
+    def arrivals_per_minute(self, behaviour: str) -> float:
+        """Return how often those who behave so stop at a destination, per minute of one of them."""
+        lived_s = self.lived_s.get(behaviour, 0.0)
+        return 60.0 * self.arrivals[behaviour] / lived_s if lived_s else 0.0
+
+    def table(self) -> list[str]:
+        """Return all of it as lines for a reader."""
+        lines = _columns(self._summary())
+        lines += ["", *_columns(self._behaviours())]
+        if self.causes:
+            lines += ["", *_columns(self._stands())]
+        for kind, sentences in self.sentences.items():
+            lines += ["", f"{FAULTS[kind]}:", *(f"  {sentence}" for sentence in sentences[:5])]
+        return lines
+
+    def as_json(self) -> dict[str, Any]:
+        """Return all of it as plain values."""
+        return {
+            "artefact_minutes": self.artefact_s / 60.0,
+            "moving_minutes": self.moving_s / 60.0,
+            "faults": {kind: self.found[kind] for kind in FAULTS},
+            "sentences": self.sentences,
+            "hard_brakes": self.hard_brakes,
+            "dead_stops": self.dead_stops,
+            "hardest_braking_mps2": self.hardest_mps2,
+            "stands_by_cause": dict(sorted(self.causes.items())),
+            "longest_stand_s": dict(sorted(self.longest_s.items())),
+            "lived_s": dict(sorted(self.lived_s.items())),
+            "travelled_m": dict(sorted(self.travelled_m.items())),
+            "arrivals": dict(sorted(self.arrivals.items())),
+            "followed_s": self.company.followed_s,
+            "near_leader_share": self.company.near_share,
+            "mean_gap_m": self.company.mean_gap_m,
+        }
+
+    def _summary(self) -> list[tuple[str, ...]]:
+        company = self.company
+        return [
+            ("artefact-minutes", f"{self.artefact_s / 60.0:.1f}"),
+            ("of them moving", f"{self.moving_s / 60.0:.1f}"),
+            *((words, str(self.found[kind])) for kind, words in FAULTS.items()),
+            ("brakings beyond the limit", f"{self.hard_brakes} ({self.dead_stops} dead stops)"),
+            ("time that followers are near", f"{100.0 * company.near_share:.0f} %"),
+            ("mean distance to the leader", f"{company.mean_gap_m:.2f} m"),
+        ]
+
+    def _behaviours(self) -> list[tuple[str, ...]]:
+        rows: list[tuple[str, ...]] = [("behaviour", "minutes", "m/s", "arrivals/min")]
+        for name, lived_s in sorted(self.lived_s.items()):
+            speed_mps = self.travelled_m.get(name, 0.0) / lived_s
+            rate = self.arrivals_per_minute(name)
+            rows.append((name, f"{lived_s / 60.0:.1f}", f"{speed_mps:.2f}", f"{rate:.2f}"))
+        return rows
+
+    def _stands(self) -> list[tuple[str, ...]]:
+        rows: list[tuple[str, ...]] = [("stands over a minute", "times", "longest [s]")]
+        for cause, count in self.causes.most_common():
+            rows.append((cause, str(count), f"{self.longest_s.get(cause, 0.0):.0f}"))
+        return rows
+
+
+def _columns(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    """Return rows of cells as lines; all columns but the first to the right."""
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(
+            cell.rjust(width) if k else cell.ljust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in rows
+    ]

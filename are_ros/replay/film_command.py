@@ -1,0 +1,44 @@
+"""Animations for the command line: of a run just made, or of any recording of the node."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from are_ros.replay.animation import write_animation
+from are_ros.replay.overview import draw_overview
+from are_ros.replay.progress_bar import ProgressBar
+from are_ros.replay.recorded_scene import RecordedScene, read_recorded_scene
+from are_ros.replay.scene_record import SceneRecord
+from are_ros.world.occupancy_grid import OccupancyGrid
+
+Say = Callable[[str], None]
+
+
+def animate(
+    record: SceneRecord, grid: OccupancyGrid, path: Path, occupied_threshold: int, say: Say
+) -> None:
+    """Write an animation with a progress bar, and say what it is. Raises BagError."""
+    with ProgressBar("animation") as bar:
+        film = write_animation(record, grid, path, bar.open, occupied_threshold=occupied_threshold)
+    say(film.sentence())
+
+
+def read_with_bar(recording: Path) -> RecordedScene:
+    """Return the scene of a recording, with a progress bar. Raises AreError."""
+    with ProgressBar("reading") as bar:
+        return read_recorded_scene(recording, bar.open)
+
+
+def animate_recording(recording: Path, path: Path, say: Say) -> None:
+    """Write an animation of a recording of the node's outputs. Raises AreError."""
+    scene = read_with_bar(recording)
+    threshold = scene.parameters.world.occupied_threshold
+    animate(scene.record, scene.grid, path, threshold, say)
+
+
+def draw_recording(recording: Path, picture: Path, film: Path | None, say: Say) -> None:
+    """Draw the overview of a recording and, if wanted, an animation of it. Raises AreError."""
+    scene = read_with_bar(recording)
+    threshold = scene.parameters.world.occupied_threshold
+    draw_overview(scene.record, scene.grid, picture, occupied_threshold=threshold)
+    if film is not None:
+        animate(scene.record, scene.grid, film, threshold, say)
