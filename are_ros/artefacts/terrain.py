@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.world.environment import Environment
-from are_ros.world.lattice_cover import lattice_row
+from are_ros.world.lattice_cover import covered, lattice_row
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes
 from are_ros.world.voxel_map import VoxelMap
@@ -120,10 +120,9 @@ def _overhung_cells(
     points_m = grid.cells_to_points(np.column_stack((rows.ravel(), cols.ravel())))
     floors_m = environment.ground.heights(points_m).reshape(grid.cells.shape)
     floors_m = np.maximum(floors_m, environment.ground.lowest_m())
-    x, y, base_m = voxels.map_from_lattice.translation_m
+    base_m = float(voxels.map_from_lattice.translation_m[2])
     local = grid.origin.inverse() @ voxels.map_from_lattice
     width_m, depth_m, layer_m = voxels.voxel_size_m
-    del x, y
     columns = np.argwhere(voxels.occupied.any(axis=2))
     cosine, sine = math.cos(local.yaw_rad()), math.sin(local.yaw_rad())
     x0_m, y0_m, _ = local.translation_m
@@ -158,22 +157,19 @@ def _mark_columns(
 ) -> None:
     """Mark the cells that each column of voxels (M,), a box in the grid's frame, meets."""
     base, layer, clearance, height = levels_m
+    lattice = np.array([0.0, 0.0, 1.0, 0.0, resolution_m, resolution_m])
     for i in range(columns.shape[0]):
-        c, s = abs(packed[i, 3]), abs(packed[i, 4])
-        x, y = packed[i, 0] / resolution_m, packed[i, 1] / resolution_m
-        reach_x = (c * packed[i, 5] + s * packed[i, 6]) / resolution_m
-        reach_y = (s * packed[i, 5] + c * packed[i, 6]) / resolution_m
-        first_row = max(int(np.floor(y - reach_y + TOUCH_TOLERANCE_M)), 0)
-        last_row = min(int(np.ceil(y + reach_y - TOUCH_TOLERANCE_M)), overhung.shape[0])
-        first_col = max(int(np.floor(x - reach_x + TOUCH_TOLERANCE_M)), 0)
-        last_col = min(int(np.ceil(x + reach_x - TOUCH_TOLERANCE_M)), overhung.shape[1])
-        stack = occupied[columns[i, 0], columns[i, 1]]
-        for row in range(first_row, last_row):
-            for col in range(first_col, last_col):
-                floor = floors_m[row, col]
-                for k in range(stack.shape[0]):
-                    if stack[k] and floor + clearance < base + (k + 1) * layer - TOUCH_TOLERANCE_M:
-                        overhung[row, col] |= base + k * layer < floor + height - TOUCH_TOLERANCE_M
+        row0, col0, mask = covered(packed, i, lattice, overhung.shape, TOUCH_TOLERANCE_M)
+        for row in range(mask.shape[0]):
+            for col in range(mask.shape[1]):
+                if not mask[row, col] or overhung[row0 + row, col0 + col]:
+                    continue
+                floor = floors_m[row0 + row, col0 + col]
+                for k in range(occupied.shape[2]):
+                    is_above = base + (k + 1) * layer > floor + clearance + TOUCH_TOLERANCE_M
+                    is_below = base + k * layer < floor + height - TOUCH_TOLERANCE_M
+                    if is_above and is_below and occupied[columns[i, 0], columns[i, 1], k]:
+                        overhung[row0 + row, col0 + col] = True
 
 
 def _distances(is_open: npt.NDArray[np.bool_]) -> npt.NDArray[np.float32]:

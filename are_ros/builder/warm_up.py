@@ -1,6 +1,7 @@
 """Compiling the kernels before they are needed: a miniature scene, run once."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.conventions import FREE, NS_PER_S, OCCUPIED
+from are_ros.errors import PlacementError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.world.laser_scan import LaserScan
@@ -79,9 +81,22 @@ def _run(catalogue: Catalogue, is_wanted: Callable[[], bool]) -> bool:
         builder.receive_scan("scan", _scan(now_ns), now_ns)
         if tick == 1:
             builder.lives.place(row, GroundPose(2.0, 1.5, 0.0, 0.1), now_ns)
+            _let_walk(builder, catalogue, now_ns)
         builder.step(now_ns)
         builder.take_scans()
     return True
+
+
+def _let_walk(builder: ArBuilder, catalogue: Catalogue, now_ns: int) -> None:
+    """Place two of the smallest type that moves, if there is one, in each other's way."""
+    movers = [row for row in catalogue.rows if row.motion.speed_mps > 0.0]
+    if not movers:
+        return
+    smallest = min(movers, key=lambda row: row.size_m[0] * row.size_m[1])
+    for y_m in (-2.0, -1.0):
+        with suppress(PlacementError):  # one that is too large for the room walks nowhere
+            pose = GroundPose(-2.0, y_m, 0.0, 0.0)
+            builder.lives.place(smallest, pose, now_ns, behaviour="walking")
 
 
 def _room() -> OccupancyGrid:

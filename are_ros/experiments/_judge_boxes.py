@@ -67,7 +67,7 @@ class Walls:
             (x_m + c * along - s * across, y_m + s * along + c * across)
         )
         self._tree = cKDTree(self._centres_m) if len(self._centres_m) else None
-        self._square = 0.5 * cell_m * _SIGNS @ np.array([(c, s), (-s, c)])
+        self._half_m, self._yaw_rad = 0.5 * cell_m, yaw_rad
         self._reach_m = 0.5 * cell_m * math.sqrt(2.0)
 
     def met(self, boxes: _Floats) -> list[int]:
@@ -76,18 +76,29 @@ class Walls:
             return []
         reach = np.hypot(boxes[:, 3], boxes[:, 4]) + self._reach_m
         distances, _ = self._tree.query(boxes[:, :2])
-        corners = _corners(boxes)
         near = np.flatnonzero(distances < reach).tolist()
-        return [i for i in near if self._meets(self._tree, corners[i], boxes[i], reach[i])]
+        return [i for i in near if self._meets(self._tree, boxes[i], reach[i])]
 
-    def _meets(self, tree: cKDTree, corners: _Floats, box: _Floats, reach_m: float) -> bool:
-        near = self._centres_m[tree.query_ball_point(box[:2], reach_m)]
-        c, s = math.cos(box[2]), math.sin(box[2])
-        local = near - box[:2]
-        along = np.abs(c * local[:, 0] + s * local[:, 1]) - box[3]
-        across = np.abs(c * local[:, 1] - s * local[:, 0]) - box[4]
-        candidates = near[(along < self._reach_m) & (across < self._reach_m)]
-        return any(_share_area(corners, centre + self._square) for centre in candidates)
+    def _meets(self, tree: cKDTree, box: _Floats, reach_m: float) -> bool:
+        """Tell whether no axis of the box, nor of the cells, separates it from one of them."""
+        offsets_m = self._centres_m[tree.query_ball_point(box[:2], reach_m)] - box[:2]
+        turn_rad = self._yaw_rad - box[2]
+        c, s, half_m = abs(math.cos(turn_rad)), abs(math.sin(turn_rad)), self._half_m
+        cell_m = half_m * (c + s)
+        reaches_m = ((box[3] + cell_m, box[4] + cell_m),)
+        reaches_m += ((c * box[3] + s * box[4] + half_m, s * box[3] + c * box[4] + half_m),)
+        depths_m = [
+            np.array(reach) - np.abs(_turned(offsets_m, -yaw))
+            for yaw, reach in zip((box[2], self._yaw_rad), reaches_m, strict=True)
+        ]
+        return bool((np.hstack(depths_m) > _TOUCH_M).all(axis=1).any())
+
+
+def _turned(points_m: _Floats, angle_rad: float) -> _Floats:
+    """Return points (N, 2) turned about (0, 0)."""
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    turned: _Floats = points_m @ np.array([(c, s), (-s, c)])
+    return turned
 
 
 def _corners(boxes: _Floats) -> _Floats:

@@ -69,8 +69,7 @@ class RovingRobot:
             self.y_m + _LOOK_AHEAD_M * math.sin(self.yaw_rad),
         )
         return any(
-            math.dist(ahead, (s.ground_pose.x_m, s.ground_pose.y_m)) < _LOOK_AHEAD_M
-            for s in states
+            math.dist(ahead, (s.ground_pose.x_m, s.ground_pose.y_m)) < _LOOK_AHEAD_M for s in states
         )
 
 

@@ -201,9 +201,7 @@ def walls_of(grid: OccupancyGrid, occupied_from: int) -> Walls:
     """Return the walls of a map for the judge, from its numbers alone."""
     x_m, y_m, _ = grid.origin.translation_m.tolist()
     _, _, z, w = grid.origin.rotation_xyzw.tolist()
-    return Walls(
-        grid.cells >= occupied_from, grid.resolution_m, (x_m, y_m, 2.0 * math.atan2(z, w))
-    )
+    return Walls(grid.cells >= occupied_from, grid.resolution_m, (x_m, y_m, 2.0 * math.atan2(z, w)))
 
 
 def _limits(motion: MotionLimits) -> Limits:

@@ -16,6 +16,7 @@ Picture = npt.NDArray[np.uint8]
 Rgb = tuple[int, int, int]
 
 PAPER: Final[Rgb] = (236, 238, 240)
+FLOOR: Final[Rgb] = (252, 252, 251)
 INK: Final[Rgb] = (35, 40, 46)
 HEADER_PX, FOOTER_PX = 30, 26
 _SHIFT: Final = 4
@@ -72,7 +73,7 @@ class Stage:
         return reduced
 
 
-def mixed(colour: Rgb, share: float, ground: Rgb = (255, 255, 255)) -> Rgb:
+def mixed(colour: Rgb, share: float, ground: Rgb = FLOOR) -> Rgb:
     """Return a colour laid over a ground with an opacity of `share`."""
     pairs = zip(colour, ground, strict=True)
     red, green, blue = (round(share * a + (1.0 - share) * b) for a, b in pairs)
@@ -124,7 +125,7 @@ def write(
     mask = mask[top - y :, left - x :][: part.shape[0], : part.shape[1]]
     if mask.size:
         halo = cv2.dilate(mask, np.ones((3, 3), dtype=np.uint8))
-        _blend(part, halo, (255, 255, 255), 0.85)
+        _blend(part, halo, FLOOR, 0.85)
         _blend(part, mask, colour, 1.0)
 
 

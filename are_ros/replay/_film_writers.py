@@ -21,7 +21,7 @@ _GIF_CONTROL, _GIF_KEEP = b"\x21\xf9\x04", 0b0000_0101
 """Each picture stays under the next, whose index `TRANSPARENT` lets it through."""
 
 _GIF_FOR_EVER: Final = b"\x21\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00"
-_NOTICEABLE: Final = 7
+_NOTICEABLE: Final = 3
 """A pixel whose colour changes by no more than this keeps the old one."""
 
 _WEBP_HEAD: Final = 12

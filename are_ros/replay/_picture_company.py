@@ -20,7 +20,7 @@ Stamps = npt.NDArray[np.int64]
 FOLLOWING: Final = "following"
 _STEP_NS: Final = NS_PER_S // 2
 _SHORTEST_NS: Final = 2 * NS_PER_S
-FARTHEST_M: Final = 3.5
+_FARTHEST_M: Final = 3.5
 _PRESENT: Final = 0.9
 _MOVED_M: Final = 0.5
 
@@ -83,7 +83,7 @@ def _leader(life: Life, others: Sequence[Life], stamps_ns: Stamps) -> Life | Non
     here = positions_at(life, stamps_ns)
     near: list[tuple[float, int, Life]] = []
     for other in others:
-        if other is life or _share_present(other, stamps_ns) < _PRESENT:
+        if not _may_lead(other, life) or _share_present(other, stamps_ns) < _PRESENT:
             continue
         there = positions_at(other, stamps_ns)
         if np.ptp(there, axis=0).max() < _MOVED_M:
@@ -91,7 +91,13 @@ def _leader(life: Life, others: Sequence[Life], stamps_ns: Stamps) -> Life | Non
         apart_m = np.linalg.norm(there - here, axis=1)
         near.append((float(np.median(apart_m)), other.artefact_id, other))
     apart_m, _, leader = min(near, key=lambda entry: entry[:2], default=(np.inf, 0, None))
-    return leader if apart_m <= FARTHEST_M else None
+    return leader if apart_m <= _FARTHEST_M else None
+
+
+def _may_lead(other: Life, life: Life) -> bool:
+    """Say whether it may be followed: of two followers only the younger follows the other."""
+    follows = any(doing.behaviour == FOLLOWING for doing in other.doings)
+    return other.artefact_id < life.artefact_id or (other is not life and not follows)
 
 
 def _share_present(life: Life, stamps_ns: Stamps) -> float:

@@ -112,7 +112,7 @@ def legend_rows(handles: Sequence[Any], width_in: float) -> list[list[Any]]:
     rows: list[list[Any]] = []
     used_in = math.inf
     for handle in handles:
-        needed_in = 0.5 + 0.068 * len(handle.get_label())
+        needed_in = 0.46 + 0.064 * len(handle.get_label())
         if used_in + needed_in > width_in - _TIME_BAR_IN:
             rows.append([])
             used_in = 0.0

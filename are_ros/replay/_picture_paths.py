@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.replay._picture_behaviours import behaviour_of
-from are_ros.replay._picture_company import FARTHEST_M, Company, positions_at
+from are_ros.replay._picture_company import Company, positions_at
 from are_ros.replay.life_record import Life
 
 Floats = npt.NDArray[np.float64]
@@ -33,6 +33,7 @@ _ARROW_EVERY_PT: Final = 62.0
 _ARROW_PT: Final = 4.6
 _MARK_PT: Final = 5.8
 _RUNGS: Final = 6
+_LONGEST_RUNG_M: Final = 2.2
 _SHADES: Final = (0.0, 0.1, -0.1, 0.05, -0.06)
 
 
@@ -105,7 +106,7 @@ def draw_companies(axes: Any, found: Sequence[Company], colours: Mapping[str, st
         stamps = company.instants(_RUNGS)
         behind, ahead = (positions_at(one, stamps) for one in (company.follower, company.leader))
         colour = shade_of(colours[company.follower.row.class_name], company.follower.artefact_id)
-        near = np.linalg.norm(ahead - behind, axis=1) <= FARTHEST_M
+        near = np.linalg.norm(ahead - behind, axis=1) <= _LONGEST_RUNG_M
         for ends in np.stack((behind, ahead), axis=1)[near]:
             axes.plot(*ends.T, color=colour, lw=1.1, ls=(0, (1, 1.2)), alpha=0.9, zorder=3.55)
 

@@ -44,7 +44,7 @@ def test_heights_are_rounded_up_and_a_new_environment_makes_new_terrains() -> No
 
 @pytest.mark.parametrize(("height_m", "yaw_rad"), [(0.5, 0.3), (1.75, 0.3), (2.0, -1.0)])
 def test_cells_under_voxels_in_the_way_are_closed(height_m: float, yaw_rad: float) -> None:
-    """Each cell is solid just if a box as high as the body over it meets a voxel above the floor."""
+    """Each cell is solid just if a box on it, as high as the body, meets a voxel."""
     voxels = _voxels(yaw_rad)
     here = environment(room(3.0, 3.0), (-0.5, -0.4, 0.2), voxels)
     terrain = Terrain(here, height_m)

@@ -26,6 +26,7 @@ from are_ros.artefacts.motion._vehicles import way_left
 
 _SLOWEST = 0.1  # progress below this speed counts as none
 _MOST_CREDIT = 0.3
+_RELEASE = 0.15  # what one that was blocked must gain before it is so no more
 _MOST_DEBT = 2.0  # a way back counts: it must be made again before one is not blocked any more
 _PUSHES_AFTER = 0.75
 _PUSH_SECONDS = 2
@@ -106,12 +107,12 @@ def note_progress(
     else:
         gain = np.hypot(order.x - before[X], order.y - before[Y])
         gain -= np.hypot(order.x - after[X], order.y - after[Y])
-    credit, drain = max(mind.credit + gain, -_MOST_DEBT), _SLOWEST * tempo.step_s
-    if credit > drain:
-        mind.credit = min(credit - drain, _MOST_CREDIT)
+    drain = _SLOWEST * tempo.step_s if mind.credit > 0.0 else 0.0
+    credit = max(mind.credit + gain - drain, -_MOST_DEBT)
+    mind.credit = min(credit, _MOST_CREDIT)
+    if credit > (_RELEASE if mind.blocked > 0.0 else 0.0):
         mind.blocked, mind.patience = 0.0, _FIRST_DETOUR
     else:
-        mind.credit = min(credit, 0.0)
         mind.blocked += tempo.step_s
 
 

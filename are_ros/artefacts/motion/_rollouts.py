@@ -84,6 +84,8 @@ def _walk(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt:
             left = np.hypot(dx, dy)
             if left > _AIMED:
                 heading = math.atan2(dy, dx)
+            else:
+                left = max(dx * path[k, COS] + dy * path[k, SIN], 0.0)
             want = min(want, stopping_speed(left, speed, body.acceleration, dt))
         error = wrapped(heading - path[k, YAW])
         turn = clamped(error, -limit, limit)

@@ -25,6 +25,7 @@ _SHIFT = 0.15  # for a change of direction
 _REVERSE = 0.1
 _SPARE = 1.01  # of the radius, for rounding
 _BEND = 0.01
+_TO_GOAL = 0.02
 _CHANGE = 0.04
 
 
@@ -124,7 +125,14 @@ def _add_arcs(
 
 @compiled
 def _add_arcs_to_goal(
-    options: Floats, count: int, aim: Aim, pose: Floats, body: Any, order: Any, mind: Any
+    options: Floats,
+    count: int,
+    aim: Aim,
+    pose: Floats,
+    body: Any,
+    order: Any,
+    mind: Any,
+    duration: float,
 ) -> int:
     """Add the one arc that ends in the goal, where it is not too tight."""
     dx, dy = order.x - pose[X], order.y - pose[Y]
@@ -133,9 +141,14 @@ def _add_arcs_to_goal(
     if abs(curvature) * _SPARE * body.turn_radius > 1.0 or abs(ahead) < 0.02:
         return count
     direction = 1.0 if ahead > 0.0 else -1.0
+    price = 1.0 if ahead > 0.0 else _REVERSE_PRICE
+    radius, full = _SPARE * body.turn_radius, aim.speed * duration
+    saved = way_left(pose[X], pose[Y], pose[YAW], order.x, order.y, radius)
+    saved -= price * np.hypot(dx, dy)
     for factor in _FORWARD:
         speed = direction * factor * aim.speed * (1.0 if ahead > 0.0 else REVERSE_SHARE)
-        cost = 1.0 - factor - 0.02 + (0.0 if ahead > 0.0 else _REVERSE)
+        gain = saved + price * abs(speed) * duration
+        cost = 1.0 - gain / full - _TO_GOAL + (0.0 if ahead > 0.0 else _REVERSE)
         cost += _SHIFT if direction * mind.gear < 0.0 else 0.0
         options[count, 0], options[count, 1] = ARC_TO_POINT, curvature
         options[count, 2], options[count, 3] = speed, cost
@@ -152,9 +165,9 @@ def vehicle_options(
     count = _add_arcs(options, np.int64(0), _FORWARD, aim, pose, body, order, mind, duration)
     count = _add_arcs(options, count, _BACKWARD, aim, pose, body, order, mind, duration)
     if aim.ends:
-        count = _add_arcs_to_goal(options, count, aim, pose, body, order, mind)
+        count = _add_arcs_to_goal(options, count, aim, pose, body, order, mind, duration)
     options[count, 0], options[count, 1], options[count, 2] = BRAKE, 0.0, 0.0
     options[count, 3] = aim.stop_cost
-    if mind.chosen == mind.chosen:
+    if not np.isnan(mind.chosen):
         options[count, 1] = mind.chosen
     return count + 1

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from are_ros.artefacts.artefact import GroundPose
-from are_ros.artefacts.catalogue_file import load_catalogue
+from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.motion.hindrance import Hindrance
 from are_ros.artefacts.motion.order import STAND, Order
@@ -39,7 +39,7 @@ def _crowd(street: Street, ids: list[int]) -> None:
 
 def test_bodies_of_the_catalogue_keep_their_shape_and_limits() -> None:
     """A row's body has its box and what its type can do."""
-    row = load_catalogue().rows_named("car_compact_black")[0]
+    row = read_catalogue().rows_named("car_compact_black")[0]
     body = Body.of(row)
     assert body.half_size_m == (0.5 * row.size_m[0], 0.5 * row.size_m[1])
     assert body.centre_m == row.box_centre_in_artefact_m[:2]

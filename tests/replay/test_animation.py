@@ -1,0 +1,210 @@
+"""Tests of the animation of a run from above."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+from PIL import Image
+
+from are_ros.builder.events import EventKind
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import BagError
+from are_ros.replay import animation
+from are_ros.replay._film_scene import FilmScene
+from are_ros.replay.animation import Film, film_stamps, write_animation
+from are_ros.replay.film_path import film_path
+from are_ros.replay.scene_record import SceneRecord
+from tests.replay.film_records import TICK_NS, event, hall, run, walker
+
+Picture = npt.NDArray[np.uint8]
+PERSON = (0xD1, 0x49, 0x5B)
+ALL = tuple(range(100))
+ROBOT_WAY = tuple((1.0 + 0.02 * i, 1.0, 0.0) for i in range(100))
+
+
+def _film(record: SceneRecord, path: Path, most_bytes: int = 10_000_000) -> Film:
+    told: list[int] = []
+    film = write_animation(
+        record,
+        hall(),
+        path,
+        lambda _start, _end: told.append,
+        occupied_threshold=65,
+        most_bytes=most_bytes,
+    )
+    assert told[-1] == int(record.series.stamps_ns[-1]) + 1 or told[-1] > told[0]
+    return film
+
+
+def _scene(record: SceneRecord) -> FilmScene:
+    return FilmScene(record, hall(), 65)
+
+
+def _at(scene: FilmScene, picture: Picture, point: tuple[float, float]) -> tuple[int, ...]:
+    x, y = np.floor(scene.stage.pixels(point)).astype(int).tolist()
+    return tuple(picture[y, x].tolist())
+
+
+def _apart(one: Sequence[int], other: Sequence[int]) -> int:
+    return max(abs(a - b) for a, b in zip(one, other, strict=True))
+
+
+@pytest.mark.parametrize("suffix", ["gif", "webp"])
+def test_a_film_decodes_to_what_was_drawn(tmp_path: Path, suffix: str) -> None:
+    """As many pictures as were made, of their size and nearly their colours, shown for 0.1 s."""
+    record = run([walker(1, (2, 2), (8, 6), seen=ALL[30:60])], way=ROBOT_WAY)
+    film = _film(record, tmp_path / f"a.{suffix}")
+    stamps, speed = film_stamps(record)
+    assert (film.pictures, film.speed, speed) == (len(stamps), 3.0, 3.0)
+    scene = _scene(record)
+    with Image.open(film.path) as image:
+        assert (image.n_frames, image.size) == (len(stamps), film.size_px)
+        for number, stamp_ns in enumerate(stamps):
+            image.seek(number)
+            shown = np.asarray(image.convert("RGB")).astype(np.int16)
+            apart = np.abs(shown - scene.picture(stamp_ns)).max(axis=2)
+            assert np.percentile(apart, 99) <= 8
+            assert (apart > 40).mean() < 0.001
+            image.load()
+            assert image.info["duration"] == 100
+    assert film.length_bytes == film.path.stat().st_size < 300_000
+
+
+def test_an_mp4_has_all_pictures(tmp_path: Path) -> None:
+    """OpenCV reads back as many pictures as were written, ten a second."""
+    film = _film(run([walker(1, (2, 2), (8, 6))]), tmp_path / "a.mp4")
+    video = cv2.VideoCapture(str(film.path))
+    assert video.get(cv2.CAP_PROP_FPS) == pytest.approx(10.0)
+    count = 0
+    while video.read()[0]:
+        count += 1
+    assert count == film.pictures
+
+
+@pytest.mark.parametrize("suffix", ["gif", "webp", "mp4"])
+def test_same_bytes(tmp_path: Path, suffix: str) -> None:
+    """The same record gives the same bytes."""
+    record = run([walker(1, (2, 2), (8, 6), seen=ALL[30:60])], way=ROBOT_WAY)
+    first, second = (_film(record, tmp_path / f"{i}.{suffix}").path for i in range(2))
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_who_is_perceived_is_opaque_and_who_is_not_translucent() -> None:
+    """The same footprint is in the colour of its class while perceived, else lets the floor by."""
+    scene = _scene(run([walker(1, (5, 2), (5, 2.1), seen=ALL[50:])]))
+    before, after = (scene.picture(TICK_NS * (1 + tick)) for tick in (40, 60))
+    spot = (5.1, 1.95)  # beside the line to its front
+    assert _apart(_at(scene, after, spot), PERSON) <= 2
+    assert _apart(_at(scene, before, spot), PERSON) > 60
+    assert _apart(_at(scene, before, spot), (252, 252, 251)) > 8
+
+
+def test_a_tail_is_where_it_was_and_fades() -> None:
+    """Behind a walker the floor is tinted, the less the longer ago; before it, it is not."""
+    scene = _scene(run([walker(1, (1, 5), (9, 5), seen=ALL)]))
+    picture = scene.picture(TICK_NS * 81)
+    floor = (252, 252, 251)
+    tints = [_apart(_at(scene, picture, (x, 5.0)), floor) for x in (4.8, 6.0, 6.9, 8.6)]
+    assert tints[0] < tints[1] < tints[2]
+    assert tints[0] > 10
+    assert tints[3] == 0
+
+
+def test_a_jump_leaves_no_tail() -> None:
+    """Between the places before and after a displacement nothing is drawn."""
+    life = walker(1, (2, 5), (2.1, 5))
+    poses = life.footprints.poses.copy()
+    poses[50:, 0] += 5.0
+    life.footprints.__dict__["poses"] = poses
+    scene = _scene(run([life]))
+    picture = scene.picture(TICK_NS * 55)
+    assert _apart(_at(scene, picture, (4.5, 5.0)), (252, 252, 251)) == 0
+
+
+def test_the_robot_looks_ahead() -> None:
+    """Before the robot the floor is tinted by its field of view, behind it not."""
+    scene = _scene(run([], way=ROBOT_WAY))
+    picture = scene.picture(TICK_NS * 50)
+    ahead, behind = _at(scene, picture, (4.0, 1.2)), _at(scene, picture, (1.0, 1.6))
+    assert ahead[2] - ahead[0] > 20
+    assert _apart(behind, (252, 252, 251)) == 0
+
+
+def test_a_contact_is_ringed() -> None:
+    """For a second there is red around an artefact that the robot touched."""
+    lives = [walker(1, (5, 5), (5, 5.01))]
+    contact = event(EventKind.ROBOT_CONTACT, 50, 1)
+    scene = _scene(run(lives, events=[contact]))
+    red = [
+        (np.abs(scene.picture(TICK_NS * t).astype(int) - (230, 57, 70)).max(axis=2) < 60).sum()
+        for t in (50, 53, 90)
+    ]
+    assert red[1] > red[0] + 50
+    assert red[2] == red[0]
+
+
+def test_walls_and_the_way_of_the_robot_are_there() -> None:
+    """Walls are dark where the map has them, and the way driven so far is blue."""
+    scene = _scene(run([], way=ROBOT_WAY))
+    picture = scene.picture(TICK_NS * 90)
+    assert _apart(_at(scene, picture, (0.05, 5.0)), (88, 95, 104)) < 30
+    driven = _at(scene, picture, (1.5, 1.0))
+    assert driven[2] > driven[0] + 50
+
+
+def test_long_recordings_are_shown_faster() -> None:
+    """However long it is, there are at most 600 pictures, the first and evenly spaced."""
+    record = run([], ticks=36_000)
+    stamps, speed = film_stamps(record)
+    assert 500 < len(stamps) <= 600
+    assert set(np.diff(stamps)) == {round(speed * NS_PER_S / 10)}
+    assert stamps[0] == TICK_NS
+
+
+def test_one_tick_is_a_film_of_one_picture(tmp_path: Path) -> None:
+    """A record of one tick without anybody is a still."""
+    film = _film(run([], ticks=1), tmp_path / "a.gif")
+    assert film.pictures == 1
+
+
+def test_a_large_film_gets_smaller_pictures(tmp_path: Path) -> None:
+    """Where the file would be longer than allowed, the pictures shrink."""
+    lives = [walker(i, (1 + 0.2 * i, 1), (9 - 0.2 * i, 9)) for i in range(30)]
+    large = _film(run(lives), tmp_path / "a.gif")
+    small = _film(run(lives), tmp_path / "b.gif", most_bytes=large.length_bytes // 2)
+    assert small.length_bytes <= large.length_bytes // 2
+    assert small.size_px[0] < large.size_px[0]
+
+
+def test_what_cannot_be_written_is_said_in_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another format, no folder, no ticks; and a film that breaks off leaves no file."""
+    with pytest.raises(BagError, match=r"^--animate: 'a.avi' is no .gif, .webp or .mp4 file$"):
+        film_path(Path("a.avi"), tmp_path)
+    with pytest.raises(BagError, match="there is no folder"):
+        film_path(tmp_path / "no" / "a.gif", tmp_path)
+    assert film_path(Path("a.gif"), tmp_path) == tmp_path / "a.gif"
+    with pytest.raises(BagError, match="no tick"):
+        _film(run([], ticks=0), tmp_path / "a.gif")
+    with pytest.raises(BagError, match="cannot be written"):
+        _film(run([]), tmp_path / "no" / "a.gif")
+    monkeypatch.setattr(animation.FilmScene, "picture", _broken_later())
+    with pytest.raises(BagError, match="no space left"):
+        _film(run([]), tmp_path / "a.gif")
+    assert not (tmp_path / "a.gif").exists()
+
+
+def _broken_later() -> object:
+    calls = []
+
+    def picture(_scene: FilmScene, _stamp_ns: int) -> Picture:
+        calls.append(1)
+        if len(calls) > 20:
+            raise OSError(28, "No space left on device")
+        return np.zeros((64, 64, 3), dtype=np.uint8)
+
+    return picture
