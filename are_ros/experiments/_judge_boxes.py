@@ -85,8 +85,10 @@ class Walls:
         turn_rad = self._yaw_rad - box[2]
         c, s, half_m = abs(math.cos(turn_rad)), abs(math.sin(turn_rad)), self._half_m
         cell_m = half_m * (c + s)
-        reaches_m = ((box[3] + cell_m, box[4] + cell_m),)
-        reaches_m += ((c * box[3] + s * box[4] + half_m, s * box[3] + c * box[4] + half_m),)
+        reaches_m = (
+            (box[3] + cell_m, box[4] + cell_m),
+            (c * box[3] + s * box[4] + half_m, s * box[3] + c * box[4] + half_m),
+        )
         depths_m = [
             np.array(reach) - np.abs(_turned(offsets_m, -yaw))
             for yaw, reach in zip((box[2], self._yaw_rad), reaches_m, strict=True)

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
@@ -37,7 +37,7 @@ class _Stand:
 
     place_m: tuple[float, float]
     since_s: float
-    seconds: Counter[str] = field(default_factory=Counter)
+    seconds: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
     cause: str | None = None
 
     def main_cause(self) -> str:
@@ -46,6 +46,11 @@ class _Stand:
         if 2.0 * sum(named.values()) < sum(self.seconds.values()):
             return ""
         return max(named, key=lambda what: (named[what], what))
+
+    def doings(self, behaviour: str) -> str:
+        """Return what it said to do, the longest first."""
+        said = sorted(self.seconds.items(), key=lambda item: (-item[1], item[0]))
+        return ", ".join(f"{what or behaviour} {seconds:.0f} s" for what, seconds in said)
 
 
 class Patience:
@@ -84,7 +89,7 @@ class Patience:
             verdict.causes[_kind(stand.cause)] += 1
             if not stand.cause:
                 who = f"{state.label} {state.artefact_id} ({state.behaviour})"
-                verdict.note("still", t_s, f"{who}, {state.activity or state.behaviour}")
+                verdict.note("still", t_s, f"{who}: {stand.doings(state.behaviour)}")
         kind = _kind(stand.cause)
         verdict.longest_s[kind] = max(verdict.longest_s.get(kind, 0.0), stood_s)
 

@@ -48,12 +48,20 @@ def walker(
     points = np.linspace(start, end, ticks)
     stamps = np.arange(1, ticks + 1, dtype=np.int64) * TICK_NS
     seen_ns = np.array([TICK_NS * (1 + tick) for tick in seen], dtype=np.int64)
-    ends = (int(seen_ns[0]), int(seen_ns[-1])) if len(seen_ns) else (None, None)
-    left = (int(stamps[-1]) + 1, "life_over") if gone else (None, "")
     poses = np.column_stack((points, np.full(ticks, yaw)))
-    doings = (Doing(TICK_NS, behaviour),)
-    track = Track(stamps, poses)
-    return Life(number, row, TICK_NS, *left, track, len(seen_ns), *ends, seen_ns, doings)
+    return Life(
+        number,
+        row,
+        TICK_NS,
+        departure_ns=int(stamps[-1]) + 1 if gone else None,
+        left_by="life_over" if gone else "",
+        footprints=Track(stamps, poses),
+        seen_ticks=len(seen_ns),
+        first_seen_ns=int(seen_ns[0]) if len(seen_ns) else None,
+        last_seen_ns=int(seen_ns[-1]) if len(seen_ns) else None,
+        seen_ns=seen_ns,
+        doings=(Doing(TICK_NS, behaviour),),
+    )
 
 
 def event(kind: EventKind, tick: int, number: int) -> ArtefactEvent:

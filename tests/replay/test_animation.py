@@ -12,7 +12,6 @@ from PIL import Image
 from are_ros.builder.events import EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
-from are_ros.replay import animation
 from are_ros.replay._film_scene import FilmScene
 from are_ros.replay.animation import Film, film_stamps, write_animation
 from are_ros.replay.film_path import film_path
@@ -192,7 +191,7 @@ def test_what_cannot_be_written_is_said_in_a_sentence(
         _film(run([], ticks=0), tmp_path / "a.gif")
     with pytest.raises(BagError, match="cannot be written"):
         _film(run([]), tmp_path / "no" / "a.gif")
-    monkeypatch.setattr(animation.FilmScene, "picture", _broken_later())
+    monkeypatch.setattr(FilmScene, "picture", _broken_later())
     with pytest.raises(BagError, match="no space left"):
         _film(run([]), tmp_path / "a.gif")
     assert not (tmp_path / "a.gif").exists()

@@ -111,12 +111,16 @@ class Following:
         goal_m = self._point_behind(leader, keep_m)
         apart_m = situation.distance_m(leader.point_m)
         if apart_m <= keep_m and not _is_in_the_way(leader, situation):
-            return stand("following", leader.point_m)
+            return stand(_activity(leader), leader.point_m)
         if not situation.sees(*goal_m):
             goal_m = leader.point_m
         speed_mps = self._speed_mps(leader, apart_m - keep_m, situation)
         return Intent(
-            goal_m, speed_mps, face_m=leader.point_m, activity="following", is_moving_goal=True
+            goal_m,
+            speed_mps,
+            face_m=leader.point_m,
+            activity=_activity(leader),
+            is_moving_goal=True,
         )
 
     def _point_behind(self, leader: Fellow, keep_m: float) -> Point:
@@ -142,7 +146,7 @@ class Following:
             trail.popleft()
         speed_mps = self._speed_mps(leader, situation.distance_m(leader.point_m), situation)
         is_seen = situation.sees(*trail[0])
-        return Intent(trail[0], speed_mps, activity="following", is_moving_goal=is_seen)
+        return Intent(trail[0], speed_mps, activity=_activity(leader), is_moving_goal=is_seen)
 
     def _speed_mps(self, leader: Fellow, behind_m: float, situation: Situation) -> float:
         """Return the leader's speed, and some more to catch up."""
@@ -150,6 +154,10 @@ class Following:
         fastest_mps = min(_HURRY * motion.speed_mps, motion.top_speed_mps)
         wanted_mps = leader.speed_mps + _CATCH_UP_PER_S * behind_m
         return min(max(wanted_mps, 0.3 * motion.speed_mps), fastest_mps)
+
+
+def _activity(leader: Fellow) -> str:
+    return f"following artefact {leader.id}"
 
 
 def _is_in_the_way(leader: Fellow, situation: Situation) -> bool:

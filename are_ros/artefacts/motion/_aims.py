@@ -120,4 +120,4 @@ def _missing_room(pose: Floats, mind: Any) -> float:
         return 0.0  # it is behind by now
     aside = mind.push_cos * dy - mind.push_sin * dx
     missing = max(mind.push_room - abs(aside), 0.0)
-    return missing if aside > 0.05 else -missing
+    return float(missing if aside > 0.05 else -missing)

@@ -26,12 +26,13 @@ from are_ros.artefacts.motion._vehicles import way_left
 
 _SLOWEST = 0.1  # progress below this speed counts as none
 _MOST_CREDIT = 0.3
-_RELEASE = 0.15  # what one that was blocked must gain before it is so no more
+_RELEASE = 0.15  # the most that one that was blocked must gain before it is so no more
 _MOST_DEBT = 2.0  # a way back counts: it must be made again before one is not blocked any more
 _PUSHES_AFTER = 0.75
 _PUSH_SECONDS = 2
 _FIRST_DETOUR = 3.0
 _ROOM = 0.05
+_PUSHING_TAKES = 10.0
 _ANGLES = np.array([1.05, 1.6, 2.1, 2.7])
 _GOLDEN = 0x9E3779B97F4A7C15
 _MIX_A = 0xBF58476D1CE4E5B9
@@ -56,6 +57,13 @@ def _rank(fleet: Fleet, i: int, now: int, epoch: int) -> float:
 
 
 @compiled
+def can_yield(fleet: Fleet, j: int) -> bool:
+    """Tell whether an artefact may be pushed: not those that shall stand, or are prescribed."""
+    is_free = fleet.order[j].has_goal == 1 and fleet.place[j].is_scripted == 0
+    return bool(is_free and fleet.body[j].speed > 0.0)
+
+
+@compiled
 def push(
     fleet: Fleet, i: int, j: int, aim: Aim, pose: Floats, now: int, epoch: int, second: int
 ) -> None:
@@ -65,7 +73,7 @@ def push(
     is_pushed = now < mine.pushed_until
     if not (is_pushing or is_pushed or mine.blocked > _PUSHES_AFTER):
         return
-    if fleet.order[j].has_goal == 0 or fleet.body[j].speed <= 0.0:
+    if not can_yield(fleet, j):
         return
     rank = _rank(fleet, i, now, epoch)
     if not is_pushing and rank <= _rank(fleet, j, now, epoch):
@@ -80,7 +88,8 @@ def push(
 @compiled
 def consider_detour(mind: Any, artefact_id: int, now: int, second: int) -> None:
     """Let one that is blocked for long go another way for some seconds, farther each time."""
-    if mind.blocked < mind.patience or now < mind.detour_until:
+    patience = mind.patience + (_PUSHING_TAKES if mind.can_yield else 0.0)
+    if mind.blocked < patience or now < mind.detour_until:
         return
     attempt = int(mind.patience)
     draw = hashed(artefact_id, 1000 + attempt + now // (8 * second) * 64)
@@ -88,7 +97,7 @@ def consider_detour(mind: Any, artefact_id: int, now: int, second: int) -> None:
     mind.detour = angle if draw < 0.5 else -angle
     seconds = 1.0 + 0.15 * min(mind.patience, 20.0)
     mind.detour_until = now + int(seconds * second)
-    mind.patience += seconds + 1.5
+    mind.patience += seconds + 2.5
 
 
 @compiled
@@ -110,7 +119,7 @@ def note_progress(
     drain = _SLOWEST * tempo.step_s if mind.credit > 0.0 else 0.0
     credit = max(mind.credit + gain - drain, -_MOST_DEBT)
     mind.credit = min(credit, _MOST_CREDIT)
-    if credit > (_RELEASE if mind.blocked > 0.0 else 0.0):
+    if credit > min(_SLOWEST * mind.blocked, _RELEASE):
         mind.blocked, mind.patience = 0.0, _FIRST_DETOUR
     else:
         mind.blocked += tempo.step_s

@@ -86,6 +86,7 @@ MIND = np.dtype(
         ("passed_at", "i8"),
         ("hindrance", "i8"),
         ("hindered_by", "i8"),
+        ("can_yield", "i8"),  # whether that one could get out of the way
     ]
 )
 
@@ -157,8 +158,8 @@ PLANS, KEPT, EMERGENCIES, STAMP = range(4)
 
 def fleet_of(capacity: int, length: int) -> Fleet:
     """Return the records of empty slots for paths of `length` poses."""
-    tables = [np.zeros(capacity, kind) for kind in (PLACE, BODY, ORDER, MIND)]
-    return Fleet(*tables, np.zeros((capacity, length, 6)))
+    place, body, order, mind = (np.zeros(capacity, kind) for kind in (PLACE, BODY, ORDER, MIND))
+    return Fleet(place, body, order, mind, np.zeros((capacity, length, 6)))
 
 
 def desk_of(capacity: int, length: int) -> Desk:

@@ -7,14 +7,10 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.artefacts.motion._buckets import fill
-from are_ros.artefacts.motion._gaps import (
-    gap_between,
-    robot_conflict,
-    separation,
-    wall_conflict,
-)
+from are_ros.artefacts.motion._gaps import gap_between, separation
 from are_ros.artefacts.motion._patience import note_progress
 from are_ros.artefacts.motion._planning import plan, reach_of
+from are_ros.artefacts.motion._robot_gaps import robot_conflict
 from are_ros.artefacts.motion._state import (
     NEVER,
     YAW,
@@ -29,6 +25,7 @@ from are_ros.artefacts.motion._state import (
     X,
     Y,
 )
+from are_ros.artefacts.motion._walls import wall_conflict
 
 _Mask = npt.NDArray[np.bool_]
 REPLAN = 5
@@ -145,7 +142,8 @@ def mark_broken(
         last = rest.shape[0] - 1
         broken = False
         if is_new_floor:
-            broken = wall_conflict(rest, last, body, 0.0, place.pace, floor, box)[1] != NEVER
+            home = rest[last]
+            broken = wall_conflict(rest, last, body, 0.0, place.pace, floor, box, home)[1] != NEVER
         for j in intruders:
             other = fleet.place[j]
             start = min(now - other.begin, other.last)
@@ -161,6 +159,7 @@ def mark_broken(
                 0.0,
                 pace,
                 np.int64(NEVER),
+                rest[last],
             )
             broken = broken or (i != j and k != NEVER)
         if broken:
@@ -193,6 +192,7 @@ def are_clear(fleet: Fleet, slots: Integers, now: int, poses: Floats, bodies: Re
                 0.0,
                 place.pace,
                 np.int64(NEVER),
+                poses[n],
             )
             if k != NEVER:
                 clear[n] = False

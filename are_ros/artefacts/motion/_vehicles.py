@@ -124,6 +124,14 @@ def _add_arcs(
 
 
 @compiled
+def _arc_length(ahead: float, aside: float) -> float:
+    """Return the length of the arc from the origin, along +x at first, to a point."""
+    angle = math.atan2(aside, ahead)
+    share = angle / np.sin(angle) if angle > 1e-6 else 1.0
+    return float(np.hypot(ahead, aside) * share)
+
+
+@compiled
 def _add_arcs_to_goal(
     options: Floats,
     count: int,
@@ -144,7 +152,7 @@ def _add_arcs_to_goal(
     price = 1.0 if ahead > 0.0 else _REVERSE_PRICE
     radius, full = _SPARE * body.turn_radius, aim.speed * duration
     saved = way_left(pose[X], pose[Y], pose[YAW], order.x, order.y, radius)
-    saved -= price * np.hypot(dx, dy)
+    saved -= price * _arc_length(abs(ahead), abs(aside))
     for factor in _FORWARD:
         speed = direction * factor * aim.speed * (1.0 if ahead > 0.0 else REVERSE_SHARE)
         gain = saved + price * abs(speed) * duration

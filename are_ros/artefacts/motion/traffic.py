@@ -20,12 +20,13 @@ from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.motion import _state, _steps
 from are_ros.artefacts.motion._floors import Floors
 from are_ros.artefacts.motion._patience import forget_blockade
+from are_ros.artefacts.motion._robot_gaps import robot_path
 from are_ros.artefacts.motion._scripts import Scripts
 from are_ros.artefacts.motion._state import COS, NOBODY, SIN, YAW, X, Y
 from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.motion.hindrance import Hindrance
 from are_ros.artefacts.motion.order import STAND, Order
-from are_ros.artefacts.motion.robot import PREDICTION_S, RobotMotion
+from are_ros.artefacts.motion.robot import RobotMotion
 from are_ros.artefacts.terrain import Terrains
 from are_ros.world.environment import Environment
 from are_ros.world.oriented_boxes import OrientedBoxes
@@ -55,6 +56,9 @@ class Traffic:
         self._tempo = _state.Tempo(step_s, walk, drive, round(1.0 / step_s))
         self._length = drive + round(_BRAKE_S / step_s) + 3
         self._floors = Floors(terrains or Terrains())
+        self._order: npt.NDArray[np.int64] | None = None
+        self._poses: npt.NDArray[np.float64] | None = None
+        self._moved: npt.NDArray[np.bool_] | None = None
         self.clear()
 
     def clear(self) -> None:
@@ -155,7 +159,7 @@ class Traffic:
                 self._fleet, slots, intruders, is_new, self._now, floor, self._desk.box
             )
         self._intruders = []
-        path = _robot_path(robot, self._tempo.step_s)
+        path = robot_path(robot, self._tempo.step_s)
         self._moved = _steps.run(
             self._fleet, slots, self._now, index, self._tempo, floor, path, self._desk
         )
@@ -195,7 +199,7 @@ class Traffic:
         slot = self._slot_of[artefact_id]
         place = self._fleet.place[slot]
         first = min(self._now + 1 - int(place["begin"]), int(place["last"]))
-        return self._fleet.path[slot, first : int(place["last"]) + 1, :3].copy()
+        return np.array(self._fleet.path[slot, first : int(place["last"]) + 1, :3])
 
     def is_clear(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
         """Tell which boxes (M,), standing from now on, nobody meets on his trajectory."""
@@ -241,9 +245,7 @@ class Traffic:
 
     def _forget(self) -> None:
         """Forget what was derived from who is there."""
-        self._order: npt.NDArray[np.int64] | None = None
-        self._poses: npt.NDArray[np.float64] | None = None
-        self._moved: npt.NDArray[np.bool_] | None = None
+        self._order = self._poses = self._moved = None
 
     def _grow(self) -> None:
         """Double the number of slots."""
@@ -255,18 +257,3 @@ class Traffic:
         self._fleet = fleet
         self._desk = _state.desk_of(2 * old, self._length)._replace(counters=counters)
         self._free = list(range(old, 2 * old))[::-1]
-
-
-def _robot_path(robot: RobotMotion | None, step_s: float) -> _state.RobotPath:
-    """Return where the robot will be, for the kernels."""
-    if robot is None:
-        return _state.RobotPath(np.empty((0, 1, 2)), 0.0, 0.0, 0.0, 0.0, 0.0)
-    outlines = robot.outlines_m(step_s, round(PREDICTION_S / step_s))
-    points = outlines.reshape(-1, 2)
-    x, y = (0.5 * (points.min(axis=0) + points.max(axis=0))).tolist()
-    radius = robot.footprint.radius_m
-    reach = float(np.hypot(points[:, 0] - x, points[:, 1] - y).max()) + radius
-    corners = robot.footprint.vertices_m - (robot.x_m, robot.y_m)
-    sweep = abs(robot.yaw_rate) * float(np.hypot(corners[:, 0], corners[:, 1]).max())
-    pace = (robot.speed_mps + sweep) * step_s
-    return _state.RobotPath(outlines, radius, x, y, reach, pace)

@@ -35,7 +35,7 @@ def test_a_follower_stays_behind() -> None:
     for second in range(40):
         leader = fellow_at((0.8 * second, 0.0), velocity_mps=(0.8, 0.0))
         intent = led_by(follower, leader, second)
-        assert intent.activity == "following"
+        assert intent.activity.startswith("following artefact ")
         assert intent.goal_m is None or intent.goal_m[0] <= leader.x_m - KEEP_M + 1e-9
         if second > 20:
             apart_m = math.dist(follower.point_m, leader.point_m)
@@ -76,7 +76,7 @@ def test_it_follows_the_trail_round_a_corner() -> None:
         is_hidden = crosses(start_m, leader.point_m, 3.0)
         if is_hidden:
             hidden += 1
-            assert intent.activity == "following"
+            assert intent.activity.startswith("following artefact ")
             assert intent.goal_m is not None
             assert min(math.dist(intent.goal_m, point) for point in way) < 1e-9
         assert not crosses(start_m, follower.point_m, 3.0)
@@ -150,7 +150,9 @@ def test_nobody_leads_who_is_unseen_far_or_standing() -> None:
 def test_two_followers_do_not_follow_each_other() -> None:
     """Only the younger follows the other, so that no circle of followers stands for ever."""
     older = fellow_at((2.0, 0.0), 3, (0.5, 0.0), "following")
-    assert alone(Actor(9, Following(), (0.0, 0.0)), fellows=[older]).activity == "following"
+    assert (
+        alone(Actor(9, Following(), (0.0, 0.0)), fellows=[older]).activity == "following artefact 3"
+    )
     assert alone(Actor(2, Following(), (0.0, 0.0)), fellows=[older]).activity == "walking"
 
 

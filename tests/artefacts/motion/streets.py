@@ -136,7 +136,8 @@ class Street:
     def pose(self, one: int) -> NDArray[np.float64]:
         """Return x, y, yaw of one."""
         poses: NDArray[np.float64] = self.traffic.poses
-        return poses[int(np.searchsorted(self.traffic.ids, one))]
+        pose: NDArray[np.float64] = poses[int(np.searchsorted(self.traffic.ids, one))]
+        return pose
 
     def distance(self, one: int) -> float:
         """Return how far one is from its goal."""

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from are_ros.artefacts.motion import _gaps, _state
+from are_ros.artefacts.motion import _gaps, _state, _walls
 from are_ros.artefacts.motion._buckets import fill, gather
 from are_ros.artefacts.motion._floors import Floors
 from are_ros.artefacts.motion._rollouts import pace_of
@@ -64,7 +64,7 @@ def test_leaps_miss_no_meeting_of_two_paths(seed: int, a: Body, b: Body, comfort
     start = int(random.integers(0, 35))
     pace = pace_of(plan, 29, records[0], 0.05) + pace_of(path, 39, records[1], 0.05)
     gap, found = _gaps.gap_between(
-        plan, 29, records[0], path, start, 39, records[1], comfort, pace, NEVER
+        plan, 29, records[0], path, start, 39, records[1], comfort, pace, NEVER, plan[0]
     )
     steps = np.arange(1, max(29, 39 - start) + 1)
     mine, theirs = plan[np.minimum(steps, 29)], path[np.minimum(start + steps, 39)]
@@ -83,6 +83,7 @@ def test_leaps_miss_no_meeting_of_two_paths(seed: int, a: Body, b: Body, comfort
     else:
         assert found == steps[-1]
         assert _gaps._jams(mine[-1], records[0], theirs[-1], records[1])
+        assert not _gaps._jams(plan[0], records[0], theirs[-1], records[1])
 
 
 @given(_seeds, st.sampled_from(_BODIES), st.floats(0.0, 0.2))
@@ -97,7 +98,9 @@ def test_a_path_runs_into_a_wall_where_its_boxes_do(seed: int, body: Body, comfo
     boxes = boxes_at(path[:, :3], [body] * 40)
     free = here.is_placeable(boxes)
     pace = pace_of(path, 39, record, 0.05)
-    kept, found = _gaps.wall_conflict(path, 39, record, comfort, pace, floor, np.zeros((1, 8)))
+    kept, found = _walls.wall_conflict(
+        path, 39, record, comfort, pace, floor, np.zeros((1, 8)), path[0]
+    )
     if not free[0]:
         hits = here.hits_wall(boxes)
         assert hits[0] or found == (int(np.argmax(hits)) if hits.any() else NEVER)
@@ -105,7 +108,7 @@ def test_a_path_runs_into_a_wall_where_its_boxes_do(seed: int, body: Body, comfo
         assert found == int(np.argmin(free))
     elif found != NEVER:
         assert found == 39
-        assert not _gaps.turns_freely(path[39], record, floor)
+        assert not _walls.turns_freely(path[39], record, floor)
     else:
         grown = Body((body.half_size_m[0] + comfort, body.half_size_m[1] + comfort), body.centre_m)
         roomy = here.is_placeable(boxes_at(path[:, :3], [grown] * 40))
@@ -124,7 +127,7 @@ def test_turning_freely_means_fitting_at_all_headings(seed: int, body: Body) -> 
     record = _records(body)[0]
     distance = min(pose[0] - 0.1, 6.9 - pose[0], pose[1] - 0.1, 5.9 - pose[1])
     if abs(distance - body.radius_m) > 1e-6:
-        assert _gaps.turns_freely(pose, record, floor) == (distance > body.radius_m)
+        assert _walls.turns_freely(pose, record, floor) == (distance > body.radius_m)
 
 
 def test_discs_cover_the_box() -> None:

@@ -29,5 +29,5 @@ def test_it_goes_on_along_its_arc() -> None:
     for n in range(10_000):
         yaw = 0.9 * (n + 0.5) * 1e-4
         place += 1e-4 * 0.6 * np.array([math.cos(yaw), math.sin(yaw)])
-    expected = _SQUARE.at(*place.tolist(), 0.9)
+    expected = _SQUARE.at(float(place[0]), float(place[1]), 0.9)
     assert motion.outlines_m(0.05, 20)[20] == pytest.approx(expected.vertices_m, abs=1e-6)

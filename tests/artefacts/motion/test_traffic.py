@@ -125,8 +125,9 @@ def test_who_is_there_changes_at_once() -> None:
     assert street.traffic.moved.tolist() == [False]
     street.traffic.clear()
     assert len(street.traffic.ids) == 0
+    street.traffic.add(4, GroundPose(1.0, 1.0, 0.0, 0.0), PERSON)
     with pytest.raises(ValueError, match="already"):
-        [street.traffic.add(4, GroundPose(1.0, 1.0, 0.0, 0.0), PERSON) for _ in range(2)]
+        street.traffic.add(4, GroundPose(5.0, 1.0, 0.0, 0.0), PERSON)
 
 
 def test_those_without_orders_make_no_plans() -> None:
@@ -210,10 +211,13 @@ def test_who_waits_says_for_whom_and_how_long() -> None:
     street.add(1, 1.0, 1.2, 0.0)
     street.add(2, 5.0, 1.2, 0.0, Body((0.2, 1.0), speed_mps=0.0))
     street.traffic.order(1, Order((7.0, 1.2), 1.3))
-    street.run(10.0)
-    kind, who, seconds = street.traffic.hindrance(1)
+    told = []
+    for _ in range(40):
+        street.run(0.25)
+        told.append(street.traffic.hindrance(1))
+    kind, who, seconds = max(told, key=lambda hindrance: hindrance[2])
     assert (kind, who) == (Hindrance.ARTEFACT, 2)
-    assert 4.0 < seconds < 8.0
+    assert 2.0 < seconds < 8.0
 
 
 def test_a_wall_on_a_new_map_is_not_run_into() -> None:
@@ -226,6 +230,9 @@ def test_a_wall_on_a_new_map_is_not_run_into() -> None:
     column = round((float(street.pose(1)[0]) + 1.3) / 0.05)
     cells[:, column : column + 4] = 100
     street.environment = environment(cells)
-    street.run(4.0)
+    told = set()
+    for _ in range(20):
+        street.run(0.5)
+        told.add(street.traffic.hindrance(1)[0])
     assert street.pose(1)[0] < column * 0.05
-    assert street.traffic.hindrance(1)[0] is Hindrance.WALL
+    assert told == {Hindrance.NONE, Hindrance.WALL}

@@ -1,0 +1,297 @@
+"""Minds: when each decides, with which random numbers, and what is said of it."""
+
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.artefacts.behaviours.situation import Fellow
+from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits
+from are_ros.artefacts.minds import Minds
+from are_ros.artefacts.motion.body import Body
+from are_ros.artefacts.motion.hindrance import Hindrance
+from are_ros.artefacts.motion.order import Order
+from are_ros.artefacts.navigation import Leg, Navigation
+from are_ros.artefacts.onlookers import Onlookers
+from are_ros.artefacts.places import Places
+from are_ros.artefacts.randomness import Purpose, generator
+from are_ros.artefacts.shapes import Shape
+from are_ros.artefacts.terrain import Terrains
+from are_ros.conventions import NS_PER_S
+from are_ros.parameters.model import BehaviourParameters
+from tests.artefacts.diary import DIARY, ENTRIES
+
+STEP_NS = NS_PER_S // 20
+WALK = MotionLimits(1.3, 1.5, 3.0, 0.0, 1.8)
+ROW = CatalogueRow(0, "one", "person", (0.3, 0.5, 1.7), (0, 0, 0), Shape.PERSON, motion=WALK)
+BODY = Body.of(ROW)
+
+
+class Ways(Navigation):
+    """Every way is straight, unless the goals are shut; what was asked is kept."""
+
+    def __init__(self) -> None:
+        super().__init__(BehaviourParameters(), Terrains())
+        self.places = Places(np.array([[5.0, 5.0], [9.0, 1.0]]), np.array([[0.0, 0.0]]))
+        self.is_shut = self.is_crowded = False
+        self.patience: list[bool] = []
+
+    def leg(self, traveller: Any, me: Fellow, intent: Any, *_: Any, is_patient: bool = True) -> Leg:
+        """Return an order to go straight on."""
+        del traveller, me
+        self.patience.append(is_patient)
+        order = Order(intent.goal_m, intent.speed_mps)
+        return Leg(order, no_way=self.is_shut, waits=self.is_crowded and is_patient)
+
+    def sees(self, *_: Any) -> bool:
+        """See everything."""
+        return True
+
+
+class Road:
+    """A traffic that takes orders, and is in the way if the test says so."""
+
+    def __init__(self) -> None:
+        self.orders: dict[int, Order] = {}
+        self.way = (Hindrance.NONE, -1, 0.0)
+
+    def order(self, artefact_id: int, order: Order) -> None:
+        """Keep the order."""
+        self.orders[artefact_id] = order
+
+    def hindrance(self, _: int) -> tuple[Hindrance, int, float]:
+        """Say what is in the way."""
+        return self.way
+
+
+class Town:
+    """Minds, and everybody who has one, at (0, 0)."""
+
+    def __init__(self, period_s: float = 1.0, seed: int = 4) -> None:
+        self.ways, self.road = Ways(), Road()
+        self.minds = Minds(seed, 0.05, period_s, self.ways)
+        self.living: dict[int, Artefact] = {}
+
+    def admit(self, artefact_id: int, arrival_ns: int, behaviour: str = DIARY) -> Artefact:
+        """Let one live."""
+        history = PoseHistory(arrival_ns, GroundPose(0.0, 0.0, 0.0, 0.0))
+        one = Artefact(artefact_id, ROW, Origin.RANDOM, arrival_ns, history, behaviour=behaviour)
+        self.living[artefact_id] = one
+        self.minds.admit(one, BODY)
+        return one
+
+    def decide(self, index: int) -> list[int]:
+        """Run a sub-step; return who is out."""
+        ids = np.array(sorted(self.living), np.int64)
+        poses, ones = np.zeros((len(ids), 4)), np.ones(len(ids))
+        view = Onlookers(self.living, ids, poses, 0.0 * ones, ones, self.minds.sees)
+        road: Any = self.road
+        return self.minds.decide(index, index * STEP_NS, view, road, None)
+
+
+@pytest.fixture(autouse=True)
+def _entries() -> Iterator[None]:
+    """Begin and end with an empty diary."""
+    ENTRIES.clear()
+    yield
+    ENTRIES.clear()
+
+
+def times_of(artefact_id: int) -> list[int]:
+    """Return the sub-steps in which one has decided."""
+    return [t_ns // STEP_NS for t_ns, i, _ in ENTRIES if i == artefact_id]
+
+
+def draws_of(artefact_id: int) -> list[float]:
+    """Return the numbers that one has drawn."""
+    return [number for _, i, number in ENTRIES if i == artefact_id]
+
+
+# --- epochs
+
+
+@pytest.mark.parametrize(
+    ("arrival_ns", "first"),
+    [(100 * STEP_NS, 100), (100 * STEP_NS + 1, 101), (101 * STEP_NS - 1, 101)],
+)
+@pytest.mark.parametrize(("period_s", "steps"), [(1.0, 20), (0.35, 7), (0.05, 1), (0.01, 1)])
+def test_epochs_are_a_period_apart_from_the_arrival(
+    arrival_ns: int, first: int, period_s: float, steps: int
+) -> None:
+    """From the first sub-step not before it; a period shorter than a sub-step is one."""
+    town = Town(period_s)
+    town.admit(1, arrival_ns)
+    for index in range(100 if first == 100 else 101, 180):
+        town.decide(index)
+    assert times_of(1) == list(range(first, 180, steps))
+
+
+def test_those_who_are_due_decide_in_the_order_of_ids() -> None:
+    """Whoever came first."""
+    town = Town()
+    for artefact_id in (8, 3, 5):
+        town.admit(artefact_id, 40 * STEP_NS)
+    town.decide(40)
+    assert [i for _, i, _ in ENTRIES] == [3, 5, 8]
+
+
+# --- random numbers
+
+
+def test_each_draws_from_a_stream_of_its_own() -> None:
+    """That of the seed, the purpose and the id, whoever else is there, comes or goes."""
+    town = Town(seed=9)
+    for artefact_id in (2, 4, 6):
+        town.admit(artefact_id, 0)
+    for index in range(200):
+        if index == 90:
+            town.minds.dismiss(4)
+            del town.living[4]
+        if index == 130:
+            town.admit(3, 130 * STEP_NS)
+        town.decide(index)
+    for artefact_id, count in ((2, 10), (6, 10), (4, 5), (3, 4)):
+        stream = generator(9, Purpose.GOAL, artefact_id)
+        assert draws_of(artefact_id) == [float(stream.random()) for _ in range(count)]
+
+
+def test_a_new_seed_is_for_those_who_come_later() -> None:
+    """The living go on with their own."""
+    town = Town(seed=9)
+    town.admit(1, 0)
+    town.decide(0)
+    town.minds.reseed(10)
+    town.admit(2, STEP_NS)
+    for index in range(1, 21):
+        town.decide(index)
+    old, new = generator(9, Purpose.GOAL, 1), generator(10, Purpose.GOAL, 2)
+    assert draws_of(1) == [float(old.random()), float(old.random())]
+    assert draws_of(2) == [float(new.random())]
+
+
+# --- who has a mind
+
+
+def test_what_cannot_move_has_no_mind() -> None:
+    """It is never asked, and can be dismissed."""
+    town = Town()
+    post = CatalogueRow(0, "post", "thing", (0.3, 0.5, 1.7), (0, 0, 0), Shape.CRATE)
+    history = PoseHistory(0, GroundPose(0.0, 0.0, 0.0, 0.0))
+    town.minds.admit(Artefact(1, post, Origin.RANDOM, 0, history, behaviour=DIARY), Body.of(post))
+    assert not town.minds.has(1)
+    town.minds.dismiss(1)
+    assert town.decide(0) == []
+
+
+def test_who_is_dismissed_decides_no_more() -> None:
+    """Others of the same phase go on."""
+    town = Town()
+    town.admit(1, 0)
+    town.admit(2, 0)
+    town.minds.dismiss(1)
+    town.decide(0)
+    assert not town.minds.has(1)
+    assert [i for _, i, _ in ENTRIES] == [2]
+
+
+def test_who_lives_no_more_is_not_asked() -> None:
+    """Between its death and its dismissal."""
+    town = Town()
+    town.admit(1, 0)
+    del town.living[1]
+    town.decide(0)
+    assert ENTRIES == []
+
+
+# --- what is said
+
+
+def test_an_activity_that_says_no_more_than_the_behaviour_is_empty() -> None:
+    """Walking while walking says nothing; pausing does."""
+    town = Town()
+    one = town.admit(1, 0, "walking")
+    town.decide(0)
+    assert one.activity == ""
+    other = town.admit(2, 0)
+    town.decide(0)
+    assert other.activity == "writing"
+    assert town.road.orders[1].subgoal_m is not None
+    assert town.road.orders[2].subgoal_m is None
+
+
+@pytest.mark.parametrize(
+    ("way", "words"),
+    [
+        ((Hindrance.ARTEFACT, 7, 3.0), "waiting for artefact 7"),
+        ((Hindrance.ROBOT, -1, 1.0), "waiting for robot"),
+        ((Hindrance.WALL, -1, 30.0), "waiting for wall"),
+        ((Hindrance.ARTEFACT, 7, 0.9), ""),
+        ((Hindrance.NONE, -1, 5.0), ""),
+    ],
+)
+def test_who_is_stuck_says_why(way: tuple[Hindrance, int, float], words: str) -> None:
+    """From a second on, with the number of whom it waits for."""
+    town = Town()
+    one = town.admit(1, 0, "walking")
+    town.decide(0)
+    town.road.way = way
+    town.decide(20)
+    assert one.activity == words
+
+
+def test_who_only_stands_waits_for_nobody() -> None:
+    """A hindrance means nothing to whom has no goal."""
+    town = Town()
+    one = town.admit(1, 0)
+    town.road.way = (Hindrance.ARTEFACT, 7, 30.0)
+    town.decide(0)
+    assert one.activity == "writing"
+
+
+def test_who_has_no_way_says_so() -> None:
+    """Whatever is in its way besides."""
+    town = Town()
+    one = town.admit(1, 0, "walking")
+    town.ways.is_shut = True
+    town.decide(0)
+    assert one.activity == "no way"
+
+
+def test_patience_is_for_two_decisions() -> None:
+    """One that has waited twice asks for a way past the others, and may wait again after that."""
+    town = Town()
+    town.admit(1, 0, "walking")
+    town.ways.is_crowded = True
+    for index in range(0, 120, 20):
+        town.decide(index)
+    assert town.ways.patience == [True, True, False, True, True, False]
+
+
+# --- leaving
+
+
+def test_who_is_sent_out_goes_to_the_exit_and_is_out_there() -> None:
+    """It is leaving from its next decision on, and told of once it stands there."""
+    town = Town()
+    one = town.admit(1, 0)
+    town.decide(0)
+    town.minds.send_out(1)
+    assert one.behaviour == "leaving"
+    assert [town.decide(index) for index in (20, 40, 60)] == [[], [], [1]]
+    assert town.road.orders[1].subgoal_m is None
+
+
+def test_the_rest_of_a_life_is_known_to_who_decides() -> None:
+    """As seconds; None where the end is not known."""
+    town, told = Town(), []
+    one = town.admit(1, 0)
+    mind = town.minds._minds[1]  # noqa: SLF001 - a behaviour that tells the test what it knows
+    mind.behaviour = SimpleNamespace(name="spy", decide=lambda s: told.append(s.left_s))  # type: ignore[assignment]
+    for index, end_ns in ((0, None), (20, 3 * NS_PER_S)):
+        one.departure_ns = end_ns
+        with pytest.raises(AttributeError):
+            town.decide(index)
+    assert told == [None, 2.0]

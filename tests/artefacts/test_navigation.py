@@ -1,0 +1,250 @@
+"""Ways: from an intent to an order, by the values of the decision process."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.artefacts.behaviours.intent import Intent, Point, stand
+from are_ros.artefacts.behaviours.situation import Fellow, RobotView
+from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits, RewardWeights
+from are_ros.artefacts.motion.body import Body
+from are_ros.artefacts.navigation import Comfort, Leg, Navigation, Traveller
+from are_ros.artefacts.onlookers import Onlookers
+from are_ros.artefacts.places import Places
+from are_ros.artefacts.shapes import Shape
+from are_ros.artefacts.terrain import Terrains
+from are_ros.parameters.model import BehaviourParameters
+from are_ros.world.environment import Environment
+from tests.artefacts.floors import terrain_of, two_rooms
+
+WALK = MotionLimits(1.3, 1.5, 3.0, 0.0, 1.8)
+ROW = CatalogueRow(0, "one", "person", (0.3, 0.5, 1.7), (0, 0, 0), Shape.PERSON, motion=WALK)
+LONG = replace(ROW, size_m=(4.0, 1.8, 1.5), motion=MotionLimits(3.0, 1.5, 0.6, 5.0, 1.0))
+SHY = replace(ROW, rewards=RewardWeights(time=0.02, personal_space=3.0, robot=3.0))
+PLACES = Places(np.array([[1.0, 1.0]]), np.empty((0, 2)))
+DOOR = slice(90, 110)
+
+
+def rooms(door: slice | None = DOOR, version: int = 0) -> Environment:
+    """Return two rooms of 5 x 10 m, a wall at x = 5 m, with a door of 1 m in its middle."""
+    walls = two_rooms(200, 204, slice(100, 104), door)
+    walls[[0, -1]] = walls[:, [0, -1]] = True
+    return terrain_of(walls, version=version).environment
+
+
+def navigation(environment: Environment | None = None) -> Navigation:
+    """Return a navigation that is in the two rooms."""
+    found = Navigation(BehaviourParameters(), Terrains())
+    found.enter(environment or rooms(), PLACES)
+    return found
+
+
+def traveller(row: CatalogueRow = ROW) -> Traveller:
+    """Return the traveller of a row."""
+    return Traveller.of(row, Body.of(row))
+
+
+def view_of(*poses: tuple[float, float, float], speed_mps: float = 0.0) -> Onlookers:
+    """Return people at x, y, yaw with the ids 0, 1 ..., of whom 0 stands."""
+    living = {
+        k: Artefact(k, ROW, Origin.RANDOM, 0, PoseHistory(0, GroundPose(x, y, 0.0, yaw)))
+        for k, (x, y, yaw) in enumerate(poses)
+    }
+    ground = np.array([(x, y, 0.0, yaw) for x, y, yaw in poses])
+    speeds = np.full(len(poses), speed_mps)
+    speeds[0] = 0.0
+    ids, radii_m = np.arange(len(poses)), np.full(len(poses), 0.3)
+    return Onlookers(living, ids, ground, speeds, radii_m, lambda *_: True)
+
+
+def me_in(view: Onlookers) -> Fellow:
+    """Return the first."""
+    me = view.fellow(0)
+    assert me is not None
+    return me
+
+
+def leg(
+    goal_m: Point | None,
+    *poses: tuple[float, float, float],
+    ways: Navigation | None = None,
+    row: CatalogueRow = ROW,
+    robot: RobotView | None = None,
+    is_patient: bool = True,
+    is_moving_goal: bool = False,
+    left_s: float | None = None,
+) -> Leg:
+    """Return the leg of the first of some people, at (2, 5) if nobody is named."""
+    view = view_of(*(poses or ((2.0, 5.0, 0.0),)))
+    intent = Intent(goal_m, 1.2, is_moving_goal=is_moving_goal)
+    found = ways or navigation()
+    return found.leg(
+        traveller(row), me_in(view), intent, left_s, view, robot, is_patient=is_patient
+    )
+
+
+# --- without values
+
+
+def test_without_a_goal_one_stands_and_looks() -> None:
+    """The order is to stand, facing the point; the robot's distance is the intent's own."""
+    view = view_of((2.0, 5.0, 0.0))
+    intent = replace(stand("pausing", (2.0, 9.0)), robot_comfort_m=2.5)
+    found = navigation().leg(traveller(), me_in(view), intent, None, view, None)
+    assert found.order.subgoal_m is None
+    assert found.order.face_rad == pytest.approx(math.pi / 2)
+    assert found.order.robot_comfort_m == 2.5
+    assert not (found.arrived or found.no_way or found.waits)
+
+
+@pytest.mark.parametrize(("x_m", "arrived"), [(2.39, True), (2.41, False)])
+def test_one_has_arrived_within_the_distance_asked_for(x_m: float, arrived: bool) -> None:  # noqa: FBT001 - parameters of a table
+    """0.4 m if nothing else is said; then it stands."""
+    found = leg((x_m, 5.0))
+    assert found.arrived == arrived
+    assert (found.order.subgoal_m is None) == arrived
+
+
+def test_a_near_goal_that_is_seen_is_gone_to_straight() -> None:
+    """The goal itself is the sub-goal, where it stops."""
+    found = leg((4.0, 6.0))
+    assert found.order.subgoal_m == (4.0, 6.0)
+    assert found.order.stop_there
+    assert found.order.speed_mps == 1.2
+    assert not len(found.way_m)
+
+
+def test_a_moving_goal_is_gone_to_straight_from_afar() -> None:
+    """As long as it is seen; behind a wall a way is planned."""
+    assert not len(leg((2.0, 9.5), is_moving_goal=True).way_m)
+    assert len(leg((2.0, 9.5)).way_m)
+    assert len(leg((8.0, 9.0), is_moving_goal=True).way_m)
+
+
+# --- by values
+
+
+def test_a_way_leads_through_the_door() -> None:
+    """From room to room, the sub-goal is seen and on the way, and the way passes the door."""
+    goal_m = (8.0, 9.0)
+    found = leg(goal_m)
+    ways, at = navigation(), found.order.subgoal_m
+    assert at is not None
+    assert ways.sees(traveller(), (2.0, 5.0), at)
+    assert any((found.way_m == at).all(axis=1))
+    assert math.dist(at, (2.0, 5.0)) > 1.0
+    assert at[0] > 3.0
+    near_wall = found.way_m[np.abs(found.way_m[:, 0] - 5.1) < 0.6]
+    assert len(near_wall) > 0
+    assert (np.abs(near_wall[:, 1] - 5.0) < 0.5).all()
+    assert not found.no_way
+
+
+def test_following_the_legs_reaches_the_goal() -> None:
+    """One that goes a metre towards each sub-goal is there within the length of the way."""
+    ways, goal_m = navigation(), (8.5, 9.0)
+    here, yaw = (1.5, 1.5), 0.0
+    for _count in range(25):
+        found = leg(goal_m, (*here, yaw), ways=ways)
+        if found.arrived:
+            break
+        at = found.order.subgoal_m
+        assert at is not None
+        assert ways.sees(traveller(), here, at)
+        share = min(1.0, 1.0 / math.dist(here, at))
+        yaw = math.atan2(at[1] - here[1], at[0] - here[0])
+        here = (here[0] + share * (at[0] - here[0]), here[1] + share * (at[1] - here[1]))
+    assert found.arrived
+    assert _count <= 16
+
+
+@pytest.mark.parametrize("goal_m", [(8.0, 5.0), (50.0, 5.0)])
+def test_where_no_way_leads_it_is_said(goal_m: Point) -> None:
+    """Another room without a door, or a goal off the map: it stands."""
+    found = leg(goal_m, ways=navigation(rooms(door=None)))
+    assert found.no_way
+    assert found.order.subgoal_m is None
+
+
+def test_what_does_not_fit_through_the_door_has_no_way() -> None:
+    """A car neither drives through 1 m, nor forgets it for who comes after."""
+    ways = navigation()
+    assert leg((8.0, 5.0), row=LONG, ways=ways).no_way
+    assert not leg((8.0, 5.0), ways=ways).no_way
+
+
+def test_another_environment_forgets_the_ways_of_the_last() -> None:
+    """When the door closes there is no way, when it opens again there is."""
+    ways = navigation()
+    assert not leg((8.0, 5.0), ways=ways).no_way
+    ways.enter(rooms(door=None, version=1), PLACES)
+    assert leg((8.0, 5.0), ways=ways).no_way
+    ways.enter(rooms(version=2), PLACES)
+    assert not leg((8.0, 5.0), ways=ways).no_way
+
+
+def test_before_an_environment_there_is_no_way_to_find() -> None:
+    """To ask is a fault of the program's."""
+    with pytest.raises(RuntimeError, match="environment"):
+        leg((8.0, 5.0), ways=Navigation(BehaviourParameters(), Terrains()))
+
+
+@pytest.mark.parametrize("left_s", [0.0, 0.3, 5.0, 1e6, None])
+def test_any_rest_of_a_life_gives_a_leg(left_s: float | None) -> None:
+    """The horizon is at least an epoch and at most the longest."""
+    found = leg((8.0, 9.0), left_s=left_s)
+    assert not found.no_way
+    assert found.order.subgoal_m is not None or found.waits
+
+
+# --- others
+
+
+def in_the_door() -> list[tuple[float, float, float]]:
+    """Return one before the door, and three who stand in it."""
+    return [(3.2, 5.0, 0.0), (4.9, 5.0, 0.0), (5.1, 5.3, 0.0), (5.1, 4.7, 0.0)]
+
+
+def test_a_patient_one_waits_for_those_in_the_door() -> None:
+    """It stays and keeps its way; one who is not patient goes on, and leaves it to the traffic."""
+    waiting = leg((8.5, 5.0), *in_the_door(), row=SHY)
+    going = leg((8.5, 5.0), *in_the_door(), row=SHY, is_patient=False)
+    assert waiting.waits
+    assert waiting.order.subgoal_m is None
+    assert len(waiting.way_m)
+    assert not going.waits
+    assert going.order.subgoal_m is not None
+
+
+def test_the_robot_in_the_door_is_waited_for() -> None:
+    """By where it will be at the next decision."""
+    plan = np.empty((0, 2))
+    there = RobotView(5.0, 5.0, 0.0, 0.0, 0.0, 0.3, plan)
+    assert leg((8.5, 5.0), (3.4, 5.0, 0.0), robot=there, row=SHY).waits
+    comes = RobotView(5.1, 7.0, 0.0, 0.0, -2.0, 0.3, plan)
+    goes = RobotView(5.1, 5.0, 0.0, 0.0, 4.0, 0.3, plan)
+    assert leg((8.5, 5.0), (3.4, 5.0, 0.0), robot=comes, row=SHY).waits
+    assert not leg((8.5, 5.0), (3.4, 5.0, 0.0), robot=goes, row=SHY).waits
+
+
+# --- travellers
+
+
+def test_comfort_follows_the_weights() -> None:
+    """Nothing is kept where the weights are 0; people keep some tenths of a metre."""
+    assert Comfort.of(RewardWeights(personal_space=0.0, robot=0.0, clearance=0.0)) == Comfort(
+        0.0, 0.0, 0.0
+    )
+    person = Comfort.of(RewardWeights(personal_space=0.8, robot=0.8, clearance=0.3))
+    assert 0.2 < person.others_m < 0.5
+    assert 0.3 < person.robot_m < 0.7
+
+
+def test_a_long_one_needs_room_to_turn_but_no_circle() -> None:
+    """Between half its width and the circle about it."""
+    assert 0.9 < traveller(LONG).radius_m < Body.of(LONG).radius_m
+    assert traveller().radius_m <= Body.of(ROW).radius_m
+    assert traveller(LONG).height_m == 1.5

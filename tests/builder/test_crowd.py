@@ -1,0 +1,113 @@
+"""The crowd as arrays: order, boxes, and that what was taken stays what it was."""
+
+import numpy as np
+import pytest
+
+from are_ros.artefacts.artefact import GroundPose, boxes_of
+from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.artefacts.shapes import Shape
+from are_ros.builder.crowd import Crowd
+from are_ros.parameters.choices import GroundKind
+from are_ros.world.environment import Environment
+from are_ros.world.ground import PlaneGround
+from are_ros.world.occupancy_grid import OccupancyGrid, classify
+from are_ros.world.rigid_transform import RigidTransform
+
+ROWS = (
+    CatalogueRow(0, "one", "kind", (0.3, 0.5, 1.7), (0.0, 0.0, 0.0), Shape.PERSON),
+    CatalogueRow(1, "long", "kind", (2.0, 0.8, 1.0), (0.4, -0.1, 0.1), Shape.CAR),
+)
+POSES = {
+    7: GroundPose(1.0, 2.0, 0.0, 0.3),
+    3: GroundPose(-4.0, 0.5, 0.2, 2.0),
+    9: GroundPose(6.0, 6.0, 0.0, -1.0),
+}
+
+
+def environment() -> Environment:
+    """Return nothing but free floor."""
+    grid = OccupancyGrid(np.zeros((10, 10), np.int8), 1.0, RigidTransform.identity(), "map")
+    return Environment(grid, classify(grid, 65, 25), None, PlaneGround(0.0), 0.01)
+
+
+@pytest.fixture
+def crowd() -> Crowd:
+    """Return three, added in no order; those of even ids are long."""
+    three = Crowd(GroundKind.PLANE)
+    for artefact_id, pose in POSES.items():
+        three.add(artefact_id, ROWS[artefact_id == 3], pose)
+    return three
+
+
+def as_rows(crowd: Crowd) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """Return the boxes by the slow way."""
+    ids = crowd.ids.tolist()
+    poses = [GroundPose(*pose) for pose in crowd.poses.tolist()]
+    return boxes_of([ROWS[i == 3] for i in ids], poses).packed
+
+
+def test_all_are_in_the_order_of_their_ids(crowd: Crowd) -> None:
+    """Ids, poses, radii and boxes belong together, whoever came first."""
+    assert crowd.ids.tolist() == [3, 7, 9]
+    assert [GroundPose(*pose) for pose in crowd.poses.tolist()] == [POSES[i] for i in (3, 7, 9)]
+    np.testing.assert_allclose(crowd.boxes.packed, as_rows(crowd), atol=1e-12)
+    assert crowd.radii_m.tolist() == pytest.approx(
+        [np.hypot(1.4, 0.5), np.hypot(0.15, 0.25), np.hypot(0.15, 0.25)]
+    )
+    assert [crowd.index_of(i) for i in (3, 7, 9)] == [0, 1, 2]
+
+
+def test_who_is_gone_leaves_no_trace(crowd: Crowd) -> None:
+    """The others keep their places in the arrays, and nobody is left in the end."""
+    crowd.remove(7)
+    assert crowd.ids.tolist() == [3, 9]
+    np.testing.assert_allclose(crowd.boxes.packed, as_rows(crowd), atol=1e-12)
+    crowd.clear()
+    assert len(crowd.boxes) == len(crowd.ids) == len(crowd.radii_m) == 0
+
+
+def test_boxes_are_the_same_object_while_all_stand(crowd: Crowd) -> None:
+    """Until somebody comes, goes or moves."""
+    before = crowd.boxes
+    assert crowd.boxes is before
+    moved, boxes = crowd.proposed(np.zeros((3, 3)), np.zeros(3, np.bool_), environment())
+    assert boxes is before
+    assert moved is crowd.poses
+    crowd.put([9], [GroundPose(0.0, 0.0, 0.0, 0.0)])
+    assert crowd.boxes is not before
+
+
+def test_only_those_who_moved_are_proposed_elsewhere(crowd: Crowd) -> None:
+    """The others' numbers are kept, also where the traffic rounds them otherwise."""
+    planar = crowd.poses[:, [0, 1, 3]] + 0.25
+    kept, poses_before = crowd.poses, crowd.poses.copy()
+    poses, boxes = crowd.proposed(planar, np.array([False, True, False]), environment())
+    assert poses[1].tolist() == [1.25, 2.25, 0.0, 0.55]
+    assert np.array_equal(poses[[0, 2]], poses_before[[0, 2]])
+    assert np.array_equal(kept, poses_before)
+    assert crowd.poses is kept
+    crowd.move(poses, boxes)
+    np.testing.assert_allclose(crowd.boxes.packed, as_rows(crowd), atol=1e-12)
+
+
+def test_what_was_taken_is_never_written_into(crowd: Crowd) -> None:
+    """Poses and boxes of before stay, whatever comes after."""
+    poses, boxes = crowd.poses, crowd.boxes
+    copies = poses.copy(), boxes.packed.copy()
+    crowd.put([3, 9], [GroundPose(0.0, 0.0, 0.0, 0.0), GroundPose(5.0, 0.0, 0.0, 0.0)])
+    crowd.add(5, ROWS[0], GroundPose(2.0, 9.0, 0.0, 0.0))
+    crowd.remove(7)
+    assert np.array_equal(poses, copies[0])
+    assert np.array_equal(boxes.packed, copies[1])
+
+
+def test_on_voxel_ground_heights_are_asked_for() -> None:
+    """Who moves stands on the ground where it comes to; who stands keeps its height."""
+    crowd = Crowd(GroundKind.VOXELS)
+    for k in range(2):
+        crowd.add(k, ROWS[0], GroundPose(2.0 + k, 2.0, 0.7, 0.0))
+    poses, boxes = crowd.proposed(
+        crowd.poses[:, [0, 1, 3]] + 0.1, np.array([True, False]), environment()
+    )
+    assert poses[:, 2].tolist() == [0.0, 0.7]
+    assert boxes.centres_m[:, 2].tolist() == pytest.approx([0.85, 1.55])

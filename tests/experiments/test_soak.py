@@ -1,0 +1,167 @@
+"""Soaks: artefacts live on maps, and the judge finds nothing; the full hours are `are soak`'s."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from are_ros.artefacts.catalogue_file import read_catalogue
+from are_ros.errors import MapError, ParameterError
+from are_ros.experiments.roving_robot import RovingRobot
+from are_ros.experiments.soak import SoakResult, soak
+from are_ros.experiments.soak_report import write_soak
+from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import Parameters
+from are_ros.world.environment import Environment
+from are_ros.world.ground import PlaneGround
+from are_ros.world.map_file import read_map_file
+from are_ros.world.occupancy_grid import OccupancyGrid, classify
+from are_ros.world.rigid_transform import RigidTransform
+from tests.experiments.floor_plans import office, pillars
+
+CATALOGUE = read_catalogue()
+PEOPLE = {"mixture.weights": (0.85, 0.15), "mixture.rates": (15.0, 5.0)}
+"""People and robots, such as fit through doors."""
+
+MAPS = {
+    "tb3_sandbox": ("nav2-maps/tb3_sandbox.yaml", 0.0017, 25.0, 0.1),
+    "depot": ("nav2-maps/depot.yaml", 0.00056, 120.0, 0.4),
+    "jarvis": ("drl-jarvis-hall/i-108_10mm.yaml", 0.00085, 60.0, 0.4),
+}
+"""File, arrivals per m^2 and s (about 4, 30 and 15 alive), artefact-minutes, metres per walker's
+second at least: the sandbox is so small that most have little to walk to."""
+
+MADE_UP = {"office": (office, 45.0), "pillars": (pillars, 50.0)}
+MOST_RESOLVED = 5e-4
+"""Share of artefact-seconds in which a collision was resolved and not avoided, at most."""
+
+
+def room(side_m: float = 6.0) -> OccupancyGrid:
+    """Return an empty room."""
+    count = round(10 * side_m)
+    cells = np.zeros((count, count), np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = 100
+    return OccupancyGrid(cells, 0.1, RigidTransform.identity(), "map")
+
+
+def parameters(rate: float, seed: int = 1, **values: object) -> Parameters:
+    """Return parameters of lives of two minutes."""
+    given = {"population.arrival_rate": rate, "population.mean_life": 120.0, "seed": seed}
+    return with_values(Parameters(), given | values)
+
+
+def soaked(grid: OccupancyGrid, minutes: float, settings: Parameters) -> SoakResult:
+    """Run a soak on a map with the shipped types."""
+    return soak(grid, settings, CATALOGUE, artefact_minutes=minutes)
+
+
+def assert_good(result: SoakResult, least_mps: float) -> None:
+    """Nothing that must not be; walkers walk, and arrive; followers are near; few resolutions."""
+    verdict = result.verdict
+    told = "\n".join(result.table())
+    assert result.is_clean, told
+    assert result.resolved_share <= MOST_RESOLVED, told
+    assert verdict.travelled_m["walking"] >= least_mps * verdict.lived_s["walking"], told
+    assert verdict.arrivals["walking"] >= verdict.lived_s["walking"] / 240.0, told
+    assert verdict.company.near_share >= 0.6, told
+
+
+# --- short ones
+
+
+def test_a_short_soak_is_clean_and_counts() -> None:
+    """A minute of lives in a room: the numbers belong together."""
+    told: list[float] = []
+    result = soak(
+        room(),
+        parameters(0.02, **PEOPLE),
+        CATALOGUE,
+        artefact_minutes=1.0,
+        progress=told.append,
+    )
+    verdict = result.verdict
+    assert result.is_clean, result.table()
+    assert verdict.artefact_s == pytest.approx(60.0, abs=2.0)
+    assert verdict.artefact_s == pytest.approx(sum(verdict.lived_s.values()))
+    assert verdict.artefact_s == pytest.approx(0.05 * result.counts.artefact_steps, rel=0.2)
+    assert told == sorted(told)
+    assert told[-1] == pytest.approx(verdict.artefact_s / 60.0)
+    assert 0.0 < result.simulated_s < 60.0
+    assert len(result.ways) == sum(len(way.points_m) > 0 for way in result.ways.values()) > 3
+
+
+def test_the_same_seed_gives_the_same_soak() -> None:
+    """To the last digit, ways included; another seed gives another."""
+    one, same, other = (
+        soak(room(), parameters(0.02, seed, **PEOPLE), CATALOGUE, longest_s=6.0)
+        for seed in (4, 4, 5)
+    )
+    assert one.as_json() == same.as_json()
+    assert [way.points_m for way in one.ways.values()] == [w.points_m for w in same.ways.values()]
+    assert one.as_json() != other.as_json()
+
+
+def test_it_ends_when_the_time_is_over() -> None:
+    """Also where the minutes have not come together."""
+    result = soak(room(), parameters(0.001), CATALOGUE, artefact_minutes=50.0, longest_s=3.0)
+    assert result.simulated_s == pytest.approx(3.0)
+
+
+def test_where_nobody_lives_nothing_is_judged() -> None:
+    """No arrivals, or no room for the robot, is an error at once."""
+    with pytest.raises(ParameterError, match="nobody"):
+        soaked(room(), 1.0, parameters(0.0))
+    with pytest.raises(MapError, match="fits nowhere"):
+        soaked(room(0.4), 1.0, parameters(0.01))
+
+
+def test_resolved_collisions_excuse_as_many_brakings() -> None:
+    """One more braking than resolutions is a fault."""
+    result = soak(room(), parameters(0.02, **PEOPLE), CATALOGUE, longest_s=1.0)
+    result.counts.moved_back = 2
+    result.verdict.hard_brakes = 2
+    assert result.is_clean
+    result.verdict.hard_brakes = 3
+    assert (result.unexplained_brakes, result.is_clean) == (1, False)
+
+
+def test_a_report_is_written(tmp_path: Path) -> None:
+    """Numbers and a picture, into a folder that was not there."""
+    result = soak(office(), parameters(0.01, **PEOPLE), CATALOGUE, longest_s=5.0)
+    write_soak(result, office(), tmp_path / "a" / "b")
+    assert sorted(p.name for p in (tmp_path / "a" / "b").iterdir()) == ["soak.json", "soak.png"]
+
+
+def test_the_robot_stays_clear_of_walls_and_gets_about() -> None:
+    """In the office it passes doors, and is never nearer to a wall than its radius."""
+    grid = office()
+    environment = Environment(grid, classify(grid, 65, 25), None, PlaneGround(0.0), 0.01)
+    robot, way = RovingRobot(environment, 0.22, 3), []
+    for _ in range(6000):
+        robot.drive(0.05, ())
+        way.append((robot.x_m, robot.y_m))
+    assert (environment.lookup(np.array(way)) > 0.22).all()
+    assert np.ptp(np.array(way), axis=0).min() > 5.0
+    steps = [math.dist(a, b) for a, b in zip(way, way[1:], strict=False)]
+    assert max(steps) <= 0.5 * 0.05 + 1e-9
+
+
+# --- long ones
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", list(MADE_UP))
+def test_life_on_a_made_up_map_is_clean(name: str) -> None:
+    """People and robots, about one per 15 m^2, for most of an hour of lives."""
+    make, minutes = MADE_UP[name]
+    assert_good(soaked(make(), minutes, parameters(0.0005, **PEOPLE)), 0.4)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", list(MAPS))
+def test_life_on_a_real_map_is_clean(real_data: Path, name: str) -> None:
+    """The shipped types as they come, cars where these fit."""
+    file, rate, minutes, least_mps = MAPS[name]
+    grid = read_map_file(real_data / file, "map")
+    assert_good(soaked(grid, minutes, parameters(rate)), least_mps)

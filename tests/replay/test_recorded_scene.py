@@ -1,0 +1,75 @@
+"""Tests of the scene that a recording tells of."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from are_ros.errors import BagError
+from are_ros.replay.recorded_scene import RecordedScene, read_recorded_scene
+from are_ros.replay.results import ReplayCounts, metrics_content
+from tests.replay.conftest import ReplaySample, RunAre
+
+
+def _scene(path: Path) -> RecordedScene:
+    return read_recorded_scene(path, lambda _start, _end: lambda _now: None)
+
+
+def test_it_is_the_scene_that_the_replay_kept(sample_replay: Path) -> None:
+    """Lives, counts and events read from the recording are those of the replay's metrics."""
+    scene = _scene(sample_replay)
+    kept = json.loads((sample_replay / "metrics.json").read_text())
+    told = metrics_content(scene.record, ReplayCounts())
+    for name in ("ticks", "duration_s", "arrivals", "displaced", "robot_contacts", "perceived"):
+        assert told[name] == kept[name], name
+    with_pose = {life.artefact_id for life in scene.record.lives if len(life.footprints)}
+    lives = [life for life in kept["lives"] if life["id"] in with_pose]
+    assert told["lives"] == lives
+    assert len(lives) > 5
+    assert all(life.doings for life in scene.record.lives)
+
+
+def test_robot_and_camera_are_where_the_node_had_them(sample_replay: Path) -> None:
+    """Each tick but those that had none has a pose of the robot, and of its camera."""
+    record = _scene(sample_replay).record
+    kept = json.loads((sample_replay / "metrics.json").read_text())
+    seeing = kept["ticks"] - kept["ticks_without_perception"]
+    assert len(record.robot) == len(record.camera) == seeing > 70
+    assert np.linalg.norm(record.robot.poses[0, :2] - record.camera.poses[0, :2]) < 0.3
+    assert len(record.views) == 1
+
+
+def test_without_inputs_walls_come_from_the_augmented_maps(
+    sample_replay: Path, replay_sample: ReplaySample
+) -> None:
+    """Where there is no /map, nearly all that was never free is wall; a robot there is not."""
+    real, least = _scene(sample_replay).grid, _scene(replay_sample()).grid
+    assert least.cells.shape == real.cells.shape
+    assert (least.cells != real.cells).mean() < 0.02
+    assert (least.cells >= real.cells).all()
+
+
+def test_an_animation_of_any_recording(
+    sample_replay: Path, run_are: RunAre, tmp_path: Path
+) -> None:
+    """`are view --animate` writes it beside the recording; what makes no sense is refused."""
+    folder = tmp_path / "run"
+    folder.mkdir()
+    for name in ("augmented.mcap", "effective.yaml"):
+        shutil.copy(sample_replay / name, folder)
+    done = run_are("view", folder, "--animate")
+    assert done.returncode == 0, done.stderr
+    assert (folder / "animation.gif").read_bytes()[:6] == b"GIF89a"
+    assert "3 times real time" in done.stderr
+    done = run_are("view", folder, "--animate", "a.avi")
+    assert (done.returncode, "is no .gif, .webp or .mp4 file" in done.stderr) == (2, True)
+    done = run_are("view", folder, "--animate", "--at", 3)
+    assert (done.returncode, "no --at, no --out" in done.stderr) == (2, True)
+
+
+def test_what_holds_no_scene_is_refused(sample_bag: Path) -> None:
+    """A recording of a robot alone has nobody in it."""
+    with pytest.raises(BagError, match="it holds no /ar_builder/artefacts"):
+        _scene(sample_bag)
