@@ -14,7 +14,7 @@ step is `do_step` after the preferred velocities of all were set in Python, as i
 without walls, and with ours as polygons. Both keep one thread.
 
 Prints the median and 90th percentile of ticks over 10 s of simulated time, the median of
-interleaved repetitions each. Run: python benchmarks/population.py [--largest N] [--repetitions R]
+interleaved repetitions each, in time of the thread, which other programs disturb less. Run: python benchmarks/population.py [--largest N] [--repetitions R]
 """
 
 import argparse
@@ -187,7 +187,9 @@ class Peer:
             offset_m = self._random.uniform(0.3, 0.7, 2) * pitch_m
             at_m = (k % columns * pitch_m + offset_m[0], k // columns * pitch_m + offset_m[1])
             self._simulator.add_agent(at_m)
-        self._goals_m = [self._goal_near(self._simulator.get_agent_position(k)) for k in range(count)]
+        self._goals_m = [
+            self._goal_near(self._simulator.get_agent_position(k)) for k in range(count)
+        ]
 
     def _goal_near(self, point: Any) -> tuple[float, float]:
         x_m, y_m = np.clip(
@@ -240,8 +242,8 @@ def compare(moving: int, repetitions: int, rvo: Any) -> float:
     (prefer, step), (_, walled) = np.median(theirs, axis=0).tolist()
     print(
         f"{moving:6d} {alive:7.0f} {moved:7.0f} {tick:9.2f} {late:8.2f}"
-        f" {prefer + step:10.2f} {step:8.2f} {walled:8.2f}"
-        f" {(prefer + step) / tick:7.2f} {step / tick:7.2f} {walled / tick:7.2f}"
+        f" {prefer + step:8.2f} {step:8.2f} {walled:8.2f}"
+        f" {(prefer + step) / tick:6.2f} {step / tick:7.2f} {walled / tick:6.2f}"
     )
     return float(tick)
 
@@ -253,9 +255,13 @@ def main(largest: int, repetitions: int) -> None:
     except ImportError:
         raise SystemExit("pyrvo is not installed: pip install --no-deps pyrvo") from None
     walker = Walker.mean()
-    print(f"agents of {walker.radius_m:.2f} m at {walker.speed_mps:.2f} m/s, median of {repetitions}")
-    print("           ours          a tick [ms]      a step of pyrvo [ms]       pyrvo / ours")
-    print(" moves   alive   moved    median     90 %   whole  do_step   walled   whole do_step  walled")
+    print(
+        f"agents of {walker.radius_m:.2f} m at {walker.speed_mps:.2f} m/s, median of {repetitions}"
+    )
+    print("           ours          a tick [ms]     a step of pyrvo [ms]      pyrvo / ours")
+    print(
+        " moves   alive   moved    median     90 %    whole  do_step   walled  whole do_step walled"
+    )
     ticks = {size: compare(size, repetitions, rvo) for size in SIZES if size <= largest}
     first = ticks[SIZES[0]] / (SIZES[0] * math.log(SIZES[0]))
     print("time over N log N, of that at 100: ", end="")

@@ -15,6 +15,8 @@ from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 
 _JUMP_NS = 1_000_000
+_Numbers = tuple[float, float, float, float]
+"""A pose on the ground: x, y, z [m], yaw [rad]; as a plain tuple it costs next to nothing."""
 
 
 class Origin(IntEnum):
@@ -46,7 +48,8 @@ class PoseHistory:
     def __init__(self, t_ns: int, pose: GroundPose, history_ns: int = 2 * NS_PER_S) -> None:
         self._history_ns = history_ns
         self._times_ns = [t_ns]
-        self._poses = [pose]
+        # Those that come as plain tuples become poses when they are asked for.
+        self._poses: list[_Numbers] = [pose]
 
     def __len__(self) -> int:
         """Count the poses kept."""
@@ -59,10 +62,10 @@ class PoseHistory:
 
     @property
     def latest(self) -> GroundPose:
-        """The newest pose."""
-        return self._poses[-1]
+        """The newest pose; the same object until there is a newer one."""
+        return self._pose(-1)
 
-    def append(self, t_ns: int, pose: GroundPose) -> None:
+    def append(self, t_ns: int, pose: _Numbers) -> None:
         """Say where the artefact is at `t_ns`; what was known of that instant or later goes."""
         times, poses = self._times_ns, self._poses
         while times and times[-1] >= t_ns:
@@ -76,16 +79,31 @@ class PoseHistory:
         while len(times) > 1 and times[1] <= t_ns - self._history_ns:
             del times[0], poses[0]
 
+    def go_on(self, since_ns: int, t_ns: int, pose: _Numbers) -> None:
+        """Say where the artefact is at `t_ns`; before `since_ns` it has stood where it was."""
+        times, poses = self._times_ns, self._poses
+        if times[-1] < since_ns:
+            self.append(since_ns, poses[-1])
+        if times[-1] >= t_ns or poses[-1] == pose:
+            self.append(t_ns, pose)
+            return
+        times.append(t_ns)  # as `append` does, in most cases
+        poses.append(pose)
+        while times[1] <= t_ns - self._history_ns:
+            del times[0], poses[0]
+
     def pose_at(self, t_ns: int) -> GroundPose:
         """Return the pose at `t_ns`: yaw by the shorter arc, in [-pi, pi] where interpolated."""
         times, poses = self._times_ns, self._poses
         after = bisect_right(times, t_ns)
         if after == 0:
-            return poses[0]
+            return self._pose(0)
         if after == len(times):
-            return poses[-1]
+            return self._pose(-1)
         start_ns = times[after - 1]
         fraction = (t_ns - start_ns) / (times[after] - start_ns)
+        if fraction == 0.0 or poses[after - 1] == poses[after]:
+            return self._pose(after - 1)
         return _between(poses[after - 1], poses[after], fraction)
 
     def velocity_at(self, t_ns: int) -> tuple[float, float, float]:
@@ -98,23 +116,28 @@ class PoseHistory:
         end = bisect_left(times, t_ns)
         if not 0 < end < len(times) or times[end] - times[end - 1] < _JUMP_NS:
             return 0.0, 0.0, 0.0
-        before, after = poses[end - 1], poses[end]
+        x_m, y_m, _, yaw_rad = poses[end - 1]
+        next_x_m, next_y_m, _, next_yaw_rad = poses[end]
         per_s = NS_PER_S / (times[end] - times[end - 1])
-        turn_rad = math.remainder(after.yaw_rad - before.yaw_rad, math.tau)
-        dx_m, dy_m = after.x_m - before.x_m, after.y_m - before.y_m
-        return dx_m * per_s, dy_m * per_s, turn_rad * per_s
+        turn_rad = math.remainder(next_yaw_rad - yaw_rad, math.tau)
+        return (next_x_m - x_m) * per_s, (next_y_m - y_m) * per_s, turn_rad * per_s
+
+    def _pose(self, index: int) -> GroundPose:
+        pose = self._poses[index]
+        if not isinstance(pose, GroundPose):
+            pose = self._poses[index] = GroundPose._make(pose)
+        return pose
 
 
-def _between(start: GroundPose, end: GroundPose, fraction: float) -> GroundPose:
+def _between(start: _Numbers, end: _Numbers, fraction: float) -> GroundPose:
     """Interpolate from `start` (0) to `end` (1)."""
-    if fraction == 0.0 or start == end:
-        return start
-    turn_rad = math.remainder(end.yaw_rad - start.yaw_rad, math.tau)
+    x_m, y_m, z_m, yaw_rad = start
+    turn_rad = math.remainder(end[3] - yaw_rad, math.tau)
     return GroundPose(
-        start.x_m + fraction * (end.x_m - start.x_m),
-        start.y_m + fraction * (end.y_m - start.y_m),
-        start.z_m + fraction * (end.z_m - start.z_m),
-        math.remainder(start.yaw_rad + fraction * turn_rad, math.tau),
+        x_m + fraction * (end[0] - x_m),
+        y_m + fraction * (end[1] - y_m),
+        z_m + fraction * (end[2] - z_m),
+        math.remainder(yaw_rad + fraction * turn_rad, math.tau),
     )
 
 

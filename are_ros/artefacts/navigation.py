@@ -5,7 +5,7 @@ the way from there, of which the farthest point that can be gone to straight is 
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +32,7 @@ _TURNING_ROOM = 0.1
 """What a body needs beside its half width to get round corners, as a share of its length."""
 
 _MINDED_M = 3.0
+_NO_WAY = np.empty((0, 2))
 _NOWHERE = Places(np.empty((0, 2)), np.empty((0, 2)))
 _Others = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]
 _NOBODY: _Others = (np.empty((0, 2)), np.empty(0), np.empty(0))
@@ -64,9 +65,15 @@ class Traveller:
 
     @classmethod
     def of(cls, row: CatalogueRow, body: Body) -> "Traveller":
-        """Return the traveller of a row; one much longer than wide needs some room to turn."""
-        narrow_m = 0.5 * row.size_m[1] + _TURNING_ROOM * row.size_m[0]
-        return cls(row, body, min(body.radius_m, narrow_m), Comfort.of(row.rewards))
+        """Return the traveller of a row.
+
+        Who turns on the spot needs the room to do so all along; a vehicle goes through gaps of
+        its width and a little more.
+        """
+        radius_m = body.radius_m
+        if row.motion.turn_radius_m > 0.0:
+            radius_m = min(radius_m, 0.5 * row.size_m[1] + _TURNING_ROOM * row.size_m[0])
+        return cls(row, body, radius_m, Comfort.of(row.rewards))
 
     @property
     def height_m(self) -> float:
@@ -85,7 +92,7 @@ class Leg:
     arrived: bool = False
     no_way: bool = False
     waits: bool = False
-    way_m: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    way_m: npt.NDArray[np.float64] = field(default_factory=lambda: _NO_WAY)
 
 
 class Navigation:
@@ -126,18 +133,17 @@ class Navigation:
 
         Who is not patient does not wait for others, but leaves it to the traffic to get past them.
         """
-        order = _standing(traveller, me, intent)
         goal_m = intent.goal_m
         if goal_m is None:
-            return Leg(order)
+            return Leg(_order(traveller, me, intent, None))
         distance_m = math.dist(me.point_m, goal_m)
         if distance_m <= intent.arrive_within_m:
-            return Leg(order, arrived=True)
+            return Leg(_order(traveller, me, intent, None), arrived=True)
         is_near = intent.is_moving_goal or distance_m <= _STRAIGHT_M
         if is_near and self.sees(traveller, me.point_m, goal_m):
-            return Leg(_going(order, goal_m, intent, stop_there=True))
+            return Leg(_order(traveller, me, intent, goal_m))
         others = self._others(traveller, me, view, robot) if is_patient else _NOBODY
-        return self._leg_by_values(traveller, me, intent, goal_m, left_s, others, order)
+        return self._leg_by_values(traveller, me, intent, goal_m, left_s, others)
 
     def _leg_by_values(
         self,
@@ -147,26 +153,25 @@ class Navigation:
         goal_m: Point,
         left_s: float | None,
         others: _Others,
-        order: Order,
     ) -> Leg:
         """Take the best action among those around, and the way that follows it."""
         terrain = self._terrain(traveller)
         coarse = self._coarse_maps.of(terrain, traveller.radius_m)
         table = self._table(coarse, traveller, goal_m, intent.speed_mps)
         if table is None:
-            return Leg(order, no_way=True)
+            return Leg(_order(traveller, me, intent, None), no_way=True)
         epochs_left = self._epochs(left_s)
         action = routes.choose(table, coarse, me.x_m, me.y_m, me.yaw_rad, epochs_left, *others)
         heading = coarse.heading_of(me.yaw_rad)
         way_m, epochs = routes.way(table, coarse, me.x_m, me.y_m, heading, action)
         if not len(way_m):
-            return Leg(order, no_way=True)
+            return Leg(_order(traveller, me, intent, None), no_way=True)
         if action is Action.STAY and epochs > 0.0:
-            return Leg(order, waits=True, way_m=way_m)
+            return Leg(_order(traveller, me, intent, None), waits=True, way_m=way_m)
         aim = _farthest_seen(terrain, me.point_m, way_m, traveller.radius_m)
         sub_goal_m = (float(way_m[aim, 0]), float(way_m[aim, 1]))
         is_end = aim == len(way_m) - 1 and sub_goal_m == table.goal_m
-        return Leg(_going(order, sub_goal_m, intent, stop_there=is_end), way_m=way_m)
+        return Leg(_order(traveller, me, intent, sub_goal_m, stop_there=is_end), way_m=way_m)
 
     def _terrain(self, traveller: Traveller) -> Terrain:
         if self._environment is None:
@@ -206,31 +211,22 @@ class Navigation:
         )
 
 
-def _standing(traveller: Traveller, me: Fellow, intent: Intent) -> Order:
-    """Return the order to stand, looking where the intent says."""
+def _order(
+    traveller: Traveller,
+    me: Fellow,
+    intent: Intent,
+    sub_goal_m: Point | None,
+    *,
+    stop_there: bool = True,
+) -> Order:
+    """Return the order to go to a point, or to stand; at the end to look where the intent says."""
     comfort, face_rad = traveller.comfort, None
-    if intent.face_m is not None:
+    if intent.face_m is not None and stop_there:
         face_rad = math.atan2(intent.face_m[1] - me.y_m, intent.face_m[0] - me.x_m)
     robot_m = comfort.robot_m if intent.robot_comfort_m is None else intent.robot_comfort_m
+    speed_mps = 0.0 if sub_goal_m is None else intent.speed_mps
     return Order(
-        None,
-        0.0,
-        face_rad=face_rad,
-        comfort_m=comfort.others_m,
-        robot_comfort_m=robot_m,
-        wall_comfort_m=comfort.walls_m,
-    )
-
-
-def _going(order: Order, sub_goal_m: Point, intent: Intent, *, stop_there: bool) -> Order:
-    """Return the order to go to a point, with the comfort of `order`."""
-    face_rad = order.face_rad if stop_there else None
-    return replace(
-        order,
-        subgoal_m=sub_goal_m,
-        speed_mps=intent.speed_mps,
-        stop_there=stop_there,
-        face_rad=face_rad,
+        sub_goal_m, speed_mps, stop_there, face_rad, comfort.others_m, robot_m, comfort.walls_m
     )
 
 

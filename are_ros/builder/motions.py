@@ -249,12 +249,9 @@ class Motions:
     ) -> None:
         """Append the poses of who moved to its history; one that sets off did so a step ago."""
         which = np.flatnonzero(moved)
-        rows = zip(self.crowd.ids[which].tolist(), self.crowd.poses[which].tolist(), strict=True)
-        for artefact_id, numbers in rows:
-            history = living[artefact_id].history
-            if history.latest_ns < before_ns:
-                history.append(before_ns, history.latest)
-            history.append(step_ns, GroundPose(*numbers))
+        ids, columns = self.crowd.ids[which].tolist(), self.crowd.poses[which].T.tolist()
+        for artefact_id, pose in zip(ids, zip(*columns, strict=True), strict=True):
+            living[artefact_id].history.go_on(before_ns, step_ns, pose)
 
 
 def _let_pass(resolution: Resolution, tracked: npt.NDArray[np.intp]) -> Resolution:

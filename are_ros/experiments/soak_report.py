@@ -56,9 +56,7 @@ def draw_ways(result: SoakResult, grid: OccupancyGrid, path: Path) -> None:
     figure.savefig(path, metadata={"Software": None})
 
 
-def _draw_classes(
-    axes: Any, ways: Mapping[int, Way], grid: OccupancyGrid, width_pt: float
-) -> None:
+def _draw_classes(axes: Any, ways: Mapping[int, Way], grid: OccupancyGrid, width_pt: float) -> None:
     """Draw the ways class by class; who never moved is a dot."""
     names = sorted({way.class_name for way in ways.values()})
     for k, name in enumerate(names):

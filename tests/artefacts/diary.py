@@ -7,6 +7,7 @@ from are_ros.artefacts.behaviours.situation import Situation
 
 DIARY = "tests.artefacts.diary:Diary"
 STROLLER = "tests.artefacts.diary:Stroller"
+MARCHER = "tests.artefacts.diary:Marcher"
 ENTRIES: list[tuple[int, int, float]] = []
 """Time [ns], id and a random number of each decision, to be cleared by the test that reads it."""
 
@@ -43,3 +44,13 @@ class Stroller:
             self._goal_m = (x_m, y_m)
         self._decisions += 1
         return Intent(self._goal_m, situation.row.motion.speed_mps, activity="strolling")
+
+
+class Marcher:
+    """Goes to (8, 4), whatever comes."""
+
+    name: ClassVar[str] = "marcher"
+
+    def decide(self, situation: Situation) -> Intent:
+        """Go there."""
+        return Intent((8.0, 4.0), situation.row.motion.speed_mps, activity="marching")

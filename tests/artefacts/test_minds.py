@@ -288,7 +288,7 @@ def test_the_rest_of_a_life_is_known_to_who_decides() -> None:
     """As seconds; None where the end is not known."""
     town, told = Town(), []
     one = town.admit(1, 0)
-    mind = town.minds._minds[1]  # noqa: SLF001 - a behaviour that tells the test what it knows
+    mind = town.minds._minds[1]
     mind.behaviour = SimpleNamespace(name="spy", decide=lambda s: told.append(s.left_s))  # type: ignore[assignment]
     for index, end_ns in ((0, None), (20, 3 * NS_PER_S)):
         one.departure_ns = end_ns

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
@@ -19,16 +20,18 @@ def left_half(me: Fellow, x_m: float, y_m: float) -> bool:
     return me.id != 3 and x_m < 0.0 < abs(y_m) + 1.0
 
 
-def crowd(count: int, seed: int = 1) -> tuple[Onlookers, dict[int, Artefact], np.ndarray]:  # type: ignore[type-arg] # of float64
+def crowd(
+    count: int, seed: int = 1
+) -> tuple[Onlookers, dict[int, Artefact], npt.NDArray[np.float64]]:
     """Return so many people anywhere within 20 m, ids 3, 6, 9 ...; x, y, z, yaw, speed."""
     rng = np.random.default_rng(seed)
-    numbers = rng.uniform(-10.0, 10.0, (count, 5))
+    numbers: npt.NDArray[np.float64] = rng.uniform(-10.0, 10.0, (count, 5))
     ids = np.arange(3, 3 * count + 3, 3)
     living = {}
     for artefact_id, (x, y, z, yaw, _) in zip(ids.tolist(), numbers.tolist(), strict=True):
         history = PoseHistory(0, GroundPose(x, y, z, yaw))
         living[artefact_id] = Artefact(artefact_id, ROW, Origin.RANDOM, 0, history)
-    radii_m = 0.2 + 0.01 * np.arange(count)
+    radii_m = 0.2 + 0.01 * np.arange(count, dtype=np.float64)
     view = Onlookers(living, ids, numbers[:, :4], numbers[:, 4], radii_m, left_half)
     return view, living, numbers
 
@@ -82,7 +85,9 @@ def test_others_are_expected_where_their_velocity_takes_them() -> None:
         if 3 * i + 3 != 30 and math.hypot(x - me.x_m, y - me.y_m) <= 6.0
     }
     assert len(expected) > 5
-    found = {round((radius - 0.2) / 0.01) * 3 + 3: p for radius, p in zip(radii, points, strict=True)}
+    found = {
+        round((radius - 0.2) / 0.01) * 3 + 3: p for radius, p in zip(radii, points, strict=True)
+    }
     assert found.keys() == expected.keys()
     for artefact_id, point in expected.items():
         assert found[artefact_id].tolist() == pytest.approx(point)

@@ -50,7 +50,9 @@ def begin(farewells: Farewells, artefact_id: int, t_s: float) -> None:
     farewells.begin(Artefact(artefact_id, ROW, Origin.RANDOM, 0, history), round(t_s * NS_PER_S))
 
 
-def due(farewells: Farewells, t_s: float, crowd: Crowd, exits: npt.NDArray[np.float64]) -> list[int]:
+def due(
+    farewells: Farewells, t_s: float, crowd: Crowd, exits: npt.NDArray[np.float64]
+) -> list[int]:
     """Return who vanishes."""
     return farewells.due(round(t_s * NS_PER_S), crowd, exits, Camera())
 
@@ -91,8 +93,8 @@ def test_who_is_gone_is_forgotten() -> None:
 def test_other_values_hold_for_who_is_leaving_already() -> None:
     """Less patience makes late at once; vanishing asks nobody to walk."""
     farewells = Farewells(settings())
-    assert farewells.walks_to_exit
+    walked_before = farewells.walks_to_exit
     begin(farewells, 10, 0.0)
     farewells.reconfigure(settings(1.0, "vanish"))
-    assert not farewells.walks_to_exit
+    assert (walked_before, farewells.walks_to_exit) == (True, False)
     assert due(farewells, 2.0, crowd_at(1.0), EXITS) == [10]

@@ -63,7 +63,7 @@ def test_patience_ends_what_finds_no_exit() -> None:
 def test_without_an_exit_one_vanishes_where_no_camera_sees_it(
     yaw_rad: float, is_seen: bool
 ) -> None:
-    """Behind the robot's camera at once; before it, not until patience ends or it is out of view."""
+    """Behind the robot's camera at once; before it when patience ends, or it is out of view."""
     values = {"population.exit_patience": 2.0, "camera.model": "pinhole", "camera.width": 64}
     town = Town.of(WALK_OUT | values, hall(10.0, 8.0), robot=None)
     for k in range(12):
@@ -107,7 +107,7 @@ def test_one_on_its_way_out_can_be_removed() -> None:
 
 
 def test_leaving_can_be_switched_while_it_runs() -> None:
-    """Whose life ends after the switch to vanishing vanishes; who was leaving goes on to the exit."""
+    """Whose life ends after the switch vanishes; who was leaving goes on to the exit."""
     town = Town.of(WALK_OUT, OPEN_HALL)
     first, second = (town.place(WALKER, 1.5, 2.0 + 2.0 * k, life_s=0.5 + k) for k in range(2))
     town.run(0.0, 1.0)

@@ -13,7 +13,7 @@ from are_ros.builder.requests import Requests, SpawnRequest
 from are_ros.errors import CatalogueError
 from are_ros.world.oriented_boxes import overlapping_pairs
 from are_ros.world.rigid_transform import RigidTransform
-from tests.artefacts.diary import ENTRIES, STROLLER
+from tests.artefacts.diary import ENTRIES, MARCHER, STROLLER
 from tests.builder.town import (
     CART,
     FOLLOWER,
@@ -293,6 +293,14 @@ def test_the_world_stands_still_when_nothing_comes_in(rate_hz: float) -> None:
     there = {i: town.one(i).history.latest for i in ids}
     town.run(61.0, 70.0, rate_hz)
     assert {i: town.one(i).history.latest for i in ids} == there
+
+
+def test_one_can_walk_before_the_robot_is_known() -> None:
+    """Who is placed on a map without a robot, and knows where to go, goes there."""
+    town = Town.of(types=Catalogue((row(0, MARCHER),)), robot=None)
+    marcher = town.place(0, 2.0, 4.0)
+    town.run(0.0, 8.0)
+    assert math.dist(town.one(marcher).history.latest[:2], (8.0, 4.0)) < 0.5
 
 
 # --- what is asked for

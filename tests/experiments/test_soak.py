@@ -1,7 +1,9 @@
 """Soaks: artefacts live on maps, and the judge finds nothing; the full hours are `are soak`'s."""
 
 import math
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +23,7 @@ from are_ros.world.rigid_transform import RigidTransform
 from tests.experiments.floor_plans import office, pillars
 
 CATALOGUE = read_catalogue()
-PEOPLE = {"mixture.weights": (0.85, 0.15), "mixture.rates": (15.0, 5.0)}
+PEOPLE: dict[str, Any] = {"mixture.weights": (0.85, 0.15), "mixture.rates": (15.0, 5.0)}
 """People and robots, such as fit through doors."""
 
 MAPS = {
@@ -143,7 +145,7 @@ def test_the_robot_stays_clear_of_walls_and_gets_about() -> None:
         way.append((robot.x_m, robot.y_m))
     assert (environment.lookup(np.array(way)) > 0.22).all()
     assert np.ptp(np.array(way), axis=0).min() > 5.0
-    steps = [math.dist(a, b) for a, b in zip(way, way[1:], strict=False)]
+    steps = [math.dist(a, b) for a, b in pairwise(way)]
     assert max(steps) <= 0.5 * 0.05 + 1e-9
 
 

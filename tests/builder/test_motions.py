@@ -1,0 +1,225 @@
+"""The sub-step of all: counts, causes, histories, and what the resolver changes."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.artefacts.population_events import Cause
+from are_ros.builder import assembly
+from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
+from are_ros.builder.events import EventKind
+from are_ros.builder.motions import Happened, Motions
+from are_ros.builder.populations import motions_of
+from are_ros.parameters.model import Parameters
+from are_ros.world.environment import Environment
+from are_ros.world.ground import PlaneGround
+from are_ros.world.occupancy_grid import OccupancyGrid, classify
+from are_ros.world.oriented_boxes import OrientedBoxes
+from are_ros.world.region import SpawnRegion
+from are_ros.world.zones import Zones
+from tests.builder.town import POST, STEP_NS, TYPES, WALKER, hall
+
+NO_PLAN = np.empty((0, 2))
+
+
+class Verdicts(CollisionResolver):
+    """Keeps everybody but those that the test has a verdict for, by index."""
+
+    def __init__(self) -> None:
+        self.outcomes: dict[int, Outcome] = {}
+
+    def resolve(
+        self,
+        ids: npt.NDArray[np.int64],
+        proposed: OrientedBoxes,
+        last_safe: OrientedBoxes,
+        *_: Any,
+    ) -> Resolution:
+        """Return the verdicts; who is displaced is a metre farther along x."""
+        outcomes, shifts = np.zeros(len(ids), np.int8), np.zeros((len(ids), 2))
+        for i, outcome in self.outcomes.items():
+            outcomes[i] = outcome
+            shifts[i, 0] = outcome is Outcome.DISPLACED_TO_SAFE
+        boxes = proposed if not outcomes.any() else last_safe
+        return Resolution(outcomes, shifts, boxes, ())
+
+
+def environment_of(grid: OccupancyGrid) -> Environment:
+    """Return the environment of a map."""
+    return Environment(grid, classify(grid, 65, 25), None, PlaneGround(0.0), 0.01)
+
+
+class Stage:
+    """Motions, and those who are moved."""
+
+    def __init__(self, resolver: CollisionResolver | None = None) -> None:
+        parameters = Parameters()
+        resolver = resolver or assembly.collision_resolver(parameters)
+        self.motions: Motions = motions_of(parameters, "robot", resolver)
+        self.living: dict[int, Artefact] = {}
+        self.enter(hall(10.0, 8.0))
+
+    def enter(self, grid: OccupancyGrid) -> None:
+        """Be in a map, all of it the region."""
+        self.environment = environment_of(grid)
+        free = self.environment.classes.free
+        region = SpawnRegion(free, free.astype(np.float32), 1.0)
+        self.motions.enter(self.environment, region, Zones())
+
+    def add(self, artefact_id: int, kind: int, x_m: float, y_m: float) -> Artefact:
+        """Let one be there from time 0 on."""
+        history = PoseHistory(0, GroundPose(x_m, y_m, 0.0, 0.0))
+        row = TYPES.rows[kind]
+        (behaviour,) = row.behaviours
+        one = Artefact(artefact_id, row, Origin.RANDOM, 0, history, behaviour=behaviour)
+        self.living[artefact_id] = one
+        self.living = dict(sorted(self.living.items()))
+        self.motions.begin(one, None)
+        return one
+
+    def step(self, index: int) -> Happened:
+        """Run the sub-step of a number."""
+        living: Mapping[int, Artefact] = self.living
+        return self.motions.step(index * STEP_NS, STEP_NS, living, self.environment, None, NO_PLAN)
+
+
+def test_only_what_can_move_has_a_mind_and_all_are_in_the_traffic() -> None:
+    """In the order of ids, whoever came first; who ends is nowhere."""
+    stage = Stage()
+    stage.add(5, POST, 2.0, 2.0)
+    stage.add(3, WALKER, 5.0, 4.0)
+    motions = stage.motions
+    assert motions.crowd.ids.tolist() == motions.traffic.ids.tolist() == [3, 5]
+    assert [motions.minds.has(i) for i in (3, 5)] == [True, False]
+    motions.end(3, 0, Cause.REMOVED)
+    assert motions.crowd.ids.tolist() == motions.traffic.ids.tolist() == [5]
+    assert not motions.minds.has(3)
+
+
+def test_sub_steps_are_counted_by_artefact() -> None:
+    """All, and those of who moved; nothing is resolved where nothing collides."""
+    stage = Stage()
+    stage.add(1, POST, 2.0, 2.0)
+    stage.add(2, WALKER, 5.0, 4.0)
+    moved = 0
+    for index in range(1, 61):
+        before = stage.living[2].history.latest
+        stage.step(index)
+        moved += stage.living[2].history.latest != before
+    counts = stage.motions.counts
+    assert counts.artefact_steps == 120
+    assert counts.moving_steps == moved > 20
+    assert (counts.moved_back, counts.displaced) == (0, 0)
+
+
+def test_poses_of_crowd_traffic_and_history_are_one() -> None:
+    """At the end of every sub-step, to the bit."""
+    stage = Stage()
+    for k in range(5):
+        stage.add(k, WALKER, 2.0 + k, 4.0)
+    for index in range(1, 81):
+        stage.step(index)
+        crowd = stage.motions.crowd.poses
+        assert np.array_equal(crowd[:, [0, 1, 3]], stage.motions.traffic.poses)
+        latest = [one.ground_pose_at(index * STEP_NS) for one in stage.living.values()]
+        assert np.array_equal(crowd, np.array(latest))
+
+
+def test_a_history_begins_a_step_before_it_sets_off() -> None:
+    """Before that it is one pose: nobody drifts from the arrival on."""
+    stage = Stage()
+    one = stage.add(1, WALKER, 5.0, 4.0)
+    start = one.history.latest
+    for index in range(1, 100):
+        stage.step(index)
+        if one.history.latest != start:
+            break
+    assert one.history.latest_ns == index * STEP_NS
+    assert one.ground_pose_at((index - 1) * STEP_NS) == start
+    assert one.ground_pose_at((index - 1) * STEP_NS - 1) == start
+    assert one.history.velocity_at((index - 1) * STEP_NS) == (0.0, 0.0, 0.0)
+
+
+def walking(verdicts: Verdicts) -> tuple[Stage, int]:
+    """Return a stage where one walks, and the number of its last sub-step."""
+    stage = Stage(verdicts)
+    stage.add(1, WALKER, 5.0, 4.0)
+    for index in range(1, 100):
+        stage.step(index)
+        if stage.motions.traffic.speeds[0] > 0.5:
+            return stage, index
+    raise AssertionError
+
+
+def test_who_is_moved_back_stands_where_it_was() -> None:
+    """Its history ends there; the traffic lets it set off from a stand."""
+    verdicts = Verdicts()
+    stage, index = walking(verdicts)
+    before = stage.living[1].history.latest
+    verdicts.outcomes = {0: Outcome.MOVED_BACK}
+    happened = stage.step(index + 1)
+    assert (happened.events, happened.leavers) == ([], [])
+    assert stage.living[1].history.latest == before
+    assert stage.motions.traffic.speeds[0] == 0.0
+    assert stage.motions.counts.moved_back == 1
+    verdicts.outcomes = {}
+    stage.step(index + 2)
+    after = stage.living[1].history.latest
+    assert math.dist(before[:2], after[:2]) <= 1.5 * 0.05 * 0.05 + 1e-9
+
+
+def test_who_is_displaced_jumps_within_a_nanosecond() -> None:
+    """The event tells how far; until then it was where it had been, and it goes on from there."""
+    verdicts = Verdicts()
+    stage, index = walking(verdicts)
+    before, now_ns = stage.living[1].history.latest, (index + 1) * STEP_NS
+    verdicts.outcomes = {0: Outcome.DISPLACED_TO_SAFE}
+    (event,) = stage.step(index + 1).events
+    history = stage.living[1].history
+    assert (event.kind, event.artefact_id, event.stamp_ns) == (EventKind.DISPLACED, 1, now_ns)
+    assert event.value == 1.0
+    assert history.pose_at(now_ns - 1) == before
+    assert history.pose_at(now_ns) == before._replace(x_m=before.x_m + 1.0)
+    assert history.velocity_at(now_ns) == (0.0, 0.0, 0.0)
+    assert stage.motions.traffic.poses[0, 0] == before.x_m + 1.0
+    assert stage.motions.counts.displaced == 1
+
+
+@pytest.mark.parametrize(
+    ("outcome", "cause"),
+    [(Outcome.LEAVES, Cause.DISPLACED), (Outcome.LEAVES_ON_CONTACT, Cause.ROBOT_CONTACT)],
+)
+def test_who_has_to_leave_is_told_with_the_cause(outcome: Outcome, cause: Cause) -> None:
+    """The caller lets it go; until then it stands."""
+    verdicts = Verdicts()
+    stage, index = walking(verdicts)
+    verdicts.outcomes = {0: outcome}
+    assert stage.step(index + 1).leavers == [(1, cause)]
+    stage.motions.end(1, (index + 1) * STEP_NS, cause)
+    verdicts.outcomes = {}
+    del stage.living[1]
+    assert stage.step(index + 2) == Happened()
+
+
+def test_places_follow_the_map() -> None:
+    """Another map has other places; the same one is not surveyed again."""
+    stage = Stage()
+    first = stage.motions.navigation.places
+    assert len(first.destinations_m) >= 4
+    stage.motions.enter(stage.environment, None, Zones())
+    assert stage.motions.navigation.places is first
+    stage.enter(hall(10.0, 8.0, (4.0, 5.0, 2.0, 6.0), gap=(9.9, 10.0, 2.0, 6.0)))
+    second = stage.motions.navigation.places
+    assert second is not first
+    assert len(first.exits_m) == 0
+    assert len(second.exits_m) >= 1
+
+
+def test_an_empty_stage_steps() -> None:
+    """Nobody moves, nothing happens."""
+    assert Stage().step(1) == Happened()
