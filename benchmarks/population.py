@@ -14,7 +14,8 @@ step is `do_step` after the preferred velocities of all were set in Python, as i
 without walls, and with ours as polygons. Both keep one thread.
 
 Prints the median and 90th percentile of ticks over 10 s of simulated time, the median of
-interleaved repetitions each, in time of the thread, which other programs disturb less. Run: python benchmarks/population.py [--largest N] [--repetitions R]
+interleaved repetitions each, in time of the thread, which other programs disturb less.
+Run: python benchmarks/population.py [--largest N] [--repetitions R]
 """
 
 import argparse

@@ -24,7 +24,10 @@ from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.conventions import NS_PER_S
 
 _PATIENCE = 2
-"""So many decisions in a row one waits for others; then it is the traffic's to get past them."""
+"""So many decisions one waits for others; then it is the traffic's to get past them, until it gets
+on: who waited again at once would never count as blocked, and never choose another way."""
+
+_GETS_ON_MPS = 0.1
 
 
 @dataclass(eq=False, slots=True)
@@ -130,7 +133,10 @@ class Minds:
         mind.leg = self._navigation.leg(
             mind.traveller, me, intent, situation.left_s, view, robot, is_patient=is_patient
         )
-        mind.waits = mind.waits + 1 if mind.leg.waits else 0
+        if mind.leg.waits:
+            mind.waits += 1
+        elif me.speed_mps > _GETS_ON_MPS:
+            mind.waits = 0
         mind.intent = intent
         mind.artefact.activity = _activity(mind, situation)
         traffic.order(me.id, mind.leg.order)
@@ -176,5 +182,7 @@ def _activity(mind: Mind, situation: Situation) -> str:
         return "no way"
     if situation.blocked_s >= 1.0 and mind.intent is not None and mind.intent.goal_m is not None:
         return f"waiting for {situation.blocked_by}"
+    if mind.leg is not None and mind.leg.waits:
+        return "giving way"
     activity = mind.intent.activity if mind.intent else ""
     return "" if activity == mind.artefact.behaviour else activity

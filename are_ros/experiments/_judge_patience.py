@@ -42,7 +42,7 @@ class _Stand:
 
     def main_cause(self) -> str:
         """Return the cause of most of the time that has one; empty if that is less than half."""
-        named = {what: s for what, s in self.seconds.items() if what not in _WITHOUT_CAUSE}
+        named = {what: s for what, s in self.seconds.items() if not _gets_on(what)}
         if 2.0 * sum(named.values()) < sum(self.seconds.values()):
             return ""
         return max(named, key=lambda what: (named[what], what))
@@ -103,6 +103,11 @@ class Patience:
         for circle in sorted(circles - self._deadlocks, key=min):
             self._verdict.note("deadlocks", t_s, "artefacts " + ", ".join(map(str, sorted(circle))))
         self._deadlocks = circles
+
+
+def _gets_on(activity: str) -> bool:
+    """Tell whether an activity, whomever it concerns, is that of one who gets on."""
+    return activity.partition(" artefact ")[0] in _WITHOUT_CAUSE
 
 
 def _kind(cause: str) -> str:

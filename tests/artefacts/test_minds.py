@@ -83,11 +83,11 @@ class Town:
         self.minds.admit(one, BODY)
         return one
 
-    def decide(self, index: int) -> list[int]:
-        """Run a sub-step; return who is out."""
+    def decide(self, index: int, speed_mps: float = 0.0) -> list[int]:
+        """Run a sub-step, all being so fast; return who is out."""
         ids = np.array(sorted(self.living), np.int64)
         poses, ones = np.zeros((len(ids), 4)), np.ones(len(ids))
-        view = Onlookers(self.living, ids, poses, 0.0 * ones, ones, self.minds.sees)
+        view = Onlookers(self.living, ids, poses, speed_mps * ones, ones, self.minds.sees)
         road: Any = self.road
         return self.minds.decide(index, index * STEP_NS, view, road, None)
 
@@ -261,13 +261,22 @@ def test_who_has_no_way_says_so() -> None:
 
 
 def test_patience_is_for_two_decisions() -> None:
-    """One that has waited twice asks for a way past the others, and may wait again after that."""
+    """One that has waited twice asks for ways past the others, until it gets on."""
     town = Town()
     town.admit(1, 0, "walking")
     town.ways.is_crowded = True
-    for index in range(0, 120, 20):
-        town.decide(index)
-    assert town.ways.patience == [True, True, False, True, True, False]
+    for k, speed_mps in enumerate((1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0)):
+        town.decide(20 * k, speed_mps)
+    assert town.ways.patience == [True, True, False, False, False, False, True]
+
+
+def test_who_waits_of_itself_says_so() -> None:
+    """It gives way; who is kept from going on names who keeps it."""
+    town = Town()
+    one = town.admit(1, 0, "walking")
+    town.ways.is_crowded = True
+    town.decide(0)
+    assert one.activity == "giving way"
 
 
 # --- leaving

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from are_ros.artefacts.artefact import GroundPose, Origin
+from are_ros.artefacts.artefact import Artefact, GroundPose, Origin
 from are_ros.artefacts.catalogue import CatalogueRow, MeshFile
 from are_ros.artefacts.departures import ConstantRateDepartures, IndependentLives, departure_law
 from are_ros.artefacts.mixture import TruncatedPoissonMixture
 from are_ros.artefacts.population import Place, Population
-from are_ros.artefacts.scenario import FIRST_ADMITTED_ID
 from are_ros.artefacts.population_events import Cause, Counts, EventKind, PopulationEvent
 from are_ros.artefacts.randomness import Purpose, generator
+from are_ros.artefacts.scenario import FIRST_ADMITTED_ID
 from are_ros.artefacts.sources import FIRST_ID, RandomSource
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError, ParameterError, PlacementError
@@ -58,10 +59,14 @@ def _population(
     max_alive: int | None = 200,
     group: float = 1.0,
     rows: tuple[CatalogueRow, ...] = ROWS,
+    walks_out: Callable[[Artefact], bool] = lambda _: False,
+    begun: Callable[[Artefact, object], object] = lambda *_: None,
 ) -> Population:
     source = RandomSource(seed, rows, MIXTURE, group)
     law = departure_law(kind, seed, mean_life_s)
-    population = Population(seed, source, law, max_alive=max_alive)
+    population = Population(
+        seed, source, law, max_alive=max_alive, walks_out=walks_out, begun=begun
+    )
     population.start(EPOCH_NS)
     population.set_rates(per_s / 100.0, 100.0, mean_life_s, EPOCH_NS)
     return population
@@ -469,3 +474,127 @@ def test_a_group_has_at_least_one_member(mean: float) -> None:
 def test_the_parameter_chooses_the_law(kind: Departures, law: Callable[..., object]) -> None:
     """Each choice of population.departures has its class."""
     assert type(departure_law(kind, 1, 2.0)) is law
+
+
+# --- leaving
+
+
+def _walked_out(
+    population: Population, until_ns: int, takes_ns: int
+) -> tuple[list[PopulationEvent], list[PopulationEvent]]:
+    """Run it, each who leaves being gone after so long; return all but departures, and those."""
+    told: list[PopulationEvent] = []
+    gone: list[PopulationEvent] = []
+    leaving: list[tuple[int, int]] = []
+    while True:
+        next_ns = population.next_event_ns() or until_ns + 1
+        if leaving and leaving[0][0] < next_ns:
+            at_ns, artefact_id = leaving.pop(0)
+            gone.append(population.remove(artefact_id, at_ns, Cause.LIFE_OVER))
+            continue
+        if next_ns > until_ns:
+            return told, gone
+        for event in population.handle_next(_anywhere):
+            told.append(event)
+            if event.kind is EventKind.LEAVING:
+                leaving.append((event.time_ns + takes_ns, event.artefact_id))
+
+
+@both_kinds
+def test_the_way_out_is_no_business_of_the_law(kind: Departures) -> None:
+    """Arrivals, rows and ends of lives are bit-identical, whether 0, 1 or 7 s are walked out."""
+    mean_life_s = 5.0 if kind is Departures.INDEPENDENT else 0.5
+    vanishing = _population(6, kind, mean_life_s=mean_life_s)
+    expected = _records(_advance(vanishing, _seconds(60)))
+    for takes_s in (0, 1, 7):
+        walking = _population(6, kind, mean_life_s=mean_life_s, walks_out=lambda _: True)
+        told, gone = _walked_out(walking, _seconds(60), takes_s * NS_PER_S)
+        same = [replace(e, kind=EventKind.DEPARTED) if e.cause else e for e in told]
+        assert _records(same) == expected
+        assert len(gone) > 30
+        assert {event.cause for event in gone} == {Cause.LIFE_OVER}
+
+
+def test_those_who_leave_fill_the_place() -> None:
+    """They are alive and counted by the bound until they are removed; then the next may come."""
+    population = _population(2, max_alive=1, mean_life_s=0.5, walks_out=lambda _: True)
+    told = _advance(population, _seconds(20))
+    (leaving,) = [event for event in told if event.kind is EventKind.LEAVING]
+    after = [event for event in told if event.time_ns > leaving.time_ns]
+    assert after
+    assert {event.cause for event in after} == {Cause.MAX_ALIVE}
+    one = population.living[leaving.artefact_id]
+    assert (one.is_leaving, one.departure_ns) == (True, None)
+    assert population.counts.departed == 0
+    population.remove(one.id, _seconds(20), Cause.LIFE_OVER)
+    assert (population.counts.departed, population.counts.displaced) == (1, 0)
+    assert _advance(population, _seconds(30))[0].kind is EventKind.ARRIVED
+
+
+def test_rates_that_change_do_not_touch_those_who_leave() -> None:
+    """No new end is given to a life that is over."""
+    population = _population(2, mean_life_s=2.0, walks_out=lambda _: True)
+    _advance(population, _seconds(20))
+    leaving = [one for one in population.living.values() if one.is_leaving]
+    assert leaving
+    population.set_rates(0.01, 100.0, 50.0, _seconds(20))
+    population.postpone(NS_PER_S)
+    assert all(one.departure_ns is None for one in leaving)
+
+
+def test_each_walks_out_or_not_on_its_own() -> None:
+    """Those of even ids vanish, the others are leaving."""
+    population = _population(3, mean_life_s=1.0, walks_out=lambda one: one.id % 2 == 1)
+    told = _advance(population, _seconds(20))
+    ends = {e.artefact_id: e.kind for e in told if e.cause is Cause.LIFE_OVER}
+    assert len(ends) > 10
+    for artefact_id, kind in ends.items():
+        assert kind is (EventKind.LEAVING if artefact_id % 2 else EventKind.DEPARTED)
+
+
+# --- behaviours
+
+
+def test_behaviours_are_drawn_by_their_weights() -> None:
+    """Chi-square of 600 against 5:3:2, at level 1/1,000; each by its id alone."""
+    weights = {"walking": 5.0, "standing": 3.0, "running": 2.0}
+    rows = tuple(replace(row, behaviours=weights) for row in ROWS)
+    drawn: dict[int, str] = {}
+    population = _population(
+        4,
+        per_s=10.0,
+        max_alive=None,
+        rows=rows,
+        begun=lambda one, _: drawn.update({one.id: one.behaviour}),
+    )
+    _advance(population, _seconds(60))
+    counted = [sum(name == own for own in drawn.values()) for name in weights]
+    assert sum(counted) > 500
+    assert stats.chisquare(counted, np.array([0.5, 0.3, 0.2]) * sum(counted)).pvalue > 1e-3
+    alone = _population(4, per_s=1.0, rows=rows)
+    _advance(alone, _seconds(20))
+    assert alone.living
+    assert all(one.behaviour == drawn[one.id] for one in alone.living.values())
+
+
+def test_a_given_behaviour_is_kept_and_all_are_told_of() -> None:
+    """`begun` hears of each artefact when it lives, with its behaviour and where it is."""
+    told: list[Artefact] = []
+    population = _population(4, begun=lambda one, _: told.append(one))
+    pose = GroundPose(1.0, 2.0, 0.0, 0.5)
+    event = population.admit(
+        ROWS[0], pose, EPOCH_NS, origin=Origin.SERVICE, behaviour="somebody:Else"
+    )
+    assert [(one.id, one.behaviour) for one in told] == [(event.artefact_id, "somebody:Else")]
+    assert told[0] is population.living[event.artefact_id]
+    assert told[0].history.latest == pose
+    _advance(population, _seconds(5))
+    assert {one.id for one in told} >= set(population.living)
+
+
+@pytest.mark.parametrize("cause", [Cause.NO_PLACE, Cause.NO_HIDDEN_PLACE])
+def test_why_there_is_no_place_is_said(cause: Cause) -> None:
+    """The reason of the placement becomes that of the event."""
+    events = _advance(_population(4), _seconds(10), lambda *_: cause)
+    assert len(events) > 3
+    assert {(event.kind, event.cause) for event in events} == {(EventKind.BLOCKED, cause)}

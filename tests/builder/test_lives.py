@@ -339,6 +339,31 @@ def test_who_was_there_is_known_for_the_history(scene: Scene) -> None:
     assert lives.scene_at(scene.ns(0.09)).artefacts == ()
 
 
+@pytest.mark.parametrize("leave", ["vanish", "walk_to_exit"])
+def test_what_cannot_move_lives_and_goes_the_same_however_lives_end(
+    make_scene: Make, leave: str
+) -> None:
+    """Rows without a speed have no way out to walk: every event is that of vanishing."""
+    plain, other = make_scene(BUSY), make_scene(BUSY | {"population.leave": leave})
+    for scene in (plain, other):
+        scene.map(0.0)
+        scene.robot(0.0, 1.0, 2.0)
+        scene.builder.advance(scene.ns(6.0))
+    events = plain.builder.lives.take_events()
+    assert len(events) > 10
+    assert events == other.builder.lives.take_events()
+
+
+def test_sub_steps_are_counted_for_all_who_live(scene: Scene) -> None:
+    """Twenty a second for each, none of them moving, none resolved."""
+    scene.place(0, (2.5, 2.0), 0.02)
+    scene.place(0, (3.2, 2.0), 0.52)
+    scene.builder.advance(scene.ns(1.01))
+    counts = scene.builder.lives.motion_counts
+    assert counts.artefact_steps == 20 + 10
+    assert (counts.moving_steps, counts.moved_back, counts.displaced) == (0, 0, 0)
+
+
 def test_long_silence_is_crossed_in_no_time(make_scene: Make) -> None:
     """An hour without any input needs no sub-steps, and loses no event of the population."""
     quiet = {"population.arrival_rate": 0.001, "population.mean_life": 30.0}

@@ -249,7 +249,7 @@ def standing(
     ]
 
 
-@pytest.mark.parametrize("activity", ["", "walking", "following", "on its way"])
+@pytest.mark.parametrize("activity", ["", "walking", "following artefact 7", "on its way"])
 def test_a_minute_without_a_cause_is_caught_once(activity: str) -> None:
     """Who is said to get on, and does not, is noted once for each stand."""
     verdict = judged(standing(1.2, lambda _: activity)).verdict
@@ -314,13 +314,13 @@ def test_followers_are_measured_against_their_leader() -> None:
     """By the number that the activity says; else by the nearest who moves."""
     leader = [state((0.1 * k, 0.0, 0.0), 7) for k in range(11)]
     other = state((0.0, 1.0, 0.0), 8, behaviour="standing")
-    for activity, gap_m in (("following 8", math.hypot(1.0, 1.0)), ("following", 1.5)):
+    for activity, gap_m in (("following artefact 8", math.hypot(1.0, 1.0)), ("following", 1.5)):
         follower = state((-1.0, 0.0, 0.0), behaviour="following", activity=activity)
         moments = [[follower, one, other] for one in leader]
         company = judged(moments).verdict.company
         assert company.near_share == 1.0
         assert company.mean_gap_m == pytest.approx(gap_m, abs=0.06)
-    far = state((-9.0, 0.0, 0.0), behaviour="following", activity="following 7")
+    far = state((-9.0, 0.0, 0.0), behaviour="following", activity="following artefact 7")
     assert judged([[far, one] for one in leader]).verdict.company.near_share == 0.0
 
 
