@@ -15,7 +15,8 @@ from are_ros.errors import BagError
 
 PROJECT = Path(__file__).resolve().parents[1]
 SAMPLE = PROJECT / "bags" / "sample_office.mcap"
-COMMANDS = ("replay", "inspect", "describe", "check", "view", "node", "play", "record", "demo")
+OFFLINE = ("replay", "inspect", "describe", "check", "view", "fit", "soak")
+COMMANDS = (*OFFLINE, "node", "play", "record", "demo")
 
 
 def run_process(*words: object) -> subprocess.CompletedProcess[str]:

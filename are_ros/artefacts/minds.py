@@ -79,6 +79,7 @@ class Minds:
 
     def dismiss(self, artefact_id: int) -> None:
         """Forget an artefact, known or not."""
+        self._navigation.forget(artefact_id)
         mind = self._minds.pop(artefact_id, None)
         if mind is not None:
             self._due[mind.phase].remove(artefact_id)

@@ -14,7 +14,7 @@ from are_ros.artefacts import routes
 from are_ros.artefacts.behaviours.intent import Intent, Point
 from are_ros.artefacts.behaviours.situation import Fellow, RobotView
 from are_ros.artefacts.catalogue import CatalogueRow, RewardWeights
-from are_ros.artefacts.coarse_map import CoarseMap, CoarseMaps
+from are_ros.artefacts.coarse_map import Cell, CoarseMap, CoarseMaps
 from are_ros.artefacts.mdp import Action, TravelModel
 from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.motion.order import Order
@@ -65,15 +65,9 @@ class Traveller:
 
     @classmethod
     def of(cls, row: CatalogueRow, body: Body) -> "Traveller":
-        """Return the traveller of a row.
-
-        Who turns on the spot needs the room to do so all along; a vehicle goes through gaps of
-        its width and a little more.
-        """
-        radius_m = body.radius_m
-        if row.motion.turn_radius_m > 0.0:
-            radius_m = min(radius_m, 0.5 * row.size_m[1] + _TURNING_ROOM * row.size_m[0])
-        return cls(row, body, radius_m, Comfort.of(row.rewards))
+        """Return the traveller of a row; one much longer than wide needs some room to turn."""
+        narrow_m = 0.5 * row.size_m[1] + _TURNING_ROOM * row.size_m[0]
+        return cls(row, body, min(body.radius_m, narrow_m), Comfort.of(row.rewards))
 
     @property
     def height_m(self) -> float:
@@ -95,6 +89,23 @@ class Leg:
     way_m: npt.NDArray[np.float64] = field(default_factory=lambda: _NO_WAY)
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class _Course:
+    """Where one was going at its last decision, how fast, and what that is worth."""
+
+    coarse: CoarseMap
+    goal_m: Point
+    speed_mps: float
+    table: ValueTable
+
+    def serves(
+        self, coarse: CoarseMap, goal_m: Point, speed_mps: float, start: Cell | None
+    ) -> bool:
+        """Say whether the same is wanted again, from a cell with a way."""
+        is_same = goal_m == self.goal_m and speed_mps == self.speed_mps and coarse is self.coarse
+        return is_same and start is not None and self.table.reaches(start)
+
+
 class Navigation:
     """Finds ways in the present environment; what was found in the last one is forgotten."""
 
@@ -107,12 +118,18 @@ class Navigation:
         self._horizon = epochs
         self._coarse_maps = CoarseMaps(settings.cell_size)
         self._tables = ValueTables(epochs)
+        self._courses: dict[int, _Course] = {}
 
     def enter(self, environment: Environment, places: Places) -> None:
         """Go on in another environment, or with other places in it."""
         if environment is not self._environment:
             self._tables.clear()
+            self._courses.clear()
         self._environment, self.places = environment, places
+
+    def forget(self, artefact_id: int) -> None:
+        """Forget where somebody was going, known or not."""
+        self._courses.pop(artefact_id, None)
 
     def sees(self, traveller: Traveller, from_m: Point, to_m: Point) -> bool:
         """Say whether a type can go straight from one point to another, walls alone considered."""
@@ -157,7 +174,7 @@ class Navigation:
         """Take the best action among those around, and the way that follows it."""
         terrain = self._terrain(traveller)
         coarse = self._coarse_maps.of(terrain, traveller.radius_m)
-        table = self._table(coarse, traveller, goal_m, intent.speed_mps)
+        table = self._table(coarse, traveller, me, goal_m, intent.speed_mps)
         if table is None:
             return Leg(_order(traveller, me, intent, None), no_way=True)
         epochs_left = self._epochs(left_s)
@@ -168,7 +185,7 @@ class Navigation:
             return Leg(_order(traveller, me, intent, None), no_way=True)
         if action is Action.STAY and epochs > 0.0:
             return Leg(_order(traveller, me, intent, None), waits=True, way_m=way_m)
-        aim = _farthest_seen(terrain, me.point_m, way_m, traveller.radius_m)
+        aim = terrain.farthest_seen(me.point_m, way_m, traveller.radius_m)
         sub_goal_m = (float(way_m[aim, 0]), float(way_m[aim, 1]))
         is_end = aim == len(way_m) - 1 and sub_goal_m == table.goal_m
         return Leg(_order(traveller, me, intent, sub_goal_m, stop_there=is_end), way_m=way_m)
@@ -179,13 +196,20 @@ class Navigation:
         return self._terrains.of(self._environment, traveller.height_m)
 
     def _table(
-        self, coarse: CoarseMap, traveller: Traveller, goal_m: Point, speed_mps: float
+        self, coarse: CoarseMap, traveller: Traveller, me: Fellow, goal_m: Point, speed_mps: float
     ) -> ValueTable | None:
+        """Return the values of going to a goal; those of the last decision while they serve."""
+        course, start = self._courses.get(me.id), coarse.cell_of(me.x_m, me.y_m)
+        if course is not None and course.serves(coarse, goal_m, speed_mps, start):
+            return course.table
         settings = self._settings
         model = TravelModel.of(
             traveller.row, speed_mps, coarse.cell_size_m, settings.decision_period, 0.0
         )
-        return self._tables.value(coarse, model, goal_m)
+        table = self._tables.value(coarse, model, goal_m, start)
+        if table is not None:
+            self._courses[me.id] = _Course(coarse, goal_m, speed_mps, table)
+        return table
 
     def _epochs(self, left_s: float | None) -> int:
         """Return the horizon: what is left of the life, at most the longest."""
@@ -228,13 +252,3 @@ def _order(
     return Order(
         sub_goal_m, speed_mps, stop_there, face_rad, comfort.others_m, robot_m, comfort.walls_m
     )
-
-
-def _farthest_seen(
-    terrain: Terrain, from_m: Point, way_m: npt.NDArray[np.float64], radius_m: float
-) -> int:
-    """Return the index of the last point of a way that is seen from here; the first if none is."""
-    for k in range(len(way_m) - 1, 0, -1):
-        if terrain.sees(from_m, (float(way_m[k, 0]), float(way_m[k, 1])), radius_m):
-            return k
-    return 0

@@ -72,6 +72,13 @@ class Terrain:
             _rolls(self.clearance_m, lattice, self.grid.resolution_m, from_m, to_m, radius_m)
         )
 
+    def farthest_seen(
+        self, from_m: tuple[float, float], way_m: npt.NDArray[np.float64], radius_m: float
+    ) -> int:
+        """Return the index of the last point of a way (K, 2) that `sees` says yes to, or else 0."""
+        unit = self.grid.resolution_m
+        return int(_farthest(self.clearance_m, self._lattice, unit, from_m, way_m, radius_m))
+
     @cached_property
     def _lattice(self) -> npt.NDArray[np.float64]:
         resolution_m = self.grid.resolution_m
@@ -220,3 +227,19 @@ def _rolls(
         if along >= length:
             return True
         along = min(along + max(0.5 * unit, room), length)
+
+
+@compiled
+def _farthest(
+    field: npt.NDArray[np.float32],
+    lattice: npt.NDArray[np.float64],
+    unit: float,
+    from_m: tuple[float, float],
+    way_m: npt.NDArray[np.float64],
+    radius: float,
+) -> int:
+    """Return the last point of a way that a disc can roll straight to; the first if to none."""
+    for k in range(way_m.shape[0] - 1, 0, -1):
+        if _rolls(field, lattice, unit, from_m, (way_m[k, 0], way_m[k, 1]), radius):
+            return k
+    return 0

@@ -14,6 +14,12 @@ from are_ros.artefacts.mdp import TravelModel, solve, travel_problem
 KEPT_BYTES_PER_TABLE: Final = 2**20
 """Planes of all epochs need so much at most; a crowd with a hundred goals has to fit the budget."""
 
+SHARED_CELLS: Final = 128 * 128
+"""Windows up to this large serve all trips to a goal; of larger ones a trip takes its part."""
+
+TRIP_MARGIN_M: Final = 8.0
+_TRIP_STEP: Final = 8
+
 Window = tuple[slice, slice]
 Key = tuple[tuple[int, float, float, float], TravelModel, Cell, Cell, Cell]
 
@@ -94,26 +100,38 @@ class ValueTables:
         self.nbytes = 0
 
     def value(
-        self, coarse: CoarseMap, model: TravelModel, goal_m: tuple[float, float]
+        self,
+        coarse: CoarseMap,
+        model: TravelModel,
+        goal_m: tuple[float, float],
+        start: Cell | None = None,
     ) -> ValueTable | None:
         """Return the table of going to a point of the map frame; None if nobody can be near it.
 
         The table's `goal_m` is the point itself where the disc fits there, else the anchor of the
-        cell that stands for it.
+        cell that stands for it. On a large map one who starts at cell `start` gets a table of the
+        cells between it and the goal and 8 m about them, if a way leads through these.
         """
         goal = coarse.cell_of(*goal_m)
         if goal is None:
             return None
         window = self._window(coarse, goal)
+        table = None
+        if start is not None and _cells_in(window) > SHARED_CELLS:
+            table = self._of(coarse, model, goal, _part(window, goal, start, coarse.cell_size_m))
+        if table is None or start is None or not table.reaches(start):
+            table = self._of(coarse, model, goal, window)
+        if not coarse.holds(*goal_m):
+            goal_m = coarse.anchor_of(goal)
+        return table if table.goal_m == goal_m else replace(table, goal_m=goal_m)
+
+    def _of(self, coarse: CoarseMap, model: TravelModel, goal: Cell, window: Window) -> ValueTable:
         low = (window[0].start, window[1].start)
         key = (coarse.key, model, goal, low, (window[0].stop, window[1].stop))
         if key not in self._tables:
             self._insert(key, self._made(coarse, model, goal, window))
         self._tables.move_to_end(key)
-        table = self._tables[key]
-        if not coarse.holds(*goal_m):
-            goal_m = coarse.anchor_of(goal)
-        return table if table.goal_m == goal_m else replace(table, goal_m=goal_m)
+        return self._tables[key]
 
     def _window(self, coarse: CoarseMap, goal: Cell) -> Window:
         reach = math.ceil(self._max_trip_m / coarse.cell_size_m)
@@ -149,6 +167,25 @@ class ValueTables:
         while self.nbytes > self._budget_bytes and len(self._tables) > 1:
             _, oldest = self._tables.popitem(last=False)
             self.nbytes -= oldest.nbytes
+
+
+def _cells_in(window: Window) -> int:
+    """Return how many cells a window has."""
+    rows, cols = window
+    return int((rows.stop - rows.start) * (cols.stop - cols.start))
+
+
+def _part(window: Window, goal: Cell, start: Cell, cell_size_m: float) -> Window:
+    """Return the part of a window about a goal and a start, in steps of 8 cells: some share it."""
+    margin = math.ceil(TRIP_MARGIN_M / cell_size_m)
+    rows, cols = (
+        slice(
+            max(whole.start, (min(ends) - margin) // _TRIP_STEP * _TRIP_STEP),
+            min(whole.stop, -(-(max(ends) + margin + 1) // _TRIP_STEP) * _TRIP_STEP),
+        )
+        for whole, *ends in zip(window, goal, start, strict=True)
+    )
+    return rows, cols
 
 
 def _weights(model: TravelModel, corner: Cell, goal: Cell) -> npt.NDArray[np.float64]:

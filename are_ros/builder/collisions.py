@@ -12,7 +12,7 @@ from are_ros.builder.ring_search import RingSearch
 from are_ros.builder.robot_contact import ContactPolicy, RobotContact, contacts_of, depths_m
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint
-from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes
+from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes, overlapping_pairs
 
 _NO_INDICES = np.empty(0, dtype=np.int64)
 
@@ -51,7 +51,8 @@ class Resolution:
 class CollisionResolver:
     """Decides, in id order, which pose each artefact has at the end of a sub-step.
 
-    The pose proposed if it is safe; else the last safe pose if still safe; else the nearest safe
+    The poses proposed where they are safe all together. Else, for each, the one proposed if it is
+    safe; else the last safe pose if still safe; else the nearest safe
     one within the search radius; else the artefact leaves. Safe means: hits no wall, overlaps no
     other artefact (earlier ones at their new pose, later ones at their last safe pose: these do
     not overlap, and each decision keeps it so) and no robot, but as the policy tolerates. An
@@ -144,7 +145,13 @@ class _Scene:
         self.outcomes[~self.present] = Outcome.LEAVES_ON_CONTACT
 
     def settle(self, search: RingSearch) -> None:
-        """Walk in id order; who can neither be kept nor moved back is searched a place for."""
+        """Walk in id order; who can neither be kept nor moved back is searched a place for.
+
+        Poses that are safe all together are taken as they are: those behind one another move on.
+        """
+        if self._are_safe_together():
+            self.current[:] = self._proposed.packed
+            return
         adjacency = _collision_kernels.neighbours(self._proposed.packed, self._safe.packed)
         strays = _NO_INDICES
         i = self._walk(0, adjacency, strays)
@@ -152,6 +159,11 @@ class _Scene:
             if self._displace(i, search):
                 strays = np.append(strays, i)
             i = self._walk(i + 1, adjacency, strays)
+
+    def _are_safe_together(self) -> bool:
+        """Tell whether everybody may have the pose proposed, and no two of them overlap."""
+        allowed = self._allowed[:, 0].all() and self.present.all()
+        return bool(allowed) and not len(overlapping_pairs(self._proposed))
 
     def resolved(self) -> OrientedBoxes:
         """Return the boxes where they now are."""

@@ -309,7 +309,8 @@ class Lives:
         if spawning.refresh(self._environment, self._robot, self._viewpoints):
             self._set_rates(step_ns)
         self.population.scripted.open(step_ns)
-        if not self.is_paused and self.population.living:
+        is_idle = step_ns - self._last_input_ns > _IDLE_NS
+        if not self.is_paused and not is_idle and self.population.living:
             self._move(step_ns, self._environment)
             self._look_at_doings(step_ns)
 

@@ -11,6 +11,7 @@ from are_ros.artefacts.terrain import Terrain, Terrains
 from are_ros.world.oriented_boxes import OrientedBoxes, overlaps_any
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
+from tests.artefacts.floors import terrain_of
 from tests.artefacts.motion.streets import CELL_M, environment, room, wall
 
 
@@ -118,3 +119,14 @@ def test_seeing_agrees_with_discs_along_the_segment(
     seen = terrain.sees(start, end, radius_m)
     assert seen or least < 0.06
     assert not seen or least > -0.04
+
+
+def test_the_farthest_seen_is_the_last_that_is_seen() -> None:
+    """Points of a way are tried from its end, as one by one; without any it is the first."""
+    walls = np.zeros((60, 60), np.bool_)
+    walls[30:32, :40] = True
+    terrain = terrain_of(walls)
+    way_m = np.array([(0.5, 0.5), (1.0, 1.0), (2.5, 1.0), (2.6, 1.6), (1.0, 2.5)])
+    for start_m in ((0.3, 0.3), (1.5, 1.0), (2.5, 2.5), (0.5, 2.7)):
+        seen = [k for k in range(1, 5) if terrain.sees(start_m, tuple(way_m[k]), 0.2)]
+        assert terrain.farthest_seen(start_m, way_m, 0.2) == max(seen, default=0)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from are_ros.artefacts import value_tables
 from are_ros.artefacts.coarse_map import CoarseMap
 from are_ros.artefacts.mdp import TravelModel, solve, travel_problem
 from are_ros.artefacts.value_tables import ValueTables, nearness_to_walls, windowed_edges
@@ -163,3 +164,23 @@ def test_walls_are_minded_within_half_a_metre() -> None:
     """Wholly where the disc touches them, a quarter as much at half of that, not beyond."""
     room_m = np.array([0.0, 0.25, 0.5, 3.0], np.float32)
     assert nearness_to_walls(room_m).tolist() == pytest.approx([1.0, 0.25, 0.0, 0.0])
+
+
+def test_on_a_large_map_a_trip_has_a_table_of_its_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It holds start and goal and the way between them; a part without a way gives the whole."""
+    monkeypatch.setattr(value_tables, "SHARED_CELLS", 64)
+    monkeypatch.setattr(value_tables, "TRIP_MARGIN_M", 0.5)
+    walls = np.zeros((400, 400), np.bool_)
+    walls[200:204, :380] = True  # the way from one side to the other is at the far end
+    coarse, tables = CoarseMap(terrain_of(walls), 0.25), ValueTables(horizon=5)
+    start, beyond = coarse.cell_of(3.0, 3.0), coarse.cell_of(1.0, 13.0)
+    assert start is not None
+    assert beyond is not None
+    part, whole = (tables.value(coarse, WALKER, POINT_M, start=one) for one in (start, beyond))
+    assert part is not None
+    assert whole is not None
+    assert part.costs.shape == (8, 8)
+    assert whole.costs.shape == coarse.shape
+    assert part.cost(start) == pytest.approx(whole.cost(start))
+    assert whole.reaches(beyond)
+    assert not part.reaches(beyond)

@@ -72,14 +72,19 @@ def test_the_lower_id_goes_first() -> None:
     assert _outcomes(resolution) == [Outcome.KEPT, Outcome.MOVED_BACK]
 
 
-def test_a_place_is_free_only_when_its_holder_has_left_it() -> None:
-    """Swapping places is refused to the first; the second may follow one that has gone ahead."""
-    assert _outcomes(_resolve(_boxes((2.0, 1.0), (1.0, 1.0)), _boxes((1.0, 1.0), (2.0, 1.0)))) == [
-        Outcome.MOVED_BACK,
-        Outcome.MOVED_BACK,
-    ]
-    queue = _resolve(_boxes((3.0, 1.0), (2.4, 1.0)), _boxes((2.5, 1.0), (1.9, 1.0)))
-    assert _outcomes(queue) == [Outcome.KEPT, Outcome.KEPT]
+def test_poses_that_are_safe_together_are_taken_as_they_are() -> None:
+    """Those behind one another move on, whoever has the lower id."""
+    for order in (1, -1):
+        ahead, behind = [((3.0, 1.0), (2.5, 1.0)), ((2.4, 1.0), (1.9, 1.0))][::order]
+        queue = _resolve(_boxes(ahead[0], behind[0]), _boxes(ahead[1], behind[1]))
+        assert _outcomes(queue) == [Outcome.KEPT, Outcome.KEPT]
+
+
+def test_once_somebody_is_in_the_way_a_place_is_free_only_when_its_holder_has_left_it() -> None:
+    """The first is refused where the second still stands; the third, into the first, goes back."""
+    proposed = _boxes((2.0, 1.0), (1.0, 1.0), (2.1, 1.0))
+    outcomes = _outcomes(_resolve(proposed, _boxes((1.0, 1.0), (2.0, 1.0), (5.0, 1.0))))
+    assert outcomes == [Outcome.MOVED_BACK, Outcome.MOVED_BACK, Outcome.MOVED_BACK]
 
 
 def test_a_new_wall_displaces_to_the_nearest_place() -> None:

@@ -282,7 +282,6 @@ def test_a_pause_freezes_everybody_where_they_are() -> None:
         assert math.dist(ways.way_of(i)[0, :2], frozen[i][:2]) < 1.3 * 0.05 + 1e-9
 
 
-@pytest.mark.xfail(reason="sub-steps go on, one per tick, when nothing has come in for a minute")
 @pytest.mark.parametrize("rate_hz", [1.0, 20.0])
 def test_the_world_stands_still_when_nothing_comes_in(rate_hz: float) -> None:
     """A minute after the last input nobody moves, however often ticks run."""

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -13,8 +13,7 @@ from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.places import Places
 
 
-@dataclass(frozen=True, slots=True)
-class Fellow:
+class Fellow(NamedTuple):
     """An artefact as others see it: pose and velocity on the ground, map frame.
 
     `radius_m` is that of the circle about (x, y) that holds its body. `behaviour` names what it
