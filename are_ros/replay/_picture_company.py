@@ -1,9 +1,6 @@
-"""Who went behind whom: followers and their leaders, from where both were.
+"""Who went behind whom: followers and their leaders, as the followers' activities say."""
 
-The ground truth says that somebody follows, not whom: the leader is taken to be the one that was
-nearest all along, of those that moved.
-"""
-
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -17,12 +14,9 @@ from are_ros.replay.life_record import Life
 Floats = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
 
-FOLLOWING: Final = "following"
-_STEP_NS: Final = NS_PER_S // 2
+_FOLLOWS: Final = re.compile(r"following artefact (\d+)")
 _SHORTEST_NS: Final = 2 * NS_PER_S
-_FARTHEST_M: Final = 3.5
-_PRESENT: Final = 0.9
-_MOVED_M: Final = 0.5
+"""A shorter stretch, as between two moments of giving way, would only be clutter in a picture."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,15 +38,14 @@ class Company:
 
 
 def companies(lives: Sequence[Life], end_ns: int) -> list[Company]:
-    """Return every stretch of following whose leader is known, in the order of the followers."""
-    standing = [life for life in lives if len(life.footprints)]
-    found = []
-    for life in standing:
-        for start_ns, stop_ns in _stretches(life, end_ns):
-            leader = _leader(life, standing, np.arange(start_ns, stop_ns, _STEP_NS))
-            if leader is not None:
-                found.append(Company(life, leader, start_ns, stop_ns))
-    return found
+    """Return every stretch of following a leader of `lives`, in the order of the followers."""
+    standing = {life.artefact_id: life for life in lives if len(life.footprints)}
+    return [
+        Company(life, standing[leader_id], start_ns, stop_ns)
+        for life in standing.values()
+        for leader_id, start_ns, stop_ns in _stretches(life, end_ns)
+        if leader_id in standing
+    ]
 
 
 def positions_at(life: Life, stamps_ns: Stamps) -> Floats:
@@ -62,44 +55,12 @@ def positions_at(life: Life, stamps_ns: Stamps) -> Floats:
     return positions
 
 
-def _stretches(life: Life, end_ns: int) -> Iterator[tuple[int, int]]:
-    """Yield [start, stop) of what it followed in; waiting behind the leader goes on with it."""
+def _stretches(life: Life, end_ns: int) -> Iterator[tuple[int, int, int]]:
+    """Yield whom it followed, by id, and the [start, stop) in which it did."""
     last_ns = end_ns if life.departure_ns is None else life.departure_ns
-    start_ns: int | None = None
-    for doing in life.doings:
-        follows = doing.behaviour == FOLLOWING and doing.activity in {"", FOLLOWING}
-        if follows and start_ns is None:
-            start_ns = doing.since_ns
-        elif not follows and start_ns is not None:
-            if doing.since_ns - start_ns >= _SHORTEST_NS:
-                yield start_ns, doing.since_ns
-            start_ns = None
-    if start_ns is not None and last_ns - start_ns >= _SHORTEST_NS:
-        yield start_ns, last_ns
-
-
-def _leader(life: Life, others: Sequence[Life], stamps_ns: Stamps) -> Life | None:
-    """Return who was nearest at most of the stamps, None if nobody was near."""
-    here = positions_at(life, stamps_ns)
-    near: list[tuple[float, int, Life]] = []
-    for other in others:
-        if not _may_lead(other, life) or _share_present(other, stamps_ns) < _PRESENT:
-            continue
-        there = positions_at(other, stamps_ns)
-        if np.ptp(there, axis=0).max() < _MOVED_M:
-            continue
-        apart_m = np.linalg.norm(there - here, axis=1)
-        near.append((float(np.median(apart_m)), other.artefact_id, other))
-    apart_m, _, leader = min(near, key=lambda entry: entry[:2], default=(np.inf, 0, None))
-    return leader if apart_m <= _FARTHEST_M else None
-
-
-def _may_lead(other: Life, life: Life) -> bool:
-    """Say whether it may be followed: of two followers only the younger follows the other."""
-    follows = any(doing.behaviour == FOLLOWING for doing in other.doings)
-    return other.artefact_id < life.artefact_id or (other is not life and not follows)
-
-
-def _share_present(life: Life, stamps_ns: Stamps) -> float:
-    gone_ns = np.iinfo(np.int64).max if life.departure_ns is None else life.departure_ns
-    return float(((stamps_ns >= life.arrival_ns) & (stamps_ns < gone_ns)).mean())
+    stops_ns = [*(doing.since_ns for doing in life.doings[1:]), last_ns]
+    # A life of which no doing is known has one stop and nothing to end there.
+    for doing, stop_ns in zip(life.doings, stops_ns, strict=False):
+        match = _FOLLOWS.fullmatch(doing.activity)
+        if match and stop_ns - doing.since_ns >= _SHORTEST_NS:
+            yield int(match[1]), doing.since_ns, stop_ns

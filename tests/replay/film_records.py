@@ -40,6 +40,7 @@ def walker(
     seen: Sequence[int] = (),
     name: str = "person",
     behaviour: str = "walking",
+    activity: str = "",
     gone: bool = False,
 ) -> Life:
     """Return who goes straight from one point to another, perceived in some ticks."""
@@ -60,7 +61,7 @@ def walker(
         first_seen_ns=int(seen_ns[0]) if len(seen_ns) else None,
         last_seen_ns=int(seen_ns[-1]) if len(seen_ns) else None,
         seen_ns=seen_ns,
-        doings=(Doing(TICK_NS, behaviour),),
+        doings=(Doing(TICK_NS, behaviour, activity),),
     )
 
 

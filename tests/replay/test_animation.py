@@ -1,6 +1,7 @@
 """Tests of the animation of a run from above."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -15,6 +16,7 @@ from are_ros.errors import BagError
 from are_ros.replay._film_scene import FilmScene
 from are_ros.replay.animation import Film, film_stamps, write_animation
 from are_ros.replay.film_path import film_path
+from are_ros.replay.life_record import Doing
 from are_ros.replay.scene_record import SceneRecord
 from tests.replay.film_records import TICK_NS, event, hall, run, walker
 
@@ -143,6 +145,26 @@ def test_a_contact_is_ringed() -> None:
     ]
     assert red[1] > red[0] + 50
     assert red[2] == red[0]
+
+
+def test_a_follower_is_joined_to_its_leader_while_it_follows() -> None:
+    """Half way between the two there are dashes on the floor, and none once it does not follow."""
+    follower = replace(
+        walker(2, (3, 5), (3, 5.01)),
+        doings=(
+            Doing(TICK_NS, "following", "following artefact 1"),
+            Doing(TICK_NS * 60, "following", "walking"),
+        ),
+    )
+    scene = _scene(run([walker(1, (7, 5), (7, 5.01)), follower]))
+    floor, places = (252, 252, 251), np.arange(4.8, 5.2, 0.02)
+    following, walking = (
+        {_apart(_at(scene, picture, (x, 5.0)), floor) for x in places}
+        for picture in (scene.picture(TICK_NS * tick) for tick in (59, 60))
+    )
+    assert min(following) == 0
+    assert max(following) > 40
+    assert walking == {0}
 
 
 def test_walls_and_the_way_of_the_robot_are_there() -> None:

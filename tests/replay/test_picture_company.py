@@ -1,53 +1,81 @@
-"""Tests of whom followers are taken to follow."""
+"""Tests of who followed whom."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from are_ros.replay._picture_company import companies
-from are_ros.replay.life_record import Doing, Life
+from are_ros.replay.life_record import Doing, Life, Track
 from tests.replay.film_records import TICK_NS, walker
 
 END_NS = TICK_NS * 101
 
 
-def _follower(number: int, x_m: float, **options: object) -> Life:
-    return walker(number, (x_m, 2), (x_m + 6, 2), behaviour="following", **options)  # type: ignore[arg-type]
+def _follower(number: int, leader: int) -> Life:
+    activity = f"following artefact {leader}"
+    return walker(number, (2, 2), (8, 2), behaviour="following", activity=activity)
 
 
-def test_the_nearest_all_along_leads() -> None:
-    """Of two who walk, and one who stands nearer, the nearer walker is the leader."""
-    lives = [
-        walker(1, (3.2, 2), (9.2, 2)),
-        walker(2, (5.0, 2), (11, 2)),
-        walker(3, (4, 2.5), (4, 2.51)),
-        _follower(4, 2.0),
+def _does(life: Life, *activities: tuple[int, str]) -> Life:
+    """Return a life that does other things, each from a tick on."""
+    return replace(life, doings=tuple(Doing(TICK_NS * i, "following", a) for i, a in activities))
+
+
+def _found(lives: Sequence[Life]) -> list[tuple[int, int, int, int]]:
+    """Return the ids of followers and leaders, and the ticks of starts and ends."""
+    return [
+        (
+            one.follower.artefact_id,
+            one.leader.artefact_id,
+            one.start_ns // TICK_NS,
+            one.end_ns // TICK_NS,
+        )
+        for one in companies(lives, END_NS)
     ]
-    (found,) = companies(lives, END_NS)
-    assert (found.follower.artefact_id, found.leader.artefact_id) == (4, 1)
-    assert (found.start_ns, found.end_ns) == (TICK_NS, END_NS)
 
 
-def test_nobody_near_is_nobody() -> None:
-    """Who is metres away all the time, or hardly there, leads nobody."""
-    far = walker(1, (2, 9), (8, 9))
-    short = replace(walker(2, (3, 2), (9, 2)), departure_ns=TICK_NS * 20)
-    assert companies([far, short, _follower(4, 2.0)], END_NS) == []
+def test_the_activity_names_the_leader() -> None:
+    """The one that is named leads, however near another is."""
+    lives = [walker(1, (3, 2), (9, 2)), walker(12, (2, 9), (8, 9)), _follower(4, 12)]
+    assert _found(lives) == [(4, 12, 1, 101)]
 
 
-def test_of_two_followers_the_younger_follows() -> None:
-    """Two who follow in a row: the second follows the first, never the other way round."""
-    found = companies([_follower(1, 3.0), _follower(2, 2.0)], END_NS)
-    assert [(one.follower.artefact_id, one.leader.artefact_id) for one in found] == [(2, 1)]
+def test_in_the_order_of_the_followers() -> None:
+    """Followers may lead others, and come in the order of the lives."""
+    lives = [_follower(3, 2), _follower(2, 1), walker(1, (3, 2), (9, 2))]
+    assert _found(lives) == [(3, 2, 1, 101), (2, 1, 1, 101)]
+
+
+def test_a_stretch_per_leader() -> None:
+    """Who takes another leader at once ends a stretch, and begins one."""
+    follower = _does(
+        _follower(3, 1), (1, "following artefact 1"), (41, "following artefact 2"), (91, "walking")
+    )
+    lives = [walker(1, (3, 2), (9, 2)), walker(2, (3, 4), (9, 4)), follower]
+    assert _found(lives) == [(3, 1, 1, 41), (3, 2, 41, 91)]
 
 
 def test_only_while_it_follows() -> None:
-    """What it does before and after it follows does not count."""
-    doings = (
-        Doing(TICK_NS, "following", "walking"),
-        Doing(TICK_NS * 31, "following"),
-        Doing(TICK_NS * 71, "following", "walking"),
-        Doing(TICK_NS * 95, "following"),
+    """What it does before and after does not count, nor does a moment, nor a word without an id."""
+    follows = "following artefact 1"
+    follower = _does(
+        _follower(2, 1), (1, ""), (31, follows), (71, "waiting for artefact 1"), (95, follows)
     )
-    lives = [walker(1, (3, 2), (9, 2)), replace(_follower(2, 2.0), doings=doings)]
-    found = companies(lives, END_NS)
-    assert [(one.start_ns, one.end_ns) for one in found] == [(TICK_NS * 31, TICK_NS * 71)]
-    assert found[0].instants(2).tolist() == [TICK_NS * 41, TICK_NS * 61]
+    lives = [walker(1, (3, 2), (9, 2)), follower]
+    assert _found(lives) == [(2, 1, 31, 71)]
+    (found,) = companies(lives, END_NS)
+    assert found.instants(2).tolist() == [TICK_NS * 41, TICK_NS * 61]
+
+
+def test_who_leaves_follows_until_then() -> None:
+    """A stretch ends with the life of the follower."""
+    lives = [walker(1, (3, 2), (9, 2)), replace(_follower(2, 1), departure_ns=TICK_NS * 60)]
+    assert _found(lives) == [(2, 1, 1, 60)]
+
+
+def test_a_leader_is_one_of_the_lives() -> None:
+    """Who is not there, or has no pose, leads nobody; nor does a life without doings follow."""
+    footprints = walker(1, (3, 2), (9, 2)).footprints
+    nowhere = Track(footprints.stamps_ns[:0].copy(), footprints.poses[:0].copy())
+    unseen = replace(walker(1, (3, 2), (9, 2)), footprints=nowhere)
+    idle = replace(walker(5, (3, 2), (9, 2)), doings=())
+    assert _found([unseen, _follower(2, 1), _follower(3, 77), idle]) == []

@@ -105,11 +105,12 @@ def test_every_behaviour_has_a_mark() -> None:
 
 def test_followers_point_to_their_leaders() -> None:
     """The label of a follower names whom it follows, and dotted rungs join the two."""
-    lives = [walker(1, (3, 5), (9, 5)), walker(2, (2, 5), (8, 5), behaviour="following")]
-    figure = _figure(run(lives))
+    follows = "following artefact 1"
+    follower = walker(2, (2, 5), (8, 5), behaviour="following", activity=follows)
+    figure = _figure(run([walker(1, (3, 5), (9, 5)), follower]))
     labels = {text.get_text() for text in figure.axes[0].texts}
     assert "2\u21921" in labels
-    assert "following" in _texts(figure)
+    assert {"following", "following  1"} <= {*_texts(figure)}
 
 
 def test_who_left_is_pale() -> None:
