@@ -1,5 +1,6 @@
 """The artefacts of a film at one instant: footprints, headings, tails and what they do."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -31,6 +32,7 @@ _SMALLEST_PX: Final = 7.0
 _JUMP_M: Final = 0.5
 _LABEL_PX: Final = 11
 _MOST_LABELS: Final = 16
+_ARTEFACT: Final = re.compile(r"artefact (\d+)")
 _SIDES: Final = ((0, -1), (0, 1), (1, 0), (-1, 0), (1, -1), (-1, -1), (1, 1), (-1, 1))
 
 
@@ -118,7 +120,7 @@ def _actor(life: Life, stamp_ns: int, stage: Stage, colours: Mapping[str, str]) 
     corners = centre + np.array((ahead + aside, aside - ahead, -ahead - aside, ahead - aside))
     code = colours[life.row.class_name]
     doing = life.doing_at(stamp_ns)
-    words = (doing.activity or doing.behaviour).replace("artefact ", "")
+    words = _ARTEFACT.sub(lambda found: id_text(int(found[1])), doing.activity or doing.behaviour)
     return Actor(
         life,
         life.is_perceived_at(stamp_ns),

@@ -82,7 +82,8 @@ def test_it_says_what_happened(lockstep_run: Path) -> None:
     first = said.index(summary[0])
     assert said[first : first + len(summary)] == summary
     assert re.fullmatch(r"ticks +152", summary[3])
-    assert f"picture      {lockstep_run / 'rviz.png'}" in said
+    pictures = f"{lockstep_run / 'rviz.png'}, {lockstep_run / 'overview.png'}"
+    assert f"pictures     {pictures}" in said
 
 
 def test_other_topic_names_are_found_by_their_roles(ros_available: None, tmp_path: Path) -> None:

@@ -70,9 +70,13 @@ def test_options_become_what_is_asked_for() -> None:
         duration_s=None,
         out=Path("o"),
         with_inputs=True,
+        scenario_file=Path("s.yaml"),
+        save_scenario=Path("kept/t.yaml"),
     )
     assert options.demand == Demand(perception=True, grids=False, markers=False)
     assert options.parameters.frames.map == "earth"
+    assert options.parameters.population.scenario == "s.yaml"
+    assert options.save_scenario == Path("kept/t.yaml")
     assert options.topics == {"scan": "/front"}
     assert (options.start_s, options.duration_s, options.with_inputs) == (1.5, None, True)
     assert (options.map_file, options.out) == (Path("m.yaml"), Path("o"))
