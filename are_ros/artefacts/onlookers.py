@@ -45,9 +45,17 @@ class Onlookers:
             return None
         return self._fellow_at(bisect_left(self._id_list, artefact_id))
 
-    def within(self, x_m: float, y_m: float, radius_m: float) -> Sequence[Fellow]:
-        """Return those whose (x, y) is at most this far from a point, the nearest first."""
+    def within(
+        self, x_m: float, y_m: float, radius_m: float, behaviour: str = ""
+    ) -> Sequence[Fellow]:
+        """Return those whose (x, y) is at most this far from a point, the nearest first.
+
+        Of one behaviour, if it is given.
+        """
         near = self._neighbourhood.within(x_m, y_m, radius_m).tolist()
+        if behaviour:
+            living, ids = self._living, self._id_list
+            near = [i for i in near if living[ids[i]].behaviour == behaviour]
         fellows = self._fellows
         return [fellows[i] if i in fellows else self._fellow_at(i) for i in near]
 

@@ -114,7 +114,8 @@ class Gathering:
 
     def _keep_company(self, situation: Situation) -> None:
         """See who else is there, and go when the time is up or the others are gone."""
-        others = [f for f in situation.fellows_within(_NEAR_M) if _is_host(f)]
+        near = situation.fellows_within(_NEAR_M, self.name)
+        others = [fellow for fellow in near if _is_host(fellow)]
         is_first_met = self._is_alone and bool(others)
         if is_first_met:
             self._is_alone = False
@@ -139,8 +140,7 @@ class Gathering:
 
 
 def _is_host(fellow: Fellow) -> bool:
-    is_there = fellow.activity in {_WAITING, _TALKING}
-    return is_there and fellow.behaviour == Gathering.name
+    return fellow.activity in {_WAITING, _TALKING}
 
 
 def _hosts_by_place(situation: Situation) -> Counter[int]:
@@ -148,7 +148,7 @@ def _hosts_by_place(situation: Situation) -> Counter[int]:
     places_m = situation.places.destinations_m
     counts: Counter[int] = Counter()
     if len(places_m):
-        for fellow in situation.fellows_within(_MET_WITHIN_M):
+        for fellow in situation.fellows_within(_MET_WITHIN_M, Gathering.name):
             if _is_host(fellow):
                 squares = ((places_m - np.array(fellow.point_m)) ** 2).sum(axis=1)
                 counts[int(squares.argmin())] += 1

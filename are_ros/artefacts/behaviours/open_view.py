@@ -21,10 +21,13 @@ class OpenView:
         """Return who has this id."""
         return next((fellow for fellow in self.fellows if fellow.id == artefact_id), None)
 
-    def within(self, x_m: float, y_m: float, radius_m: float) -> Sequence[Fellow]:
-        """Return those in the closed disc, the nearest first, then by id."""
-        squares = {f.id: (f.x_m - x_m) ** 2 + (f.y_m - y_m) ** 2 for f in self.fellows}
-        inside = [f for f in self.fellows if squares[f.id] <= radius_m**2]
+    def within(
+        self, x_m: float, y_m: float, radius_m: float, behaviour: str = ""
+    ) -> Sequence[Fellow]:
+        """Return those in the closed disc (of one behaviour), the nearest first, then by id."""
+        asked = [f for f in self.fellows if behaviour in {"", f.behaviour}]
+        squares = {f.id: (f.x_m - x_m) ** 2 + (f.y_m - y_m) ** 2 for f in asked}
+        inside = [f for f in asked if squares[f.id] <= radius_m**2]
         return sorted(inside, key=lambda f: (squares[f.id], f.id))
 
     def sees(self, me: Fellow, x_m: float, y_m: float) -> bool:

@@ -75,8 +75,13 @@ class View(Protocol):
     def fellow(self, artefact_id: int) -> Fellow | None:
         """Return an artefact that is alive, None if it is not."""
 
-    def within(self, x_m: float, y_m: float, radius_m: float) -> Sequence[Fellow]:
-        """Return those whose (x, y) is at most this far from a point, the nearest first."""
+    def within(
+        self, x_m: float, y_m: float, radius_m: float, behaviour: str = ""
+    ) -> Sequence[Fellow]:
+        """Return those whose (x, y) is at most this far from a point, the nearest first.
+
+        Of one behaviour, if it is given.
+        """
 
     def sees(self, me: Fellow, x_m: float, y_m: float) -> bool:
         """Say whether this artefact could go straight on to a point, were nobody in its way."""
@@ -115,9 +120,12 @@ class Situation:
         """Return another artefact, None if it lives no more."""
         return self.view.fellow(artefact_id)
 
-    def fellows_within(self, radius_m: float) -> list[Fellow]:
-        """Return the others whose (x, y) is at most this far away, the nearest first."""
-        found = self.view.within(self.me.x_m, self.me.y_m, radius_m)
+    def fellows_within(self, radius_m: float, behaviour: str = "") -> list[Fellow]:
+        """Return the others whose (x, y) is at most this far away, the nearest first.
+
+        Of one behaviour, if it is given: in a crowd that is much faster than to look at everybody.
+        """
+        found = self.view.within(self.me.x_m, self.me.y_m, radius_m, behaviour)
         return [fellow for fellow in found if fellow.id != self.me.id]
 
     def sees(self, x_m: float, y_m: float) -> bool:

@@ -3,6 +3,7 @@
 A slot is where an artefact's records lie; slots are reused, and nothing depends on which one it is.
 """
 
+import math
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -191,14 +192,18 @@ def write_body(record: Any, body: Body, top_speed: float, terrain: int) -> None:
     record["terrain"] = terrain
 
 
-def write_order(record: Any, order: Order) -> None:
-    """Write an order into its record."""
+def order_record(order: Order) -> tuple[float, ...]:
+    """Return an order as a record of `ORDER`; to write it whole is much the fastest."""
     goal = order.subgoal_m
-    record["has_goal"] = goal is not None
-    record["x"], record["y"] = goal or (0.0, 0.0)
-    record["speed"] = order.speed_mps
-    record["stops"] = order.stop_there
-    record["face"] = np.nan if order.face_rad is None else order.face_rad
-    record["comfort"] = order.comfort_m
-    record["robot_comfort"] = order.robot_comfort_m
-    record["wall_comfort"] = order.wall_comfort_m
+    x_m, y_m = goal or (0.0, 0.0)
+    return (
+        int(goal is not None),
+        x_m,
+        y_m,
+        order.speed_mps,
+        int(order.stop_there),
+        math.nan if order.face_rad is None else order.face_rad,
+        order.comfort_m,
+        order.robot_comfort_m,
+        order.wall_comfort_m,
+    )

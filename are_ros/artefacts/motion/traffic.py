@@ -66,6 +66,7 @@ class Traffic:
         self._fleet = _state.fleet_of(_FIRST_CAPACITY, self._length)
         self._desk = _state.desk_of(_FIRST_CAPACITY, self._length)
         self._slot_of: dict[int, int] = {}
+        self._sub_goals: dict[int, tuple[float, float] | None] = {}
         self._free = list(range(_FIRST_CAPACITY))[::-1]
         self._ids: list[int] = []
         self._scripts = Scripts()
@@ -98,6 +99,7 @@ class Traffic:
     def remove(self, artefact_id: int) -> None:
         """Let one be gone."""
         slot = self._slot_of.pop(artefact_id)
+        del self._sub_goals[artefact_id]
         del self._ids[bisect_left(self._ids, artefact_id)]
         self._free.append(slot)
         self._scripts.cancel(artefact_id)
@@ -107,11 +109,10 @@ class Traffic:
     def order(self, artefact_id: int, order: Order) -> None:
         """Tell one what to do from the next sub-step on, unless it is scripted."""
         slot = self._slot_of[artefact_id]
-        record, goal = self._fleet.order[slot], order.subgoal_m
-        shift_m = math.inf
-        if record["has_goal"] and goal is not None:
-            shift_m = math.dist(goal, (record["x"], record["y"]))
-        _state.write_order(record, order)
+        before, goal = self._sub_goals.get(artefact_id), order.subgoal_m
+        shift_m = math.inf if before is None or goal is None else math.dist(goal, before)
+        self._sub_goals[artefact_id] = goal
+        self._fleet.order[slot] = _state.order_record(order)
         if shift_m > 0.0:
             self._fleet.mind["passed_at"][slot] = _state.NEVER
         if shift_m > _ELSEWHERE_M:  # what it went back from the old one is no loss
