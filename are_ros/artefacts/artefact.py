@@ -11,6 +11,7 @@ import numpy as np
 
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.conventions import NS_PER_S
+from are_ros.world.environment import Environment
 from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -174,6 +175,12 @@ class Artefact:
 def map_from_artefact(row: CatalogueRow, pose: GroundPose) -> RigidTransform:
     """Return the pose of F_A (the centre of mass) over the pose on the ground."""
     return RigidTransform.planar(pose.x_m, pose.y_m, pose.yaw_rad, z=pose.z_m + row.com_height_m)
+
+
+def on_ground(row: CatalogueRow, pose: GroundPose, environment: Environment) -> GroundPose:
+    """Return a pose at the height of the ground under its footprint, whatever its own."""
+    (height_m,) = environment.ground_heights_m(boxes_of([row], [pose])).tolist()
+    return pose._replace(z_m=height_m)
 
 
 def boxes_of(rows: Sequence[CatalogueRow], poses: Sequence[GroundPose]) -> OrientedBoxes:

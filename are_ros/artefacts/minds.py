@@ -21,7 +21,7 @@ from are_ros.artefacts.motion.traffic import Traffic
 from are_ros.artefacts.navigation import Leg, Navigation, Traveller
 from are_ros.artefacts.onlookers import Onlookers
 from are_ros.artefacts.randomness import Purpose, generator
-from are_ros.conventions import NS_PER_S
+from are_ros.conventions import NS_PER_S, seconds_to_ns
 
 _PATIENCE = 2
 """So many decisions one waits for others; then it is the traffic's to get past them, until it gets
@@ -55,7 +55,7 @@ class Minds:
     def __init__(self, seed: int, step_s: float, period_s: float, navigation: Navigation) -> None:
         """Take the lengths of a sub-step and of a decision period."""
         self._seed = seed
-        self._step_s = step_s
+        self._step_ns = seconds_to_ns(step_s)
         self._period = max(1, round(period_s / step_s))
         self._navigation = navigation
         self._minds: dict[int, Mind] = {}
@@ -69,8 +69,7 @@ class Minds:
         """Give an artefact that has just arrived a mind, where it can move."""
         if body.speed_mps <= 0.0:
             return
-        step_ns = round(self._step_s * NS_PER_S)
-        phase = -(-artefact.arrival_ns // step_ns) % self._period
+        phase = -(-artefact.arrival_ns // self._step_ns) % self._period
         behaviour = make_behaviour(artefact.behaviour, artefact.options)
         random = generator(self._seed, Purpose.GOAL, artefact.id)
         traveller = Traveller.of(artefact.row, body)

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.artefacts.catalogue import Catalogue
 from are_ros.errors import ParameterError
+from are_ros.parameters.model import Parameters
 
 Numbers = npt.NDArray[np.float64]
 
@@ -72,6 +74,12 @@ class TruncatedPoissonMixture:
         """Draw a row by inversion, with exactly one uniform number of the generator."""
         uniform = generator.random() * self._cumulative[-1]
         return int(np.searchsorted(self._cumulative, uniform, side="right"))
+
+
+def mixture_of(parameters: Parameters, catalogue: Catalogue) -> TruncatedPoissonMixture:
+    """Return the law of the rows that the parameters give; ParameterError where it is bad."""
+    mixture = parameters.mixture
+    return TruncatedPoissonMixture(mixture.weights, mixture.rates, len(catalogue.rows))
 
 
 def _log_masses(rate: float, rows: int) -> Numbers:

@@ -12,8 +12,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, boxes_of
+from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, boxes_of, on_ground
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
+from are_ros.artefacts.mixture import mixture_of
 from are_ros.artefacts.population_events import Cause, PopulationEvent
 from are_ros.artefacts.population_events import EventKind as PopulationEventKind
 from are_ros.artefacts.scripted import ScriptedOffer
@@ -23,7 +24,7 @@ from are_ros.builder.farewells import Farewells
 from are_ros.builder.life_keeper import LifeKeeper
 from are_ros.builder.motions import MotionCounts
 from are_ros.builder.out_of_view import Viewpoint
-from are_ros.builder.populations import mixture_of, motions_of, random_population
+from are_ros.builder.populations import motions_of, random_population
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.robots import RobotPose, RobotTracker
 from are_ros.builder.scene import Scene
@@ -264,8 +265,7 @@ class Lives:
             return "there is no map yet"
         pose, others = offer.pose, self._motions.crowd.boxes
         if not offer.has_height:
-            (z_m,) = environment.ground_heights_m(boxes_of([offer.row], [pose])).tolist()
-            pose = pose._replace(z_m=z_m)
+            pose = on_ground(offer.row, pose, environment)
         box, robot = boxes_of([offer.row], [pose]), self._robot
         return self._spawning.why_not(box, environment, others, robot, 0.0) or pose
 

@@ -7,7 +7,7 @@ from are_ros.artefacts.artefact import Artefact
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.departures import departure_law
 from are_ros.artefacts.minds import Minds
-from are_ros.artefacts.mixture import TruncatedPoissonMixture
+from are_ros.artefacts.mixture import mixture_of
 from are_ros.artefacts.motion.traffic import Traffic
 from are_ros.artefacts.navigation import Navigation
 from are_ros.artefacts.population import Population
@@ -24,19 +24,12 @@ from are_ros.conventions import seconds_to_ns
 from are_ros.parameters.model import Parameters
 
 
-def _nothing(_: Artefact, __: ScriptedOffer | None) -> None:
-    return None
-
-
-def _nobody(_: Artefact) -> bool:
-    return False
-
-
 def random_population(
     parameters: Parameters,
     catalogue: Catalogue,
-    begun: Callable[[Artefact, ScriptedOffer | None], object] = _nothing,
-    walks_out: Callable[[Artefact], bool] = _nobody,
+    *,
+    begun: Callable[[Artefact, ScriptedOffer | None], object],
+    walks_out: Callable[[Artefact], bool],
 ) -> Population:
     """Return the population of the random source; ParameterError where the mixture is bad.
 
@@ -54,12 +47,6 @@ def random_population(
         walks_out=walks_out,
         scripted=ScriptedSource(scenario_of(parameters, catalogue)),
     )
-
-
-def mixture_of(parameters: Parameters, catalogue: Catalogue) -> TruncatedPoissonMixture:
-    """Return the law of the rows (Eq. 1); ParameterError where the mixture is bad."""
-    mixture = parameters.mixture
-    return TruncatedPoissonMixture(mixture.weights, mixture.rates, len(catalogue.rows))
 
 
 def motions_of(parameters: Parameters, robot: str, resolver: CollisionResolver) -> Motions:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from are_ros.artefacts.artefact import GroundPose, Origin, boxes_of
+from are_ros.artefacts.artefact import GroundPose, Origin, on_ground
 from are_ros.artefacts.behaviours.registry import BEHAVIOURS, why_not
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.randomness import Purpose, generator
@@ -111,10 +111,7 @@ class Requests:
         yaw_rad = map_from_pose.yaw_rad()
         flat = GroundPose(x_m, y_m, 0.0, yaw_rad)
         environment = self._reality.world.environment
-        if environment is None:
-            return flat
-        (height_m,) = environment.ground_heights_m(boxes_of([row], [flat])).tolist()
-        return flat._replace(z_m=height_m)
+        return flat if environment is None else on_ground(row, flat, environment)
 
     def _map_from(self, frame_id: str) -> RigidTransform:
         frames, map_frame = self._reality.frames, self._reality.parameters.frames.map

@@ -52,7 +52,7 @@ class _BetweenKernels(event.Listener):  # type: ignore[misc] # numba is not type
 
 
 def warm_up(catalogue: Catalogue, is_wanted: Callable[[], bool] = lambda: True) -> bool:
-    """Compile, or load from the cache, every kernel of the builder: half a minute at the most.
+    """Compile, or load from the cache, every kernel of the builder: a minute or two.
 
     Asks every second or so whether that `is_wanted`; stops, and returns False, when it is not. An
     exception out of a signal's handler is no way to stop it: the compiler crashes, or swallows it.

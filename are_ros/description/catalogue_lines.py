@@ -8,7 +8,6 @@ import numpy as np
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.mixture import Numbers, TruncatedPoissonMixture
 from are_ros.description._tables import aligned, section
-from are_ros.parameters.model import Parameters
 
 _LIKELIEST: Final = 5
 _A_LINE: Final = 5
@@ -58,12 +57,6 @@ def catalogue_lines(probabilities: Numbers, catalogue: Catalogue) -> list[str]:
         note = "for ever" if row.forever else ""
         rows.append((str(row.index), row.label, row.class_name, size, speed, share, note))
     return section(f"Catalogue ({len(catalogue.rows)} rows)", aligned(rows, numbers=(0, 3, 4, 5)))
-
-
-def row_law(parameters: Parameters, catalogue: Catalogue) -> TruncatedPoissonMixture:
-    """Return the law of an artefact's row (Eq. 1); ParameterError where the mixture is bad."""
-    mixture = parameters.mixture
-    return TruncatedPoissonMixture(mixture.weights, mixture.rates, len(catalogue.rows))
 
 
 def percent(share: float) -> str:

@@ -3,12 +3,12 @@
 import math
 
 from are_ros.artefacts.catalogue import Catalogue
+from are_ros.artefacts.mixture import mixture_of
 from are_ros.description._tables import aligned, section
 from are_ros.description.catalogue_lines import (
     behaviour_lines,
     catalogue_lines,
     mixture_lines,
-    row_law,
 )
 from are_ros.description.population_lines import population_lines
 from are_ros.description.site import Site
@@ -24,7 +24,7 @@ def describe_lines(
 
     Raises ParameterError where the mixture does not fit the catalogue.
     """
-    law = row_law(parameters, catalogue)
+    law = mixture_of(parameters, catalogue)
     probabilities = law.probabilities()
     lines = [
         *population_lines(parameters, probabilities, catalogue, site or Site()),

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from are_ros.artefacts.artefact import GroundPose, boxes_of
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.departures import departure_law
+from are_ros.artefacts.mixture import mixture_of
 from are_ros.artefacts.placement import Placer
 from are_ros.artefacts.population import Place, Population
 from are_ros.artefacts.population_events import Cause, EventKind, PopulationEvent
@@ -18,7 +19,6 @@ from are_ros.artefacts.sources import RandomSource
 from are_ros.artefacts.surroundings import Disc, Surroundings
 from are_ros.conventions import NS_PER_S
 from are_ros.description.birth_death import BirthDeath
-from are_ros.description.catalogue_lines import row_law
 from are_ros.description.population_lines import staying_share
 from are_ros.description.site import Site
 from are_ros.errors import ParameterError
@@ -74,7 +74,7 @@ def run_trial(
     is told the share that is done. Raises ParameterError where nobody ever comes or stays.
     """
     settings = parameters.population
-    law = row_law(parameters, catalogue)
+    law = mixture_of(parameters, catalogue)
     share = staying_share(law.probabilities(), catalogue, site)
     chain = BirthDeath.of(settings, site.area_m2, share)
     if chain.members_per_s <= 0.0 or settings.max_alive == 0:

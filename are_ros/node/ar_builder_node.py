@@ -10,8 +10,8 @@ from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from are_ros.artefacts.catalogue import Catalogue
+from are_ros.artefacts.mixture import mixture_of
 from are_ros.builder.assembly import catalogue_of
-from are_ros.builder.populations import mixture_of
 from are_ros.builder.warm_up import warm_up
 from are_ros.errors import AreError, NodeError
 from are_ros.node.decoding import WireDecoding, WireMessage
@@ -151,7 +151,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self.get_logger().info("configured: the real map is relayed")
 
     def _prepare(self, catalogue: Catalogue) -> None:
-        self.get_logger().info("preparing the kernels (half a minute the first time)")
+        self.get_logger().info("preparing the kernels (a minute or two the first time)")
         if not warm_up(catalogue, self.is_wanted):
             raise NodeError("it is not configured: the node is to end")
 

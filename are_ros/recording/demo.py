@@ -65,7 +65,7 @@ def run_demo(
         recorder = stack.enter_context(_process(_record_command(options), log))
         log = options.out / "node.log"
         node = stack.enter_context(_process(_node_command(options, remaps), log))
-        say("starting the node (kernels compile for half a minute the first time)")
+        say("starting the node (kernels compile for a minute or two the first time)")
         _await_active((node, recorder), options.out, should_stop)
         outcome = play(_play_options(options), say, open_progress, should_stop)
         _check_alive((node, recorder), options.out)

@@ -1,7 +1,7 @@
 """`are fit` without the shell: observed rows in, the mixture that explains them out."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NoReturn
@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.artefacts.mixture_fit import Progress, best_by_bic, fit_by_bic, fit_mixture
-from are_ros.errors import BagError, InputError, ParameterError
+from are_ros.errors import InputError, ParameterError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import read_ros_parameters
@@ -26,6 +26,7 @@ from are_ros.replay.fit_results import (
     record_content,
     write_parameters,
 )
+from are_ros.replay.output_folder import all_or_nothing
 from are_ros.replay.progress_bar import ProgressBar
 from are_ros.replay.results import write_json
 
@@ -104,13 +105,11 @@ def fitted(
 
 def write_outcome(outcome: FitOutcome, folder: Path) -> None:
     """Write fitted.yaml, fit.json and fit.png, all or none; BagError if they cannot be."""
-    try:
+    with all_or_nothing(folder, RESULTS):
         folder.mkdir(parents=True, exist_ok=True)
         write_parameters(outcome, folder)
         write_json(folder / RECORD, record_content(outcome))
         draw_fit(outcome, folder / PICTURE)
-    except OSError as cause:
-        _give_up(folder, cause)
 
 
 def _parameter_files(options: FitOptions) -> Sequence[Path]:
@@ -140,13 +139,3 @@ def _search_bar() -> Iterator[Progress]:
 
     with bar:
         yield move
-
-
-def _give_up(folder: Path, cause: OSError) -> NoReturn:
-    """Remove what was written, and say why there is nothing."""
-    for name in RESULTS:
-        with suppress(OSError):
-            (folder / name).unlink()
-    reason = (cause.strerror or str(cause)).lower()
-    message = f"--out {folder}: the results cannot be written ({reason}), none is left"
-    raise BagError(message) from cause

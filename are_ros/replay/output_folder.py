@@ -1,6 +1,6 @@
 """The folder of a replay's results: made before the run, and never left with half of a set."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
@@ -26,12 +26,12 @@ def prepare_folder(folder: Path) -> None:
 
 
 @contextmanager
-def all_or_nothing(folder: Path) -> Iterator[None]:
+def all_or_nothing(folder: Path, results: Sequence[str] = RESULTS) -> Iterator[None]:
     """Turn what the system refuses to write into a BagError, and remove every result then."""
     try:
         yield
     except OSError as cause:
-        for name in RESULTS:
+        for name in results:
             with suppress(OSError):
                 (folder / name).unlink()
         reason = (cause.strerror or str(cause)).lower()

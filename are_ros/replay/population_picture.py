@@ -8,7 +8,7 @@ from typing import Any, Final
 from tqdm import tqdm
 
 from are_ros.artefacts.catalogue import Catalogue
-from are_ros.description.catalogue_lines import row_law
+from are_ros.artefacts.mixture import mixture_of
 from are_ros.description.population_trial import Progress, Trial, run_trial
 from are_ros.description.site import Site
 from are_ros.errors import InputError
@@ -87,7 +87,7 @@ def _figure(trial: Trial, parameters: Parameters, catalogue: Catalogue, site: Si
     draw_waits(below[0], trial)
     draw_lives(below[1], trial)
     by_class = class_colours(catalogue.class_names)
-    probabilities = row_law(parameters, catalogue).probabilities()
+    probabilities = mixture_of(parameters, catalogue).probabilities()
     draw_rows(below[2], trial, catalogue, probabilities, by_class)
     _write_head(figure, trial, parameters, site)
     return figure

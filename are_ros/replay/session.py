@@ -82,7 +82,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 builder.await_camera()
             elif options.parameters.camera.model is CameraModel.AUTO:
                 say(f"no camera in the recording: {builder.use_default_camera()}")
-            with said_if_slow(say, "preparing the kernels (half a minute the first time)"):
+            with said_if_slow(say, "preparing the kernels (a minute or two the first time)"):
                 warm_up(catalogue)
             files.feed(builder, replay.start_ns)
         recorder = _recorder(options, catalogue)

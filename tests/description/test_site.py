@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from are_ros.artefacts.catalogue import Catalogue
-from are_ros.description.catalogue_lines import row_law
+from are_ros.artefacts.mixture import mixture_of
 from are_ros.description.configuration import describe_lines
 from are_ros.description.population_lines import staying_share
 from are_ros.description.site import Site, surveyed
@@ -95,7 +95,7 @@ def test_who_fits_nowhere_is_blocked_always(
     """A van of 5 m in a room of 2 m: its share of arrivals is blocked, and the law is without."""
     parameters = parameters_of()
     site = surveyed(grid_of(TWO_ROOMS), parameters, catalogue)
-    probabilities = row_law(parameters, catalogue).probabilities()
+    probabilities = mixture_of(parameters, catalogue).probabilities()
     assert site.misfits == {2}
     assert staying_share(probabilities, catalogue, site) == pytest.approx(1.0 - probabilities[2])
     percent = f"{100.0 * probabilities[2]:.1f} %"
