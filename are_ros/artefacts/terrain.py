@@ -56,6 +56,7 @@ class Terrain:
         if not has_own_voxels(self.environment):
             return occupied
         solid: npt.NDArray[np.bool_] = occupied | self._overhung
+        solid.flags.writeable = False  # as without: kernels compile for each kind of array
         return solid
 
     def fits(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:

@@ -5,6 +5,7 @@ from contextlib import suppress
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from numba.core import event
 
 from are_ros.artefacts.artefact import GroundPose
@@ -15,18 +16,21 @@ from are_ros.errors import PlacementError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.world.laser_scan import LaserScan
+from are_ros.world.observer import Camera, mounted_camera
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.view_models import PinholeView
 
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
 _SIDE = 120
+_WIDTH, _HEIGHT = 32, 24
 _MINIATURE = {
     "population.arrival_rate": 0.5,
     "population.mean_life": 1.0,
     "population.appear": "out_of_view",
     "mixture.weights": (0.85, 0.15),
-    "camera.width": 32,
-    "camera.height": 24,
+    "camera.width": _WIDTH,
+    "camera.height": _HEIGHT,
     "occlusion.tau": 0,
     "robot.clearance": 0.2,
 }
@@ -80,6 +84,7 @@ def _run(catalogue: Catalogue, is_wanted: Callable[[], bool]) -> bool:
         builder.receive_transform("map", "base_link", now_ns, (0.1 * tick, 0, 0), _NO_TURN, now_ns)
         builder.receive_scan("scan", _scan(now_ns), now_ns)
         if tick == 1:
+            builder.receive_camera(_lens(), now_ns)
             builder.lives.place(row, GroundPose(2.0, 1.5, 0.0, 0.1), now_ns)
             _let_walk(builder, catalogue, now_ns)
         builder.step(now_ns)
@@ -106,12 +111,18 @@ def _room() -> OccupancyGrid:
     return OccupancyGrid(cells, 0.05, RigidTransform.planar(-3.0, -3.0, 0.0), "map")
 
 
-def _cloud() -> "np.ndarray[tuple[int, ...], np.dtype[np.float64]]":
+def _cloud() -> npt.NDArray[np.float32]:
     """Return a wall and some floor, as voxel centres."""
     side = np.arange(10) * 0.1 + 0.05
     wall = np.array([(2.85, y, z) for y in side for z in side])
     floor = np.array([(x, y, -0.05) for x in side for y in side])
-    return np.concatenate((wall, floor))
+    return np.concatenate((wall, floor)).astype(np.float32)  # as clouds come in messages
+
+
+def _lens() -> Camera:
+    """Return a camera of the miniature's size whose lens distorts."""
+    view = PinholeView(_WIDTH, _HEIGHT, 16.0, 16.0, 15.5, 11.5, distortion=(0.1, *[0.0] * 13))
+    return mounted_camera(view, (0.0, 0.0, 0.5, 0.0, 0.0, 0.0))
 
 
 def _scan(stamp_ns: int) -> LaserScan:

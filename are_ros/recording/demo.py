@@ -28,7 +28,7 @@ NODE: Final = "/ar_builder"
 _ROLES: Final = ("map", "octomap_point_cloud_centers", "odom", "scan", "camera/camera_info", "plan")
 _ACTIVE: Final = 3
 """lifecycle_msgs/State.PRIMARY_STATE_ACTIVE"""
-_READY_S: Final = 180.0
+_READY_S: Final = 600.0
 _END_S: Final = 15.0
 _DOMAINS: Final = range(102, 41, -1)
 """Those of people are low, as a rule."""

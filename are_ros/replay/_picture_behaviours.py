@@ -13,7 +13,7 @@ _KNOWN: Final[Mapping[str, str]] = {
     "running": ">",
     "driving": "h",
     "following": "^",
-    "stopping": "8",
+    "stopping": "$\\Vert$",
     "gathering": "*",
     "crossing": "X",
     "avoiding": "v",

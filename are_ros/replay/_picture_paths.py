@@ -165,6 +165,5 @@ def _draw_mark(axes: Any, way: Way, colour: Rgb, marks: Mapping[str, str]) -> No
     behaviour = behaviour_of(way.life)
     alpha = 1.0 if way.life.is_perceived else 0.75
     look = {"markerfacecolor": "white", "markeredgecolor": colour, "markeredgewidth": 1.1}
-    axes.plot(
-        *way.points_m[0], marks.get(behaviour, "o"), ms=_MARK_PT, alpha=alpha, zorder=3.7, **look
-    )
+    mark = marks.get(behaviour, "o")
+    axes.plot(*way.points_m[0], marker=mark, ms=_MARK_PT, alpha=alpha, zorder=3.7, **look)

@@ -1,5 +1,9 @@
 """The kernels are compiled beforehand, for as long as somebody wants them."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 from numba.core import event
 
@@ -7,6 +11,33 @@ from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.shapes import Shape
 from are_ros.builder import warm_up as module
 from are_ros.builder.warm_up import warm_up
+
+SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample_office.mcap"
+
+_REPLAY_AFTER_WARM_UP = """
+import sys
+from are_ros.artefacts.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
+from are_ros.builder.warm_up import warm_up
+from are_ros.cli import main
+
+def compiled():
+    return {
+        (name, kernel, str(signature))
+        for name, module in sys.modules.items() if name.startswith("are_ros.")
+        for kernel, value in vars(module).items()
+        for signature in getattr(value, "signatures", ())
+        if getattr(value, "__module__", "") == name != "are_ros.messages._marker_kernels"
+    }
+
+warm_up(read_catalogue(SHIPPED_CATALOGUE))
+known = compiled()
+assert len(known) > 50, known
+sys.argv = ["are", "replay", *sys.argv[1:]]
+try:
+    main()
+finally:
+    print("new:", sorted(compiled() - known))
+"""
 
 
 def catalogue_of(count: int) -> Catalogue:
@@ -46,3 +77,18 @@ def test_it_ends_before_the_next_kernel_when_it_is_not_wanted_any_more(
     assert asked == [True]
     compiling()
     assert asked == [True, True]
+
+
+def test_afterwards_a_run_needs_no_kernel_for_other_arguments(tmp_path: Path) -> None:
+    """Or a live node would lose ticks to the compiler; those that encode messages are small."""
+    parameters = str(SAMPLE.with_suffix(".yaml"))
+    arguments = [str(SAMPLE), "--params", parameters, "--out", str(tmp_path / "out")]
+    done = subprocess.run(
+        [sys.executable, "-c", _REPLAY_AFTER_WARM_UP, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=900,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "new: []", done.stdout
