@@ -20,9 +20,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
+from are_ros.artefacts._step_kernels import route_step
 from are_ros.artefacts.coarse_map import CoarseMap
 from are_ros.artefacts.mdp import Problem, Solution, TravelModel, solve, travel_problem
-from are_ros.artefacts.routes import choose, way
+from are_ros.artefacts.neighbourhood import Neighbourhood
 from are_ros.artefacts.terrain import Terrain
 from are_ros.artefacts.value_tables import ValueTables
 from are_ros.world.environment import Environment
@@ -143,12 +144,16 @@ def decide() -> None:
         raise SystemExit("the goal is in a wall")
     print(f"values of a new goal, 64 x 64 cells, 60 epochs: {np.median(tables_ms[1:]):.2f} ms")
     x_m, y_m = coarse.anchors_m[60, 60].tolist()
-    others = (random.random((10, 2)) * 3.0 + (x_m - 1.5), np.full(10, 0.3), np.full(10, 0.5))
-    chosen = choose(table, coarse, x_m, y_m, 0.0, 30, *others)
+    poses = np.zeros((11, 4))
+    poses[:, :2] = random.random((11, 2)) * 3.0 + (x_m - 1.5, y_m - 1.5)
+    cells = Neighbourhood(poses[:, :2]).cells
+    crowd = (*cells, poses, np.ones(11), np.full(11, 0.3))
+    minded, me, way_m = (0, 1.0, 0.5, 0.0, 0.0, 0.0, 0.0), (x_m, y_m, 0.0, 0.25), np.empty((16, 2))
+    ground, worth = tuple(coarse.ground), tuple(table.worth)
+    step = (ground, worth, crowd, minded, me, 30, goals_m[0], way_m)
     calls: dict[str, Callable[[], object]] = {
         "values of a known goal": functools.partial(tables.value, coarse, model, goals_m[0]),
-        "choose, 10 others": functools.partial(choose, table, coarse, x_m, y_m, 0.0, 30, *others),
-        "way, 16 points": functools.partial(way, table, coarse, x_m, y_m, 0, chosen),
+        "a step, 10 others": functools.partial(route_step, *step),
     }
     for name, call in calls.items():
         call()

@@ -143,8 +143,8 @@ BREAKAGES = (
         WALLS,
         "a wall that appears moves nobody",
         "are_ros/builder/collisions.py",
-        "(~walls & (depths <= limits).all(axis=1))[:, None]",
-        "(depths <= limits).all(axis=1)[:, None]",
+        "~walls & (depths_m(self._robots, boxes) <= self._limits).all(axis=1)",
+        "(depths_m(self._robots, boxes) <= self._limits).all(axis=1)",
         (_WALL_TEST, _LIVES + "test_a_wall_that_appears_moves_the_artefact_aside"),
     ),
     Breakage(
@@ -333,8 +333,8 @@ BREAKAGES = (
         TICKS,
         "sub-steps run when somebody asks",
         "are_ros/builder/lives.py",
-        "self._next_step_ns = self._step_after(self._next_step_ns, now_ns)",
-        "self._next_step_ns = now_ns + self._step_ns",
+        "steps.go_on(now_ns)",
+        "steps.next_ns = now_ns + steps.period_ns",
         (_RATE_TEST + "[20.0]",),
     ),
     Breakage(

@@ -83,6 +83,29 @@ def _order(depths: npt.NDArray[np.uint16]) -> npt.NDArray[np.int32]:
 
 
 @compiled
+def poses_in_cells(
+    flat: npt.NDArray[np.int64],
+    width: int,
+    uniforms: npt.NDArray[np.float64],
+    lattice: npt.NDArray[np.float64],
+) -> npt.NDArray[np.float64]:
+    """Return poses (n, 4), x, y, 0, yaw in the map frame, anywhere in the cells (n,), row * width.
+
+    The columns of `uniforms` (n, 4), in [0, 1), after the first say where in a cell, along its
+    rows and columns, and the heading; `lattice` is the grid's row of `lattice_cover`.
+    """
+    x_m, y_m, cos, sin, cell_m, _ = lattice
+    poses = np.zeros((len(flat), 4))
+    for k in range(len(flat)):
+        along_y_m = (flat[k] // width + uniforms[k, 1]) * cell_m
+        along_x_m = (flat[k] % width + uniforms[k, 2]) * cell_m
+        poses[k, 0] = x_m + along_x_m * cos - along_y_m * sin
+        poses[k, 1] = y_m + along_x_m * sin + along_y_m * cos
+        poses[k, 3] = (2.0 * uniforms[k, 3] - 1.0) * np.pi
+    return poses
+
+
+@compiled
 def spines_are_clear(
     flat: npt.NDArray[np.int32],
     clearance_cells: npt.NDArray[np.float32],

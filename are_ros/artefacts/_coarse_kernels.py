@@ -10,11 +10,35 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
+from are_ros.artefacts.terrain import disc_is_free
+from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M
 
 Labels = npt.NDArray[np.uint16]
 
 ROW_STEPS: Final = (0, 1, 0, -1)
 COL_STEPS: Final = (1, 0, -1, 0)
+
+
+@compiled
+def exact_room(
+    clearance_m: npt.NDArray[np.float32], radius_m: float, unit_m: float
+) -> npt.NDArray[np.float32]:
+    """Return the clearance (H, W), but 0 where a disc about the cell's centre meets a closed one.
+
+    Clearance is to centres: half a cell more than the radius is enough beside a cell, and half a
+    diagonal before its corner; between the two the cells around are looked at.
+    """
+    room_m: npt.NDArray[np.float32] = clearance_m.copy()
+    radius = radius_m / unit_m - TOUCH_TOLERANCE_M
+    least_m, enough_m = radius_m + (0.5 - 1e-3) * unit_m, radius_m + 0.7072 * unit_m
+    for row in range(room_m.shape[0]):
+        for col in range(room_m.shape[1]):
+            if room_m[row, col] < enough_m and (
+                room_m[row, col] < least_m
+                or not disc_is_free(clearance_m, col + 0.5, row + 0.5, radius)
+            ):
+                room_m[row, col] = 0.0
+    return room_m
 
 
 @compiled
@@ -197,54 +221,3 @@ def belongs_to_main(labels: Labels, mains: Labels, side: int) -> npt.NDArray[np.
             main = mains[row // side, col // side]
             is_main[row, col] = main != 0 and labels[row, col] == main
     return is_main
-
-
-@compiled
-def nearest_main(
-    is_main: npt.NDArray[np.bool_],
-    clearance_m: npt.NDArray[np.float32],
-    least_m: float,
-    start: tuple[int, int],
-    reach: int,
-) -> tuple[int, int]:
-    """Return the nearest cell of a block's largest component, (-1, -1) if there is none in reach.
-
-    The way there leads over cells that keep the least clearance once it has come upon one, over
-    free cells before (never through a wall, but where it starts in one), at most `reach` cells
-    away in rows and in columns.
-    """
-    side = 2 * reach + 1
-    seen = np.zeros((side, side), np.bool_)
-    queue = np.empty((side * side, 2), np.int32)
-    queue[0, 0], queue[0, 1] = start
-    seen[reach, reach] = True
-    done, size = 0, 1
-    while done < size:
-        row, col = queue[done, 0], queue[done, 1]
-        if is_main[row, col]:
-            return int(row), int(col)
-        done += 1
-        for direction in range(4):
-            r, c = row + ROW_STEPS[direction], col + COL_STEPS[direction]
-            i, j = r - start[0] + reach, c - start[1] + reach
-            if not (0 <= i < side and 0 <= j < side) or seen[i, j]:
-                continue
-            if _may_go(clearance_m, least_m, row, col, r, c):
-                seen[i, j] = True
-                queue[size, 0], queue[size, 1] = r, c
-                size += 1
-    return -1, -1
-
-
-@compiled
-def _may_go(
-    clearance_m: npt.NDArray[np.float32], least_m: float, row: int, col: int, r: int, c: int
-) -> bool:
-    """Tell whether the search may go from (row, col) to its neighbour (r, c): never to less room.
-
-    Less room means from enough room to too little, or from a free cell into one that is not.
-    """
-    if not (0 <= r < clearance_m.shape[0] and 0 <= c < clearance_m.shape[1]):
-        return False
-    here_m, there_m = clearance_m[row, col], clearance_m[r, c]
-    return bool(there_m >= least_m or (here_m < least_m and (there_m > 0.0 or here_m == 0.0)))

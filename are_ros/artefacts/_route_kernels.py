@@ -28,7 +28,7 @@ def look_ahead(
     """Return the best action with the values of epoch `place` to come, as `action_values`."""
     brings = np.empty(9)
     action_values(planes[place], lengths, gains, weights, anchors_m, moving, state, brings)
-    return _best_action(brings, state[2])
+    return best_action(brings, state[2])
 
 
 @compiled
@@ -91,7 +91,8 @@ def _bother(anchors_m: Doubles, weights: Doubles, row: int, col: int, moving: Do
     anchor_m = anchors_m[row + int(weights[5]), col + int(weights[6])]
     total = 0.0
     for k in range(moving.shape[0]):
-        away_m = np.hypot(moving[k, 0] - anchor_m[0], moving[k, 1] - anchor_m[1]) - moving[k, 2]
+        dx_m, dy_m = moving[k, 0] - anchor_m[0], moving[k, 1] - anchor_m[1]
+        away_m = np.sqrt(dx_m * dx_m + dy_m * dy_m) - moving[k, 2]
         total += moving[k, 4] * min(1.0, max(0.0, 1.0 - away_m / moving[k, 3]))
     return total
 
@@ -105,7 +106,7 @@ def _turn_price(weights: Doubles, heading: int, direction: int) -> float:
 
 
 @compiled
-def _best_action(brings: Doubles, heading: int) -> int:
+def best_action(brings: Doubles, heading: int) -> int:
     """Return the best action; of equal ones the first of ahead, left, right, back and stay."""
     best = 1 + heading
     for turn in (1, 3, 2):
@@ -128,14 +129,15 @@ def greedy_way(
 ) -> tuple[int, float]:
     """Fill in the anchors (K, 2) that an action and then the best ones lead along, without slips.
 
-    Returns how many there are, and the epochs to the goal: inf if it is never reached so.
+    Returns how many there are, and the epochs that this takes: to the goal, or to where the
+    points are all used; inf if neither is ever reached.
     """
     row, col, heading = state
     brings, nobody = np.empty(9), np.empty((0, 5))
     values = planes[planes.shape[0] - 1]
     count, epochs = 0, 0.0
     for _ in range(lengths.size):
-        if row == weights[7] and col == weights[8]:
+        if (row == weights[7] and col == weights[8]) or count == points_m.shape[0]:
             return count, epochs
         length = lengths[action - 1, row, col] if action > 0 else 0
         heading = action - 1 if action > 0 else heading
@@ -147,5 +149,5 @@ def greedy_way(
         epochs += length / weights[4] if length > 0 else 1.0
         state = (row, col, heading)
         action_values(values, lengths, gains, weights, anchors_m, nobody, state, brings)
-        action = _best_action(brings, heading)
+        action = best_action(brings, heading)
     return count, np.inf

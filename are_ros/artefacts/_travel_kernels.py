@@ -29,37 +29,43 @@ def way_prices(edges: Mask, price: Floats, reach: int, goal: tuple[int, int]) ->
     twice, and as many, in a ring, as the dearest step needs. Entries form a list in each.
     """
     height, width = price.shape
-    costs = np.full((height, width), np.inf, np.float32)
-    steps = price / np.float32(reach)
+    count = height * width
+    costs = np.full(count, np.inf, np.float32)
+    steps = (price / np.float32(reach)).ravel()
     bucket = max(steps.min(), steps.max() / np.float32(MOST_BUCKETS))
-    heads = np.full(int(steps.max() / bucket) + 3, -1, np.int32)
-    after, cells = np.empty(4 * price.size + 4, np.int32), np.empty(4 * price.size + 4, np.int32)
-    keys = np.empty(4 * price.size + 4, np.float32)
-    costs[goal] = keys[0] = 0.0
-    heads[0], after[0], cells[0] = 0, -1, goal[0] * width + goal[1]
+    ring = 1
+    while ring < int(steps.max() / bucket) + 3:
+        ring *= 2
+    heads = np.full(ring, -1, np.int32)
+    after, cells = np.empty(2 * count + 4, np.int32), np.empty(2 * count + 4, np.int32)
+    keys = np.empty(2 * count + 4, np.float32)
+    start = goal[0] * width + goal[1]
+    costs[start] = keys[0] = 0.0
+    heads[0], after[0], cells[0] = 0, -1, start
     waiting, made, place = 1, 1, 0
+    open_edges = edges.reshape(4, count)
     while waiting > 0:
         entry = heads[place]
         if entry < 0:
-            place = (place + 1) % heads.size
+            place = (place + 1) & (ring - 1)
             continue
         heads[place] = after[entry]
         waiting -= 1
-        row, col = cells[entry] // width, cells[entry] % width
-        if keys[entry] > costs[row, col]:
+        cell = cells[entry]
+        if keys[entry] > costs[cell]:
             continue
-        cost = keys[entry] + steps[row, col]
+        cost = keys[entry] + steps[cell]
         if made + 4 > keys.size:  # many cells were looked at several times: rounding, wild prices
             keys, after, cells = _grown(keys), _grown(after), _grown(cells)
         for direction in range(4):
-            r, c = row + ROW_STEPS[direction], col + COL_STEPS[direction]
-            if edges[direction, row, col] and cost < costs[r, c]:
-                costs[r, c] = keys[made] = cost
-                target = int(cost / bucket) % heads.size
-                cells[made], after[made], heads[target] = r * width + c, heads[target], made
+            other = cell + ROW_STEPS[direction] * width + COL_STEPS[direction]
+            if open_edges[direction, cell] and cost < costs[other]:
+                costs[other] = keys[made] = cost
+                target = int(cost / bucket) & (ring - 1)
+                cells[made], after[made], heads[target] = other, heads[target], made
                 waiting += 1
                 made += 1
-    return costs
+    return costs.reshape(height, width)
 
 
 @compiled
@@ -75,28 +81,31 @@ def find_moves(edges: Mask, costs: Floats, reach: int, goal: tuple[int, int]) ->
     the goal again (after the first cell): otherwise doors and corners between the multiples of the
     reach could not be used. 0 at the goal and where there is no way to it.
     """
+    _, height, width = edges.shape
     lengths = np.zeros(edges.shape, np.uint8)
+    # how many cells one would go on from the row or column before: lines are gone through backwards
+    along, across = np.zeros(height, np.int64), np.zeros(width, np.int64)
     for direction in range(4):
-        for row in range(edges.shape[1]):
-            for col in range(edges.shape[2]):
-                if (row, col) != goal and costs[row, col] < np.inf:
-                    lengths[direction, row, col] = _length(
-                        edges[direction], costs, reach, direction, row, col
-                    )
+        along[:], across[:] = 0, 0
+        row_step, col_step = ROW_STEPS[direction], COL_STEPS[direction]
+        for i in range(height):
+            row = i if row_step < 0 else height - 1 - i
+            for j in range(width):
+                col = j if col_step < 0 else width - 1 - j
+                further = along[row] if row_step == 0 else across[col]
+                if edges[direction, row, col]:
+                    here, there = costs[row, col], costs[row + row_step, col + col_step]
+                    if here < np.inf:
+                        lengths[direction, row, col] = min(reach, 1 + further)
+                    further = further + 1 if there <= here else 0
+                else:
+                    further = 0
+                if row_step == 0:
+                    along[row] = further
+                else:
+                    across[col] = further
+    lengths[:, goal[0], goal[1]] = 0
     return lengths
-
-
-@compiled
-def _length(edges: Mask, costs: Floats, reach: int, direction: int, row: int, col: int) -> int:
-    """Return how far one goes from one cell; the goal is where the costs are least."""
-    length = 0
-    while length < reach and edges[row, col]:
-        r, c = row + ROW_STEPS[direction], col + COL_STEPS[direction]
-        if length > 0 and costs[r, c] > costs[row, col]:
-            break
-        row, col = r, c
-        length += 1
-    return length
 
 
 @compiled
@@ -109,24 +118,32 @@ def find_gains(
     for staying. Staying at the goal, and where there is no way to it, is free, and anything else
     costs 1 there: those states are absorbing.
     """
-    gains = np.empty((5, *price.shape), np.float32)
-    for row in range(price.shape[0]):
-        for col in range(price.shape[1]):
-            ends = (row, col) == goal or costs[row, col] == np.inf
-            gains[4, row, col] = np.float32(0.0) if ends else -price[row, col]
-            for direction in range(4):
-                gain = np.float32(-1.0) if ends else -price[row, col]
-                if lengths[direction, row, col] > 0:
-                    length = lengths[direction, row, col]
-                    gain = np.float32(-_swept(price, direction, row, col, length) / reach)
-                gains[direction, row, col] = gain
+    height, width = price.shape
+    gains = np.empty((5, height, width), np.float32)
+    # sums of the prices up to each cell, itself included, along its row and along its column
+    along, across = np.zeros(width), np.zeros((height, width))
+    for row in range(height):
+        for col in range(width):
+            along[col] = price[row, col] + (along[col - 1] if col > 0 else 0.0)
+            across[row, col] = price[row, col] + (across[row - 1, col] if row > 0 else 0.0)
+        for col in range(width):
+            blocked = -price[row, col]
+            east, west = lengths[0, row, col], lengths[2, row, col]
+            gain = np.float32((along[col] - along[col + east]) / reach)
+            gains[0, row, col] = gain if east > 0 else blocked
+            swept = along[max(col - 1, 0)] - (along[col - west - 1] if col > west else 0.0)
+            gains[2, row, col] = np.float32(-swept / reach) if west > 0 else blocked
+            gains[4, row, col] = blocked
+    for row in range(height):
+        for col in range(width):
+            blocked = -price[row, col]
+            north, south = lengths[1, row, col], lengths[3, row, col]
+            gain = np.float32((across[row, col] - across[row + north, col]) / reach)
+            gains[1, row, col] = gain if north > 0 else blocked
+            swept = across[max(row - 1, 0), col]
+            swept -= across[row - south - 1, col] if row > south else 0.0
+            gains[3, row, col] = np.float32(-swept / reach) if south > 0 else blocked
+            if costs[row, col] == np.inf or (row == goal[0] and col == goal[1]):
+                gains[:4, row, col] = np.float32(-1.0)
+                gains[4, row, col] = np.float32(0.0)
     return gains
-
-
-@compiled
-def _swept(price: Floats, direction: int, row: int, col: int, length: int) -> float:
-    """Return the sum of the prices of the cells that a move enters."""
-    total = 0.0
-    for k in range(1, length + 1):
-        total += price[row + k * ROW_STEPS[direction], col + k * COL_STEPS[direction]]
-    return total

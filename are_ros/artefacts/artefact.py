@@ -5,6 +5,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,8 +17,6 @@ from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 
 _JUMP_NS = 1_000_000
-_Numbers = tuple[float, float, float, float]
-"""A pose on the ground: x, y, z [m], yaw [rad]; as a plain tuple it costs next to nothing."""
 
 
 class Origin(IntEnum):
@@ -49,8 +48,7 @@ class PoseHistory:
     def __init__(self, t_ns: int, pose: GroundPose, history_ns: int = 2 * NS_PER_S) -> None:
         self._history_ns = history_ns
         self._times_ns = [t_ns]
-        # Those that come as plain tuples become poses when they are asked for.
-        self._poses: list[_Numbers] = [pose]
+        self._poses = [pose]
 
     def __len__(self) -> int:
         """Count the poses kept."""
@@ -64,9 +62,9 @@ class PoseHistory:
     @property
     def latest(self) -> GroundPose:
         """The newest pose; the same object until there is a newer one."""
-        return self._pose(-1)
+        return self._poses[-1]
 
-    def append(self, t_ns: int, pose: _Numbers) -> None:
+    def append(self, t_ns: int, pose: GroundPose) -> None:
         """Say where the artefact is at `t_ns`; what was known of that instant or later goes."""
         times, poses = self._times_ns, self._poses
         while times and times[-1] >= t_ns:
@@ -80,32 +78,19 @@ class PoseHistory:
         while len(times) > 1 and times[1] <= t_ns - self._history_ns:
             del times[0], poses[0]
 
-    def go_on(self, since_ns: int, t_ns: int, pose: _Numbers) -> None:
-        """Say where the artefact is at `t_ns`; before `since_ns` it has stood where it was."""
-        times, poses = self._times_ns, self._poses
-        if times[-1] < since_ns:
-            self.append(since_ns, poses[-1])
-        if times[-1] >= t_ns or poses[-1] == pose:
-            self.append(t_ns, pose)
-            return
-        times.append(t_ns)  # as `append` does, in most cases
-        poses.append(pose)
-        while times[1] <= t_ns - self._history_ns:
-            del times[0], poses[0]
-
     def pose_at(self, t_ns: int) -> GroundPose:
         """Return the pose at `t_ns`: yaw by the shorter arc, in [-pi, pi] where interpolated."""
         times, poses = self._times_ns, self._poses
         after = bisect_right(times, t_ns)
         if after == 0:
-            return self._pose(0)
+            return self._poses[0]
         if after == len(times):
-            return self._pose(-1)
+            return self._poses[-1]
         start_ns = times[after - 1]
         fraction = (t_ns - start_ns) / (times[after] - start_ns)
         if fraction == 0.0 or poses[after - 1] == poses[after]:
-            return self._pose(after - 1)
-        return _between(poses[after - 1], poses[after], fraction)
+            return self._poses[after - 1]
+        return between(poses[after - 1], poses[after], fraction)
 
     def velocity_at(self, t_ns: int) -> tuple[float, float, float]:
         """Return the rates of x, y [m/s] and yaw [rad/s] in the map frame as of `t_ns`.
@@ -115,31 +100,32 @@ class PoseHistory:
         """
         times, poses = self._times_ns, self._poses
         end = bisect_left(times, t_ns)
-        if not 0 < end < len(times) or times[end] - times[end - 1] < _JUMP_NS:
+        if not 0 < end < len(times):
             return 0.0, 0.0, 0.0
-        x_m, y_m, _, yaw_rad = poses[end - 1]
-        next_x_m, next_y_m, _, next_yaw_rad = poses[end]
-        per_s = NS_PER_S / (times[end] - times[end - 1])
-        turn_rad = math.remainder(next_yaw_rad - yaw_rad, math.tau)
-        return (next_x_m - x_m) * per_s, (next_y_m - y_m) * per_s, turn_rad * per_s
-
-    def _pose(self, index: int) -> GroundPose:
-        pose = self._poses[index]
-        if not isinstance(pose, GroundPose):
-            pose = self._poses[index] = GroundPose._make(pose)
-        return pose
+        return rates_between(times[end - 1], poses[end - 1], times[end], poses[end])
 
 
-def _between(start: _Numbers, end: _Numbers, fraction: float) -> GroundPose:
+def between(start: GroundPose, end: GroundPose, fraction: float) -> GroundPose:
     """Interpolate from `start` (0) to `end` (1)."""
     x_m, y_m, z_m, yaw_rad = start
-    turn_rad = math.remainder(end[3] - yaw_rad, math.tau)
+    turn_rad = math.remainder(end.yaw_rad - yaw_rad, math.tau)
     return GroundPose(
-        x_m + fraction * (end[0] - x_m),
-        y_m + fraction * (end[1] - y_m),
-        z_m + fraction * (end[2] - z_m),
+        x_m + fraction * (end.x_m - x_m),
+        y_m + fraction * (end.y_m - y_m),
+        z_m + fraction * (end.z_m - z_m),
         math.remainder(yaw_rad + fraction * turn_rad, math.tau),
     )
+
+
+def rates_between(
+    start_ns: int, start: GroundPose, end_ns: int, end: GroundPose
+) -> tuple[float, float, float]:
+    """Return the rates of x, y [m/s] and yaw [rad/s] from one pose to the next; none in a jump."""
+    if end_ns - start_ns < _JUMP_NS:
+        return 0.0, 0.0, 0.0
+    per_s = NS_PER_S / (end_ns - start_ns)
+    turn_rad = math.remainder(end.yaw_rad - start.yaw_rad, math.tau)
+    return (end.x_m - start.x_m) * per_s, (end.y_m - start.y_m) * per_s, turn_rad * per_s
 
 
 @dataclass(eq=False, slots=True)
@@ -183,17 +169,17 @@ def on_ground(row: CatalogueRow, pose: GroundPose, environment: Environment) -> 
     return pose._replace(z_m=height_m)
 
 
+def shape_of(row: CatalogueRow) -> tuple[float, float, float, float, float]:
+    """Return the shape of a row's box as `OrientedBoxes.standing` takes it [m]."""
+    (x_m, y_m, z_m), (offset_x_m, offset_y_m, _) = row.size_m, row.box_centre_in_artefact_m
+    return 0.5 * x_m, 0.5 * y_m, 0.5 * z_m, offset_x_m, offset_y_m
+
+
 def boxes_of(rows: Sequence[CatalogueRow], poses: Sequence[GroundPose]) -> OrientedBoxes:
     """Return the bounding boxes, in the map frame, of `rows` standing at `poses` (same length)."""
-    ground = np.array([(p.x_m, p.y_m, p.z_m, p.yaw_rad) for p in poses]).reshape(-1, 4)
-    sizes_m = np.array([row.size_m for row in rows]).reshape(-1, 3)
-    offsets_m = np.array([row.box_centre_in_artefact_m for row in rows]).reshape(-1, 3)
-    cos, sin = np.cos(ground[:, 3]), np.sin(ground[:, 3])
-    centres_m = np.column_stack(
-        (
-            ground[:, 0] + cos * offsets_m[:, 0] - sin * offsets_m[:, 1],
-            ground[:, 1] + sin * offsets_m[:, 0] + cos * offsets_m[:, 1],
-            ground[:, 2] + 0.5 * sizes_m[:, 2],
-        )
-    )
-    return OrientedBoxes(centres_m, ground[:, 3].copy(), 0.5 * sizes_m)
+    kinds = {id(row): row for row in rows}
+    index = {key: k for k, key in enumerate(kinds)}
+    shapes = np.array([shape_of(row) for row in kinds.values()]).reshape(-1, 5)
+    of_each = shapes[np.array([index[id(row)] for row in rows], dtype=np.int64)]
+    numbers = np.fromiter(chain.from_iterable(poses), np.float64, 4 * len(poses))
+    return OrientedBoxes.standing(numbers.reshape(-1, 4), of_each)

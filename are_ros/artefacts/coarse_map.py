@@ -7,9 +7,9 @@ from typing import Final, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts import _coarse_kernels
-from are_ros.world._planar import cosine_and_sine
+from are_ros.artefacts import _coarse_kernels, _ground_kernels
 from are_ros.world.environment import Environment
+from are_ros.world.lattice_cover import lattice_row
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 SEARCH_M: Final = 2.0
@@ -57,9 +57,10 @@ class CoarseMap:
     float64 (h, w, 2) in the map frame, NaN where closed. `edges` bool (4, h, w): 0 east (x of the
     grid), 1 north (y), 2 west, 3 south. `room_m` float32 (h, w): what the disc has left between
     itself and the nearest wall at the anchor, -1 where closed. `components` int32 (h, w): cells
-    with one number are joined by open edges, -1 is closed. `cell_size_m` is the nearest multiple
-    of the grid's resolution to the one asked for. All arrays are read-only. `key` tells maps
-    apart: version of the environment, height, radius, cell size.
+    with one number are joined by open edges, -1 is closed. `nearness` float32 (h, w) is that to
+    walls, as `nearness_to_walls`. `cell_size_m` is the nearest multiple of the grid's resolution to
+    the one asked for. All arrays are read-only. `key` tells maps apart: version of the environment,
+    height, radius, cell size. `ground` is what kernels take.
     """
 
     def __init__(self, terrain: TerrainLike, radius_m: float, cell_size_m: float = 0.5) -> None:
@@ -72,22 +73,35 @@ class CoarseMap:
         self.key = (terrain.environment.version, terrain.height_m, radius_m, self.cell_size_m)
         self._clearance_m = np.ascontiguousarray(terrain.clearance_m, np.float32)
         self._least_m = np.float32(radius_m + 0.5 * resolution_m)
-        self._cosine, self._sine = cosine_and_sine(self.grid.origin.rotation_xyzw)
-        self._coarsen()
+        is_main = self._coarsen()
+        self.ground = _ground_kernels.Ground(
+            is_main,
+            self._clearance_m,
+            lattice_row(self.grid.origin, resolution_m, resolution_m),
+            self.anchors_m,
+            float(self._least_m),
+            math.ceil(SEARCH_M / resolution_m),
+            self._side,
+        )
 
-    def _coarsen(self) -> None:
+    def _coarsen(self) -> npt.NDArray[np.bool_]:
+        """Fill in the arrays; return which fine cells belong to a largest component."""
         shape = tuple(-(-size // self._side) for size in self._clearance_m.shape)
         self.shape: Cell = (shape[0], shape[1])
         labels = np.empty(self._clearance_m.shape, np.uint16)
         mains = np.empty(shape, np.uint16)
         fine = np.zeros((*shape, 2), np.int32)
         levels_m = (float(self._least_m), float(self._least_m) + WALL_COMFORT_M)
-        _coarse_kernels.label_blocks(self._clearance_m, levels_m, self._side, labels, mains, fine)
+        unit_m = self.grid.resolution_m
+        room_m = _coarse_kernels.exact_room(self._clearance_m, self.radius_m, unit_m)
+        _coarse_kernels.label_blocks(room_m, levels_m, self._side, labels, mains, fine)
         self.edges = np.empty((4, *shape), np.bool_)
         _coarse_kernels.open_edges(labels, mains, self._side, self.edges)
         self.components = _coarse_kernels.label_components(mains, self.edges)
-        self._is_main = _coarse_kernels.belongs_to_main(labels, mains, self._side)
         self._place_anchors(fine)
+        is_main: npt.NDArray[np.bool_]
+        is_main = _coarse_kernels.belongs_to_main(labels, mains, self._side)
+        return is_main
 
     def _place_anchors(self, fine: npt.NDArray[np.int32]) -> None:
         is_open = self.components >= 0
@@ -95,7 +109,8 @@ class CoarseMap:
         self.anchors_m = np.where(is_open[..., None], points_m, np.nan)
         room_m = self._clearance_m[fine[..., 0], fine[..., 1]] - self._least_m
         self.room_m = np.where(is_open, room_m, np.float32(-1.0))
-        for array in (self.edges, self.components, self.anchors_m, self.room_m):
+        self.nearness = nearness_to_walls(self.room_m)
+        for array in (self.edges, self.components, self.anchors_m, self.room_m, self.nearness):
             array.flags.writeable = False
 
     def cell_of(self, x_m: float, y_m: float) -> Cell | None:
@@ -105,20 +120,12 @@ class CoarseMap:
         axis; from a point that is in a wall itself, through that wall. None if there is none, and
         outside the grid.
         """
-        start = self.grid.cell_at(x_m, y_m)
-        if start is None:
-            return None
-        if not self._is_main[start]:
-            reach = math.ceil(SEARCH_M / self.grid.resolution_m)
-            start = _coarse_kernels.nearest_main(
-                self._is_main, self._clearance_m, self._least_m, start, reach
-            )
-        return None if start[0] < 0 else (start[0] // self._side, start[1] // self._side)
+        cell = _ground_kernels.cell_of(self.ground, x_m, y_m)
+        return None if cell[0] < 0 else cell
 
     def holds(self, x_m: float, y_m: float) -> bool:
-        """Tell whether the disc fits at a point that its cell's component contains."""
-        fine = self.grid.cell_at(x_m, y_m)
-        return fine is not None and bool(self._is_main[fine])
+        """Tell whether the disc fits at a point, in a fine cell of its cell's component."""
+        return bool(_ground_kernels.holds(self.ground, x_m, y_m, self.radius_m))
 
     def anchor_of(self, cell: Cell) -> tuple[float, float]:
         """Return the anchor of an open cell in the map frame."""
@@ -131,9 +138,13 @@ class CoarseMap:
 
     def heading_of(self, yaw_rad: float) -> int:
         """Return the nearest of the four headings (0 east, 1 north, ...) to a yaw in the map."""
-        along_x = math.cos(yaw_rad) * self._cosine + math.sin(yaw_rad) * self._sine
-        along_y = math.sin(yaw_rad) * self._cosine - math.cos(yaw_rad) * self._sine
-        return round(math.atan2(along_y, along_x) / (0.5 * math.pi)) % 4
+        return int(_ground_kernels.heading_of(self.ground.lattice, yaw_rad))
+
+
+def nearness_to_walls(room_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """Return how near walls are, in [0, 1], for the room a disc has: the square of what lacks."""
+    lacks = np.clip(1.0 - room_m / np.float32(WALL_COMFORT_M), 0.0, 1.0)
+    return np.asarray(lacks * lacks, np.float32)
 
 
 class CoarseMaps:

@@ -151,7 +151,7 @@ def travel_problem(
     keeps nobody from setting out, and V falls (never rises) with the epochs left.
 
     `penalty` float32 (h, w), not negative, adds to what an epoch in each cell costs: others who
-    stand there for good (the exact counterpart of the lookahead in `routes`). Moves are
+    stand there for good (the exact counterpart of the lookahead of `_route_kernels`). Moves are
     as without it.
     """
     edges, goal = np.ascontiguousarray(edges), (int(goal[0]), int(goal[1]))

@@ -18,9 +18,10 @@ from are_ros.artefacts.behaviours.situation import Fellow, RobotView, Situation
 from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.motion.hindrance import Hindrance
 from are_ros.artefacts.motion.traffic import Traffic
-from are_ros.artefacts.navigation import Leg, Navigation, Traveller
+from are_ros.artefacts.navigation import Leg, Navigation
 from are_ros.artefacts.onlookers import Onlookers
 from are_ros.artefacts.randomness import Purpose, generator
+from are_ros.artefacts.traveller import Traveller
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 
 _PATIENCE = 2
@@ -102,7 +103,7 @@ class Minds:
         robot: RobotView | None,
     ) -> list[int]:
         """Let all decide who are due in sub-step `index`; return who has left by an exit."""
-        out = []
+        out, decided = [], []
         for artefact_id in self._due[index % self._period]:
             mind = self._minds[artefact_id]
             me = view.fellow(artefact_id)
@@ -111,7 +112,9 @@ class Minds:
             if mind.is_out:
                 out.append(artefact_id)
                 continue
-            self._decide(mind, me, now_ns, view, traffic, robot)
+            decided.append((mind, self._decide(mind, me, now_ns, view, traffic, robot)))
+        for mind, activity in decided:  # not before: the others' view is that of the step before
+            mind.artefact.activity = activity
         return out
 
     def sees(self, me: Fellow, x_m: float, y_m: float) -> bool:
@@ -126,7 +129,8 @@ class Minds:
         view: Onlookers,
         traffic: Traffic,
         robot: RobotView | None,
-    ) -> None:
+    ) -> str:
+        """Let one decide, give its order, and return what it does now."""
         situation = self._situation(mind, me, now_ns, view, traffic, robot)
         intent = mind.behaviour.decide(situation)
         is_patient = mind.waits < _PATIENCE
@@ -138,8 +142,8 @@ class Minds:
         elif me.speed_mps > _GETS_ON_MPS:
             mind.waits = 0
         mind.intent = intent
-        mind.artefact.activity = _activity(mind, situation)
         traffic.order(me.id, mind.leg.order)
+        return _activity(mind, situation)
 
     def _situation(
         self,
@@ -151,29 +155,28 @@ class Minds:
         robot: RobotView | None,
     ) -> Situation:
         what, who, since_s = traffic.hindrance(me.id)
-        departure_ns, leg = mind.artefact.departure_ns, mind.leg
+        is_kept, leg = what is not Hindrance.NONE, mind.leg
+        departure_ns = mind.artefact.departure_ns
         return Situation(
-            now_ns=now_ns,
-            me=me,
-            row=mind.artefact.row,
-            places=self._navigation.places,
-            random=mind.random,
-            view=view,
-            robot=robot,
-            left_s=None if departure_ns is None else (departure_ns - now_ns) / NS_PER_S,
-            last=mind.intent,
-            arrived=leg is not None and leg.arrived,
-            blocked_s=since_s if what is not Hindrance.NONE else 0.0,
-            blocked_by=_name_of(what, who),
-            no_way=leg is not None and leg.no_way,
+            now_ns,
+            me,
+            mind.artefact.row,
+            self._navigation.places,
+            mind.random,
+            view,
+            robot,
+            None if departure_ns is None else (departure_ns - now_ns) / NS_PER_S,
+            mind.intent,
+            leg is not None and leg.arrived,
+            since_s if is_kept else 0.0,
+            _name_of(what, who) if is_kept else "",
+            leg is not None and leg.no_way,
         )
 
 
 def _name_of(what: Hindrance, who: int) -> str:
     """Return what is in the way, in words."""
-    if what is Hindrance.ARTEFACT:
-        return f"artefact {who}"
-    return "" if what is Hindrance.NONE else what.name.lower()
+    return f"artefact {who}" if what is Hindrance.ARTEFACT else what.name.lower()
 
 
 def _activity(mind: Mind, situation: Situation) -> str:

@@ -1,5 +1,7 @@
 """Who is near: points in the cells of a hash grid, asked one place at a time."""
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -9,40 +11,42 @@ _Floats = npt.NDArray[np.float64]
 _Indices = npt.NDArray[np.int64]
 
 
+class Cells(NamedTuple):
+    """N points (N, 2) [m] by cell: their indices in that order, and where each cell's start.
+
+    `x0_m`, `y0_m` is the low corner; beyond `rows` x `columns` the cells wrap around.
+    """
+
+    points_m: _Floats
+    order: _Indices
+    starts: _Indices
+    x0_m: float
+    y0_m: float
+    cell_m: float
+    rows: int
+    columns: int
+
+
 class Neighbourhood:
     """N points of the plane that do not move, to be asked who is within a radius of a place."""
 
     def __init__(self, points_m: npt.NDArray[np.float64], cell_m: float = 4.0) -> None:
         """Sort points (N, 2), float64, metres, into cells; `cell_m` near the radii asked for."""
-        self._points_m = np.ascontiguousarray(points_m)
-        self._cell_m = cell_m
-        self._order, self._starts, self._corner, self._shape = _sorted_into_cells(
-            self._points_m, cell_m
-        )
+        self.cells = Cells(*_sorted_into_cells(np.ascontiguousarray(points_m), cell_m))
 
     def within(self, x_m: float, y_m: float, radius_m: float) -> npt.NDArray[np.int64]:
         """Return the indices of the points within the closed disc, the nearest first.
 
         Of two at the same distance the one of the lower index comes first.
         """
-        return _within(
-            x_m,
-            y_m,
-            radius_m,
-            self._points_m,
-            self._order,
-            self._starts,
-            self._corner,
-            self._shape,
-            self._cell_m,
-        )
+        return near(self.cells, x_m, y_m, radius_m)
 
 
 @compiled
 def _sorted_into_cells(
     points_m: _Floats, cell_m: float
-) -> tuple[_Indices, _Indices, _Floats, _Indices]:
-    """Return indices by cell, where each cell starts (+ the end), the low corner, (rows, columns).
+) -> tuple[_Floats, _Indices, _Indices, float, float, float, int, int]:
+    """Return what `Cells` holds.
 
     Far outliers would make a huge table: then the cells beyond 4 N + 1024 wrap around.
     """
@@ -67,37 +71,32 @@ def _sorted_into_cells(
     for i in range(count):
         order[filled[cells[i]]] = i
         filled[cells[i]] += 1
-    return order, starts, corner, shape
+    return points_m, order, starts, corner[0], corner[1], cell_m, shape[0], shape[1]
 
 
 @compiled
-def _within(
-    x_m: float,
-    y_m: float,
-    radius_m: float,
-    points_m: _Floats,
-    order: _Indices,
-    starts: _Indices,
-    corner: _Floats,
-    shape: _Indices,
-    cell_m: float,
-) -> _Indices:
-    rows, columns = shape[0], shape[1]
-    low_column = np.int64(np.floor((x_m - radius_m - corner[0]) / cell_m))
-    low_row = np.int64(np.floor((y_m - radius_m - corner[1]) / cell_m))
-    high_column = np.int64(np.floor((x_m + radius_m - corner[0]) / cell_m))
-    high_row = np.int64(np.floor((y_m + radius_m - corner[1]) / cell_m))
+def near(cells: Cells, x_m: float, y_m: float, radius_m: float) -> _Indices:
+    """Return the indices of the points within the closed disc, as `Neighbourhood.within`."""
+    rows, columns = cells.rows, cells.columns
+    low_column = np.int64(np.floor((x_m - radius_m - cells.x0_m) / cells.cell_m))
+    low_row = np.int64(np.floor((y_m - radius_m - cells.y0_m) / cells.cell_m))
+    high_column = np.int64(np.floor((x_m + radius_m - cells.x0_m) / cells.cell_m))
+    high_row = np.int64(np.floor((y_m + radius_m - cells.y0_m) / cells.cell_m))
     high_column = min(high_column, low_column + columns - 1)  # all columns once, where they wrap
     high_row = min(high_row, low_row + rows - 1)
-    found = np.empty(points_m.shape[0], np.int64)
-    squares = np.empty(points_m.shape[0])
+    most = 0
+    for row in range(low_row, high_row + 1):
+        for column in range(low_column, high_column + 1):
+            cell = (row % rows) * columns + column % columns
+            most += cells.starts[cell + 1] - cells.starts[cell]
+    found, squares = np.empty(most, np.int64), np.empty(most)
     count = 0
     for row in range(low_row, high_row + 1):
         for column in range(low_column, high_column + 1):
             cell = (row % rows) * columns + column % columns
-            for k in range(starts[cell], starts[cell + 1]):
-                i = order[k]
-                dx, dy = points_m[i, 0] - x_m, points_m[i, 1] - y_m
+            for k in range(cells.starts[cell], cells.starts[cell + 1]):
+                i = cells.order[k]
+                dx, dy = cells.points_m[i, 0] - x_m, cells.points_m[i, 1] - y_m
                 square = dx * dx + dy * dy
                 if square <= radius_m * radius_m:
                     at = count

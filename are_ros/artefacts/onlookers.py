@@ -2,12 +2,13 @@
 
 import math
 from bisect import bisect_left
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.artefacts._step_kernels import CrowdArrays
 from are_ros.artefacts.artefact import Artefact
 from are_ros.artefacts.behaviours.situation import Fellow
 from are_ros.artefacts.neighbourhood import Neighbourhood
@@ -32,30 +33,43 @@ class Onlookers:
     ) -> None:
         self._living = living
         self._ids = ids
-        self._poses = poses
-        self._speeds_mps = speeds_mps
+        self._poses = np.ascontiguousarray(poses)
+        self._speeds_mps = np.ascontiguousarray(speeds_mps)
         self._radii_m = radii_m
         self._sees = sees
         self._fellows: dict[int, Fellow] = {}
-        self._after: tuple[float, npt.NDArray[np.float64]] | None = None
+        self._who: dict[str, list[int]] = {}
+        self._neighbourhoods: dict[str, Neighbourhood] = {}
 
     def fellow(self, artefact_id: int) -> Fellow | None:
         """Return an artefact that is alive, None if it is not."""
         if artefact_id not in self._living:
             return None
-        return self._fellow_at(bisect_left(self._id_list, artefact_id))
+        return self._fellow_at(self.index_of(artefact_id))
+
+    def index_of(self, artefact_id: int) -> int:
+        """Return the index in the arrays of an artefact that is there."""
+        return bisect_left(self._id_list, artefact_id)
 
     def within(
-        self, x_m: float, y_m: float, radius_m: float, behaviour: str = ""
+        self,
+        x_m: float,
+        y_m: float,
+        radius_m: float,
+        behaviour: str = "",
+        activities: Collection[str] = (),
     ) -> Sequence[Fellow]:
         """Return those whose (x, y) is at most this far from a point, the nearest first.
 
-        Of one behaviour, if it is given.
+        Of one behaviour, if it is given, and at one of these activities, if any are.
         """
-        near = self._neighbourhood.within(x_m, y_m, radius_m).tolist()
+        near: list[int] = self._neighbourhood_of(behaviour).within(x_m, y_m, radius_m).tolist()
         if behaviour:
+            who = self._who[behaviour]
+            near = [who[k] for k in near]
+        if activities:
             living, ids = self._living, self._id_list
-            near = [i for i in near if living[ids[i]].behaviour == behaviour]
+            near = [i for i in near if living[ids[i]].activity in activities]
         fellows = self._fellows
         return [fellows[i] if i in fellows else self._fellow_at(i) for i in near]
 
@@ -63,38 +77,32 @@ class Onlookers:
         """Say whether this artefact could go straight on to a point, were nobody in its way."""
         return self._sees(me, x_m, y_m)
 
-    def expected(
-        self, me: Fellow, radius_m: float, ahead_s: float
-    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Return where those near me will be a little later, (M, 2), and their radii (M,).
-
-        Those within `radius_m` now, if they go on as they do; the standing ones too.
-        """
-        near = self._neighbourhood.within(me.x_m, me.y_m, radius_m)
-        near = near[self._ids[near] != me.id]
-        return self._points_after(ahead_s)[near], self._radii_m[near]
-
-    def _points_after(self, ahead_s: float) -> npt.NDArray[np.float64]:
-        """Return where everybody (N, 2) will be, if he goes on as he does."""
-        if self._after is None or self._after[0] != ahead_s:
-            ways_m, yaws_rad = ahead_s * self._speeds_mps, self._poses[:, 3]
-            headings = np.column_stack((np.cos(yaws_rad), np.sin(yaws_rad)))
-            self._after = (ahead_s, self._poses[:, :2] + ways_m[:, None] * headings)
-        return self._after[1]
+    @cached_property
+    def crowd(self) -> CrowdArrays:
+        """Everybody, as `route_step` takes them."""
+        cells = self._neighbourhood.cells
+        return (*cells, self._poses, self._speeds_mps, self._radii_m)
 
     @cached_property
     def _neighbourhood(self) -> Neighbourhood:
         return Neighbourhood(self._poses[:, :2])
 
+    def _neighbourhood_of(self, behaviour: str) -> Neighbourhood:
+        """Return the neighbourhood of those of one behaviour, whose indices are `_who` then."""
+        if not behaviour:
+            return self._neighbourhood
+        if behaviour not in self._who:
+            living, ids = self._living, self._id_list
+            does = [one in living and living[one].behaviour == behaviour for one in ids]
+            who = [i for i, is_one in enumerate(does) if is_one]
+            self._who[behaviour] = who
+            self._neighbourhoods[behaviour] = Neighbourhood(self._poses[who, :2])
+        return self._neighbourhoods[behaviour]
+
     @cached_property
     def _id_list(self) -> list[int]:
         ids: list[int] = self._ids.tolist()
         return ids
-
-    @cached_property
-    def _rows(self) -> tuple[list[list[float]], list[float], list[float]]:
-        """Poses, speeds and radii as lists, of which single numbers are taken much faster."""
-        return self._poses.tolist(), self._speeds_mps.tolist(), self._radii_m.tolist()
 
     def _fellow_at(self, i: int) -> Fellow:
         known = self._fellows.get(i)
@@ -103,9 +111,8 @@ class Onlookers:
         return known
 
     def _made(self, i: int, artefact: Artefact) -> Fellow:
-        poses, speeds_mps, radii_m = self._rows
-        x_m, y_m, _, yaw_rad = poses[i]
-        speed_mps, row = speeds_mps[i], artefact.row
+        x_m, y_m, _, yaw_rad = self._poses[i].tolist()
+        speed_mps, row = self._speeds_mps.item(i), artefact.row
         return Fellow(
             artefact.id,
             row.class_name,
@@ -115,7 +122,7 @@ class Onlookers:
             yaw_rad,
             speed_mps * math.cos(yaw_rad),
             speed_mps * math.sin(yaw_rad),
-            radii_m[i],
+            self._radii_m.item(i),
             artefact.behaviour,
             artefact.activity,
         )

@@ -11,13 +11,15 @@ import numpy.typing as npt
 from are_ros.artefacts._candidates import (
     CandidateCells,
     needed_cells,
+    poses_in_cells,
     spine_of,
     spines_are_clear,
 )
-from are_ros.artefacts.artefact import GroundPose
+from are_ros.artefacts.artefact import GroundPose, shape_of
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.surroundings import Disc, Surroundings
 from are_ros.world.environment import Environment
+from are_ros.world.lattice_cover import lattice_row
 from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.region import SpawnRegion
 
@@ -52,6 +54,8 @@ class Placer:
         self._environment = environment
         self._region = region
         self._grid = environment.grid
+        resolution_m = environment.grid.resolution_m
+        self._lattice = lattice_row(environment.grid.origin, resolution_m, resolution_m)
         self._grid_yaw_rad = self._grid.origin.yaw_rad()
         self._static: dict[tuple[float, ...], _Poses] = {}
 
@@ -77,33 +81,62 @@ class Placer:
             return None
         for size in _BATCHES:
             poses = self._drawn(cells, generator.random((size, 4)))
-            found, heights_m = self._feasible(row, poses, surroundings, within)
-            if found.size:
-                return _ground_pose(poses[found[0]], heights_m[found[0]])
+            found = self._first_feasible(row, poses, surroundings, within)
+            if found is not None:
+                return found
         return self._searched(row, cells, generator, surroundings, within)
 
     def _drawn(self, cells: CandidateCells, uniforms: _Floats) -> _Floats:
-        """Return poses (N, 3), x, y, yaw in the map frame, from uniform numbers (N, 4)."""
+        """Return poses (N, 4), x, y, 0, yaw in the map frame, from uniform numbers (N, 4)."""
         flat = cells.draw(uniforms[:, 0])
-        corners = np.column_stack((flat // self._grid.width, flat % self._grid.width))
-        points_m = self._grid.cells_to_points(corners + uniforms[:, 1:3] - 0.5)
-        return np.column_stack((points_m, (2.0 * uniforms[:, 3] - 1.0) * np.pi))
+        return poses_in_cells(flat, self._grid.width, uniforms, self._lattice)
+
+    def _first_feasible(
+        self, row: CatalogueRow, poses: _Floats, around: Surroundings, within: Disc | None
+    ) -> GroundPose | None:
+        """Return the first feasible one of poses (N, 4), None if none is.
+
+        What moves is asked about few at once: mostly the first that the map allows is free.
+        """
+        boxes, heights_m = self._standing(row, poses)
+        allowed = self._allowed_by_map(boxes, poses, within)
+        start, size = 0, 1
+        while start < allowed.size:
+            piece = allowed[start : start + size]
+            free = np.flatnonzero(around.leave_room_for(boxes.take(piece)))
+            if free.size:
+                first = piece[free[0]]
+                return _ground_pose(poses[first], heights_m[first])
+            start, size = start + size, 4 * size
+        return None
+
+    def _allowed_by_map(
+        self, boxes: OrientedBoxes, poses: _Floats, within: Disc | None
+    ) -> npt.NDArray[np.int64]:
+        """Return the indices of the poses that the map, and the disc, leave."""
+        allowed = self._environment.is_placeable(boxes)
+        if within is not None:
+            allowed &= within.contains(poses)
+        return np.flatnonzero(allowed)
 
     def _feasible(
         self, row: CatalogueRow, poses: _Floats, around: Surroundings, within: Disc | None
     ) -> tuple[_Poses, _Floats]:
         """Return the indices of the feasible poses, and the ground's height (N,) under all."""
         boxes, heights_m = self._standing(row, poses)
-        clear = self._environment.is_placeable(boxes)
-        if within is not None:
-            clear &= within.contains(poses)
-        clear[clear] = around.leave_room_for(boxes.take(clear))
-        return np.flatnonzero(clear), heights_m
+        allowed = self._allowed_by_map(boxes, poses, within)
+        return allowed[around.leave_room_for(boxes.take(allowed))], heights_m
 
     def _standing(self, row: CatalogueRow, poses: _Floats) -> tuple[OrientedBoxes, _Floats]:
-        flat = _boxes_at(row, poses, np.zeros(len(poses)))
+        """Return the boxes at poses (N, 4), x, y, 0, yaw, on the ground, and its heights (N,)."""
+        shape = np.array([shape_of(row)])
+        flat = OrientedBoxes.standing(poses, shape)
         heights_m = self._environment.ground_heights_m(flat)
-        return _boxes_at(row, poses, heights_m), heights_m
+        if not heights_m.any():
+            return flat, heights_m
+        x_m, y_m, _, yaws_rad = poses.T
+        ground = np.column_stack((x_m, y_m, heights_m, yaws_rad))
+        return OrientedBoxes.standing(ground, shape), heights_m
 
     def _searched(
         self,
@@ -168,8 +201,10 @@ class Placer:
     def _lattice_points(self, lattice_poses: _Poses) -> _Floats:
         flat, heading = lattice_poses // HEADINGS, lattice_poses % HEADINGS
         cells = np.column_stack((flat // self._grid.width, flat % self._grid.width))
-        turned = self._grid_yaw_rad + heading * (math.tau / HEADINGS)
-        return np.column_stack((self._grid.cells_to_points(cells), turned))
+        poses = np.zeros((flat.size, 4))
+        poses[:, :2] = self._grid.cells_to_points(cells)
+        poses[:, 3] = self._grid_yaw_rad + heading * (math.tau / HEADINGS)
+        return poses
 
     def _on_lattice(self, flat: _Cells) -> _Cells:
         if 2 * flat.size <= _LATTICE_CELLS:
@@ -221,16 +256,5 @@ def _inscribed_radius_m(row: CatalogueRow) -> float:
     return max(0.0, min(room_x_m, room_y_m))
 
 
-def _boxes_at(row: CatalogueRow, poses: _Floats, heights_m: _Floats) -> OrientedBoxes:
-    """Return the boxes of one row at poses (N, 3), x, y, yaw, standing at heights (N,)."""
-    offset_x_m, offset_y_m, _ = row.box_centre_in_artefact_m
-    half_m = 0.5 * np.array(row.size_m)
-    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    x_m = poses[:, 0] + cos * offset_x_m - sin * offset_y_m
-    y_m = poses[:, 1] + sin * offset_x_m + cos * offset_y_m
-    centres_m = np.column_stack((x_m, y_m, heights_m + half_m[2]))
-    return OrientedBoxes(centres_m, poses[:, 2], np.broadcast_to(half_m, centres_m.shape))
-
-
 def _ground_pose(pose: _Floats, height_m: float) -> GroundPose:
-    return GroundPose(float(pose[0]), float(pose[1]), float(height_m), float(pose[2]))
+    return GroundPose(float(pose[0]), float(pose[1]), float(height_m), float(pose[3]))

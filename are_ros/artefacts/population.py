@@ -1,7 +1,8 @@
 """The population: marked Poisson arrivals and the birth-death chain of section 3.2."""
 
-from bisect import insort
+from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
+from itertools import accumulate, islice
 from types import MappingProxyType
 
 import numpy as np
@@ -10,6 +11,7 @@ from are_ros.artefacts.arrivals import checked_rate
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.departures import Departure, DepartureLaw, leaving_rate_per_s
+from are_ros.artefacts.lifetimes import Lifetimes
 from are_ros.artefacts.population_events import Cause, Counts, EventKind, PopulationEvent
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.artefacts.scenario import Scenario
@@ -72,11 +74,9 @@ class Population:
         self._walks_out = walks_out
         self._seed = seed
         self._source = source
-        self._law = departures
+        self._lifetimes = Lifetimes(departures)
         self._history_ns = history_ns
         self._living: dict[int, Artefact] = {}
-        self._scheduled: list[Departure] = []
-        self._outside_the_law: set[int] = set()
         self._departed: list[Artefact] = []
         self._causes: dict[int, Cause] = {}
         self.counts = Counts()
@@ -91,18 +91,18 @@ class Population:
 
         Who was alive is forgotten without an event.
         """
-        for kept in (self._living, self._scheduled, self._outside_the_law, self._departed):
-            kept.clear()
+        self._living.clear()
+        self._departed.clear()
         self._causes.clear()
         self._source.restart(now_ns)
         self.scripted.restart(now_ns)
-        self._law.restart(now_ns)
+        self._lifetimes.restart(now_ns)
 
     def reseed(self, seed: int, now_ns: int) -> None:
         """Draw from another seed from `now_ns` on; the living stay, ids go on."""
         self._seed = seed
         self._source.reseed(seed, now_ns)
-        self._law.reseed(seed, now_ns)
+        self._lifetimes.law.reseed(seed, now_ns)
 
     def set_rates(
         self, arrival_rate: float, area_m2: float, mean_life_s: float, now_ns: int
@@ -115,12 +115,13 @@ class Population:
         rate_per_s = checked_rate(arrival_rate * area_m2)
         leaving_rate_per_s(mean_life_s)
         members_per_s = rate_per_s * self._source.mean_group_size
-        self._law.check(members_per_s, mean_life_s, self.max_alive)
+        law = self._lifetimes.law
+        law.check(members_per_s, mean_life_s, self.max_alive)
         self._source.set_rate(rate_per_s, now_ns)
-        self._law.set_mean_life(mean_life_s, now_ns)
+        law.set_mean_life(mean_life_s, now_ns)
         for artefact in self._living.values():
-            if artefact.id not in self._outside_the_law and not artefact.is_leaving:
-                artefact.departure_ns = self._law.departure_of(artefact.id)
+            if self._lifetimes.is_by_law(artefact.id) and not artefact.is_leaving:
+                artefact.departure_ns = law.departure_of(artefact.id)
 
     def set_marks(self, rows: Sequence[CatalogueRow], law: RowLaw, mean_group_size: float) -> None:
         """Let later arrivals be drawn from other rows, by another law, in other groups."""
@@ -133,15 +134,12 @@ class Population:
         Scripted artefacts still to come do so as much later, too.
         """
         self.scripted.postpone(by_ns)
-        self._scheduled = [
-            Departure(end.time_ns + by_ns, end.artefact_id) for end in self._scheduled
-        ]
-        for end in self._scheduled:
+        for end in self._lifetimes.postpone(by_ns):
             self._living[end.artefact_id].departure_ns = end.time_ns
 
     def next_event_ns(self) -> int | None:
         """Return when `handle_next` has something to do [ns], None if never as things stand."""
-        departure = self._next_departure()
+        departure = self._lifetimes.next()
         instants = (
             departure.time_ns if departure else None,
             self.scripted.next_ns(),
@@ -156,10 +154,9 @@ class Population:
         live already. `admit` says where a scripted one stands, or why it cannot. Returns what
         happened, an event per artefact. Raises `ParameterError` if there is no event.
         """
-        departure, next_ns = self._next_departure(), self.next_event_ns()
+        departure, next_ns = self._lifetimes.next(), self.next_event_ns()
         if departure and departure.time_ns == next_ns:
-            if departure.artefact_id not in self._outside_the_law:
-                self._law.pop()
+            self._lifetimes.take(departure)
             return [self._end(departure)]
         if next_ns is not None and self.scripted.next_ns() == next_ns:
             return [self._arrive_by_script(admit)]
@@ -174,7 +171,7 @@ class Population:
         if artefact is None:
             raise InputError(f"no artefact with id {artefact_id} is alive")
         if not artefact.is_leaving:
-            self._end_life(artefact_id, now_ns)
+            self._lifetimes.end(artefact_id, now_ns)
         artefact.departure_ns = now_ns
         self._departed.append(artefact)
         self._forget_before(now_ns - self._history_ns)
@@ -220,7 +217,7 @@ class Population:
         artefact = self._living[artefact_id]
         if not self._walks_out(artefact):
             return self.remove(artefact_id, time_ns, self._causes.pop(artefact_id, Cause.LIFE_OVER))
-        self._end_life(artefact_id, time_ns)
+        self._lifetimes.end(artefact_id, time_ns)
         artefact.is_leaving, artefact.departure_ns = True, None
         return self._say(time_ns, EventKind.LEAVING, artefact_id, artefact.row, Cause.LIFE_OVER)
 
@@ -281,7 +278,7 @@ class Population:
     ) -> PopulationEvent:
         behaviour = behaviour or self._drawn_behaviour(artefact_id, row)
         is_for_ever = row.forever or (offer is not None and end_ns is None)
-        end_ns = self._begin_life(artefact_id, now_ns, end_ns, is_for_ever=is_for_ever)
+        end_ns = self._lifetimes.begin(artefact_id, now_ns, end_ns, is_for_ever=is_for_ever)
         history = PoseHistory(now_ns, pose, self._history_ns)
         artefact = Artefact(artefact_id, row, origin, now_ns, history, end_ns, behaviour)
         artefact.options = offer.options if offer else None
@@ -292,32 +289,14 @@ class Population:
 
     def _drawn_behaviour(self, artefact_id: int, row: CatalogueRow) -> str:
         """Draw one of the row's behaviours by their probabilities, with one uniform number."""
-        names, weights = list(row.behaviours), np.cumsum(list(row.behaviours.values()))
+        names, weights = list(row.behaviours), list(accumulate(row.behaviours.values()))
         uniform = generator(self._seed, Purpose.BEHAVIOUR, artefact_id).random() * weights[-1]
-        return names[int(np.searchsorted(weights, uniform, side="right"))]
-
-    def _begin_life(
-        self, artefact_id: int, now_ns: int, end_ns: int | None, *, is_for_ever: bool
-    ) -> int | None:
-        if end_ns is not None:
-            insort(self._scheduled, Departure(end_ns, artefact_id))
-        if end_ns is not None or is_for_ever:
-            self._outside_the_law.add(artefact_id)
-            return end_ns
-        self._law.arrived(artefact_id, now_ns)
-        return self._law.departure_of(artefact_id)
-
-    def _end_life(self, artefact_id: int, now_ns: int) -> None:
-        if artefact_id in self._outside_the_law:
-            self._outside_the_law.remove(artefact_id)
-            self._scheduled = [end for end in self._scheduled if end.artefact_id != artefact_id]
-        else:
-            self._law.removed(artefact_id, now_ns)
+        return names[bisect_right(weights, uniform)]
 
     def _sort_living(self) -> None:
         """Put the newcomer, last in the dict, where its id belongs (admitted ids are high)."""
-        ids = list(self._living)
-        if len(ids) > 1 and ids[-1] < ids[-2]:
+        newest_two = list(islice(reversed(self._living), 2))
+        if newest_two != sorted(newest_two, reverse=True):
             in_order = sorted(self._living.items())
             self._living.clear()
             self._living.update(in_order)
@@ -335,12 +314,6 @@ class Population:
         event = PopulationEvent(now_ns, kind, artefact_id, row, cause, reason)
         self.counts = self.counts.after(event)
         return event
-
-    def _next_departure(self) -> Departure | None:
-        drawn = self._law.next()
-        if self._scheduled and (drawn is None or self._scheduled[0] < drawn):
-            return self._scheduled[0]
-        return drawn
 
     def _is_full(self) -> bool:
         return self.max_alive is not None and len(self._living) >= self.max_alive

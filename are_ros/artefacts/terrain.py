@@ -16,6 +16,7 @@ from are_ros.world.voxel_map import VoxelMap
 
 HEIGHT_STEP_M: Final = 0.25
 _HALF_CELL: Final = 0.5
+_TWO_HALF_DIAGONALS: Final = 1.42
 
 
 class Terrain:
@@ -66,22 +67,20 @@ class Terrain:
     def sees(self, from_m: tuple[float, float], to_m: tuple[float, float], radius_m: float) -> bool:
         """Tell whether a disc can roll straight from one point to another of the map frame.
 
-        Clearance is interpolated between cells: the answer is right to about half a cell.
+        It meets no closed cell at either end, nor every half a cell between them: exact, and the
+        same law by which the traffic lets somebody turn on the spot.
         """
-        lattice = self._lattice
-        return bool(
-            _rolls(self.clearance_m, lattice, self.grid.resolution_m, from_m, to_m, radius_m)
-        )
+        return bool(rolls(self.clearance_m, self.lattice, from_m, to_m, radius_m))
 
     def farthest_seen(
         self, from_m: tuple[float, float], way_m: npt.NDArray[np.float64], radius_m: float
     ) -> int:
         """Return the index of the last point of a way (K, 2) that `sees` says yes to, or else 0."""
-        unit = self.grid.resolution_m
-        return int(_farthest(self.clearance_m, self._lattice, unit, from_m, way_m, radius_m))
+        return int(farthest(self.clearance_m, self.lattice, from_m, way_m, radius_m))
 
     @cached_property
-    def _lattice(self) -> npt.NDArray[np.float64]:
+    def lattice(self) -> npt.NDArray[np.float64]:
+        """The grid's place in the map, as `lattice_cover.lattice_row`."""
         resolution_m = self.grid.resolution_m
         return lattice_row(self.grid.origin, resolution_m, resolution_m)
 
@@ -190,31 +189,16 @@ def _distances(is_open: npt.NDArray[np.bool_]) -> npt.NDArray[np.float32]:
 
 
 @compiled
-def _interpolated(field: npt.NDArray[np.float32], x: float, y: float) -> float:
-    """Return the field between the cell centres around a point given in cells; 0 outside."""
-    if not (0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]):
-        return 0.0
-    u = min(max(x - 0.5, 0.0), field.shape[1] - 1.0)
-    v = min(max(y - 0.5, 0.0), field.shape[0] - 1.0)
-    col, row = int(u), int(v)
-    next_col, next_row = min(col + 1, field.shape[1] - 1), min(row + 1, field.shape[0] - 1)
-    a, b = u - col, v - row
-    low = field[row, col] * (1.0 - a) + field[row, next_col] * a
-    high = field[next_row, col] * (1.0 - a) + field[next_row, next_col] * a
-    return float(low * (1.0 - b) + high * b)
-
-
-@compiled
-def _rolls(
+def rolls(
     field: npt.NDArray[np.float32],
     lattice: npt.NDArray[np.float64],
-    unit: float,
     from_m: tuple[float, float],
     to_m: tuple[float, float],
     radius: float,
 ) -> bool:
-    """March along the segment in leaps of what is left of the clearance."""
+    """March along the segment in leaps of what is surely left of the clearance."""
     length = np.hypot(to_m[0] - from_m[0], to_m[1] - from_m[1])
+    unit = lattice[4]
     along = 0.0
     while True:
         share = along / length if length > 0.0 else 0.0
@@ -222,8 +206,10 @@ def _rolls(
         dy = from_m[1] + share * (to_m[1] - from_m[1]) - lattice[1]
         x = (dx * lattice[2] + dy * lattice[3]) / unit
         y = (dy * lattice[2] - dx * lattice[3]) / unit
-        room = _interpolated(field, x, y) - 0.5 * unit - radius
-        if room < 0.0:
+        if not (0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]):
+            return False
+        room = field[int(y), int(x)] - _TWO_HALF_DIAGONALS * unit - radius
+        if room < 0.0 and not disc_is_free(field, x, y, radius / unit - TOUCH_TOLERANCE_M):
             return False
         if along >= length:
             return True
@@ -231,16 +217,31 @@ def _rolls(
 
 
 @compiled
-def _farthest(
+def disc_is_free(field: npt.NDArray[np.float32], x: float, y: float, radius: float) -> bool:
+    """Tell whether a disc covers open cells only; its centre and radius are given in cells."""
+    first_row, last_row = int(np.floor(y - radius)), int(np.floor(y + radius))
+    first_col, last_col = int(np.floor(x - radius)), int(np.floor(x + radius))
+    if min(first_row, first_col) < 0 or last_row >= field.shape[0] or last_col >= field.shape[1]:
+        return False
+    for row in range(first_row, last_row + 1):
+        v = max(row - y, y - row - 1.0, 0.0)
+        for col in range(first_col, last_col + 1):
+            u = max(col - x, x - col - 1.0, 0.0)
+            if field[row, col] == 0.0 and u * u + v * v < radius * radius:
+                return False
+    return True
+
+
+@compiled
+def farthest(
     field: npt.NDArray[np.float32],
     lattice: npt.NDArray[np.float64],
-    unit: float,
     from_m: tuple[float, float],
     way_m: npt.NDArray[np.float64],
     radius: float,
 ) -> int:
     """Return the last point of a way that a disc can roll straight to; the first if to none."""
     for k in range(way_m.shape[0] - 1, 0, -1):
-        if _rolls(field, lattice, unit, from_m, (way_m[k, 0], way_m[k, 1]), radius):
+        if rolls(field, lattice, from_m, (way_m[k, 0], way_m[k, 1]), radius):
             return k
     return 0

@@ -8,8 +8,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.coarse_map import WALL_COMFORT_M, Cell, CoarseMap
-from are_ros.artefacts.mdp import TravelModel, solve, travel_problem
+from are_ros.artefacts._step_kernels import Worth
+from are_ros.artefacts.coarse_map import Cell, CoarseMap
+from are_ros.artefacts.mdp import Problem, TravelModel, solve, travel_problem
 
 KEPT_BYTES_PER_TABLE: Final = 2**20
 """Planes of all epochs need so much at most; a crowd with a hundred goals has to fit the budget."""
@@ -17,8 +18,10 @@ KEPT_BYTES_PER_TABLE: Final = 2**20
 SHARED_CELLS: Final = 128 * 128
 """Windows up to this large serve all trips to a goal; of larger ones a trip takes its part."""
 
-TRIP_MARGIN_M: Final = 8.0
-_TRIP_STEP: Final = 8
+TRIP_MARGINS_M: Final = (4.0, 12.0)
+"""How much wider than start and goal the parts are: the first in which no way is missed."""
+
+_TRIP_STEP: Final = 4
 
 Window = tuple[slice, slice]
 Key = tuple[tuple[int, float, float, float], TravelModel, Cell, Cell, Cell]
@@ -46,6 +49,11 @@ class ValueTable:
     goal_m: tuple[float, float]
     model: TravelModel
     weights: npt.NDArray[np.float64]
+
+    @property
+    def worth(self) -> Worth:
+        """What kernels take of the table."""
+        return Worth(self.planes, self.lengths, self.gains, self.costs, self.weights)
 
     @property
     def nbytes(self) -> int:
@@ -110,26 +118,54 @@ class ValueTables:
 
         The table's `goal_m` is the point itself where the disc fits there, else the anchor of the
         cell that stands for it. On a large map one who starts at cell `start` gets a table of the
-        cells between it and the goal and 8 m about them, if a way leads through these.
+        cells between it and the goal and some metres about them, if it is sure that no way which
+        leaves them is better.
         """
         goal = coarse.cell_of(*goal_m)
         if goal is None:
             return None
-        window = self._window(coarse, goal)
-        table = None
+        window, table = self._window(coarse, goal), None
         if start is not None and _cells_in(window) > SHARED_CELLS:
-            table = self._of(coarse, model, goal, _part(window, goal, start, coarse.cell_size_m))
-        if table is None or start is None or not table.reaches(start):
+            table = self._of_part(coarse, model, goal, window, start)
+        if table is None:
             table = self._of(coarse, model, goal, window)
         if not coarse.holds(*goal_m):
             goal_m = coarse.anchor_of(goal)
         return table if table.goal_m == goal_m else replace(table, goal_m=goal_m)
 
-    def _of(self, coarse: CoarseMap, model: TravelModel, goal: Cell, window: Window) -> ValueTable:
-        low = (window[0].start, window[1].start)
-        key = (coarse.key, model, goal, low, (window[0].stop, window[1].stop))
+    def _of_part(
+        self, coarse: CoarseMap, model: TravelModel, goal: Cell, whole: Window, start: Cell
+    ) -> ValueTable | None:
+        """Return the table of the smallest part that holds the best way; None if none surely does.
+
+        That depends on nothing but start and goal: not on which tables there are already.
+        """
+        for margin_m in TRIP_MARGINS_M:
+            margin = math.ceil(margin_m / coarse.cell_size_m)
+            window = _part(whole, goal, start, margin)
+            if not _holds(window, start):
+                return None
+            known = self._tables.get(_key(coarse, model, goal, window))
+            found = known or _problem(coarse, model, goal, window)
+            cost = found.costs[start[0] - window[0].start, start[1] - window[1].start]
+            if cost <= _least_outside(model, goal, start, margin):
+                problem = found if isinstance(found, Problem) else None
+                return self._of(coarse, model, goal, window, problem)
+        return None
+
+    def _of(
+        self,
+        coarse: CoarseMap,
+        model: TravelModel,
+        goal: Cell,
+        window: Window,
+        problem: Problem | None = None,
+    ) -> ValueTable:
+        """Return the table of a window, whose problem may be known."""
+        key = _key(coarse, model, goal, window)
         if key not in self._tables:
-            self._insert(key, self._made(coarse, model, goal, window))
+            problem = problem or _problem(coarse, model, goal, window)
+            self._insert(key, self._made(coarse, problem, key[3], goal))
         self._tables.move_to_end(key)
         return self._tables[key]
 
@@ -141,13 +177,7 @@ class ValueTables:
         )
         return rows, cols
 
-    def _made(
-        self, coarse: CoarseMap, model: TravelModel, goal: Cell, window: Window
-    ) -> ValueTable:
-        corner = (window[0].start, window[1].start)
-        inner = (goal[0] - corner[0], goal[1] - corner[1])
-        edges, nearness = windowed_edges(coarse, window), nearness_to_walls(coarse.room_m[window])
-        problem = travel_problem(edges, nearness, inner, model)
+    def _made(self, coarse: CoarseMap, problem: Problem, corner: Cell, goal: Cell) -> ValueTable:
         solution = solve(problem, self._horizon, self._kept_bytes)
         return ValueTable(
             planes=solution.planes,
@@ -157,8 +187,8 @@ class ValueTables:
             corner=corner,
             goal=goal,
             goal_m=coarse.anchor_of(goal),
-            model=model,
-            weights=_weights(model, corner, inner),
+            model=problem.model,
+            weights=_weights(problem.model, corner, problem.goal),
         )
 
     def _insert(self, key: Key, table: ValueTable) -> None:
@@ -169,23 +199,45 @@ class ValueTables:
             self.nbytes -= oldest.nbytes
 
 
+def _key(coarse: CoarseMap, model: TravelModel, goal: Cell, window: Window) -> Key:
+    rows, cols = window
+    return coarse.key, model, goal, (rows.start, cols.start), (rows.stop, cols.stop)
+
+
+def _problem(coarse: CoarseMap, model: TravelModel, goal: Cell, window: Window) -> Problem:
+    inner = (goal[0] - window[0].start, goal[1] - window[1].start)
+    return travel_problem(windowed_edges(coarse, window), coarse.nearness[window], inner, model)
+
+
 def _cells_in(window: Window) -> int:
     """Return how many cells a window has."""
     rows, cols = window
     return int((rows.stop - rows.start) * (cols.stop - cols.start))
 
 
-def _part(window: Window, goal: Cell, start: Cell, cell_size_m: float) -> Window:
-    """Return the part of a window about a goal and a start, in steps of 8 cells: some share it."""
-    margin = math.ceil(TRIP_MARGIN_M / cell_size_m)
+def _holds(window: Window, cell: Cell) -> bool:
+    return all(part.start <= at < part.stop for part, at in zip(window, cell, strict=True))
+
+
+def _part(whole: Window, goal: Cell, start: Cell, margin: int) -> Window:
+    """Return the part of a window about a goal and a start, in steps of 4 cells: some share it."""
     rows, cols = (
         slice(
-            max(whole.start, (min(ends) - margin) // _TRIP_STEP * _TRIP_STEP),
-            min(whole.stop, -(-(max(ends) + margin + 1) // _TRIP_STEP) * _TRIP_STEP),
+            max(size.start, (min(ends) - margin) // _TRIP_STEP * _TRIP_STEP),
+            min(size.stop, -(-(max(ends) + margin + 1) // _TRIP_STEP) * _TRIP_STEP),
         )
-        for whole, *ends in zip(window, goal, start, strict=True)
+        for size, *ends in zip(whole, goal, start, strict=True)
     )
     return rows, cols
+
+
+def _least_outside(model: TravelModel, goal: Cell, start: Cell, margin: int) -> float:
+    """Return what any way costs at least that leaves the part about a start and a goal.
+
+    It goes as far aside as the part is wide, and back, and no step is cheaper than its time.
+    """
+    steps = abs(goal[0] - start[0]) + abs(goal[1] - start[1]) + 2 * (margin + 1)
+    return steps * model.time / model.reach
 
 
 def _weights(model: TravelModel, corner: Cell, goal: Cell) -> npt.NDArray[np.float64]:
@@ -199,9 +251,3 @@ def windowed_edges(coarse: CoarseMap, window: Window) -> npt.NDArray[np.bool_]:
     edges: npt.NDArray[np.bool_] = coarse.edges[:, window[0], window[1]].copy()
     edges[0, :, -1] = edges[1, -1, :] = edges[2, :, 0] = edges[3, 0, :] = False
     return edges
-
-
-def nearness_to_walls(room_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Return how near walls are, in [0, 1], for the room a disc has: the square of what lacks."""
-    lacks = np.clip(1.0 - room_m / np.float32(WALL_COMFORT_M), 0.0, 1.0)
-    return np.asarray(lacks * lacks, np.float32)

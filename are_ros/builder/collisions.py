@@ -1,7 +1,7 @@
 """Collisions (section 3.3): the paper's two remedies, so that no two artefacts ever overlap."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -12,7 +12,7 @@ from are_ros.builder.ring_search import RingSearch
 from are_ros.builder.robot_contact import ContactPolicy, RobotContact, contacts_of, depths_m
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint
-from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes, overlapping_pairs
+from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes, any_overlap
 
 _NO_INDICES = np.empty(0, dtype=np.int64)
 
@@ -46,6 +46,16 @@ class Resolution:
     def is_all_kept(self) -> bool:
         """Whether every artefact has its proposed pose."""
         return not self.outcomes.any()
+
+    def letting_pass(self, tracked: NDArray[np.intp]) -> "Resolution":
+        """Return the same, but that those who go by a track are where it says.
+
+        Unless they leave for a contact with the robot. `tracked` (M,) are their indices.
+        """
+        outcomes, shifts_m = self.outcomes.copy(), self.shifts_m.copy()
+        stay = tracked[outcomes[tracked] != Outcome.LEAVES_ON_CONTACT]
+        outcomes[stay], shifts_m[stay] = Outcome.KEPT, 0.0
+        return replace(self, outcomes=outcomes, shifts_m=shifts_m)
 
 
 class CollisionResolver:
@@ -88,10 +98,13 @@ class CollisionResolver:
         contacts = contacts_of(ids, depths)
         if not contacts and self._is_known(environment, proposed, last_safe):
             return _all_kept(proposed)
+        if not contacts and _is_safe(proposed, environment, robots):
+            self._scene = (environment, proposed.packed)
+            return _all_kept(proposed)
         scene = _Scene(proposed, last_safe, environment, tuple(robots))
         scene.judge(self._policy, depths)
         scene.settle(self._search)
-        self._remember(environment, scene)
+        self._scene = (environment, scene.current[scene.present])
         return Resolution(scene.outcomes, scene.shifts_m, scene.resolved(), contacts)
 
     def _is_known(
@@ -103,10 +116,6 @@ class CollisionResolver:
         return np.array_equal(self._scene[1], proposed.packed) and (
             proposed is last_safe or np.array_equal(proposed.packed, last_safe.packed)
         )
-
-    def _remember(self, environment: Environment, scene: "_Scene") -> None:
-        """Keep the boxes of those that stay."""
-        self._scene = (environment, scene.current[scene.present])
 
 
 class _Scene:
@@ -130,16 +139,15 @@ class _Scene:
         self._environment = environment
         self._robots = robots
         self._allowed = np.ones((count, 2), dtype=np.bool_)
+        self._limits = np.zeros((count, len(robots)))
 
     def judge(self, policy: ContactPolicy, depths: NDArray[np.float64]) -> None:
-        """Decide which poses walls and robots allow, and who leaves for a contact."""
-        moved = np.flatnonzero((self._proposed.packed != self._safe.packed).any(axis=1))
-        limits = policy.tolerated_m(depths) + TOUCH_TOLERANCE_M
-        walls = self._environment.hits_wall(self._safe)
-        self._allowed[:, :] = (~walls & (depths <= limits).all(axis=1))[:, None]
-        boxes = self._proposed.take(moved)
-        is_apart = (depths_m(self._robots, boxes) <= limits[moved]).all(axis=1)
-        self._allowed[moved, 0] = ~self._environment.hits_wall(boxes) & is_apart
+        """Decide which of the poses proposed walls and robots allow, and who leaves for a contact.
+
+        `depths` (N, R) are those of the robots into the boxes at the last safe poses.
+        """
+        self._limits = policy.tolerated_m(depths) + TOUCH_TOLERANCE_M
+        self._allowed[:, 0] = self._are_allowed(self._proposed)
         in_contact: NDArray[np.bool_] = np.any(depths > TOUCH_TOLERANCE_M, axis=1)
         self.present &= ~policy.leaves(in_contact)
         self.outcomes[~self.present] = Outcome.LEAVES_ON_CONTACT
@@ -152,6 +160,7 @@ class _Scene:
         if self._are_safe_together():
             self.current[:] = self._proposed.packed
             return
+        self._allowed[:, 1] = self._are_allowed(self._safe)
         adjacency = _collision_kernels.neighbours(self._proposed.packed, self._safe.packed)
         strays = _NO_INDICES
         i = self._walk(0, adjacency, strays)
@@ -163,7 +172,12 @@ class _Scene:
     def _are_safe_together(self) -> bool:
         """Tell whether everybody may have the pose proposed, and no two of them overlap."""
         allowed = self._allowed[:, 0].all() and self.present.all()
-        return bool(allowed) and not len(overlapping_pairs(self._proposed))
+        return bool(allowed) and not any_overlap(self._proposed)
+
+    def _are_allowed(self, boxes: OrientedBoxes) -> NDArray[np.bool_]:
+        """Tell which boxes (N) hit no wall, and no robot deeper than it tolerates."""
+        walls = self._environment.hits_wall(boxes)
+        return ~walls & (depths_m(self._robots, boxes) <= self._limits).all(axis=1)
 
     def resolved(self) -> OrientedBoxes:
         """Return the boxes where they now are."""
@@ -209,6 +223,13 @@ class _Scene:
         near[i] = False
         yaws_rad = np.arctan2(self.current[near, 4], self.current[near, 3])
         return OrientedBoxes(self.current[near, :3], yaws_rad, self.current[near, 5:])
+
+
+def _is_safe(boxes: OrientedBoxes, environment: Environment, robots: Sequence[Footprint]) -> bool:
+    """Tell whether no box hits a wall, a robot or another box: safe by any policy."""
+    if environment.hits_wall(boxes).any() or any_overlap(boxes):
+        return False
+    return not (depths_m(robots, boxes) > TOUCH_TOLERANCE_M).any()
 
 
 def _all_kept(proposed: OrientedBoxes) -> Resolution:

@@ -22,21 +22,19 @@ from are_ros.builder.collisions import CollisionResolver
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.farewells import Farewells
 from are_ros.builder.life_keeper import LifeKeeper
-from are_ros.builder.motions import MotionCounts
+from are_ros.builder.motion_counts import MotionCounts
 from are_ros.builder.out_of_view import Viewpoint
 from are_ros.builder.populations import motions_of, random_population
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.robots import RobotPose, RobotTracker
 from are_ros.builder.scene import Scene
 from are_ros.builder.spawning import Spawning
-from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.builder.step_clock import StepClock
+from are_ros.conventions import seconds_to_ns
 from are_ros.errors import PlacementError
 from are_ros.parameters.model import Parameters
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint
-
-_IDLE_NS = 60 * NS_PER_S
-"""Once nothing came in for this long, the world stands still between the population's events."""
 
 _EVENT_KINDS = {
     PopulationEventKind.ARRIVED: EventKind.ARRIVED,
@@ -75,9 +73,7 @@ class Lives:
         self._robots = robots
         self._spawning = Spawning(parameters, robots.observer.footprint)
         self._farewells = Farewells(parameters.population)
-        self._step_ns = seconds_to_ns(parameters.motion.step)
-        self._next_step_ns: int | None = None
-        self._last_input_ns = 0
+        self._steps = StepClock(seconds_to_ns(parameters.motion.step))
         self._robot: RobotPose | None = None
         self._viewpoints: Sequence[Viewpoint] = ()
         self._events: list[ArtefactEvent] = []
@@ -106,7 +102,7 @@ class Lives:
 
     def keep(self) -> LifeKeeper:
         """Keep all that happens from the start on; to be called before anything does."""
-        self._motions.keeper = LifeKeeper(self._step_ns)
+        self._motions.keeper = LifeKeeper(self._steps.period_ns)
         return self._motions.keeper
 
     @property
@@ -133,27 +129,27 @@ class Lives:
 
     def touch(self, received_ns: int) -> None:
         """Say that an input came in: the next sub-steps have something to look at."""
-        self._last_input_ns = received_ns
+        self._steps.touch(received_ns)
 
     def advance(self, now_ns: int) -> None:
         """Run the population's events and the sub-steps that are due up to `now_ns`."""
-        if self._next_step_ns is None:
+        steps = self._steps
+        if not steps.is_running:
             self._start(now_ns)
-            self._next_step_ns = -(-now_ns // self._step_ns) * self._step_ns
+            steps.begin(now_ns)
         while True:
             event_ns = self._next_event_ns()
-            if event_ns is not None and event_ns <= min(now_ns, self._next_step_ns):
+            if event_ns is not None and event_ns <= min(now_ns, steps.next_ns):
                 self._run_event(event_ns)
-            elif self._next_step_ns <= now_ns:
-                self._sub_step(self._next_step_ns)
-                self._next_step_ns = self._step_after(self._next_step_ns, now_ns)
+            elif steps.next_ns <= now_ns:
+                self._sub_step(steps.next_ns)
+                steps.go_on(now_ns)
             else:
                 return
 
     def next_due_ns(self) -> int:
         """Return when the next sub-step or event of the population is due."""
-        step_ns = self._next_step_ns or 0
-        event_ns = self._next_event_ns()
+        step_ns, event_ns = self._steps.next_ns, self._next_event_ns()
         return step_ns if event_ns is None else min(step_ns, event_ns)
 
     def restart(self, now_ns: int, cause: Cause) -> None:
@@ -164,7 +160,7 @@ class Lives:
         self._robot = self.goal = None
         self._viewpoints = ()
         self.plan_m = np.empty((0, 2))
-        self._next_step_ns, self._last_input_ns = None, now_ns
+        self._steps.stop(now_ns)
 
     def _start(self, now_ns: int) -> None:
         self.population.start(now_ns)
@@ -182,6 +178,11 @@ class Lives:
     def remove(self, artefact_id: int, now_ns: int, cause: Cause = Cause.REMOVED) -> None:
         """Let an artefact depart; InputError if none of this id lives."""
         self._say(self.population.remove(artefact_id, now_ns, cause))
+
+    def reseed(self, seed: int, now_ns: int) -> None:
+        """Let all that is drawn from `now_ns` on come from another seed; the living stay."""
+        self.population.reseed(seed, now_ns)
+        self._motions.minds.reseed(seed)
 
     def pause(self, now_ns: int, *, is_paused: bool) -> None:
         """Stop or resume arrivals, what is left of all lives, and collisions."""
@@ -235,13 +236,6 @@ class Lives:
         )
         self._say(event)
         return event.artefact_id
-
-    def _step_after(self, step_ns: int, now_ns: int) -> int:
-        """Return the next sub-step; the idle ones of a long pause of all inputs are left out."""
-        following_ns = step_ns + self._step_ns
-        if step_ns - self._last_input_ns < _IDLE_NS:
-            return following_ns
-        return max(following_ns, now_ns // self._step_ns * self._step_ns + self._step_ns)
 
     def _next_event_ns(self) -> int | None:
         if self.is_paused:
@@ -309,8 +303,7 @@ class Lives:
         if spawning.refresh(self._environment, self._robot, self._viewpoints):
             self._set_rates(step_ns)
         self.population.scripted.open(step_ns)
-        is_idle = step_ns - self._last_input_ns > _IDLE_NS
-        if not self.is_paused and not is_idle and self.population.living:
+        if not self.is_paused and not self._steps.is_idle and self.population.living:
             self._move(step_ns, self._environment)
             self._look_at_doings(step_ns)
 
@@ -326,10 +319,10 @@ class Lives:
 
     def _move(self, step_ns: int, environment: Environment) -> None:
         """Let the living decide, move and keep apart; let those go who are out, or have to."""
-        motions, spawning = self._motions, self._spawning
+        motions, spawning, period_ns = self._motions, self._spawning, self._steps.period_ns
         motions.enter(environment, spawning.region, spawning.zones)
         happened = motions.step(
-            step_ns, self._step_ns, self.population.living, environment, self._robot, self.plan_m
+            step_ns, period_ns, self.population.living, environment, self._robot, self.plan_m
         )
         self._events += happened.events
         for artefact_id, cause in happened.leavers:

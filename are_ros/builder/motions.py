@@ -5,7 +5,7 @@ are where the resolver has left them (section 3.3), and the traffic is told.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,7 @@ from are_ros.artefacts.navigation import Navigation
 from are_ros.artefacts.onlookers import Onlookers
 from are_ros.artefacts.places import places_in
 from are_ros.artefacts.population_events import Cause
+from are_ros.artefacts.pose_tape import PoseTape
 from are_ros.artefacts.scripted import ScriptedOffer
 from are_ros.artefacts.track_player import TrackPlayer
 from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
@@ -28,28 +29,17 @@ from are_ros.builder.contact_log import ContactLog
 from are_ros.builder.crowd import Crowd
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.life_keeper import LifeKeeper
+from are_ros.builder.motion_counts import MotionCounts
 from are_ros.builder.robot_motion import RobotWatch
 from are_ros.builder.robots import RobotPose
 from are_ros.world.environment import Environment
+from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.region import SpawnRegion
 from are_ros.world.zones import Zones
 
+_NO_INDICES = np.empty(0, np.intp)
 _STEPS_AHEAD = 30
 """So many sub-steps of a track the others know in advance."""
-
-
-@dataclass
-class MotionCounts:
-    """Sub-steps of artefacts so far: all, those of who moved, and those that the resolver changed.
-
-    `moved_back` and `displaced` over `artefact_steps` is the share of artefact-seconds in which a
-    collision had to be resolved because planning had not avoided it.
-    """
-
-    artefact_steps: int = 0
-    moving_steps: int = 0
-    moved_back: int = 0
-    displaced: int = 0
 
 
 @dataclass
@@ -60,12 +50,27 @@ class Happened:
     leavers: list[tuple[int, Cause]] = field(default_factory=list)
 
 
+@dataclass(frozen=True, eq=False)
+class _Wish:
+    """Where N artefacts want to be at the end of a sub-step, in the order of their ids.
+
+    `poses` float64 (N, 4) x, y, z, yaw, and the boxes there; `moved` bool (N,): who goes there by
+    itself; `tracked` int64 (M,): the indices of those who go by a track.
+    """
+
+    poses: npt.NDArray[np.float64]
+    boxes: OrientedBoxes
+    moved: npt.NDArray[np.bool_]
+    tracked: npt.NDArray[np.intp]
+
+
 class Motions:
     """Moves the living, all at once, from one sub-step to the next."""
 
     def __init__(
         self,
         crowd: Crowd,
+        tape: PoseTape,
         minds: Minds,
         navigation: Navigation,
         traffic: Traffic,
@@ -75,6 +80,7 @@ class Motions:
     ) -> None:
         """Take the parts, and the name of the robot."""
         self.crowd = crowd
+        self._tape = tape
         self.minds = minds
         self.navigation = navigation
         self.traffic = traffic
@@ -95,6 +101,7 @@ class Motions:
         if script is not None and script.track is not None:
             self.player.add(artefact, script.track, script.start_ns)
         else:
+            artefact.history = self._tape.begin(artefact.id, artefact.arrival_ns, pose)
             self.minds.admit(artefact, body)
         if self.keeper is not None:
             self.keeper.arrived(artefact)
@@ -104,6 +111,7 @@ class Motions:
         if self.keeper is not None:
             self.keeper.departed(artefact_id, now_ns, cause)
         self.player.remove(artefact_id, now_ns)
+        self._tape.stop(artefact_id)
         self.crowd.remove(artefact_id)
         self.traffic.remove(artefact_id)
         self.minds.dismiss(artefact_id)
@@ -119,7 +127,8 @@ class Motions:
         self.navigation.enter(environment, places)
 
     def forget(self) -> None:
-        """Forget how the robot moved, and whom it touches: the clock jumped."""
+        """Forget where all were, how the robot moved, and whom it touches: the clock jumped."""
+        self._tape.clear()
         self.contacts.forget()
         self._robot_watch.forget()
 
@@ -136,38 +145,50 @@ class Motions:
         index = step_ns // period_ns
         motion = self._robot_watch.see(robot, step_ns) if robot else None
         gone = self._decide(index, step_ns, living, motion, plan_m)
-        last_safe = self.crowd.boxes
-        for artefact_id in self.player.ids:
-            ahead = self.player.ahead(artefact_id, step_ns - period_ns, _STEPS_AHEAD)
-            self.traffic.prescribe(artefact_id, ahead)
-        self.traffic.step(index, environment, motion)
-        moved = self.traffic.moved
-        poses, boxes = self.crowd.proposed(self.traffic.poses, moved, environment)
-        tracked = np.searchsorted(self.crowd.ids, self.player.ids)
-        if len(tracked):
-            on_track, goes = self.player.move(step_ns)
-            poses, boxes = self.crowd.with_poses(poses, tracked, on_track)
+        before, last_safe = self.crowd.poses, self.crowd.boxes
+        wish = self._wish(index, step_ns, period_ns, environment, motion)
         resolution = self.resolver.resolve(
-            self.crowd.ids, boxes, last_safe, environment, [robot.footprint] if robot else []
+            self.crowd.ids, wish.boxes, last_safe, environment, [robot.footprint] if robot else []
         )
-        if len(tracked):
-            resolution = _let_pass(resolution, tracked)
+        if len(wish.tracked):
+            resolution = resolution.letting_pass(wish.tracked)
         begun = self.contacts.begun(step_ns, resolution.contacts, living)
         happened = Happened(begun, [(artefact_id, Cause.LIFE_OVER) for artefact_id in gone])
-        self._count(moved, resolution)
+        self.counts.add(wish.moved, resolution)
+        moved = wish.moved
         if resolution.is_all_kept:
-            self.crowd.move(poses, boxes)
+            self.crowd.move(wish.poses, wish.boxes)
         else:
-            moved = self._correct(step_ns, poses, moved, resolution, living, happened)
-        if len(tracked):
-            moved = moved.copy()
-            moved[tracked] = False  # the player has written their histories
-        self._remember(step_ns, step_ns - period_ns, moved, living)
+            moved = self._correct(step_ns, wish, resolution, living, happened)
+        self._tape.record(step_ns - period_ns, step_ns, self.crowd.ids, before, self.crowd.poses)
         if self.keeper is not None:
-            if len(tracked):
-                moved[tracked] = goes
             self.keeper.step(step_ns, self.crowd.ids, self.crowd.poses, moved)
         return happened
+
+    def _wish(
+        self,
+        index: int,
+        step_ns: int,
+        period_ns: int,
+        environment: Environment,
+        robot: RobotMotion | None,
+    ) -> _Wish:
+        """Let the traffic go on, and the tracks."""
+        crowd, traffic, player = self.crowd, self.traffic, self.player
+        for artefact_id in player.ids:
+            ahead = player.ahead(artefact_id, step_ns - period_ns, _STEPS_AHEAD)
+            traffic.prescribe(artefact_id, ahead)
+        traffic.step(index, environment, robot)
+        moved = traffic.moved
+        poses, boxes = crowd.proposed(traffic.poses, moved, environment)
+        if not player.ids:
+            return _Wish(poses, boxes, moved, _NO_INDICES)
+        tracked = np.searchsorted(crowd.ids, player.ids)
+        on_track, goes = player.move(step_ns)
+        poses, boxes = crowd.with_poses(poses, tracked, on_track)
+        moved = moved.copy()
+        moved[tracked] = goes
+        return _Wish(poses, boxes, moved, tracked)
 
     def _decide(
         self,
@@ -185,27 +206,19 @@ class Motions:
         seen = _as_seen(robot, plan_m) if robot else None
         return self.minds.decide(index, step_ns, view, traffic, seen)
 
-    def _count(self, moved: npt.NDArray[np.bool_], resolution: Resolution) -> None:
-        counts, outcomes = self.counts, resolution.outcomes
-        counts.artefact_steps += len(moved)
-        counts.moving_steps += int(np.count_nonzero(moved))
-        counts.moved_back += int(np.count_nonzero(outcomes == Outcome.MOVED_BACK))
-        counts.displaced += int(np.count_nonzero(outcomes >= Outcome.DISPLACED_TO_SAFE))
-
     def _correct(
         self,
         step_ns: int,
-        poses: npt.NDArray[np.float64],
-        moved: npt.NDArray[np.bool_],
+        wish: _Wish,
         resolution: Resolution,
         living: Mapping[int, Artefact],
         happened: Happened,
     ) -> npt.NDArray[np.bool_]:
         """Put those where they are who could not be kept; return who has moved by itself."""
         corrected = np.flatnonzero(resolution.outcomes != Outcome.KEPT)
-        settled = poses.copy()
+        settled = wish.poses.copy()
         settled[corrected] = self.crowd.poses[corrected]
-        moved = moved.copy()
+        moved: npt.NDArray[np.bool_] = wish.moved.copy()
         moved[corrected] = False
         for i in corrected.tolist():
             artefact = living[int(self.crowd.ids[i])]
@@ -233,36 +246,11 @@ class Motions:
         bottom_m = resolution.boxes.centres_m[i, 2] - resolution.boxes.half_sizes_m[i, 2]
         pose = GroundPose(was.x_m + dx_m, was.y_m + dy_m, float(bottom_m), was.yaw_rad)
         artefact.history.append(step_ns - 1, was)
-        artefact.history.append(step_ns, pose)
         distance_m, label = float(np.hypot(dx_m, dy_m)), artefact.row.label
         happened.events.append(
             ArtefactEvent(step_ns, EventKind.DISPLACED, artefact.id, label, "moved", distance_m)
         )
         return pose
-
-    def _remember(
-        self,
-        step_ns: int,
-        before_ns: int,
-        moved: npt.NDArray[np.bool_],
-        living: Mapping[int, Artefact],
-    ) -> None:
-        """Append the poses of who moved to its history; one that sets off did so a step ago."""
-        which = np.flatnonzero(moved)
-        ids, columns = self.crowd.ids[which].tolist(), self.crowd.poses[which].T.tolist()
-        for artefact_id, pose in zip(ids, zip(*columns, strict=True), strict=True):
-            living[artefact_id].history.go_on(before_ns, step_ns, pose)
-
-
-def _let_pass(resolution: Resolution, tracked: npt.NDArray[np.intp]) -> Resolution:
-    """Return what was resolved, but that those who go by a track are where it says.
-
-    Unless they leave for a contact with the robot.
-    """
-    outcomes, shifts_m = resolution.outcomes.copy(), resolution.shifts_m.copy()
-    stay = tracked[outcomes[tracked] != Outcome.LEAVES_ON_CONTACT]
-    outcomes[stay], shifts_m[stay] = Outcome.KEPT, 0.0
-    return replace(resolution, outcomes=outcomes, shifts_m=shifts_m)
 
 
 def _as_seen(robot: RobotMotion, plan_m: npt.NDArray[np.float64]) -> RobotView:

@@ -11,6 +11,7 @@ from are_ros.artefacts.mixture import mixture_of
 from are_ros.artefacts.motion.traffic import Traffic
 from are_ros.artefacts.navigation import Navigation
 from are_ros.artefacts.population import Population
+from are_ros.artefacts.pose_tape import PoseTape
 from are_ros.artefacts.scenario import Scenario
 from are_ros.artefacts.scenario_file import read_scenario
 from are_ros.artefacts.scripted import ScriptedOffer, ScriptedSource
@@ -58,7 +59,8 @@ def motions_of(parameters: Parameters, robot: str, resolver: CollisionResolver) 
     crowd = Crowd(parameters.world.ground)
     traffic = Traffic(step_s, terrains)
     player = TrackPlayer(seconds_to_ns(step_s))
-    return Motions(crowd, minds, navigation, traffic, player, resolver, robot)
+    tape = PoseTape(seconds_to_ns(parameters.poses.history))
+    return Motions(crowd, tape, minds, navigation, traffic, player, resolver, robot)
 
 
 def scenario_of(parameters: Parameters, catalogue: Catalogue) -> Scenario:

@@ -33,6 +33,7 @@ class Requests:
 
     def __init__(self, reality: Reality) -> None:
         self._reality = reality
+        self._seed = reality.parameters.seed
         self._asked = 0
 
     def spawn(self, request: SpawnRequest, now_ns: int) -> int:
@@ -67,7 +68,8 @@ class Requests:
     def reseed(self, seed: int, now_ns: int) -> None:
         """Draw from another seed from now on; the living stay."""
         self._reality.advance(now_ns)
-        self._reality.lives.population.reseed(seed, now_ns)
+        self._reality.lives.reseed(seed, now_ns)
+        self._seed, self._asked = seed, 0
 
     def _row_of(self, request: SpawnRequest) -> CatalogueRow:
         catalogue = self._reality.catalogue
@@ -76,7 +78,7 @@ class Requests:
         if request.row < 0:
             rows = self._able(rows, request)
             self._asked += 1
-            stream = generator(self._reality.parameters.seed, Purpose.REQUEST, self._asked)
+            stream = generator(self._seed, Purpose.REQUEST, self._asked)
             return rows[int(stream.integers(len(rows)))]
         chosen = [row for row in rows if row.index == request.row]
         if not chosen:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, boxes_of
 from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.artefacts.pose_tape import poses_at
 from are_ros.world.oriented_boxes import OrientedBoxes
 
 
@@ -23,14 +24,7 @@ class Scene:
     @classmethod
     def of(cls, artefacts: Sequence[Artefact], t_ns: int) -> "Scene":
         """Return the scene of these artefacts at `t_ns`."""
-        poses = tuple(artefact.ground_pose_at(t_ns) for artefact in artefacts)
-        boxes = boxes_of([artefact.row for artefact in artefacts], poses)
-        return cls(tuple(artefacts), poses, boxes)
-
-    @classmethod
-    def now(cls, artefacts: Sequence[Artefact]) -> "Scene":
-        """Return the scene of these artefacts at their newest poses."""
-        poses = tuple(artefact.history.latest for artefact in artefacts)
+        poses = tuple(poses_at([artefact.history for artefact in artefacts], t_ns))
         boxes = boxes_of([artefact.row for artefact in artefacts], poses)
         return cls(tuple(artefacts), poses, boxes)
 
@@ -61,9 +55,5 @@ class Scene:
         return Scene(
             tuple(self.artefacts[i] for i in chosen),
             tuple(self.poses[i] for i in chosen),
-            OrientedBoxes(
-                self.boxes.centres_m[chosen],
-                self.boxes.yaws_rad[chosen],
-                self.boxes.half_sizes_m[chosen],
-            ),
+            self.boxes.take(np.array(chosen, dtype=np.int64)),
         )

@@ -1,6 +1,6 @@
 """Where artefacts may arrive in the present environment, and away from whom."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -119,7 +119,7 @@ class Spawning:
         within = None if near is None else Disc(*near, self._population.group_radius)
         hidden, wished = _Filter(self._hidden()), _Filter(allowed)
         for tests in ((hidden, wished), (hidden,)):
-            around = Surroundings(others, keep_out, _all_of(*tests))
+            around = Surroundings(others, keep_out, _all_of(tests))
             pose = placer.place(row, generator, around, within)
             if pose is not None or not wished.has_refused:
                 break
@@ -189,6 +189,7 @@ class _Filter:
 
     def __init__(self, test: Allowed | None) -> None:
         self.has_refused = False
+        self.is_any = test is not None
         self._test = test
 
     def __call__(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
@@ -199,12 +200,15 @@ class _Filter:
         return passed
 
 
-def _all_of(*tests: Allowed) -> Allowed:
+def _all_of(tests: Iterable[_Filter]) -> Allowed | None:
     """Return the test of passing all tests; a later one sees only what passed those before."""
+    asked = [test for test in tests if test.is_any]
+    if len(asked) < 2:
+        return asked[0] if asked else None
 
     def allowed(boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
         passed = np.ones(len(boxes), np.bool_)
-        for test in tests:
+        for test in asked:
             passed[passed] = test(boxes.take(passed))
         return passed
 

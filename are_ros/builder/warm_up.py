@@ -11,6 +11,7 @@ from numba.core import event
 from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.builder.ar_builder import ArBuilder
+from are_ros.builder.assembly import collision_resolver
 from are_ros.conventions import FREE, NS_PER_S, OCCUPIED
 from are_ros.errors import PlacementError
 from are_ros.parameters.declaration import with_values
@@ -18,6 +19,7 @@ from are_ros.parameters.model import Parameters
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.observer import Camera, mounted_camera
 from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.view_models import PinholeView
 
@@ -89,6 +91,7 @@ def _run(catalogue: Catalogue, is_wanted: Callable[[], bool]) -> bool:
             _let_walk(builder, catalogue, now_ns)
         builder.step(now_ns)
         builder.take_scans()
+    _let_collide(builder)
     return True
 
 
@@ -102,6 +105,20 @@ def _let_walk(builder: ArBuilder, catalogue: Catalogue, now_ns: int) -> None:
         with suppress(PlacementError):  # one that is too large for the room walks nowhere
             pose = GroundPose(-2.0, y_m, 0.0, 0.0)
             builder.lives.place(smallest, pose, now_ns, behaviour="walking")
+
+
+def _let_collide(builder: ArBuilder) -> None:
+    """Resolve a collision: planning leaves so few that the room may have seen none."""
+    environment = builder.lives.environment
+    if environment is None:
+        return
+    halves_m, yaws_rad = np.full((2, 3), 0.2), np.zeros(2)
+    apart, together = (
+        OrientedBoxes(np.array([[0.0, y_m, 0.5], [0.0, -y_m, 0.5]]), yaws_rad, halves_m)
+        for y_m in (0.5, 0.1)
+    )
+    resolver = collision_resolver(builder.parameters)
+    resolver.resolve(np.array([1, 2]), together, apart, environment, ())
 
 
 def _room() -> OccupancyGrid:

@@ -11,7 +11,7 @@ from typing import Any
 from are_ros.artefacts.catalogue import Catalogue, MotionLimits
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.events import EventKind
-from are_ros.builder.motions import MotionCounts
+from are_ros.builder.motion_counts import MotionCounts
 from are_ros.builder.outputs import ArtefactState
 from are_ros.builder.tick import Demand, Tick
 from are_ros.conventions import NS_PER_S

@@ -22,6 +22,32 @@ def pack(centres_m: _FloatArray, yaws_rad: _FloatArray, half_sizes_m: _FloatArra
 
 
 @compiled
+def write_standing(packed: _FloatArray, i: int, pose: _FloatArray, shape: _FloatArray) -> None:
+    """Write box i of `packed` (N, 8): of a body that stands at a pose, as `standing` has them."""
+    cos, sin = np.cos(pose[3]), np.sin(pose[3])
+    packed[i, 0] = pose[0] + cos * shape[3] - sin * shape[4]
+    packed[i, 1] = pose[1] + sin * shape[3] + cos * shape[4]
+    packed[i, 2] = pose[2] + shape[2]
+    packed[i, 3] = cos
+    packed[i, 4] = sin
+    packed[i, 5:8] = shape[:3]
+
+
+@compiled
+def standing(poses: _FloatArray, shapes: _FloatArray) -> _FloatArray:
+    """Return the packed boxes (N, 8) of bodies that stand on the ground.
+
+    Poses (N, 4) are x, y, z, yaw. Shapes (N, 5), or one row for all: half x, half y, half z, and
+    the box's centre x, y in the frame of the body.
+    """
+    packed = np.empty((poses.shape[0], 8))
+    step = 0 if shapes.shape[0] == 1 else 1
+    for i in range(poses.shape[0]):
+        write_standing(packed, i, poses[i], shapes[i * step])
+    return packed
+
+
+@compiled
 def boxes_overlap(p: _FloatArray, i: int, q: _FloatArray, j: int, tolerance_m: float) -> bool:
     """Tell whether box i of p and box j of q overlap by more than a tolerance on each axis.
 
@@ -56,13 +82,12 @@ def overlaps_elementwise(p: _FloatArray, q: _FloatArray, tolerance_m: float) -> 
 @compiled
 def overlaps_any_of(p: _FloatArray, q: _FloatArray, tolerance_m: float) -> NDArray[np.bool_]:
     """Tell for each row of p whether it overlaps any row of q."""
-    reach_p = np.hypot(p[:, 5], p[:, 6])
-    reach_q = np.hypot(q[:, 5], q[:, 6])
     out = np.zeros(p.shape[0], np.bool_)
     for i in range(p.shape[0]):
+        own_m = p[i, 5] + p[i, 6]
         for j in range(q.shape[0]):
-            reach = reach_p[i] + reach_q[j]
-            near = abs(q[j, 0] - p[i, 0]) < reach and abs(q[j, 1] - p[i, 1]) < reach
+            reach_m = own_m + q[j, 5] + q[j, 6]  # more than any of the corners has
+            near = abs(q[j, 0] - p[i, 0]) < reach_m and abs(q[j, 1] - p[i, 1]) < reach_m
             if near and boxes_overlap(p, i, q, j, tolerance_m):
                 out[i] = True
                 break

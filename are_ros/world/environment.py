@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from are_ros.world import _wall_kernels
-from are_ros.world.ground import Ground
+from are_ros.world.ground import Ground, PlaneGround
 from are_ros.world.lattice_cover import lattice_row
 from are_ros.world.occupancy_grid import CellClasses, OccupancyGrid
 from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes
@@ -94,6 +94,8 @@ class Environment:
 
     def ground_heights_m(self, boxes: OrientedBoxes) -> NDArray[np.float64]:
         """Return the ground's height (N,) under boxes: the median over 3 x 3 points of each."""
+        if isinstance(self.ground, PlaneGround):
+            return np.full(len(boxes), float(self.ground.height_m))
         x, y = np.moveaxis(_SAMPLES * boxes.half_sizes_m[:, None, :2], -1, 0)
         c, s = boxes.packed[:, 3, None], boxes.packed[:, 4, None]
         points_m = np.stack((x * c - y * s, x * s + y * c), axis=-1) + boxes.centres_m[:, None, :2]

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from are_ros.world import box_kernels, broad_phase
+from are_ros.world import box_kernels, broad_phase, overlap_search
 
 TOUCH_TOLERANCE_M: Final = 1e-9
 """Sets are open: what meets by no more than this only touches. It absorbs rounding, no more."""
@@ -38,6 +38,34 @@ class OrientedBoxes:
         """Return no boxes at all."""
         return cls(np.empty((0, 3)), np.empty(0), np.empty((0, 3)))
 
+    @classmethod
+    def of_packed(
+        cls, packed: NDArray[np.float64], yaws_rad: NDArray[np.float64]
+    ) -> "OrientedBoxes":
+        """Return the boxes of rows (N, 8) as `packed` gives them, which are kept, with their yaws.
+
+        Nobody writes into the rows later; cos and sin are those of the yaws (N,).
+        """
+        packed = packed.view()
+        packed.flags.writeable = False
+        boxes = object.__new__(cls)  # views are enough: nothing is converted, checked or copied
+        boxes.__dict__.update(
+            centres_m=packed[:, :3],
+            yaws_rad=_readonly(yaws_rad, (-1,)),
+            half_sizes_m=packed[:, 5:],
+            packed=packed,
+        )
+        return boxes
+
+    @classmethod
+    def standing(cls, poses: NDArray[np.float64], shapes: NDArray[np.float64]) -> "OrientedBoxes":
+        """Return the boxes of bodies on the ground at poses (N, 4), x, y, z, yaw, in their frame.
+
+        Shapes (N, 5), or one row for all, are half x, half y, half z, and the box's centre x, y in
+        the frame of the body.
+        """
+        return cls.of_packed(box_kernels.standing(poses, shapes), poses[:, 3])
+
     def __len__(self) -> int:
         return len(self.yaws_rad)
 
@@ -48,7 +76,7 @@ class OrientedBoxes:
 
     def take(self, which: NDArray[np.int64] | NDArray[np.bool_] | slice) -> "OrientedBoxes":
         """Return the boxes chosen by indices, by a mask (N,) or by a slice."""
-        return OrientedBoxes(self.centres_m[which], self.yaws_rad[which], self.half_sizes_m[which])
+        return OrientedBoxes.of_packed(self.packed[which], self.yaws_rad[which])
 
     def footprints(self) -> NDArray[np.float64]:
         """Return the footprints' corners (N, 4, 2), counter-clockwise from the front left one."""
@@ -90,6 +118,11 @@ def overlapping_pairs(boxes: OrientedBoxes) -> NDArray[np.int64]:
     pairs = pairs[box_kernels.filter_pairs(boxes.packed, pairs, TOUCH_TOLERANCE_M)]
     keys = np.sort(pairs[:, 0] * len(boxes) + pairs[:, 1])
     return np.column_stack(np.divmod(keys, max(len(boxes), 1)))
+
+
+def any_overlap(boxes: OrientedBoxes) -> bool:
+    """Tell whether any two of the boxes overlap: as `overlapping_pairs`, but much quicker."""
+    return overlap_search.any_overlap(boxes.packed, TOUCH_TOLERANCE_M)
 
 
 def _readonly(values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:

@@ -190,21 +190,3 @@ def test_velocity_is_that_of_the_motion_under_way() -> None:
     history.append(NS_PER_S - 1, history.latest)
     history.append(NS_PER_S, GroundPose(9.0, 9.0, 0.0, -3.0))
     assert history.velocity_at(NS_PER_S) == (0.0, 0.0, 0.0)
-
-
-def test_going_on_is_appending_after_a_stand() -> None:
-    """Poses that come as plain tuples, step by step, give the history that appending gives."""
-    step_ns, first = NS_PER_S // 20, GroundPose(0.0, 0.0, 0.0, 0.0)
-    one, other = PoseHistory(0, first), PoseHistory(0, first)
-    for k in (3, 4, 5, 9, 10, 10, *range(20, 90)):
-        pose, end_ns = (0.1 * (k // 2), 0.2, 0.0, 0.01 * k), k * step_ns
-        one.go_on(end_ns - step_ns, end_ns, pose)
-        if other.latest_ns < end_ns - step_ns:
-            other.append(end_ns - step_ns, other.latest)
-        other.append(end_ns, GroundPose(*pose))
-    assert len(one) == len(other)
-    for t_ns in range(0, 95 * step_ns, step_ns // 3):
-        assert one.pose_at(t_ns) == other.pose_at(t_ns)
-        assert one.velocity_at(t_ns) == other.velocity_at(t_ns)
-    assert isinstance(one.latest, GroundPose)
-    assert one.latest is one.latest

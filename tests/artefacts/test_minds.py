@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
-from are_ros.artefacts.behaviours.situation import Fellow
+from are_ros.artefacts.behaviours.intent import Intent
+from are_ros.artefacts.behaviours.situation import Fellow, Situation
 from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits
 from are_ros.artefacts.minds import Minds
 from are_ros.artefacts.motion.body import Body
@@ -240,6 +241,23 @@ def test_who_is_stuck_says_why(way: tuple[Hindrance, int, float], words: str) ->
     town.road.way = way
     town.decide(20)
     assert one.activity == words
+
+
+def test_what_others_do_is_known_from_the_sub_step_before() -> None:
+    """Who decides later in a sub-step does not see what an earlier one has just begun."""
+    town, seen = Town(), list[str]()
+    town.admit(1, 0)
+    town.admit(2, 0)
+    mind, behaviour = town.minds._minds[2], town.minds._minds[2].behaviour
+
+    def decide(situation: Situation) -> Intent:
+        seen.extend(fellow.activity for fellow in situation.fellows_within(1.0))
+        return behaviour.decide(situation)
+
+    mind.behaviour = SimpleNamespace(name="spy", decide=decide)  # type: ignore[assignment]
+    town.decide(0)
+    town.decide(20)
+    assert seen == ["", "writing"]
 
 
 def test_who_only_stands_waits_for_nobody() -> None:

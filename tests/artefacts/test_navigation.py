@@ -11,11 +11,12 @@ from are_ros.artefacts.behaviours.intent import Intent, Point, stand
 from are_ros.artefacts.behaviours.situation import Fellow, RobotView
 from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits, RewardWeights
 from are_ros.artefacts.motion.body import Body
-from are_ros.artefacts.navigation import Comfort, Leg, Navigation, Traveller
+from are_ros.artefacts.navigation import Leg, Navigation
 from are_ros.artefacts.onlookers import Onlookers
 from are_ros.artefacts.places import Places
 from are_ros.artefacts.shapes import Shape
 from are_ros.artefacts.terrain import Terrains
+from are_ros.artefacts.traveller import Comfort, Traveller
 from are_ros.parameters.model import BehaviourParameters
 from are_ros.world.environment import Environment
 from tests.artefacts.floors import terrain_of, two_rooms
@@ -243,8 +244,43 @@ def test_comfort_follows_the_weights() -> None:
     assert 0.3 < person.robot_m < 0.7
 
 
-def test_a_long_one_needs_room_to_turn_but_no_circle() -> None:
+def test_a_long_vehicle_needs_room_to_turn_but_no_circle() -> None:
     """Between half its width and the circle about it."""
     assert 0.9 < traveller(LONG).radius_m < Body.of(LONG).radius_m
-    assert traveller().radius_m <= Body.of(ROW).radius_m
     assert traveller(LONG).height_m == 1.5
+
+
+def test_who_turns_on_the_spot_needs_all_of_its_disc() -> None:
+    """A bed of 0.6 x 1.4 m does not go through a door of 1 m, a vehicle of its size does."""
+    bed = replace(ROW, size_m=(1.4, 0.6, 1.0))
+    assert traveller(bed).radius_m == Body.of(bed).radius_m
+    assert leg((8.0, 5.0), row=bed).no_way
+    tug = replace(bed, motion=replace(WALK, turn_radius_m=1.0))
+    assert not leg((8.0, 5.0), row=tug).no_way
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.5, -2.5])
+def test_a_sub_goal_is_where_one_can_stand_and_turn(yaw: float) -> None:
+    """Nothing closed is in the disc about it, wherever one is: there the traffic lets one stop."""
+    walls = np.random.default_rng(5).random((120, 160)) < 0.003
+    walls[56:65, 76:85] = False
+    environment = terrain_of(walls, yaw_rad=0.4).environment
+    ways, grid, radius_m = navigation(environment), environment.grid, traveller().radius_m
+    closed = np.argwhere(np.pad(walls, 1, constant_values=True)) - 1
+    goal_m, count = grid.cells_to_points([(60, 80)])[0].tolist(), 0
+    for point_m in grid.cells_to_points(np.argwhere(~walls)[::300]).tolist():
+        at = leg((goal_m[0], goal_m[1]), (*point_m, yaw), ways=ways).order.subgoal_m
+        if at is None or at == goal_m:
+            continue
+        row, col = _in_cells(environment, at)
+        beside = np.maximum(np.maximum(closed - (row, col), (row, col) - closed - 1.0), 0.0)
+        assert np.hypot(*beside.T).min() * grid.resolution_m >= radius_m - 1e-6
+        count += 1
+    assert count > 20
+
+
+def _in_cells(environment: Environment, point_m: Point) -> tuple[float, float]:
+    """Return row and column of a point, with fractions."""
+    local = environment.grid.origin.inverse().apply(np.array([[*point_m, 0.0]]))[0]
+    unit = environment.grid.resolution_m
+    return float(local[1]) / unit, float(local[0]) / unit

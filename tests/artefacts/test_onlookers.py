@@ -6,9 +6,11 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from are_ros.artefacts._step_kernels import FADE_M, MINDED_M, Crowd, Minded, others_about
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.behaviours.situation import Fellow
 from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.artefacts.neighbourhood import Cells
 from are_ros.artefacts.onlookers import Onlookers
 from are_ros.artefacts.shapes import Shape
 
@@ -73,33 +75,66 @@ def test_who_is_near_comes_nearest_first(radius_m: float) -> None:
         assert [f.id for f in view.within(x_m, y_m, radius_m)] == [3 * i + 3 for i in order]
 
 
-def test_others_are_expected_where_their_velocity_takes_them() -> None:
-    """All but oneself within the radius now, with their radii; standing ones where they are."""
-    view, _, numbers = crowd(40)
+def test_who_is_near_can_be_asked_for_by_what_it_does() -> None:
+    """Of one behaviour, at one of some activities; the same as by looking at all."""
+    view, living, _ = crowd(40)
+    for k, one in enumerate(living.values()):
+        one.behaviour = ("walking", "gathering")[k % 2]
+        one.activity = ("", "waiting", "talking")[k % 3]
+    everybody = view.within(0.0, 0.0, 9.0)
+    gathering = view.within(0.0, 0.0, 9.0, "gathering")
+    assert gathering == [f for f in everybody if f.behaviour == "gathering"]
+    hosts = view.within(0.0, 0.0, 9.0, "gathering", ("waiting", "talking"))
+    assert hosts == [f for f in gathering if f.activity]
+    assert 0 < len(hosts) < len(gathering) < len(everybody)
+    talking = view.within(0.0, 0.0, 9.0, activities=("talking",))
+    assert talking == [f for f in everybody if f.activity == "talking"]
+
+
+def minded(
+    view: Onlookers, me: Fellow, others: Minded, radius_m: float = 0.2
+) -> npt.NDArray[np.float64]:
+    """Return who is minded about one, as rows of x, y, radius, fade and weight."""
+    arrays = view.crowd
+    everybody = Crowd(Cells(*arrays[:8]), *arrays[8:])
+    found: npt.NDArray[np.float64]
+    found = others_about(everybody, others, me.x_m, me.y_m, radius_m)
+    return found
+
+
+@pytest.mark.parametrize("robot_price", [0.0, 0.7])
+def test_others_are_minded_where_their_velocity_takes_them(robot_price: float) -> None:
+    """All but oneself within 3 m now, the nearest first; then the robot, if there is one."""
+    view, _, numbers = crowd(300)
     me = view.fellow(30)
     assert me is not None
-    points, radii = view.expected(me, 6.0, 2.0)
-    expected = {
-        3 * i + 3: (x + 2.0 * v * math.cos(yaw), y + 2.0 * v * math.sin(yaw))
-        for i, (x, y, _, yaw, v) in enumerate(numbers.tolist())
-        if 3 * i + 3 != 30 and math.hypot(x - me.x_m, y - me.y_m) <= 6.0
-    }
+    index = view.index_of(30)
+    found = minded(view, me, Minded(index, 2.0, 0.4, 1.0, 2.0, 0.9, robot_price))
+    away = np.hypot(numbers[:, 0] - me.x_m, numbers[:, 1] - me.y_m)
+    near = [i for i in np.argsort(away).tolist() if i != index and away[i] <= MINDED_M]
+    expected = [
+        (
+            x + 2.0 * v * math.cos(yaw),
+            y + 2.0 * v * math.sin(yaw),
+            0.2 + 0.2 + 0.01 * i,
+            FADE_M,
+            0.4,
+        )
+        for i, (x, y, _, yaw, v) in ((i, numbers[i].tolist()) for i in near)
+    ]
+    if robot_price > 0.0:
+        expected.append((1.0, 2.0, 0.9, FADE_M, robot_price))
     assert len(expected) > 5
-    found = {
-        round((radius - 0.2) / 0.01) * 3 + 3: p for radius, p in zip(radii, points, strict=True)
-    }
-    assert found.keys() == expected.keys()
-    for artefact_id, point in expected.items():
-        assert found[artefact_id].tolist() == pytest.approx(point)
+    np.testing.assert_allclose(found, expected)
 
 
-def test_alone_nobody_is_expected() -> None:
-    """Empty arrays of the right shapes."""
-    view, _, _ = crowd(1)
-    me = view.fellow(3)
-    assert me is not None
-    points, radii = view.expected(me, 6.0, 2.0)
-    assert (points.shape, radii.shape) == ((0, 2), (0,))
+def test_alone_nobody_is_minded() -> None:
+    """Nor in a crowd, by who is not to mind anybody."""
+    for count, index in ((1, 0), (300, -1)):
+        view, _, _ = crowd(count)
+        me = view.fellow(3)
+        assert me is not None
+        assert minded(view, me, Minded(index, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0)).shape == (0, 5)
 
 
 def test_seeing_is_asked_with_who_looks() -> None:

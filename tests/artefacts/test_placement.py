@@ -229,7 +229,7 @@ def test_blocked_if_and_only_if_the_lattice_holds_none(
         assert placer.place(row, _stream(seed + 1)) is None
     elif min(sizes) > 1e-6:
         assert _stands_free(smaller, _array([pose]), free).all()
-    boxes, _ = placer._standing(row, lattice)
+    boxes, _ = placer._standing(row, np.insert(lattice, 2, 0.0, axis=1))
     pieces = [*placer._static_poses(row, placer._cells, keep=False), np.empty(0, np.int64)]
     found = sum(piece.size for piece in pieces)
     assert found == np.count_nonzero(placer._environment.is_placeable(boxes))

@@ -121,6 +121,23 @@ def test_seeing_agrees_with_discs_along_the_segment(
     assert not seen or least > -0.04
 
 
+@given(
+    st.tuples(st.floats(0.0, 4.0), st.floats(0.0, 3.0)),
+    st.floats(0.05, 0.6),
+)
+def test_who_is_seen_on_the_spot_covers_nothing_closed(
+    point: tuple[float, float], radius_m: float
+) -> None:
+    """Exactly those discs that meet no closed cell's square."""
+    cells = room(4.0, 3.0)
+    wall(cells, (1.9, 2.0), (0.0, 1.7))
+    closed = np.argwhere(np.pad(cells, 1, constant_values=100) != 0)[:, ::-1] - 1
+    gaps = np.abs(point - (closed + 0.5) * CELL_M) - 0.5 * CELL_M
+    least = np.hypot(*np.maximum(gaps, 0.0).T).min() - radius_m
+    seen = Terrain(environment(cells), 1.7).sees(point, point, radius_m)
+    assert seen == (least >= 0.0) or abs(least) < 1e-6
+
+
 def test_the_farthest_seen_is_the_last_that_is_seen() -> None:
     """Points of a way are tried from its end, as one by one; without any it is the first."""
     walls = np.zeros((60, 60), np.bool_)

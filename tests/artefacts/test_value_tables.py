@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from are_ros.artefacts import value_tables
-from are_ros.artefacts.coarse_map import CoarseMap
+from are_ros.artefacts.coarse_map import CoarseMap, nearness_to_walls
 from are_ros.artefacts.mdp import TravelModel, solve, travel_problem
-from are_ros.artefacts.value_tables import ValueTables, nearness_to_walls, windowed_edges
+from are_ros.artefacts.value_tables import ValueTables, windowed_edges
 from tests.artefacts.floors import terrain_of, two_rooms
 
 WALKER = TravelModel(reach=3)
@@ -169,7 +169,7 @@ def test_walls_are_minded_within_half_a_metre() -> None:
 def test_on_a_large_map_a_trip_has_a_table_of_its_part(monkeypatch: pytest.MonkeyPatch) -> None:
     """It holds start and goal and the way between them; a part without a way gives the whole."""
     monkeypatch.setattr(value_tables, "SHARED_CELLS", 64)
-    monkeypatch.setattr(value_tables, "TRIP_MARGIN_M", 0.5)
+    monkeypatch.setattr(value_tables, "TRIP_MARGINS_M", (0.5,))
     walls = np.zeros((400, 400), np.bool_)
     walls[200:204, :380] = True  # the way from one side to the other is at the far end
     coarse, tables = CoarseMap(terrain_of(walls), 0.25), ValueTables(horizon=5)
@@ -184,3 +184,36 @@ def test_on_a_large_map_a_trip_has_a_table_of_its_part(monkeypatch: pytest.Monke
     assert part.cost(start) == pytest.approx(whole.cost(start))
     assert whole.reaches(beyond)
     assert not part.reaches(beyond)
+
+
+def test_a_part_that_may_miss_the_best_way_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The way around a wall is in the part where that is surely the best, else all is looked at."""
+    monkeypatch.setattr(value_tables, "SHARED_CELLS", 64)
+    monkeypatch.setattr(value_tables, "TRIP_MARGINS_M", (1.0, 3.0))
+    walls = np.zeros((400, 400), np.bool_)
+    walls[200:204, 20:180] = True  # from x = 1 to 9 m
+    coarse, tables = CoarseMap(terrain_of(walls), 0.25), ValueTables(horizon=5)
+    for x_m, is_far in ((8.0, False), (5.0, True)):
+        start = coarse.cell_of(x_m, 12.0)
+        assert start is not None
+        table = tables.value(coarse, WALKER, (x_m, 8.0), start)
+        whole = ValueTables(horizon=5).value(coarse, WALKER, (x_m, 8.0))
+        assert table is not None
+        assert whole is not None
+        assert table.cost(start) == pytest.approx(whole.cost(start))
+        assert (table.costs.size == whole.costs.size) == is_far
+
+
+def test_who_starts_beyond_the_longest_trip_has_the_table_of_the_whole_window(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It is not reached from there, on no side of the goal."""
+    monkeypatch.setattr(value_tables, "SHARED_CELLS", 64)
+    coarse = CoarseMap(terrain_of(np.zeros((400, 400), np.bool_)), 0.25)
+    for far_m in (1.0, 19.0):
+        start = coarse.cell_of(far_m, far_m)
+        assert start is not None
+        table = ValueTables(5, max_trip_m=3.0).value(coarse, WALKER, (10.0, 10.0), start)
+        assert table is not None
+        assert table.costs.shape == (13, 13)
+        assert not table.reaches(start)

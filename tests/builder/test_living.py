@@ -320,6 +320,29 @@ def test_a_requested_behaviour_is_done() -> None:
     assert np.hypot(*np.diff(way[:, :2], axis=0).T).sum() > 1.0
 
 
+def life_after(seed: int, reseeded: int | None) -> tuple[str, list[list[float]]]:
+    """Return the label drawn, and the way walked, after a beginning of which nobody is left."""
+    town = Town.of({"seed": seed})
+    requests, begin_ns = Requests(town.builder), town.ns(1.0)
+    first = requests.spawn(SpawnRequest("map", RigidTransform.planar(2.0, 2.0, seed)), town.ns(0.1))
+    town.run(0.1, 1.0)
+    requests.remove(first, begin_ns)
+    if reseeded is not None:
+        requests.reseed(reseeded, begin_ns)
+    middle = RigidTransform.planar(5.0, 4.0, 0.0)
+    drawn = requests.spawn(SpawnRequest("map", middle, behaviour="walking"), begin_ns)
+    return town.one(drawn).row.label, town.run(1.0, 12.0).way_of(drawn).tolist()
+
+
+def test_who_comes_after_reseeding_chooses_by_the_new_seed_alone() -> None:
+    """What was before does not count: neither the first seed nor who was there, now gone."""
+    after = [life_after(seed, 7) for seed in (1, 2, 3)]
+    assert len(after[0][1]) > 20
+    assert after[0] == after[1] == after[2]
+    ways = [after[0][1], *(life_after(seed, None)[1] for seed in (1, 2, 3))]
+    assert all(ways[i] != ways[j] for i in range(4) for j in range(i))
+
+
 @pytest.mark.parametrize(
     ("label", "behaviour", "sentence"),
     [

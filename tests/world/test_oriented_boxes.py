@@ -8,7 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from are_ros.world.oriented_boxes import OrientedBoxes, overlapping_pairs, overlaps, overlaps_any
+from are_ros.world.oriented_boxes import (
+    OrientedBoxes,
+    any_overlap,
+    overlapping_pairs,
+    overlaps,
+    overlaps_any,
+)
 
 Polygon = list[tuple[float, float]]
 
@@ -136,6 +142,38 @@ def test_a_huge_box_and_a_far_one_break_no_pair() -> None:
     assert np.count_nonzero(pairs[:, 1] == 100) == 100
     assert not (pairs == 101).any()
     assert len(pairs) == 100 + len(overlapping_pairs(crowd))
+
+
+@given(st.integers(0, 10**6), st.integers(0, 60), st.floats(1.0, 200.0))
+def test_any_overlap_is_that_there_are_pairs(seed: int, count: int, side_m: float) -> None:
+    """Few or many, crowded or not, about the origin or far from it."""
+    boxes = _random_boxes(count, side_m, seed)
+    assert any_overlap(boxes) == (len(overlapping_pairs(boxes)) > 0)
+
+
+def test_any_overlap_finds_the_only_two_among_thousands() -> None:
+    """Wherever they are, and whatever their ids; touching is none."""
+    at = np.arange(0.0, 50.0)
+    centres = np.array([(x, y, 1.0) for x in at for y in at])
+    halves, yaws = np.full_like(centres, 0.4), np.zeros(len(centres))
+    halves[7, 0] = 1.1  # a wide one makes wide cells
+    assert any_overlap(OrientedBoxes(centres, yaws, halves))
+    halves[7, 0] = 0.6  # it touches those beside it
+    assert not any_overlap(OrientedBoxes(centres, yaws, halves))
+    for i, j in ((0, 1), (0, 50), (1234, 1285), (2498, 2499), (2400, 49)):
+        moved = centres.copy()
+        moved[i] = centres[j] + (0.79, -0.79, 0.0)
+        assert any_overlap(OrientedBoxes(moved, yaws, halves))
+
+
+def test_boxes_of_packed_rows_are_those_that_were_packed() -> None:
+    """Nothing is computed anew, and nothing can be written."""
+    boxes = _random_boxes(5, 4.0, 1)
+    same = OrientedBoxes.of_packed(boxes.packed, boxes.yaws_rad)
+    assert same.packed.base is boxes.packed or same.packed is boxes.packed
+    for name in ("centres_m", "yaws_rad", "half_sizes_m", "packed"):
+        assert np.array_equal(getattr(same, name), getattr(boxes, name))
+        assert not getattr(same, name).flags.writeable
 
 
 def test_any_of_is_the_union_of_single_tests() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.behaviours.intent import Intent, Point, stand
-from are_ros.artefacts.behaviours.situation import Fellow, Situation
+from are_ros.artefacts.behaviours.situation import Situation
 from are_ros.artefacts.behaviours.trip import Trip, any_destination
 from are_ros.artefacts.behaviours.walking import arrival_m
 from are_ros.conventions import NS_PER_S, seconds_to_ns
@@ -24,7 +24,7 @@ _ALONE_S = (8.0, 20.0)
 _BLOCKED_S = 4.0
 _DRIFT_M = 0.6
 _LONGEST_NS = 15 * NS_PER_S
-_WAITING, _TALKING = "waiting", "talking"
+_HOSTING = _WAITING, _TALKING = "waiting", "talking"
 
 
 class Gathering:
@@ -71,7 +71,8 @@ class Gathering:
 
     def _choose(self, situation: Situation, is_shut: npt.NDArray[np.bool_]) -> int | None:
         """Return the place where others are, else draw one."""
-        hosted = None if self._is_parting else _hosted_place(situation, is_shut)
+        hosts = Counter() if self._is_parting else _hosts_by_place(situation)
+        hosted = _with_room(hosts, is_shut)
         return any_destination(situation, is_shut) if hosted is None else hosted
 
     def _join(self, situation: Situation) -> None:
@@ -79,9 +80,9 @@ class Gathering:
         goal_m = self._trip.goal_m
         if goal_m is None:
             return
-        hosted = _hosts_by_place(situation)
-        if hosted and all(_place(situation, index) != goal_m for index in hosted):
-            index = _hosted_place(situation, self._trip.shut(situation))
+        hosts = _hosts_by_place(situation)
+        if hosts and all(_place(situation, index) != goal_m for index in hosts):
+            index = _with_room(hosts, self._trip.shut(situation))
             if index is not None:
                 self._trip.change_to(index, situation)
                 self._slot_m = None
@@ -114,8 +115,7 @@ class Gathering:
 
     def _keep_company(self, situation: Situation) -> None:
         """See who else is there, and go when the time is up or the others are gone."""
-        near = situation.fellows_within(_NEAR_M, self.name)
-        others = [fellow for fellow in near if _is_host(fellow)]
+        others = situation.fellows_within(_NEAR_M, self.name, _HOSTING)
         is_first_met = self._is_alone and bool(others)
         if is_first_met:
             self._is_alone = False
@@ -139,20 +139,15 @@ class Gathering:
         return Intent(slot_m, speed_mps, activity=activity, is_moving_goal=True)
 
 
-def _is_host(fellow: Fellow) -> bool:
-    return fellow.activity in {_WAITING, _TALKING}
-
-
 def _hosts_by_place(situation: Situation) -> Counter[int]:
     """Count those who stand gathered, by the destination nearest to them, nearest host first."""
     places_m = situation.places.destinations_m
-    counts: Counter[int] = Counter()
-    if len(places_m):
-        for fellow in situation.fellows_within(_MET_WITHIN_M, Gathering.name):
-            if _is_host(fellow):
-                squares = ((places_m - np.array(fellow.point_m)) ** 2).sum(axis=1)
-                counts[int(squares.argmin())] += 1
-    return counts
+    hosts = situation.fellows_within(_MET_WITHIN_M, Gathering.name, _HOSTING)
+    if not hosts or not len(places_m):
+        return Counter()
+    hosts_m = np.array([fellow.point_m for fellow in hosts])
+    dx_m, dy_m = (hosts_m[:, None, axis] - places_m[:, axis] for axis in (0, 1))
+    return Counter((dx_m * dx_m + dy_m * dy_m).argmin(axis=1).tolist())
 
 
 def _place(situation: Situation, index: int) -> Point:
@@ -160,10 +155,9 @@ def _place(situation: Situation, index: int) -> Point:
     return x_m, y_m
 
 
-def _hosted_place(situation: Situation, is_shut: npt.NDArray[np.bool_]) -> int | None:
+def _with_room(hosts: Counter[int], is_shut: npt.NDArray[np.bool_]) -> int | None:
     """Return where the nearest are with whom there is room, None if there are none."""
-    counts = _hosts_by_place(situation)
-    return next((p for p, n in counts.items() if n < _LARGEST_GROUP and not is_shut[p]), None)
+    return next((p for p, n in hosts.items() if n < _LARGEST_GROUP and not is_shut[p]), None)
 
 
 def _slot(middle_m: Point, situation: Situation, but_m: Point | None) -> Point | None:

@@ -1,6 +1,6 @@
 """A view for trying a behaviour out: a few fellows in a plane with a few walls, or none."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from are_ros.artefacts.behaviours.intent import Point
@@ -22,10 +22,17 @@ class OpenView:
         return next((fellow for fellow in self.fellows if fellow.id == artefact_id), None)
 
     def within(
-        self, x_m: float, y_m: float, radius_m: float, behaviour: str = ""
+        self,
+        x_m: float,
+        y_m: float,
+        radius_m: float,
+        behaviour: str = "",
+        activities: Collection[str] = (),
     ) -> Sequence[Fellow]:
-        """Return those in the closed disc (of one behaviour), the nearest first, then by id."""
+        """Return those in the closed disc (who do this or that), the nearest first, then by id."""
         asked = [f for f in self.fellows if behaviour in {"", f.behaviour}]
+        if activities:
+            asked = [f for f in asked if f.activity in activities]
         squares = {f.id: (f.x_m - x_m) ** 2 + (f.y_m - y_m) ** 2 for f in asked}
         inside = [f for f in asked if squares[f.id] <= radius_m**2]
         return sorted(inside, key=lambda f: (squares[f.id], f.id))

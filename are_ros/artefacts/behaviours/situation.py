@@ -1,7 +1,7 @@
 """What one artefact knows when it decides: itself, the others, the robot and the places."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -76,19 +76,23 @@ class View(Protocol):
         """Return an artefact that is alive, None if it is not."""
 
     def within(
-        self, x_m: float, y_m: float, radius_m: float, behaviour: str = ""
+        self,
+        x_m: float,
+        y_m: float,
+        radius_m: float,
+        behaviour: str = "",
+        activities: Collection[str] = (),
     ) -> Sequence[Fellow]:
         """Return those whose (x, y) is at most this far from a point, the nearest first.
 
-        Of one behaviour, if it is given.
+        Of one behaviour, if it is given, and at one of these activities, if any are.
         """
 
     def sees(self, me: Fellow, x_m: float, y_m: float) -> bool:
         """Say whether this artefact could go straight on to a point, were nobody in its way."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Situation:
+class Situation(NamedTuple):
     """What one artefact knows at one decision epoch.
 
     `left_s` is what is left of its life, None if that is not known. `random` is its own stream.
@@ -120,13 +124,17 @@ class Situation:
         """Return another artefact, None if it lives no more."""
         return self.view.fellow(artefact_id)
 
-    def fellows_within(self, radius_m: float, behaviour: str = "") -> list[Fellow]:
+    def fellows_within(
+        self, radius_m: float, behaviour: str = "", activities: Collection[str] = ()
+    ) -> list[Fellow]:
         """Return the others whose (x, y) is at most this far away, the nearest first.
 
-        Of one behaviour, if it is given: in a crowd that is much faster than to look at everybody.
+        Of one behaviour, and at one of these activities, if they are given: in a crowd that is
+        much faster than to look at everybody.
         """
-        found = self.view.within(self.me.x_m, self.me.y_m, radius_m, behaviour)
-        return [fellow for fellow in found if fellow.id != self.me.id]
+        me = self.me
+        found = self.view.within(me.x_m, me.y_m, radius_m, behaviour, activities)
+        return [fellow for fellow in found if fellow.id != me.id]
 
     def sees(self, x_m: float, y_m: float) -> bool:
         """Say whether no wall is in the straight way to a point."""

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from are_ros._compiled import compiled
+from are_ros.artefacts.motion._borrowing import borrowing
 from are_ros.artefacts.motion._rollouts import wrapped
 from are_ros.artefacts.motion._state import (
     COS,
@@ -47,69 +47,87 @@ class Aim(NamedTuple):
     ends: bool
 
 
-@compiled
+@borrowing
+def way_to(pose: Floats, order: Any) -> float:
+    """Return the distance of a pose from the sub-goal."""
+    dx, dy = order.x - pose[X], order.y - pose[Y]
+    return float(np.sqrt(dx * dx + dy * dy))
+
+
+@borrowing
 def has_arrived(pose: Floats, order: Any, body: Any) -> bool:
     """Tell whether one that stands at a pose is where its way ends."""
-    dx, dy = order.x - pose[X], order.y - pose[Y]
-    if np.hypot(dx, dy) <= _ARRIVED:
+    if way_to(pose, order) <= _ARRIVED:
         return True
+    dx, dy = order.x - pose[X], order.y - pose[Y]
     ahead = dx * pose[COS] + dy * pose[SIN]
     aside = dy * pose[COS] - dx * pose[SIN]
     return bool(body.turn_radius > 0.0 and abs(ahead) <= _ARRIVED and abs(aside) <= _ABEAM)
 
 
-@compiled
+@borrowing
 def _passes(pose: Floats, order: Any, body: Any) -> bool:
     """Tell whether a sub-goal on the way is as good as passed."""
-    dx, dy = order.x - pose[X], order.y - pose[Y]
-    distance = np.hypot(dx, dy)
-    if distance < _PASSED:
-        return True
-    ahead = dx * pose[COS] + dy * pose[SIN]
-    return bool(ahead < 0.0 and distance < 2.0 * _PASSED + 0.3 * body.turn_radius)
+    way = way_to(pose, order)
+    if way >= 2.0 * _PASSED + 0.3 * body.turn_radius:
+        return False
+    ahead = (order.x - pose[X]) * pose[COS] + (order.y - pose[Y]) * pose[SIN]
+    return bool(way < _PASSED or ahead < 0.0)
 
 
-@compiled
-def aim_of(fleet: Fleet, i: int, pose: Floats, now: int, second: int) -> Aim:
-    """Return what artefact i is after at sub-step `now`, standing or moving at `pose`.
+@borrowing
+def kind_of(fleet: Fleet, i: int, pose: Floats, now: int, second: int) -> int:
+    """Return what kind of aim artefact i has at sub-step `now`, standing or moving at `pose`.
 
     One that has passed its sub-goal goes on for a second; then it comes back to stand there.
     """
     order, mind, body = fleet.order[i], fleet.mind[i], fleet.body[i]
-    speed = min(order.speed, body.speed)
-    if now < mind.pushed_until:
-        aside = _missing_room(pose, mind)
-        if aside != 0.0:
-            line = math.atan2(mind.push_sin, mind.push_cos)
-            return Aim(PUSHED, line, np.inf, max(speed, 0.5 * body.speed), 1.2, aside, False)
-    if order.has_goal == 0 or speed <= 0.0:
-        return Aim(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0, False)
-    dx, dy = order.x - pose[X], order.y - pose[Y]
-    heading, distance = math.atan2(dy, dx), np.hypot(dx, dy)
-    stop_cost = 1.0 + min(_IMPATIENCE * mind.blocked, _MOST_IMPATIENT)
-    ends = order.stops == 1 or now - second >= mind.passed_at
-    if not ends:
+    if now < mind.pushed_until and _missing_room(pose, mind) != 0.0:
+        return PUSHED
+    if order.has_goal == 0 or min(order.speed, body.speed) <= 0.0:
+        return STANDING
+    if order.stops == 0 and now - second < mind.passed_at:
         if mind.passed_at == NEVER and _passes(pose, order, body):
             mind.passed_at = now
         if mind.passed_at != NEVER:
-            return Aim(COASTING, pose[YAW], np.inf, speed, stop_cost, 0.0, False)
+            return COASTING
     elif abs(pose[SPEED]) < _STANDS and has_arrived(pose, order, body):
-        return _face(pose, order, body)
-    if now < mind.detour_until:
-        return Aim(DETOURING, heading + mind.detour, np.inf, speed, stop_cost, 0.0, False)
-    return Aim(GOING, heading, distance, speed, stop_cost, 0.0, ends)
+        return FACING if _can_face(pose, order, body) else STANDING
+    return DETOURING if now < mind.detour_until else GOING
 
 
-@compiled
-def _face(pose: Floats, order: Any, body: Any) -> Aim:
-    """Return the turn on the spot that is left to one that has arrived."""
-    is_done = np.isnan(order.face) or abs(wrapped(order.face - pose[YAW])) < _FACED
-    if is_done or body.turn_radius > 0.0:
+@borrowing
+def aim_of(fleet: Fleet, i: int, pose: Floats, now: int, second: int) -> Aim:
+    """Return what artefact i is after at sub-step `now`; see `kind_of`."""
+    order, mind, body = fleet.order[i], fleet.mind[i], fleet.body[i]
+    speed = min(order.speed, body.speed)
+    kind = kind_of(fleet, i, pose, now, second)
+    if kind == PUSHED:
+        line, aside = math.atan2(mind.push_sin, mind.push_cos), _missing_room(pose, mind)
+        return Aim(PUSHED, line, np.inf, max(speed, 0.5 * body.speed), 1.2, aside, False)
+    if kind == STANDING:
         return Aim(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0, False)
-    return Aim(FACING, order.face, 0.0, 0.0, 0.0, 0.0, False)
+    if kind == FACING:
+        return Aim(FACING, order.face, 0.0, 0.0, 0.0, 0.0, False)
+    stop_cost = 1.0 + min(_IMPATIENCE * mind.blocked, _MOST_IMPATIENT)
+    if kind == COASTING:
+        return Aim(COASTING, pose[YAW], np.inf, speed, stop_cost, 0.0, False)
+    heading = math.atan2(order.y - pose[Y], order.x - pose[X])
+    if kind == DETOURING:
+        return Aim(DETOURING, heading + mind.detour, np.inf, speed, stop_cost, 0.0, False)
+    ends = order.stops == 1 or mind.passed_at != NEVER
+    return Aim(GOING, heading, way_to(pose, order), speed, stop_cost, 0.0, ends)
 
 
-@compiled
+@borrowing
+def _can_face(pose: Floats, order: Any, body: Any) -> bool:
+    """Tell whether one that has arrived still is to turn on the spot."""
+    if np.isnan(order.face) or body.turn_radius > 0.0:
+        return False
+    return bool(abs(wrapped(order.face - pose[YAW])) >= _FACED)
+
+
+@borrowing
 def _missing_room(pose: Floats, mind: Any) -> float:
     """Return how far one must still go to the left of the line on which another pushes; 0: not.
 

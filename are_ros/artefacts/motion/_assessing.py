@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from are_ros._compiled import compiled
-from are_ros.artefacts.motion._gaps import gap_between, separation
+from are_ros.artefacts.motion._borrowing import borrowing
+from are_ros.artefacts.motion._gaps import TOUCH, distance, gap_between, separation
 from are_ros.artefacts.motion._robot_gaps import robot_conflict
-from are_ros.artefacts.motion._rollouts import pace_of
+from are_ros.artefacts.motion._rollouts import circle_of, pace_of
 from are_ros.artefacts.motion._state import (
     BY_ARTEFACT,
     BY_ROBOT,
@@ -24,7 +24,7 @@ from are_ros.artefacts.motion._state import (
     X,
     Y,
 )
-from are_ros.artefacts.motion._walls import wall_conflict
+from are_ros.artefacts.motion._walls import point_room, wall_conflict
 
 INFEASIBLE = np.inf
 _NEAR_WALL = 0.25
@@ -34,7 +34,7 @@ _INTO_ROBOT = 6.0  # for entering where the robot is predicted to be, the less t
 _LATER = 0.05
 
 
-@compiled
+@borrowing
 def _assess_robot(
     path: Floats, last: int, body: Any, order: Any, robot: RobotPath, pace: float, desk: Desk
 ) -> tuple[float, bool]:
@@ -54,50 +54,82 @@ def _assess_robot(
     return cost, False
 
 
-@compiled
+@borrowing
 def _wanted_gap(fleet: Fleet, i: int, j: int, pose: Floats, other: Floats) -> float:
     """Return the gap that i wants from j: its comfort, or what there is if that is less."""
     body, comfort = fleet.body[i], fleet.order[i].comfort
-    far = np.hypot(pose[X] - other[X], pose[Y] - other[Y])
-    if far >= comfort + body.radius + fleet.body[j].radius:
+    if distance(pose, other) >= comfort + body.radius + fleet.body[j].radius:
         return float(comfort)
     return float(min(max(separation(pose, body, other, fleet.body[j]), 0.0), comfort))
 
 
-@compiled
+@borrowing
+def look_round(
+    fleet: Fleet, i: int, pose: Floats, reach: float, now: int, desk: Desk, found: int
+) -> int:
+    """Strike those out of the first of `desk.near` whom nothing within `reach` of a pose can meet.
+
+    Writes the gap wanted from each of the others; returns how many they are.
+    """
+    count = 0
+    for n in range(found):
+        j = desk.near[n]
+        place = fleet.place[j]
+        dx, dy, far = place.x - pose[X], place.y - pose[Y], place.reach + reach
+        if dx * dx + dy * dy < far * far:
+            other = fleet.path[j, min(now - place.begin, place.last)]
+            desk.near[count], desk.wanted[count] = j, _wanted_gap(fleet, i, j, pose, other)
+            count += 1
+    return count
+
+
+@borrowing
+def _meets_again(fleet: Fleet, i: int, path: Floats, last: int, now: int, j: int, k: int) -> bool:
+    """Tell whether a path meets j just when another did."""
+    place = fleet.place[j]
+    other = fleet.path[j, min(now - place.begin + k, place.last)]
+    return bool(separation(path[min(k, last)], fleet.body[i], other, fleet.body[j]) < -TOUCH)
+
+
+@borrowing
 def _assess_others(
     fleet: Fleet,
     i: int,
     path: Floats,
     last: int,
     pace: float,
+    circle: tuple[float, float, float],
     now: int,
     desk: Desk,
     count: int,
-    is_any: bool,
-) -> tuple[float, int]:
-    """Return what a path costs for its nearness to others; the slot of whom it meets first.
+    met: int,
+    most: float,
+    has_comfort: bool,
+) -> tuple[float, int, int]:
+    """Return what a path costs for its nearness to others; the slot of whom it meets first; when.
 
-    With `is_any` whom it meets at all. That one is put before the others, to be tried first.
+    That one is put before the others, to be tried first. If such a one was met before, at sub-step
+    `met`, then whom it meets at all. Looks no further once the cost is `most`. Without comfort only
+    a meeting counts, which is seen much sooner.
     """
     until, culprit, cost = NEVER, NOBODY, 0.0
-    start, end, home = path[0], path[last], fleet.path[i, fleet.place[i].last]
-    x, y = 0.5 * (start[X] + end[X]), 0.5 * (start[Y] + end[Y])
-    reach = 0.5 * last * pace + fleet.body[i].radius + fleet.order[i].comfort
+    if not has_comfort and _meets_again(fleet, i, path, last, now, desk.near[0], met):
+        return cost, desk.near[0], met
+    body, comfort, home = fleet.body[i], fleet.order[i].comfort, fleet.path[i, fleet.place[i].last]
+    x, y, reach = circle[0], circle[1], circle[2] + body.radius
+    reach += comfort if has_comfort else 0.0
     for n in range(count):
         j = desk.near[n]
-        place = fleet.place[j]
-        if np.hypot(place.x - x, place.y - y) >= place.reach + reach:
+        place, wanted = fleet.place[j], desk.wanted[n] if has_comfort else 0.0
+        dx, dy, far = place.x - x, place.y - y, place.reach + reach
+        if dx * dx + dy * dy >= far * far:
             continue
-        other = fleet.path[j]
-        first = min(now - place.begin, place.last)
-        wanted = _wanted_gap(fleet, i, j, start, other[first])
         gap, k = gap_between(
             path,
             last,
-            fleet.body[i],
-            other,
-            first,
+            body,
+            fleet.path[j],
+            min(now - place.begin, place.last),
             place.last,
             fleet.body[j],
             wanted,
@@ -108,14 +140,17 @@ def _assess_others(
         if k != NEVER:
             until, culprit = k - 1, j
             desk.near[0], desk.near[n] = j, desk.near[0]
-            if is_any or k == 1:
+            desk.wanted[0], desk.wanted[n] = desk.wanted[n], desk.wanted[0]
+            if met != NEVER or k == 1:
                 break
         elif gap < wanted:
-            cost = max(cost, (wanted - gap) / fleet.order[i].comfort)
-    return _NEAR_OTHERS * cost, culprit
+            cost = max(cost, _NEAR_OTHERS * (wanted - gap) / comfort)
+            if cost >= most:
+                break
+    return cost, culprit, until + 1
 
 
-@compiled
+@borrowing
 def assess(
     fleet: Fleet,
     i: int,
@@ -127,18 +162,41 @@ def assess(
     robot: RobotPath,
     desk: Desk,
     count: int,
-    is_any: bool,
-) -> tuple[float, int, int]:
-    """Return what a path costs besides its option, what is in its way, and the slot of whom."""
+    wall_gap: float,
+    met: int,
+    most: float,
+) -> tuple[float, int, int, int]:
+    """Return what a path costs besides its option, what is in its way, the slot of whom, and when.
+
+    What costs `most` or more is INFEASIBLE. `met`: see `_assess_others`; the others are looked at
+    before the walls if one was in the way before.
+    """
     body, order = fleet.body[i], fleet.order[i]
     pace = pace_of(path, last, body, tempo.step_s)
+    circle = circle_of(path, last)
     home = fleet.path[i, fleet.place[i].last]
-    kept, k = wall_conflict(path, last, body, order.wall_comfort, pace, floor, desk.box, home)
-    if k != NEVER:
-        return INFEASIBLE, BY_WALL, NOBODY
-    nearness, culprit = _assess_others(fleet, i, path, last, pace, now, desk, count, is_any)
-    if culprit != NOBODY:
-        return INFEASIBLE, BY_ARTEFACT, culprit
-    cost, meets = _assess_robot(path, last, body, order, robot, pace, desk)
-    cost += nearness + (0.0 if kept else _NEAR_WALL)
-    return cost, BY_ROBOT if meets else UNHINDERED, NOBODY
+    cost = 0.0
+    for turn in range(3):  # a loop, for two calls of one kernel take twice as long to compile
+        if turn == 0 and met == NEVER:
+            continue
+        if turn != 1:
+            nearness, culprit, k = _assess_others(
+                fleet, i, path, last, pace, circle, now, desk, count, met, most - cost, turn == 2
+            )
+            cost += nearness
+            if culprit != NOBODY:
+                return INFEASIBLE, BY_ARTEFACT, culprit, k
+        elif point_room(circle[0], circle[1], body, floor) < circle[2] + body.radius + max(
+            wall_gap, 0.0
+        ):
+            must_keep = cost + _NEAR_WALL >= most
+            kept, k = wall_conflict(
+                path, last, body, wall_gap, pace, floor, desk.box, home, must_keep
+            )
+            if k != NEVER:
+                return INFEASIBLE, BY_WALL, NOBODY, k
+            cost += 0.0 if kept else _NEAR_WALL
+        if cost >= most:
+            return INFEASIBLE, UNHINDERED, NOBODY, NEVER
+    nearness, meets = _assess_robot(path, last, body, order, robot, pace, desk)
+    return cost + nearness, BY_ROBOT if meets else UNHINDERED, NOBODY, NEVER

@@ -2,45 +2,46 @@
 
 import numpy as np
 
-from are_ros._compiled import compiled
+from are_ros.artefacts.motion._borrowing import borrowing, owning
 from are_ros.artefacts.motion._state import Buckets, Fleet, Floats, Integers
 
 _CELL = 3.0
 
 
-@compiled
-def _span(square: Floats) -> tuple[int, int, int, int]:
-    """Return the first and last column and row of cells of a square (x, y, half side)."""
+@borrowing
+def _span(x: float, y: float, half: float) -> tuple[int, int, int, int]:
+    """Return the first and last column and row of cells of a square."""
     return (
-        int(np.floor((square[0] - square[2]) / _CELL)),
-        int(np.floor((square[0] + square[2]) / _CELL)),
-        int(np.floor((square[1] - square[2]) / _CELL)),
-        int(np.floor((square[1] + square[2]) / _CELL)),
+        int(np.floor((x - half) / _CELL)),
+        int(np.floor((x + half) / _CELL)),
+        int(np.floor((y - half) / _CELL)),
+        int(np.floor((y + half) / _CELL)),
     )
 
 
-@compiled
+@owning
 def fill(squares: Floats, slots: Integers) -> Buckets:
     """Return the grid of squares (N, 3) of the slots (N,); a bucket keeps their order."""
     total = 0
     for n in range(slots.shape[0]):
-        left, right, low, high = _span(squares[n])
+        left, right, low, high = _span(squares[n, 0], squares[n, 1], squares[n, 2])
         total += (right - left + 1) * (high - low + 1)
     bits = 3
-    while 1 << (2 * bits) < total:
+    while 2 << (2 * bits) < total:
         bits += 1
     mask = (1 << bits) - 1
     starts = np.zeros((1 << (2 * bits)) + 1, np.int64)
     for n in range(slots.shape[0]):
-        left, right, low, high = _span(squares[n])
+        left, right, low, high = _span(squares[n, 0], squares[n, 1], squares[n, 2])
         for row in range(low, high + 1):
             for col in range(left, right + 1):
                 starts[((row & mask) << bits | (col & mask)) + 1] += 1
-    starts = np.cumsum(starts)
-    ends = starts[:-1].copy()
+    for bucket in range(1, starts.shape[0]):  # less to compile than cumsum
+        starts[bucket] += starts[bucket - 1]
+    ends = starts.copy()
     entries = np.empty(total, np.int64)
     for n in range(slots.shape[0]):
-        left, right, low, high = _span(squares[n])
+        left, right, low, high = _span(squares[n, 0], squares[n, 1], squares[n, 2])
         for row in range(low, high + 1):
             for col in range(left, right + 1):
                 bucket = (row & mask) << bits | (col & mask)
@@ -49,23 +50,23 @@ def fill(squares: Floats, slots: Integers) -> Buckets:
     return Buckets(starts, entries, bits)
 
 
-@compiled
+@borrowing
 def gather(
     buckets: Buckets,
-    square: Floats,
+    square: tuple[float, float, float],
     me: int,
     fleet: Fleet,
     seen: Integers,
     stamp: int,
     near: Integers,
 ) -> int:
-    """Write to `near` the slots, without `me`, whose circle may meet a square; return how many.
+    """Write to `near` the slots, without `me`, whose circle may meet a square (x, y, half side).
 
-    `stamp` is larger than all that were given before with the same `seen`.
+    Returns how many. `stamp` is larger than all that were given before with the same `seen`.
     """
     count = 0
     mask = (1 << buckets.bits) - 1
-    left, right, low, high = _span(square)
+    left, right, low, high = _span(square[0], square[1], square[2])
     seen[me] = stamp
     for row in range(low, high + 1):
         for col in range(left, right + 1):

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from are_ros._compiled import compiled
 from are_ros.artefacts.motion._aims import PUSHED, Aim
+from are_ros.artefacts.motion._borrowing import borrowing
 from are_ros.artefacts.motion._rollouts import BRAKE, HEADING, POINT
 from are_ros.artefacts.motion._state import COS, SIN, SPEED, Floats, Tempo
 from are_ros.artefacts.motion._vehicles import vehicle_options
@@ -28,7 +28,7 @@ _SHIFTS = 8
 _SHIFT = 0.04
 
 
-@compiled
+@borrowing
 def set_option(
     options: Floats, n: int, kind: int, direction: float, speed: float, cost: float, then: float
 ) -> int:
@@ -38,7 +38,7 @@ def set_option(
     return n + 1
 
 
-@compiled
+@borrowing
 def fill_options(
     options: Floats, aim: Aim, pose: Floats, body: Any, order: Any, mind: Any, tempo: Tempo
 ) -> int:
@@ -51,7 +51,7 @@ def fill_options(
     return _walker_options(options, aim, mind)
 
 
-@compiled
+@borrowing
 def _gain(aim: Aim, delta: float, cosine: float, speed: float) -> float:
     """Return what a second at a speed gains, 1 for full speed straight on."""
     if aim.kind != PUSHED:
@@ -60,7 +60,7 @@ def _gain(aim: Aim, delta: float, cosine: float, speed: float) -> float:
     return float((1.5 * min(aside, abs(aim.aside)) + 0.4 * speed * cosine) / aim.speed)
 
 
-@compiled
+@borrowing
 def _walker_options(options: Floats, aim: Aim, mind: Any) -> int:
     ends = aim.ends
     count = 0
@@ -74,10 +74,14 @@ def _walker_options(options: Floats, aim: Aim, mind: Any) -> int:
         if not np.isnan(mind.chosen):
             cost += _CHANGE * (1.0 - np.cos(heading - mind.chosen))
         kind = POINT if n == 0 and ends else HEADING
+        before = np.inf
         for factor in _SPEEDS:
             speed = factor * aim.speed
             if ends and n > 0:
                 speed = min(speed, max(aim.distance, _NEAR))
+                if speed == before:  # the same again
+                    continue
+                before = speed
             gain = _gain(aim, delta, _COSINES[n], speed)
             if gain < 0.0 and factor < 0.5:
                 continue
@@ -91,7 +95,7 @@ def _walker_options(options: Floats, aim: Aim, mind: Any) -> int:
     return set_option(options, count, BRAKE, np.nan, 0.0, aim.stop_cost + _PLAIN_STOP, np.nan)
 
 
-@compiled
+@borrowing
 def cheapest(options: Floats, count: int) -> int:
     """Return the option of the least cost, the first of several; -1 if all are spent (inf)."""
     found, least = -1, np.inf
@@ -101,13 +105,31 @@ def cheapest(options: Floats, count: int) -> int:
     return found
 
 
-@compiled
+@borrowing
+def rule_out_twin(options: Floats, count: int, n: int, k: int, last: int, steps: int) -> None:
+    """Spend the option that is the same as n until its second half, where n fails before that.
+
+    `k` is the sub-step at which it does, `last` that at which it would stand.
+    """
+    if options[n, 0] != HEADING or k >= last or 2 * k > steps:
+        return
+    for other in (n - 1, n + 1):
+        if (
+            0 <= other < count
+            and options[other, 0] == HEADING
+            and options[other, 1] == options[n, 1]
+            and options[other, 2] == options[n, 2]
+        ):
+            options[other, 3] = np.inf
+
+
+@borrowing
 def is_at_rest(aim: Aim, pose: Floats) -> bool:
     """Tell whether there is nothing to do."""
     return bool(aim.speed <= 0.0 and np.isnan(aim.heading) and pose[SPEED] == 0.0)
 
 
-@compiled
+@borrowing
 def direction_of(option: Floats, pose: Floats) -> float:
     """Return what of an option is remembered: its heading or curvature."""
     if np.isnan(option[1]):

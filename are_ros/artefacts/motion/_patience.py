@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from are_ros._compiled import compiled
-from are_ros.artefacts.motion._aims import COASTING, Aim, aim_of
+from are_ros.artefacts.motion._aims import COASTING, FACING, STANDING, Aim, kind_of, way_to
+from are_ros.artefacts.motion._borrowing import borrowing
 from are_ros.artefacts.motion._state import (
     BY_ARTEFACT,
     NOBODY,
@@ -39,7 +39,7 @@ _MIX_A = 0xBF58476D1CE4E5B9
 _MIX_B = 0x94D049BB133111EB
 
 
-@compiled
+@borrowing
 def hashed(a: int, b: int) -> float:
     """Return a number in [0, 1) that two integers fix (splitmix64)."""
     z = np.uint64(a) * np.uint64(_GOLDEN) + np.uint64(b) * np.uint64(_MIX_B)
@@ -49,21 +49,21 @@ def hashed(a: int, b: int) -> float:
     return float(z >> np.uint64(11)) / float(1 << 53)
 
 
-@compiled
+@borrowing
 def _rank(fleet: Fleet, i: int, now: int, epoch: int) -> float:
     own = hashed(fleet.place[i].id, epoch)
     mind = fleet.mind[i]
     return max(own, mind.push_rank) if now < mind.pushed_until else own
 
 
-@compiled
+@borrowing
 def can_yield(fleet: Fleet, j: int) -> bool:
     """Tell whether an artefact may be pushed: not those that shall stand, or are prescribed."""
     is_free = fleet.order[j].has_goal == 1 and fleet.place[j].is_scripted == 0
     return bool(is_free and fleet.body[j].speed > 0.0)
 
 
-@compiled
+@borrowing
 def push(
     fleet: Fleet, i: int, j: int, aim: Aim, pose: Floats, now: int, epoch: int, second: int
 ) -> None:
@@ -78,6 +78,8 @@ def push(
     rank = _rank(fleet, i, now, epoch)
     if not is_pushing and rank <= _rank(fleet, j, now, epoch):
         return
+    if now >= other.pushed_until:  # it gets out of the way at once
+        fleet.due[j] = now
     other.pushed_until = now + _PUSH_SECONDS * second
     other.push_by, other.push_rank = fleet.place[i].id, rank
     other.push_x, other.push_y = pose[X], pose[Y]
@@ -85,7 +87,7 @@ def push(
     other.push_room = fleet.body[i].radius + fleet.body[j].radius + _ROOM
 
 
-@compiled
+@borrowing
 def consider_detour(mind: Any, artefact_id: int, now: int, second: int) -> None:
     """Let one that is blocked for long go another way for some seconds, farther each time."""
     patience = mind.patience + (_PUSHING_TAKES if mind.can_yield else 0.0)
@@ -100,22 +102,21 @@ def consider_detour(mind: Any, artefact_id: int, now: int, second: int) -> None:
     mind.patience += seconds + 2.5
 
 
-@compiled
+@borrowing
 def note_progress(
     fleet: Fleet, i: int, before: Floats, after: Floats, now: int, tempo: Tempo
 ) -> None:
     """Count for how long one that wants to move has made no progress."""
     mind, order, body = fleet.mind[i], fleet.order[i], fleet.body[i]
-    aim = aim_of(fleet, i, after, now, tempo.second)
-    if order.has_goal == 0 or aim.speed <= 0.0 or aim.kind == COASTING:
+    kind = kind_of(fleet, i, after, now, tempo.second)
+    if order.has_goal == 0 or kind in (STANDING, FACING, COASTING):
         forget_blockade(mind)
         return
     if body.turn_radius > 0.0:
         gain = way_left(before[X], before[Y], before[YAW], order.x, order.y, body.turn_radius)
         gain -= way_left(after[X], after[Y], after[YAW], order.x, order.y, body.turn_radius)
     else:
-        gain = np.hypot(order.x - before[X], order.y - before[Y])
-        gain -= np.hypot(order.x - after[X], order.y - after[Y])
+        gain = way_to(before, order) - way_to(after, order)
     drain = _SLOWEST * tempo.step_s if mind.credit > 0.0 else 0.0
     credit = max(mind.credit + gain - drain, -_MOST_DEBT)
     mind.credit = min(credit, _MOST_CREDIT)
@@ -125,14 +126,14 @@ def note_progress(
         mind.blocked += tempo.step_s
 
 
-@compiled
+@borrowing
 def forget_blockade(mind: Any) -> None:
     """Let one that does not want to move, or has got going, be patient again."""
     mind.blocked, mind.credit, mind.patience = 0.0, 0.0, _FIRST_DETOUR
     mind.hindrance, mind.hindered_by = UNHINDERED, NOBODY
 
 
-@compiled
+@borrowing
 def note_hindrance(mind: Any, kind: int, who: int) -> None:
     """Remember what was in the way of what it would have liked best."""
     mind.hindrance = kind

@@ -4,17 +4,24 @@ from typing import Any
 
 import numpy as np
 
-from are_ros._compiled import compiled
 from are_ros.artefacts.motion._aims import GOING, PUSHED, aim_of
-from are_ros.artefacts.motion._assessing import INFEASIBLE, assess
+from are_ros.artefacts.motion._assessing import INFEASIBLE, assess, look_round
+from are_ros.artefacts.motion._borrowing import borrowing
 from are_ros.artefacts.motion._buckets import gather
-from are_ros.artefacts.motion._options import cheapest, direction_of, fill_options, is_at_rest
+from are_ros.artefacts.motion._options import (
+    cheapest,
+    direction_of,
+    fill_options,
+    is_at_rest,
+    rule_out_twin,
+)
 from are_ros.artefacts.motion._patience import can_yield, consider_detour, note_hindrance, push
-from are_ros.artefacts.motion._rollouts import BRAKE, pace_of, roll_out
+from are_ros.artefacts.motion._rollouts import BRAKE, circle_of, pace_of, roll_out
 from are_ros.artefacts.motion._state import (
     BY_ARTEFACT,
     EMERGENCIES,
     KEPT,
+    NEVER,
     NOBODY,
     PLANS,
     STAMP,
@@ -29,16 +36,21 @@ from are_ros.artefacts.motion._state import (
     X,
     Y,
 )
+from are_ros.artefacts.motion._walls import wall_gap_wanted
+
+REPLAN = 10
+"""So many sub-steps after a plan the next is made, unless there is news."""
+_WORTH_IT = 0.02
 
 
-@compiled
+@borrowing
 def copy_pose(source: Floats, target: Floats) -> None:
     """Copy a row of a path."""
     for column in range(target.shape[0]):
         target[column] = source[column]
 
 
-@compiled
+@borrowing
 def reach_of(body: Any, tempo: Tempo) -> float:
     """Return how far from where it is any point of a body can get on its next path."""
     steps = tempo.drive if body.turn_radius > 0.0 else tempo.walk
@@ -46,7 +58,7 @@ def reach_of(body: Any, tempo: Tempo) -> float:
     return float(way + body.radius)
 
 
-@compiled
+@borrowing
 def commit(fleet: Fleet, i: int, path: Floats, last: int, now: int, tempo: Tempo) -> None:
     """Make a path, whose pose 0 is that of `now`, the one that artefact i will follow."""
     place = fleet.place[i]
@@ -54,20 +66,14 @@ def commit(fleet: Fleet, i: int, path: Floats, last: int, now: int, tempo: Tempo
         copy_pose(path[k], fleet.path[i, k])
     place.begin, place.last, place.must_plan = now, last, 0
     place.pace = pace_of(path, last, fleet.body[i], tempo.step_s)
-    low_x, low_y, high_x, high_y = path[0, X], path[0, Y], path[0, X], path[0, Y]
-    for k in range(1, last + 1):
-        low_x, high_x = min(low_x, path[k, X]), max(high_x, path[k, X])
-        low_y, high_y = min(low_y, path[k, Y]), max(high_y, path[k, Y])
-    place.x, place.y = 0.5 * (low_x + high_x), 0.5 * (low_y + high_y)
-    half_diagonal = 0.5 * np.hypot(high_x - low_x, high_y - low_y)
-    place.reach = half_diagonal + fleet.body[i].radius
+    place.x, place.y, radius = circle_of(path, last)
+    place.reach = radius + fleet.body[i].radius
 
 
-@compiled
+@borrowing
 def _search(
     fleet: Fleet,
     i: int,
-    goal: Floats,
     now: int,
     tempo: Tempo,
     floor: Floor,
@@ -75,36 +81,53 @@ def _search(
     desk: Desk,
     options: int,
     near: int,
+    wall_gap: float,
 ) -> tuple[int, int, int, int, int]:
-    """Try options, cheapest first, until none can be cheaper than the best found.
+    """Try options, cheapest first, until none can be cheaper than the best found by `_WORTH_IT`.
 
     Returns the option chosen (-1: none is feasible), which of the two scratch paths it fills and
     its last index, what was in the way of the first, and the slot of the first that was in the way.
     """
     best, chosen, side, last = INFEASIBLE, -1, 0, 0
-    hindrance, culprit, is_first = UNHINDERED, NOBODY, True
+    hindrance, culprit, is_first, met = UNHINDERED, NOBODY, True, NEVER
     while True:
         n = cheapest(desk.options, options)
-        if n < 0 or desk.options[n, 3] >= best:
+        if n < 0 or desk.options[n, 3] >= best - _WORTH_IT:
             break
+        cost = desk.options[n, 3]
         path = desk.paths[1 - side]
-        end = roll_out(path, desk.options[n], goal, fleet.body[i], tempo)
-        extra, kind, who = assess(
-            fleet, i, path, end, now, tempo, floor, robot, desk, near, culprit != NOBODY
+        end = roll_out(path, desk.options[n], desk.goal, fleet.body[i], tempo)
+        extra, kind, who, k = assess(
+            fleet,
+            i,
+            path,
+            end,
+            now,
+            tempo,
+            floor,
+            robot,
+            desk,
+            near,
+            wall_gap,
+            met,
+            best - cost,
         )
-        cost = desk.options[n, 3] + extra
+        cost += extra
         if is_first:
             hindrance = kind
-        if culprit == NOBODY:
-            culprit = who
+        if who != NOBODY:
+            met = k
+            culprit = who if culprit == NOBODY else culprit
         is_first = False
         if cost < best:
             best, chosen, side, last = cost, n, 1 - side, end
         desk.options[n, 3] = np.inf
+        if k != NEVER:
+            rule_out_twin(desk.options, options, n, k, end, tempo.walk)
     return chosen, side, last, hindrance, culprit
 
 
-@compiled
+@borrowing
 def plan(
     fleet: Fleet,
     i: int,
@@ -117,7 +140,8 @@ def plan(
     desk: Desk,
 ) -> None:
     """Plan artefact i from where it is at sub-step `now`."""
-    place, mind, order = fleet.place[i], fleet.mind[i], fleet.order[i]
+    place, mind, order, body = fleet.place[i], fleet.mind[i], fleet.order[i], fleet.body[i]
+    fleet.due[i] = now + REPLAN
     start = min(now - place.begin, place.last)
     pose = desk.paths[0, 0]
     copy_pose(fleet.path[i, start], pose)
@@ -127,13 +151,17 @@ def plan(
     if is_at_rest(aim, pose) and start == place.last:
         place.must_plan = 0
         return
-    options = fill_options(desk.options, aim, pose, fleet.body[i], order, mind, tempo)
+    options = fill_options(desk.options, aim, pose, body, order, mind, tempo)
     desk.counters[STAMP] += 1
-    square = np.array([pose[X], pose[Y], reach_of(fleet.body[i], tempo)])
-    near = gather(buckets, square, i, fleet, desk.seen, desk.counters[STAMP], desk.near)
-    goal = np.array([order.x, order.y])
+    reach = reach_of(body, tempo)
+    near = gather(
+        buckets, (pose[X], pose[Y], reach), i, fleet, desk.seen, desk.counters[STAMP], desk.near
+    )
+    near = look_round(fleet, i, pose, reach, now, desk, near)
+    wall_gap = wall_gap_wanted(pose, body, order.wall_comfort, floor, desk.box)
+    desk.goal[0], desk.goal[1] = order.x, order.y
     chosen, side, last, hindrance, culprit = _search(
-        fleet, i, goal, now, tempo, floor, robot, desk, options, near
+        fleet, i, now, tempo, floor, robot, desk, options, near, wall_gap
     )
     who = fleet.place[culprit].id if culprit != NOBODY else NOBODY
     if aim.kind == GOING:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from are_ros._compiled import compiled
+from are_ros.artefacts.motion._borrowing import borrowing, owning
 from are_ros.artefacts.motion._gaps import TOUCH, leap
 from are_ros.artefacts.motion._state import NEVER, Floats, RobotPath
 from are_ros.artefacts.motion._walls import lay_box
@@ -29,7 +29,7 @@ def robot_path(robot: RobotMotion | None, step_s: float) -> RobotPath:
     return RobotPath(outlines, radius, x, y, reach, pace)
 
 
-@compiled
+@owning
 def robot_gap(pose: Floats, body: Any, robot: RobotPath, k: int, box: Floats) -> float:
     """Return the distance of a body at a pose from the robot at sub-step k; negative: overlap."""
     lay_box(pose, body, 0.0, box)
@@ -37,7 +37,7 @@ def robot_gap(pose: Floats, body: Any, robot: RobotPath, k: int, box: Floats) ->
     return float(signed_distances(outline, robot.radius, box)[0])
 
 
-@compiled
+@borrowing
 def robot_conflict(
     path: Floats,
     start: int,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from are_ros._compiled import compiled
+from are_ros.artefacts.motion._borrowing import borrowing
 from are_ros.artefacts.motion._state import COS, SIN, SPEED, YAW, Floats, Tempo, X, Y
 
 HEADING, POINT, CURVE, ARC_TO_POINT, BRAKE = range(5)
@@ -19,19 +19,26 @@ _STILL = 1e-9
 _AIMED = 0.05  # nearer to its point than this, a body no longer turns towards it
 
 
-@compiled
+@borrowing
 def wrapped(angle: float) -> float:
     """Return an angle in [-pi, pi]."""
     return float(angle - 2.0 * np.pi * np.rint(angle / (2.0 * np.pi)))
 
 
-@compiled
+@borrowing
+def turn_to(heading: float, yaw: float) -> float:
+    """Return the angle from a yaw to a heading, in [-pi, pi]; 0 if it is only for rounding."""
+    error = wrapped(heading - yaw)
+    return error if abs(error) > _STILL else 0.0
+
+
+@borrowing
 def clamped(value: float, low: float, high: float) -> float:
     """Return the value, or the end of the range beyond which it lies."""
     return float(min(max(value, low), high))
 
 
-@compiled
+@borrowing
 def stopping_speed(left: float, speed: float, acceleration: float, dt: float) -> float:
     """Return the highest speed after the next sub-step that still lets it stop within `left`."""
     rest = 2.0 * (left - 0.5 * speed * dt) / acceleration
@@ -40,7 +47,7 @@ def stopping_speed(left: float, speed: float, acceleration: float, dt: float) ->
     return float(acceleration * (np.sqrt(0.25 * dt * dt + rest) - 0.5 * dt))
 
 
-@compiled
+@borrowing
 def advance(path: Floats, k: int, turn: float, speed: float, dt: float) -> None:
     """Write pose k + 1: yaw changes by `turn`, the speed to `speed`."""
     pose, after = path[k], path[k + 1]
@@ -56,7 +63,26 @@ def advance(path: Floats, k: int, turn: float, speed: float, dt: float) -> None:
     after[SPEED] = speed
 
 
-@compiled
+@borrowing
+def _turn_on(
+    path: Floats, k: int, turn: float, half: tuple[float, float, float], speed: float, dt: float
+) -> None:
+    """Do as `advance`, for walkers, without trigonometry where they turn as fast as they can.
+
+    `half` is half of the most that they turn in a sub-step, with its cosine and sine. The last turn
+    is by `advance`, so that rounding does not add up.
+    """
+    if abs(turn) != 2.0 * half[0]:
+        advance(path, k, turn, speed, dt)
+        return
+    pose, after = path[k], path[k + 1]
+    way, cos, sin = 0.5 * (pose[SPEED] + speed) * dt, half[1], math.copysign(half[2], turn)
+    c, s = pose[COS] * cos - pose[SIN] * sin, pose[SIN] * cos + pose[COS] * sin
+    after[X], after[Y], after[YAW] = pose[X] + way * c, pose[Y] + way * s, pose[YAW] + turn
+    after[COS], after[SIN], after[SPEED] = c * cos - s * sin, s * cos + c * sin, speed
+
+
+@borrowing
 def brake(path: Floats, k: int, curvature: float, body: Any, dt: float) -> int:
     """Brake from pose k on along a curve; return the index of the pose where it stands."""
     step = body.acceleration * dt
@@ -70,35 +96,45 @@ def brake(path: Floats, k: int, curvature: float, body: Any, dt: float) -> int:
     return k
 
 
-@compiled
+@borrowing
+def _half_turn(body: Any, dt: float) -> tuple[float, float, float]:
+    """Return half of the most that a body turns in a sub-step, and its cosine and sine."""
+    half = 0.5 * body.turn_rate * dt
+    return half, np.cos(half), np.sin(half)
+
+
+@borrowing
 def _walk(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt: float) -> int:
     """Turn towards a heading or the goal and walk, slower while it looks elsewhere."""
-    limit, step = body.turn_rate * dt, body.acceleration * dt
+    half, step = _half_turn(body, dt), body.acceleration * dt
+    limit = 2.0 * half[0]
     heading, to_point = option[1], option[0] == POINT
+    c, s = np.cos(heading), np.sin(heading)
     for k in range(steps):
         speed, want = path[k, SPEED], option[2]
-        if 2 * k == steps:
+        if 2 * k == steps and option[4] != heading:
             heading = option[4]
+            c, s = np.cos(heading), np.sin(heading)
         if to_point:
             dx, dy = goal[0] - path[k, X], goal[1] - path[k, Y]
-            left = np.hypot(dx, dy)
+            left = np.sqrt(dx * dx + dy * dy)
             if left > _AIMED:
-                heading = math.atan2(dy, dx)
+                heading, c, s = math.atan2(dy, dx), dx / left, dy / left
             else:
                 left = max(dx * path[k, COS] + dy * path[k, SIN], 0.0)
             want = min(want, stopping_speed(left, speed, body.acceleration, dt))
-        error = wrapped(heading - path[k, YAW])
+        error = turn_to(heading, path[k, YAW])
         turn = clamped(error, -limit, limit)
         if error != 0.0:
-            want *= max(np.cos(error), 0.0)
+            want *= max(c * path[k, COS] + s * path[k, SIN], 0.0)  # the cosine of the error
         faster = clamped(want, max(speed - step, 0.0), speed + step)
         if turn == 0.0 and speed == 0.0 and faster < _STILL:
             return k
-        advance(path, k, turn, faster, dt)
+        _turn_on(path, k, turn, half, faster, dt)
     return steps
 
 
-@compiled
+@borrowing
 def _drive(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt: float) -> int:
     """Drive along a curve, or the arc to the goal; a negative speed is reverse."""
     limit, step = body.turn_rate * dt, body.acceleration * dt
@@ -127,22 +163,23 @@ def _drive(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt
     return steps
 
 
-@compiled
+@borrowing
 def _stop(path: Floats, option: Floats, body: Any, steps: int, dt: float) -> int:
     """Brake, and turn on the spot towards a heading on the way (nan: none)."""
-    limit, step = body.turn_rate * dt, body.acceleration * dt
+    half, step = _half_turn(body, dt), body.acceleration * dt
+    limit = 2.0 * half[0]
     k = 0
     while k < steps:
         speed = path[k, SPEED]
-        error = 0.0 if np.isnan(option[1]) else wrapped(option[1] - path[k, YAW])
+        error = 0.0 if np.isnan(option[1]) else turn_to(option[1], path[k, YAW])
         if speed == 0.0 and error == 0.0:
             break
-        advance(path, k, clamped(error, -limit, limit), max(speed - step, 0.0), dt)
+        _turn_on(path, k, clamped(error, -limit, limit), half, max(speed - step, 0.0), dt)
         k += 1
     return k
 
 
-@compiled
+@borrowing
 def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, tempo: Tempo) -> int:
     """Fill a path, whose pose 0 is given, by an option (see `_options`).
 
@@ -161,7 +198,7 @@ def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, tempo: Tempo
     return brake(path, k, 0.0, body, tempo.step_s)
 
 
-@compiled
+@borrowing
 def pace_of(path: Floats, last: int, body: Any, dt: float) -> float:
     """Return how far any point of the box moves in one sub-step of a path at most."""
     fastest, turn = 0.0, 0.0
@@ -169,3 +206,15 @@ def pace_of(path: Floats, last: int, body: Any, dt: float) -> float:
         fastest = max(fastest, abs(path[k, SPEED]), abs(path[k - 1, SPEED]))
         turn = max(turn, abs(path[k, YAW] - path[k - 1, YAW]))
     return float(fastest * dt + turn * body.radius)
+
+
+@borrowing
+def circle_of(path: Floats, last: int) -> tuple[float, float, float]:
+    """Return centre and radius of a circle that holds the ground points of a path."""
+    low_x, low_y, high_x, high_y = path[0, X], path[0, Y], path[0, X], path[0, Y]
+    for k in range(1, last + 1):
+        low_x, high_x = min(low_x, path[k, X]), max(high_x, path[k, X])
+        low_y, high_y = min(low_y, path[k, Y]), max(high_y, path[k, Y])
+    width, depth = high_x - low_x, high_y - low_y
+    radius = 0.5 * np.sqrt(width * width + depth * depth)
+    return 0.5 * (low_x + high_x), 0.5 * (low_y + high_y), float(radius)

@@ -32,7 +32,7 @@ PLACE = np.dtype(
         ("y", "f8"),
         ("reach", "f8"),
         ("pace", "f8"),  # the highest speed of any point of the box on the path
-        ("must_plan", "i8"),
+        ("must_plan", "i8"),  # its path was broken
         ("is_scripted", "i8"),
     ]
 )
@@ -93,13 +93,27 @@ MIND = np.dtype(
 
 
 class Fleet(NamedTuple):
-    """Records of all slots (C,); `path` float64 (C, K, 6)."""
+    """Records of all slots (C,); `path` float64 (C, K, 6).
+
+    `due`: the sub-steps at which they plan next, if there is anything to do.
+    """
 
     place: Records
     body: Records
     order: Records
     mind: Records
+    due: Integers
     path: Floats
+
+
+class Columns(NamedTuple):
+    """Fields of the minds of all slots, to be read and written one by one from Python."""
+
+    passed_at: Integers
+    credit: Floats
+    blocked: Floats
+    hindrance: Integers
+    hindered_by: Integers
 
 
 class Tempo(NamedTuple):
@@ -143,14 +157,19 @@ class Buckets(NamedTuple):
 
 
 class Desk(NamedTuple):
-    """Scratch: two paths (2, K, 6), neighbours, marks of who was seen, options (M, 5), counters."""
+    """Scratch: two paths (2, K, 6), neighbours and the gaps wanted from them, options (M, 5), ...
+
+    Besides: marks of who was seen, counters, a packed box, a point.
+    """
 
     paths: Floats
     near: Integers
+    wanted: Floats
     seen: Integers
     options: Floats
     counters: Integers
     box: Floats
+    goal: Floats
 
 
 PLANS, KEPT, EMERGENCIES, STAMP = range(4)
@@ -160,7 +179,13 @@ PLANS, KEPT, EMERGENCIES, STAMP = range(4)
 def fleet_of(capacity: int, length: int) -> Fleet:
     """Return the records of empty slots for paths of `length` poses."""
     place, body, order, mind = (np.zeros(capacity, kind) for kind in (PLACE, BODY, ORDER, MIND))
-    return Fleet(place, body, order, mind, np.zeros((capacity, length, 6)))
+    due = np.zeros(capacity, np.int64)
+    return Fleet(place, body, order, mind, due, np.zeros((capacity, length, 6)))
+
+
+def columns_of(fleet: Fleet) -> Columns:
+    """Return views of single fields."""
+    return Columns(*(fleet.mind[name] for name in Columns._fields))
 
 
 def desk_of(capacity: int, length: int) -> Desk:
@@ -168,10 +193,12 @@ def desk_of(capacity: int, length: int) -> Desk:
     return Desk(
         np.zeros((2, length, 6)),
         np.zeros(capacity, np.int64),
+        np.zeros(capacity),
         np.zeros(capacity, np.int64),
         np.zeros((160, 5)),
         np.zeros(4, np.int64),
         np.zeros((1, 8)),
+        np.zeros(2),
     )
 
 

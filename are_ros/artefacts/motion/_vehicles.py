@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from are_ros._compiled import compiled
 from are_ros.artefacts.motion._aims import GOING, PUSHED, Aim
+from are_ros.artefacts.motion._borrowing import borrowing
 from are_ros.artefacts.motion._rollouts import ARC_TO_POINT, BRAKE, CURVE
 from are_ros.artefacts.motion._state import COS, SIN, SPEED, YAW, Floats, Tempo, X, Y
 
@@ -29,7 +29,7 @@ _TO_GOAL = 0.02
 _CHANGE = 0.04
 
 
-@compiled
+@borrowing
 def _way_forward(x: float, y: float, radius: float) -> float:
     """Return the length of arc and tangent to the point (x, y), the body at 0 heading for +x.
 
@@ -48,7 +48,7 @@ def _way_forward(x: float, y: float, radius: float) -> float:
     return float(before + radius * max(angle, 0.0) + tangent)
 
 
-@compiled
+@borrowing
 def way_left(x: float, y: float, yaw: float, goal_x: float, goal_y: float, radius: float) -> float:
     """Return the way [m] from a pose to a goal, a metre in reverse counted more than one ahead."""
     c, s = np.cos(yaw), np.sin(yaw)
@@ -59,7 +59,7 @@ def way_left(x: float, y: float, yaw: float, goal_x: float, goal_y: float, radiu
     return min(forward, backward)
 
 
-@compiled
+@borrowing
 def _travelled(speed: float, wanted: float, acceleration: float, duration: float) -> float:
     """Return the signed way made in a time in which the speed changes to the one wanted."""
     change = abs(wanted - speed) / acceleration
@@ -69,7 +69,7 @@ def _travelled(speed: float, wanted: float, acceleration: float, duration: float
     return float(0.5 * (speed + wanted) * change + wanted * (duration - change))
 
 
-@compiled
+@borrowing
 def _arc_cost(
     bend: float, way: float, aim: Aim, pose: Floats, order: Any, radius: float, full: float
 ) -> float:
@@ -91,7 +91,7 @@ def _arc_cost(
     return float(1.0 + (then - now) / full)
 
 
-@compiled
+@borrowing
 def _add_arcs(
     options: Floats,
     count: int,
@@ -123,7 +123,7 @@ def _add_arcs(
     return count
 
 
-@compiled
+@borrowing
 def _arc_length(ahead: float, aside: float) -> float:
     """Return the length of the arc from the origin, along +x at first, to a point."""
     angle = math.atan2(aside, ahead)
@@ -131,7 +131,7 @@ def _arc_length(ahead: float, aside: float) -> float:
     return float(np.hypot(ahead, aside) * share)
 
 
-@compiled
+@borrowing
 def _add_arcs_to_goal(
     options: Floats,
     count: int,
@@ -164,7 +164,7 @@ def _add_arcs_to_goal(
     return count
 
 
-@compiled
+@borrowing
 def vehicle_options(
     options: Floats, aim: Aim, pose: Floats, body: Any, order: Any, mind: Any, tempo: Tempo
 ) -> int:

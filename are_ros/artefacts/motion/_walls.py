@@ -4,17 +4,20 @@ from typing import Any
 
 import numpy as np
 
-from are_ros._compiled import compiled
+from are_ros.artefacts.motion._borrowing import borrowing, owning
 from are_ros.artefacts.motion._gaps import leap
 from are_ros.artefacts.motion._state import COS, NEVER, SIN, Floats, Floor, X, Y
-from are_ros.world._wall_kernels import are_free, hits_cells
+from are_ros.world._wall_kernels import _is_free as is_box_free
+from are_ros.world._wall_kernels import hits_cells
 from are_ros.world.lattice_cover import covered
 from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M
 
+_HALF_DIAGONAL = 0.71  # of a cell, rounded up
 _TWO_HALF_DIAGONALS = 1.42
+_NOT_FREE = -1.0
 
 
-@compiled
+@borrowing
 def lay_box(pose: Floats, body: Any, grow: float, box: Floats) -> None:
     """Write the packed box of a body, grown on each side, at a pose."""
     box[0, 0] = pose[X] + pose[COS] * body.centre_x - pose[SIN] * body.centre_y
@@ -23,17 +26,38 @@ def lay_box(pose: Floats, body: Any, grow: float, box: Floats) -> None:
     box[0, 5], box[0, 6] = body.half_x + grow, body.half_y + grow
 
 
-@compiled
+@borrowing
 def layer_of(body: Any, floor: Floor) -> int:
     """Return which layer of the floor is a body's; there may be one for all."""
     return int(min(body.terrain, floor.clearance.shape[0] - 1))
 
 
-@compiled
+@borrowing
+def _cells_free(col: float, row: float, floor: Floor, layer: int) -> float:
+    """Return how far, in cells, a point (in cells) surely is from all that is closed."""
+    field = floor.clearance
+    if not (0.0 <= col < field.shape[2] and 0.0 <= row < field.shape[1]):
+        return -np.inf
+    i, j = int(row), int(col)
+    dx, dy = col - j - 0.5, row - i - 0.5
+    return float(field[layer, i, j] / floor.unit - np.sqrt(dx * dx + dy * dy) - _HALF_DIAGONAL)
+
+
+@borrowing
+def point_room(x: float, y: float, body: Any, floor: Floor) -> float:
+    """Return the radius [m] of a disc about a point that surely meets nothing that is closed."""
+    lattice, unit = floor.lattice, floor.unit
+    dx, dy = x - lattice[0], y - lattice[1]
+    col = (dx * lattice[2] + dy * lattice[3]) / unit
+    row = (dy * lattice[2] - dx * lattice[3]) / unit
+    return unit * _cells_free(col, row, floor, layer_of(body, floor))
+
+
+@borrowing
 def disc_room(pose: Floats, body: Any, floor: Floor) -> float:
     """Return how much each disc of a body could surely grow before it met a closed cell."""
     lattice = floor.lattice
-    field = floor.clearance[layer_of(body, floor)]
+    layer, scale = layer_of(body, floor), 1.0 / floor.unit
     x0 = pose[X] - lattice[0] + pose[COS] * body.centre_x - pose[SIN] * body.centre_y
     y0 = pose[Y] - lattice[1] + pose[SIN] * body.centre_x + pose[COS] * body.centre_y
     step_x = pose[COS] * body.disc_x - pose[SIN] * body.disc_y
@@ -42,23 +66,21 @@ def disc_room(pose: Floats, body: Any, floor: Floor) -> float:
     for n in range(body.discs):
         offset = n - 0.5 * (body.discs - 1)
         x, y = x0 + offset * step_x, y0 + offset * step_y
-        col = (x * lattice[2] + y * lattice[3]) / floor.unit
-        row = (y * lattice[2] - x * lattice[3]) / floor.unit
-        if not (0.0 <= col < field.shape[1] and 0.0 <= row < field.shape[0]):
-            return -1.0
-        least = min(least, field[int(row), int(col)])
-    return float(least - _TWO_HALF_DIAGONALS * floor.unit - body.disc_radius)
+        col = (x * lattice[2] + y * lattice[3]) * scale
+        row = (y * lattice[2] - x * lattice[3]) * scale
+        least = min(least, _cells_free(col, row, floor, layer))
+    return float(least * floor.unit - body.disc_radius)
 
 
-@compiled
+@borrowing
 def is_free(pose: Floats, body: Any, grow: float, floor: Floor, box: Floats) -> bool:
     """Tell whether a body, grown on each side, covers open cells of the grid only: exact."""
     lay_box(pose, body, grow, box)
     field = floor.clearance[layer_of(body, floor)]
-    return bool(are_free(box, floor.lattice, field, floor.unit, TOUCH_TOLERANCE_M)[0])
+    return bool(is_box_free(box, 0, floor.lattice, field, floor.unit, TOUCH_TOLERANCE_M))
 
 
-@compiled
+@borrowing
 def turns_freely(pose: Floats, body: Any, floor: Floor) -> bool:
     """Tell whether the disc that a body sweeps, turning on the spot, covers open cells only."""
     lattice, unit = floor.lattice, floor.unit
@@ -82,7 +104,7 @@ def turns_freely(pose: Floats, body: Any, floor: Floor) -> bool:
     return True
 
 
-@compiled
+@owning
 def _solid_cells(pose: Floats, body: Any, floor: Floor, box: Floats) -> int:
     """Count the solid cells that a body covers; a huge number if it reaches outside the grid."""
     lay_box(pose, body, 0.0, box)
@@ -99,34 +121,45 @@ def _solid_cells(pose: Floats, body: Any, floor: Floor, box: Floats) -> int:
     return count if count > 0 else NEVER
 
 
-@compiled
+@borrowing
+def wall_gap_wanted(pose: Floats, body: Any, comfort: float, floor: Floor, box: Floats) -> float:
+    """Return the comfort, 0 if a pose does not leave the walls that, or less if it is not free."""
+    room = disc_room(pose, body, floor)
+    if room >= comfort:
+        return comfort
+    if room < 0.0 and not is_free(pose, body, 0.0, floor, box):
+        return _NOT_FREE
+    return comfort if is_free(pose, body, comfort, floor, box) else 0.0
+
+
+@borrowing
 def wall_conflict(
     plan: Floats,
     last: int,
     body: Any,
-    comfort: float,
+    wanted: float,
     pace: float,
     floor: Floor,
     box: Floats,
     home: Floats,
+    must_keep: bool,
 ) -> tuple[bool, int]:
-    """Tell whether a plan leaves the walls their comfort, and when it first runs into one.
+    """Tell whether a plan leaves the walls the gap wanted, and when it first runs into one.
 
+    `wanted` is `wall_gap_wanted` of its first pose. With `must_keep` it looks no further once the
+    gap is not kept.
     Who starts on free cells stays on such, and who turns on the spot does not end where it
     cannot, unless it was so at `home`, where the plan before this one ends.
     Who does not start so (a new map) may go over all that is not
     solid, and covers no more solid cells than at the start.
     """
-    room = disc_room(plan[0], body, floor)
-    if room < 0.0 and not is_free(plan[0], body, 0.0, floor, box):
+    if wanted < 0.0:
         limit = _solid_cells(plan[0], body, floor, box)
         for k in range(1, last + 1):
             if _solid_cells(plan[k], body, floor, box) > limit:
                 return False, k
         return False, NEVER
-    comfortable = room >= comfort or is_free(plan[0], body, comfort, floor, box)
-    wanted, k = comfort if comfortable else 0.0, 1
-    kept = True
+    kept, k = True, 1
     while k <= last:
         room = disc_room(plan[k], body, floor)
         if room >= wanted:
@@ -134,6 +167,8 @@ def wall_conflict(
             continue
         if not (wanted > 0.0 and is_free(plan[k], body, wanted, floor, box)):
             kept, wanted = kept and wanted == 0.0, 0.0
+            if must_keep and not kept:
+                return False, NEVER
             if room < 0.0 and not is_free(plan[k], body, 0.0, floor, box):
                 return False, k
         k += 1

@@ -36,6 +36,9 @@ _DRIVE_S: Final = 1.5
 _BRAKE_S: Final = 2.5
 _FIRST_CAPACITY: Final = 64
 _ELSEWHERE_M: Final = 1.0
+_NEWS_M: Final = 0.1
+
+_Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -56,23 +59,24 @@ class Traffic:
         self._tempo = _state.Tempo(step_s, walk, drive, round(1.0 / step_s))
         self._length = drive + round(_BRAKE_S / step_s) + 3
         self._floors = Floors(terrains or Terrains())
-        self._order: npt.NDArray[np.int64] | None = None
-        self._poses: npt.NDArray[np.float64] | None = None
-        self._moved: npt.NDArray[np.bool_] | None = None
         self.clear()
 
     def clear(self) -> None:
         """Let nobody be there; counters go back to 0."""
         self._fleet = _state.fleet_of(_FIRST_CAPACITY, self._length)
         self._desk = _state.desk_of(_FIRST_CAPACITY, self._length)
+        self._columns = _state.columns_of(self._fleet)
         self._slot_of: dict[int, int] = {}
-        self._sub_goals: dict[int, tuple[float, float] | None] = {}
+        self._orders: dict[int, Order] = {}
         self._free = list(range(_FIRST_CAPACITY))[::-1]
         self._ids: list[int] = []
+        self._slots = np.empty(0, np.int64)
+        """The slots (N,) in the order of ids."""
         self._scripts = Scripts()
         self._intruders: list[int] = []
         self._now = 0
-        self._forget()
+        self._survey: tuple[_Floats, _Floats] | None = None
+        self._moved: npt.NDArray[np.bool_] | None = None
 
     def add(self, artefact_id: int, pose: GroundPose, body: Body) -> None:
         """Let one more stand at a pose, with nothing to do."""
@@ -85,39 +89,46 @@ class Traffic:
         for table in fleet[:4]:
             table[slot] = 0
         self._slot_of[artefact_id] = slot
-        self._ids.insert(bisect_left(self._ids, artefact_id), artefact_id)
+        index = bisect_left(self._ids, artefact_id)
+        self._ids.insert(index, artefact_id)
+        self._slots = np.insert(self._slots, index, slot)
         level = self._floors.level_of(body.height_m)
         top_speed = body.acceleration_mps2 * _BRAKE_S
         _state.write_body(fleet.body[slot], body, top_speed, level)
         fleet.place["id"][slot] = artefact_id
         fleet.mind["passed_at"][slot] = _state.NEVER
         fleet.mind["chosen"][slot] = np.nan
-        self.order(artefact_id, STAND)
-        self._forget()
+        fleet.order[slot] = _state.order_record(STAND)
+        forget_blockade(fleet.mind[slot])
+        self._orders[artefact_id] = STAND
+        self._moved = None
         self.put(artefact_id, pose)
 
     def remove(self, artefact_id: int) -> None:
         """Let one be gone."""
         slot = self._slot_of.pop(artefact_id)
-        del self._sub_goals[artefact_id]
-        del self._ids[bisect_left(self._ids, artefact_id)]
+        del self._orders[artefact_id]
+        index = bisect_left(self._ids, artefact_id)
+        del self._ids[index]
+        self._slots = np.delete(self._slots, index)
         self._free.append(slot)
         self._scripts.cancel(artefact_id)
         self._intruders = [other for other in self._intruders if other != slot]
-        self._forget()
+        self._survey = self._moved = None
 
     def order(self, artefact_id: int, order: Order) -> None:
         """Tell one what to do from the next sub-step on, unless it is scripted."""
-        slot = self._slot_of[artefact_id]
-        before, goal = self._sub_goals.get(artefact_id), order.subgoal_m
-        shift_m = math.inf if before is None or goal is None else math.dist(goal, before)
-        self._sub_goals[artefact_id] = goal
+        slot, columns = self._slot_of[artefact_id], self._columns
+        before, self._orders[artefact_id] = self._orders[artefact_id], order
         self._fleet.order[slot] = _state.order_record(order)
+        shift_m = _shift_m(before.subgoal_m, order.subgoal_m)
+        if shift_m > _NEWS_M or order.speed_mps != before.speed_mps:
+            self._fleet.due[slot] = self._now
         if shift_m > 0.0:
-            self._fleet.mind["passed_at"][slot] = _state.NEVER
-        if shift_m > _ELSEWHERE_M:  # what it went back from the old one is no loss
-            self._fleet.mind["credit"][slot] = max(self._fleet.mind["credit"][slot], 0.0)
-        if goal is None:
+            columns.passed_at[slot] = _state.NEVER
+        if shift_m > _ELSEWHERE_M and columns.credit[slot] < 0.0:
+            columns.credit[slot] = 0.0  # what it went back from the old one is no loss
+        if order.subgoal_m is None and shift_m > 0.0:
             forget_blockade(self._fleet.mind[slot])
 
     def put(self, artefact_id: int, pose: GroundPose) -> None:
@@ -130,10 +141,10 @@ class Traffic:
         place["begin"], place["last"], place["pace"] = self._now, 0, 0.0
         place["x"], place["y"] = pose.x_m, pose.y_m
         place["reach"] = self._fleet.body["radius"][slot]
-        place["must_plan"] = 0
+        place["must_plan"], self._fleet.due[slot] = 0, self._now
         self._scripts.repeat(artefact_id)
         self._intruders.append(slot)
-        self._poses = None
+        self._survey = None
 
     def prescribe(self, artefact_id: int, poses: npt.NDArray[np.float64]) -> None:
         """Let one follow x, y, yaw float64 (K, 3) in the next K sub-steps; no poses cancel that.
@@ -153,19 +164,27 @@ class Traffic:
         """
         is_new, floor = self._floors.of(environment)
         self._intruders += self._scripts.lay(self._slot_of, self._fleet, self._now, self._tempo)
-        slots = self._slots()
-        if is_new or self._intruders:
+        circles = self._surveyed()[1]
+        if is_new:
+            _steps.mark_closed(self._fleet, self._slots, self._now, floor, self._desk.box)
+        if self._intruders:
             intruders = np.array(self._intruders, np.int64)
-            _steps.mark_broken(
-                self._fleet, slots, intruders, is_new, self._now, floor, self._desk.box
-            )
+            _steps.mark_broken(self._fleet, self._slots, circles, intruders, self._now)
         self._intruders = []
         path = robot_path(robot, self._tempo.step_s)
-        self._moved = _steps.run(
-            self._fleet, slots, self._now, index, self._tempo, floor, path, self._desk
+        self._moved, *survey = _steps.run(
+            self._fleet,
+            self._slots,
+            circles,
+            self._now,
+            index,
+            self._tempo,
+            floor,
+            path,
+            self._desk,
         )
         self._now += 1
-        self._poses = None
+        self._survey = survey[0], survey[1]
 
     @property
     def ids(self) -> npt.NDArray[np.int64]:
@@ -175,12 +194,12 @@ class Traffic:
     @property
     def poses(self) -> npt.NDArray[np.float64]:
         """Where they are now: x, y [m], yaw [rad] in the map frame, float64 (N, 3)."""
-        return self._current()[:, :3]
+        return self._surveyed()[0][:, :3]
 
     @property
     def speeds(self) -> npt.NDArray[np.float64]:
         """The speeds (N,) [m/s] along their headings; negative in reverse."""
-        return self._current()[:, _state.SPEED]
+        return self._surveyed()[0][:, _state.SPEED]
 
     @property
     def moved(self) -> npt.NDArray[np.bool_]:
@@ -204,13 +223,17 @@ class Traffic:
 
     def is_clear(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
         """Tell which boxes (M,), standing from now on, nobody meets on his trajectory."""
-        poses = np.zeros((len(boxes), 6))
-        poses[:, [X, Y]], poses[:, YAW] = boxes.centres_m[:, :2], boxes.yaws_rad
-        poses[:, COS], poses[:, SIN] = boxes.packed[:, 3], boxes.packed[:, 4]
-        bodies = np.zeros(len(boxes), _state.BODY)
-        bodies["half_x"], bodies["half_y"] = boxes.half_sizes_m[:, :2].T
-        bodies["radius"] = np.hypot(bodies["half_x"], bodies["half_y"])
-        return _steps.are_clear(self._fleet, self._slots(), self._now, poses, bodies)
+        packed = boxes.packed
+        poses = np.zeros((len(packed), 6))
+        poses[:, X], poses[:, Y], poses[:, YAW] = packed[:, 0], packed[:, 1], boxes.yaws_rad
+        poses[:, COS], poses[:, SIN] = packed[:, 3], packed[:, 4]
+        bodies = np.zeros(len(packed), _state.BODY)
+        bodies["half_x"], bodies["half_y"] = packed[:, 5], packed[:, 6]
+        bodies["radius"] = np.hypot(packed[:, 5], packed[:, 6])
+        circles = self._surveyed()[1]
+        clear = np.ones(len(packed), np.bool_)
+        _steps.mark_clear(clear, self._fleet, self._slots, circles, self._now, poses, bodies)
+        return clear
 
     def hindrance(self, artefact_id: int) -> tuple[Hindrance, int, float]:
         """Tell what is in an artefact's way, whose id that is (or -1), and since when [s].
@@ -218,35 +241,24 @@ class Traffic:
         The time is that in which it wanted to move and came nearer to its sub-goal by less than
         0.1 m/s; 0: nothing is in its way.
         """
-        mind = self._fleet.mind[self._slot_of[artefact_id]]
-        blocked_s = float(mind["blocked"])
+        slot, columns = self._slot_of[artefact_id], self._columns
+        blocked_s: float = columns.blocked.item(slot)
         if blocked_s <= 0.0:
             return Hindrance.NONE, NOBODY, 0.0
-        return Hindrance(int(mind["hindrance"])), int(mind["hindered_by"]), blocked_s
+        kind = Hindrance(columns.hindrance.item(slot))
+        return kind, columns.hindered_by.item(slot), blocked_s
 
-    def _slots(self) -> npt.NDArray[np.int64]:
-        """Return the slots (N,) in the order of ids."""
-        if self._order is None:
-            self._order = np.array([self._slot_of[one] for one in self._ids], np.int64)
-        return self._order
-
-    def _current(self) -> npt.NDArray[np.float64]:
-        if self._poses is None:
-            slots = self._slots()
-            place = self._fleet.place[slots]
-            index = np.minimum(self._now - place["begin"], place["last"])
-            self._poses = self._fleet.path[slots, index]
-        return self._poses
+    def _surveyed(self) -> tuple[_Floats, _Floats]:
+        """Return where all are now, and the circles of their paths; see `_steps.survey`."""
+        if self._survey is None:
+            self._survey = _steps.survey(self._fleet, self._slots, self._now)
+        return self._survey
 
     def _pose(self, slot: int) -> tuple[float, float, float]:
         place = self._fleet.place[slot]
         index = min(self._now - int(place["begin"]), int(place["last"]))
         x, y, yaw = self._fleet.path[slot, index, :3].tolist()
         return x, y, yaw
-
-    def _forget(self) -> None:
-        """Forget what was derived from who is there."""
-        self._order = self._poses = self._moved = None
 
     def _grow(self) -> None:
         """Double the number of slots."""
@@ -255,6 +267,13 @@ class Traffic:
         for table, before in zip(fleet, self._fleet, strict=True):
             table[:old] = before
         counters = self._desk.counters
-        self._fleet = fleet
+        self._fleet, self._columns = fleet, _state.columns_of(fleet)
         self._desk = _state.desk_of(2 * old, self._length)._replace(counters=counters)
         self._free = list(range(old, 2 * old))[::-1]
+
+
+def _shift_m(before: tuple[float, float] | None, after: tuple[float, float] | None) -> float:
+    """Return how far a sub-goal has moved; infinitely far if there was none, or is none now."""
+    if before is None or after is None:
+        return 0.0 if before is after else math.inf
+    return math.dist(before, after)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from are_ros.artefacts.motion import _gaps, _state, _walls
 from are_ros.artefacts.motion._buckets import fill, gather
 from are_ros.artefacts.motion._floors import Floors
-from are_ros.artefacts.motion._rollouts import pace_of
+from are_ros.artefacts.motion._rollouts import circle_of, pace_of
 from are_ros.artefacts.motion._state import NEVER
 from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.terrain import Terrains
@@ -98,8 +98,10 @@ def test_a_path_runs_into_a_wall_where_its_boxes_do(seed: int, body: Body, comfo
     boxes = boxes_at(path[:, :3], [body] * 40)
     free = here.is_placeable(boxes)
     pace = pace_of(path, 39, record, 0.05)
+    box = np.zeros((1, 8))
+    wanted = _walls.wall_gap_wanted(path[0], record, comfort, floor, box)
     kept, found = _walls.wall_conflict(
-        path, 39, record, comfort, pace, floor, np.zeros((1, 8)), path[0]
+        path, 39, record, wanted, pace, floor, box, path[0], must_keep=False
     )
     if not free[0]:
         hits = here.hits_wall(boxes)
@@ -112,7 +114,14 @@ def test_a_path_runs_into_a_wall_where_its_boxes_do(seed: int, body: Body, comfo
     else:
         grown = Body((body.half_size_m[0] + comfort, body.half_size_m[1] + comfort), body.centre_m)
         roomy = here.is_placeable(boxes_at(path[:, :3], [grown] * 40))
+        assert wanted == (comfort if roomy[0] else 0.0)
         assert kept == (not roomy[0] or bool(roomy.all()))
+    hasty = _walls.wall_conflict(
+        path, 39, record, wanted, pace, floor, box, path[0], must_keep=True
+    )
+    assert hasty == ((kept, found) if kept else (False, hasty[1]))
+    assert hasty[1] in (found, NEVER)
+    assert kept or wanted <= 0.0 or hasty[1] == NEVER
 
 
 @given(_seeds, st.sampled_from(_BODIES))
@@ -152,7 +161,7 @@ def test_buckets_find_all_that_may_meet_a_square(seed: int, count: int) -> None:
     fleet.place["x"], fleet.place["y"], fleet.place["reach"] = squares.T
     buckets = fill(squares, np.arange(count))
     for me in range(count):
-        found = gather(buckets, squares[me], me, fleet, desk.seen, me + 1, desk.near)
+        found = gather(buckets, tuple(squares[me]), me, fleet, desk.seen, me + 1, desk.near)
         near = desk.near[:found].tolist()
         gaps = np.abs(squares[:, :2] - squares[me, :2]).max(axis=1) - squares[:, 2] - squares[me, 2]
         expected = set(np.flatnonzero(gaps < 0.0).tolist()) - {me}
@@ -165,3 +174,29 @@ def test_a_leap_is_never_too_far() -> None:
     assert _gaps.leap(0.0, 0.1) == 1
     assert _gaps.leap(0.35, 0.1) == 4
     assert _gaps.leap(math.inf, 0.0) > 1000
+
+
+@given(_seeds, st.sampled_from(_BODIES))
+def test_a_point_has_the_room_that_it_is_said_to_have(seed: int, body: Body) -> None:
+    """No closed cell is nearer than that, and it is not far from what there is."""
+    random = np.random.default_rng(seed)
+    cells = room(7.0, 6.0)
+    wall(cells, (3.0, 3.2), (2.0, 4.0))
+    here = environment(cells)
+    _, floor = Floors(Terrains()).of(here)
+    x, y = random.uniform(0.2, 5.8, 2)
+    told = _walls.point_room(x, y, _records(body)[0], floor)
+    rows, columns = np.nonzero(cells)
+    dx = np.maximum(np.maximum(0.05 * columns - x, x - 0.05 * (columns + 1)), 0.0)
+    dy = np.maximum(np.maximum(0.05 * rows - y, y - 0.05 * (rows + 1)), 0.0)
+    assert np.hypot(dx, dy).min() - 0.08 < told <= np.hypot(dx, dy).min() + 1e-6
+
+
+@given(_seeds, st.integers(0, 39))
+def test_the_circle_of_a_path_holds_it(seed: int, last: int) -> None:
+    """All its points are in it, and it is no larger than half the diagonal of their rectangle."""
+    path = _path(np.random.default_rng(seed), 40)
+    x, y, radius = circle_of(path, last)
+    points = path[: last + 1, :2]
+    assert np.hypot(*(points - (x, y)).T).max() <= radius + 1e-12
+    assert radius <= 0.5 * np.hypot(*np.ptp(points, axis=0)) + 1e-12

@@ -1,20 +1,17 @@
-"""What to do next on the way to a goal: one step of lookahead over its values (section 3.2)."""
+"""Ways by hand: the lookahead and the way of one who goes somewhere, as `route_step` has them."""
 
 import math
-from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts import _route_kernels
-from are_ros.artefacts.coarse_map import Cell, CoarseMap
+from are_ros.artefacts._step_kernels import FADE_M
+from are_ros.artefacts.coarse_map import CoarseMap
 from are_ros.artefacts.mdp import Action
 from are_ros.artefacts.value_tables import ValueTable
 
-FADE_M: Final = 1.0
-"""Over this length what somebody else costs falls from its whole weight to nothing."""
-
-_ACTIONS: Final = tuple(Action)
+_ACTIONS = tuple(Action)
 
 
 def choose(
@@ -63,9 +60,9 @@ def way(
     """Return the anchors float64 (K, 2) along an action and then the best ones, and the epochs.
 
     In the map frame, K at most `max_points`; the last is the table's `goal_m` if the way gets
-    there (only that in the goal's own cell). The epochs are those to the goal, beyond these
-    points too, if nothing slips and nobody is in the way. No points and inf where the table knows
-    no way; inf, too, if the best actions do not lead to the goal.
+    there (only that in the goal's own cell). The epochs are those that this takes if nothing slips
+    and nobody is in the way. No points and inf where the table knows no way; inf, too, if the best
+    actions lead nowhere.
     """
     state = _state(table, coarse, x_m, y_m, heading)
     if state is None:
@@ -105,7 +102,7 @@ def _state(
     table: ValueTable, coarse: CoarseMap, x_m: float, y_m: float, heading: int
 ) -> tuple[int, int, int] | None:
     """Return row and column in the table's window, and heading; None without a way from there."""
-    cell: Cell | None = coarse.cell_of(x_m, y_m)
+    cell = coarse.cell_of(x_m, y_m)
     if cell is None or not table.reaches(cell):
         return None
     return cell[0] - table.corner[0], cell[1] - table.corner[1], heading
