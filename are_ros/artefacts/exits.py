@@ -14,8 +14,9 @@ PERSON_WIDTH_M: Final = 0.6
 """What is narrower lets nobody through."""
 _REACH_M: Final = 1.0
 """How far inside of an opening somebody stops who leaves by it."""
-_APART_M: Final = 5.0
-"""A wide opening has a point for each part that is farther than this from those before."""
+_APART_M: Final = 1.5
+"""A wide opening has a point for each part that is farther than this from those before: many can
+leave by it side by side."""
 _LEADS_ON_M2: Final = 2.0
 """What is unknown behind an opening is at least as large: else it is a gap in the map."""
 
@@ -41,7 +42,7 @@ def exits_of(
     Else they are the openings of the map: where a disc of `width_m` can cross, without touching an
     occupied cell, from the region into the unknown, or over the border of the grid, and finds there
     at least 2 m^2 to go on. The point is where the disc still stands free within 1 m of the
-    opening, as near as possible to the middle of it; a wide one has a point every few metres.
+    opening, as near as possible to the middle of it; a wide one has a point every metre or two.
     """
     # Distances go from centre to centre, and half a cell of the nearest one is in the way.
     room_m = 0.5 * (width_m + environment.grid.resolution_m)

@@ -97,8 +97,8 @@ def test_a_wide_opening_has_several_points() -> None:
     """A floor of 20 m x 6 m that the map cuts off all around has exits all around."""
     exits = _exits(_environment((40 * "." + "\n") * 12))
     apart = np.hypot(*(exits[:, None] - exits[None]).transpose(2, 0, 1))
-    assert 6 <= len(exits) <= 12
-    assert apart[~np.eye(len(exits), dtype=np.bool_)].min() > 3.0
+    assert 20 <= len(exits) <= 35
+    assert apart[~np.eye(len(exits), dtype=np.bool_)].min() > 0.75
     to_border = np.minimum(exits, (20.0, 6.0) - exits).min(axis=1)
     assert to_border.max() < 0.5
 
@@ -187,9 +187,9 @@ def test_a_warehouse_is_left_through_its_gates(real_data: Path) -> None:
     """By its long open side and by the gap in the corner, not into racks or through their legs."""
     environment = _of(read_map_file(real_data / MAPS["warehouse"]))
     exits = _exits(environment)
-    assert len(exits) == 4
-    assert (exits[:3, 1] < -24.6).all()
-    np.testing.assert_allclose(exits[3], (-14.4, 24.9), atol=0.1)
+    assert 8 <= len(exits) <= 12
+    assert (exits[:-1, 1] < -24.6).all()
+    np.testing.assert_allclose(exits[-1], (-14.4, 24.9), atol=0.1)
 
 
 def test_a_depot_cut_in_two_is_left_where_it_was_cut(real_data: Path) -> None:
@@ -202,8 +202,8 @@ def test_a_depot_cut_in_two_is_left_where_it_was_cut(real_data: Path) -> None:
     region = _reachable(environment, (6.0, 7.0))
     exits = exits_of(environment, region, NO_ZONES)
     cells = grid.points_to_cells(exits)
-    assert 2 <= len(exits) <= 5
+    assert 4 <= len(exits) <= 9
     assert region[cells[:, 0], cells[:, 1]].all()
     assert (300 - cells[:, 1]).max() * grid.resolution_m < 1.0
-    assert math.dist(exits[0], exits[1]) > 3.0
+    assert math.dist(exits[0], exits[1]) > 1.0
     np.testing.assert_array_equal(exits_of(environment, region, NO_ZONES), exits)

@@ -3,6 +3,8 @@
 import math
 from typing import ClassVar
 
+import numpy as np
+
 from are_ros.artefacts.behaviours.intent import Intent, Point, stand
 from are_ros.artefacts.behaviours.situation import Situation
 from are_ros.artefacts.behaviours.walking import arrival_m
@@ -12,7 +14,7 @@ _BLOCKED_S = 12.0
 
 
 class Leaving:
-    """Goes to the nearest exit, and when kept from it to the next; `has_left` when it is there.
+    """Goes to the nearest exit, and when kept from it to the next; `has_left` when it is at any.
 
     Where the map has no exits, destinations take their place: the one farthest from the robot
     first, or the one farthest from itself if the robot is unknown.
@@ -46,7 +48,7 @@ class Leaving:
         if goal_m is None or not situation.wanted(goal_m):
             return
         under_way_s = (situation.now_ns - self._begun_ns) / NS_PER_S
-        if situation.has_reached(goal_m):
+        if situation.has_reached(goal_m) or _is_at_exit(situation):
             self.has_left = True
         elif situation.no_way:
             self._unreachable_m.add(goal_m)
@@ -59,6 +61,12 @@ class Leaving:
         open_m = [point for point in _ways_out(situation) if point not in self._unreachable_m]
         others_m = [point for point in open_m if point != self._tried_m]
         return next(iter(others_m or open_m), None)
+
+
+def _is_at_exit(situation: Situation) -> bool:
+    """Say whether any exit is as near as if it had been the goal: others may stand at that one."""
+    offsets_m = situation.places.exits_m - np.array(situation.point_m)
+    return bool((np.hypot(offsets_m[:, 0], offsets_m[:, 1]) <= arrival_m(situation)).any())
 
 
 def _ways_out(situation: Situation) -> list[Point]:

@@ -187,7 +187,8 @@ def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, tempo: Tempo
     """
     kind = option[0]
     if kind == BRAKE and body.turn_radius > 0.0:
-        return brake(path, np.int64(0), option[1], body, tempo.step_s)
+        curvature = 0.0 if np.isnan(option[1]) else option[1]  # straight if none was chosen
+        return brake(path, np.int64(0), curvature, body, tempo.step_s)
     if kind == BRAKE:
         k = _stop(path, option, body, tempo.walk, tempo.step_s)
     elif kind <= POINT:

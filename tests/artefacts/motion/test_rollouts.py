@@ -79,6 +79,15 @@ def test_vehicles_keep_their_limits(
     _inspect(_rolled(body, start, option, goal), body)
 
 
+@pytest.mark.parametrize("speed", [1.2, -0.6])
+def test_a_vehicle_without_a_curve_brakes_straight_on(speed: float) -> None:
+    """One that is told to stand before it has chosen any curve keeps its heading."""
+    path = _rolled(SCOOTER, (0.3, speed), [BRAKE, math.nan, 0.0, 0.0, 0.0], (0.0, 0.0))
+    _inspect(path, SCOOTER)
+    assert (path[:, 2] == 0.3).all()
+    assert path[-1, 0] * speed > 0.1
+
+
 @given(st.floats(0.02, 1.0), st.floats(0.3, 1.35))
 def test_a_walker_stops_at_its_goal(distance: float, speed: float) -> None:
     """It does not run past it by more than a centimetre, and gets there if it has the time."""
