@@ -92,9 +92,8 @@ class Onlookers:
         if not behaviour:
             return self._neighbourhood
         if behaviour not in self._who:
-            living, ids = self._living, self._id_list
-            does = [one in living and living[one].behaviour == behaviour for one in ids]
-            who = [i for i, is_one in enumerate(does) if is_one]
+            found = enumerate(map(self._living.get, self._id_list))
+            who = [i for i, one in found if one is not None and one.behaviour == behaviour]
             self._who[behaviour] = who
             self._neighbourhoods[behaviour] = Neighbourhood(self._poses[who, :2])
         return self._neighbourhoods[behaviour]

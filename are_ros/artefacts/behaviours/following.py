@@ -22,7 +22,7 @@ _CATCH_UP_PER_S = 0.5
 
 
 class Following:
-    """Follows the nearest who moves, 1 m behind; walks until there is somebody to follow.
+    """Follows the nearest who moves, not faster than it can, 1 m behind; walks until there is one.
 
     It knows the way its leader took, and takes it where the leader is out of sight. It looks for
     another when its leader is gone, has stood for longer than its patience (15 to 40 s), or cannot
@@ -79,7 +79,7 @@ class Following:
 
     def _may_lead(self, fellow: Fellow, situation: Situation) -> bool:
         is_free = fellow.behaviour != self.name or fellow.id < situation.me.id
-        moves = fellow.speed_mps > _IS_STANDING_MPS
+        moves = _IS_STANDING_MPS < fellow.speed_mps <= _fastest_mps(situation)
         is_left = fellow.id == self._left_id and situation.now_ns < self._left_ns + _LEFT_ALONE_NS
         return is_free and moves and not is_left and situation.sees(*fellow.point_m)
 
@@ -150,10 +150,15 @@ class Following:
 
     def _speed_mps(self, leader: Fellow, behind_m: float, situation: Situation) -> float:
         """Return the leader's speed, and some more to catch up."""
-        motion = situation.row.motion
-        fastest_mps = min(_HURRY * motion.speed_mps, motion.top_speed_mps)
         wanted_mps = leader.speed_mps + _CATCH_UP_PER_S * behind_m
-        return min(max(wanted_mps, 0.3 * motion.speed_mps), fastest_mps)
+        least_mps = 0.3 * situation.row.motion.speed_mps
+        return min(max(wanted_mps, least_mps), _fastest_mps(situation))
+
+
+def _fastest_mps(situation: Situation) -> float:
+    """Return how fast it goes when it hurries."""
+    motion = situation.row.motion
+    return min(_HURRY * motion.speed_mps, motion.top_speed_mps)
 
 
 def _activity(leader: Fellow) -> str:

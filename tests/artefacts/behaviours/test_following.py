@@ -43,6 +43,14 @@ def test_a_follower_stays_behind() -> None:
             assert intent.is_moving_goal
 
 
+def test_who_is_too_fast_for_it_is_not_followed() -> None:
+    """It would lose a runner at once; who walks briskly it can keep up with."""
+    for speed_mps, is_followed in ((1.0, True), (6.0, False)):
+        follower = Actor(9, Following(), (-2.0, 0.0))
+        intent = led_by(follower, fellow_at((0.0, 0.0), velocity_mps=(speed_mps, 0.0)))
+        assert intent.activity.startswith("following artefact ") == is_followed
+
+
 def test_it_waits_behind_a_leader_that_stops() -> None:
     """Near enough it stands and looks at the leader."""
     follower = Actor(9, Following(), (-1.5, 0.0))
@@ -65,7 +73,7 @@ def test_it_follows_the_trail_round_a_corner() -> None:
     way = [(1.0 * k, 0.0) for k in range(3)] + [(2.0, 1.0 * k) for k in range(1, 6)]
     way += [(2.0 + 1.0 * k, 5.0) for k in range(1, 4)] + [(5.0, 5.0 - k) for k in range(1, 9)]
     slow = MotionLimits(0.5, 1.5, 3.0)
-    follower = Actor(9, Following(), (-4.0, 0.0), row_of(slow))
+    follower = Actor(9, Following(leader_id=1), (-4.0, 0.0), row_of(slow))
     hidden = 0
     for second, (here, there) in enumerate(pairwise(way)):
         velocity = (there[0] - here[0], there[1] - here[1])
