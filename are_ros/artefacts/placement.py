@@ -15,21 +15,21 @@ from are_ros.artefacts._candidates import (
     spine_of,
     spines_are_clear,
 )
+from are_ros.artefacts._pose_lattice import HEADINGS, LATTICE_CELLS, PoseLattice
+from are_ros.artefacts._sought import Sought
+from are_ros.artefacts._turning import turning_of
 from are_ros.artefacts.artefact import GroundPose, shape_of
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.surroundings import Disc, Surroundings
+from are_ros.artefacts.terrain import Terrains
 from are_ros.world.environment import Environment
 from are_ros.world.lattice_cover import lattice_row
 from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.region import SpawnRegion
 
-HEADINGS: Final = 16
-"""Headings of the lattice that is searched where drawing at random found nothing."""
 _BATCHES: Final = (32, 256, 1024, 4096)
-_PITCH_M: Final = 0.05
-_LATTICE_CELLS: Final = 1 << 18
 _CHUNK_CELLS: Final = 1 << 14
-_KEPT_POSES: Final = _LATTICE_CELLS * HEADINGS
+_KEPT_POSES: Final = LATTICE_CELLS * HEADINGS
 
 _Floats = npt.NDArray[np.float64]
 _Poses = npt.NDArray[np.int64]
@@ -43,6 +43,10 @@ class Placer:
     only and hits no wall, and the surroundings leave room for it. Poses are uniform over the
     feasible ones (position continuous, heading in [-pi, pi)), or by the region's weights.
 
+    What turns on the spot could hardly leave a place where the disc that it sweeps meets a closed
+    cell. It is placed, by the same law, among the feasible poses where it can turn; only if the
+    search below finds none of these, among all feasible ones.
+
     Poses are drawn until one is feasible, some thousands at most. Then a lattice decides: the
     centres of cells times `HEADINGS` headings. (Where more than 2**17 cells have room, it takes
     every n-th row and column, 5 cm apart, or so many that at most about 2**18 remain.) The pose
@@ -50,13 +54,16 @@ class Placer:
     map alone decides there is remembered per footprint.
     """
 
-    def __init__(self, environment: Environment, region: SpawnRegion) -> None:
+    def __init__(
+        self, environment: Environment, region: SpawnRegion, terrains: Terrains | None = None
+    ) -> None:
         self._environment = environment
         self._region = region
+        self._terrains = terrains or Terrains()
         self._grid = environment.grid
         resolution_m = environment.grid.resolution_m
         self._lattice = lattice_row(environment.grid.origin, resolution_m, resolution_m)
-        self._grid_yaw_rad = self._grid.origin.yaw_rad()
+        self._poses = PoseLattice(environment.grid)
         self._static: dict[tuple[float, ...], _Poses] = {}
 
     def place(
@@ -71,39 +78,50 @@ class Placer:
         `within` restricts its point on the ground. All draws come from `generator`; how many
         depends on nothing but this artefact's own attempts.
         """
-        static = self._static.get(_shape_key(row))
+        around = surroundings or Surroundings()
+        sought = Sought(row, around, within, None)
+        static = self._static.get(sought.key)
         if static is not None and not static.size:
             return None
-        surroundings = surroundings or Surroundings()
         cells = self._cells if within is None else self._cells_near(within)
-        cells = cells.with_room(_inscribed_radius_m(row) / self._grid.resolution_m)
+        turning = turning_of(row, self._environment, self._terrains)
+        pose = None
+        if turning is not None:
+            pose = self._found(Sought(row, around, within, turning), cells, generator)
+        return pose or self._found(sought, cells, generator)
+
+    def _found(
+        self, sought: Sought, cells: CandidateCells, generator: np.random.Generator
+    ) -> GroundPose | None:
+        """Draw some thousands of poses, then search the lattice."""
+        cells = cells.with_room(sought.radius_m / self._grid.resolution_m)
         if not cells.flat.size:
             return None
         for size in _BATCHES:
             poses = self._drawn(cells, generator.random((size, 4)))
-            found = self._first_feasible(row, poses, surroundings, within)
+            if sought.turning is not None:
+                poses = poses[sought.turning.is_free_at(poses)]
+            found = self._first_feasible(sought, poses)
             if found is not None:
                 return found
-        return self._searched(row, cells, generator, surroundings, within)
+        return self._searched(sought, cells, generator)
 
     def _drawn(self, cells: CandidateCells, uniforms: _Floats) -> _Floats:
         """Return poses (N, 4), x, y, 0, yaw in the map frame, from uniform numbers (N, 4)."""
         flat = cells.draw(uniforms[:, 0])
         return poses_in_cells(flat, self._grid.width, uniforms, self._lattice)
 
-    def _first_feasible(
-        self, row: CatalogueRow, poses: _Floats, around: Surroundings, within: Disc | None
-    ) -> GroundPose | None:
+    def _first_feasible(self, sought: Sought, poses: _Floats) -> GroundPose | None:
         """Return the first feasible one of poses (N, 4), None if none is.
 
         What moves is asked about few at once: mostly the first that the map allows is free.
         """
-        boxes, heights_m = self._standing(row, poses)
-        allowed = self._allowed_by_map(boxes, poses, within)
+        boxes, heights_m = self._standing(sought.row, poses)
+        allowed = self._allowed_by_map(sought, boxes, poses)
         start, size = 0, 1
         while start < allowed.size:
             piece = allowed[start : start + size]
-            free = np.flatnonzero(around.leave_room_for(boxes.take(piece)))
+            free = np.flatnonzero(sought.around.leave_room_for(boxes.take(piece)))
             if free.size:
                 first = piece[free[0]]
                 return _ground_pose(poses[first], heights_m[first])
@@ -111,21 +129,19 @@ class Placer:
         return None
 
     def _allowed_by_map(
-        self, boxes: OrientedBoxes, poses: _Floats, within: Disc | None
+        self, sought: Sought, boxes: OrientedBoxes, poses: _Floats
     ) -> npt.NDArray[np.int64]:
-        """Return the indices of the poses that the map, and the disc, leave."""
+        """Return the indices of the poses that the map, and the disc to be in, leave."""
         allowed = self._environment.is_placeable(boxes)
-        if within is not None:
-            allowed &= within.contains(poses)
+        if sought.within is not None:
+            allowed &= sought.within.contains(poses)
         return np.flatnonzero(allowed)
 
-    def _feasible(
-        self, row: CatalogueRow, poses: _Floats, around: Surroundings, within: Disc | None
-    ) -> tuple[_Poses, _Floats]:
+    def _feasible(self, sought: Sought, poses: _Floats) -> tuple[_Poses, _Floats]:
         """Return the indices of the feasible poses, and the ground's height (N,) under all."""
-        boxes, heights_m = self._standing(row, poses)
-        allowed = self._allowed_by_map(boxes, poses, within)
-        return allowed[around.leave_room_for(boxes.take(allowed))], heights_m
+        boxes, heights_m = self._standing(sought.row, poses)
+        allowed = self._allowed_by_map(sought, boxes, poses)
+        return allowed[sought.around.leave_room_for(boxes.take(allowed))], heights_m
 
     def _standing(self, row: CatalogueRow, poses: _Floats) -> tuple[OrientedBoxes, _Floats]:
         """Return the boxes at poses (N, 4), x, y, 0, yaw, on the ground, and its heights (N,)."""
@@ -139,20 +155,15 @@ class Placer:
         return OrientedBoxes.standing(ground, shape), heights_m
 
     def _searched(
-        self,
-        row: CatalogueRow,
-        cells: CandidateCells,
-        generator: np.random.Generator,
-        around: Surroundings,
-        within: Disc | None,
+        self, sought: Sought, cells: CandidateCells, generator: np.random.Generator
     ) -> GroundPose | None:
         """Visit the whole lattice; the feasible pose with the least exponential clock wins."""
         best: tuple[float, _Floats, float] | None = None
-        for lattice_poses in self._static_poses(row, cells, keep=within is None):
+        for lattice_poses in self._static_poses(sought, cells):
             if not lattice_poses.size:
                 continue
-            poses = self._lattice_points(lattice_poses)
-            found, heights_m = self._feasible(row, poses, around, within)
+            poses = self._poses.poses(lattice_poses)
+            found, heights_m = self._feasible(sought, poses)
             weights = self._weights(lattice_poses[found] // HEADINGS)
             clocks = generator.standard_exponential(found.size) / weights
             first = int(np.argmin(clocks)) if found.size else -1
@@ -160,29 +171,29 @@ class Placer:
                 best = (float(clocks[first]), poses[found[first]], heights_m[found[first]])
         return None if best is None else _ground_pose(best[1], best[2])
 
-    def _static_poses(
-        self, row: CatalogueRow, cells: CandidateCells, *, keep: bool
-    ) -> Iterator[_Poses]:
+    def _static_poses(self, sought: Sought, cells: CandidateCells) -> Iterator[_Poses]:
         """Yield, in pieces, the lattice poses that the static map allows; kept if not too many."""
-        known = self._static.get(_shape_key(row)) if keep else None
+        keep = sought.within is None
+        known = self._static.get(sought.key) if keep else None
         if known is not None:
             yield from np.array_split(known, 1 + known.size // _CHUNK_CELLS)
             return
         pieces = [np.empty(0, np.int64)]
-        for piece in self._scan(row, self._on_lattice(cells.flat)):
+        for piece in self._scan(sought, self._poses.thinned(cells.flat)):
             pieces.append(piece)
             yield piece
         if keep:
-            self._remember(row, np.concatenate(pieces))
+            self._remember(sought.key, np.concatenate(pieces))
 
-    def _remember(self, row: CatalogueRow, poses: _Poses) -> None:
+    def _remember(self, key: tuple[float, ...], poses: _Poses) -> None:
         """Keep the poses; of others only that there are none, if all together are too many."""
         if poses.size + sum(known.size for known in self._static.values()) > _KEPT_POSES:
-            self._static = {key: known for key, known in self._static.items() if not known.size}
-        self._static[_shape_key(row)] = poses
+            self._static = {none: known for none, known in self._static.items() if not known.size}
+        self._static[key] = poses
 
-    def _scan(self, row: CatalogueRow, flat: _Cells) -> Iterator[_Poses]:
-        """Yield the lattice poses over some cells where the box is placeable."""
+    def _scan(self, sought: Sought, flat: _Cells) -> Iterator[_Poses]:
+        """Yield the lattice poses over some cells that the static map allows."""
+        row, turning = sought.row, sought.turning
         resolution_m = self._grid.resolution_m
         half_m = (0.5 * row.size_m[0], 0.5 * row.size_m[1])
         spine_m, radius_m = spine_of(*half_m, row.box_centre_in_artefact_m[:2])
@@ -191,29 +202,14 @@ class Placer:
         least = needed_cells(radius_m / resolution_m)
         for start in range(0, flat.size, _CHUNK_CELLS):
             piece = flat[start : start + _CHUNK_CELLS]
+            if turning is not None:
+                piece = piece[turning.is_free_at(self._poses.centres_m(piece))]
             poses = spines_are_clear(
                 piece, self._clearance_cells, spine_m / resolution_m, turns, least
             )
             if poses.size:
-                boxes, _ = self._standing(row, self._lattice_points(poses))
+                boxes, _ = self._standing(row, self._poses.poses(poses))
                 yield poses[self._environment.is_placeable(boxes)]
-
-    def _lattice_points(self, lattice_poses: _Poses) -> _Floats:
-        flat, heading = lattice_poses // HEADINGS, lattice_poses % HEADINGS
-        cells = np.column_stack((flat // self._grid.width, flat % self._grid.width))
-        poses = np.zeros((flat.size, 4))
-        poses[:, :2] = self._grid.cells_to_points(cells)
-        poses[:, 3] = self._grid_yaw_rad + heading * (math.tau / HEADINGS)
-        return poses
-
-    def _on_lattice(self, flat: _Cells) -> _Cells:
-        if 2 * flat.size <= _LATTICE_CELLS:
-            return flat
-        at_pitch = int(_PITCH_M / self._grid.resolution_m + 1e-6)
-        stride = max(1, at_pitch, math.ceil(math.sqrt(flat.size / _LATTICE_CELLS)))
-        rows, cols = flat // self._grid.width, flat % self._grid.width
-        is_on = (rows % stride == stride // 2) & (cols % stride == stride // 2)
-        return np.compress(is_on, flat)
 
     def _weights(self, flat: _Poses) -> _Floats:
         if self._region.weight is None:
@@ -242,18 +238,6 @@ class Placer:
         high = np.clip(centre + reach + 1, 0, self._region.mask.shape)
         rows, cols = np.nonzero(self._region.mask[low[0] : high[0], low[1] : high[1]])
         return self._ordered((rows + low[0]) * self._grid.width + cols + low[1])
-
-
-def _shape_key(row: CatalogueRow) -> tuple[float, ...]:
-    return (*row.size_m, *row.box_centre_in_artefact_m[:2])
-
-
-def _inscribed_radius_m(row: CatalogueRow) -> float:
-    """Return the radius of the largest disc about F_A within the box's footprint, at least 0."""
-    offset_x_m, offset_y_m, _ = row.box_centre_in_artefact_m
-    room_x_m = 0.5 * row.size_m[0] - abs(offset_x_m)
-    room_y_m = 0.5 * row.size_m[1] - abs(offset_y_m)
-    return max(0.0, min(room_x_m, room_y_m))
 
 
 def _ground_pose(pose: _Floats, height_m: float) -> GroundPose:

@@ -18,6 +18,7 @@ from are_ros.artefacts.mixture import mixture_of
 from are_ros.artefacts.population_events import Cause, PopulationEvent
 from are_ros.artefacts.population_events import EventKind as PopulationEventKind
 from are_ros.artefacts.scripted import ScriptedOffer
+from are_ros.artefacts.terrain import Terrains
 from are_ros.builder.collisions import CollisionResolver
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.farewells import Farewells
@@ -58,7 +59,8 @@ class Lives:
         robots: RobotTracker,
         resolver: CollisionResolver,
     ) -> None:
-        self._motions = motions_of(parameters, robots.observer.name, resolver)
+        terrains = Terrains()
+        self._motions = motions_of(parameters, robots.observer.name, resolver, terrains)
         self.population = random_population(
             parameters, catalogue, begun=self._motions.begin, walks_out=self._walks_out
         )
@@ -71,7 +73,7 @@ class Lives:
         self._parameters = parameters
         self._world = world
         self._robots = robots
-        self._spawning = Spawning(parameters, robots.observer.footprint)
+        self._spawning = Spawning(parameters, robots.observer.footprint, terrains)
         self._farewells = Farewells(parameters.population)
         self._steps = StepClock(seconds_to_ns(parameters.motion.step))
         self._robot: RobotPose | None = None

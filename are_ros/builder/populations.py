@@ -50,10 +50,11 @@ def random_population(
     )
 
 
-def motions_of(parameters: Parameters, robot: str, resolver: CollisionResolver) -> Motions:
+def motions_of(
+    parameters: Parameters, robot: str, resolver: CollisionResolver, terrains: Terrains
+) -> Motions:
     """Return what moves the artefacts; `robot` is its name in the events."""
     settings, step_s = parameters.behaviour, parameters.motion.step
-    terrains = Terrains()
     navigation = Navigation(settings, terrains)
     minds = Minds(parameters.seed, step_s, settings.decision_period, navigation)
     crowd = Crowd(parameters.world.ground)

@@ -11,6 +11,7 @@ from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.placement import Placer
 from are_ros.artefacts.population_events import Cause
 from are_ros.artefacts.surroundings import Disc, KeepOut, Surroundings
+from are_ros.artefacts.terrain import Terrains
 from are_ros.builder.out_of_view import OutOfView, Viewpoint
 from are_ros.builder.robots import RobotPose
 from are_ros.errors import ParameterError
@@ -33,7 +34,10 @@ class Spawning:
     `out_of_view` tells what no camera sees, and `cause` why `place` last found nothing.
     """
 
-    def __init__(self, parameters: Parameters, footprint: Footprint) -> None:
+    def __init__(
+        self, parameters: Parameters, footprint: Footprint, terrains: Terrains | None = None
+    ) -> None:
+        self._terrains = terrains or Terrains()
         self.goal: Footprint | None = None
         self.cause = Cause.NO_PLACE
         self.out_of_view = OutOfView(parameters.occlusion.max_range)
@@ -93,7 +97,7 @@ class Spawning:
         region = self._finder.at(_point_of(robot))
         if region is self._region:
             return False
-        self._region, self._placer = region, Placer(environment, region)
+        self._region, self._placer = region, Placer(environment, region, self._terrains)
         self._entrances = None
         return True
 
@@ -157,7 +161,8 @@ class Spawning:
         if environment is None or region is None or self._population.appear is not Appear.ZONES:
             return self._placer
         if self._entrances is None:
-            self._entrances = Placer(environment, self._entrance_region(environment, region))
+            ways_in = self._entrance_region(environment, region)
+            self._entrances = Placer(environment, ways_in, self._terrains)
         return self._entrances
 
     def _entrance_region(self, environment: Environment, region: SpawnRegion) -> SpawnRegion:

@@ -11,11 +11,15 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from are_ros.artefacts._candidates import CandidateCells
+from are_ros.artefacts._pose_lattice import HEADINGS, PoseLattice
+from are_ros.artefacts._sought import Sought
+from are_ros.artefacts._turning import Turning, turning_of
 from are_ros.artefacts.artefact import GroundPose, boxes_of
-from are_ros.artefacts.catalogue import CatalogueRow, MeshFile
-from are_ros.artefacts.placement import HEADINGS, Placer
+from are_ros.artefacts.catalogue import CatalogueRow, MeshFile, MotionLimits
+from are_ros.artefacts.placement import Placer
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.artefacts.surroundings import Disc, KeepOut, Surroundings
+from are_ros.artefacts.terrain import Terrains
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint
 from are_ros.world.ground import PlaneGround
@@ -23,6 +27,7 @@ from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.region import SpawnRegion
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.voxel_map import VoxelMap
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -38,16 +43,23 @@ ROOMS = """
 ##########
 """
 
+STANDS = MotionLimits()
+TURNS = MotionLimits(speed_mps=1.0)
+DRIVES = MotionLimits(speed_mps=1.0, turn_radius_m=0.5)
+
 
 def _free(picture: str) -> Mask:
     return np.array([[cell == "." for cell in line.strip()] for line in picture.split()])
 
 
 def _row(
-    length_m: float, width_m: float, offset_m: tuple[float, float] = (0.0, 0.0)
+    length_m: float,
+    width_m: float,
+    offset_m: tuple[float, float] = (0.0, 0.0),
+    motion: MotionLimits = STANDS,
 ) -> CatalogueRow:
-    size_m, centre_m = (length_m, width_m, 1.0), (*offset_m, 0.1)
-    return CatalogueRow(0, "box", "box", size_m, centre_m, MeshFile(Path("none.obj")))
+    size_m, centre_m, mesh = (length_m, width_m, 1.0), (*offset_m, 0.1), MeshFile(Path("none.obj"))
+    return CatalogueRow(0, "box", "box", size_m, centre_m, mesh, motion=motion)
 
 
 def _environment(
@@ -113,6 +125,18 @@ def _stands_free(row: CatalogueRow, poses: Floats, free: Mask) -> Mask:
     return np.asarray(clear, dtype=np.bool_)
 
 
+def _turns_free(row: CatalogueRow, points_m: Floats, free: Mask, slack_m: float = 1e-9) -> Mask:
+    """Test the disc that holds the box against the map's edge and each blocked square."""
+    corners_m = _corners(row, np.zeros((1, 3)))[0]
+    radius_m = np.hypot(*corners_m.T).max() - slack_m
+    height, width = free.shape
+    room_m = np.minimum(points_m, (width, height) - points_m).min(axis=1)
+    for y, x in np.argwhere(~free):
+        nearest = np.clip(points_m, (x, y), (x + 1, y + 1))
+        room_m = np.minimum(room_m, np.hypot(*(nearest - points_m).T))
+    return np.asarray(room_m >= radius_m)
+
+
 def _array(poses: list[GroundPose | None]) -> Floats:
     return np.array([(pose.x_m, pose.y_m, pose.yaw_rad) for pose in poses if pose is not None])
 
@@ -129,9 +153,22 @@ def _same_law(first: Floats, second: Floats) -> float:
     return float(stats.chi2_contingency(counts).pvalue)
 
 
-@pytest.mark.parametrize("row", [_row(1.7, 0.6), _row(0.0, 0.0), _row(1.4, 0.5, (0.4, -0.1))])
+@pytest.mark.parametrize(
+    "row",
+    [
+        _row(1.7, 0.6),
+        _row(0.0, 0.0),
+        _row(1.4, 0.5, (0.4, -0.1)),
+        _row(1.4, 0.5, (0.4, -0.1), DRIVES),
+        _row(1.2, 0.6, motion=TURNS),
+        _row(0.8, 0.5, (0.3, -0.1), TURNS),
+    ],
+)
 def test_poses_are_uniform_over_the_feasible_ones(row: CatalogueRow) -> None:
-    """3,000 poses against plain rejection over the whole map: chi-square, level 1/1,000."""
+    """3,000 poses against plain rejection over the whole map: chi-square, level 1/1,000.
+
+    Of what turns on the spot those count where it can turn.
+    """
     free = _free(ROOMS)
     placer = _placer(free)
     poses = _array([placer.place(row, _stream(number)) for number in range(3000)])
@@ -139,7 +176,13 @@ def test_poses_are_uniform_over_the_feasible_ones(row: CatalogueRow) -> None:
     assert _stands_free(row, poses, free).all()
     tries = np.random.default_rng(5).random((30000, 3)) * (10.0, 8.0, math.tau)
     on_free = free[tries[:, 1].astype(np.int64), tries[:, 0].astype(np.int64)]
-    oracle = tries[on_free & _stands_free(row, tries, free)]
+    feasible = on_free & _stands_free(row, tries, free)
+    if row.motion is TURNS:
+        assert _turns_free(row, poses[:, :2], free).all()
+        can_turn = _turns_free(row, tries[:, :2], free)
+        assert 0.2 < can_turn[feasible].mean() < 0.9
+        feasible &= can_turn
+    oracle = tries[feasible]
     assert len(oracle) > 1500
     assert _same_law(poses, oracle) > 1e-3
 
@@ -208,18 +251,20 @@ def _lattice(free: Mask) -> Floats:
     seed=st.integers(0, 10**6),
     sizes=st.tuples(st.floats(0.0, 4.0), st.floats(0.0, 3.0)),
     offset=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)),
+    motion=st.sampled_from((STANDS, TURNS)),
 )
 def test_blocked_if_and_only_if_the_lattice_holds_none(
-    seed: int, sizes: tuple[float, float], offset: tuple[float, float]
+    seed: int, sizes: tuple[float, float], offset: tuple[float, float], motion: MotionLimits
 ) -> None:
     """Random clutter, random boxes: what is placed is free, and what is not is nowhere free.
 
+    What turns is placed where it can if the lattice holds such a pose, and else anywhere.
     Where a box touches a wall the oracle may round the other way, so it tests boxes 1 um larger
     and smaller.
     """
     free = np.random.default_rng(seed).random((7, 8)) > 0.15
     offset_m = (offset[0] * sizes[0], offset[1] * sizes[1])
-    row = _row(*sizes, offset_m)
+    row = _row(*sizes, offset_m, motion)
     larger = _row(sizes[0] + 1e-6, sizes[1] + 1e-6, offset_m)
     smaller = _row(max(sizes[0] - 1e-6, 0.0), max(sizes[1] - 1e-6, 0.0), offset_m)
     placer, lattice = _placer(free), _lattice(free)
@@ -230,9 +275,24 @@ def test_blocked_if_and_only_if_the_lattice_holds_none(
     elif min(sizes) > 1e-6:
         assert _stands_free(smaller, _array([pose]), free).all()
     boxes, _ = placer._standing(row, np.insert(lattice, 2, 0.0, axis=1))
-    pieces = [*placer._static_poses(row, placer._cells, keep=False), np.empty(0, np.int64)]
-    found = sum(piece.size for piece in pieces)
-    assert found == np.count_nonzero(placer._environment.is_placeable(boxes))
+    turning = turning_of(row, placer._environment, Terrains())
+    placeable = placer._environment.is_placeable(boxes)
+    assert _lattice_poses(placer, row, None) == np.count_nonzero(placeable)
+    if turning is None:
+        return
+    turns = [_turns_free(row, lattice[:, :2], free, slack_m) for slack_m in (-1e-6, 1e-6)]
+    least, most = (np.count_nonzero(placeable & can_turn) for can_turn in turns)
+    assert least <= _lattice_poses(placer, row, turning) <= most
+    if least:
+        assert pose is not None
+        assert _turns_free(row, _array([pose])[:, :2], free, 1e-6).all()
+
+
+def _lattice_poses(placer: Placer, row: CatalogueRow, turning: Turning | None) -> int:
+    """Count what the static map allows of the lattice."""
+    nearby = Surroundings(), Disc(0.0, 0.0, math.inf)
+    pieces = placer._static_poses(Sought(row, *nearby, turning), placer._cells)
+    return sum(piece.size for piece in pieces)
 
 
 def test_nothing_ever_overlaps() -> None:
@@ -272,6 +332,60 @@ def test_a_crowd_blocks_and_its_leaving_frees() -> None:
     found = placer.place(row, _stream(1), Surroundings(one))
     assert found is not None
     assert (found.x_m, found.y_m) == (2.5, 3.5)
+
+
+CORRIDOR = """
+#########
+#.......#
+#########
+#...#####
+#...#####
+#...#####
+#########
+"""
+
+
+def test_what_cannot_turn_anywhere_is_placed_where_it_fits() -> None:
+    """In a corridor too narrow to turn in: uniform over the feasible poses, level 1/1,000."""
+    free = _free("######### #.......# #########")
+    placer, row = _placer(free), _row(1.3, 0.5, motion=TURNS)
+    poses = _array([placer.place(row, _stream(number)) for number in range(1000)])
+    assert len(poses) == 1000
+    assert not _turns_free(row, poses[:, :2], free).any()
+    tries = np.random.default_rng(5).random((30000, 3)) * (9.0, 3.0, math.tau)
+    assert _same_law(poses, tries[_stands_free(row, tries, free)]) > 1e-3
+
+
+def test_what_turns_goes_where_it_cannot_only_if_there_is_no_other_place() -> None:
+    """The room takes walkers until its middle is taken; only then one stands in the corridor."""
+    free, row = _free(CORRIDOR), _row(1.3, 0.5, motion=TURNS)
+    placer = _placer(free)
+    poses = _array([placer.place(row, _stream(number)) for number in range(200)])
+    assert (poses[:, 1] > 3.0).all()
+    assert _turns_free(row, poses[:, :2], free).all()
+    middle = boxes_of([_row(2.6, 2.6)], [GroundPose(2.5, 4.5, 0.0, 0.0)])
+    placed = [placer.place(row, _stream(number), Surroundings(middle)) for number in range(20)]
+    assert (_array(placed)[:, 1] < 2.0).sum() == 20
+    corridor = Disc(4.5, 1.5, 1.0)
+    assert placer.place(row, _stream(1), within=corridor) is not None
+    assert [_placer(free).place(row, _stream(k), Surroundings(middle)) for k in range(5)] == (
+        placed[:5]
+    )
+
+
+def test_what_hangs_low_is_in_the_way_of_turning() -> None:
+    """Under a shelf on high legs nobody who walks arrives, nor where it would touch it turning."""
+    free, row = np.ones((8, 8), np.bool_), _row(1.2, 0.6, motion=TURNS)
+    grid = _environment(free).grid
+    shelf = np.zeros((8, 8, 10), np.uint8)
+    shelf[2:4, 5:7, 5:] = 1
+    above = VoxelMap(RigidTransform.identity(), (1.0, 1.0, 0.1), shelf)
+    environment = Environment(grid, classify(grid, 65, 25), above, PlaneGround(0.0), 0.06)
+    placer = Placer(environment, _region(free))
+    poses = _array([placer.place(row, _stream(number)) for number in range(300)])
+    open_below = free.copy()
+    open_below[5:7, 2:4] = False
+    assert _turns_free(row, poses[:, :2], open_below).all()
 
 
 def test_a_group_stays_near_its_first_member_uniformly() -> None:
@@ -316,9 +430,10 @@ def test_what_is_not_allowed_is_refused() -> None:
     assert placer.place(row, _stream(1), nowhere) is None
 
 
-def test_memory_and_distant_neighbours_change_no_draw() -> None:
+@pytest.mark.parametrize("row", [_row(0.8, 0.4), _row(0.8, 0.4, motion=TURNS)])
+def test_memory_and_distant_neighbours_change_no_draw(row: CatalogueRow) -> None:
     """The same stream gives the same pose in a fresh placer, after blocked ones, beside others."""
-    free, row, huge = _free(ROOMS), _row(0.8, 0.4), _row(9.0, 9.0)
+    free, huge = _free(ROOMS), _row(9.0, 9.0)
     used = _placer(free)
     assert used.place(huge, _stream(3)) is None
     expected = used.place(row, _stream(7))
@@ -332,12 +447,13 @@ def test_memory_and_distant_neighbours_change_no_draw() -> None:
 def test_a_lattice_of_very_many_cells_is_thinned_evenly() -> None:
     """Of 600 x 600 cells of 1 cm every fifth row and column stay, and a full slot is found."""
     free = np.ones((600, 600), np.bool_)
-    placer = Placer(_environment(free, 0.01), _region(free))
-    thinned = placer._on_lattice(placer._cells.flat)
+    environment = _environment(free, 0.01)
+    placer, lattice = Placer(environment, _region(free)), PoseLattice(environment.grid)
+    thinned = lattice.thinned(placer._cells.flat)
     rows, cols = np.divmod(np.sort(thinned), 600)
     assert thinned.size == 120 * 120
     assert set(rows % 5) == set(cols % 5) == {2}
-    few = placer._on_lattice(np.arange(1000, dtype=np.int32))
+    few = lattice.thinned(np.arange(1000, dtype=np.int32))
     assert few.size == 1000
     corner = Surroundings(allowed=lambda boxes: boxes.centres_m[:, :2].max(axis=1) < 0.06)
     pose = placer.place(_row(0.0, 0.0), _stream(1), corner)

@@ -10,6 +10,7 @@ import pytest
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.population_events import Cause
+from are_ros.artefacts.terrain import Terrains
 from are_ros.builder import assembly
 from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
 from are_ros.builder.events import EventKind
@@ -60,7 +61,7 @@ class Stage:
     def __init__(self, resolver: CollisionResolver | None = None) -> None:
         parameters = Parameters()
         resolver = resolver or assembly.collision_resolver(parameters)
-        self.motions: Motions = motions_of(parameters, "robot", resolver)
+        self.motions: Motions = motions_of(parameters, "robot", resolver, Terrains())
         self.living: dict[int, Artefact] = {}
         self.enter(hall(10.0, 8.0))
 

@@ -1,6 +1,8 @@
 """Where artefacts may arrive: region and placer in step with map and robot."""
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +10,7 @@ import numpy as np
 import pytest
 
 from are_ros.artefacts.artefact import GroundPose, boxes_of
+from are_ros.artefacts.catalogue import MotionLimits
 from are_ros.builder.robots import RobotPose
 from are_ros.builder.spawning import Spawning
 from are_ros.errors import ParameterError
@@ -92,6 +95,24 @@ def test_poses_lie_in_the_region(
         assert spawn.why_not(box, environment, others, robot) == ""
         sides.add(pose.x_m > 2.0)
     assert sides == ({True, False} if crosses else {False})
+
+
+@pytest.mark.parametrize("near", [None, (0.6, 0.6)])
+def test_walkers_arrive_where_they_can_turn(
+    make_scene: Callable[..., Scene], near: tuple[float, float] | None
+) -> None:
+    """Alone or beside another in a corner of the room; in an aisle they arrive all the same."""
+    scene, spawn, generator = make_scene(), spawning(region="free"), np.random.default_rng(3)
+    walker = replace(scene.row(1), size_m=(0.3, 0.8, 1.7), motion=MotionLimits(speed_mps=1.0))
+    environment, radius_m = surroundings(scene.room()), math.hypot(0.15, 0.4)
+    spawn.refresh(environment, None)
+    for _ in range(100):
+        pose = spawn.place(walker, generator, NOBODY, None, near)
+        assert pose is not None
+        assert min(pose.x_m, pose.y_m, 4.0 - pose.x_m, 4.0 - pose.y_m) >= 0.1 + radius_m - 1e-6
+    spawn.refresh(surroundings(scene.room((0, 40, 0, 16), (0, 40, 22, 40))), None)
+    poses = [spawn.place(walker, generator, NOBODY, None, None) for _ in range(5)]
+    assert None not in poses
 
 
 def test_members_of_a_group_are_near_the_first(make_scene: Callable[..., Scene]) -> None:
