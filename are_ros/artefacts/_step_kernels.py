@@ -19,6 +19,10 @@ FADE_M: Final = 1.0
 MINDED_M: Final = 3.0
 """Who is farther away than this is not minded."""
 
+THERE_M: Final = 0.15
+"""Who is so near to the first point of its way goes on to the next, though no disc rolls straight
+there: a way round a corner leads there, and who waited to see it would stand for ever."""
+
 NO_WAY, WAITS, GOES = range(3)
 
 
@@ -123,6 +127,8 @@ def route_step(
     if action == 0:
         return WAITS, count, 0.0, 0.0, False
     aim = farthest(floor.clearance_m, floor.lattice, (me[0], me[1]), way_m[:count], me[3])
+    if aim == 0 and count > 1 and np.hypot(way_m[0, 0] - me[0], way_m[0, 1] - me[1]) < THERE_M:
+        aim = 1
     is_end = way_m[aim, 0] == goal_m[0] and way_m[aim, 1] == goal_m[1]
     return GOES, count, way_m[aim, 0], way_m[aim, 1], is_end
 

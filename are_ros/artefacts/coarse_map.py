@@ -18,8 +18,12 @@ SEARCH_M: Final = 2.0
 WALL_COMFORT_M: Final = 0.5
 """With so much room to the nearest wall, beside the own radius, nobody minds it."""
 
-RADIUS_STEP_M: Final = 0.05
-MAPS_KEPT: Final = 32
+SMALL_M: Final = 0.5
+RADIUS_STEPS_M: Final = (0.01, 0.05)
+"""Radii up to a small one, and beyond, are told apart so finely: a gap that a person just fits
+through is closed by a few centimetres, and there are not so many small ones."""
+
+MAPS_KEPT: Final = 64
 
 Cell = tuple[int, int]
 
@@ -148,7 +152,7 @@ def nearness_to_walls(room_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float32
 
 
 class CoarseMaps:
-    """Coarse maps by terrain and radius, made when first asked for; the latest 32 are kept."""
+    """Coarse maps by terrain and radius, made when first asked for; the latest 64 are kept."""
 
     def __init__(self, cell_size_m: float = 0.5) -> None:
         """Take the size of all cells."""
@@ -156,8 +160,9 @@ class CoarseMaps:
         self._maps: OrderedDict[tuple[int, float, float], CoarseMap] = OrderedDict()
 
     def of(self, terrain: TerrainLike, radius_m: float) -> CoarseMap:
-        """Return the map for a disc, its radius rounded up to a multiple of 0.05 m."""
-        radius_m = RADIUS_STEP_M * math.ceil(radius_m / RADIUS_STEP_M - 1e-6)
+        """Return the map for a disc, its radius rounded up to centimetres, or 5 cm above 0.5 m."""
+        step_m = RADIUS_STEPS_M[radius_m > SMALL_M]
+        radius_m = step_m * math.ceil(radius_m / step_m - 1e-6)
         key = (terrain.environment.version, terrain.height_m, radius_m)
         if key not in self._maps:
             self._maps[key] = CoarseMap(terrain, radius_m, self._cell_size_m)

@@ -5,13 +5,14 @@ on. All that are due in a sub-step decide by what the sub-step before has left, 
 their ids; each draws from a stream of its own.
 """
 
+import math
 from bisect import insort
 from dataclasses import dataclass
 
 import numpy as np
 
 from are_ros.artefacts.artefact import Artefact
-from are_ros.artefacts.behaviours.intent import Behaviour, Intent
+from are_ros.artefacts.behaviours.intent import Behaviour, Intent, Point
 from are_ros.artefacts.behaviours.leaving import Leaving
 from are_ros.artefacts.behaviours.registry import make_behaviour
 from are_ros.artefacts.behaviours.situation import Fellow, RobotView, Situation
@@ -30,6 +31,10 @@ on: who waited again at once would never count as blocked, and never choose anot
 
 _GETS_ON_MPS = 0.1
 
+_SPOT_M, _LINGERS_S = 0.3, 8.0
+"""Who wants to go, and has stayed within a spot for so long, is blocked, whatever by: a car that
+shunts in clutter makes some progress each time, and none in all."""
+
 
 @dataclass(eq=False, slots=True)
 class Mind:
@@ -43,11 +48,22 @@ class Mind:
     intent: Intent | None = None
     leg: Leg | None = None
     waits: int = 0
+    spot_m: Point | None = None
+    spot_since_ns: int = 0
 
     @property
     def is_out(self) -> bool:
         """Whether it has left by an exit."""
         return isinstance(self.behaviour, Leaving) and self.behaviour.has_left
+
+    def lingered_s(self, me: Fellow, now_ns: int) -> float:
+        """Return for how long it has wanted to go and stayed within a spot; asked once a period."""
+        is_going = self.leg is not None and self.leg.order.subgoal_m is not None
+        spot_m = self.spot_m
+        if not is_going or spot_m is None or math.dist(spot_m, me.point_m) > _SPOT_M:
+            self.spot_m, self.spot_since_ns = me.point_m if is_going else None, now_ns
+            return 0.0
+        return (now_ns - self.spot_since_ns) / NS_PER_S
 
 
 class Minds:
@@ -156,6 +172,8 @@ class Minds:
     ) -> Situation:
         what, who, since_s = traffic.hindrance(me.id)
         is_kept, leg = what is not Hindrance.NONE, mind.leg
+        lingered_s = mind.lingered_s(me, now_ns)
+        blocked_s = max(since_s if is_kept else 0.0, lingered_s if lingered_s > _LINGERS_S else 0.0)
         departure_ns = mind.artefact.departure_ns
         return Situation(
             now_ns,
@@ -168,7 +186,7 @@ class Minds:
             None if departure_ns is None else (departure_ns - now_ns) / NS_PER_S,
             mind.intent,
             leg is not None and leg.arrived,
-            since_s if is_kept else 0.0,
+            blocked_s,
             _name_of(what, who) if is_kept else "",
             leg is not None and leg.no_way,
         )
@@ -183,9 +201,13 @@ def _activity(mind: Mind, situation: Situation) -> str:
     """Return what the artefact does just now; what it waits for, where it cannot go on."""
     if mind.leg is not None and mind.leg.no_way:
         return "no way"
-    if situation.blocked_s >= 1.0 and mind.intent is not None and mind.intent.goal_m is not None:
+    wants_to_go = mind.intent is not None and mind.intent.goal_m is not None
+    is_blocked = situation.blocked_s >= 1.0 and wants_to_go
+    if is_blocked and situation.blocked_by:
         return f"waiting for {situation.blocked_by}"
     if mind.leg is not None and mind.leg.waits:
         return "giving way"
+    if is_blocked:
+        return "manoeuvring"
     activity = mind.intent.activity if mind.intent else ""
     return "" if activity == mind.artefact.behaviour else activity

@@ -24,7 +24,7 @@ _STOPS = frozenset({"pausing", "waiting", "talking", "looking round"})
 
 _NEAR_LEADER_M = 4.0
 _MOVES_MPS = 0.1
-_FOLLOWS = re.compile(r"following(?: artefact (\d+))?")
+_FOLLOWS = re.compile(r"following|(?:following|waiting behind) artefact (\d+)")
 
 _Pose = tuple[float, float, float]
 

@@ -3,18 +3,20 @@
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
-from are_ros.replay.life_record import Life
+from are_ros.replay.life_record import Doing, Life
 
 Floats = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
 
-_FOLLOWS: Final = re.compile(r"following artefact (\d+)")
+_FOLLOWS: Final = re.compile(r"(?:following|waiting behind) artefact (\d+)")
 _SHORTEST_NS: Final = 2 * NS_PER_S
 """A shorter stretch, as between two moments of giving way, would only be clutter in a picture."""
 
@@ -60,7 +62,15 @@ def _stretches(life: Life, end_ns: int) -> Iterator[tuple[int, int, int]]:
     last_ns = end_ns if life.departure_ns is None else life.departure_ns
     stops_ns = [*(doing.since_ns for doing in life.doings[1:]), last_ns]
     # A life of which no doing is known has one stop and nothing to end there.
-    for doing, stop_ns in zip(life.doings, stops_ns, strict=False):
-        match = _FOLLOWS.fullmatch(doing.activity)
-        if match and stop_ns - doing.since_ns >= _SHORTEST_NS:
-            yield int(match[1]), doing.since_ns, stop_ns
+    spans = zip(map(_leader, life.doings), life.doings, stops_ns, strict=False)
+    for leader, same in groupby(spans, key=itemgetter(0)):
+        stretch = list(same)
+        start_ns, stop_ns = stretch[0][1].since_ns, stretch[-1][2]
+        if leader is not None and stop_ns - start_ns >= _SHORTEST_NS:
+            yield leader, start_ns, stop_ns
+
+
+def _leader(doing: Doing) -> int | None:
+    """Return whom somebody follows who does this, by id; None if nobody."""
+    match = _FOLLOWS.fullmatch(doing.activity)
+    return int(match[1]) if match else None

@@ -224,16 +224,17 @@ def test_the_rooms_of_a_large_clutter_are_those_of_the_fine_map() -> None:
 
 
 def test_maps_are_kept_by_version_height_and_radius() -> None:
-    """Radii are rounded up to 5 cm; what is asked for again is not made again."""
+    """Radii are rounded up to 1 cm, large ones to 5; what is asked for again is not made again."""
     maps = CoarseMaps()
     walls = np.zeros((40, 40), np.bool_)
     old, new = terrain_of(walls, version=1), terrain_of(walls, version=2)
-    first = maps.of(old, 0.22)
+    first = maps.of(old, 0.241)
     assert first.radius_m == pytest.approx(0.25)
     assert maps.of(old, 0.25) is first
-    assert maps.of(old, 0.26) is not first
+    assert maps.of(old, 0.251) is not first
     assert maps.of(new, 0.25) is not first
     assert maps.of(old, 0.25) is first
+    assert maps.of(old, 0.51).radius_m == pytest.approx(0.55)
 
 
 def test_only_the_latest_maps_are_kept() -> None:
@@ -241,6 +242,6 @@ def test_only_the_latest_maps_are_kept() -> None:
     maps = CoarseMaps()
     walls = np.zeros((20, 20), np.bool_)
     first = maps.of(terrain_of(walls, version=0), 0.1)
-    for version in range(1, 33):
+    for version in range(1, 65):
         maps.of(terrain_of(walls, version=version), 0.1)
     assert maps.of(terrain_of(walls, version=0), 0.1) is not first

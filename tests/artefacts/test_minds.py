@@ -23,7 +23,7 @@ from are_ros.artefacts.shapes import Shape
 from are_ros.artefacts.terrain import Terrains
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.model import BehaviourParameters
-from tests.artefacts.diary import DIARY, ENTRIES
+from tests.artefacts.diary import DIARY, ENTRIES, MARCHER
 
 STEP_NS = NS_PER_S // 20
 WALK = MotionLimits(1.3, 1.5, 3.0, 0.0, 1.8)
@@ -69,12 +69,13 @@ class Road:
 
 
 class Town:
-    """Minds, and everybody who has one, at (0, 0)."""
+    """Minds, and everybody who has one, at (0, 0) or `x_m` east of it."""
 
     def __init__(self, period_s: float = 1.0, seed: int = 4) -> None:
         self.ways, self.road = Ways(), Road()
         self.minds = Minds(seed, 0.05, period_s, self.ways)
         self.living: dict[int, Artefact] = {}
+        self.x_m = 0.0
 
     def admit(self, artefact_id: int, arrival_ns: int, behaviour: str = DIARY) -> Artefact:
         """Let one live."""
@@ -88,6 +89,7 @@ class Town:
         """Run a sub-step, all being so fast; return who is out."""
         ids = np.array(sorted(self.living), np.int64)
         poses, ones = np.zeros((len(ids), 4)), np.ones(len(ids))
+        poses[:, 0] = self.x_m
         view = Onlookers(self.living, ids, poses, speed_mps * ones, ones, self.minds.sees)
         road: Any = self.road
         return self.minds.decide(index, index * STEP_NS, view, road, None)
@@ -322,3 +324,28 @@ def test_the_rest_of_a_life_is_known_to_who_decides() -> None:
         with pytest.raises(AttributeError):
             town.decide(index)
     assert told == [None, 2.0]
+
+
+def test_who_shunts_about_a_spot_is_said_to_manoeuvre() -> None:
+    """From eight seconds on, though the traffic knows of nothing in its way; not who gets on."""
+    town = Town()
+    marcher = town.admit(1, 0, MARCHER)
+    said = {}
+    for second in range(14):
+        town.decide(20 * second)
+        said[second] = marcher.activity
+    assert {second for second, words in said.items() if words == "manoeuvring"} == set(
+        range(10, 14)
+    )
+    town.x_m = 0.31
+    town.decide(20 * 14)
+    assert marcher.activity == "marching"
+
+
+def test_who_stands_of_its_own_will_does_not_manoeuvre() -> None:
+    """However long."""
+    town = Town()
+    writer = town.admit(1, 0)
+    for second in range(14):
+        town.decide(20 * second)
+        assert writer.activity == "writing"

@@ -314,7 +314,9 @@ def test_followers_are_measured_against_their_leader() -> None:
     """By the number that the activity says; else by the nearest who moves."""
     leader = [state((0.1 * k, 0.0, 0.0), 7) for k in range(11)]
     other = state((0.0, 1.0, 0.0), 8, behaviour="standing")
-    for activity, gap_m in (("following artefact 8", math.hypot(1.0, 1.0)), ("following", 1.5)):
+    near_m = math.hypot(1.0, 1.0)
+    said = {"following artefact 8": near_m, "waiting behind artefact 8": near_m, "following": 1.5}
+    for activity, gap_m in said.items():
         follower = state((-1.0, 0.0, 0.0), behaviour="following", activity=activity)
         moments = [[follower, one, other] for one in leader]
         company = judged(moments).verdict.company

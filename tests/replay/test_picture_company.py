@@ -54,6 +54,13 @@ def test_a_stretch_per_leader() -> None:
     assert _found(lives) == [(3, 1, 1, 41), (3, 2, 41, 91)]
 
 
+def test_waiting_behind_the_leader_belongs_to_the_stretch() -> None:
+    """It still follows who stands for a while; waiting for somebody in its way is another thing."""
+    doings = ["following artefact 1", "waiting behind artefact 1", "following artefact 1", ""]
+    follower = _does(_follower(3, 1), *((1 + 20 * k, doing) for k, doing in enumerate(doings)))
+    assert _found([walker(1, (3, 2), (9, 2)), follower]) == [(3, 1, 1, 61)]
+
+
 def test_only_while_it_follows() -> None:
     """What it does before and after does not count, nor does a moment, nor a word without an id."""
     follows = "following artefact 1"

@@ -111,7 +111,7 @@ class Following:
         goal_m = self._point_behind(leader, keep_m)
         apart_m = situation.distance_m(leader.point_m)
         if apart_m <= keep_m and not _is_in_the_way(leader, situation):
-            return stand(_activity(leader), leader.point_m)
+            return stand(_activity(leader, is_there=True), leader.point_m)
         if not situation.sees(*goal_m):
             goal_m = leader.point_m
         speed_mps = self._speed_mps(leader, apart_m - keep_m, situation)
@@ -161,8 +161,10 @@ def _fastest_mps(situation: Situation) -> float:
     return min(_HURRY * motion.speed_mps, motion.top_speed_mps)
 
 
-def _activity(leader: Fellow) -> str:
-    return f"following artefact {leader.id}"
+def _activity(leader: Fellow, *, is_there: bool = False) -> str:
+    """Say whom it follows, or behind whom it waits for him to go on."""
+    waits = is_there and leader.speed_mps <= _IS_STANDING_MPS
+    return f"{'waiting behind' if waits else 'following'} artefact {leader.id}"
 
 
 def _is_in_the_way(leader: Fellow, situation: Situation) -> bool:

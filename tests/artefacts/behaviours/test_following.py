@@ -58,6 +58,7 @@ def test_it_waits_behind_a_leader_that_stops() -> None:
     leader = fellow_at((0.0, 0.0))
     intent = led_by(follower, leader, 1.0)
     assert (intent.goal_m, intent.face_m) == (None, leader.point_m)
+    assert intent.activity == "waiting behind artefact 1"
 
 
 def test_it_makes_way_for_a_leader_that_comes_towards_it() -> None:
