@@ -31,9 +31,9 @@ on: who waited again at once would never count as blocked, and never choose anot
 
 _GETS_ON_MPS = 0.1
 
-_SPOT_M, _LINGERS_S = 0.3, 8.0
-"""Who wants to go, and has stayed within a spot for so long, is blocked, whatever by: a car that
-shunts in clutter makes some progress each time, and none in all."""
+_SPOT_M, _SHUNTS_S, _LINGERS_S = 0.3, 3.0, 8.0
+"""Who wants to go, and has stayed within a spot for so long, manoeuvres, and then is blocked,
+whatever by: a car that shunts in clutter makes some progress each time, and none in all."""
 
 
 @dataclass(eq=False, slots=True)
@@ -50,20 +50,20 @@ class Mind:
     waits: int = 0
     spot_m: Point | None = None
     spot_since_ns: int = 0
+    lingered_s: float = 0.0
 
     @property
     def is_out(self) -> bool:
         """Whether it has left by an exit."""
         return isinstance(self.behaviour, Leaving) and self.behaviour.has_left
 
-    def lingered_s(self, me: Fellow, now_ns: int) -> float:
-        """Return for how long it has wanted to go and stayed within a spot; asked once a period."""
+    def look_about(self, me: Fellow, now_ns: int) -> None:
+        """See for how long it has wanted to go and stayed within a spot."""
         is_going = self.leg is not None and self.leg.order.subgoal_m is not None
         spot_m = self.spot_m
         if not is_going or spot_m is None or math.dist(spot_m, me.point_m) > _SPOT_M:
             self.spot_m, self.spot_since_ns = me.point_m if is_going else None, now_ns
-            return 0.0
-        return (now_ns - self.spot_since_ns) / NS_PER_S
+        self.lingered_s = (now_ns - self.spot_since_ns) / NS_PER_S
 
 
 class Minds:
@@ -172,8 +172,10 @@ class Minds:
     ) -> Situation:
         what, who, since_s = traffic.hindrance(me.id)
         is_kept, leg = what is not Hindrance.NONE, mind.leg
-        lingered_s = mind.lingered_s(me, now_ns)
-        blocked_s = max(since_s if is_kept else 0.0, lingered_s if lingered_s > _LINGERS_S else 0.0)
+        mind.look_about(me, now_ns)
+        blocked_s = since_s if is_kept else 0.0
+        if mind.lingered_s > _LINGERS_S:
+            blocked_s = max(blocked_s, mind.lingered_s)
         departure_ns = mind.artefact.departure_ns
         return Situation(
             now_ns,
@@ -202,12 +204,11 @@ def _activity(mind: Mind, situation: Situation) -> str:
     if mind.leg is not None and mind.leg.no_way:
         return "no way"
     wants_to_go = mind.intent is not None and mind.intent.goal_m is not None
-    is_blocked = situation.blocked_s >= 1.0 and wants_to_go
-    if is_blocked and situation.blocked_by:
+    if wants_to_go and situation.blocked_s >= 1.0 and situation.blocked_by:
         return f"waiting for {situation.blocked_by}"
     if mind.leg is not None and mind.leg.waits:
         return "giving way"
-    if is_blocked:
+    if wants_to_go and mind.lingered_s > _SHUNTS_S:
         return "manoeuvring"
     activity = mind.intent.activity if mind.intent else ""
     return "" if activity == mind.artefact.behaviour else activity

@@ -17,7 +17,7 @@ from are_ros.artefacts._candidates import (
 )
 from are_ros.artefacts._pose_lattice import HEADINGS, LATTICE_CELLS, PoseLattice
 from are_ros.artefacts._sought import Sought
-from are_ros.artefacts._turning import turning_of
+from are_ros.artefacts._turning import Turning, turning_of
 from are_ros.artefacts.artefact import GroundPose, shape_of
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.surroundings import Disc, Surroundings
@@ -44,8 +44,9 @@ class Placer:
     feasible ones (position continuous, heading in [-pi, pi)), or by the region's weights.
 
     What turns on the spot could hardly leave a place where the disc that it sweeps meets a closed
-    cell. It is placed, by the same law, among the feasible poses where it can turn; only if the
-    search below finds none of these, among all feasible ones.
+    cell, nor a pocket of the map. It is placed, by the same law, among the feasible poses where it
+    can turn and is not shut in; only if the search below finds none of these, among all feasible
+    ones.
 
     Poses are drawn until one is feasible, some thousands at most. Then a lattice decides: the
     centres of cells times `HEADINGS` headings. (Where more than 2**17 cells have room, it takes
@@ -65,6 +66,7 @@ class Placer:
         self._lattice = lattice_row(environment.grid.origin, resolution_m, resolution_m)
         self._poses = PoseLattice(environment.grid)
         self._static: dict[tuple[float, ...], _Poses] = {}
+        self._turnings: dict[tuple[float, ...], Turning] = {}
 
     def place(
         self,
@@ -84,11 +86,16 @@ class Placer:
         if static is not None and not static.size:
             return None
         cells = self._cells if within is None else self._cells_near(within)
-        turning = turning_of(row, self._environment, self._terrains)
+        turning = self._turning_of(row)
         pose = None
         if turning is not None:
             pose = self._found(Sought(row, around, within, turning), cells, generator)
         return pose or self._found(sought, cells, generator)
+
+    def _turning_of(self, row: CatalogueRow) -> Turning | None:
+        """Return how a row's artefacts turn here; of one size and height the same object."""
+        turning = turning_of(row, self._environment, self._terrains, self._region.mask)
+        return turning and self._turnings.setdefault(turning.key, turning)
 
     def _found(
         self, sought: Sought, cells: CandidateCells, generator: np.random.Generator

@@ -327,16 +327,15 @@ def test_the_rest_of_a_life_is_known_to_who_decides() -> None:
 
 
 def test_who_shunts_about_a_spot_is_said_to_manoeuvre() -> None:
-    """From eight seconds on, though the traffic knows of nothing in its way; not who gets on."""
+    """After three seconds, though the traffic knows of nothing in its way; not who gets on."""
     town = Town()
     marcher = town.admit(1, 0, MARCHER)
     said = {}
     for second in range(14):
         town.decide(20 * second)
         said[second] = marcher.activity
-    assert {second for second, words in said.items() if words == "manoeuvring"} == set(
-        range(10, 14)
-    )
+    shunting = {second for second, words in said.items() if words == "manoeuvring"}
+    assert shunting == set(range(5, 14))
     town.x_m = 0.31
     town.decide(20 * 14)
     assert marcher.activity == "marching"

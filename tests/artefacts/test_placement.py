@@ -8,7 +8,7 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import stats
+from scipy import ndimage, stats
 
 from are_ros.artefacts._candidates import CandidateCells
 from are_ros.artefacts._pose_lattice import HEADINGS, PoseLattice
@@ -137,6 +137,23 @@ def _turns_free(row: CatalogueRow, points_m: Floats, free: Mask, slack_m: float 
     return np.asarray(room_m >= radius_m)
 
 
+def _roomy(row: CatalogueRow, free: Mask, slack_m: float = 1e-9) -> Mask:
+    """Return the cells of parts that discs roam, and beside; the large ones."""
+    centres_m = (np.argwhere(np.ones_like(free))[:, ::-1] + 0.5).astype(np.float64)
+    labels, count = ndimage.label(_turns_free(row, centres_m, free, slack_m).reshape(free.shape))
+    sizes = np.bincount(labels[free], minlength=count + 1)
+    sizes[0] = 0
+    large = np.isin(labels, np.flatnonzero((sizes > 0) & (sizes >= 0.25 * sizes.max())))
+    return np.asarray(ndimage.binary_dilation(large, np.ones((3, 3))), np.bool_)
+
+
+def _sets_out(row: CatalogueRow, points_m: Floats, free: Mask, slack_m: float = 1e-9) -> Mask:
+    """Test that it can turn, and is not shut in."""
+    cols, rows = np.floor(points_m).astype(np.int64).T
+    roomy = _roomy(row, free, slack_m)[rows, cols]
+    return np.asarray(_turns_free(row, points_m, free, slack_m) & roomy, np.bool_)
+
+
 def _array(poses: list[GroundPose | None]) -> Floats:
     return np.array([(pose.x_m, pose.y_m, pose.yaw_rad) for pose in poses if pose is not None])
 
@@ -178,8 +195,8 @@ def test_poses_are_uniform_over_the_feasible_ones(row: CatalogueRow) -> None:
     on_free = free[tries[:, 1].astype(np.int64), tries[:, 0].astype(np.int64)]
     feasible = on_free & _stands_free(row, tries, free)
     if row.motion is TURNS:
-        assert _turns_free(row, poses[:, :2], free).all()
-        can_turn = _turns_free(row, tries[:, :2], free)
+        assert _sets_out(row, poses[:, :2], free).all()
+        can_turn = _sets_out(row, tries[:, :2], free)
         assert 0.2 < can_turn[feasible].mean() < 0.9
         feasible &= can_turn
     oracle = tries[feasible]
@@ -275,17 +292,29 @@ def test_blocked_if_and_only_if_the_lattice_holds_none(
     elif min(sizes) > 1e-6:
         assert _stands_free(smaller, _array([pose]), free).all()
     boxes, _ = placer._standing(row, np.insert(lattice, 2, 0.0, axis=1))
-    turning = turning_of(row, placer._environment, Terrains())
+    turning = turning_of(row, placer._environment, Terrains(), free)
     placeable = placer._environment.is_placeable(boxes)
     assert _lattice_poses(placer, row, None) == np.count_nonzero(placeable)
-    if turning is None:
+    if turning is None or (_roomy(row, free, -1e-6) != _roomy(row, free, 1e-6)).any():
         return
-    turns = [_turns_free(row, lattice[:, :2], free, slack_m) for slack_m in (-1e-6, 1e-6)]
+    turns = [_sets_out(row, lattice[:, :2], free, slack_m) for slack_m in (-1e-6, 1e-6)]
     least, most = (np.count_nonzero(placeable & can_turn) for can_turn in turns)
     assert least <= _lattice_poses(placer, row, turning) <= most
     if least:
         assert pose is not None
-        assert _turns_free(row, _array([pose])[:, :2], free, 1e-6).all()
+        assert _sets_out(row, _array([pose])[:, :2], free, 1e-6).all()
+
+
+def test_nobody_who_walks_arrives_in_a_pocket() -> None:
+    """A nook that a body of its size cannot leave is left out, a room of some size is not."""
+    free = _free("#" * 16 + (" #" + "." * 9 + "#" + "." * 4 + "#") * 2 + " " + "#" * 16)
+    nook = _free("#" * 16 + (" #" + "." * 11 + "#" + "." * 2 + "#") * 2 + " " + "#" * 16)
+    walker = _row(0.6, 0.6, motion=TURNS)
+    for plan, is_used in ((free, True), (nook, False)):
+        wall = 1 + int(np.flatnonzero(~plan[1, 1:-1])[0])
+        placer = _placer(plan)
+        poses = _array([placer.place(walker, _stream(number)) for number in range(100)])
+        assert bool((poses[:, 0] > wall).any()) == is_used
 
 
 def _lattice_poses(placer: Placer, row: CatalogueRow, turning: Turning | None) -> int:

@@ -163,8 +163,7 @@ def _fastest_mps(situation: Situation) -> float:
 
 def _activity(leader: Fellow, *, is_there: bool = False) -> str:
     """Say whom it follows, or behind whom it waits for him to go on."""
-    waits = is_there and leader.speed_mps <= _IS_STANDING_MPS
-    return f"{'waiting behind' if waits else 'following'} artefact {leader.id}"
+    return f"{'waiting behind' if is_there else 'following'} artefact {leader.id}"
 
 
 def _is_in_the_way(leader: Fellow, situation: Situation) -> bool:
