@@ -27,7 +27,7 @@ SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample_office.mcap"
 PREFIX = "/ar_builder/"
 MANY = (
     *("--set", "population.arrival_rate:=0.03", "--set", "population.mean_life:=5"),
-    *("--set", "collisions.on_robot_contact:=displace", "--seed", "9"),
+    *("--set", "collisions.on_robot_contact:=displace", "--seed", "10"),
 )
 """Many short lives, so that seconds hold all that can happen to them."""
 _SAID = "said.txt"

@@ -44,7 +44,7 @@ def test_the_folder_is_complete(lockstep_run: Path) -> None:
     assert "active: artefacts arrive" in (lockstep_run / "node.log").read_text()
     values = with_values(Parameters(), read_ros_parameters(lockstep_run / "effective.yaml"))
     assignments = [word for word in MANY if ":=" in word]
-    assert values == effective_parameters([SAMPLE.with_suffix(".yaml")], assignments, 9)
+    assert values == effective_parameters([SAMPLE.with_suffix(".yaml")], assignments, 10)
 
 
 @pytest.mark.parametrize("run", ["lockstep_run", "free_run"])

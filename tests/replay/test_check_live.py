@@ -689,7 +689,7 @@ BROKEN: dict[str, tuple[str, Break, str]] = {
         _each("perceived", _few_pixels, 0.0, 60.0),
         "tau is",
     ),
-    "sight unsaid": ("sight events", _each("events", _drop, 2.6, 6.4), "PERCEIVED tells of"),
+    "sight unsaid": ("sight events", _each("events", _drop, 1.0, 6.4), "PERCEIVED tells of"),
     "in the wall": ("walls", _each("artefacts", _move(-0.1, 4.0)), "covers the occupied cell"),
     "overlap": ("overlaps of artefacts", _each("artefacts", _onto), "overlap by"),
     "in the robot": ("overlaps with the robot", _into_the_robot, "overlaps the robot"),
