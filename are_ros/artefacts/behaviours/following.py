@@ -17,6 +17,7 @@ _IS_STANDING_MPS = 0.1
 _PATIENCE_S = (15.0, 40.0)
 _BLOCKED_S = 8.0
 _LEFT_ALONE_NS = 30 * NS_PER_S
+_ARRIVE_WITHIN_M = 0.4
 _HURRY = 1.3
 _CATCH_UP_PER_S = 0.5
 
@@ -115,11 +116,14 @@ class Following:
         if not situation.sees(*goal_m):
             goal_m = leader.point_m
         speed_mps = self._speed_mps(leader, apart_m - keep_m, situation)
+        stands = leader.speed_mps <= _IS_STANDING_MPS
+        is_there = stands and situation.distance_m(goal_m) <= _ARRIVE_WITHIN_M
         return Intent(
             goal_m,
             speed_mps,
-            face_m=leader.point_m,
-            activity=_activity(leader),
+            _ARRIVE_WITHIN_M,
+            leader.point_m,
+            _activity(leader, is_there=is_there),
             is_moving_goal=True,
         )
 
