@@ -116,8 +116,7 @@ class Following:
         if not situation.sees(*goal_m):
             goal_m = leader.point_m
         speed_mps = self._speed_mps(leader, apart_m - keep_m, situation)
-        stands = leader.speed_mps <= _IS_STANDING_MPS
-        is_there = stands and situation.distance_m(goal_m) <= _ARRIVE_WITHIN_M
+        is_there = situation.distance_m(goal_m) <= _ARRIVE_WITHIN_M
         return Intent(
             goal_m,
             speed_mps,

@@ -46,7 +46,7 @@ def test_a_follower_stays_behind() -> None:
 def test_who_is_too_fast_for_it_is_not_followed() -> None:
     """It would lose a runner at once; who walks briskly it can keep up with."""
     for speed_mps, is_followed in ((1.0, True), (6.0, False)):
-        follower = Actor(9, Following(), (-2.0, 0.0))
+        follower = Actor(9, Following(), (-4.0, 0.0))
         intent = led_by(follower, fellow_at((0.0, 0.0), velocity_mps=(speed_mps, 0.0)))
         assert intent.activity.startswith("following artefact ") == is_followed
 
@@ -158,7 +158,7 @@ def test_nobody_leads_who_is_unseen_far_or_standing() -> None:
 
 def test_two_followers_do_not_follow_each_other() -> None:
     """Only the younger follows the other, so that no circle of followers stands for ever."""
-    older = fellow_at((2.0, 0.0), 3, (0.5, 0.0), "following")
+    older = fellow_at((4.0, 0.0), 3, (0.5, 0.0), "following")
     assert (
         alone(Actor(9, Following(), (0.0, 0.0)), fellows=[older]).activity == "following artefact 3"
     )
