@@ -28,7 +28,7 @@ def look_ahead(
     """Return the best action with the values of epoch `place` to come, as `action_values`."""
     brings = np.empty(9)
     action_values(planes[place], lengths, gains, weights, anchors_m, moving, state, brings)
-    return best_action(brings, state[2])
+    return _best_action(brings, state[2])
 
 
 @compiled
@@ -106,7 +106,7 @@ def _turn_price(weights: Doubles, heading: int, direction: int) -> float:
 
 
 @compiled
-def best_action(brings: Doubles, heading: int) -> int:
+def _best_action(brings: Doubles, heading: int) -> int:
     """Return the best action; of equal ones the first of ahead, left, right, back and stay."""
     best = 1 + heading
     for turn in (1, 3, 2):
@@ -149,5 +149,5 @@ def greedy_way(
         epochs += length / weights[4] if length > 0 else 1.0
         state = (row, col, heading)
         action_values(values, lengths, gains, weights, anchors_m, nobody, state, brings)
-        action = best_action(brings, heading)
+        action = _best_action(brings, heading)
     return count, np.inf

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.artefacts._ground_kernels import Ground, cell_of, heading_of
-from are_ros.artefacts._route_kernels import action_values, best_action, greedy_way
+from are_ros.artefacts._route_kernels import greedy_way, look_ahead
 from are_ros.artefacts.neighbourhood import Cells, near
 from are_ros.artefacts.terrain import farthest
 
@@ -151,11 +151,9 @@ def _action(
     ground: Ground, worth: Worth, moving: Floats, epochs_left: int, state: tuple[int, int, int]
 ) -> int:
     """Return the best action, with so many epochs left, among those who move."""
-    brings, planes = np.empty(9), worth.planes
-    values = planes[max(0, min(epochs_left, planes.shape[0]) - 1)]
-    arrays = (worth.lengths, worth.gains, worth.weights, ground.anchors_m)
-    action_values(values, *arrays, moving, state, brings)
-    return best_action(brings, state[2])
+    place = max(0, min(epochs_left, worth.planes.shape[0]) - 1)
+    arrays = (worth.planes, worth.lengths, worth.gains, worth.weights, ground.anchors_m)
+    return look_ahead(*arrays, moving, place, state)
 
 
 @compiled

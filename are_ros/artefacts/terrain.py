@@ -72,12 +72,6 @@ class Terrain:
         """
         return bool(rolls(self.clearance_m, self.lattice, from_m, to_m, radius_m))
 
-    def farthest_seen(
-        self, from_m: tuple[float, float], way_m: npt.NDArray[np.float64], radius_m: float
-    ) -> int:
-        """Return the index of the last point of a way (K, 2) that `sees` says yes to, or else 0."""
-        return int(farthest(self.clearance_m, self.lattice, from_m, way_m, radius_m))
-
     @cached_property
     def lattice(self) -> npt.NDArray[np.float64]:
         """The grid's place in the map, as `lattice_cover.lattice_row`."""

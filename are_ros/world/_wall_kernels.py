@@ -119,12 +119,12 @@ def are_free(
     """Tell which footprints cover free cells of the grid only; the field is 0 on the others."""
     out = np.zeros(packed.shape[0], np.bool_)
     for i in range(packed.shape[0]):
-        out[i] = _is_free(packed, i, lattice, field, unit, tolerance_m)
+        out[i] = is_free(packed, i, lattice, field, unit, tolerance_m)
     return out
 
 
 @compiled
-def _is_free(
+def is_free(
     packed: _FloatArray,
     i: int,
     lattice: _FloatArray,

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.artefacts.terrain import Terrain, Terrains
+from are_ros.artefacts.terrain import Terrain, Terrains, farthest
 from are_ros.world.oriented_boxes import OrientedBoxes, overlaps_any
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
@@ -146,4 +146,5 @@ def test_the_farthest_seen_is_the_last_that_is_seen() -> None:
     way_m = np.array([(0.5, 0.5), (1.0, 1.0), (2.5, 1.0), (2.6, 1.6), (1.0, 2.5)])
     for start_m in ((0.3, 0.3), (1.5, 1.0), (2.5, 2.5), (0.5, 2.7)):
         seen = [k for k in range(1, 5) if terrain.sees(start_m, tuple(way_m[k]), 0.2)]
-        assert terrain.farthest_seen(start_m, way_m, 0.2) == max(seen, default=0)
+        found = farthest(terrain.clearance_m, terrain.lattice, start_m, way_m, 0.2)
+        assert found == max(seen, default=0)

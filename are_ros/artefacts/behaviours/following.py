@@ -4,7 +4,7 @@ import math
 from collections import deque
 from typing import ClassVar
 
-from are_ros.artefacts.behaviours.intent import Intent, Point, stand
+from are_ros.artefacts.behaviours.intent import ARRIVE_WITHIN_M, Intent, Point, stand
 from are_ros.artefacts.behaviours.situation import Fellow, Situation
 from are_ros.artefacts.behaviours.walking import Walking
 from are_ros.conventions import NS_PER_S
@@ -17,7 +17,6 @@ _IS_STANDING_MPS = 0.1
 _PATIENCE_S = (15.0, 40.0)
 _BLOCKED_S = 8.0
 _LEFT_ALONE_NS = 30 * NS_PER_S
-_ARRIVE_WITHIN_M = 0.4
 _HURRY = 1.3
 _CATCH_UP_PER_S = 0.5
 
@@ -116,11 +115,11 @@ class Following:
         if not situation.sees(*goal_m):
             goal_m = leader.point_m
         speed_mps = self._speed_mps(leader, apart_m - keep_m, situation)
-        is_there = situation.distance_m(goal_m) <= _ARRIVE_WITHIN_M
+        is_there = situation.distance_m(goal_m) <= ARRIVE_WITHIN_M
         return Intent(
             goal_m,
             speed_mps,
-            _ARRIVE_WITHIN_M,
+            ARRIVE_WITHIN_M,
             leader.point_m,
             _activity(leader, is_there=is_there),
             is_moving_goal=True,

@@ -1,13 +1,17 @@
 """What an artefact wants until its next decision, and the interface of whatever decides it."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar, Final, Protocol
 
 if TYPE_CHECKING:
     from are_ros.artefacts.behaviours.situation import Situation
 
 Point = tuple[float, float]
 """x and y in the map frame [m]."""
+
+
+ARRIVE_WITHIN_M: Final = 0.4
+"""How near a goal one has arrived, unless an intent says otherwise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +27,7 @@ class Intent:
 
     goal_m: Point | None
     speed_mps: float
-    arrive_within_m: float = 0.4
+    arrive_within_m: float = ARRIVE_WITHIN_M
     face_m: Point | None = None
     activity: str = ""
     is_moving_goal: bool = False

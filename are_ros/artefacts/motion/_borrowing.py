@@ -10,6 +10,8 @@ from typing import Any, TypeVar, cast
 
 import numba
 
+from are_ros._compiled import OPTIONS
+
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
@@ -24,5 +26,4 @@ def owning(function: _Function) -> _Function:
 
 
 def _compiled_with(function: _Function, *, counts: bool) -> _Function:
-    options = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": counts}
-    return cast("_Function", numba.njit(**options)(function))
+    return cast("_Function", numba.njit(**OPTIONS, _nrt=counts)(function))

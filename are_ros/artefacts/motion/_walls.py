@@ -7,8 +7,9 @@ import numpy as np
 from are_ros.artefacts.motion._borrowing import borrowing, owning
 from are_ros.artefacts.motion._gaps import leap
 from are_ros.artefacts.motion._state import COS, NEVER, SIN, Floats, Floor, X, Y
-from are_ros.world._wall_kernels import _is_free as is_box_free
+from are_ros.artefacts.terrain import disc_is_free
 from are_ros.world._wall_kernels import hits_cells
+from are_ros.world._wall_kernels import is_free as is_box_free
 from are_ros.world.lattice_cover import covered
 from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M
 
@@ -89,19 +90,10 @@ def turns_freely(pose: Floats, body: Any, floor: Floor) -> bool:
     x = (dx * lattice[2] + dy * lattice[3]) / unit
     y = (dy * lattice[2] - dx * lattice[3]) / unit
     radius = body.radius / unit - TOUCH_TOLERANCE_M
-    first_row, last_row = int(np.floor(y - radius)), int(np.floor(y + radius))
-    first_col, last_col = int(np.floor(x - radius)), int(np.floor(x + radius))
-    if min(first_row, first_col) < 0 or last_row >= field.shape[0] or last_col >= field.shape[1]:
+    if not (0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]):
         return False
-    if field[int(y), int(x)] >= (radius + _TWO_HALF_DIAGONALS) * unit:
-        return True
-    for row in range(first_row, last_row + 1):
-        v = max(row - y, y - row - 1.0, 0.0)
-        for col in range(first_col, last_col + 1):
-            u = max(col - x, x - col - 1.0, 0.0)
-            if field[row, col] == 0.0 and u * u + v * v < radius * radius:
-                return False
-    return True
+    is_far = field[int(y), int(x)] >= (radius + _TWO_HALF_DIAGONALS) * unit
+    return bool(is_far or disc_is_free(field, x, y, radius))
 
 
 @owning
