@@ -144,8 +144,8 @@ class Following:
         newest = next((k for k in range(len(trail) - 1, -1, -1) if situation.sees(*trail[k])), 0)
         for _ in range(newest):
             trail.popleft()
-        if situation.distance_m(trail[0]) < _STEP_OF_TRAIL_M and len(trail) > 1:
-            trail.popleft()
+        while len(trail) > 1 and situation.distance_m(trail[0]) <= ARRIVE_WITHIN_M:
+            trail.popleft()  # it is there, and would stand if that were its goal
         speed_mps = self._speed_mps(leader, situation.distance_m(leader.point_m), situation)
         is_seen = situation.sees(*trail[0])
         return Intent(trail[0], speed_mps, activity=_activity(leader), is_moving_goal=is_seen)

@@ -111,6 +111,17 @@ def test_where_nothing_of_the_trail_is_seen_a_way_is_planned() -> None:
     assert (intent.goal_m, intent.is_moving_goal) == ((0.0, 0.0), False)
 
 
+def test_it_does_not_stop_at_a_point_of_the_trail_that_it_has_come_to() -> None:
+    """As near to it as one has arrived, it goes on to the next, which it does not see."""
+    follower = Actor(9, Following(leader_id=1), (0.0, 0.0))
+    corner, behind = (0.0, 0.35), (1.0, 0.7)
+    for second, point in enumerate((corner, behind)):
+        alone(follower, fellows=[fellow_at(point, velocity_mps=(0.3, 0.3))], now_s=second)
+    walls = (((0.5, -5.0), (0.5, 5.0)),)
+    intent = alone(follower, fellows=[fellow_at((1.1, 0.7))], walls_m=walls, now_s=2.0)
+    assert (intent.goal_m, intent.is_moving_goal) == (behind, False)
+
+
 def test_another_leader_is_found_when_the_leader_has_left() -> None:
     """Who is dead leads nobody; the next nearest who moves does."""
     first = fellow_at((3.0, 0.0), 1, (0.5, 0.0))
