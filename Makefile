@@ -33,7 +33,7 @@ endif
 
 demo: $(VENV)/ready-for-ros
 	@if test -e $<; then $(BIN)/are demo --out $(OUT)/demo; \
-	else echo 'Instead of the live demo, the same drive is replayed, which needs no ROS.'; \
+	else echo 'Instead of the live demo, the drive is replayed, which needs no ROS; whom the robot drives into moves aside.'; \
 	$(BIN)/are replay bags/sample_office.mcap --params bags/sample_office.yaml --out $(OUT)/demo; fi
 
 test: $(VENV)/ready-for-tests

@@ -213,7 +213,7 @@ BREAKAGES = (
         DEPARTED,
         "markers stay",
         "are_ros/builder/markers.py",
-        "[look for gone in sorted(departed) for look in deletion(gone)]",
+        "[look for number in sorted(known) for look in deletion(known[number])]",
         "[]",
         (_DEPARTED_TEST, _BUILDER + "test_a_departed_artefact_leaves_nothing_behind"),
     ),

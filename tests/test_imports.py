@@ -8,7 +8,7 @@ from pathlib import Path
 import are_ros
 
 PACKAGE = Path(are_ros.__file__).parent
-BASE = ("errors", "conventions", "_compiled", "_version", "yaml_text", "parameters")
+BASE = ("errors", "conventions", "_compiled", "_version", "yaml_text", "wording", "parameters")
 LAYERS = (
     BASE,
     ("world",),

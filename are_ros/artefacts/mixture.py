@@ -9,6 +9,7 @@ import numpy.typing as npt
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.errors import ParameterError
 from are_ros.parameters.model import Parameters
+from are_ros.wording import counted
 
 Numbers = npt.NDArray[np.float64]
 
@@ -116,7 +117,8 @@ def _check_kept(rates: Sequence[float], kept: Numbers, rows: int) -> None:
     for number, (rate, mass) in enumerate(zip(rates, kept, strict=True)):
         if mass < _LEAST_KEPT_MASS:
             msg = (
-                f"mixture.rates[{number}] is {rate:g}, which leaves only {100.0 * mass:.3g} % of "
-                f"its mass on the {rows} rows of the catalogue, but at least half is needed"
+                f"mixture.rates[{number}] is {rate:g}, which leaves only {100.0 * mass:.3g} % "
+                f"of its mass on the {counted(rows, 'row')} of the catalogue, "
+                "but at least half is needed"
             )
             raise ParameterError(msg)

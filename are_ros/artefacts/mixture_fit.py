@@ -18,6 +18,7 @@ from are_ros.artefacts._mixture_information import Precision, headroom, precisio
 from are_ros.artefacts._mixture_starts import grown, starts_for
 from are_ros.artefacts.mixture import TruncatedPoissonMixture
 from are_ros.errors import InputError, ParameterError
+from are_ros.wording import counted
 
 __all__ = (
     "MixtureFit",
@@ -108,7 +109,7 @@ def why_no_row(value: float, rows: int) -> str:
     if value < 0.0:
         return "negative, but rows are counted from 0"
     if value >= rows:
-        return f"beyond the {rows} rows of the catalogue (0 to {rows - 1})"
+        return f"beyond the {counted(rows, 'row')} of the catalogue (0 to {rows - 1})"
     return "" if value == math.floor(value) else "a fraction, but rows are whole numbers"
 
 

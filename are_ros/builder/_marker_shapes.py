@@ -1,6 +1,7 @@
-"""How one artefact looks: a body, a label above it and an arrow for its heading."""
+"""How one artefact looks: a body, a label above it and an arrow for its heading and speed."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -16,12 +17,18 @@ from are_ros.builder.marker_batch import (
     Vector3,
 )
 from are_ros.conventions import NS_PER_S
-from are_ros.parameters.choices import Shape
+from are_ros.parameters.choices import Labels, Shape
 
 REFRESH_NS: Final = NS_PER_S
 BODY, LABEL, HEADING = "body", "label", "heading"
 OPAQUE, TRANSLUCENT = 1.0, 0.35
-TEXT_HEIGHT_M, ARROW_THICKNESS_M, ARROW_OVERHANG_M, GAP_M = 0.3, 0.06, 0.3, 0.05
+TEXT_HEIGHT_M, ARROW_THICKNESS_M, GAP_M = 0.2, 0.06, 0.05
+ARROW_OF_STANDING_M, ARROW_PER_SPEED_S, LONGEST_ARROW_M = 0.1, 0.6, 2.0
+"""How far an arrow reaches past the front: of one who stands, more for each m/s, and at most."""
+
+SPEED_STEP_MPS: Final = 0.5
+"""Speeds are drawn in steps: looks that stay need not be encoded again."""
+
 WHITE = (1.0, 1.0, 1.0)
 _GOLDEN_NS: Final = 618_033_989
 """The golden section of a second: multiples of it, modulo a second, spread evenly."""
@@ -34,7 +41,8 @@ class MarkerSubject:
     The box's centre is in F_A [m], its size along F_A's axes, each above 0; `colour` is red, green,
     blue and alpha in [0, 1], of which alpha tells nothing here: perceived artefacts are opaque, the
     others translucent. `mesh_triangles_m` (T, 3, 3) are corners in F_A, None without a mesh;
-    `mesh_colours` (T, 4) are their faces' colours, None for the plain colour.
+    `mesh_colours` (T, 4) are their faces' colours, None for the plain colour. `speed_steps` is the
+    speed over the ground, in steps of `SPEED_STEP_MPS`.
     """
 
     artefact_id: int
@@ -45,23 +53,30 @@ class MarkerSubject:
     is_perceived: bool
     mesh_triangles_m: Points | None = None
     mesh_colours: npt.NDArray[np.floating] | None = None
+    speed_steps: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """A subject as drawn: three markers, at `offsets_m` (3, 3) in F_A and turned as it is.
+    """A subject as drawn: body, label and heading at `offsets_m` (3, 3) in F_A, turned as it is.
 
-    It is due for a refresh at `phase_ns` of each second; these differ from id to id.
+    `looks` are those that are drawn, in this order; `is_drawn` tells which of the three. It is due
+    for a refresh at `phase_ns` of each second; these differ from id to id.
     """
 
     subject: MarkerSubject
-    looks: tuple[MarkerLook, MarkerLook, MarkerLook]
+    looks: tuple[MarkerLook, ...]
+    is_drawn: tuple[bool, bool, bool]
     offsets_m: Points
     phase_ns: int
 
 
-def figure_of(subject: MarkerSubject, shape: Shape) -> Figure:
-    """Return an artefact as drawn: body, label, heading."""
+def figure_of(
+    subject: MarkerSubject, shape: Shape, labels: Labels, before: Figure | None = None
+) -> Figure:
+    """Return an artefact as drawn; of how it was drawn `before`, keep what still looks the same."""
+    if before is not None and _looks_equal_but_for_speed(before.subject, subject):
+        return replace(before, subject=subject, looks=(*before.looks[:-1], _heading(subject)))
     x, y, z = subject.box_centre_m
     top = z + 0.5 * subject.size_m[2] + GAP_M
     triangles_m = subject.mesh_triangles_m
@@ -69,24 +84,26 @@ def figure_of(subject: MarkerSubject, shape: Shape) -> Figure:
         body, at = _mesh(subject, triangles_m), (0.0, 0.0, 0.0)
     else:
         body, at = _box(subject), (x, y, z)
+    is_labelled = labels is Labels.ALL or (labels is Labels.PERCEIVED and subject.is_perceived)
+    label = (_label(subject),) if is_labelled else ()
     return Figure(
         subject,
-        (body, _label(subject), _heading(subject)),
+        (body, *label, _heading(subject)),
+        (True, is_labelled, True),
         np.array((at, (x, y, top + TEXT_HEIGHT_M), (x, y, top))),
         subject.artefact_id * _GOLDEN_NS % REFRESH_NS,
     )
 
 
-def deletion(artefact_id: int) -> list[MarkerLook]:
-    """Return the markers that remove all of an artefact."""
-    number = marker_id(artefact_id)
+def deletion(before: Figure, after: Figure | None = None) -> list[MarkerLook]:
+    """Return the markers that remove what was drawn of an artefact and is drawn no more."""
+    number = marker_id(before.subject.artefact_id)
+    still = {look.namespace for look in after.looks} if after else set()
+    kinds = {BODY: MarkerKind.CUBE, LABEL: MarkerKind.TEXT_VIEW_FACING, HEADING: MarkerKind.ARROW}
     return [
-        MarkerLook(namespace, number, kind, MarkerAction.DELETE)
-        for namespace, kind in (
-            (BODY, MarkerKind.CUBE),
-            (LABEL, MarkerKind.TEXT_VIEW_FACING),
-            (HEADING, MarkerKind.ARROW),
-        )
+        MarkerLook(look.namespace, number, kinds[look.namespace], MarkerAction.DELETE)
+        for look in before.looks
+        if look.namespace not in still
     ]
 
 
@@ -99,6 +116,15 @@ def looks_equal(one: MarkerSubject, other: MarkerSubject) -> bool:
     """Return whether two subjects look alike; meshes are compared by identity."""
     if one is other:
         return True
+    return one.speed_steps == other.speed_steps and _looks_equal_but_for_speed(one, other)
+
+
+def speed_steps(vx_mps: float, vy_mps: float) -> int:
+    """Return a speed over the ground as the number of steps that is nearest to it."""
+    return round(math.hypot(vx_mps, vy_mps) / SPEED_STEP_MPS)
+
+
+def _looks_equal_but_for_speed(one: MarkerSubject, other: MarkerSubject) -> bool:
     return (
         _plain_looks(one) == _plain_looks(other)
         and one.mesh_triangles_m is other.mesh_triangles_m
@@ -169,8 +195,13 @@ def _label(subject: MarkerSubject) -> MarkerLook:
 
 
 def _heading(subject: MarkerSubject) -> MarkerLook:
-    """Return an arrow from above the box's centre along F_A's x axis, past its front."""
-    length_m = 0.5 * subject.size_m[0] + ARROW_OVERHANG_M
+    """Return an arrow from above the box's centre along F_A's x axis, past its front.
+
+    The faster, the farther.
+    """
+    speed_mps = SPEED_STEP_MPS * subject.speed_steps
+    past_m = min(ARROW_OF_STANDING_M + ARROW_PER_SPEED_S * speed_mps, LONGEST_ARROW_M)
+    length_m = 0.5 * subject.size_m[0] + past_m
     return MarkerLook(
         HEADING,
         marker_id(subject.artefact_id),

@@ -109,9 +109,9 @@ def grid_augmentation(parameters: Parameters) -> GridAugmentation:
 
 
 def display(parameters: Parameters, meshes: MeshBank) -> Display:
-    """Return what draws the artefacts, in `markers.shape`."""
-    shape = parameters.markers.shape
-    return Display(MarkerBoard(shape), meshes if shape is Shape.MESH else None)
+    """Return what draws the artefacts, in `markers.shape` and with `markers.labels`."""
+    shape, labels = parameters.markers.shape, parameters.markers.labels
+    return Display(MarkerBoard(shape, labels), meshes if shape is Shape.MESH else None)
 
 
 def set_static_frames(parameters: Parameters, frames: FrameTree) -> None:

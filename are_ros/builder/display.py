@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.builder._marker_shapes import speed_steps
 from are_ros.builder.markers import MarkerBatch, MarkerBoard, MarkerSubject
 from are_ros.builder.mesh_bank import MeshBank
 from are_ros.builder.outputs import ArtefactState
@@ -87,6 +88,7 @@ def marker_subject(
         is_perceived=is_perceived,
         mesh_triangles_m=triangles,
         mesh_colours=colours,
+        speed_steps=speed_steps(*state.linear_velocity_m_s[:2]),
     )
 
 
@@ -107,4 +109,5 @@ def _is_like(subject: MarkerSubject, state: ArtefactState) -> bool:
         subject.label == state.label
         and subject.size_m == state.size_m
         and subject.box_centre_m == state.box_centre_m
+        and subject.speed_steps == speed_steps(*state.linear_velocity_m_s[:2])
     )

@@ -23,7 +23,7 @@ from are_ros.builder.marker_batch import (
     MarkerKind,
     MarkerLook,
 )
-from are_ros.parameters.choices import Shape
+from are_ros.parameters.choices import Labels, Shape
 
 __all__ = (
     "MarkerAction",
@@ -46,8 +46,8 @@ class MarkerBoard:
     poses are in the map's frame.
     """
 
-    def __init__(self, shape: Shape = Shape.BOX) -> None:
-        self._shape = shape
+    def __init__(self, shape: Shape = Shape.BOX, labels: Labels = Labels.PERCEIVED) -> None:
+        self._shape, self._labels = shape, labels
         self._now_ns: int | None
         self._subjects: tuple[MarkerSubject, ...]
         self._places: dict[int, int]
@@ -66,18 +66,18 @@ class MarkerBoard:
         """Return the markers that bring viewers up to date with the artefacts of now.
 
         `poses` (N, 7) are those of the N `shown`, whose ids are distinct: x y z [m] and x y z w.
-        DELETE for those who departed, ADD for those who came, moved, changed their looks or were
-        due for a refresh. A DELETEALL and everything if asked for (there is a new viewer), at the
-        first update and after the clock jumped back. It is quickest with the very same subjects.
+        DELETE for those who departed and for labels that are to be seen no more, ADD for those who
+        came, moved, changed their looks or were due for a refresh. A DELETEALL and everything if
+        asked for (there is a new viewer), at the first update and after the clock jumped back. It
+        is quickest with the very same subjects.
         """
         if self._now_ns is None or now_ns < self._now_ns:
             self._forget()
             everything = True
         self._now_ns = now_ns
-        departed = self._arrange(tuple(shown))
+        left = self._arrange(tuple(shown))
         due = (poses != self._poses).any(axis=1) | (self._due_ns <= now_ns) | everything
         self._poses = poses.copy()
-        left = [look for gone in sorted(departed) for look in deletion(gone)]
         first = DELETE_ALL if everything else MarkerBatch.unposed(*left)
         return first.followed_by(self._draw(now_ns, due))
 
@@ -96,36 +96,47 @@ class MarkerBoard:
         self._looks = _looks_of(figures)
         offsets_m = np.concatenate((np.empty((0, 3)), *(figure.offsets_m for figure in figures)))
         self._offsets_m = offsets_m.reshape(-1, 3, 3)
+        is_drawn = np.array([figure.is_drawn for figure in figures], dtype=np.bool_)
+        self._is_drawn = is_drawn.reshape(-1, 3)
         self._phases_ns = np.array([figure.phase_ns for figure in figures], dtype=np.int64)
 
-    def _arrange(self, subjects: tuple[MarkerSubject, ...]) -> set[int]:
-        """Take over who is shown, and return who departed; who is new has been nowhere yet."""
+    def _arrange(self, subjects: tuple[MarkerSubject, ...]) -> list[MarkerLook]:
+        """Take over who is shown; return what removes who departed, and labels no more drawn.
+
+        Who is new, or looks otherwise, has been nowhere yet.
+        """
         if subjects == self._subjects:
-            return set()
-        figures, places, before = [], [], self._places
+            return []
+        figures, places = [], []
+        left: list[MarkerLook] = []
+        known = {number: self._figures[place] for number, place in self._places.items()}
         for subject in subjects:
-            place = before.get(subject.artefact_id, -1)
-            if place < 0 or not looks_equal(self._figures[place].subject, subject):
-                figures.append(figure_of(subject, self._shape))
-                places.append(-1)
-            else:
-                figures.append(self._figures[place])
-                places.append(place)
+            before = known.pop(subject.artefact_id, None)
+            if before is not None and looks_equal(before.subject, subject):
+                figures.append(before)
+                places.append(self._places[subject.artefact_id])
+                continue
+            figures.append(figure_of(subject, self._shape, self._labels, before))
+            places.append(-1)
+            left += deletion(before, figures[-1]) if before is not None else ()
+        left += [look for number in sorted(known) for look in deletion(known[number])]
         self._poses = np.concatenate((self._poses, _NOWHERE))[places]
         self._due_ns = np.append(self._due_ns, 0)[places]
         self._subjects = subjects
         self._places = {subject.artefact_id: place for place, subject in enumerate(subjects)}
         self._set_figures(figures)
-        return before.keys() - self._places.keys()
+        return left
 
     def _draw(self, now_ns: int, due: npt.NDArray[np.bool_]) -> MarkerBatch:
         """Return the markers of those who are due, and note when they are due again."""
         late_ns = (now_ns - self._phases_ns[due]) % REFRESH_NS
         self._due_ns[due] = now_ns + REFRESH_NS - late_ns
         if due.all():
-            return MarkerBatch(self._looks, marker_poses(self._poses, self._offsets_m))
+            poses = marker_poses(self._poses, self._offsets_m)
+            return MarkerBatch(self._looks, poses[self._is_drawn.ravel()])
         looks = _looks_of([self._figures[place] for place in np.flatnonzero(due).tolist()])
-        return MarkerBatch(looks, marker_poses(self._poses[due], self._offsets_m[due]))
+        poses = marker_poses(self._poses[due], self._offsets_m[due])
+        return MarkerBatch(looks, poses[self._is_drawn[due].ravel()])
 
 
 def _looks_of(figures: list[Figure]) -> tuple[MarkerLook, ...]:

@@ -79,7 +79,8 @@ def replay(**options: Any) -> None:
 def inspect(**options: Any) -> None:
     """Say what a recording holds: topics, the roles that they play, how its frames hang together.
 
-    What a replay would lack is said with the option that supplies it.
+    BAG is as in replay, or the folder of a result. What a replay would lack is said with the
+    option that supplies it.
     """
     from are_ros.replay.command import inspect_command
 
@@ -95,9 +96,12 @@ def inspect(**options: Any) -> None:
     type=FILE,
     help="Run the population alone, and draw population.png into this folder.",
 )
+@click.option("--all", "everything", is_flag=True, help="Each row of the catalogue, too.")
 @parameter_options
 def describe(**options: Any) -> None:
     """Say what a configuration means: arrivals per minute, expected population, types, gates.
+
+    Rows of the catalogue are summed up by class; --all lists each.
 
     With --plot also in a picture: the number alive over time, waiting times and lives against
     their laws, and where artefacts appear on the map.
@@ -145,11 +149,14 @@ def view(recording: Path, at_s: float | None, out: Path | None, animate: Path | 
 
         animate_recording(recording, film_path(animate, folder), say)
         return
+    from are_ros.replay.film_command import WITHOUT_ROBOT
     from are_ros.replay.rviz_picture import draw_rviz
 
     out = out or folder / "rviz.png"
-    draw_rviz(recording, out, at_s)
+    scene = draw_rviz(recording, out, at_s)
     say(f"picture: {out}")
+    if scene.robot is None:
+        say(WITHOUT_ROBOT)
 
 
 COMMANDS = (replay, inspect, describe, check, view)

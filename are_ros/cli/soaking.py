@@ -30,9 +30,8 @@ def soak(**options: Any) -> None:
     deadlocks. It prints the verdict; the output folder gets soak.json and soak.png, a picture of
     all ways. The exit status is 3 if anything was found that must not be.
     """
-    from tqdm import tqdm
-
     from are_ros.builder.assembly import catalogue_of
+    from are_ros.cli.soak_progress import SoakProgress
     from are_ros.experiments.soak import soak as run
     from are_ros.experiments.soak_report import write_soak
     from are_ros.replay.command import effective_parameters
@@ -43,14 +42,13 @@ def soak(**options: Any) -> None:
     )
     grid = read_map_file(options["map_file"], parameters.frames.map)
     minutes = options["minutes"]
-    layout = "soak {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} min [{elapsed}<{remaining}]"
-    with tqdm(total=minutes, bar_format=layout, disable=None) as bar:
+    with SoakProgress(minutes, say) as progress:
         result = run(
             grid,
             parameters,
             catalogue_of(parameters),
             artefact_minutes=minutes,
-            progress=lambda done: bar.update(min(done, minutes) - bar.n),
+            progress=progress.move,
         )
     write_soak(result, grid, options["out"])
     for line in result.table():

@@ -8,14 +8,13 @@ import numpy as np
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.mixture import Numbers, TruncatedPoissonMixture
 from are_ros.description._tables import aligned, section
+from are_ros.wording import counted
 
-_LIKELIEST: Final = 5
 _A_LINE: Final = 5
 
 
 def mixture_lines(law: TruncatedPoissonMixture, catalogue: Catalogue) -> list[str]:
-    """Return the components of Eq. 1, the probability of each class and the likeliest rows."""
-    probabilities = law.probabilities()
+    """Return the components of Eq. 1: weights, rates, and the rows that each stands for."""
     components = [("component", "weight pi", "rate lambda", "rows", "mostly")]
     for i, of_rows in enumerate(law.component_probabilities()):
         by_class = catalogue.class_probabilities(of_rows)
@@ -24,24 +23,38 @@ def mixture_lines(law: TruncatedPoissonMixture, catalogue: Catalogue) -> list[st
         low, high = np.searchsorted(np.cumsum(of_rows), (0.05, 0.95)).tolist()
         weight, rate = f"{law.weights[i]:.3f}", f"{law.rates[i]:g}"
         components.append((str(i), weight, rate, f"{low} to {high}", mostly))
-    order = np.argsort(-probabilities, kind="stable")[:_LIKELIEST]
-    rows = [(catalogue.rows[k].label, percent(probabilities[k])) for k in order.tolist()]
-    return [
-        *section("Mixture (Eq. 1)", aligned(components, numbers=(0, 1, 2))),
-        *section("Classes", aligned(_classes(probabilities, catalogue), numbers=(1,))),
-        *section("Likeliest rows", aligned(rows, numbers=(1,))),
-    ]
+    return section("Mixture (Eq. 1)", aligned(components, numbers=(0, 1, 2)))
 
 
-def behaviour_lines(probabilities: Numbers, catalogue: Catalogue) -> list[str]:
-    """Return what artefacts do, and how likely: all, each class, and its rows where they differ."""
+def class_lines(probabilities: Numbers, catalogue: Catalogue) -> list[str]:
+    """Return the classes, likeliest first: their rows in numbers, and the likeliest of them."""
+    by_class = catalogue.class_probabilities(probabilities).tolist()
+    shares = dict(zip(catalogue.class_names, by_class, strict=True))
+    lines = [("class", "probability", "rows", "length [m]", "speed [m/s]", "likeliest")]
+    for name, share in sorted(shares.items(), key=lambda pair: -pair[1]):
+        rows = [row for row in catalogue.rows if row.class_name == name]
+        best = max(rows, key=lambda row: float(probabilities[row.index]))
+        likeliest = f"{best.label} ({percent(probabilities[best.index])})"
+        numbers = _range([row.index for row in rows], "{}")
+        lengths_m = _range([row.size_m[0] for row in rows], "{:.2f}")
+        speeds_mps = _range([row.motion.speed_mps for row in rows], "{:g}")
+        lines.append((name, percent(share), numbers, lengths_m, speeds_mps, likeliest))
+    title = f"Classes, of {counted(len(catalogue.rows), 'row')} in the catalogue"
+    return section(title, aligned(lines, numbers=(1,)))
+
+
+def behaviour_lines(probabilities: Numbers, catalogue: Catalogue, *, of_rows: bool) -> list[str]:
+    """Return what artefacts do, and how likely: all, and each class.
+
+    With `of_rows` also the rows of a class, where they differ.
+    """
     rows = [("who", "probability", "behaviours")]
     rows += _habits("all", 1.0, _behaviours(catalogue.rows, probabilities))
     by_class = catalogue.class_probabilities(probabilities)
     for name, share in zip(catalogue.class_names, by_class.tolist(), strict=True):
         of_class = tuple(row for row in catalogue.rows if row.class_name == name)
         rows += _habits(name, share, _behaviours(of_class, probabilities))
-        alike = _alike(of_class)
+        alike = _alike(of_class) if of_rows else []
         for group in alike if len(alike) > 1 else ():
             chance = float(probabilities[[row.index for row in group]].sum())
             rows += _habits(f"  {_span(group)}", chance, dict(group[0].behaviours))
@@ -49,14 +62,16 @@ def behaviour_lines(probabilities: Numbers, catalogue: Catalogue) -> list[str]:
 
 
 def catalogue_lines(probabilities: Numbers, catalogue: Catalogue) -> list[str]:
-    """Return the catalogue: row, label, class, size, speed and probability of each."""
+    """Return the whole catalogue: row, label, class, size, speed and probability of each."""
     rows = [("row", "label", "class", "size [m]", "speed", "probability", "")]
     for row in catalogue.rows:
         size = " x ".join(f"{length:.2f}" for length in row.size_m)
         share, speed = percent(probabilities[row.index]), f"{row.motion.speed_mps:g} m/s"
         note = "for ever" if row.forever else ""
         rows.append((str(row.index), row.label, row.class_name, size, speed, share, note))
-    return section(f"Catalogue ({len(catalogue.rows)} rows)", aligned(rows, numbers=(0, 3, 4, 5)))
+    return section(
+        f"Catalogue ({counted(len(catalogue.rows), 'row')})", aligned(rows, numbers=(0, 3, 4, 5))
+    )
 
 
 def percent(share: float) -> str:
@@ -65,10 +80,10 @@ def percent(share: float) -> str:
     return f"{number:.1f} %" if number >= 0.05 or number == 0.0 else "< 0.1 %"
 
 
-def _classes(probabilities: Numbers, catalogue: Catalogue) -> list[tuple[str, str]]:
-    by_class = catalogue.class_probabilities(probabilities)
-    pairs = zip(catalogue.class_names, by_class.tolist(), strict=True)
-    return [(name, percent(share)) for name, share in sorted(pairs, key=lambda pair: -pair[1])]
+def _range(numbers: Sequence[float], layout: str) -> str:
+    """Return the least and the greatest, one number where they are alike."""
+    low, high = layout.format(min(numbers)), layout.format(max(numbers))
+    return low if low == high else f"{low} to {high}"
 
 
 def _behaviours(rows: tuple[CatalogueRow, ...], probabilities: Numbers) -> dict[str, float]:

@@ -1,6 +1,7 @@
 """`are describe`: what a configuration means, for a person."""
 
 import math
+from typing import Final
 
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.mixture import mixture_of
@@ -8,6 +9,7 @@ from are_ros.description._tables import aligned, section
 from are_ros.description.catalogue_lines import (
     behaviour_lines,
     catalogue_lines,
+    class_lines,
     mixture_lines,
 )
 from are_ros.description.population_lines import population_lines
@@ -16,25 +18,33 @@ from are_ros.parameters.choices import CameraModel, CostmapGate, SensorGate
 from are_ros.parameters.declaration import Value, describe, flatten
 from are_ros.parameters.model import CameraParameters, Parameters
 
+_MORE: Final = "Each row of the catalogue, and what it does: --all."
+
 
 def describe_lines(
-    parameters: Parameters, catalogue: Catalogue, site: Site | None = None
+    parameters: Parameters,
+    catalogue: Catalogue,
+    site: Site | None = None,
+    *,
+    everything: bool = False,
 ) -> list[str]:
     """Return the description, line by line; figures are for a site, or else for 100 m^2.
 
-    Raises ParameterError where the mixture does not fit the catalogue.
+    Rows of the catalogue are summed up by class, unless `everything` is asked for. Raises
+    ParameterError where the mixture does not fit the catalogue.
     """
     law = mixture_of(parameters, catalogue)
     probabilities = law.probabilities()
     lines = [
         *population_lines(parameters, probabilities, catalogue, site or Site()),
         *mixture_lines(law, catalogue),
-        *behaviour_lines(probabilities, catalogue),
-        *catalogue_lines(probabilities, catalogue),
+        *class_lines(probabilities, catalogue),
+        *behaviour_lines(probabilities, catalogue, of_rows=everything),
+        *(catalogue_lines(probabilities, catalogue) if everything else ()),
         *section("Perception and outputs", aligned(_outputs(parameters))),
         *section("Parameters that differ from their defaults", _changed_lines(parameters)),
     ]
-    return lines[:-1]
+    return lines[:-1] if everything else [*lines, _MORE]
 
 
 def _outputs(parameters: Parameters) -> list[tuple[str, str]]:

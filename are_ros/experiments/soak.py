@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from are_ros.artefacts.catalogue import Catalogue, MotionLimits
+from are_ros.artefacts.catalogue import Catalogue, CatalogueRow, MotionLimits
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.events import EventKind
 from are_ros.builder.motion_counts import MotionCounts
@@ -21,6 +21,7 @@ from are_ros.experiments.roving_robot import RovingRobot
 from are_ros.experiments.verdict import Verdict
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
+from are_ros.wording import counted
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 _NOTHING_SHOWN = Demand(perception=False, grids=False, markers=False)
@@ -30,10 +31,13 @@ _LONGEST_EMPTY_S = 60.0
 
 @dataclass(eq=False)
 class Way:
-    """Where one artefact was, twice a second; `jumps` are the points it did not walk to."""
+    """Where one artefact was, twice a second; `jumps` are the points it did not walk to.
 
-    label: str
-    class_name: str
+    `behaviour` is what it came to do.
+    """
+
+    row: CatalogueRow
+    behaviour: str
     points_m: list[tuple[float, float]] = field(default_factory=list)
     jumps: set[int] = field(default_factory=set)
 
@@ -47,6 +51,7 @@ class SoakResult:
     contacts: int
     blocked: int
     simulated_s: float
+    seed: int
     ways: dict[int, Way]
     robot_way_m: list[tuple[float, float]]
 
@@ -72,7 +77,7 @@ class SoakResult:
         share = f"{100.0 * self.resolved_share:.4f} % of artefact-seconds"
         resolved = f"{counts.moved_back} moved back, {counts.displaced} displaced, {share}"
         return [
-            f"simulated {self.simulated_s:.0f} s, {self.blocked} arrivals blocked",
+            f"simulated {self.simulated_s:.0f} s, {counted(self.blocked, 'arrival')} blocked",
             f"collisions resolved: {resolved}",
             f"contacts with the robot: {self.contacts}",
             "",
@@ -137,6 +142,7 @@ class _Run:
         self._is_robot_seen = False
         self._touching: set[int] = set()
         self._index = 0
+        self._rows = catalogue.rows
         self._ways: dict[int, Way] = {}
         self._robot_way_m: list[tuple[float, float]] = []
 
@@ -176,6 +182,7 @@ class _Run:
             lives.robot_contacts,
             lives.population.counts.blocked,
             self.now_s,
+            self._builder.parameters.seed,
             self._ways,
             self._robot_way_m,
         )
@@ -189,7 +196,10 @@ class _Run:
             is_jump = state.artefact_id in jumped
             if not is_due and not is_jump:
                 continue
-            way = self._ways.setdefault(state.artefact_id, Way(state.label, state.class_name))
+            way = self._ways.get(state.artefact_id)
+            if way is None:
+                way = Way(self._rows[state.row], state.behaviour)
+                self._ways[state.artefact_id] = way
             here_m = (state.ground_pose.x_m, state.ground_pose.y_m)
             if is_jump:
                 way.jumps.add(len(way.points_m))

@@ -14,6 +14,7 @@ from are_ros.artefacts.mixture import mixture_of
 from are_ros.builder.assembly import catalogue_of
 from are_ros.builder.warm_up import warm_up
 from are_ros.errors import AreError, NodeError
+from are_ros.node.camera_watch import CameraWatch
 from are_ros.node.decoding import WireDecoding, WireMessage
 from are_ros.node.inlets import Inlets
 from are_ros.node.live_builder import LiveBuilder
@@ -27,7 +28,6 @@ from are_ros.parameters.model import Parameters
 
 NAME: Final = "ar_builder"
 _REPORT_S: Final = 1.0
-_NO_CAMERA_S: Final = 3.0
 _MOST_SENTENCES: Final = 1000
 _LEAPS: Final = JumpThreshold(
     min_forward=Duration(seconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
@@ -59,7 +59,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         )
         self._requests = Services(self, self._active_live, self.now_ns, self._set_paused)
         self._reporter = Reporter(self)
-        self._cameraless_s = 0.0
+        self._camera_watch, self._stand_in = CameraWatch(), ""
         self._timer = self.create_timer(_REPORT_S, self._work)
         self._timer.cancel()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -207,12 +207,17 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self._reporter.report(self.live, self._inlets, monotonic_ns(), is_paused=self._is_paused)
 
     def _look_for_camera(self, live: LiveBuilder, inlets: Inlets) -> None:
-        """Let the default camera stand in, when for some seconds nobody offered to tell another."""
-        is_missing = self._is_active and live.builder.camera is None
-        is_missing = is_missing and not inlets.is_offered("camera/camera_info")
-        self._cameraless_s = self._cameraless_s + _REPORT_S if is_missing else 0.0
-        if self._cameraless_s >= _NO_CAMERA_S:
-            self._say(f"nobody publishes CameraInfo: {live.builder.use_default_camera()}")
+        """Let the default camera stand in where nobody offers to tell another, and say so later."""
+        now_ns, is_offered = monotonic_ns(), inlets.is_offered("camera/camera_info")
+        is_missing = self._is_active and not is_offered and live.builder.camera is None
+        if is_offered or live.builder.camera is None:
+            self._stand_in = ""
+        if self._camera_watch.is_to_stand_in(now_ns, is_missing=is_missing):
+            self._stand_in = live.builder.use_default_camera()
+        is_only_map_offered = self._is_active and not is_offered and inlets.is_offered("map")
+        is_late = self._camera_watch.is_to_be_said(now_ns, is_only_map_offered=is_only_map_offered)
+        if is_late and self._stand_in:
+            self._say(f"nobody publishes CameraInfo: {self._stand_in}")
 
     def _active_live(self) -> LiveBuilder | None:
         return self.live if self._is_active else None

@@ -7,7 +7,8 @@ from are_ros.messages.factory import MessageFactory
 from are_ros.messages.headers import make_header
 from are_ros.node.input_status import GRACE_S, input_status
 from are_ros.node.snapshot import NodeSnapshot, NodeState, ScanSnapshot
-from are_ros.node.status import Level, Status, counted, figure
+from are_ros.node.status import Level, Status, figure
+from are_ros.wording import counted
 
 _CONTACT_S: Final = 5.0
 _TICK_STOP_S: Final = 1.0

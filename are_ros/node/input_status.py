@@ -3,7 +3,8 @@
 from typing import Final
 
 from are_ros.node.snapshot import InputSnapshot
-from are_ros.node.status import Level, Status, counted, figure
+from are_ros.node.status import Level, Status, figure
+from are_ros.wording import counted
 
 GRACE_S: Final = 5.0
 """For so long after activation nothing that is missing is an error."""

@@ -11,6 +11,7 @@ from are_ros.errors import AreError, InputError, PlacementError
 from are_ros.messages.goals import read_stamped_pose
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import service_class
+from are_ros.wording import counted
 
 _TYPES: Final = {
     "spawn": "are_msgs/srv/SpawnArtefact",
@@ -92,7 +93,7 @@ class Services:
 
     def _clear(self, request: Any, response: Any, live: LiveBuilder) -> str:  # noqa: ARG002 - the handlers' interface
         count = live.requests.clear(self._now_ns())
-        return f"{count} artefacts are gone"
+        return f"{counted(count, 'artefact')} {'is' if count == 1 else 'are'} gone"
 
     def _set_paused(self, request: Any, response: Any, live: LiveBuilder) -> str:  # noqa: ARG002 - the handlers' interface
         return self._pause(bool(request.data))

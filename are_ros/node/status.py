@@ -29,8 +29,3 @@ def figure(value: float | None, unit: str = "", digits: int = 1) -> str:
     if value is None:
         return "-"
     return f"{value:.{digits}f} {unit}".rstrip()
-
-
-def counted(count: int, noun: str) -> str:
-    """Return a number of things: "1 message", "2 messages"."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -63,6 +63,14 @@ class Shape(Enum):
     BOX = "box"
 
 
+class Labels(Enum):
+    """Which artefacts have their label above them in rviz."""
+
+    PERCEIVED = "perceived"
+    ALL = "all"
+    NONE = "none"
+
+
 class CostmapGate(Enum):
     """Which artefacts enter the augmented map and the costmap."""
 

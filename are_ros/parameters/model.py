@@ -12,6 +12,7 @@ from are_ros.parameters.choices import (
     CostmapGate,
     Departures,
     GroundKind,
+    Labels,
     Leave,
     OdometryUse,
     OnRobotContact,
@@ -347,7 +348,8 @@ class CollisionsParameters:
     on_robot_contact: OnRobotContact = parameter(
         OnRobotContact.AUTO,
         "What becomes of an artefact that the robot drives into; "
-        "auto: hold live, displace in replay.",
+        "auto: hold live (in the demo, too), where a robot can react, displace in replay. "
+        "A drive with a contact goes on differently in the two, unless this is set.",
     )
 
 
@@ -379,6 +381,9 @@ class MarkersParameters:
 
     shape: Shape = parameter(
         Shape.MESH, "Artefacts as meshes (TRIANGLE_LIST) or as their boxes (CUBE).", live=True
+    )
+    labels: Labels = parameter(
+        Labels.PERCEIVED, "Whose label is shown above them: of many they overlap.", live=True
     )
 
 

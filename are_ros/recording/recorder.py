@@ -17,6 +17,7 @@ from are_ros.recording.ros_session import ros_session
 from are_ros.recording.topic_follower import TopicFollower
 from are_ros.replay.bag_folder import describe_folder
 from are_ros.replay.bag_writer import BagWriter
+from are_ros.wording import counted
 
 NODE_NAME: Final = "are_recorder"
 
@@ -52,9 +53,9 @@ class RecordOutcome:
     def sentences(self) -> Iterator[str]:
         """Yield what a user should know of a recording that is not complete."""
         for topic, count in self.missed.items():
-            yield f"{topic}: {count} messages never arrived"
+            yield f"{topic}: {counted(count, 'message')} never arrived"
         for topic, count in self.dropped.items():
-            yield f"{topic}: {count} messages were dropped, the disk took them too slowly"
+            yield f"{topic}: {counted(count, 'message')} dropped, the disk was too slow"
 
 
 def record(

@@ -9,6 +9,9 @@ from are_ros.errors import BagError
 from are_ros.replay._bag_errors import as_bag_errors
 
 _ROS2_SUFFIXES = (".mcap", ".db3")
+_METADATA = "metadata.yaml"
+_RESULT = "augmented.mcap"
+"""What replay and demo leave in their folder."""
 
 
 def check_paths(paths: Sequence[Path]) -> bool:
@@ -39,6 +42,17 @@ def open_reader(path: Path) -> Iterator[Any]:
         reader.close()
 
 
+def recording_in(path: Path) -> Path:
+    """Return the recording in a folder that is none itself: a result's, or the only one there.
+
+    Anything else is returned as it is.
+    """
+    if not path.is_dir() or (path / _METADATA).is_file():
+        return path
+    inside = [path / _RESULT] if (path / _RESULT).is_file() else _recordings_in(path)
+    return inside[0] if len(inside) == 1 else path
+
+
 def _is_ros1(path: Path) -> bool:
     """Tell the kind of a recording by its name; BagError if it is none."""
     if not path.exists():
@@ -56,11 +70,13 @@ def _is_ros1(path: Path) -> bool:
 
 
 def _check_folder(path: Path) -> None:
-    if (path / "metadata.yaml").is_file():
+    if (path / _METADATA).is_file():
         return
-    inside = sorted(
-        file.name for file in path.iterdir() if file.suffix in (".bag", *_ROS2_SUFFIXES)
-    )
+    inside = [file.name for file in _recordings_in(path)]
     message = f"{path}: a folder without metadata.yaml is no rosbag2 recording"
     hint = f"; give the files in it themselves: {', '.join(inside)}" if inside else ""
     raise BagError(message + hint)
+
+
+def _recordings_in(folder: Path) -> list[Path]:
+    return sorted(file for file in folder.iterdir() if file.suffix in (".bag", *_ROS2_SUFFIXES))

@@ -41,13 +41,17 @@ _KINDS: Final = (*_LISTS, ARROW, CUBE, SPHERE, CYLINDER, TEXT, MESH)
 
 
 class MarkerChange(NamedTuple):
-    """What one marker does to a viewer, and what is wrong with it ("" if nothing is)."""
+    """What one marker does to a viewer, and what is wrong with it ("" if nothing is).
+
+    `alpha` is that of what it draws.
+    """
 
     action: int
     key: tuple[str, int]
     frame_id: str
     lifetime_ns: int
     fault: str
+    alpha: float = 1.0
 
 
 def change_of(marker: MarkerFields) -> MarkerChange:
@@ -55,7 +59,8 @@ def change_of(marker: MarkerFields) -> MarkerChange:
     rules = _RULES_OF_ALL if marker.action != ADD else (*_RULES_OF_ALL, *_RULES_OF_ADD)
     fault = next(filter(None, (rule(marker) for rule in rules)), "")
     key = (marker.namespace, marker.number)
-    return MarkerChange(marker.action, key, marker.frame_id, marker.lifetime_ns, fault)
+    alpha = float(marker.colours[0, 3] if len(marker.colours) else marker.colour[3])
+    return MarkerChange(marker.action, key, marker.frame_id, marker.lifetime_ns, fault, alpha)
 
 
 def _frame_fault(marker: MarkerFields) -> str:

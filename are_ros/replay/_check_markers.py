@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from are_ros.conventions import NS_PER_S
+from are_ros.parameters.choices import Labels
 from are_ros.replay._check_lives import departures_ns
 from are_ros.replay._check_marker_decoding import ADD, DELETE, DELETE_ALL
 from are_ros.replay._check_marker_rules import MarkerChange
@@ -17,6 +18,7 @@ FADING_NS: Final = 3 * NS_PER_S
 """So long at most a marker is seen after it was last given out."""
 
 _FOREVER_NS: Final = 2**63 - 1
+_BODY, _LABEL = "body", "label"
 _ID_RANGE: Final = 2**31
 _REFRESH_NS: Final = 13 * NS_PER_S // 10
 """Live, after so long a viewer has been shown everybody: each is shown again every second."""
@@ -28,6 +30,8 @@ class _Viewer:
 
     until_ns: dict[tuple[str, int], int] = field(default_factory=dict)
     namespaces: set[str] = field(default_factory=set)
+    opaque: set[int] = field(default_factory=set)
+    """Whose body was last drawn opaque: who is perceived."""
 
     def take(self, log_ns: int, change: MarkerChange) -> None:
         """Follow one marker."""
@@ -36,7 +40,10 @@ class _Viewer:
         elif change.action == ADD:
             life_ns = change.lifetime_ns
             self.until_ns[change.key] = log_ns + life_ns if life_ns else _FOREVER_NS
-            self.namespaces.add(change.key[0])
+            namespace, number = change.key
+            self.namespaces.add(namespace)
+            if namespace == _BODY:
+                (self.opaque.add if change.alpha == 1.0 else self.opaque.discard)(number)
         else:
             self.until_ns.pop(change.key, None)
 
@@ -93,7 +100,10 @@ def _begins_anew(show: MarkerShow) -> bool:
 
 
 def check_marker_state(record: Record) -> CheckResult:
-    """At each tick every namespace shows the artefacts alive, and nobody else."""
+    """At each tick every namespace shows the artefacts alive, and nobody else.
+
+    But labels: they are those of the perceived, of all or of nobody, as `markers.labels` says.
+    """
     tally = Tally("markers of the living", "ticks")
     if not record.shows:
         tally.note("no markers were written")
@@ -113,11 +123,23 @@ def check_marker_state(record: Record) -> CheckResult:
         tally.look()
         alive = {int(number) % _ID_RANGE for number in scene.ids}
         shown = viewer.shown(scene.stamp_ns) or {"any namespace": set()}
+        labelled = _labelled(record, alive, alive & viewer.opaque)
+        if labelled[0]:
+            shown.setdefault(_LABEL, set())
         for namespace, ids in shown.items():
-            if ids != alive:
-                faults = f"stale {sorted(ids - alive)}, missing {sorted(alive - ids)}"
+            wanted = labelled if namespace == _LABEL else [alive]
+            if ids not in wanted:
+                faults = f"stale {sorted(ids - wanted[0])}, missing {sorted(wanted[0] - ids)}"
                 tally.fail(f"{at_s(scene.stamp_ns)} '{namespace}' is wrong: {faults}")
     return tally.result()
+
+
+def _labelled(record: Record, alive: set[int], opaque: set[int]) -> list[set[int]]:
+    """Return whose labels there are to be; live, where it may be set anew, any of the choices."""
+    choices = {Labels.PERCEIVED: opaque, Labels.ALL: alive, Labels.NONE: set[int]()}
+    if record.is_live or record.parameters is None:
+        return list(choices.values())
+    return [choices[record.parameters.markers.labels]]
 
 
 def _sure_since(

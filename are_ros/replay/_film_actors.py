@@ -9,31 +9,17 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
-from are_ros.replay._film_canvas import (
-    INK,
-    Picture,
-    Rgb,
-    Stage,
-    fill,
-    line,
-    mixed,
-    text_mask,
-    write,
-)
+from are_ros.replay._film_canvas import Picture, Rgb, Stage, fill, line, mixed
 from are_ros.replay._picture_artefacts import id_text
 from are_ros.replay.life_record import Life
 
 Floats = npt.NDArray[np.float64]
-Rectangle = tuple[float, float, float, float]
 
 TAIL_NS: Final = 4 * NS_PER_S
 UNSEEN_SHARE: Final = 0.34
 _SMALLEST_PX: Final = 7.0
 _JUMP_M: Final = 0.5
-_LABEL_PX: Final = 11
-_MOST_LABELS: Final = 16
 _ARTEFACT: Final = re.compile(r"artefact (\d+)")
-_SIDES: Final = ((0, -1), (0, 1), (1, 0), (-1, 0), (1, -1), (-1, -1), (1, 1), (-1, 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,42 +57,6 @@ def draw_actors(picture: Picture, actors: Sequence[Actor]) -> None:
             fill(picture, actor.corners_px, actor.colour)
             line(picture, actor.corners_px, mixed(actor.colour, 0.75, (0, 0, 0)), closed=True)
             line(picture, actor.nose_px, (255, 255, 255), 2)
-
-
-class Labels:
-    """What the artefacts do, beside them; each keeps its side for as long as it is free."""
-
-    def __init__(self) -> None:
-        self._side_of: dict[int, tuple[int, int]] = {}
-
-    def draw(self, picture: Picture, actors: Sequence[Actor], taken: list[Rectangle]) -> None:
-        """Write the labels where they cover nothing; of many, those of the perceived only."""
-        taken = [*taken, *(_bounds(actor.corners_px) for actor in actors)]
-        labelled = [a for a in actors if a.is_perceived or len(actors) <= _MOST_LABELS]
-        for actor in sorted(labelled, key=lambda actor: not actor.is_perceived):
-            mask = text_mask(actor.text, _LABEL_PX)
-            found = self._place(actor, (mask.shape[1], mask.shape[0]), picture, taken)
-            if found is not None:
-                colour = INK if actor.is_perceived else mixed(INK, 0.62)
-                write(picture, actor.text, found[:2], _LABEL_PX, colour)
-                taken.append(found)
-
-    def _place(
-        self, actor: Actor, size: tuple[int, int], picture: Picture, taken: Sequence[Rectangle]
-    ) -> Rectangle | None:
-        number = actor.life.artefact_id
-        sides = [side for side in (self._side_of.get(number),) if side is not None]
-        left, top, right, bottom = _bounds(actor.corners_px)
-        middle, half = (0.5 * (left + right), 0.5 * (top + bottom)), (0.5 * size[0], 0.5 * size[1])
-        for side in (*sides, *_SIDES):
-            x = middle[0] + side[0] * (0.5 * (right - left) + half[0] + 2) - half[0]
-            y = middle[1] + side[1] * (0.5 * (bottom - top) + half[1] + 1) - half[1]
-            place = (x, y, x + size[0], y + size[1])
-            inside = x >= 0 and y >= 0 and place[2] <= picture.shape[1]
-            if inside and not any(_overlap(place, other) for other in taken):
-                self._side_of[number] = side
-                return place
-        return None
 
 
 def _actor(life: Life, stamp_ns: int, stage: Stage, colours: Mapping[str, str]) -> Actor:
@@ -157,13 +107,3 @@ def _draw_tail(picture: Picture, actor: Actor) -> None:
             done += 1
             share = strongest * (0.15 + 0.85 * done / count)
             line(picture, piece[i : i + 2], mixed(actor.colour, share), 2)
-
-
-def _bounds(corners_px: Floats) -> Rectangle:
-    (left, top), (right, bottom) = corners_px.min(axis=0), corners_px.max(axis=0)
-    return float(left), float(top), float(right), float(bottom)
-
-
-def _overlap(one: Rectangle, other: Rectangle) -> bool:
-    apart = one[0] >= other[2] or other[0] >= one[2] or one[1] >= other[3] or other[1] >= one[3]
-    return not apart

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.conventions import NS_PER_S
-from are_ros.replay._film_actors import UNSEEN_SHARE, Actor, Labels, actors_at, draw_actors, rgb_of
+from are_ros.replay._film_actors import UNSEEN_SHARE, Actor, actors_at, draw_actors, rgb_of
 from are_ros.replay._film_canvas import (
     FOOTER_PX,
     INK,
@@ -22,6 +22,7 @@ from are_ros.replay._film_canvas import (
     text_mask,
     write,
 )
+from are_ros.replay._film_labels import Labels, bounds_of
 from are_ros.replay._picture_artefacts import class_colours
 from are_ros.replay._picture_company import companies
 from are_ros.replay._picture_map import known_part, window_of
@@ -68,8 +69,8 @@ class FilmScene:
         )
         self._colours = class_colours([life.row.class_name for life in record.lives])
         self._companies = companies(record.lives, int(record.series.stamps_ns[-1]) + 1)
-        self._labels = Labels()
         self._ground: Picture = self.stage.background(grid, part)
+        self._labels = Labels(self._ground)
         self._draw_legend(self._ground)
 
     def picture(self, stamp_ns: int) -> Picture:
@@ -82,7 +83,7 @@ class FilmScene:
         draw_actors(picture, actors)
         outline = self._draw_robot(picture, stamp_ns)
         self._draw_flashes(picture, stamp_ns)
-        taken = [] if outline is None else [_bounds(outline)]
+        taken = [] if outline is None else [bounds_of(outline)]
         self._labels.draw(picture, actors, taken)
         self._draw_clock(picture, actors, stamp_ns)
         return picture
@@ -189,8 +190,3 @@ def _at_least(outline_m: Floats, smallest_m: float) -> Floats:
     factor = max(1.0, smallest_m / float(np.ptp(outline_m, axis=0).max()))
     enlarged: Floats = middle + factor * (outline_m - middle)
     return enlarged
-
-
-def _bounds(outline_px: Floats) -> tuple[float, float, float, float]:
-    (left, top), (right, bottom) = outline_px.min(axis=0), outline_px.max(axis=0)
-    return float(left), float(top), float(right), float(bottom)

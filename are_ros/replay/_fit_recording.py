@@ -15,6 +15,7 @@ from are_ros.messages.times import read_time
 from are_ros.replay._check_paths import find_recording
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.fit_input import ObservedRows, OpenProgress, RowSpace
+from are_ros.wording import counted
 
 _EVENT: Final = "are_msgs/msg/ArtefactEvent"
 _ARRAY: Final = "are_msgs/msg/ArtefactArray"
@@ -143,7 +144,7 @@ def _rows_by_label(path: Path, census: Census, space: RowSpace) -> dict[str, int
     for known in census.seen.values():
         if known.row >= space.rows:
             message = f"{path}: artefacts: row {known.row} ({known.label}) is beyond the "
-            raise InputError(f"{message}{space.rows} rows (--rows, --catalogue)")
+            raise InputError(f"{message}{counted(space.rows, 'row')} (--rows, --catalogue)")
         if rows.setdefault(known.label, known.row) != known.row or (
             space.catalogue is not None and known.label not in space.row_of_label
         ):

@@ -10,9 +10,11 @@ import numpy as np
 
 from are_ros.builder.events import EventKind
 from are_ros.conventions import NS_PER_S
-from are_ros.replay._picture_map import Window
+from are_ros.replay._picture_map import KnownPart, Window, map_from_part, shaded
 from are_ros.replay._picture_robot import time_colours
 from are_ros.replay.scene_record import SceneRecord
+from are_ros.wording import counted
+from are_ros.world.occupancy_grid import OccupancyGrid
 
 _LARGEST_IN: Final = (11.5, 8.5)
 _SMALLEST_IN: Final = (7.6, 2.6)
@@ -69,27 +71,53 @@ class Sheet:
         return cls(figure, axes, shown, scale * 72.0, footer)
 
 
+def draw_map(sheet: Sheet, grid: OccupancyGrid, part: KnownPart) -> None:
+    """Draw the known part of a map."""
+    from matplotlib.transforms import Affine2D
+
+    image, factor = shaded(part, sheet.points_per_m * grid.resolution_m)
+    corners = map_from_part(grid, part, [(0, 0), (factor, 0), (0, factor)])
+    (a, b), (c, d) = corners[1] - corners[0], corners[2] - corners[0]
+    place = Affine2D.from_values(a, b, c, d, *corners[0])
+    height, width = image.shape[:2]
+    sheet.axes.imshow(
+        image,
+        origin="lower",
+        extent=(0, width, 0, height),
+        transform=place + sheet.axes.transData,
+        interpolation="nearest",
+        zorder=0,
+        aspect="auto",
+    )
+
+
 def draw_frame(sheet: Sheet, record: SceneRecord, legends: Sequence[Sequence[Any]]) -> None:
     """Write title and legends around the map, and the scale of length and of time."""
+    draw_surroundings(sheet, _title(record), _subtitle(record), legends)
+    if len(record.robot):
+        _draw_time(sheet, record)
+
+
+def draw_surroundings(
+    sheet: Sheet, title: str, subtitle: str, legends: Sequence[Sequence[Any]]
+) -> None:
+    """Write title and legends around the map, and the scale of length into it."""
     width_in, height_in = sheet.figure.get_size_inches()
     left, top = _MARGIN_IN / width_in, 1.0 - 0.16 / height_in
-    sheet.figure.text(left, top, _title(record), size=15, weight="bold", color=_INK, va="top")
+    sheet.figure.text(left, top, title, size=15, weight="bold", color=_INK, va="top")
     below = top - 0.34 / height_in
-    sheet.figure.text(left, below, _subtitle(record), size=9, color=_FAINT_INK, va="top")
+    sheet.figure.text(left, below, subtitle, size=9, color=_FAINT_INK, va="top")
     top_in = sheet.footer_in - 0.06
     for row in (row for legend in legends for row in legend_rows(legend, width_in)):
         _add_legend(sheet, row, top_in)
         top_in -= _ROW_IN
     _draw_scale(sheet)
-    if len(record.robot):
-        _draw_time(sheet, record)
 
 
 def _title(record: SceneRecord) -> str:
     arrived = record.metrics.arrivals if record.metrics else 0
     perceived = sum(life.is_perceived for life in record.lives)
-    noun = "artefact" if arrived == 1 else "artefacts"
-    return f"{arrived} virtual {noun} arrived, {perceived} perceived"
+    return f"{counted(arrived, 'virtual artefact')} arrived, {perceived} perceived"
 
 
 def _subtitle(record: SceneRecord) -> str:
@@ -100,7 +128,7 @@ def _subtitle(record: SceneRecord) -> str:
     parts = [
         f"{record.duration_ns / NS_PER_S:.0f} s",
         f"robot drove {driven_m:.1f} m" if len(record.robot) else "no pose of the robot",
-        f"{blocked} arrivals blocked" if blocked else "",
+        f"{counted(blocked, 'arrival')} blocked" if blocked else "",
         f"seed {record.seed}",
         "numbers are ids, as in metrics.json" if record.lives else "",
     ]

@@ -6,7 +6,7 @@ from typing import Any, Final
 from are_ros.builder.events import EventKind
 from are_ros.replay._picture_artefacts import is_gone
 from are_ros.replay._picture_behaviours import behaviour_counts
-from are_ros.replay._picture_marks import CONTACT_LOOK, DISPLACED_LOOK, of_kind
+from are_ros.replay._picture_marks import CONTACT_LOOK, DISPLACED_LOOK, forced, of_kind
 from are_ros.replay._picture_robot import SEEN_COLOUR
 from are_ros.replay.scene_record import SceneRecord
 
@@ -67,15 +67,11 @@ def _artefact_handles(record: SceneRecord) -> list[Any]:
 
 def _event_handles(record: SceneRecord) -> list[Any]:
     """Return the marks that there are, with their counts."""
-    kinds = (
-        (EventKind.ROBOT_CONTACT, CONTACT_LOOK, "robot contact"),
-        (EventKind.DISPLACED, DISPLACED_LOOK, "displaced"),
+    marks = (
+        (of_kind(record, EventKind.ROBOT_CONTACT), CONTACT_LOOK, "robot contact"),
+        (forced(record), DISPLACED_LOOK, "displaced"),
     )
-    return [
-        _line(label=f"{text}  {count}", **look)
-        for kind, look, text in kinds
-        if (count := len(of_kind(record, kind)))
-    ]
+    return [_line(label=f"{text}  {len(events)}", **look) for events, look, text in marks if events]
 
 
 def _views(record: SceneRecord) -> list[Any]:

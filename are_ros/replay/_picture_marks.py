@@ -6,6 +6,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.artefacts.population_events import Cause
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.replay.life_record import Life, Track
 from are_ros.replay.scene_record import SceneRecord
@@ -35,10 +36,23 @@ def of_kind(record: SceneRecord, kind: EventKind) -> list[ArtefactEvent]:
     return [event for event in record.events if event.kind is kind]
 
 
+def forced(record: SceneRecord) -> list[ArtefactEvent]:
+    """Return an event for each who was moved by force, or had to leave: `displaced` in metrics."""
+    return [
+        event
+        for event in record.events
+        if event.kind is EventKind.DISPLACED
+        or (event.kind is EventKind.DEPARTED and event.detail == Cause.DISPLACED.value)
+    ]
+
+
 def draw_marks(axes: Any, record: SceneRecord) -> None:
-    """Mark contacts where the robot was then, and displacements where they ended."""
+    """Mark contacts where the robot was then, and displacements where they ended.
+
+    Who had to leave is marked where that was.
+    """
     lives = {life.artefact_id: life for life in record.lives if len(life.footprints)}
-    displaced = _ends(of_kind(record, EventKind.DISPLACED), lives)
+    displaced = _ends(forced(record), lives)
     contacts = _contacts(of_kind(record, EventKind.ROBOT_CONTACT), lives, record.robot)
     axes.plot(*displaced.T, zorder=6.0, **DISPLACED_LOOK)
     axes.plot(*contacts.T, zorder=6.1, **CONTACT_LOOK)

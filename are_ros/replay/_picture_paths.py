@@ -89,15 +89,22 @@ def draw_ways(
     colours: Mapping[str, str],
     marks: Mapping[str, str],
     points_per_m: float,
+    *,
+    is_detailed: bool = True,
 ) -> None:
-    """Draw all ways; those never perceived lie below the others, and are paler."""
+    """Draw all ways; those never perceived lie below the others, and are paler.
+
+    Arrowheads, and marks where they begin, can be left out where there are too many.
+    """
     thin = min(1.0, math.sqrt(_CROWD / max(len(ways), 1)))
     for way in sorted(ways, key=lambda way: way.life.is_perceived):
         colour = shade_of(colours[way.life.row.class_name], way.life.artefact_id)
         if way.length_m > _MOVED_M or way.is_jump.any():
             _draw_line(axes, way, colour, thin)
-            _draw_arrows(axes, way, colour, points_per_m)
-        _draw_mark(axes, way, colour, marks)
+            if is_detailed:
+                _draw_arrows(axes, way, colour, points_per_m)
+        if is_detailed:
+            _draw_mark(axes, way, colour, marks)
 
 
 def draw_companies(axes: Any, found: Sequence[Company], colours: Mapping[str, str]) -> None:

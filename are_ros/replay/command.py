@@ -13,6 +13,7 @@ from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import parse_assignment, read_ros_parameters, write_ros_parameters
 from are_ros.parameters.validation import validated
+from are_ros.replay._bag_files import recording_in
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.film_command import animate
 from are_ros.replay.film_path import film_path
@@ -33,6 +34,7 @@ from are_ros.replay.results import (
 )
 from are_ros.replay.roles import read_overrides
 from are_ros.replay.session import Outcome, run_replay
+from are_ros.wording import counted
 from are_ros.world.map_file import read_map_file
 
 Say = Callable[[str], None]
@@ -143,8 +145,8 @@ def complaints(outcome: Outcome) -> list[str]:
         if (count := refusals.counts[topic])
     ]
     for topic, problem in sorted(outcome.scan_problems.items()):
-        passed = outcome.scans[topic].passed_through
-        lines.append(f"{topic}: {passed} scans passed through unaugmented, the last for: {problem}")
+        passed = counted(outcome.scans[topic].passed_through, "scan")
+        lines.append(f"{topic}: {passed} passed through unaugmented, the last for: {problem}")
     if outcome.camera_problem:
         lines.append(
             f"nothing was perceived, the camera's pose is not known: {outcome.camera_problem}"
@@ -159,13 +161,15 @@ def describe_command(
     assignments: Sequence[str],
     seed: int | None,
     plot_folder: Path | None = None,
+    *,
+    everything: bool = False,
 ) -> None:
     """Run `are describe`."""
     parameters = effective_parameters(parameter_files, assignments, seed)
     catalogue, site = catalogue_of(parameters), Site()
     if map_file is not None:
         site = surveyed(read_map_file(map_file, parameters.frames.map), parameters, catalogue)
-    for line in describe_lines(parameters, catalogue, site):
+    for line in describe_lines(parameters, catalogue, site, everything=everything):
         echo(line)
     if plot_folder is not None:
         echo(f"\npicture: {plot_population(parameters, catalogue, site, plot_folder)}")
@@ -181,7 +185,7 @@ def inspect_command(
 ) -> None:
     """Run `are inspect`."""
     given = [parse_static_transform(text)[:2] for text in static_transforms]
-    with BagReader(bags) as reader:
+    with BagReader([recording_in(bag) for bag in bags]) as reader:
         inspection = inspect_bag(
             reader,
             read_overrides(topics),

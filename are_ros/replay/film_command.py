@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Final
 
 from are_ros.replay.animation import write_animation
 from are_ros.replay.overview import draw_overview
@@ -11,6 +12,11 @@ from are_ros.replay.scene_record import SceneRecord
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 Say = Callable[[str], None]
+
+WITHOUT_ROBOT: Final = (
+    "the robot is not shown: the recording does not tell where it is; "
+    "`are replay BAG --with-inputs` writes the inputs, which do, beside the outputs"
+)
 
 
 def animate(
@@ -33,6 +39,8 @@ def animate_recording(recording: Path, path: Path, say: Say) -> None:
     scene = read_with_bar(recording)
     threshold = scene.parameters.world.occupied_threshold
     animate(scene.record, scene.grid, path, threshold, say)
+    if not len(scene.record.robot):
+        say(WITHOUT_ROBOT)
 
 
 def draw_recording(recording: Path, picture: Path, film: Path | None, say: Say) -> None:

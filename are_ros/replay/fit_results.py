@@ -14,6 +14,7 @@ from are_ros.artefacts.mixture_fit import MixtureFit, Stop
 from are_ros.description._tables import aligned, section
 from are_ros.parameters.ros_yaml import read_ros_parameters
 from are_ros.replay.fit_input import ObservedRows, RowSpace
+from are_ros.wording import counted
 
 PARAMETERS: Final = "fitted.yaml"
 RECORD: Final = "fit.json"
@@ -21,6 +22,7 @@ PICTURE: Final = "fit.png"
 RESULTS: Final = (PARAMETERS, RECORD, PICTURE)
 
 _TIGHT: Final = 1e-3
+_NOTHING: Final = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,10 +64,11 @@ def cautions(fit: MixtureFit) -> list[str]:
     numbers = [f"{rate:.4g}" for rate in fit.law.rates]
     highest = [number for number, at in zip(numbers, fit.at_highest, strict=True) if at]
     lowest = [number for number, at in zip(numbers, fit.at_lowest, strict=True) if at]
+    rows = counted(len(fit.law.probabilities()), "row")
     sentences = []
     if highest:
         what = f"rate {', '.join(highest)} lies at its bound: a higher one would keep less than "
-        sentences.append(f"{what}half of its mass on the {len(fit.law.probabilities())} rows")
+        sentences.append(f"{what}half of its mass on the {rows}")
     if lowest:
         sentences.append("a rate lies at its lower bound: that component gives row 0 only")
     if fit.components > 1 and np.isnan(fit.precision.rate_errors[_free(fit)]).any():
@@ -214,8 +217,8 @@ def _search_lines(fit: MixtureFit) -> list[str]:
         else f"{steps}{beside}; {best.stop.value}",
     ]
     if fit.headroom < _TIGHT:
-        gain = f"{fit.headroom:.1e}"
-        lines.append(f"no mixture of whatever number of components gains over {gain} per sample")
+        gain = f"more than {fit.headroom:.1e}" if fit.headroom > _NOTHING else "anything"
+        lines.append(f"no other mixture, of however many components, gains {gain} per sample")
     return lines
 
 

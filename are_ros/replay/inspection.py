@@ -165,7 +165,7 @@ def _missing_pose(survey: FrameSurvey, map_frame: str, base_frame: str) -> Itera
         beside = ", ".join(sorted(survey.connected_to(base_frame)))
         yield (
             f"nothing joins {map_frame} to {base_frame}, which hangs together with {beside}:"
-            f" give the transform with --static-tf, or set frames.map"
+            f" give the transform with --static-tf, or the map's frame with --map-frame"
         )
 
 

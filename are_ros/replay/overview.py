@@ -13,15 +13,9 @@ from are_ros.replay._picture_artefacts import (
 )
 from are_ros.replay._picture_behaviours import behaviour_counts, behaviour_marks
 from are_ros.replay._picture_company import companies
-from are_ros.replay._picture_frame import Sheet, draw_frame
+from are_ros.replay._picture_frame import Sheet, draw_frame, draw_map
 from are_ros.replay._picture_legend import legends
-from are_ros.replay._picture_map import (
-    KnownPart,
-    known_part,
-    map_from_part,
-    shaded,
-    window_of,
-)
+from are_ros.replay._picture_map import known_part, window_of
 from are_ros.replay._picture_marks import draw_marks
 from are_ros.replay._picture_paths import displacements, draw_companies, draw_ways, way_of
 from are_ros.replay._picture_robot import draw_fans, draw_path
@@ -64,7 +58,7 @@ def _figure(record: SceneRecord, grid: OccupancyGrid, occupied_threshold: int) -
     handles = legends(record, colours, marks, has_companies=bool(found))
     sheet = Sheet.of(window, handles)
     swept, shown = _fans(record, Sight(grid, part, occupied_threshold))
-    _draw_map(sheet, grid, part)
+    draw_map(sheet, grid, part)
     draw_fans(sheet.axes, record, swept, shown, window)
     draw_path(sheet.axes, record, shown, sheet.points_per_m)
     draw_ways(sheet.axes, ways, colours, marks, sheet.points_per_m)
@@ -91,22 +85,3 @@ def _fans(record: SceneRecord, sight: Sight) -> tuple[list[Fan], list[Fan]]:
 
     swept = spread_indices(record, _SWEPT_FANS)
     return fans(swept), fans(telling_indices(record, _SHOWN_FANS))
-
-
-def _draw_map(sheet: Sheet, grid: OccupancyGrid, part: KnownPart) -> None:
-    from matplotlib.transforms import Affine2D
-
-    image, factor = shaded(part, sheet.points_per_m * grid.resolution_m)
-    corners = map_from_part(grid, part, [(0, 0), (factor, 0), (0, factor)])
-    (a, b), (c, d) = corners[1] - corners[0], corners[2] - corners[0]
-    place = Affine2D.from_values(a, b, c, d, *corners[0])
-    height, width = image.shape[:2]
-    sheet.axes.imshow(
-        image,
-        origin="lower",
-        extent=(0, width, 0, height),
-        transform=place + sheet.axes.transData,
-        interpolation="nearest",
-        zorder=0,
-        aspect="auto",
-    )

@@ -19,6 +19,7 @@ from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.conventions import NS_PER_S
 from are_ros.replay.life_record import Life
 from are_ros.replay.scene_record import SceneRecord
+from are_ros.wording import counted
 
 Content = dict[str, Any]
 
@@ -106,7 +107,7 @@ def summary_lines(metrics: Content, timing: Content | None = None) -> list[str]:
         *((f"  {name}", _class_text(one)) for name, one in metrics["classes"].items()),
         ("robot", _robot_text(metrics)),
         *((f"scan {topic}", _scan_text(one)) for topic, one in metrics["scans"].items()),
-        *((f"refused {topic}", f"{n} messages") for topic, n in metrics["refused"].items()),
+        *((f"refused {topic}", counted(n, "message")) for topic, n in metrics["refused"].items()),
         ("written", _written_text(metrics["written"])),
     ]
     entries = [(name, text) for name, text in entries if text]
@@ -176,7 +177,7 @@ def _life(record: SceneRecord, life: Life) -> Content:
 
 
 def _time_text(metrics: Content, timing: Content | None) -> str:
-    text = f"{metrics['duration_s']:.1f} s in {metrics['ticks']} ticks"
+    text = f"{metrics['duration_s']:.1f} s in {counted(metrics['ticks'], 'tick')}"
     if timing is None or timing["real_time_factor"] is None:
         return text
     factor, total_s = timing["real_time_factor"], timing["total_s"]
@@ -207,7 +208,11 @@ def _class_text(one: Content) -> str:
 
 def _robot_text(metrics: Content) -> str:
     contacts = metrics["robot_contacts"]
-    return f"{contacts} contacts with artefacts" if contacts else "no contact with an artefact"
+    return (
+        f"{counted(contacts, 'contact')} with artefacts"
+        if contacts
+        else "no contact with an artefact"
+    )
 
 
 def _scan_text(one: Content) -> str:
@@ -223,4 +228,4 @@ def _scan_text(one: Content) -> str:
 def _written_text(written: Mapping[str, int]) -> str:
     if not written:
         return ""
-    return f"{sum(written.values())} messages on {len(written)} topics"
+    return f"{counted(sum(written.values()), 'message')} on {counted(len(written), 'topic')}"

@@ -13,6 +13,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.replay.rviz_canvas import Rgb
 from are_ros.replay.rviz_scene import RvizScene
 from are_ros.replay.rviz_views import GRID_LINE, OUTLINE, SCAN_COLOURS
+from are_ros.wording import counted
 
 Picture = npt.NDArray[np.uint8]
 
@@ -125,7 +126,7 @@ def _draw_legend(window: Window, scene: RvizScene) -> None:
     """Say at the foot of the list what rviz's looks mean here."""
     lines = []
     if scene.markers:
-        lines += ["opaque: perceived; translucent: not", "arrow: which way it faces"]
+        lines += ["opaque: perceived; translucent: not", "arrow: heading, longer if faster"]
     if len(scene.scans) > 1:
         lines.append("red points: beams that ARE changed")
     top = DISPLAYS.top + DISPLAYS.height - 14 - _LINE_PX * (len(lines) - 1)
@@ -157,17 +158,17 @@ def display_rows(scene: RvizScene) -> Iterator[Row]:
             yield Row(text, f"{grid[0].width} x {grid[0].height} cells", is_head=True)
             yield Row(topic)
     for (topic, points), colour in zip(scene.scans, SCAN_COLOURS, strict=False):
-        yield Row("LaserScan", f"{len(points)} points", colour, is_head=True)
+        yield Row("LaserScan", counted(len(points), "point"), colour, is_head=True)
         yield Row(topic)
     for topic in scene.topics.markers:
-        yield Row("MarkerArray", f"{len(scene.markers)} markers", is_head=True)
+        yield Row("MarkerArray", counted(len(scene.markers), "marker"), is_head=True)
         yield Row(topic)
     for namespace, count in sorted(_namespaces(scene).items()):
         yield Row(f"  {namespace}", str(count))
     if scene.outline_m is not None and scene.robot is not None:
         yield Row("Polygon, the robot's outline", "", OUTLINE, is_head=True)
     if scene.axes:
-        yield Row("TF", f"{len(scene.axes)} frames", is_head=True)
+        yield Row("TF", counted(len(scene.axes), "frame"), is_head=True)
 
 
 def _namespaces(scene: RvizScene) -> Counter[str]:

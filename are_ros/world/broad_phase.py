@@ -14,11 +14,14 @@ def _hash_cell_size(rectangles: _FloatArray) -> float:
     """Return a cell size near the mean extent, such that the table stays linear in N.
 
     It doubles while huge rectangles would fill more than eight cells per rectangle on average.
+    ValueError where their extents have no finite sum: no doubling would ever be enough.
     """
     count = rectangles.shape[0]
     extent = 0.0
     for i in range(count):
         extent += rectangles[i, 2] - rectangles[i, 0] + rectangles[i, 3] - rectangles[i, 1]
+    if not np.isfinite(extent):
+        raise ValueError("the rectangles are not all finite")
     size = max(extent / (2.0 * count), 1e-6)
     while True:
         entries = 0.0
@@ -100,7 +103,8 @@ def _is_found_here(
 def candidate_pairs(rectangles: _FloatArray) -> _IndexArray:
     """Return each pair (M, 2), low index first, of rectangles (N, 4) whose interiors meet, once.
 
-    The order is that of the hash table: the same for the same input, but not sorted.
+    The order is that of the hash table: the same for the same input, but not sorted. ValueError
+    if there are several and a bound is NaN or infinite.
     """
     pairs = np.empty((max(16, rectangles.shape[0]), 2), np.int64)
     count = 0

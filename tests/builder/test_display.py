@@ -88,13 +88,19 @@ def test_who_moves_is_somewhere_else_and_looks_the_same(row: CatalogueRow) -> No
 
 
 @pytest.mark.parametrize(
-    "change", [{"label": "else"}, {"size_m": (1.0, 1.0, 1.0)}, {"box_centre_m": (0.0, 0.0, 0.0)}]
+    "change",
+    [
+        {"label": "else"},
+        {"size_m": (1.0, 1.0, 1.0)},
+        {"box_centre_m": (0.0, 0.0, 0.0)},
+        {"linear_velocity_m_s": (0.6, 0.0, 0.0)},
+    ],
 )
 def test_another_look_is_drawn(row: CatalogueRow, change: dict[str, Any]) -> None:
-    """A state that says another label, size or centre goes out, and so does one of another row."""
+    """A state with other words, size, centre or speed goes out, and so does one of another row."""
     display, state = Display(MarkerBoard(), None), artefact_state(an_artefact(row), 200)
     display.update(0, [state], [row], ())
-    assert len(display.update(1, [replace(state, **change)], [row], ())) == 3
+    assert len(display.update(1, [replace(state, **change)], [row], ())) == 2
     repainted = replace(row, colour=(0.0, 0.0, 1.0, 1.0))
     markers = display.update(2, [replace(state, **change)], [repainted], ())
     assert markers.looks[0].colour[:3] == (0.0, 0.0, 1.0)
@@ -108,7 +114,7 @@ def test_a_new_viewer_gets_everything(row: CatalogueRow) -> None:
         markers = display.update(1, [state], [row], (), everything=everything)
         assert [m.action for m in markers.looks] == [MarkerAction.DELETEALL] + [
             MarkerAction.ADD
-        ] * 3
+        ] * 2
         assert [m.action for m in display.delete_all().looks] == [MarkerAction.DELETEALL]
 
 

@@ -5,12 +5,14 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from are_ros.builder._marker_shapes import speed_steps
 from are_ros.builder.markers import (
     MarkerAction,
     MarkerBatch,
@@ -20,7 +22,7 @@ from are_ros.builder.markers import (
     MarkerSubject,
 )
 from are_ros.conventions import NS_PER_S
-from are_ros.parameters.choices import Shape
+from are_ros.parameters.choices import Labels, Shape
 from are_ros.world.rigid_transform import RigidTransform
 
 MS = 1_000_000
@@ -38,6 +40,7 @@ class Person:
     label: str = "person"
     perceived: bool = True
     mesh: bool = False
+    speed_steps: int = 0
 
     @property
     def pose(self) -> list[float]:
@@ -56,13 +59,17 @@ class Person:
             self.perceived,
             TRIANGLES if self.mesh else None,
             FACES if self.mesh else None,
+            self.speed_steps,
         )
 
 
 @cache
-def kept_subject(artefact_id: int, label: str, perceived: bool, mesh: bool) -> MarkerSubject:
+def kept_subject(
+    artefact_id: int, label: str, perceived: bool, mesh: bool, speed_steps: int
+) -> MarkerSubject:
     """Return a subject, the same object each time."""
-    return Person(artefact_id, label=label, perceived=perceived, mesh=mesh).subject()
+    look = {"label": label, "perceived": perceived, "mesh": mesh, "speed_steps": speed_steps}
+    return Person(artefact_id, **look).subject()  # type: ignore[arg-type]
 
 
 def update(
@@ -75,7 +82,9 @@ def update(
 ) -> MarkerBatch:
     """Return what a board gives out for people, with subjects that are kept or made anew."""
     subjects = [
-        kept_subject(p.artefact_id, p.label, p.perceived, p.mesh) if keep else p.subject()
+        kept_subject(p.artefact_id, p.label, p.perceived, p.mesh, p.speed_steps)
+        if keep
+        else p.subject()
         for p in people
     ]
     poses = np.array([person.pose for person in people]).reshape(-1, 7)
@@ -231,7 +240,14 @@ def test_first_update_begins_with_deleteall() -> None:
 
 @pytest.mark.parametrize("keep", [True, False])
 @pytest.mark.parametrize(
-    "changed", [Person(x=0.1), Person(yaw=0.1), Person(perceived=False), Person(label="woman")]
+    "changed",
+    [
+        Person(x=0.1),
+        Person(yaw=0.1),
+        Person(perceived=False),
+        Person(label="woman"),
+        Person(speed_steps=3),
+    ],
 )
 def test_only_what_changed_is_given(changed: Person, keep: bool) -> None:
     """Equal subjects are silent; a new pose, state or label is given, for that artefact alone."""
@@ -353,6 +369,62 @@ def test_ids_beyond_int32_are_wrapped() -> None:
     assert viewer.shown == {}
 
 
+@pytest.mark.parametrize(
+    ("labels", "labelled"),
+    [(Labels.PERCEIVED, {1, 3}), (Labels.ALL, {1, 2, 3}), (Labels.NONE, set[int]())],
+)
+def test_labels_are_those_that_are_wanted(labels: Labels, labelled: set[int]) -> None:
+    """Of the perceived, of all or of nobody; bodies and headings are everybody's."""
+    people = [Person(1), Person(2, perceived=False, x=1.0), Person(3, x=2.0)]
+    board, viewer = MarkerBoard(Shape.BOX, labels), Viewer()
+    viewer.receive(0, update(board, 0, people))
+    for namespace, wanted in (("body", {1, 2, 3}), ("heading", {1, 2, 3}), ("label", labelled)):
+        assert {number for name, number in viewer.shown if name == namespace} == wanted
+    for (name, number), (_, pose, _) in viewer.shown.items():
+        assert pose[0] == pytest.approx(number - 1 + 0.05, abs=1e-9), name
+
+
+def test_a_label_is_taken_away_when_its_artefact_is_lost_from_sight() -> None:
+    """Once, and given again when it is perceived anew."""
+    board, viewer = MarkerBoard(), Viewer()
+    viewer.receive(0, update(board, 0, [Person()]))
+    lost = update(board, 1, [Person(perceived=False)])
+    assert [(m.namespace, m.action) for m in lost.looks] == [
+        ("label", MarkerAction.DELETE),
+        ("body", MarkerAction.ADD),
+        ("heading", MarkerAction.ADD),
+    ]
+    viewer.receive(1, lost)
+    assert {name for name, _ in viewer.shown} == {"body", "heading"}
+    assert not update(board, 2, [Person(perceived=False)])
+    found = update(board, 3, [Person()])
+    assert len(added(found)) == 3
+    viewer.receive(3, found)
+    viewer.receive(4, update(board, 4, []))
+    assert not viewer.shown
+
+
+def test_the_faster_the_longer_the_arrow() -> None:
+    """In proportion, up to a bound; who changes its speed keeps its other looks."""
+    board = MarkerBoard()
+    drawn = [
+        added(update(board, now, [Person(speed_steps=steps, mesh=True)]))
+        for now, steps in enumerate((0, 1, 2, 4, 100, 200))
+    ]
+    past = [parts["heading"][0].scale[0] - 0.25 for parts in drawn]
+    assert past[:4] == pytest.approx([0.1, 0.4, 0.7, 1.3])
+    assert past[4] == past[5] == 2.0
+    for one, other in pairwise(drawn):
+        assert one["body"][0] is other["body"][0]
+        assert one["label"][0] is other["label"][0]
+
+
+def test_speeds_are_drawn_in_steps() -> None:
+    """Of half a metre per second, whichever the direction."""
+    assert [speed_steps(v, 0.0) for v in (0.0, 0.24, 0.26, 1.0, -1.0, 1.3)] == [0, 0, 1, 2, 2, 3]
+    assert speed_steps(0.6, -0.8) == 2
+
+
 def test_blank_label_shows_the_id() -> None:
     """A text of spaces would be refused by rviz."""
     label, _ = added(update(MarkerBoard(), 0, [Person(4, label="  ")]))["label"]
@@ -367,6 +439,7 @@ PEOPLE = st.builds(
     label=st.sampled_from(["person", "car", ""]),
     perceived=st.booleans(),
     mesh=st.booleans(),
+    speed_steps=st.integers(0, 2),
 )
 SCENES = st.lists(
     st.tuples(
@@ -379,17 +452,22 @@ SCENES = st.lists(
 
 
 @settings(max_examples=100, deadline=None)
-@given(shape=st.sampled_from(Shape), scenes=SCENES, keep=st.booleans())
+@given(
+    shape=st.sampled_from(Shape),
+    labels=st.sampled_from(Labels),
+    scenes=SCENES,
+    keep=st.booleans(),
+)
 def test_viewer_that_obeys_sees_exactly_the_scene(
-    shape: Shape, scenes: list[tuple[int, list[Person], bool]], keep: bool
+    shape: Shape, labels: Labels, scenes: list[tuple[int, list[Person], bool]], keep: bool
 ) -> None:
     """After any sequence of scenes, all markers being lawful, the viewer holds the last one."""
-    board, viewer = MarkerBoard(shape), Viewer()
+    board, viewer = MarkerBoard(shape, labels), Viewer()
     now_ns = 0
     for step_ms, people, everything in scenes:
         now_ns += step_ms * MS
         markers = update(board, now_ns, people, everything=everything, keep=keep)
         viewer.receive(now_ns, markers)
         fresh = Viewer()
-        fresh.receive(now_ns, update(MarkerBoard(shape), now_ns, people))
+        fresh.receive(now_ns, update(MarkerBoard(shape, labels), now_ns, people))
         assert viewer.content(now_ns) == fresh.content(now_ns)

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
+from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.artefacts.mixture import TruncatedPoissonMixture
 from are_ros.artefacts.shapes import Shape
 from are_ros.description.configuration import describe_lines
@@ -27,11 +28,17 @@ CATALOGUE = Catalogue(tuple(_row(i, "cat" if i < 4 else "dog") for i in range(9)
 SMALL = {"mixture.weights": [0.5, 0.5], "mixture.rates": [1.0, 6.0]}
 
 
-def _text(area_m2: float | None = None, catalogue: Catalogue = CATALOGUE, **values: Any) -> str:
+def _text(
+    area_m2: float | None = None,
+    catalogue: Catalogue = CATALOGUE,
+    *,
+    everything: bool = False,
+    **values: Any,
+) -> str:
     paths = {name.replace("__", "."): value for name, value in values.items()}
     parameters = with_values(Parameters(), {**SMALL, **paths})
     site = None if area_m2 is None else Site(area_m2)
-    return "\n".join(describe_lines(parameters, catalogue, site))
+    return "\n".join(describe_lines(parameters, catalogue, site, everything=everything))
 
 
 def test_arrivals_per_minute_and_expected_population() -> None:
@@ -99,24 +106,60 @@ def test_rows_that_live_for_ever() -> None:
 def test_class_probabilities_sum_to_one() -> None:
     """The classes are listed from the likeliest on, and sum to 100 %."""
     lines = _text().split("\n")
-    first = lines.index("Classes") + 1
+    first = lines.index("Classes, of 9 rows in the catalogue") + 2
     shares = [float(line.split()[1]) for line in lines[first : first + 2]]
     assert sum(shares) == pytest.approx(100.0, abs=0.11)
     assert shares == sorted(shares, reverse=True)
 
 
-def test_catalogue_is_listed() -> None:
-    """Each row is listed with its class and its size."""
-    text = _text()
+def test_a_class_is_summed_up_in_a_line() -> None:
+    """Its rows by their numbers, from the shortest to the longest, and the likeliest by name."""
+    kinds = ["cat", "cat", "cat", "dog", "bird", "bird"]
+    rows = [_row(i, kind) for i, kind in enumerate(kinds)]
+    rows[1] = replace(rows[1], size_m=(0.75, 0.5, 1.0))
+    text = _text(catalogue=Catalogue(tuple(rows)), mixture__rates=[1.0, 1.0])
+    share = 100.0 * TruncatedPoissonMixture((0.5, 0.5), (1.0, 1.0), 6).probabilities()
+    cats, dog = f"{share[:3].sum():.1f}", f"{share[3]:.1f}"
+    assert re.search(rf"cat +{cats} % +0 to 2 +0\.50 to 0\.75 +0 +cat_0 \(", text)
+    assert re.search(rf"dog +{dog} % +3 +0\.50 +0 +dog_3 \({dog} %\)", text)
+    assert re.search(r"bird +\d+\.\d % +4 to 5 +0\.50 +0 +bird_4 \(", text)
+
+
+def test_the_whole_catalogue_is_listed_where_it_is_asked_for() -> None:
+    """Each row with its class and its size; else it is said how to get at them."""
+    text, short = _text(everything=True), _text()
     assert "Catalogue (9 rows)" in text
     assert all(row.label in text for row in CATALOGUE.rows)
+    assert "--all" in short
+    assert "--all" not in text
+    assert not all(row.label in short for row in CATALOGUE.rows)
+
+
+def test_the_shipped_catalogue_fits_on_a_screen() -> None:
+    """With all that it takes to know what will happen; everything is some fifty lines more."""
+    catalogue = read_catalogue()
+    lines = describe_lines(Parameters(), catalogue)
+    text = "\n".join(lines)
+    assert len(lines) <= 55
+    for words in ("3 artefacts per minute", "expected", "weight pi", "42 rows", "walking 40.7 %"):
+        assert words in text
+    assert len(describe_lines(Parameters(), catalogue, everything=True)) > len(lines) + 42
+
+
+def test_a_catalogue_of_one_row_has_one_row() -> None:
+    """Not `the 1 rows`: in a table's title, and in a refusal."""
+    alone = Catalogue((_row(0, "cat"),))
+    assert "Classes, of 1 row in the catalogue" in _text(catalogue=alone, mixture__rates=[0.1, 0.2])
+    with pytest.raises(ParameterError, match="the 1 row of the catalogue"):
+        _text(catalogue=alone, mixture__rates=[9.0, 9.0])
 
 
 def test_behaviours_of_classes_and_of_rows_that_differ() -> None:
     """Each class has its behaviours, weighted by its rows; rows are told where they differ."""
     calm, lively = {"standing": 1.0}, {"standing": 0.25, "walking": 0.75}
     rows = [replace(row, behaviours=lively if row.index == 1 else calm) for row in CATALOGUE.rows]
-    text = _text(catalogue=Catalogue(tuple(rows)), mixture__rates=[1.0, 1.0])
+    kinds = Catalogue(tuple(rows))
+    text = _text(catalogue=kinds, everything=True, mixture__rates=[1.0, 1.0])
     share = TruncatedPoissonMixture((0.5, 0.5), (1.0, 1.0), 9).probabilities()
     of_cats = 75.0 * share[1] / share[:4].sum()
     assert f"standing {100.0 - of_cats:.1f} %, walking {of_cats:.1f} %" in text
@@ -124,6 +167,7 @@ def test_behaviours_of_classes_and_of_rows_that_differ() -> None:
     assert re.search(r"rows 2 to 3 +\d+\.\d %  standing 100\.0 %", text)
     assert re.search(r"dog +\d+\.\d %  standing 100\.0 %", text)
     assert "rows 4 to 8" not in text
+    assert "rows 2 to 3" not in _text(catalogue=kinds, mixture__rates=[1.0, 1.0])
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,8 @@
 """Soaks: artefacts live on maps, and the judge finds nothing; the full hours are `are soak`'s."""
 
 import math
+import re
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,7 @@ from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.errors import MapError, ParameterError
 from are_ros.experiments.roving_robot import RovingRobot
 from are_ros.experiments.soak import SoakResult, soak
+from are_ros.experiments.soak_picture import figure_of
 from are_ros.experiments.soak_report import write_soak
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
@@ -84,6 +87,8 @@ def test_a_short_soak_is_clean_and_counts() -> None:
     )
     verdict = result.verdict
     assert result.is_clean, result.table()
+    assert replace(result, blocked=1).table()[0].endswith(" s, 1 arrival blocked")
+    assert replace(result, blocked=2).table()[0].endswith(" s, 2 arrivals blocked")
     assert verdict.artefact_s == pytest.approx(60.0, abs=2.0)
     assert verdict.artefact_s == pytest.approx(sum(verdict.lived_s.values()))
     assert verdict.artefact_s == pytest.approx(0.05 * result.counts.artefact_steps, rel=0.2)
@@ -133,6 +138,55 @@ def test_a_report_is_written(tmp_path: Path) -> None:
     result = soak(office(), parameters(0.01, **PEOPLE), CATALOGUE, longest_s=5.0)
     write_soak(result, office(), tmp_path / "a" / "b")
     assert sorted(p.name for p in (tmp_path / "a" / "b").iterdir()) == ["soak.json", "soak.png"]
+
+
+@pytest.fixture(scope="module")
+def crowded() -> SoakResult:
+    """Return some seconds of a room with many."""
+    return soak(room(), parameters(0.05, **PEOPLE), CATALOGUE, longest_s=20.0)
+
+
+def legend_texts(figure: Any) -> list[str]:
+    """Return all that the legends of a picture say."""
+    return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+
+
+def test_the_picture_shows_the_known_part_with_a_scale(crowded: SoakResult) -> None:
+    """Unknown margins are cut off; a bar tells the lengths, and legends stand beside the map."""
+    cells = np.full((200, 300), -1, np.int8)
+    cells[70:130, 100:160] = room().cells
+    origin = RigidTransform.planar(-10.0, -7.0, 0.0)
+    figure = figure_of(crowded, OccupancyGrid(cells, 0.1, origin, "map"))
+    (axes,) = figure.axes
+    assert axes.get_ylim() == pytest.approx((-0.12, 6.12), abs=0.2)
+    assert sum(axes.get_xlim()) == pytest.approx(6.0, abs=0.2)
+    assert axes.get_legend() is None
+    assert "1 m" in [text.get_text() for text in axes.texts]
+
+
+def test_the_picture_tells_the_robot_from_the_robots(crowded: SoakResult) -> None:
+    """Each entry of the legend is another one; classes are counted, ways measured."""
+    texts = legend_texts(figure_of(crowded, room()))
+    words = [text.split("  ")[0] for text in texts]
+    assert len(words) == len(set(words))
+    assert {"person", "robot", "way of the robot", "ways", "walking"} <= set(words)
+    assert any(re.fullmatch(r"person  [1-9]\d*", text) for text in texts)
+    assert any(re.fullmatch(r"ways  [1-9]\d* m", text) for text in texts)
+    stood = sum(len(way.points_m) == 1 for way in crowded.ways.values())
+    assert (f"never moved  {stood}" in texts) == (stood > 0)
+
+
+def test_of_very_many_no_arrowheads_are_drawn(crowded: SoakResult) -> None:
+    """Nor behaviours named: nobody could tell them apart; who was displaced is dotted."""
+    ways = {100 * n + i: way for n in range(20) for i, way in crowded.ways.items()}
+    jumped = next(number for number, way in ways.items() if len(way.points_m) > 3)
+    ways[jumped] = replace(ways[jumped], jumps={2})
+    figure = figure_of(replace(crowded, ways=ways), room())
+    assert len(figure.axes[0].patches) == 1  # the scale's box
+    words = {text.split("  ")[0] for text in legend_texts(figure)}
+    assert "displaced" in words
+    assert "walking" not in words
+    assert len(figure_of(crowded, room()).axes[0].patches) > 10
 
 
 def test_the_robot_stays_clear_of_walls_and_gets_about() -> None:

@@ -650,6 +650,16 @@ BROKEN: dict[str, tuple[str, Break, str]] = {
     "DELETEALL late": ("marker rules", _delete_all_last, "is not the first"),
     "dead on display": ("markers of the living", _drop("markers", 2), "stale [1]"),
     "faded": ("markers of the living", _short_lives, "missing [2]"),
+    "label of the unseen": (
+        "markers of the living",
+        _put("markers", 1, "markers.0.color.a", 0.35),
+        "'label' is wrong: stale [2]",
+    ),
+    "label forgotten": (
+        "markers of the living",
+        lambda draft: draft.of("markers")[1][1].markers.pop(),
+        "'label' is wrong: stale [], missing [2]",
+    ),
     "byte outside": ("augmented map", _put("augmented_map", 1, "data.25", 1), "cell (1, 5) is 1"),
     "unstamped map": (
         "augmented map",

@@ -12,6 +12,7 @@ from are_ros.builder.tick import Demand
 from are_ros.errors import ParameterError
 from are_ros.messages.feed import Refusals
 from are_ros.messages.transforms import StampedTransform, make_transforms
+from are_ros.replay._bag_files import recording_in
 from are_ros.replay.bag_writer import BagWriter
 from are_ros.replay.command import complaints, effective_parameters, options_of
 from are_ros.replay.message_types import RosbagsFactory
@@ -114,6 +115,30 @@ def test_inspect_says_which_transform_must_be_turned_round(
     assert "with map as PARENT and pgm as CHILD" in wrong
     right = run_are("inspect", bag, *static, "-1 -2 0 0 0 0 map pgm").stdout
     assert "nothing: it can be replayed as it is" in right
+
+
+def test_inspect_looks_into_the_folder_of_a_result(run_are: RunAre, sample_replay: Path) -> None:
+    """Which is no recording itself: it is the one in it that is meant."""
+    whole, inside = (
+        run_are("inspect", path) for path in (sample_replay, sample_replay / "augmented.mcap")
+    )
+    assert whole.returncode == 0, whole.stderr
+    assert "/ar_builder/artefacts" in whole.stdout
+    assert whole.stdout == inside.stdout
+
+
+def test_of_a_folder_the_only_recording_is_meant(tmp_path: Path) -> None:
+    """A result's before others; where there are several, or none, the folder stays as it is."""
+    assert recording_in(tmp_path) == tmp_path
+    (tmp_path / "a.bag").touch()
+    assert recording_in(tmp_path) == tmp_path / "a.bag"
+    (tmp_path / "b.mcap").touch()
+    assert recording_in(tmp_path) == tmp_path
+    (tmp_path / "augmented.mcap").touch()
+    assert recording_in(tmp_path) == tmp_path / "augmented.mcap"
+    (tmp_path / "metadata.yaml").touch()
+    assert recording_in(tmp_path) == tmp_path
+    assert recording_in(tmp_path / "none.mcap") == tmp_path / "none.mcap"
 
 
 def test_inspect_passes_over_a_damaged_transform(

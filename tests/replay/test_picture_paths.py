@@ -12,6 +12,7 @@ from matplotlib.colors import to_rgb
 from are_ros.builder.events import EventKind
 from are_ros.replay import overview
 from are_ros.replay._picture_behaviours import behaviour_counts, behaviour_marks
+from are_ros.replay._picture_marks import forced
 from are_ros.replay._picture_paths import displacements, shade_of, way_of
 from are_ros.replay.life_record import Track
 from are_ros.replay.overview import draw_overview
@@ -94,6 +95,19 @@ def test_the_legend_counts_behaviours_and_events() -> None:
     ):
         assert wanted in texts
     assert "field of view" not in texts
+
+
+def test_who_had_to_leave_is_displaced_too() -> None:
+    """As the metrics count: moved by force, or gone for want of a place; marked where that was."""
+    lives = [walker(1, (2, 5), (8, 5)), walker(2, (2, 6), (8, 6), ticks=50)]
+    left = event(EventKind.DEPARTED, 49, 2)
+    events = [event(EventKind.DISPLACED, 4, 1), replace(left, detail="displaced")]
+    record = run(lives, events=[*events, replace(left, detail="life_over")])
+    assert forced(record) == events
+    figure = _figure(record)
+    assert "displaced  2" in _texts(figure)
+    (marks,) = [line for line in figure.axes[0].lines if line.get_marker() == "d"]
+    assert marks.get_xydata()[1].tolist() == pytest.approx([8.0, 6.0])
 
 
 def test_every_behaviour_has_a_mark() -> None:

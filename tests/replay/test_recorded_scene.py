@@ -63,10 +63,28 @@ def test_an_animation_of_any_recording(
     assert done.returncode == 0, done.stderr
     assert (folder / "animation.gif").read_bytes()[:6] == b"GIF89a"
     assert "3 times real time" in done.stderr
+    assert "the robot is not shown" not in done.stderr
     done = run_are("view", folder, "--animate", "a.avi")
     assert (done.returncode, "is no .gif, .webp or .mp4 file" in done.stderr) == (2, True)
     done = run_are("view", folder, "--animate", "--at", 3)
     assert (done.returncode, "no --at, no --out" in done.stderr) == (2, True)
+
+
+@pytest.mark.parametrize("animate", [True, False])
+def test_where_the_robot_is_not_known_it_is_said_what_would_show_it(
+    sample_replay: Path, replay_sample: ReplaySample, run_are: RunAre, tmp_path: Path, animate: bool
+) -> None:
+    """A result without its inputs has no transforms; in one that has them nothing is to be said."""
+    words = ("--animate",) if animate else ()
+    for source, is_said in ((replay_sample(), True), (sample_replay, False)):
+        folder = tmp_path / str(is_said)
+        folder.mkdir()
+        for name in ("augmented.mcap", "effective.yaml"):
+            shutil.copy(source / name, folder)
+        done = run_are("view", folder, *words)
+        assert done.returncode == 0, done.stderr
+        assert ("the robot is not shown" in done.stderr) == is_said
+        assert ("are replay BAG --with-inputs" in done.stderr) == is_said
 
 
 def test_what_holds_no_scene_is_refused(sample_bag: Path) -> None:

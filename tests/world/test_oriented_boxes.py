@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from are_ros.world.broad_phase import candidate_pairs
 from are_ros.world.oriented_boxes import (
     OrientedBoxes,
     any_overlap,
@@ -142,6 +143,26 @@ def test_a_huge_box_and_a_far_one_break_no_pair() -> None:
     assert np.count_nonzero(pairs[:, 1] == 100) == 100
     assert not (pairs == 101).any()
     assert len(pairs) == 100 + len(overlapping_pairs(crowd))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("column", [0, 1, 2, 3])
+def test_rectangles_that_are_not_finite_are_refused(value: float, column: int) -> None:
+    """At once: no size of a hash cell would ever be large enough for them."""
+    rectangles = np.array([[0.0, 0.0, 1.0, 1.0], [0.5, 0.5, 2.0, 2.0], [5.0, 5.0, 6.0, 6.0]])
+    assert candidate_pairs(rectangles).tolist() == [[0, 1]]
+    rectangles[1, column] = value
+    with pytest.raises(ValueError, match="finite"):
+        candidate_pairs(rectangles)
+
+
+def test_boxes_at_no_place_are_refused() -> None:
+    """A pose that is not a number overlaps nobody, and must not go unnoticed."""
+    boxes = _random_boxes(4, 1.0, 1)
+    centres = boxes.centres_m.copy()
+    centres[2, 1] = np.nan
+    with pytest.raises(ValueError, match="finite"):
+        overlapping_pairs(OrientedBoxes(centres, boxes.yaws_rad, boxes.half_sizes_m))
 
 
 @given(st.integers(0, 10**6), st.integers(0, 60), st.floats(1.0, 200.0))
