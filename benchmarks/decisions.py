@@ -3,7 +3,8 @@
 Rooms of 5 m with doors, cells of 0.5 m and four headings, five actions of three outcomes (straight
 on, slipped to the left, to the right). Both start from the same V_0, zero but at the goal, so that
 every epoch changes something and none is left out; QuantEcon's matrix is built before. Both keep
-one thread. Then: what one artefact's decision costs. Run:
+one thread, whose time counts: other programs disturb that less. Then: what one artefact's decision
+costs. Run:
 python benchmarks/decisions.py [repetitions]
 """
 
@@ -87,11 +88,11 @@ def quantecon_process(problem: Problem, markov: Any) -> Any:
 
 
 def milliseconds(action: Callable[[], object], calls: int = 1) -> float:
-    """Return how long one call takes [ms], of several."""
-    start = time.perf_counter()
+    """Return what one call takes of this thread's time [ms], of several; others count less."""
+    start = time.thread_time()
     for _ in range(calls):
         action()
-    return 1e3 * (time.perf_counter() - start) / calls
+    return 1e3 * (time.thread_time() - start) / calls
 
 
 def compare(side: int, horizon: int, reach: int, repetitions: int) -> None:

@@ -3,7 +3,7 @@
 Directions are 0 east (columns grow), 1 north (rows grow), 2 west, 3 south; so are headings.
 """
 
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -15,9 +15,36 @@ Floats = npt.NDArray[np.float32]
 Lengths = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.bool_]
 
-_Array = TypeVar("_Array", npt.NDArray[np.float32], npt.NDArray[np.int32])
-
 MOST_BUCKETS: Final = 65536
+
+
+@compiled
+def cut_out(
+    edges: Mask,
+    nearness: Floats,
+    corner: tuple[int, int],
+    end: tuple[int, int],
+    time: np.float32,
+    clearance: np.float32,
+) -> tuple[Mask, Floats]:
+    """Return the edges bool (4, h, w) and prices float32 (h, w) of a window of the map.
+
+    It goes from cell `corner` up to cell `end`, without that; edges that lead out of it are closed.
+    The price is what an epoch in a cell costs: `time` and, near a wall, up to `clearance`.
+    """
+    height, width = end[0] - corner[0], end[1] - corner[1]
+    inner, price = np.empty((4, height, width), np.bool_), np.empty((height, width), np.float32)
+    first, count = np.uint64(corner[1]), np.uint64(width)  # as negative ones count from the end
+    for i in range(height):
+        row = corner[0] + i
+        for j in range(count):
+            price[i, j] = time + clearance * nearness[row, first + j]
+        for direction in range(4):
+            for j in range(count):
+                inner[direction, i, j] = edges[direction, row, first + j]
+    inner[0, :, width - 1], inner[1, height - 1, :] = False, False
+    inner[2, :, 0], inner[3, 0, :] = False, False
+    return inner, price
 
 
 @compiled
@@ -30,20 +57,39 @@ def way_prices(edges: Mask, price: Floats, reach: int, goal: tuple[int, int]) ->
     """
     height, width = price.shape
     count = height * width
-    costs = np.full(count, np.inf, np.float32)
-    steps = (price / np.float32(reach)).ravel()
-    bucket = max(steps.min(), steps.max() / np.float32(MOST_BUCKETS))
+    steps, cheapest, dearest = _steps(price.reshape(count), np.float32(reach))
+    bucket = max(cheapest, dearest / np.float32(MOST_BUCKETS))
     ring = 1
-    while ring < int(steps.max() / bucket) + 3:
+    while ring < int(dearest / bucket) + 3:
         ring *= 2
-    heads = np.full(ring, -1, np.int32)
-    after, cells = np.empty(2 * count + 4, np.int32), np.empty(2 * count + 4, np.int32)
-    keys = np.empty(2 * count + 4, np.float32)
-    start = goal[0] * width + goal[1]
+    costs, heads = np.empty(count, np.float32), np.empty(ring, np.int32)
+    start, room = goal[0] * width + goal[1], 2 * count + 4
+    buckets_per_price = np.float32(1.0) / bucket
+    while not _spread(
+        edges.reshape(4, count), steps, width, start, buckets_per_price, heads, room, costs
+    ):
+        room *= 2  # many cells were looked at several times: rounding, wild prices
+    return costs.reshape(height, width)
+
+
+@compiled
+def _spread(
+    edges: Mask,
+    steps: Floats,
+    width: int,
+    start: int,
+    buckets_per_price: np.float32,
+    heads: npt.NDArray[np.int32],
+    room: int,
+    costs: Floats,
+) -> bool:
+    """Fill in the costs (h * w); False if there was no room for so many entries."""
+    costs[:], heads[:] = np.inf, -1
+    after, cells = np.empty(room, np.int32), np.empty(room, np.int32)
+    keys = np.empty(room, np.float32)
     costs[start] = keys[0] = 0.0
     heads[0], after[0], cells[0] = 0, -1, start
-    waiting, made, place = 1, 1, 0
-    open_edges = edges.reshape(4, count)
+    waiting, made, place, ring = 1, 1, 0, heads.shape[0]
     while waiting > 0:
         entry = heads[place]
         if entry < 0:
@@ -55,22 +101,47 @@ def way_prices(edges: Mask, price: Floats, reach: int, goal: tuple[int, int]) ->
         if keys[entry] > costs[cell]:
             continue
         cost = keys[entry] + steps[cell]
-        if made + 4 > keys.size:  # many cells were looked at several times: rounding, wild prices
-            keys, after, cells = _grown(keys), _grown(after), _grown(cells)
+        if made + 4 > room:
+            return False
         for direction in range(4):
             other = cell + ROW_STEPS[direction] * width + COL_STEPS[direction]
-            if open_edges[direction, cell] and cost < costs[other]:
+            if edges[direction, cell] and cost < costs[other]:
                 costs[other] = keys[made] = cost
-                target = int(cost / bucket) & (ring - 1)
+                target = int(cost * buckets_per_price) & (ring - 1)
                 cells[made], after[made], heads[target] = other, heads[target], made
                 waiting += 1
                 made += 1
-    return costs.reshape(height, width)
+    return True
 
 
 @compiled
-def _grown(array: _Array) -> _Array:
-    return np.concatenate((array, np.empty_like(array)))
+def _steps(price: Floats, reach: np.float32) -> tuple[Floats, np.float32, np.float32]:
+    """Return what a step into each cell costs, the least of them and the most."""
+    steps = np.empty_like(price)
+    cheapest, dearest = np.float32(np.inf), np.float32(0.0)
+    for i in range(price.shape[0]):
+        steps[i] = step = price[i] / reach
+        cheapest, dearest = min(cheapest, step), max(dearest, step)
+    return steps, cheapest, dearest
+
+
+@compiled
+def find_process(
+    edges: Mask,
+    costs: Floats,
+    price: Floats,
+    reach: int,
+    goal: tuple[int, int],
+    values: tuple[np.float32, np.float32],
+) -> tuple[Lengths, Floats, Floats]:
+    """Return how far moves go, what an epoch brings, and V_0; as `Problem` has them.
+
+    `values` are those of the goal, and of where there is no way to it.
+    """
+    lengths = find_moves(edges, costs, reach, goal)
+    gains = find_gains(lengths, costs, price, reach, goal)
+    at_goal, unreachable = values
+    return lengths, gains, np.maximum(at_goal - costs, unreachable)
 
 
 @compiled

@@ -16,6 +16,9 @@ from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.errors import ParameterError
 
 Cell = tuple[int, int]
+Window = tuple[Cell, Cell]
+"""Its first cell, and the one after its last row and column."""
+
 Floats = npt.NDArray[np.float32]
 
 UNREACHABLE: Final = np.float32(-1e6)
@@ -99,6 +102,22 @@ class TravelModel:
 
 
 @dataclass(frozen=True, eq=False)
+class Ways:
+    """The cheapest ways to a goal, on h x w cells, without turning and slipping.
+
+    `edges` bool (4, h, w) tells where one can step, not out of the window; `goal` is the cell in
+    that. `price` float32 (h, w) is what an epoch in each cell costs, `costs` float32 (h, w) what
+    the cheapest way to the goal does, inf without any.
+    """
+
+    edges: npt.NDArray[np.bool_]
+    price: Floats
+    costs: Floats
+    goal: Cell
+    model: TravelModel
+
+
+@dataclass(frozen=True, eq=False)
 class Problem:
     """A decision process with a goal, on h x w cells, as backward induction takes it.
 
@@ -134,6 +153,47 @@ class Solution:
         return last
 
 
+def ways_to(
+    edges: npt.NDArray[np.bool_],
+    nearness: Floats,
+    goal: Cell,
+    model: TravelModel,
+    window: Window | None = None,
+) -> Ways:
+    """Return the cheapest ways to a cell of a map, within a window of it.
+
+    `edges` bool (4, H, W) tells where one can step, both ways alike; `nearness` float32 (H, W) in
+    [0, 1] how near the walls are. A step into a cell costs the cell's price (of an epoch: time,
+    clearance) over the reach, so that a move that ends early costs as much less.
+    """
+    corner, end = window or ((0, 0), (nearness.shape[0], nearness.shape[1]))
+    goal = (int(goal[0]) - corner[0], int(goal[1]) - corner[1])
+    time, clearance = np.float32(model.time), np.float32(model.clearance)
+    edges, price = _travel_kernels.cut_out(edges, nearness, corner, end, time, clearance)
+    costs = _travel_kernels.way_prices(edges, price, model.reach, goal)
+    return Ways(edges, price, costs, goal, model)
+
+
+def problem_of(ways: Ways, penalty: Floats | None = None) -> Problem:
+    """Return the decision process of going to the goal of some ways.
+
+    Being at the goal is worth `model.goal`, and ends everything; the terminal value elsewhere is
+    that less the price of the cheapest way there, which no policy can beat: with it a short horizon
+    keeps nobody from setting out, and V falls (never rises) with the epochs left.
+
+    `penalty` float32 (h, w), not negative, adds to what an epoch in each cell costs: others who
+    stand there for good (the exact counterpart of the lookahead of `_route_kernels`). Moves are
+    as without it.
+    """
+    model, price = ways.model, ways.price
+    if penalty is not None:
+        price = price + penalty.astype(np.float32)
+    lengths, gains, terminal = _travel_kernels.find_process(
+        ways.edges, ways.costs, price, model.reach, ways.goal, (np.float32(model.goal), UNREACHABLE)
+    )
+    return Problem(lengths, gains, terminal, ways.costs, ways.goal, model)
+
+
 def travel_problem(
     edges: npt.NDArray[np.bool_],
     nearness: Floats,
@@ -141,28 +201,8 @@ def travel_problem(
     model: TravelModel,
     penalty: Floats | None = None,
 ) -> Problem:
-    """Return the decision process of going to a cell.
-
-    `edges` bool (4, h, w) tells where one can step, both ways alike; `nearness` float32 (h, w) in
-    [0, 1] how near the walls are. A step into a cell costs the cell's price (of an epoch: time,
-    clearance) over the reach, so that a move that ends early costs as much less. Being at
-    the goal is worth `model.goal`, and ends everything; the terminal value elsewhere is that less
-    the price of the cheapest way there, which no policy can beat: with it a short horizon
-    keeps nobody from setting out, and V falls (never rises) with the epochs left.
-
-    `penalty` float32 (h, w), not negative, adds to what an epoch in each cell costs: others who
-    stand there for good (the exact counterpart of the lookahead of `_route_kernels`). Moves are
-    as without it.
-    """
-    edges, goal = np.ascontiguousarray(edges), (int(goal[0]), int(goal[1]))
-    price = np.ascontiguousarray(model.time + model.clearance * nearness, np.float32)
-    costs = _travel_kernels.way_prices(edges, price, model.reach, goal)
-    lengths = _travel_kernels.find_moves(edges, costs, model.reach, goal)
-    if penalty is not None:
-        price = price + penalty.astype(np.float32)
-    gains = _travel_kernels.find_gains(lengths, costs, price, model.reach, goal)
-    terminal = np.where(np.isfinite(costs), np.float32(model.goal) - costs, UNREACHABLE)
-    return Problem(lengths, gains, terminal, costs, goal, model)
+    """Return the decision process of going to a cell, as `ways_to` and `problem_of` make it."""
+    return problem_of(ways_to(edges, nearness, goal, model), penalty)
 
 
 def solve(problem: Problem, horizon: int, kept_bytes: int = KEPT_BYTES) -> Solution:
@@ -176,31 +216,18 @@ def solve(problem: Problem, horizon: int, kept_bytes: int = KEPT_BYTES) -> Solut
     height, width = problem.terminal.shape
     model = problem.model
     keeps_all = 16 * (horizon + 1) * height * width <= kept_bytes
-    kept = horizon + 1 if keeps_all else 2
-    flat, planes = _planes(kept, height, width, model.reach)
-    planes[0] = problem.terminal
-    epochs = _mdp_kernels.induct(
-        flat,
+    in_place = model.reach * width <= _mdp_kernels.CHUNK
+    kept = horizon + 1 if keeps_all else (1 if in_place else 2)
+    planes, epochs = _mdp_kernels.solved(
         kept,
-        width,
-        problem.lengths.reshape(4, -1),
-        problem.gains.reshape(5, -1),
+        problem.terminal,
+        problem.lengths,
+        problem.gains,
         model.reach,
         (np.float32(1.0 - 2.0 * model.slip), np.float32(model.slip)),
         (np.float32(model.quarter_turn), np.float32(model.half_turn)),
         horizon,
     )
-    wanted = planes[: epochs + 1] if keeps_all else planes[epochs % kept][None].copy()
-    return Solution(wanted, epochs)
-
-
-def _planes(kept: int, height: int, width: int, reach: int) -> tuple[Floats, Floats]:
-    """Return the padded memory that `induct` works in, and a view (kept, 4, h, w) of its planes.
-
-    Beyond the reach of any move nothing is read; what is read there is not used. Zeros all
-    the same, as numbers that are none could slow it down.
-    """
-    padding, size = reach * width, kept * 4 * height * width
-    flat = np.empty(size + 2 * padding, np.float32)
-    flat[:padding] = flat[padding + size :] = 0.0
-    return flat, flat[padding : padding + size].reshape(kept, 4, height, width)
+    if keeps_all:
+        return Solution(planes[: epochs + 1], epochs)
+    return Solution(planes if kept == 1 else planes[epochs % kept][None].copy(), epochs)

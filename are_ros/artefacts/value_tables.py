@@ -10,21 +10,18 @@ import numpy.typing as npt
 
 from are_ros.artefacts._step_kernels import Worth
 from are_ros.artefacts.coarse_map import Cell, CoarseMap
-from are_ros.artefacts.mdp import Problem, TravelModel, solve, travel_problem
+from are_ros.artefacts.mdp import TravelModel, Ways, Window, problem_of, solve, ways_to
 
-KEPT_BYTES_PER_TABLE: Final = 2**20
-"""Planes of all epochs need so much at most; a crowd with a hundred goals has to fit the budget."""
+KEPT_BYTES_PER_TABLE: Final = 2**18
+"""Planes of all epochs are kept up to so much: getting more memory takes longer than the values."""
 
 SHARED_CELLS: Final = 128 * 128
 """Windows up to this large serve all trips to a goal; of larger ones a trip takes its part."""
 
-TRIP_MARGINS_M: Final = (4.0, 12.0)
+TRIP_MARGINS_M: Final = (2.0, 4.0, 12.0)
 """How much wider than start and goal the parts are: the first in which no way is missed."""
 
-_TRIP_STEP: Final = 4
-
-Window = tuple[slice, slice]
-Key = tuple[tuple[int, float, float, float], TravelModel, Cell, Cell, Cell]
+Key = tuple[tuple[int, float, float, float], TravelModel, Cell, Window]
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,17 +121,23 @@ class ValueTables:
         goal = coarse.cell_of(*goal_m)
         if goal is None:
             return None
-        window, table = self._window(coarse, goal), None
-        if start is not None and _cells_in(window) > SHARED_CELLS:
-            table = self._of_part(coarse, model, goal, window, start)
-        if table is None:
-            table = self._of(coarse, model, goal, window)
         if not coarse.holds(*goal_m):
             goal_m = coarse.anchor_of(goal)
+        window, table = self._window(coarse, goal), None
+        if start is not None and _cells_in(window) > SHARED_CELLS:
+            table = self._of_part(coarse, model, goal, window, start, goal_m)
+        if table is None:
+            table = self._of(*self._found(coarse, model, goal, window), goal_m)
         return table if table.goal_m == goal_m else replace(table, goal_m=goal_m)
 
     def _of_part(
-        self, coarse: CoarseMap, model: TravelModel, goal: Cell, whole: Window, start: Cell
+        self,
+        coarse: CoarseMap,
+        model: TravelModel,
+        goal: Cell,
+        whole: Window,
+        start: Cell,
+        goal_m: tuple[float, float],
     ) -> ValueTable | None:
         """Return the table of the smallest part that holds the best way; None if none surely does.
 
@@ -145,39 +148,42 @@ class ValueTables:
             window = _part(whole, goal, start, margin)
             if not _holds(window, start):
                 return None
-            known = self._tables.get(_key(coarse, model, goal, window))
-            found = known or _problem(coarse, model, goal, window)
-            cost = found.costs[start[0] - window[0].start, start[1] - window[1].start]
-            if cost <= _least_outside(model, goal, start, margin):
-                problem = found if isinstance(found, Problem) else None
-                return self._of(coarse, model, goal, window, problem)
+            key, found = self._found(coarse, model, goal, window)
+            (row, col), _ = window
+            if found.costs[start[0] - row, start[1] - col] <= _least_outside(
+                model, goal, start, margin
+            ):
+                return self._of(key, found, goal_m)
         return None
 
-    def _of(
-        self,
-        coarse: CoarseMap,
-        model: TravelModel,
-        goal: Cell,
-        window: Window,
-        problem: Problem | None = None,
-    ) -> ValueTable:
-        """Return the table of a window, whose problem may be known."""
-        key = _key(coarse, model, goal, window)
-        if key not in self._tables:
-            problem = problem or _problem(coarse, model, goal, window)
-            self._insert(key, self._made(coarse, problem, key[3], goal))
-        self._tables.move_to_end(key)
-        return self._tables[key]
+    def _found(
+        self, coarse: CoarseMap, model: TravelModel, goal: Cell, window: Window
+    ) -> tuple[Key, ValueTable | Ways]:
+        """Return the table of a window, or the ways that it is to be made of."""
+        key = (coarse.key, model, goal, window)
+        known = self._tables.get(key)
+        if known is not None:
+            return key, known
+        return key, ways_to(coarse.edges, coarse.nearness, goal, model, window)
+
+    def _of(self, key: Key, found: ValueTable | Ways, goal_m: tuple[float, float]) -> ValueTable:
+        """Return the table that was found, or make it of ways, with that point to end at."""
+        if isinstance(found, Ways):
+            _, _, goal, (corner, _) = key
+            found = self._made(found, corner, goal, goal_m)
+            self._insert(key, found)
+        else:
+            self._tables.move_to_end(key)
+        return found
 
     def _window(self, coarse: CoarseMap, goal: Cell) -> Window:
         reach = math.ceil(self._max_trip_m / coarse.cell_size_m)
-        rows, cols = (
-            slice(max(0, at - reach), min(size, at + reach + 1))
-            for at, size in zip(goal, coarse.shape, strict=True)
-        )
-        return rows, cols
+        return _part(((0, 0), coarse.shape), goal, goal, reach)
 
-    def _made(self, coarse: CoarseMap, problem: Problem, corner: Cell, goal: Cell) -> ValueTable:
+    def _made(
+        self, ways: Ways, corner: Cell, goal: Cell, goal_m: tuple[float, float]
+    ) -> ValueTable:
+        problem = problem_of(ways)
         solution = solve(problem, self._horizon, self._kept_bytes)
         return ValueTable(
             planes=solution.planes,
@@ -186,7 +192,7 @@ class ValueTables:
             costs=problem.costs,
             corner=corner,
             goal=goal,
-            goal_m=coarse.anchor_of(goal),
+            goal_m=goal_m,
             model=problem.model,
             weights=_weights(problem.model, corner, problem.goal),
         )
@@ -199,36 +205,23 @@ class ValueTables:
             self.nbytes -= oldest.nbytes
 
 
-def _key(coarse: CoarseMap, model: TravelModel, goal: Cell, window: Window) -> Key:
-    rows, cols = window
-    return coarse.key, model, goal, (rows.start, cols.start), (rows.stop, cols.stop)
-
-
-def _problem(coarse: CoarseMap, model: TravelModel, goal: Cell, window: Window) -> Problem:
-    inner = (goal[0] - window[0].start, goal[1] - window[1].start)
-    return travel_problem(windowed_edges(coarse, window), coarse.nearness[window], inner, model)
-
-
 def _cells_in(window: Window) -> int:
     """Return how many cells a window has."""
-    rows, cols = window
-    return int((rows.stop - rows.start) * (cols.stop - cols.start))
+    (row, col), (end_row, end_col) = window
+    return (end_row - row) * (end_col - col)
 
 
 def _holds(window: Window, cell: Cell) -> bool:
-    return all(part.start <= at < part.stop for part, at in zip(window, cell, strict=True))
+    (row, col), (end_row, end_col) = window
+    return row <= cell[0] < end_row and col <= cell[1] < end_col
 
 
 def _part(whole: Window, goal: Cell, start: Cell, margin: int) -> Window:
-    """Return the part of a window about a goal and a start, in steps of 4 cells: some share it."""
-    rows, cols = (
-        slice(
-            max(size.start, (min(ends) - margin) // _TRIP_STEP * _TRIP_STEP),
-            min(size.stop, -(-(max(ends) + margin + 1) // _TRIP_STEP) * _TRIP_STEP),
-        )
-        for size, *ends in zip(whole, goal, start, strict=True)
-    )
-    return rows, cols
+    """Return the part of a window about a goal and a start."""
+    (row, col), (end_row, end_col) = whole
+    rows, cols = (goal[0], start[0]), (goal[1], start[1])
+    corner = (max(row, min(rows) - margin), max(col, min(cols) - margin))
+    return corner, (min(end_row, max(rows) + margin + 1), min(end_col, max(cols) + margin + 1))
 
 
 def _least_outside(model: TravelModel, goal: Cell, start: Cell, margin: int) -> float:
@@ -244,10 +237,3 @@ def _weights(model: TravelModel, corner: Cell, goal: Cell) -> npt.NDArray[np.flo
     chances = (1.0 - 2.0 * model.slip, model.slip)
     turns = (model.quarter_turn, model.half_turn)
     return np.array([*chances, *turns, model.reach, *corner, *goal], np.float64)
-
-
-def windowed_edges(coarse: CoarseMap, window: Window) -> npt.NDArray[np.bool_]:
-    """Return the edges bool (4, h, w) of a window, closed where they would lead out of it."""
-    edges: npt.NDArray[np.bool_] = coarse.edges[:, window[0], window[1]].copy()
-    edges[0, :, -1] = edges[1, -1, :] = edges[2, :, 0] = edges[3, 0, :] = False
-    return edges

@@ -182,3 +182,33 @@ def _outcome(problem: Problem, row: int, col: int, direction: int) -> tuple[floa
 
 def _turn(model: TravelModel, heading: int, direction: int) -> float:
     return (0.0, model.quarter_turn, model.half_turn, model.quarter_turn)[(direction - heading) % 4]
+
+
+def plain_epochs(problem: Problem) -> Iterator[npt.NDArray[np.float32]]:
+    """Yield V_0, V_1, ... float32 (4, h, w), whole planes at a time, each from the last one."""
+    model, (height, width) = problem.model, problem.terminal.shape
+    straight, aside = np.float32(1.0 - 2.0 * model.slip), np.float32(model.slip)
+    turns = np.array([0.0, model.quarter_turn, model.half_turn, model.quarter_turn], np.float32)
+    rows, cols = np.indices((height, width))
+    ends = [
+        (rows + step[0] * length, cols + step[1] * length)
+        for step, length in zip(STEPS, problem.lengths.astype(np.int64), strict=True)
+    ]
+    values = np.tile(problem.terminal, (4, 1, 1))
+    while True:
+        yield values
+        brings = [values[d][ends[d]] + problem.gains[d] for d in range(4)]
+        moves = [
+            straight * brings[d] + aside * (brings[(d + 1) % 4] + brings[(d + 3) % 4])
+            for d in range(4)
+        ]
+        values = np.stack(
+            [
+                np.max(
+                    [values[h] + problem.gains[4]]
+                    + [moves[(h + turn) % 4] - turns[turn] for turn in range(4)],
+                    axis=0,
+                )
+                for h in range(4)
+            ]
+        )

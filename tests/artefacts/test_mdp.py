@@ -3,6 +3,7 @@
 import math
 import re
 from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,13 @@ from are_ros.artefacts.mdp import (
 )
 from are_ros.artefacts.shapes import Shape
 from are_ros.errors import ParameterError
-from tests.artefacts.slow_travel import STEPS, SlowTravel, quantecon_arguments, random_edges
+from tests.artefacts.slow_travel import (
+    STEPS,
+    SlowTravel,
+    plain_epochs,
+    quantecon_arguments,
+    random_edges,
+)
 
 Arguments = tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32], tuple[int, int], TravelModel]
 
@@ -227,6 +234,24 @@ def test_any_shape_will_do(shape: tuple[int, int]) -> None:
     values = SlowTravel(open_floor(*shape), nearness, (0, 0), model).values(2)[-1]
     ours = solve(problem, 2).plane(2)
     np.testing.assert_allclose(ours, as_array(values, shape), rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("shape", [(9, 8), (40, 70), (5, 300), (1, 2000), (700, 2)])
+@pytest.mark.parametrize("reach", [1, 2, 3, 4, 7])
+@pytest.mark.parametrize("slip", [0.0, 0.1])
+def test_whatever_is_kept_it_is_plain_induction_to_the_last_bit(
+    shape: tuple[int, int], reach: int, slip: float
+) -> None:
+    """All planes; one, in which epochs take each other's place; two, where moves go too far."""
+    edges, nearness, goal, model = some_arguments(reach + sum(shape), shape)
+    model = replace(model, reach=reach, slip=slip)
+    problem = travel_problem(edges, nearness, goal, model)
+    expected = list(islice(plain_epochs(problem), 10))
+    everything, last = solve(problem, 9, kept_bytes=2**30), solve(problem, 9, kept_bytes=0)
+    for epochs, values in enumerate(expected):
+        assert (everything.plane(epochs) == values).all()
+    assert last.planes.shape == (1, 4, *shape)
+    assert (last.planes[0] == expected[-1]).all()
 
 
 def test_a_solution_answers_for_more_epochs_than_it_has() -> None:

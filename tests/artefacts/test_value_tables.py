@@ -7,8 +7,8 @@ import pytest
 
 from are_ros.artefacts import value_tables
 from are_ros.artefacts.coarse_map import CoarseMap, nearness_to_walls
-from are_ros.artefacts.mdp import TravelModel, solve, travel_problem
-from are_ros.artefacts.value_tables import ValueTables, windowed_edges
+from are_ros.artefacts.mdp import TravelModel, solve, travel_problem, ways_to
+from are_ros.artefacts.value_tables import ValueTables
 from tests.artefacts.floors import terrain_of, two_rooms
 
 WALKER = TravelModel(reach=3)
@@ -149,9 +149,14 @@ def test_a_window_on_a_large_map_equals_the_whole_inside() -> None:
 
 
 def test_a_window_has_no_edges_that_lead_out() -> None:
-    """Edges inside are those of the map; those across its border are closed."""
+    """Edges and prices inside are those of the map; edges across its border are closed."""
     coarse = two_room_map()
-    edges = windowed_edges(coarse, (slice(2, 5), slice(1, 4)))
+    ways = ways_to(coarse.edges, coarse.nearness, (3, 3), WALKER, window=((2, 1), (5, 4)))
+    edges = ways.edges
+    whole = ways_to(coarse.edges, coarse.nearness, (3, 3), WALKER)
+    assert ways.goal == (1, 2)
+    assert (whole.edges == coarse.edges).all()
+    assert (ways.price == whole.price[2:5, 1:4]).all()
     assert (edges[0, :, :-1] == coarse.edges[0, 2:5, 1:3]).all()
     assert (edges[1, :-1] == coarse.edges[1, 2:4, 1:4]).all()
     assert not edges[0, :, -1].any()
@@ -179,7 +184,8 @@ def test_on_a_large_map_a_trip_has_a_table_of_its_part(monkeypatch: pytest.Monke
     part, whole = (tables.value(coarse, WALKER, POINT_M, start=one) for one in (start, beyond))
     assert part is not None
     assert whole is not None
-    assert part.costs.shape == (8, 8)
+    assert part.costs.shape == (7, 7)
+    assert part.corner == (1, 1)
     assert whole.costs.shape == coarse.shape
     assert part.cost(start) == pytest.approx(whole.cost(start))
     assert whole.reaches(beyond)
