@@ -39,6 +39,13 @@ def _in_cells(lattice: npt.NDArray[np.float64], x_m: float, y_m: float) -> tuple
 
 
 @compiled
+def fine_cell(lattice: npt.NDArray[np.float64], point_m: tuple[float, float]) -> tuple[int, int]:
+    """Return row and column of the fine cell that a point of the map frame is in."""
+    row, col = _in_cells(lattice, point_m[0], point_m[1])
+    return int(np.floor(row)), int(np.floor(col))
+
+
+@compiled
 def cell_of(ground: Ground, x_m: float, y_m: float) -> tuple[int, int]:
     """Return the coarse cell that stands for a point, (-1, -1) if there is none."""
     is_main = ground.is_main

@@ -7,9 +7,10 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.artefacts._ground_kernels import Ground, cell_of, heading_of
+from are_ros.artefacts._local_way import way_round
 from are_ros.artefacts._route_kernels import greedy_way, look_ahead
 from are_ros.artefacts.neighbourhood import Cells, near
-from are_ros.artefacts.terrain import farthest
+from are_ros.artefacts.terrain import farthest, rolls
 
 Floats = npt.NDArray[np.float64]
 
@@ -20,8 +21,7 @@ MINDED_M: Final = 3.0
 """Who is farther away than this is not minded."""
 
 THERE_M: Final = 0.15
-"""Who is so near to the first point of its way goes on to the next, though no disc rolls straight
-there: a way round a corner leads there, and who waited to see it would stand for ever."""
+"""Who is so near to the first point of its way goes on to the next, round a corner if need be."""
 
 NO_WAY, WAITS, GOES = range(3)
 
@@ -127,10 +127,21 @@ def route_step(
     if action == 0:
         return WAITS, count, 0.0, 0.0, False
     aim = farthest(floor.clearance_m, floor.lattice, (me[0], me[1]), way_m[:count], me[3])
-    if aim == 0 and count > 1 and np.hypot(way_m[0, 0] - me[0], way_m[0, 1] - me[1]) < THERE_M:
-        aim = 1
+    if aim == 0 and not _is_seen(floor, me, way_m[:count]):
+        x_m, y_m, _ = way_round(floor, (me[0], me[1]), way_m[:count], me[3])
+        return GOES, count, x_m, y_m, x_m == goal_m[0] and y_m == goal_m[1]
     is_end = way_m[aim, 0] == goal_m[0] and way_m[aim, 1] == goal_m[1]
     return GOES, count, way_m[aim, 0], way_m[aim, 1], is_end
+
+
+@compiled
+def _is_seen(ground: Ground, me: tuple[float, float, float, float], way_m: Floats) -> bool:
+    """Tell whether the first point of a way is rolled to straight, and still to be gone to."""
+    is_there = np.hypot(way_m[0, 0] - me[0], way_m[0, 1] - me[1]) < THERE_M
+    if is_there and way_m.shape[0] > 1:
+        return False
+    point_m = (way_m[0, 0], way_m[0, 1])
+    return rolls(ground.clearance_m, ground.lattice, (me[0], me[1]), point_m, me[3])
 
 
 @compiled

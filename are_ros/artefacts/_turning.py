@@ -46,10 +46,9 @@ class Turning:
         reaches, from cell to cell, a part of the region that is not much smaller than the largest.
         """
         terrain = self._terrain
-        free = discs_are_free(terrain.clearance_m, terrain.lattice, points_m, self.radius_m)
-        rows, cols = terrain.grid.points_to_cells(points_m[free, :2]).T
-        free[free] = self._roomy[rows, cols]
-        return free
+        return discs_are_free(
+            terrain.clearance_m, self._roomy, terrain.lattice, points_m, self.radius_m
+        )
 
     @cached_property
     def _roomy(self) -> _Mask:
@@ -80,13 +79,22 @@ def turning_of(
 @compiled
 def discs_are_free(
     field: npt.NDArray[np.float32],
+    roomy: _Mask,
     lattice: npt.NDArray[np.float64],
     points_m: npt.NDArray[np.float64],
     radius_m: float,
-) -> npt.NDArray[np.bool_]:
-    """Tell for each point (N, >= 2) whether the disc about it covers open cells only: bool (N,)."""
+) -> _Mask:
+    """Tell for each point (N, >= 2) whether the disc about it covers open cells only: bool (N,).
+
+    And whether the cell (H, W) that it is in is a roomy one.
+    """
     free = np.empty(len(points_m), np.bool_)
     for k in range(len(points_m)):
         point_m = (points_m[k, 0], points_m[k, 1])
         free[k] = rolls(field, lattice, point_m, point_m, radius_m)
+        if free[k]:  # so it is on the grid
+            dx_m, dy_m = point_m[0] - lattice[0], point_m[1] - lattice[1]
+            row = int((dy_m * lattice[2] - dx_m * lattice[3]) / lattice[5])
+            col = int((dx_m * lattice[2] + dy_m * lattice[3]) / lattice[4])
+            free[k] = roomy[row, col]
     return free

@@ -127,9 +127,13 @@ class CoarseMap:
         cell = _ground_kernels.cell_of(self.ground, x_m, y_m)
         return None if cell[0] < 0 else cell
 
-    def holds(self, x_m: float, y_m: float) -> bool:
-        """Tell whether the disc fits at a point, in a fine cell of its cell's component."""
-        return bool(_ground_kernels.holds(self.ground, x_m, y_m, self.radius_m))
+    def holds(self, x_m: float, y_m: float, radius_m: float | None = None) -> bool:
+        """Tell whether the disc, or one of another radius, fits at a point.
+
+        It does in a fine cell of its cell's component only.
+        """
+        radius_m = self.radius_m if radius_m is None else radius_m
+        return bool(_ground_kernels.holds(self.ground, x_m, y_m, radius_m))
 
     def anchor_of(self, cell: Cell) -> tuple[float, float]:
         """Return the anchor of an open cell in the map frame."""

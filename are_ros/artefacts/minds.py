@@ -7,6 +7,7 @@ their ids; each draws from a stream of its own.
 
 import math
 from bisect import insort
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,11 +17,13 @@ from are_ros.artefacts.behaviours.intent import Behaviour, Intent, Point
 from are_ros.artefacts.behaviours.leaving import Leaving
 from are_ros.artefacts.behaviours.registry import make_behaviour
 from are_ros.artefacts.behaviours.situation import Fellow, RobotView, Situation
+from are_ros.artefacts.doers import Doers
 from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.motion.hindrance import Hindrance
 from are_ros.artefacts.motion.traffic import Traffic
-from are_ros.artefacts.navigation import Leg, Navigation
+from are_ros.artefacts.navigation import Leg, Navigation, Wish
 from are_ros.artefacts.onlookers import Onlookers
+from are_ros.artefacts.places import Places
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.artefacts.traveller import Traveller
 from are_ros.conventions import NS_PER_S, seconds_to_ns
@@ -30,6 +33,8 @@ _PATIENCE = 2
 on: who waited again at once would never count as blocked, and never choose another way."""
 
 _GETS_ON_MPS = 0.1
+
+_WALL = "a wall"
 
 _SPOT_M, _SHUNTS_S, _LINGERS_S = 0.3, 3.0, 8.0
 """Who wants to go, and has stayed within a spot for so long, manoeuvres, and then is blocked,
@@ -46,11 +51,15 @@ class Mind:
     random: np.random.Generator
     phase: int
     intent: Intent | None = None
-    leg: Leg | None = None
+    is_going: bool = False
+    arrived: bool = False
+    no_way: bool = False
     waits: int = 0
     spot_m: Point | None = None
     spot_since_ns: int = 0
     lingered_s: float = 0.0
+    known_places: Places | None = None
+    places: Places | None = None
 
     @property
     def is_out(self) -> bool:
@@ -59,11 +68,26 @@ class Mind:
 
     def look_about(self, me: Fellow, now_ns: int) -> None:
         """See for how long it has wanted to go and stayed within a spot."""
-        is_going = self.leg is not None and self.leg.order.subgoal_m is not None
-        spot_m = self.spot_m
+        is_going, spot_m = self.is_going, self.spot_m
         if not is_going or spot_m is None or math.dist(spot_m, me.point_m) > _SPOT_M:
             self.spot_m, self.spot_since_ns = me.point_m if is_going else None, now_ns
         self.lingered_s = (now_ns - self.spot_since_ns) / NS_PER_S
+
+    def settle(self, intent: Intent, leg: Leg, situation: Situation) -> None:
+        """Keep what it has decided to do, and say what it does now."""
+        self.intent, self.is_going = intent, leg.order.subgoal_m is not None
+        self.arrived, self.no_way = leg.arrived, leg.no_way
+        if leg.waits:
+            self.waits += 1
+        elif self.waits and situation.me.speed_mps > _GETS_ON_MPS:
+            self.waits = 0
+        activity = _activity(intent, leg, situation, self.lingered_s)
+        self.artefact.activity = "" if activity == self.artefact.behaviour else activity
+
+    def begin_anew(self, behaviour: Behaviour) -> None:
+        """Do something else from the next decision on."""
+        self.artefact.behaviour, self.behaviour = behaviour.name, behaviour
+        self.intent, self.is_going, self.arrived, self.no_way = None, False, False, False
 
 
 class Minds:
@@ -76,7 +100,8 @@ class Minds:
         self._period = max(1, round(period_s / step_s))
         self._navigation = navigation
         self._minds: dict[int, Mind] = {}
-        self._due: list[list[int]] = [[] for _ in range(self._period)]
+        self._due: list[list[Mind]] = [[] for _ in range(self._period)]
+        self.doers = Doers()
 
     def reseed(self, seed: int) -> None:
         """Let those who arrive later draw from another seed."""
@@ -84,27 +109,29 @@ class Minds:
 
     def admit(self, artefact: Artefact, body: Body) -> None:
         """Give an artefact that has just arrived a mind, where it can move."""
+        self.doers.set(artefact.id, artefact.behaviour)
         if body.speed_mps <= 0.0:
             return
         phase = -(-artefact.arrival_ns // self._step_ns) % self._period
         behaviour = make_behaviour(artefact.behaviour, artefact.options)
         random = generator(self._seed, Purpose.GOAL, artefact.id)
         traveller = Traveller.of(artefact.row, body)
-        self._minds[artefact.id] = Mind(artefact, traveller, behaviour, random, phase)
-        insort(self._due[phase], artefact.id)
+        mind = Mind(artefact, traveller, behaviour, random, phase)
+        self._minds[artefact.id] = mind
+        insort(self._due[phase], mind, key=_id_of)
 
     def dismiss(self, artefact_id: int) -> None:
         """Forget an artefact, known or not."""
+        self.doers.remove(artefact_id)
         self._navigation.forget(artefact_id)
         mind = self._minds.pop(artefact_id, None)
         if mind is not None:
-            self._due[mind.phase].remove(artefact_id)
+            self._due[mind.phase].remove(mind)
 
     def send_out(self, artefact_id: int) -> None:
         """Let an artefact walk to an exit from its next decision on; its life is over."""
-        mind = self._minds[artefact_id]
-        mind.artefact.behaviour = Leaving.name
-        mind.behaviour, mind.intent, mind.leg = Leaving(), None, None
+        self._minds[artefact_id].begin_anew(Leaving())
+        self.doers.set(artefact_id, Leaving.name)
 
     def has(self, artefact_id: int) -> bool:
         """Say whether an artefact has a mind: whether it can move."""
@@ -119,96 +146,115 @@ class Minds:
         robot: RobotView | None,
     ) -> list[int]:
         """Let all decide who are due in sub-step `index`; return who has left by an exit."""
-        out, decided = [], []
-        for artefact_id in self._due[index % self._period]:
-            mind = self._minds[artefact_id]
-            me = view.fellow(artefact_id)
-            if me is None:
-                continue
-            if mind.is_out:
-                out.append(artefact_id)
-                continue
-            decided.append((mind, self._decide(mind, me, now_ns, view, traffic, robot)))
-        for mind, activity in decided:  # not before: the others' view is that of the step before
-            mind.artefact.activity = activity
+        minds = self._due_in(index, view)
+        out = [mind.artefact.id for mind in minds if mind.is_out]
+        deciding = [mind for mind in minds if not mind.is_out]
+        ids = [mind.artefact.id for mind in deciding]
+        situations = self._situations(deciding, ids, now_ns, view, traffic, robot)
+        intents = [
+            mind.behaviour.decide(situation)
+            for mind, situation in zip(deciding, situations, strict=True)
+        ]
+        legs = self._legs(deciding, situations, intents, view, robot)
+        traffic.give_orders(ids, [leg.order for leg in legs])
+        for k, mind in enumerate(deciding):  # not before: others see what the step before has left
+            mind.settle(intents[k], legs[k], situations[k])
         return out
 
     def sees(self, me: Fellow, x_m: float, y_m: float) -> bool:
         """Say whether an artefact could go straight to a point, were nobody in its way."""
         return self._navigation.sees(self._minds[me.id].traveller, me.point_m, (x_m, y_m))
 
-    def _decide(
-        self,
-        mind: Mind,
-        me: Fellow,
-        now_ns: int,
-        view: Onlookers,
-        traffic: Traffic,
-        robot: RobotView | None,
-    ) -> str:
-        """Let one decide, give its order, and return what it does now."""
-        situation = self._situation(mind, me, now_ns, view, traffic, robot)
-        intent = mind.behaviour.decide(situation)
-        is_patient = mind.waits < _PATIENCE
-        mind.leg = self._navigation.leg(
-            mind.traveller, me, intent, situation.left_s, view, robot, is_patient=is_patient
-        )
-        if mind.leg.waits:
-            mind.waits += 1
-        elif me.speed_mps > _GETS_ON_MPS:
-            mind.waits = 0
-        mind.intent = intent
-        traffic.order(me.id, mind.leg.order)
-        return _activity(mind, situation)
+    def _due_in(self, index: int, view: Onlookers) -> list[Mind]:
+        """Return who is due in a sub-step, and there, in the order of their ids."""
+        due = self._due[index % self._period]
+        is_there = view.has([mind.artefact.id for mind in due])
+        return [mind for mind, is_here in zip(due, is_there, strict=True) if is_here]
 
-    def _situation(
+    def _situations(
         self,
-        mind: Mind,
-        me: Fellow,
+        minds: Sequence[Mind],
+        ids: Sequence[int],
         now_ns: int,
         view: Onlookers,
         traffic: Traffic,
         robot: RobotView | None,
-    ) -> Situation:
-        what, who, since_s = traffic.hindrance(me.id)
-        is_kept, leg = what is not Hindrance.NONE, mind.leg
-        mind.look_about(me, now_ns)
-        blocked_s = since_s if is_kept else 0.0
-        if mind.lingered_s > _LINGERS_S:
-            blocked_s = max(blocked_s, mind.lingered_s)
-        departure_ns = mind.artefact.departure_ns
-        return Situation(
-            now_ns,
-            me,
-            mind.artefact.row,
-            self._navigation.places,
-            mind.random,
-            view,
-            robot,
-            None if departure_ns is None else (departure_ns - now_ns) / NS_PER_S,
-            mind.intent,
-            leg is not None and leg.arrived,
-            blocked_s,
-            _name_of(what, who) if is_kept else "",
-            leg is not None and leg.no_way,
-        )
+    ) -> list[Situation]:
+        """Return what each knows when it decides."""
+        fellows = view.fellows([mind.artefact for mind in minds])
+        hindrances = traffic.hindrances(ids)
+        situations = []
+        for mind, me, (what, who, since_s) in zip(minds, fellows, hindrances, strict=True):
+            mind.look_about(me, now_ns)
+            artefact, is_kept = mind.artefact, what is not Hindrance.NONE
+            blocked_s = since_s if is_kept else 0.0
+            if mind.lingered_s > _LINGERS_S:
+                blocked_s = max(blocked_s, mind.lingered_s)
+            departure_ns = artefact.departure_ns
+            situations.append(
+                Situation(
+                    now_ns,
+                    me,
+                    artefact.row,
+                    self._places_of(mind, me),
+                    mind.random,
+                    view,
+                    robot,
+                    None if departure_ns is None else (departure_ns - now_ns) / NS_PER_S,
+                    mind.intent,
+                    mind.arrived,
+                    blocked_s,
+                    _name_of(what, who) if is_kept else "",
+                    mind.no_way,
+                )
+            )
+        return situations
+
+    def _places_of(self, mind: Mind, me: Fellow) -> Places:
+        """Return the places that one can get to, looked for anew where it has found no way."""
+        known = self._navigation.places
+        if mind.places is None or mind.known_places is not known or mind.no_way:
+            mind.places = self._navigation.places_from(mind.traveller, me.point_m)
+            mind.known_places = known
+        return mind.places
+
+    def _legs(
+        self,
+        minds: Sequence[Mind],
+        situations: Sequence[Situation],
+        intents: Sequence[Intent],
+        view: Onlookers,
+        robot: RobotView | None,
+    ) -> list[Leg]:
+        """Return what each is to do for its intent until its next decision."""
+        wishes = [
+            Wish(mind.traveller, situation.me, intent, situation.left_s, mind.waits < _PATIENCE)
+            for mind, situation, intent in zip(minds, situations, intents, strict=True)
+        ]
+        return self._navigation.legs(wishes, view, robot)
 
 
 def _name_of(what: Hindrance, who: int) -> str:
     """Return what is in the way, in words."""
-    return f"artefact {who}" if what is Hindrance.ARTEFACT else what.name.lower()
+    if what is Hindrance.ARTEFACT:
+        return f"artefact {who}"
+    return "the robot" if what is Hindrance.ROBOT else _WALL
 
 
-def _activity(mind: Mind, situation: Situation) -> str:
-    """Return what the artefact does just now; what it waits for, where it cannot go on."""
-    if mind.leg is not None and mind.leg.no_way:
+def _activity(intent: Intent, leg: Leg, situation: Situation, lingered_s: float) -> str:
+    """Return what somebody does just now; what it waits for, where it cannot go on."""
+    if leg.no_way:
         return "no way"
-    wants_to_go = mind.intent is not None and mind.intent.goal_m is not None
+    wants_to_go = intent.goal_m is not None
     if wants_to_go and situation.blocked_s >= 1.0 and situation.blocked_by:
-        return f"waiting for {situation.blocked_by}"
-    if mind.leg is not None and mind.leg.waits:
+        verb = "blocked by" if situation.blocked_by == _WALL else "waiting for"
+        return f"{verb} {situation.blocked_by}"
+    if leg.waits:
         return "giving way"
-    if wants_to_go and mind.lingered_s > _SHUNTS_S:
+    if wants_to_go and lingered_s > _SHUNTS_S:
         return "manoeuvring"
-    activity = mind.intent.activity if mind.intent else ""
-    return "" if activity == mind.artefact.behaviour else activity
+    return intent.activity
+
+
+def _id_of(mind: Mind) -> int:
+    return mind.artefact.id

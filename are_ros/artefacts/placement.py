@@ -28,6 +28,8 @@ from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.region import SpawnRegion
 
 _BATCHES: Final = (32, 256, 1024, 4096)
+_FEW: Final = 4
+"""So many of a batch are looked at first: mostly one of them is feasible."""
 _CHUNK_CELLS: Final = 1 << 14
 _KEPT_POSES: Final = LATTICE_CELLS * HEADINGS
 
@@ -67,6 +69,7 @@ class Placer:
         self._poses = PoseLattice(environment.grid)
         self._static: dict[tuple[float, ...], _Poses] = {}
         self._turnings: dict[tuple[float, ...], Turning] = {}
+        self._roomy: dict[float, CandidateCells] = {}
 
     def place(
         self,
@@ -101,17 +104,25 @@ class Placer:
         self, sought: Sought, cells: CandidateCells, generator: np.random.Generator
     ) -> GroundPose | None:
         """Draw some thousands of poses, then search the lattice."""
-        cells = cells.with_room(sought.radius_m / self._grid.resolution_m)
+        cells = self._with_room(cells, sought.radius_m)
         if not cells.flat.size:
             return None
         for size in _BATCHES:
             poses = self._drawn(cells, generator.random((size, 4)))
-            if sought.turning is not None:
-                poses = poses[sought.turning.is_free_at(poses)]
-            found = self._first_feasible(sought, poses)
-            if found is not None:
-                return found
+            for piece in (poses[:_FEW], poses[_FEW:]):
+                found = self._first_feasible(sought, piece)
+                if found is not None:
+                    return found
         return self._searched(sought, cells, generator)
+
+    def _with_room(self, cells: CandidateCells, radius_m: float) -> CandidateCells:
+        """Return the cells that may have room for a disc; of all cells, once for each radius."""
+        known = self._roomy.get(radius_m) if cells is self._cells else None
+        if known is None:
+            known = cells.with_room(radius_m / self._grid.resolution_m)
+            if cells is self._cells:
+                self._roomy[radius_m] = known
+        return known
 
     def _drawn(self, cells: CandidateCells, uniforms: _Floats) -> _Floats:
         """Return poses (N, 4), x, y, 0, yaw in the map frame, from uniform numbers (N, 4)."""
@@ -123,6 +134,8 @@ class Placer:
 
         What moves is asked about few at once: mostly the first that the map allows is free.
         """
+        if sought.turning is not None:
+            poses = poses[sought.turning.is_free_at(poses)]
         boxes, heights_m = self._standing(sought.row, poses)
         allowed = self._allowed_by_map(sought, boxes, poses)
         start, size = 0, 1

@@ -17,6 +17,9 @@ from are_ros.world.voxel_map import VoxelMap
 HEIGHT_STEP_M: Final = 0.25
 _HALF_CELL: Final = 0.5
 _TWO_HALF_DIAGONALS: Final = 1.42
+_SURELY_MET: Final = 0.25
+"""A point is at most this much farther, in cells, from a closed cell than the centre of its own
+cell from that one's: half a diagonal, less half a side."""
 
 
 class Terrain:
@@ -202,12 +205,25 @@ def rolls(
         y = (dy * lattice[2] - dx * lattice[3]) / unit
         if not (0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]):
             return False
-        room = field[int(y), int(x)] - _TWO_HALF_DIAGONALS * unit - radius
+        here = field[int(y), int(x)]
+        if here + _SURELY_MET * unit < radius:
+            return False
+        room = here - _TWO_HALF_DIAGONALS * unit - radius
         if room < 0.0 and not disc_is_free(field, x, y, radius / unit - TOUCH_TOLERANCE_M):
             return False
         if along >= length:
             return True
         along = min(along + max(0.5 * unit, room), length)
+
+
+@compiled
+def cell_centre(lattice: npt.NDArray[np.float64], row: int, col: int) -> tuple[float, float]:
+    """Return the centre of a cell in the map frame."""
+    x, y, unit = col + 0.5, row + 0.5, lattice[4]
+    return (
+        lattice[0] + (x * lattice[2] - y * lattice[3]) * unit,
+        lattice[1] + (x * lattice[3] + y * lattice[2]) * unit,
+    )
 
 
 @compiled

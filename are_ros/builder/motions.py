@@ -11,14 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.artefact import Artefact, GroundPose
-from are_ros.artefacts.behaviours.situation import RobotView
 from are_ros.artefacts.exits import exits_of
 from are_ros.artefacts.minds import Minds
 from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.motion.robot import RobotMotion
 from are_ros.artefacts.motion.traffic import Traffic
 from are_ros.artefacts.navigation import Navigation
-from are_ros.artefacts.onlookers import Onlookers
 from are_ros.artefacts.places import places_in
 from are_ros.artefacts.population_events import Cause
 from are_ros.artefacts.pose_tape import PoseTape
@@ -27,6 +25,7 @@ from are_ros.artefacts.track_player import TrackPlayer
 from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
 from are_ros.builder.contact_log import ContactLog
 from are_ros.builder.crowd import Crowd
+from are_ros.builder.deciding import robot_view, view_of
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.life_keeper import LifeKeeper
 from are_ros.builder.motion_counts import MotionCounts
@@ -199,12 +198,9 @@ class Motions:
         plan_m: npt.NDArray[np.float64],
     ) -> list[int]:
         """Let those decide whose turn it is; return who has left by an exit."""
-        crowd, traffic = self.crowd, self.traffic
-        view = Onlookers(
-            living, crowd.ids, crowd.poses, traffic.speeds, crowd.radii_m, self.minds.sees
-        )
-        seen = _as_seen(robot, plan_m) if robot else None
-        return self.minds.decide(index, step_ns, view, traffic, seen)
+        view = view_of(living, self.crowd, self.traffic, self.minds, self.player)
+        seen = robot_view(robot, plan_m) if robot else None
+        return self.minds.decide(index, step_ns, view, self.traffic, seen)
 
     def _correct(
         self,
@@ -251,16 +247,3 @@ class Motions:
             ArtefactEvent(step_ns, EventKind.DISPLACED, artefact.id, label, "moved", distance_m)
         )
         return pose
-
-
-def _as_seen(robot: RobotMotion, plan_m: npt.NDArray[np.float64]) -> RobotView:
-    """Return the robot as the behaviours see it."""
-    return RobotView(
-        robot.x_m,
-        robot.y_m,
-        robot.yaw_rad,
-        robot.vx_mps,
-        robot.vy_mps,
-        robot.footprint.circumscribed_radius_m,
-        plan_m,
-    )

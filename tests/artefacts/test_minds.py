@@ -1,6 +1,6 @@
 """Minds: when each decides, with which random numbers, and what is said of it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,13 +9,13 @@ import pytest
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.behaviours.intent import Intent
-from are_ros.artefacts.behaviours.situation import Fellow, Situation
+from are_ros.artefacts.behaviours.situation import Situation
 from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits
 from are_ros.artefacts.minds import Minds
 from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.motion.hindrance import Hindrance
 from are_ros.artefacts.motion.order import Order
-from are_ros.artefacts.navigation import Leg, Navigation
+from are_ros.artefacts.navigation import Leg, Navigation, Wish
 from are_ros.artefacts.onlookers import Onlookers
 from are_ros.artefacts.places import Places
 from are_ros.artefacts.randomness import Purpose, generator
@@ -40,12 +40,17 @@ class Ways(Navigation):
         self.is_shut = self.is_crowded = False
         self.patience: list[bool] = []
 
-    def leg(self, traveller: Any, me: Fellow, intent: Any, *_: Any, is_patient: bool = True) -> Leg:
-        """Return an order to go straight on."""
-        del traveller, me
-        self.patience.append(is_patient)
-        order = Order(intent.goal_m, intent.speed_mps)
-        return Leg(order, no_way=self.is_shut, waits=self.is_crowded and is_patient)
+    def legs(self, wishes: Sequence[Wish], *_: Any) -> list[Leg]:
+        """Return orders to go straight on."""
+        self.patience += [wish.is_patient for wish in wishes]
+        return [
+            Leg(
+                Order(wish.intent.goal_m, wish.intent.speed_mps),
+                no_way=self.is_shut,
+                waits=self.is_crowded and wish.is_patient,
+            )
+            for wish in wishes
+        ]
 
     def sees(self, *_: Any) -> bool:
         """See everything."""
@@ -59,13 +64,13 @@ class Road:
         self.orders: dict[int, Order] = {}
         self.way = (Hindrance.NONE, -1, 0.0)
 
-    def order(self, artefact_id: int, order: Order) -> None:
-        """Keep the order."""
-        self.orders[artefact_id] = order
+    def give_orders(self, artefact_ids: Sequence[int], orders: Sequence[Order]) -> None:
+        """Keep the orders."""
+        self.orders |= dict(zip(artefact_ids, orders, strict=True))
 
-    def hindrance(self, _: int) -> tuple[Hindrance, int, float]:
+    def hindrances(self, artefact_ids: Sequence[int]) -> list[tuple[Hindrance, int, float]]:
         """Say what is in the way."""
-        return self.way
+        return [self.way for _ in artefact_ids]
 
 
 class Town:
@@ -229,8 +234,8 @@ def test_an_activity_that_says_no_more_than_the_behaviour_is_empty() -> None:
     ("way", "words"),
     [
         ((Hindrance.ARTEFACT, 7, 3.0), "waiting for artefact 7"),
-        ((Hindrance.ROBOT, -1, 1.0), "waiting for robot"),
-        ((Hindrance.WALL, -1, 30.0), "waiting for wall"),
+        ((Hindrance.ROBOT, -1, 1.0), "waiting for the robot"),
+        ((Hindrance.WALL, -1, 30.0), "blocked by a wall"),
         ((Hindrance.ARTEFACT, 7, 0.9), ""),
         ((Hindrance.NONE, -1, 5.0), ""),
     ],

@@ -11,7 +11,7 @@ from are_ros.artefacts.behaviours.intent import Intent, Point, stand
 from are_ros.artefacts.behaviours.situation import Fellow, RobotView
 from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits, RewardWeights
 from are_ros.artefacts.motion.body import Body
-from are_ros.artefacts.navigation import Leg, Navigation
+from are_ros.artefacts.navigation import Leg, Navigation, Wish
 from are_ros.artefacts.onlookers import Onlookers
 from are_ros.artefacts.places import Places
 from are_ros.artefacts.shapes import Shape
@@ -82,9 +82,8 @@ def leg(
     view = view_of(*(poses or ((2.0, 5.0, 0.0),)))
     intent = Intent(goal_m, 1.2, is_moving_goal=is_moving_goal)
     found = ways or navigation()
-    return found.leg(
-        traveller(row), me_in(view), intent, left_s, view, robot, is_patient=is_patient
-    )
+    wish = Wish(traveller(row), me_in(view), intent, left_s, is_patient)
+    return found.legs([wish], view, robot)[0]
 
 
 # --- without values
@@ -94,7 +93,7 @@ def test_without_a_goal_one_stands_and_looks() -> None:
     """The order is to stand, facing the point; the robot's distance is the intent's own."""
     view = view_of((2.0, 5.0, 0.0))
     intent = replace(stand("pausing", (2.0, 9.0)), robot_comfort_m=2.5)
-    found = navigation().leg(traveller(), me_in(view), intent, None, view, None)
+    (found,) = navigation().legs([Wish(traveller(), me_in(view), intent)], view, None)
     assert found.order.subgoal_m is None
     assert found.order.face_rad == pytest.approx(math.pi / 2)
     assert found.order.robot_comfort_m == 2.5
@@ -229,6 +228,60 @@ def test_the_robot_in_the_door_is_waited_for() -> None:
     goes = RobotView(5.1, 5.0, 0.0, 0.0, 4.0, 0.3, plan)
     assert leg((8.5, 5.0), (3.4, 5.0, 0.0), robot=comes, row=SHY).waits
     assert not leg((8.5, 5.0), (3.4, 5.0, 0.0), robot=goes, row=SHY).waits
+
+
+# --- many at once
+
+
+def wishes_of(view: Onlookers, count: int, seed: int) -> list[Wish]:
+    """Return what so many people of a view want, of two types: to stand, or to go somewhere."""
+    rng, goals_m = np.random.default_rng(seed), [(8.0, 5.0), (2.0, 9.0), (9.0, 1.0), (5.1, 5.0)]
+    kinds = [traveller(row) for row in (ROW, SHY, LONG)]
+    wishes = []
+    for k in range(count):
+        me = view.fellow(k)
+        assert me is not None
+        goal_m = None if rng.random() < 0.1 else goals_m[rng.integers(len(goals_m))]
+        intent = Intent(goal_m, 1.2, is_moving_goal=bool(rng.random() < 0.2))
+        left_s = None if rng.random() < 0.5 else float(rng.uniform(0.0, 90.0))
+        wishes.append(Wish(kinds[rng.integers(3)], me, intent, left_s, bool(rng.random() < 0.7)))
+    return wishes
+
+
+def are_alike(one: Leg, other: Leg) -> bool:
+    """Tell whether two legs say the same."""
+    return one[:4] == other[:4] and np.array_equal(one.way_m, other.way_m)
+
+
+@pytest.mark.parametrize("robot", [None, RobotView(5.0, 5.0, 0.0, 0.4, 0.0, 0.3, np.empty((0, 2)))])
+def test_many_at_once_find_what_each_alone_would(robot: RobotView | None) -> None:
+    """When they set out, when they go on from elsewhere, and when some have gone."""
+    rng, together, count = np.random.default_rng(5), navigation(), 30
+    alone = [navigation() for _ in range(count)]
+    kinds = set()
+    for round_ in range(4):
+        points_m = rng.uniform(0.5, 9.5, (count, 2)).tolist()
+        yaws_rad = rng.uniform(-math.pi, math.pi, count).tolist()
+        view = view_of(
+            *((x_m, y_m, yaw) for (x_m, y_m), yaw in zip(points_m, yaws_rad, strict=True)),
+            speed_mps=0.5,
+        )
+        wishes = wishes_of(view, count, seed=round_ // 2)  # twice the same goals
+        if round_ == 3:
+            for one in (4, 9, 20):
+                together.forget(one)
+        legs = together.legs(wishes, view, robot)
+        for k, wish in enumerate(wishes):
+            (expected,) = alone[k].legs([wish], view, robot)
+            assert are_alike(legs[k], expected)
+            kinds.add((legs[k].no_way, legs[k].waits, legs[k].order.subgoal_m is None))
+    assert len(kinds) > 2
+
+
+def test_nobody_wants_nothing() -> None:
+    """Not even an environment is needed for it."""
+    view = view_of((2.0, 5.0, 0.0))
+    assert Navigation(BehaviourParameters(), Terrains()).legs([], view, None) == []
 
 
 # --- travellers

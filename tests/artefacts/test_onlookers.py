@@ -65,6 +65,37 @@ def test_who_does_not_live_is_nobody() -> None:
     assert view.fellow(6) is None
 
 
+def test_many_are_the_same_as_one_by_one() -> None:
+    """Before those about them were asked for, and afterwards."""
+    (view, living, _), (other, others, _) = crowd(20), crowd(20)
+    some = list(living)[4:15:3]
+    assert view.fellows([living[i] for i in some]) == [other.fellow(i) for i in some]
+    view.within(0.0, 0.0, 7.0)
+    assert view.fellows(list(living.values())) == [other.fellow(i) for i in others]
+    assert view.fellows([]) == []
+
+
+def test_who_is_there_is_whose_id_is_in_the_arrays() -> None:
+    """The first and the last; not what is before, between or beyond."""
+    view, _, _ = crowd(5)
+    assert view.has([0, 3, 4, 15, 16]) == [False, True, False, True, False]
+    nobody, _, _ = crowd(0)
+    assert nobody.has([3]) == [False]
+
+
+def test_who_is_of_a_behaviour_may_be_known() -> None:
+    """Then nobody is looked at for it, and who is not known to be of it is not found."""
+    view, living, numbers = crowd(30)
+    ids, radii_m = np.array(list(living)), np.full(30, 0.3)
+    known = {"gathering": [9, 30, 33]}
+    view = Onlookers(
+        living, ids, numbers[:, :4], numbers[:, 4], radii_m, left_half, known.__getitem__
+    )
+    living[30].activity = "talking"
+    assert {f.id for f in view.within(0.0, 0.0, 50.0, "gathering")} == {9, 30, 33}
+    assert [f.id for f in view.within(0.0, 0.0, 50.0, "gathering", ["talking"])] == [30]
+
+
 @pytest.mark.parametrize("radius_m", [0.0, 2.0, 7.0, 50.0])
 def test_who_is_near_comes_nearest_first(radius_m: float) -> None:
     """The same as by sorting all."""

@@ -21,6 +21,19 @@ def test_the_stream_is_that_of_the_documented_seed_sequence() -> None:
     np.testing.assert_array_equal(generator(7, Purpose.LIFE, 12).random(4), expected)
 
 
+def test_streams_are_seeded_as_numpy_seeds_them() -> None:
+    """Whatever the sizes of seed and number: of one word, of two, and beyond compiled integers."""
+    rng = np.random.default_rng(3)
+    numbers = [0, 1, 2**32 - 1, 2**32, 2**63 - 1, 2**63, 2**64 + 7]
+    numbers += [int(rng.integers(2 ** int(bits))) for bits in rng.integers(1, 63, 40)]
+    for seed in numbers:
+        for number in numbers:
+            purpose = Purpose(int(rng.integers(len(Purpose))))
+            sequence = np.random.SeedSequence(seed, spawn_key=(int(purpose), number))
+            ours = generator(seed, purpose, number).bit_generator.state
+            assert ours == np.random.PCG64(sequence).state
+
+
 @pytest.mark.parametrize(
     "other",
     [(8, Purpose.LIFE, 12), (7, Purpose.PLACE, 12), (7, Purpose.LIFE, 3), (7, Purpose.ROW, 12)],

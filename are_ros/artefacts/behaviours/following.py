@@ -127,8 +127,9 @@ class Following:
 
     def _point_behind(self, leader: Fellow, keep_m: float) -> Point:
         """Return the point of the trail that is nearest to `keep_m` before its end."""
-        far = [point for point in self._trail if math.dist(point, leader.point_m) >= keep_m]
-        if not far:
+        here_m = leader.point_m
+        far = next((at for at in reversed(self._trail) if math.dist(at, here_m) >= keep_m), None)
+        if far is None:
             heading_rad = leader.yaw_rad
             if leader.speed_mps > _IS_STANDING_MPS:
                 heading_rad = math.atan2(leader.vy_mps, leader.vx_mps)
@@ -136,7 +137,7 @@ class Following:
                 leader.x_m - keep_m * math.cos(heading_rad),
                 leader.y_m - keep_m * math.sin(heading_rad),
             )
-        return _on_line(leader.point_m, far[-1], keep_m)
+        return _on_line(here_m, far, keep_m)
 
     def _along_trail(self, leader: Fellow, situation: Situation) -> Intent:
         """Go to the newest point of the trail that is seen, else plan a way to the oldest."""

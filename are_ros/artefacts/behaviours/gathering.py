@@ -66,8 +66,7 @@ class Gathering:
         if not self._is_parting and situation.distance_m(middle_m) < _NEAR_M:
             return self._to_ring(middle_m, situation)
         self._slot_m = None
-        speed_mps = situation.row.motion.speed_mps
-        return Intent(middle_m, speed_mps, arrival_m(situation), activity="walking")
+        return self._walk_to(middle_m, situation)
 
     def _choose(self, situation: Situation, is_shut: npt.NDArray[np.bool_]) -> int | None:
         """Return the place where others are, else draw one."""
@@ -88,7 +87,7 @@ class Gathering:
                 self._slot_m = None
 
     def _to_ring(self, middle_m: Point, situation: Situation) -> Intent:
-        """Go to a free slot in the ring; give the place up if there is none."""
+        """Go to a free slot in the ring; give the place up if others have taken them all."""
         if situation.has_reached(self._slot_m):
             self._settle(situation)
             return self._in_ring(situation)
@@ -99,11 +98,21 @@ class Gathering:
         if self._slot_m is None or is_kept or not _is_free(self._slot_m, situation):
             self._slot_m = _slot(middle_m, situation, self._slot_m if is_kept else None)
         is_late = situation.now_ns - self._came_ns > _LONGEST_NS
+        if self._slot_m is None and _is_vacant(middle_m, situation):
+            return self._to_middle(middle_m, situation)
         if self._slot_m is None or is_late:
             self._slot_m = None
             self._trip.give_up()
             return stand("looking round")
         return self._to_slot(self._slot_m, "walking", situation)
+
+    def _to_middle(self, middle_m: Point, situation: Situation) -> Intent:
+        """Walk on where no slot is seen from here; stand in the middle where there is none."""
+        if situation.has_reached(middle_m):
+            self._slot_m = situation.point_m
+            self._settle(situation)
+            return self._in_ring(situation)
+        return self._walk_to(middle_m, situation)
 
     def _settle(self, situation: Situation) -> None:
         self._is_alone = True
@@ -132,6 +141,11 @@ class Gathering:
         if self._slot_m is not None and situation.distance_m(self._slot_m) > _DRIFT_M:
             return self._to_slot(self._slot_m, activity, situation)
         return stand(activity, self._trip.goal_m)
+
+    @staticmethod
+    def _walk_to(middle_m: Point, situation: Situation) -> Intent:
+        speed_mps = situation.row.motion.speed_mps
+        return Intent(middle_m, speed_mps, arrival_m(situation), activity="walking")
 
     @staticmethod
     def _to_slot(slot_m: Point, activity: str, situation: Situation) -> Intent:
@@ -175,6 +189,13 @@ def _slot(middle_m: Point, situation: Situation, but_m: Point | None) -> Point |
         if is_other and situation.sees(*slot_m) and _is_free(slot_m, situation):
             return slot_m
     return None
+
+
+def _is_vacant(middle_m: Point, situation: Situation) -> bool:
+    """Say whether nobody stands gathered about a place."""
+    within_m = situation.distance_m(middle_m) + _NEAR_M
+    hosts = situation.fellows_within(within_m, Gathering.name, _HOSTING)
+    return all(math.dist(host.point_m, middle_m) > _NEAR_M for host in hosts)
 
 
 def _is_free(slot_m: Point, situation: Situation) -> bool:

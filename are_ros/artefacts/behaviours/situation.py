@@ -97,8 +97,9 @@ class Situation(NamedTuple):
 
     `left_s` is what is left of its life, None if that is not known. `random` is its own stream.
     `last` is its last intent, None at the first decision, and the four after it are about that:
-    whether its goal is reached, how long [s] and by what ("wall", "artefact 12", "robot"; "" where
-    it shunts and gets nowhere) it has been kept from going on, and whether no way leads there.
+    whether its goal is reached, how long [s] and by what ("a wall", "artefact 12", "the robot"; ""
+    where it shunts and gets nowhere) it has been kept from going on, and whether no way leads
+    there.
     """
 
     now_ns: int

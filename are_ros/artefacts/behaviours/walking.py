@@ -17,6 +17,7 @@ from are_ros.artefacts.behaviours.trip import (
 from are_ros.conventions import seconds_to_ns
 
 _ARRIVE_WITHIN_M = 0.5
+_PAUSING, _NOWHERE_TO_GO = stand("pausing"), stand("nowhere to go")
 
 
 class Walking:
@@ -33,6 +34,7 @@ class Walking:
         self._trip = Trip(choose)
         self._pause = Pause()
         self._pace: float | None = None
+        self._intent: Intent | None = None
 
     def decide(self, situation: Situation) -> Intent:
         """Return the intent to go on, to pause, or to stand where there is nowhere to go."""
@@ -40,11 +42,14 @@ class Walking:
         if self._trip.is_reached(situation) and random.random() < self.pause_share:
             self._pause.begin(situation.now_ns, random)
         if self._pause.holds(situation.now_ns):
-            return stand("pausing")
+            return _PAUSING
         goal_m = self._trip.goal(situation)
         if goal_m is None:
-            return stand("nowhere to go")
-        return Intent(goal_m, self.speed_mps(situation), arrival_m(situation), activity=self.name)
+            return _NOWHERE_TO_GO
+        if self._intent is None or self._intent.goal_m != goal_m:
+            speed_mps, within_m = self.speed_mps(situation), arrival_m(situation)
+            self._intent = Intent(goal_m, speed_mps, within_m, activity=self.name)
+        return self._intent
 
     def change_destination(self) -> None:
         """Be on the way to somewhere else, from this decision on."""

@@ -67,7 +67,9 @@ def has_arrived(pose: Floats, order: Any, body: Any) -> bool:
 
 @borrowing
 def _passes(pose: Floats, order: Any, body: Any) -> bool:
-    """Tell whether a sub-goal on the way is as good as passed."""
+    """Tell whether a sub-goal on the way is as good as passed; nobody passes one standing."""
+    if pose[SPEED] == 0.0 and body.turn_radius == 0.0:
+        return False
     way = way_to(pose, order)
     if way >= 2.0 * _PASSED + 0.3 * body.turn_radius:
         return False

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from are_ros.artefacts.motion._aims import PUSHED, Aim
+from are_ros.artefacts.motion._aims import GOING, PUSHED, Aim
 from are_ros.artefacts.motion._borrowing import borrowing
 from are_ros.artefacts.motion._rollouts import BRAKE, HEADING, POINT
 from are_ros.artefacts.motion._state import COS, SIN, SPEED, Floats, Tempo
@@ -24,6 +24,8 @@ _LEFT = 0.03  # people keep to the right
 _CHANGE = 0.08  # for turning away from what was chosen last
 _PLAIN_STOP = 0.02
 _NEAR = 0.15
+_STOPS_WITHIN = 1.5
+_STOP_SHORT = 0.05  # for a stop at a point that is not the end
 _SHIFTS = 8
 _SHIFT = 0.04
 
@@ -63,6 +65,7 @@ def _gain(aim: Aim, delta: float, cosine: float, speed: float) -> float:
 @borrowing
 def _walker_options(options: Floats, aim: Aim, mind: Any) -> int:
     ends = aim.ends
+    is_near = aim.kind == GOING and not ends and aim.distance < _STOPS_WITHIN
     count = 0
     for n in range(_DELTAS.shape[0]):
         delta = _DELTAS[n]
@@ -86,6 +89,9 @@ def _walker_options(options: Floats, aim: Aim, mind: Any) -> int:
             if gain < 0.0 and factor < 0.5:
                 continue
             count = set_option(options, count, kind, heading, speed, cost - gain, heading)
+            if n == 0 and is_near:  # to stop there, should there be no room to go on
+                then = cost - gain + _STOP_SHORT
+                count = set_option(options, count, POINT, heading, speed, then, heading)
             if 0 < n <= _SHIFTS and aim.kind != PUSHED:  # a step aside, then on
                 gain = 0.5 * (gain + speed / aim.speed) - _SHIFT
                 count = set_option(

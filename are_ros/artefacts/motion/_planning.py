@@ -19,6 +19,7 @@ from are_ros.artefacts.motion._patience import can_yield, consider_detour, note_
 from are_ros.artefacts.motion._rollouts import BRAKE, circle_of, pace_of, roll_out
 from are_ros.artefacts.motion._state import (
     BY_ARTEFACT,
+    BY_WALL,
     EMERGENCIES,
     KEPT,
     NEVER,
@@ -163,6 +164,9 @@ def plan(
     chosen, side, last, hindrance, culprit = _search(
         fleet, i, now, tempo, floor, robot, desk, options, near, wall_gap
     )
+    stays = chosen < 0 or desk.options[chosen, 0] == BRAKE
+    if hindrance == BY_WALL and culprit != NOBODY and stays:
+        hindrance = BY_ARTEFACT  # the walls would have left it a way
     who = fleet.place[culprit].id if culprit != NOBODY else NOBODY
     if aim.kind == GOING:
         note_hindrance(mind, hindrance, who)

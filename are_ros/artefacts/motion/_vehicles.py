@@ -18,8 +18,8 @@ REVERSE_SHARE = 0.5
 """The fastest reverse over the fastest forward speed."""
 
 _BENDS = np.array([0.0, -0.3, 0.3, -0.6, 0.6, -1.0, 1.0])
-_FORWARD = np.array([1.0, 0.6, 0.3, 0.12])
-_BACKWARD = np.array([-1.0, -0.5, -0.2])
+_FORWARD = np.array([1.0, 0.6, 0.3, 0.12, 0.04])  # the last: a decimetre, to shunt in a slot
+_BACKWARD = np.array([-1.0, -0.5, -0.2, -0.07])
 _REVERSE_PRICE = 2.0  # of a metre in reverse, in metres
 _SHIFT = 0.15  # for a change of direction
 _REVERSE = 0.1

@@ -1,10 +1,9 @@
 """What an artefact is to do until told otherwise."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 
-@dataclass(frozen=True, slots=True)
-class Order:
+class Order(NamedTuple):
     """Move to `subgoal_m` (x, y in the map frame), or brake and stand where it is None.
 
     `speed_mps` is the speed wanted; the type's own limit holds, too. With `stop_there` the subgoal

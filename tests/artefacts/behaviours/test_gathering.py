@@ -80,6 +80,24 @@ def test_a_place_with_no_free_slot_in_sight_is_given_up() -> None:
     assert alone(actor, PLACES, group, wall, now_s=1.0).goal_m not in {None, MIDDLE}
 
 
+def test_in_a_nook_without_a_ring_it_stands_in_the_middle() -> None:
+    """Where nobody is, and no slot is ever seen, it walks on to the place and waits there."""
+    walls = tuple(
+        ((10.0 + x, y), (10.0 + u, v))
+        for x, y, u, v in ((-0.6, 0.6, 0.6, 0.6), (0.6, 0.6, 0.6, -0.6), (-0.6, -0.6, 0.6, -0.6))
+    )
+    walls += (((9.5, 0.6), (9.5, 0.1)), ((9.5, -0.1), (9.5, -0.6)))
+    actor, places = Actor(0, Gathering(), (8.0, 0.0)), places_at([MIDDLE])
+    intent = alone(actor, places, (), walls)
+    for second in range(1, 20):
+        actor.move()
+        intent = alone(actor, places, (), walls, now_s=second)
+        if intent.activity != "walking":
+            break
+    assert intent.activity == "waiting"
+    assert math.dist(actor.point_m, MIDDLE) < 0.5
+
+
 def test_several_gather_at_one_place_in_a_ring_and_part() -> None:
     """Five who have agreed on nothing meet, four or more together, face the middle, and part.
 

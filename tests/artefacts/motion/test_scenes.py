@@ -69,6 +69,49 @@ def test_one_that_has_passed_its_sub_goal_comes_back_to_it() -> None:
     assert street.traffic.speeds[0] == 0.0
 
 
+def test_one_that_stands_beside_a_sub_goal_on_the_way_goes_to_it() -> None:
+    """It is near enough to have passed it, had it been moving; standing it turns round first."""
+    for yaw_rad in (0.0, 1.5, math.pi):
+        street = Street(environment(room(8.0, 6.0)))
+        street.add(1, 4.0, 3.0, yaw_rad)
+        street.send(1, 4.3, 3.0, stop_there=False)
+        street.run(0.5)
+        street.send(1, 4.3, 3.0, stop_there=False)
+        street.run_until_there(2.0)
+
+
+def test_a_sub_goal_on_the_way_is_stopped_at_where_there_is_no_room_to_go_on() -> None:
+    """At the end of a niche, closer to its wall than one walks in a second and brakes."""
+    cells = room(8.0, 4.0)
+    wall(cells, (5.0, 8.0), (0.0, 1.6))
+    wall(cells, (5.0, 8.0), (2.4, 4.0))
+    wall(cells, (5.9, 8.0), (0.0, 4.0))
+    street = Street(environment(cells))
+    street.add(1, 4.6, 2.0, 2.0)
+    street.send(1, 5.56, 2.0, stop_there=False)
+    street.run_until_there(4.0)
+
+
+def test_who_is_kept_from_a_gap_by_somebody_in_it_waits_for_that_one() -> None:
+    """Not for the wall, though the first that it would try, at full speed, meets the wall."""
+    cells = room(8.0, 4.0)
+    wall(cells, (4.0, 4.4), (0.0, 1.6))
+    wall(cells, (4.0, 4.4), (2.4, 4.0))
+    wall(cells, (4.85, 5.1), (0.0, 4.0))
+    street = Street(environment(cells))
+    street.add(1, 3.2, 2.0, 0.0)
+    street.add(2, 4.2, 2.0, 0.0)
+    street.send(1, 4.5, 2.0, stop_there=False)
+    hindrances = set()
+    for _ in range(100):
+        street.step()
+        what, who, since_s = street.traffic.hindrance(1)
+        if since_s > 0.5:
+            hindrances.add((what, who))
+    assert (Hindrance.ARTEFACT, 2) in hindrances
+    assert (Hindrance.WALL, -1) not in hindrances
+
+
 @pytest.mark.parametrize(("width_m", "seconds"), [(2.0, 12.0), (1.6, 40.0)])
 def test_two_pass_each_other_in_a_corridor(width_m: float, seconds: float) -> None:
     """Where there is room for two abreast, both reach the other end."""
@@ -219,6 +262,17 @@ def test_a_vehicle_manoeuvres_to_what_lies_behind_or_beside_it(
     street.add(1, *start, body)
     street.send(1, *goal)
     street.run_until_there(60.0, within_m=0.45)
+
+
+def test_a_vehicle_shunts_out_of_a_slot_that_leaves_it_two_decimetres() -> None:
+    """Boxed in before and behind, open to its left: turning a little each time, it gets out."""
+    cells = room(8.0, 6.0)
+    wall(cells, (2.0, 2.75), (0.0, 2.0))
+    wall(cells, (4.85, 5.5), (0.0, 2.0))
+    street = Street(environment(cells))
+    street.add(1, 3.75, 1.55, 0.0, SCOOTER)
+    street.send(1, 6.0, 4.5)
+    street.run_until_there(90.0, within_m=0.6)
 
 
 def test_a_car_turns_round_in_a_street_that_is_narrower_than_its_circle() -> None:
