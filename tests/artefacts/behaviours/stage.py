@@ -111,7 +111,7 @@ class Actor:
             last=self.last,
             arrived=self.arrived,
             blocked_s=self.blocked_s,
-            blocked_by="wall" if self.blocked_s else "",
+            blocked_by="a wall" if self.blocked_s else "",
             no_way=self.no_way,
         )
         self.last = self.behaviour.decide(situation)

@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
+from itertools import pairwise
 
 import pytest
 
@@ -80,13 +81,16 @@ def test_a_place_with_no_free_slot_in_sight_is_given_up() -> None:
     assert alone(actor, PLACES, group, wall, now_s=1.0).goal_m not in {None, MIDDLE}
 
 
-def test_in_a_nook_without_a_ring_it_stands_in_the_middle() -> None:
-    """Where nobody is, and no slot is ever seen, it walks on to the place and waits there."""
-    walls = tuple(
-        ((10.0 + x, y), (10.0 + u, v))
-        for x, y, u, v in ((-0.6, 0.6, 0.6, 0.6), (0.6, 0.6, 0.6, -0.6), (-0.6, -0.6, 0.6, -0.6))
-    )
-    walls += (((9.5, 0.6), (9.5, 0.1)), ((9.5, -0.1), (9.5, -0.6)))
+def round_wall(radius_m: float) -> tuple[tuple[tuple[float, float], tuple[float, float]], ...]:
+    """Return a closed wall about the middle, as 48 segments."""
+    steps = [(k + 0.5) * math.tau / 48 for k in range(49)]
+    points = [(10.0 + radius_m * math.cos(a), radius_m * math.sin(a)) for a in steps]
+    return tuple(pairwise(points))
+
+
+def test_where_no_slot_is_ever_seen_it_stands_in_the_middle() -> None:
+    """With nobody there it walks on to the place itself, instead of looking round for ever."""
+    walls = round_wall(0.85) + round_wall(0.95)
     actor, places = Actor(0, Gathering(), (8.0, 0.0)), places_at([MIDDLE])
     intent = alone(actor, places, (), walls)
     for second in range(1, 20):
