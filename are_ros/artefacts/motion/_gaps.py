@@ -86,7 +86,7 @@ def gap_between(
     The path is at index `start` now and ends at `end`; `pace` is the highest closing speed per
     sub-step. Looks at sub-steps 1..until; NEVER: they do not overlap in these. To stand so near in
     the end that one cannot turn on the spot is like an overlap, unless it was so at `home`, where
-    the plan before this one ends: who walks cannot step back, and would be stuck for ever.
+    the plan before this one ends: who walks hardly steps back, and might be stuck for ever.
     """
     radii = body.radius + other.radius
     final = max(last, end - start)

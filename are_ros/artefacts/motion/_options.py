@@ -4,13 +4,14 @@ Costs are without dimension: 0 is full speed towards the goal, 1 is no progress.
 (kind, heading or curvature, speed, cost, heading in the second half); kinds: see `_rollouts`.
 """
 
+import math
 from typing import Any
 
 import numpy as np
 
 from are_ros.artefacts.motion._aims import GOING, PUSHED, Aim
 from are_ros.artefacts.motion._borrowing import borrowing
-from are_ros.artefacts.motion._rollouts import BRAKE, HEADING, POINT
+from are_ros.artefacts.motion._rollouts import BRAKE, HEADING, POINT, RETREAT, wrapped
 from are_ros.artefacts.motion._state import COS, SIN, SPEED, Floats, Tempo
 from are_ros.artefacts.motion._vehicles import vehicle_options
 
@@ -28,6 +29,8 @@ _STOPS_WITHIN = 1.5
 _STOP_SHORT = 0.05  # for a stop at a point that is not the end
 _SHIFTS = 8
 _SHIFT = 0.04
+_BACK_MPS = 0.4
+_BACK = 0.1  # for walking back
 
 
 @borrowing
@@ -42,15 +45,26 @@ def set_option(
 
 @borrowing
 def fill_options(
-    options: Floats, aim: Aim, pose: Floats, body: Any, order: Any, mind: Any, tempo: Tempo
+    options: Floats,
+    aim: Aim,
+    pose: Floats,
+    body: Any,
+    order: Any,
+    mind: Any,
+    tempo: Tempo,
+    backs_off: bool,
 ) -> int:
-    """Write the options of an artefact at a pose; return how many there are."""
+    """Write the options of an artefact at a pose; return how many there are.
+
+    One that walks does so forward, but for one that `backs_off` where it cannot turn.
+    """
     if aim.speed <= 0.0:
         count = set_option(options, 0, BRAKE, aim.heading, 0.0, 0.0, np.nan)
         return set_option(options, count, BRAKE, np.nan, 0.0, _PLAIN_STOP, np.nan)
     if body.turn_radius > 0.0:
         return vehicle_options(options, aim, pose, body, order, mind, tempo)
-    return _walker_options(options, aim, mind)
+    count = _walker_options(options, aim, mind)
+    return _add_retreat(options, count, aim, pose) if backs_off else count
 
 
 @borrowing
@@ -99,6 +113,15 @@ def _walker_options(options: Floats, aim: Aim, mind: Any) -> int:
                 )
     count = set_option(options, count, BRAKE, aim.heading, 0.0, aim.stop_cost, np.nan)
     return set_option(options, count, BRAKE, np.nan, 0.0, aim.stop_cost + _PLAIN_STOP, np.nan)
+
+
+@borrowing
+def _add_retreat(options: Floats, count: int, aim: Aim, pose: Floats) -> int:
+    """Add steps straight back, as somebody makes who has met another in a gap."""
+    heading = math.atan2(-pose[SIN], -pose[COS])
+    delta, speed = wrapped(heading - aim.heading), min(aim.speed, _BACK_MPS)
+    cost = 1.0 + _BACK - _gain(aim, delta, np.cos(delta), speed)
+    return set_option(options, count, RETREAT, heading, -speed, cost, heading)
 
 
 @borrowing

@@ -25,6 +25,7 @@ from are_ros.artefacts.motion._state import (
     NEVER,
     NOBODY,
     PLANS,
+    SPEED,
     STAMP,
     UNHINDERED,
     Buckets,
@@ -37,11 +38,12 @@ from are_ros.artefacts.motion._state import (
     X,
     Y,
 )
-from are_ros.artefacts.motion._walls import wall_gap_wanted
+from are_ros.artefacts.motion._walls import turns_freely, wall_gap_wanted
 
 REPLAN = 10
 """So many sub-steps after a plan the next is made, unless there is news."""
 _WORTH_IT = 0.02
+_BACKS_OFF_AFTER = 3.0
 
 
 @borrowing
@@ -129,6 +131,15 @@ def _search(
 
 
 @borrowing
+def _backs_off(mind: Any, body: Any, pose: Floats, floor: Floor) -> bool:
+    """Tell whether one that walks has been kept, or is backing off, where walls let it not turn."""
+    if body.turn_radius > 0.0 or pose[SPEED] > 0.0:
+        return False
+    is_kept = mind.blocked > _BACKS_OFF_AFTER or mind.gear < 0
+    return bool(is_kept and not turns_freely(pose, body, floor))
+
+
+@borrowing
 def plan(
     fleet: Fleet,
     i: int,
@@ -152,7 +163,8 @@ def plan(
     if is_at_rest(aim, pose) and start == place.last:
         place.must_plan = 0
         return
-    options = fill_options(desk.options, aim, pose, body, order, mind, tempo)
+    backs_off = _backs_off(mind, body, pose, floor)
+    options = fill_options(desk.options, aim, pose, body, order, mind, tempo, backs_off)
     desk.counters[STAMP] += 1
     reach = reach_of(body, tempo)
     near = gather(

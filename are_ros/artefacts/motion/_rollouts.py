@@ -11,9 +11,9 @@ import numpy as np
 from are_ros.artefacts.motion._borrowing import borrowing
 from are_ros.artefacts.motion._state import COS, SIN, SPEED, YAW, Floats, Tempo, X, Y
 
-HEADING, POINT, CURVE, ARC_TO_POINT, BRAKE = range(5)
+HEADING, POINT, CURVE, ARC_TO_POINT, BRAKE, RETREAT = range(6)
 """Kinds of options: walk towards a heading; to a point and stop there; drive along a curve; drive
-to a point and stop there; brake and turn towards a heading."""
+to a point and stop there; brake and turn towards a heading; walk straight back, looking ahead."""
 
 _STILL = 1e-9
 _AIMED = 0.05  # nearer to its point than this, a body no longer turns towards it
@@ -127,7 +127,8 @@ def _walk(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt:
         turn = clamped(error, -limit, limit)
         if error != 0.0:
             want *= max(c * path[k, COS] + s * path[k, SIN], 0.0)  # the cosine of the error
-        faster = clamped(want, max(speed - step, 0.0), speed + step)
+        slower = min(max(speed - step, 0.0), speed + step)  # who walks back stops first
+        faster = clamped(want, slower, speed + step)
         if turn == 0.0 and speed == 0.0 and faster < _STILL:
             return k
         _turn_on(path, k, turn, half, faster, dt)
@@ -174,9 +175,20 @@ def _stop(path: Floats, option: Floats, body: Any, steps: int, dt: float) -> int
         error = 0.0 if np.isnan(option[1]) else turn_to(option[1], path[k, YAW])
         if speed == 0.0 and error == 0.0:
             break
-        _turn_on(path, k, clamped(error, -limit, limit), half, max(speed - step, 0.0), dt)
+        slower = max(speed - step, 0.0) if speed > 0.0 else min(speed + step, 0.0)
+        _turn_on(path, k, clamped(error, -limit, limit), half, slower, dt)
         k += 1
     return k
+
+
+@borrowing
+def _retreat(path: Floats, option: Floats, body: Any, steps: int, dt: float) -> int:
+    """Walk straight back at a speed below 0."""
+    step = body.acceleration * dt
+    for k in range(steps):
+        speed = path[k, SPEED]
+        advance(path, k, 0.0, clamped(option[2], speed - step, speed + step), dt)
+    return steps
 
 
 @borrowing
@@ -191,6 +203,8 @@ def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, tempo: Tempo
         return brake(path, np.int64(0), curvature, body, tempo.step_s)
     if kind == BRAKE:
         k = _stop(path, option, body, tempo.walk, tempo.step_s)
+    elif kind == RETREAT:
+        k = _retreat(path, option, body, tempo.walk, tempo.step_s)
     elif kind <= POINT:
         k = _walk(path, option, goal, body, tempo.walk, tempo.step_s)
     else:

@@ -22,6 +22,8 @@ from are_ros.world.voxel_map import VoxelMap
 
 STEP_S = 0.05
 CELL_M = 0.05
+WALKS_BACK_MPS = 0.4
+"""Who turns on the spot walks no faster backward, and only where it has no room to turn."""
 PERSON = Body((0.155, 0.275))
 SCOOTER = Body((0.63, 0.29), (0.02, 0.0), 1.0, 1.6, 0.8, 1.0, 1.3)
 CAR = Body((2.2, 0.9), (0.1, 0.0), 1.5, 3.0, 1.5, 0.6, 5.3)
@@ -182,7 +184,7 @@ def inspect_motion(
     assert (np.abs(turn) <= [body.turn_rate_radps * STEP_S + 1e-9 for body in order]).all()
     radii = np.array([body.turn_radius_m for body in order])
     assert (np.abs(turn) * radii <= np.abs(along) + 1e-9).all()
-    assert (speed[radii == 0.0] >= -1e-9).all()
+    assert (speed[radii == 0.0] >= -WALKS_BACK_MPS - 1e-9).all()
     if speeds is not None:
         gain = np.abs(speed - speeds) / STEP_S
         assert (gain <= [body.acceleration_mps2 + 1e-6 for body in order]).all()

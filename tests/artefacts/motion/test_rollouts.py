@@ -8,7 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from are_ros.artefacts.motion import _rollouts, _state
-from are_ros.artefacts.motion._rollouts import ARC_TO_POINT, BRAKE, CURVE, HEADING, POINT
+from are_ros.artefacts.motion._rollouts import (
+    ARC_TO_POINT,
+    BRAKE,
+    CURVE,
+    HEADING,
+    POINT,
+    RETREAT,
+)
 from are_ros.artefacts.motion._vehicles import way_left
 from are_ros.artefacts.motion.body import Body
 from tests.artefacts.motion.streets import CAR, PERSON, SCOOTER, STEP_S, inspect_motion
@@ -40,7 +47,7 @@ def _inspect(path: np.ndarray, body: Body) -> None:
 
 @given(
     st.sampled_from([HEADING, POINT, BRAKE]),
-    st.tuples(_angles, st.floats(0.0, 1.3)),
+    st.tuples(_angles, st.floats(-0.4, 1.3)),
     _angles,
     _angles,
     st.floats(0.0, 1.35),
@@ -56,6 +63,16 @@ def test_walkers_keep_their_limits(
 ) -> None:
     """Any option ends in a stand, within speed, acceleration and turn rate, never sideways."""
     _inspect(_rolled(PERSON, start, [kind, heading, speed, 0.0, then], goal), PERSON)
+
+
+@given(st.tuples(_angles, st.floats(-0.4, 1.3)), st.floats(-0.4, -0.01))
+def test_who_walks_back_looks_ahead_and_stops(start: tuple[float, float], speed: float) -> None:
+    """It goes straight, as fast as it is asked to, and keeps its limits."""
+    path = _rolled(PERSON, start, [RETREAT, 0.0, speed, 0.0, 0.0], (0.0, 0.0))
+    _inspect(path, PERSON)
+    assert (path[:, _state.YAW] == start[0]).all()
+    slowest = min(speed, start[1])
+    assert path[:, _state.SPEED].min() == pytest.approx(slowest)
 
 
 @given(

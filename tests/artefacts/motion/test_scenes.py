@@ -124,6 +124,19 @@ def test_two_pass_each_other_in_a_corridor(width_m: float, seconds: float) -> No
     street.run_until_there(seconds)
 
 
+def test_two_who_meet_in_a_gap_too_narrow_to_turn_in_back_out() -> None:
+    """Face to face between walls in which no disc of theirs fits, they get to where they turn."""
+    cells = room(10.0, 4.0)
+    wall(cells, (4.0, 6.0), (0.0, 1.7))
+    wall(cells, (4.0, 6.0), (2.3, 4.0))
+    street = Street(environment(cells))
+    street.add(1, 4.7, 2.0, 0.0)
+    street.add(2, 5.3, 2.0, math.pi)
+    street.send(1, 2.0, 2.0)
+    street.send(2, 8.0, 2.0)
+    street.run_until_there(40.0)
+
+
 def test_in_too_narrow_a_corridor_one_backs_off_and_both_turn_away_when_told() -> None:
     """One is named to the other as what hinders it; ordered back, both get there."""
     street = Street(corridor(0.9))
