@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from are_ros.builder.outputs import ArtefactState
-from are_ros.experiments.verdict import Verdict
+from are_ros.experiments.verdict import LongStand, Verdict
 
 STILL_S = 60.0
 _STILL_M = 0.3
@@ -39,6 +39,7 @@ class _Stand:
     since_s: float
     seconds: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
     cause: str | None = None
+    noted: LongStand | None = None
 
     def main_cause(self) -> str:
         """Return the cause of most of the time that has one; empty if that is less than half."""
@@ -87,9 +88,13 @@ class Patience:
         if stand.cause is None:
             stand.cause = stand.main_cause()
             verdict.causes[_kind(stand.cause)] += 1
+            stand.noted = _noted(state, stand)
+            verdict.stands.append(stand.noted)
             if not stand.cause:
                 who = f"{state.label} {state.artefact_id} ({state.behaviour})"
                 verdict.note("still", t_s, f"{who}: {stand.doings(state.behaviour)}")
+        if stand.noted is not None:
+            stand.noted.stood_s = round(stood_s, 2)
         kind = _kind(stand.cause)
         verdict.longest_s[kind] = max(verdict.longest_s.get(kind, 0.0), stood_s)
 
@@ -103,6 +108,14 @@ class Patience:
         for circle in sorted(circles - self._deadlocks, key=min):
             self._verdict.note("deadlocks", t_s, "artefacts " + ", ".join(map(str, sorted(circle))))
         self._deadlocks = circles
+
+
+def _noted(state: ArtefactState, stand: _Stand) -> LongStand:
+    """Return a stand as the verdict keeps it."""
+    x_m, y_m = (round(coordinate, 3) for coordinate in stand.place_m)
+    since_s, cause = round(stand.since_s, 2), stand.cause or "no cause"
+    who = (state.artefact_id, state.label, state.behaviour)
+    return LongStand(*who, since_s, 0.0, x_m, y_m, cause)
 
 
 def _gets_on(activity: str) -> bool:

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 FAULTS: Final = {
@@ -44,13 +44,27 @@ class Company:
 
 
 @dataclass
+class LongStand:
+    """A stand of more than a minute: whose, since when and for how long, where, and its cause."""
+
+    artefact_id: int
+    label: str
+    behaviour: str
+    since_s: float
+    stood_s: float
+    x_m: float
+    y_m: float
+    cause: str
+
+
+@dataclass
 class Verdict:
     """What was counted; `found` by kind of `FAULTS`, with a sentence for the first fifty of each.
 
     Brakings harder than the type's acceleration are apart, for only a resolved collision may cause
-    them; `dead_stops` are those of them that ended in a stand within the sub-step. `causes` counts
-    stands of more than a minute by their cause, `longest_s` tells the longest. `travelled_m`,
-    `lived_s` and `arrivals` (stops at a destination) are by behaviour.
+    them; `dead_stops` are those of them that ended in a stand within the sub-step. `stands` are
+    those of more than a minute, `causes` counts them by cause, `longest_s` is the longest.
+    `travelled_m`, `lived_s` and `arrivals` (stops at a destination) are by behaviour.
     """
 
     artefact_s: float = 0.0
@@ -60,6 +74,7 @@ class Verdict:
     hard_brakes: int = 0
     dead_stops: int = 0
     hardest_mps2: float = 0.0
+    stands: list[LongStand] = field(default_factory=list)
     causes: Counter[str] = field(default_factory=Counter)
     longest_s: dict[str, float] = field(default_factory=dict)
     travelled_m: dict[str, float] = field(default_factory=dict)
@@ -110,6 +125,7 @@ class Verdict:
             "hard_brakes": self.hard_brakes,
             "dead_stops": self.dead_stops,
             "hardest_braking_mps2": self.hardest_mps2,
+            "stands": [asdict(stand) for stand in self.stands],
             "stands_by_cause": dict(sorted(self.causes.items())),
             "longest_stand_s": dict(sorted(self.longest_s.items())),
             "lived_s": dict(sorted(self.lived_s.items())),

@@ -273,6 +273,8 @@ def test_a_cause_must_hold_for_half_of_the_time() -> None:
     verdict = judged(standing(1.1, lambda t: "no way" if t % 10.0 < 6.0 else "")).verdict
     assert verdict.is_clean
     assert verdict.causes == {"no way": 1}
+    assert [stand.cause for stand in verdict.stands] == ["no way"]
+    assert verdict.stands[0].stood_s == pytest.approx(max(verdict.longest_s.values()), abs=0.01)
     assert verdict.longest_s["no way"] == pytest.approx(66.0, abs=0.2)
 
 
