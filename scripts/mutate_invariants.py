@@ -314,7 +314,7 @@ BREAKAGES = (
         SAME,
         "dice without a seed",
         "are_ros/artefacts/randomness.py",
-        "np.random.PCG64(sequence)",
+        "np.random.PCG64(words)",
         "np.random.PCG64()",
         (
             _RUN + "test_the_same_inputs_and_seed_give_the_same_bytes",
@@ -325,8 +325,8 @@ BREAKAGES = (
         SAME,
         "the seed decides nothing",
         "are_ros/artefacts/randomness.py",
-        "np.random.SeedSequence(seed, spawn_key",
-        "np.random.SeedSequence(0 * seed, spawn_key",
+        "seed_words(seed, int",
+        "seed_words(0 * seed, int",
         (_BUILDER + "test_the_seed_decides_everything",),
     ),
     Breakage(
