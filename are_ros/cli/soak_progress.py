@@ -3,7 +3,6 @@
 import sys
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import NoReturn
 
 from tqdm import tqdm
@@ -13,7 +12,7 @@ _EVERY_S = 60.0
 
 
 class SoakProgress:
-    """Tells on stderr how many of the artefact-minutes are done; a context manager.
+    """Tells on stderr how many of the artefact-minutes are done; to be closed.
 
     On a terminal as a bar. Elsewhere (a file, CI) in a line after each minute of the wall clock,
     with an estimate of what is left; a soak that is shorter says nothing.
@@ -32,15 +31,8 @@ class SoakProgress:
         if sys.stderr.isatty():
             self._bar = tqdm(total=total_min, bar_format=_LAYOUT)
 
-    def __enter__(self) -> "SoakProgress":  # noqa: PYI034 (Self came with Python 3.11)
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """End the bar, so that what is said after it has a line of its own."""
         if self._bar is not None:
             self._bar.close()
 

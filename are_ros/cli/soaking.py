@@ -1,6 +1,7 @@
 """The command of `are` that lets artefacts live for hours, and judges how they move."""
 
 import sys
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,7 @@ def soak(**options: Any) -> None:
     )
     grid = read_map_file(options["map_file"], parameters.frames.map)
     minutes = options["minutes"]
-    with SoakProgress(minutes, say) as progress:
+    with closing(SoakProgress(minutes, say)) as progress:
         result = run(
             grid,
             parameters,

@@ -94,6 +94,7 @@ def _hits_cells(
     unit: float,
     tolerance_m: float,
 ) -> bool:
+    """Tell whether footprint `i` covers free cells of the grid only, as `are_free`."""
     x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
     if _is_far(field, unit, x, y, (top_x, top_y), (right_x, right_y)):
         return False
@@ -132,6 +133,7 @@ def is_free(
     unit: float,
     tolerance_m: float,
 ) -> bool:
+    """Tell whether footprint `i` covers free cells of the grid only, as `are_free`."""
     x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
     if _is_far(field, unit, x, y, (top_x, top_y), (right_x, right_y)):
         return True

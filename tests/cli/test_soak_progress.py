@@ -1,6 +1,7 @@
 """What a soak says of how far it has come, on a terminal and in a log."""
 
 import sys
+from contextlib import closing
 
 import pytest
 
@@ -11,7 +12,7 @@ def test_in_a_log_there_is_a_line_a_minute(capsys: pytest.CaptureFixture[str]) -
     """Of the wall clock, however often it is told; the estimate is by what is done."""
     said: list[str] = []
     now_s = [100.0]
-    with SoakProgress(600.0, said.append, lambda: now_s[0]) as progress:
+    with closing(SoakProgress(600.0, said.append, lambda: now_s[0])) as progress:
         for second in range(0, 200, 5):
             now_s[0] = 100.0 + second
             progress.move(0.0 if second < 100 else second)
@@ -27,7 +28,7 @@ def test_the_last_minute_is_said_in_words() -> None:
     """Not as none."""
     said: list[str] = []
     now_s = [0.0]
-    with SoakProgress(150.0, said.append, lambda: now_s[0]) as progress:
+    with closing(SoakProgress(150.0, said.append, lambda: now_s[0])) as progress:
         now_s[0] = 60.0
         progress.move(135.0)
     assert said == ["soak: 135 of 150 artefact-minutes after 1 min, less than a minute to go"]
@@ -37,7 +38,7 @@ def test_a_short_soak_says_nothing() -> None:
     """Nor does a long one when it is done: then come the results."""
     said: list[str] = []
     now_s = [0.0]
-    with SoakProgress(10.0, said.append, lambda: now_s[0]) as progress:
+    with closing(SoakProgress(10.0, said.append, lambda: now_s[0])) as progress:
         for now_s[0], done in ((20.0, 5.0), (59.0, 9.0), (61.0, 10.5)):
             progress.move(done)
     assert said == []
@@ -49,7 +50,7 @@ def test_on_a_terminal_there_is_a_bar(
     """It ends full, on a line of its own."""
     monkeypatch.setattr(type(sys.stderr), "isatty", lambda _: True)
     said: list[str] = []
-    with SoakProgress(10.0, said.append) as progress:
+    with closing(SoakProgress(10.0, said.append)) as progress:
         progress.move(4.0)
         progress.move(10.4)
     shown = capsys.readouterr().err
