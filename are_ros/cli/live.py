@@ -82,8 +82,9 @@ def _ros_words(
 @click.option(
     "--lockstep",
     metavar="NODE",
-    default="",
-    help="As fast as this node can: the time goes on when it has taken everything earlier.",
+    multiple=True,
+    help="As fast as this node can: the time goes on when it has taken everything earlier. "
+    "Repeatable: the slowest sets the pace.",
 )
 @click.option(
     "--wait-for", metavar="NODE", multiple=True, help="Begin when this node listens. Repeatable."

@@ -12,12 +12,15 @@ from pathlib import Path
 from typing import Any, Final
 
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 
 from are_ros.errors import BagError, NodeError
+from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.message_classes import service_class
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import write_ros_parameters
 from are_ros.recording.player import PlayOptions, PlayOutcome, play
+from are_ros.recording.recorder import NODE_NAME
 from are_ros.recording.ros_session import ros_session
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.output_folder import AUGMENTED
@@ -25,10 +28,15 @@ from are_ros.replay.roles import find_roles
 from are_ros.replay.runner import Progress
 
 NODE: Final = "/ar_builder"
+_RECORDER: Final = f"/{NODE_NAME}"
 _ROLES: Final = ("map", "octomap_point_cloud_centers", "odom", "scan", "camera/camera_info", "plan")
 _ACTIVE: Final = 3
 """lifecycle_msgs/State.PRIMARY_STATE_ACTIVE"""
+_LATCHED: Final = tuple(name for name, output in OUTPUTS.items() if output.is_latched)
+_LATCHED_DEPTH: Final = 20
+"""In lockstep every map is recorded: none may replace one that is under way."""
 _READY_S: Final = 600.0
+_ASK_S: Final = 0.05
 _END_S: Final = 15.0
 _DOMAINS: Final = range(102, 41, -1)
 """Those of people are low, as a rule."""
@@ -69,6 +77,8 @@ def run_demo(
         _await_active((node, recorder), options.out, should_stop)
         outcome = play(_play_options(options), say, open_progress, should_stop)
         _check_alive((node, recorder), options.out)
+    if recorder.returncode:
+        say(f"the recording is not complete: {options.out / 'recorder.log'} says why")
     return outcome
 
 
@@ -108,8 +118,8 @@ def _play_options(options: DemoOptions) -> PlayOptions:
         bags=(options.bag,),
         rate=options.rate,
         duration_s=options.duration_s,
-        lockstep=NODE if options.lockstep else "",
-        wait_for=(NODE, "/are_recorder"),
+        lockstep=(NODE, _RECORDER) if options.lockstep else (),
+        wait_for=(NODE, _RECORDER),
     )
 
 
@@ -122,6 +132,9 @@ def _node_command(options: DemoOptions, remaps: Mapping[str, str]) -> list[str]:
         for role in ("odom", "scan", "camera/camera_info"):
             topic = remaps.get(role, f"/{role}")
             command += ["-p", f"qos_overrides.{topic}.subscription.reliability:=reliable"]
+        for name in _LATCHED:
+            depth = f"qos_overrides.{NODE}/{name}.publisher.depth:={_LATCHED_DEPTH}"
+            command += ["-p", depth]
     return command
 
 
@@ -156,7 +169,10 @@ def _process(command: Sequence[str], log: Path) -> Iterator["subprocess.Popen[by
 def _await_active(
     processes: Sequence["subprocess.Popen[bytes]"], out: Path, should_stop: ShouldStop
 ) -> None:
-    """Wait until the node says that it is active; NodeError if it ends, or takes too long."""
+    """Wait until the node is active and the recorder listens to it.
+
+    NodeError if one ends, or takes too long.
+    """
     deadline_s = time.monotonic() + _READY_S
     with ros_session("are_demo") as node:
         client = node.create_client(
@@ -168,8 +184,22 @@ def _await_active(
             _check_alive(processes, out)
             if time.monotonic() > deadline_s:
                 raise NodeError(f"the node was not active within {_READY_S:.0f} s: {out}/node.log")
-            if client.wait_for_service(0.2) and _state(client, executor) == _ACTIVE:
+            is_active = client.wait_for_service(0.2) and _state(client, executor) == _ACTIVE
+            if is_active and _is_recorded(node):
                 return
+            time.sleep(_ASK_S)
+
+
+def _is_recorded(node: Node) -> bool:
+    """Tell whether the recorder subscribes to all that the node publishes of ticks."""
+    return all(
+        any(
+            info.node_name == NODE_NAME
+            for info in node.get_subscriptions_info_by_topic(f"{NODE}/{name}")
+        )
+        for name in OUTPUTS
+        if node.count_publishers(f"{NODE}/{name}")
+    )
 
 
 def _state(client: Any, executor: Any) -> int:

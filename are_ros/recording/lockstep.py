@@ -1,28 +1,24 @@
-"""Lockstep: the time goes on when a node has taken everything that came before."""
+"""Lockstep: the time goes on when the nodes have taken everything that came before."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, Final
+from typing import Final
 
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
-from are_ros.conventions import NS_PER_S
 from are_ros.errors import NodeError
-from are_ros.node.message_classes import service_class
-from are_ros.recording.play_outlets import CLOCK, LARGE_BYTES, PlayOutlets
+from are_ros.recording.lockstep_peer import ASK_S, LockstepPeer
+from are_ros.recording.play_outlets import LARGE_BYTES, PlayOutlets
 from are_ros.replay.bag_reader import BagMessage
 
 _PATIENCE_S: Final = 60.0
 """A node may compile its kernels meanwhile."""
 _CLOCK_PATIENCE_S: Final = 5.0
-_ASK_S: Final = 0.05
-_REQUESTS: Final = 2
 
 
 class Lockstep:
-    """A pace that is set by one node: as fast as it can, and always the same.
+    """A pace that is set by the slowest of some nodes: as fast as it can, and always the same.
 
     A barrier is a round trip through a service that every node has, its parameters'. Small
     messages and requests of this process travel in one queue, in the order in which they were
@@ -45,24 +41,33 @@ class Lockstep:
     publisher waits until reliable readers have acknowledged them. (For every message that would
     cost 6 ms: readers answer so late, and only when asked, which publishers do when their history
     is full: hence its depth of one in lockstep.) Large messages to best-effort readers may be
-    lost, as always. NodeError where the node does not answer.
+    lost, as always.
+
+    With a recorder among the nodes nothing is missing in the recording, however slow its process
+    is: what a node sends before it answers is with the recorder by the next barrier. NodeError
+    where a node does not answer.
     """
 
-    def __init__(self, node: Node, name: str, outlets: PlayOutlets, should_stop: Any) -> None:
-        self._name = name if name.startswith("/") else f"/{name}"
+    def __init__(
+        self,
+        node: Node,
+        names: Sequence[str],
+        outlets: PlayOutlets,
+        should_stop: Callable[[], bool],
+    ) -> None:
+        self._peers = [LockstepPeer(node, name, should_stop) for name in names]
         self._outlets = outlets
         self._should_stop = should_stop
         self._under_way: set[str] = set()
-        self._kind = service_class("rcl_interfaces/srv/GetParameters")
-        self._client = node.create_client(self._kind, f"{self._name}/get_parameters")
-        self._node = node
 
     def begin(self, now_ns: int) -> None:
-        """Wait until the node can be asked, and follows /clock."""
+        """Wait until the nodes can be asked, and follow /clock."""
         del now_ns
-        self._await(self._client.service_is_ready, _PATIENCE_S, "there is no such node")
         why = "it does not follow /clock: start it with use_sim_time"
-        self._await(self._follows_clock, _CLOCK_PATIENCE_S, why)
+        for peer in self._peers:
+            said = f"{peer.name}: there is no such node"
+            self._await(peer.is_there, _PATIENCE_S, said)
+            self._await(peer.follows_clock, _CLOCK_PATIENCE_S, f"{peer.name}: {why}")
 
     def wait_until(self, now_ns: int) -> bool:
         """Wait for nothing; tell whether to go on."""
@@ -74,7 +79,7 @@ class Lockstep:
         return not self._should_stop()
 
     def rest(self) -> None:
-        """Do nothing: the node takes what it takes before the time goes on."""
+        """Do nothing: the nodes take what they take before the time goes on."""
 
     def about_to_send(self, message: BagMessage) -> None:
         """Wait until the message before this one, on its topic, was taken."""
@@ -89,60 +94,36 @@ class Lockstep:
                 self._await_arrival(message.topic)
 
     def about_to_tell(self) -> None:
-        """Wait until the node has taken everything."""
+        """Wait until the nodes have taken everything."""
         if self._under_way:
             self._meet()
 
     def told(self) -> None:
-        """Wait until the node knows the time."""
+        """Wait until the nodes know the time."""
+        self._meet()
+
+    def end(self) -> None:
+        """Wait until everybody has taken everything, also of what the others made of it."""
+        self._meet()
         self._meet()
 
     def _await(self, is_so: Callable[[], bool], patience_s: float, why_not: str) -> None:
         deadline_s = time.monotonic() + patience_s
         while not self._should_stop() and not is_so():
             if time.monotonic() > deadline_s:
-                raise NodeError(f"--lockstep {self._name}: {why_not}")
-            time.sleep(_ASK_S)
-
-    def _follows_clock(self) -> bool:
-        space, _, name = self._name.rpartition("/")
-        wanted = (name, space or "/")
-        infos = self._node.get_subscriptions_info_by_topic(CLOCK)
-        return any((info.node_name, info.node_namespace) == wanted for info in infos)
+                raise NodeError(f"--lockstep {why_not}")
+            time.sleep(ASK_S)
 
     def _await_arrival(self, topic: str) -> None:
-        why_not = f"{topic} was not acknowledged for {_PATIENCE_S:.0f} s"
-        arrived = partial(self._outlets.wait_until_acknowledged, topic, _ASK_S)
+        names = ", ".join(peer.name for peer in self._peers)
+        why_not = f"{names}: {topic} was not acknowledged for {_PATIENCE_S:.0f} s"
+        arrived = partial(self._outlets.wait_until_acknowledged, topic, ASK_S)
         self._await(arrived, _PATIENCE_S, why_not)
 
     def _meet(self) -> None:
         """Pass the barrier, or return early where it is to stop."""
         self._under_way.clear()
-        deadline_s = time.monotonic() + _PATIENCE_S
-        client = self._client.handle
-        with client, self._node.context.handle:
-            last = [client.send_request(self._kind.Request()) for _ in range(_REQUESTS)][-1]
-            while not self._should_stop():
-                answered = self._next_answer()
-                if answered is not None and answered >= last:
-                    return
-                if answered is None and time.monotonic() > deadline_s:
-                    message = f"--lockstep {self._name}: no answer for {_PATIENCE_S:.0f} s"
-                    raise NodeError(message)
-
-    def _next_answer(self) -> int | None:
-        """Return the number of the next request that was answered, None if none is soon.
-
-        By a wait set of its own: an executor would take ten times as long about it.
-        """
-        client = self._client.handle
-        wait_set = rclpy_implementation.WaitSet(0, 0, 0, 1, 0, 0, self._node.context.handle)
-        wait_set.clear_entities()
-        wait_set.add_client(client)
-        wait_set.wait(int(_ASK_S * NS_PER_S))
-        header, _ = client.take_response(self._kind.Response)
-        if header is not None:
-            return int(header.request_id.sequence_number)
-        if not self._client.service_is_ready():
-            raise NodeError(f"--lockstep {self._name}: the node is gone")
-        return None
+        for peer in self._peers:
+            peer.ask()
+        for peer in self._peers:
+            peer.await_answer(_PATIENCE_S)

@@ -42,6 +42,9 @@ class Pace(Protocol):
     def told(self) -> None:
         """Let what goes by the time follow."""
 
+    def end(self) -> None:
+        """Let what was sent last be taken."""
+
 
 class Lifelike:
     """Sends each thing at its time, `rate` times as fast as it happened."""
@@ -90,3 +93,6 @@ class Lifelike:
 
     def told(self) -> None:
         """Do nothing."""
+
+    def end(self) -> None:
+        """Do nothing: the publishers stay for a moment."""

@@ -13,7 +13,7 @@ class PlayOptions:
     """The options of `are play`; BagError for one that makes no sense.
 
     `topics` (empty: all) and `exclude` are names as recorded, `remaps` gives others. `clock_hz` of
-    0: no /clock. `lockstep` names the node to keep in step with (empty: none), `wait_for` the nodes
+    0: no /clock. `lockstep` names the nodes to keep in step with, `wait_for` those
     to wait for, for at most `wait_s`.
     """
 
@@ -26,7 +26,7 @@ class PlayOptions:
     exclude: tuple[str, ...] = ()
     remaps: Mapping[str, str] = field(default_factory=dict)
     clock_hz: float = 100.0
-    lockstep: str = ""
+    lockstep: tuple[str, ...] = ()
     wait_for: tuple[str, ...] = ()
     wait_s: float = 60.0
 

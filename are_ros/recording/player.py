@@ -70,6 +70,8 @@ def play(
         while outcome.is_complete and (options.loop or not outcome.passes):
             outcome.is_complete = _play_once(recording, outlets, teller, pace, progress)
             outcome.passes += 1
+        if outcome.is_complete:
+            pace.end()
         time.sleep(_LINGER_S)
         if isinstance(pace, Lifelike) and pace.worst_s > _LATE_S:
             say(f"the player fell behind by up to {pace.worst_s:.2f} s; nothing was left out")

@@ -8,6 +8,7 @@ from typing import Final
 
 from are_ros.conventions import seconds_to_ns
 from are_ros.recording._topic_types import TopicTypes
+from are_ros.recording.answers import Answers
 from are_ros.recording.file_writer import FileWriter
 from are_ros.recording.inbox import Inbox
 from are_ros.recording.live_messages import Received, Stamped
@@ -25,7 +26,8 @@ _LOOK_S = 0.1
 """How often new topics and publishers are looked for."""
 
 _REST_S = 0.004
-"""How long nothing is taken after nothing was there: 2 % of a core, and no queue fills in it."""
+"""How long nothing is taken after nothing was there, unless somebody asks: 2 % of a core, and no
+queue fills in it."""
 
 _NOTES = {
     "what": "live topics, recorded by are record",
@@ -76,10 +78,10 @@ def record(
     types = TopicTypes()
     clock = SimulatedClock(say) if options.use_sim_time else WallClock()
     bag = BagWriter(options.file, types.store, notes=_NOTES, keeps_partial=True)
-    with ros_session(NODE_NAME) as node, FileWriter(bag) as file:
+    with ros_session(NODE_NAME, has_services=True) as node, FileWriter(bag) as file:
         inbox = Inbox(node)
         follower = TopicFollower(node, options, types, inbox, file, say)
-        recording = _Recording(options, inbox, follower, file, clock)
+        recording = _Recording(options, inbox, Answers(node), follower, file, clock)
         recording.run(awaited, on_ready, should_stop)
         recording.finish()
     if options.is_folder:
@@ -94,12 +96,14 @@ class _Recording:
         self,
         options: RecordOptions,
         inbox: Inbox,
+        answers: Answers,
         follower: TopicFollower,
         file: FileWriter,
         clock: LogClock,
     ) -> None:
         self._options = options
         self._inbox = inbox
+        self._answers = answers
         self._follower = follower
         self._file = file
         self._clock = clock
@@ -121,8 +125,11 @@ class _Recording:
                 if has_seen_all and not self._is_ready and self._follower.are_connected(awaited):
                     self._is_ready = True
                     on_ready()
-            if not self._pass_on(self._inbox.take_all()):
-                time.sleep(_REST_S)
+            is_asked = self._answers.take()
+            has_passed = self._pass_on(self._inbox.take_all())
+            self._answers.give()
+            if not (is_asked or has_passed):
+                self._answers.wait(_REST_S)
 
     def finish(self) -> None:
         """Pass on what arrived until now, and nothing that comes meanwhile."""

@@ -11,8 +11,11 @@ from rclpy.signals import SignalHandlerOptions
 
 
 @contextmanager
-def ros_session(name: str) -> Iterator[Node]:
-    """Give out a node without services of its own, that nobody spins; destroyed in the end."""
+def ros_session(name: str, *, has_services: bool = False) -> Iterator[Node]:
+    """Give out a node that nobody spins; destroyed in the end.
+
+    `has_services`: those of its parameters, which somebody is then to answer.
+    """
     context = Context()
     rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
     try:
@@ -21,7 +24,7 @@ def ros_session(name: str) -> Iterator[Node]:
             context=context,
             use_global_arguments=False,
             enable_rosout=False,
-            start_parameter_services=False,
+            start_parameter_services=has_services,
             parameter_overrides=[Parameter("start_type_description_service", value=False)],
         )
         try:

@@ -52,5 +52,5 @@ def running_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     if is_ros_available():
         import_rclpy_quietly()
         clock = SimpleNamespace(**{**vars(time), "monotonic": running_s})
-        for module in ("inbox", "lockstep", "subscribers"):
+        for module in ("inbox", "lockstep", "lockstep_peer", "subscribers"):
             monkeypatch.setattr(f"are_ros.recording.{module}.time", clock)

@@ -22,10 +22,6 @@ OUTPUTS = {
     *("artefacts", "perceived", "metrics", "events", "markers", "scan"),
     *("augmented_map", "augmented_map_updates", "augmented_costmap"),
 }
-LATCHED = {"augmented_map", "augmented_costmap"}
-"""Only the last of these is kept for who comes late: one that the recorder's side of DDS has not
-taken before the next is sent is replaced by that, as by any map server. It happens under load."""
-_MOST_REPLACED = 0.03
 
 HAPPENED = {
     *(EventKind.ARRIVED, EventKind.DEPARTED, EventKind.DISPLACED),
@@ -43,22 +39,13 @@ def assert_equal(live: Outputs, replayed: Outputs) -> None:
     """
     last_ns = stamp_ns_of(replayed["artefacts"][-1].message)
     assert live.keys() == replayed.keys() == OUTPUTS
-    for name, every in replayed.items():
-        expected = _not_replaced(live[name], every) if name in LATCHED else every
+    for name, expected in replayed.items():
         found = live[name][: len(expected)]
         for number, (one, other) in enumerate(zip(found, expected, strict=True)):
             equal = on_the_wire(one.data) == on_the_wire(other.data)
             assert equal, f"{name} {number}:\n{one.message}\n{other.message}"
         beyond = [stamp_ns_of(sent.message) for sent in live[name][len(expected) :]]
         assert all(stamp_ns > last_ns for stamp_ns in beyond), name
-
-
-def _not_replaced(live: list[Sent], replayed: list[Sent]) -> list[Sent]:
-    """Return the messages but the few that were replaced before they came to be recorded."""
-    recorded = {stamp_ns_of(sent.message) for sent in live}
-    kept = [sent for sent in replayed if stamp_ns_of(sent.message) in recorded]
-    assert len(kept) >= (1.0 - _MOST_REPLACED) * len(replayed)
-    return kept
 
 
 def test_in_lockstep_every_message_is_the_replay_s(lockstep_run: Path, replayed: Path) -> None:

@@ -463,7 +463,7 @@ def test_a_short_queue_gets_what_was_before_the_start(ros: RosWorld, tmp_path: P
         ({"rate": float("inf")}, "--rate"),
         ({"clock_hz": -1.0}, "--clock"),
         ({"clock_hz": float("nan")}, "--clock"),
-        ({"clock_hz": 0.0, "lockstep": "/node"}, "--lockstep"),
+        ({"clock_hz": 0.0, "lockstep": ("/node",)}, "--lockstep"),
     ],
 )
 def test_options_that_make_no_sense_are_refused(options: dict[str, Any], words_of_it: str) -> None:

@@ -59,7 +59,7 @@ def test_every_message_comes_at_its_time(
     heard = listen(world, ("/slow", "/map"), qos=reliable)
     heard_too = listen(world, ("/crowded", "/fast"), qos=hasty, name="hasty")
     with world.spinning():
-        run = played(bag, lockstep="/listener", wait_for=(LISTENER,))
+        run = played(bag, lockstep=(LISTENER,), wait_for=(LISTENER,))
     assert run.outcome.is_complete
     for topic in TOPICS:
         found = [one for one in [*heard, *heard_too] if one.topic == topic]
@@ -82,7 +82,7 @@ def test_it_keeps_no_pace_but_the_nodes(world: RosWorld, tmp_path: Path) -> None
     heard = listen(world, ("/a",))
     begun_s = running_s()
     with world.spinning():
-        played(bag, lockstep=LISTENER, wait_for=(LISTENER,), clock_hz=10.0)
+        played(bag, lockstep=(LISTENER,), wait_for=(LISTENER,), clock_hz=10.0)
     assert running_s() - begun_s < 6.0
     assert [one.text for one in heard] == ["first", "last"]
 
@@ -97,7 +97,7 @@ def test_a_node_that_is_not_there_is_named(
     monkeypatch.setattr(lockstep, "_PATIENCE_S", 0.3)
     bag = write_strings(tmp_path / "bag.mcap", [("/a", 0.0, "a")])
     with pytest.raises(NodeError, match="/nobody"):
-        played(bag, lockstep="nobody")
+        played(bag, lockstep=("nobody",))
 
 
 def test_a_node_that_follows_no_clock_is_named(
@@ -110,7 +110,7 @@ def test_a_node_that_follows_no_clock_is_named(
     bag = write_strings(tmp_path / "bag.mcap", [("/a", 0.0, "a")])
     ros.make_node("listener")
     with ros.spinning(), pytest.raises(NodeError, match="use_sim_time"):
-        played(bag, lockstep=LISTENER)
+        played(bag, lockstep=(LISTENER,))
 
 
 def test_a_node_that_ends_is_named(ros_available: None, tmp_path: Path) -> None:
@@ -119,7 +119,7 @@ def test_a_node_that_ends_is_named(ros_available: None, tmp_path: Path) -> None:
     bag = write_strings(tmp_path / "bag.mcap", [("/a", 0.0, "first"), ("/a", 1e6, "last")])
 
     def play_until_the_node_ends() -> None:
-        with playing(bag, lockstep=LISTENER, wait_for=(LISTENER,)) as run:
+        with playing(bag, lockstep=(LISTENER,), wait_for=(LISTENER,)) as run:
             with closing(RosWorld()) as world:
                 heard = listen(world, ("/a",))
                 with world.spinning():
@@ -140,14 +140,14 @@ def test_a_node_that_does_not_answer_is_named(
     bag = write_strings(tmp_path / "bag.mcap", [("/a", 0.0, "a")])
     listen(ros, ("/a",))
     with pytest.raises(NodeError, match=LISTENER):
-        played(bag, lockstep=LISTENER, wait_for=(LISTENER,))
+        played(bag, lockstep=(LISTENER,), wait_for=(LISTENER,))
 
 
 def test_it_stops_while_the_node_is_silent(ros: RosWorld, tmp_path: Path) -> None:
     """However long the player would wait for the node, it ends soon when told to."""
     bag = write_strings(tmp_path / "bag.mcap", [("/a", 0.0, "a")])
     listen(ros, ("/a",))
-    with playing(bag, lockstep=LISTENER, wait_for=(LISTENER,)) as run:
+    with playing(bag, lockstep=(LISTENER,), wait_for=(LISTENER,)) as run:
         time.sleep(1.0)
         run.stop.set()
         wait_until(run.ended.is_set, nap, 1.0)
