@@ -29,7 +29,9 @@ ifdef AMENT_PREFIX_PATH
 unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH RMW_IMPLEMENTATION
 endif
 
-.PHONY: demo test test-long lint bench colcon constraints clean another-python
+.PHONY: setup demo test test-long lint bench colcon constraints clean another-python
+
+setup: $(VENV)/ready-for-ros # what the commands need, ROS 2's Python included; nothing is run
 
 demo: $(VENV)/ready-for-ros
 	@if test -e $<; then $(BIN)/are demo --out $(OUT)/demo; \

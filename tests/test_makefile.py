@@ -41,7 +41,7 @@ def make(*arguments: object) -> "subprocess.CompletedProcess[str]":
         *("PyPy-3.11-Linux-x86_64-glibc", "CPython-3.12-Linux-x86_64-"),
     ],
 )
-@pytest.mark.parametrize("target", ["demo", "test", "colcon"])
+@pytest.mark.parametrize("target", ["setup", "demo", "test", "colcon"])
 def test_a_python_that_will_not_do_is_named(tmp_path: Path, platform: str, target: str) -> None:
     """With what would do, and before anything is made."""
     python = fake_python(tmp_path / "python", platform)
@@ -57,6 +57,19 @@ def test_a_python_that_is_not_there_is_named(tmp_path: Path) -> None:
     """As one that will not do."""
     done = make("PYTHON=python0", f"VENV={tmp_path / 'venv'}", "demo")
     assert "python0 is not there" in done.stderr
+
+
+def test_setting_up_runs_nothing(tmp_path: Path) -> None:
+    """It makes what the demo needs, and no more."""
+    python = fake_python(tmp_path / "python", "CPython-3.12-Linux-x86_64-glibc")
+    setup, demo = (
+        make(f"PYTHON={python}", f"VENV={tmp_path / 'venv'}", "--dry-run", target).stdout
+        for target in ("setup", "demo")
+    )
+    assert "build_messages.py" in setup
+    assert demo.startswith(setup)
+    assert "bin/are " in demo
+    assert "bin/are " not in setup
 
 
 @pytest.mark.parametrize("version", ["3.10", "3.11", "3.12", "3.13"])

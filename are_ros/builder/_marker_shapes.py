@@ -42,7 +42,7 @@ class MarkerSubject:
     blue and alpha in [0, 1], of which alpha tells nothing here: perceived artefacts are opaque, the
     others translucent. `mesh_triangles_m` (T, 3, 3) are corners in F_A, None without a mesh;
     `mesh_colours` (T, 4) are their faces' colours, None for the plain colour. `speed_steps` is the
-    speed over the ground, in steps of `SPEED_STEP_MPS`.
+    speed over the ground, in steps of `SPEED_STEP_MPS`. Without a `label` it is labelled by its id.
     """
 
     artefact_id: int

@@ -1,25 +1,33 @@
 """The artefacts drawn: the marker board, fed with what changed."""
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.builder._label_crowd import crowded_ids
 from are_ros.builder._marker_shapes import speed_steps
 from are_ros.builder.markers import MarkerBatch, MarkerBoard, MarkerSubject
 from are_ros.builder.mesh_bank import MeshBank
 from are_ros.builder.outputs import ArtefactState
+from are_ros.parameters.choices import Labels
 
 
 class Display:
-    """Draws artefacts as meshes, or as their boxes where `meshes` is None."""
+    """Draws artefacts as meshes, or as their boxes where `meshes` is None.
+
+    Where labels would run into each other, they are the ids instead.
+    """
 
     def __init__(self, board: MarkerBoard, meshes: MeshBank | None) -> None:
         self._board = board
         self._meshes = meshes
         self._states: list[ArtefactState] = []
         self._perceived: frozenset[int] = frozenset()
+        self._crowded: frozenset[int] = frozenset()
+        self._now_ns: int | None = None
         self._drawn: dict[int, tuple[CatalogueRow, MarkerSubject]] = {}
         self._subjects: tuple[MarkerSubject, ...] = ()
         self._poses = poses_of(())
@@ -38,11 +46,15 @@ class Display:
         `rows` are those of `states`, whose ids are distinct. With `everything`, a DELETEALL and all
         of them: for a viewer that just came.
         """
+        if self._now_ns is not None and now_ns < self._now_ns:
+            self._crowded = frozenset()
+        self._now_ns = now_ns
         self._take([*states], rows, frozenset(perceived))
         return self._board.update(now_ns, self._subjects, self._poses, everything=everything)
 
     def delete_all(self) -> MarkerBatch:
         """Return a DELETEALL, as the last thing to show; a later update gives everything."""
+        self._crowded, self._now_ns = frozenset(), None
         return self._board.delete_all()
 
     def _take(
@@ -54,24 +66,39 @@ class Display:
         """Make subjects of states that are not the same as before, and keep the others."""
         if states == self._states and perceived == self._perceived:
             return
+        self._states, self._perceived, self._poses = states, perceived, poses_of(states)
+        self._crowded = self._now_crowded()
         drawn = [
             self._subject(state, row, state.artefact_id in perceived)
             for state, row in zip(states, rows, strict=True)
         ]
-        self._states, self._perceived, self._poses = states, perceived, poses_of(states)
         self._subjects = tuple([subject for _, subject in drawn])
         self._drawn = {known[1].artefact_id: known for known in drawn}
+
+    def _now_crowded(self) -> frozenset[int]:
+        """Return who of those that are labelled stands close to another of them."""
+        ids = [state.artefact_id for state in self._states]
+        if self._board.labels is Labels.ALL:
+            return crowded_ids(ids, self._poses[:, :2], self._crowded)
+        if self._board.labels is Labels.NONE or not self._perceived:
+            return frozenset()
+        at = [place for place, number in enumerate(ids) if number in self._perceived]
+        labelled = [ids[place] for place in at]
+        return crowded_ids(labelled, self._poses[at, :2], self._crowded)
 
     def _subject(
         self, state: ArtefactState, row: CatalogueRow, is_perceived: bool
     ) -> tuple[CatalogueRow, MarkerSubject]:
         """Return the subject of a state; that of one which only moved is kept."""
+        label = "" if state.artefact_id in self._crowded else state.label
         known = self._drawn.get(state.artefact_id)
         if known is not None and known[0] is row:
             subject = known[1]
-            if subject.is_perceived == is_perceived and _is_like(subject, state):
+            same_words = (subject.is_perceived, subject.label) == (is_perceived, label)
+            if same_words and _is_like(subject, state):
                 return known
-        return row, marker_subject(state, row, self._meshes, is_perceived=is_perceived)
+        subject = marker_subject(state, row, self._meshes, is_perceived=is_perceived)
+        return row, subject if subject.label == label else replace(subject, label=label)
 
 
 def marker_subject(
@@ -106,8 +133,7 @@ def poses_of(states: Sequence[ArtefactState]) -> npt.NDArray[np.float64]:
 
 def _is_like(subject: MarkerSubject, state: ArtefactState) -> bool:
     return (
-        subject.label == state.label
-        and subject.size_m == state.size_m
+        subject.size_m == state.size_m
         and subject.box_centre_m == state.box_centre_m
         and subject.speed_steps == speed_steps(*state.linear_velocity_m_s[:2])
     )

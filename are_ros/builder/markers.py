@@ -55,6 +55,11 @@ class MarkerBoard:
         self._due_ns: npt.NDArray[np.int64]
         self._forget()
 
+    @property
+    def labels(self) -> Labels:
+        """Whose labels are drawn."""
+        return self._labels
+
     def update(
         self,
         now_ns: int,

@@ -1,6 +1,7 @@
 """The population alone: arrivals, departures and places over a long simulated time, no motion."""
 
 import math
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
@@ -29,6 +30,8 @@ CORRELATIONS: Final = 400
 LEAST_GROUPS: Final = 1500
 MOST_MEMBERS: Final = 10_000
 
+_WITHOUT_PLACE, _MISFITS, _AT_BOUND, _ENDLESS = "without_place", "misfits", "at_bound", "endless"
+
 Progress = Callable[[float], None]
 _Floats = npt.NDArray[np.float64]
 
@@ -41,8 +44,9 @@ class Trial:
     order. N(t) is `alive` int64 (K,) from `changes_s` (K,) on, the first at 0. `lives_s` are those
     of all who came in the first nine tenths and left, `unfinished` counts who of them did not;
     `departure_gaps_s` are the times between departures while anyone was alive. `points_m` (P, 2)
-    is where, at `placed_s` (P,), the first of each group appeared. `without_place` counts those
-    who fit on the empty map and found no place.
+    is where, at `placed_s` (P,), the first of each group appeared. Of those who did not appear,
+    `without_place` found no place though they fit on the empty map, `misfits` fit nowhere on it,
+    `at_bound` met a full population, and `endless` are left out as they would never leave.
     """
 
     chain: BirthDeath
@@ -57,6 +61,14 @@ class Trial:
     points_m: _Floats
     placed_s: _Floats
     without_place: int
+    misfits: int = 0
+    at_bound: int = 0
+    endless: int = 0
+
+    @property
+    def appeared(self) -> int:
+        """How many of those offered appeared."""
+        return len(self.rows) - self.without_place - self.misfits - self.at_bound - self.endless
 
     @property
     def waits_s(self) -> _Floats:
@@ -120,7 +132,7 @@ class _Book:
     busy_s: float = 0.0
     gaps_s: list[float] = field(default_factory=list)
     places: list[tuple[float, float, float]] = field(default_factory=list)
-    without_place: int = 0
+    kept_out: Counter[str] = field(default_factory=Counter)
 
     def __post_init__(self) -> None:
         self._mode = int(np.argmax(self.chain.law))
@@ -154,8 +166,8 @@ class _Book:
         self.rows.append(event.row.index)
         if event.kind is EventKind.ARRIVED:
             self._note_place(event, population, at_s)
-        elif event.cause is Cause.NO_PLACE and not event.row.forever:
-            self.without_place += event.row.index not in self.misfits
+        else:
+            self.kept_out[self._why_not(event)] += 1
 
     def count(self, now_s: float, before: int, alive: int) -> None:
         """Note how many are alive from now on."""
@@ -184,8 +196,16 @@ class _Book:
             np.array(self.gaps_s),
             places[:, :2],
             places[:, 2],
-            self.without_place,
+            **{why: self.kept_out[why] for why in (_WITHOUT_PLACE, _MISFITS, _AT_BOUND, _ENDLESS)},
         )
+
+    def _why_not(self, event: PopulationEvent) -> str:
+        """Return as what of a trial one counts who did not appear."""
+        if event.cause is Cause.MAX_ALIVE:
+            return _AT_BOUND
+        if event.row.forever:
+            return _ENDLESS
+        return _MISFITS if event.row.index in self.misfits else _WITHOUT_PLACE
 
     def _note_place(self, event: PopulationEvent, population: Population, at_s: float) -> None:
         self.arrived_s[event.artefact_id] = at_s

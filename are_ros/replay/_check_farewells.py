@@ -4,6 +4,7 @@ from are_ros.replay._check_file import PREFIX
 from are_ros.replay._check_marker_decoding import DELETE_ALL
 from are_ros.replay._check_record import Record
 from are_ros.replay._check_result import CheckResult, Tally, at_s
+from are_ros.wording import counted
 
 
 def check_farewells(record: Record) -> CheckResult:
@@ -11,7 +12,7 @@ def check_farewells(record: Record) -> CheckResult:
 
     The grids of a farewell are looked at with the other grids.
     """
-    tally = Tally("farewells", "farewells")
+    tally = Tally("farewells", "farewell")
     wiped = {
         show.log_ns
         for show in record.shows
@@ -27,7 +28,9 @@ def check_farewells(record: Record) -> CheckResult:
     for stamp_ns, message in record.last_words:
         count = getattr(message, "alive", None)
         count = len(message.artefacts) if count is None else int(count) + int(message.perceived)
-        tally.require(count == 0, f"{at_s(stamp_ns)} {count} artefacts are still told of")
+        tally.require(
+            count == 0, f"{at_s(stamp_ns)} there is still word of {counted(count, 'artefact')}"
+        )
     return tally.result()
 
 

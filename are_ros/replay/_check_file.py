@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 from are_ros.conventions import NS_PER_S
 from are_ros.replay._bag_errors import sentence_of
 from are_ros.replay._check_result import CheckResult, Tally, at_s, merged, skipped
+from are_ros.wording import counted
 
 PREFIX: Final = "/ar_builder/"
 
@@ -56,8 +57,8 @@ def check_file(path: Path, *, is_live: bool = False) -> list[CheckResult]:
     """
     if path.suffix != ".mcap":
         return [skipped(name, "only MCAP files are looked at so closely") for name in _NAMES]
-    reading = Tally(_NAMES[0], "messages")
-    order = Tally(_NAMES[1], "messages")
+    reading = Tally(_NAMES[0], "message")
+    order = Tally(_NAMES[1], "message")
     channels: _Channels = {}
     try:
         with path.open("rb") as stream:
@@ -106,7 +107,9 @@ def _read_all(
         latest[channel.topic] = message.log_time
     promised = summary.statistics.message_count
     if reading.looked_at != promised:
-        reading.fail(f"it holds {reading.looked_at} messages, its statistics say {promised}")
+        reading.fail(
+            f"it holds {counted(reading.looked_at, 'message')}, its statistics say {promised}"
+        )
 
 
 def _is_summary_whole(stream: Any) -> bool:
@@ -120,7 +123,7 @@ def _is_summary_whole(stream: Any) -> bool:
 
 def _check_topics(channels: _Channels, *, is_live: bool) -> CheckResult:
     """Compare topics and types with section 4, and the encodings with what ROS 2 reads."""
-    tally = Tally(_NAMES[2], "topics")
+    tally = Tally(_NAMES[2], "topic")
     found: dict[str, str] = {}
     for channel, schema in channels.values():
         tally.look()
@@ -136,7 +139,7 @@ def _check_topics(channels: _Channels, *, is_live: bool) -> CheckResult:
         if PREFIX + output in found or not found:
             continue
         if is_live:
-            tally.leave_out("outputs, which were not recorded")
+            tally.leave_out("output", "missing from the recording")
         else:
             tally.fail(f"{PREFIX}{output} of type {type_name} is missing")
     return tally.result()
@@ -152,7 +155,7 @@ def _is_expected(topic: str, type_name: str, is_live: bool) -> bool:
 
 def _check_qos(channels: _Channels, *, is_live: bool) -> CheckResult:
     """Both maps are offered reliable, transient local, depth 1; the rest reliable, volatile."""
-    tally = Tally(_NAMES[3], "topics")
+    tally = Tally(_NAMES[3], "topic")
     for channel, _ in channels.values():
         name = channel.topic.removeprefix(PREFIX)
         if name == channel.topic or (is_live and name not in OUTPUT_TYPES):
@@ -169,7 +172,7 @@ def _check_qos(channels: _Channels, *, is_live: bool) -> CheckResult:
                 offered = f"{', '.join(policies)}, depth {depth}"
                 tally.fail(f"{channel.topic} is offered as {offered}, not {', '.join(wanted)}")
         if is_live and not profiles:
-            tally.leave_out("topics of which it is not known how they were offered")
+            tally.leave_out("topic", "whose offered quality of service is not known")
     return tally.result()
 
 

@@ -13,6 +13,7 @@ from are_ros.replay._check_costmap import Inflation
 from are_ros.replay._check_file import PREFIX
 from are_ros.replay._check_result import Tally, at_s
 from are_ros.replay._check_scene import time_ns
+from are_ros.wording import counted
 
 Cells = NDArray[np.int8]
 
@@ -25,12 +26,12 @@ class GridTallies:
     """The six outcomes, in their order."""
 
     def __init__(self) -> None:
-        self.map = Tally("augmented map", "messages")
-        self.map_age = Tally("augmented map is current", "ticks")
-        self.updates = Tally("map updates", "messages")
-        self.floor = Tally("costmap is never lower than the real map's", "messages")
-        self.costmap = Tally("costmap", "messages")
-        self.costmap_age = Tally("costmap is current", "ticks")
+        self.map = Tally("augmented map", "message")
+        self.map_age = Tally("augmented map is current", "tick")
+        self.updates = Tally("map updates", "message")
+        self.floor = Tally("costmap is never lower than the real map's", "message")
+        self.costmap = Tally("costmap", "message")
+        self.costmap_age = Tally("costmap is current", "tick")
 
     def all(self) -> tuple[Tally, ...]:
         """Return all of them."""
@@ -141,4 +142,4 @@ def first_difference(wanted: Cells, found: Cells) -> str:
     cells = np.argwhere(wanted != found)
     row, col = (int(index) for index in cells[0])
     values = f"is {found[row, col]}, it must be {wanted[row, col]}"
-    return f"cell ({row}, {col}) {values}; {len(cells)} such cells"
+    return f"cell ({row}, {col}) {values}; {counted(len(cells), 'such cell')}"

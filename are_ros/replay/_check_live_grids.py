@@ -62,7 +62,7 @@ class _Held:
         """Fail once it has shown other artefacts than those of the ticks for too long."""
         if self.grid is None or not tick.is_sure:
             self._wrong_ns = None
-            self._tally.leave_out("ticks for which it is not known what was shown, or ought to be")
+            self._tally.leave_out("tick", "for which it is open what was, or ought to be, shown")
             return
         self._tally.look()
         now_ns = tick.scene.stamp_ns
@@ -131,7 +131,7 @@ class _LiveGrids:
             if topic in own:
                 self._hold(topic, own[topic], tick.scene.stamp_ns)
                 if tick.real is None or not tick.is_sure:
-                    self._tally_of(topic).leave_out("grids of which it is open what they show")
+                    self._tally_of(topic).leave_out("grid", "for which it is open what to show")
                 else:
                     judge(tick, tick.real, own[topic])
             if tick.real is not None:
@@ -156,11 +156,11 @@ class _LiveGrids:
         is_farewell = at_ns in record.farewells_ns
         may_be_missed = record.runs.is_edge(at_ns) and not record.runs.is_between(at_ns)
         if real is None:
-            tally.leave_out("grids without a real map, or about the time of another one")
+            tally.leave_out("grid", "without a real map, or about the time of another one")
         elif self._judge.shows(topic, grid, real, []):
             tally.look()
         elif may_be_missed and not is_farewell:
-            tally.leave_out("grids of ticks that the recording missed")
+            tally.leave_out("grid", "whose tick the recording missed")
         else:
             tally.look()
             what = "shows artefacts at a farewell" if is_farewell else "belongs to no tick"
@@ -187,7 +187,7 @@ class _LiveGrids:
         if tick.real is None:
             self._chain = None
         if UPDATES in own and self._chain is None:
-            tally.leave_out("updates of a map that is not known")
+            tally.leave_out("update", "of a map that is not known")
         elif UPDATES in own and self._chain is not None:
             tally.look()
             self._chain = updated(self._chain, own[UPDATES])

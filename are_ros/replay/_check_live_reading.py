@@ -32,7 +32,7 @@ class LiveReading:
     def __init__(
         self, files: RecordingFiles, parameters: Parameters | None, progress: Callable[[], None]
     ) -> None:
-        self.tally = Tally("rosbags reader", "messages")
+        self.tally = Tally("rosbags reader", "message")
         self.records: list[Record] = []
         self._stream = LiveStream(files)
         self._parameters = parameters

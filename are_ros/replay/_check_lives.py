@@ -54,7 +54,7 @@ class _Story:
 
 def check_lives(record: Record) -> CheckResult:
     """Ids are never reused, and each tick lists those who arrived and did not depart."""
-    tally = Tally("lives", "ticks")
+    tally = Tally("lives", "tick")
     story = _Story(tally)
     for scene, events, since_ns in events_by_tick(record):
         if record.runs.is_fresh(scene.stamp_ns):
@@ -91,7 +91,7 @@ def check_metrics(record: Record) -> CheckResult:
 
     In a recording that began late, with those since its beginning.
     """
-    tally = Tally("metrics", "messages")
+    tally = Tally("metrics", "message")
     metrics, seen = dict(record.metrics), record.perceived_ids()
     count = _Count()
     for scene, events, _ in events_by_tick(record):

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from are_ros.conventions import NS_PER_S
+from are_ros.wording import counted
 
 ADD, DELETE, DELETE_ALL = 0, 2, 3
 ARROW, CUBE, SPHERE, CYLINDER, LINE_STRIP, LINE_LIST = range(6)
@@ -118,7 +119,7 @@ def decode_markers(data: bytes) -> list[MarkerFields]:
         message = f"is malformed: {cause}"
         raise ValueError(message) from cause
     if cursor.left() > 3:
-        message = f"has {cursor.left()} bytes too many"
+        message = f"has {counted(cursor.left(), 'byte')} too many"
         raise ValueError(message)
     return markers
 

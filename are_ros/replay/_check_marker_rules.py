@@ -25,6 +25,7 @@ from are_ros.replay._check_marker_decoding import (
     TRIANGLES,
     MarkerFields,
 )
+from are_ros.wording import counted
 
 _UNIT_TOLERANCE: Final = 1e-3
 """How far the squared norm of a rotation may be from 1; rviz warns from 0.01 on."""
@@ -129,7 +130,7 @@ def _points_fault(marker: MarkerFields) -> str:
         fits = count >= _LEAST.get(marker.kind, 1) and count % _GROUPS.get(marker.kind, 1) == 0
     else:
         fits = count == 0
-    return "" if fits else f"has {count} points"
+    return "" if fits else f"has {counted(count, 'point')}"
 
 
 def _colours_fault(marker: MarkerFields) -> str:
@@ -139,7 +140,7 @@ def _colours_fault(marker: MarkerFields) -> str:
     if marker.kind == TRIANGLES:
         fits |= {points // 3}
     if count not in fits:
-        return f"has {count} colours for {points} points"
+        return f"has {counted(count, 'colour')} for {counted(points, 'point')}"
     if not count:
         return ""
     if ((marker.colours < 0.0) | (marker.colours > 1.0)).any():
@@ -150,7 +151,7 @@ def _colours_fault(marker: MarkerFields) -> str:
 def _texture_fault(marker: MarkerFields) -> str:
     fits = {0, len(marker.points)} if marker.kind == TRIANGLES else {0}
     count = marker.texture_points
-    return "" if count in fits else f"has {count} coordinates of a texture"
+    return "" if count in fits else f"has {counted(count, 'coordinate')} of a texture"
 
 
 def _text_fault(marker: MarkerFields) -> str:

@@ -58,7 +58,7 @@ class _Viewer:
 
 def check_marker_rules(record: Record) -> CheckResult:
     """Every marker obeys the rules of visualization_msgs, and none comes twice in a message."""
-    tally = Tally("marker rules", "markers")
+    tally = Tally("marker rules", "marker")
     viewer, is_sure = _Viewer(), not record.is_live
     last_ns: int | None = None
     for show in record.shows:
@@ -104,7 +104,7 @@ def check_marker_state(record: Record) -> CheckResult:
 
     But labels: they are those of the perceived, of all or of nobody, as `markers.labels` says.
     """
-    tally = Tally("markers of the living", "ticks")
+    tally = Tally("markers of the living", "tick")
     if not record.shows:
         tally.note("no markers were written")
         return tally.result()
@@ -118,7 +118,7 @@ def check_marker_state(record: Record) -> CheckResult:
                 viewer.take(show.log_ns, change)
         since_ns = _sure_since(record, scene, shows, since_ns)
         if since_ns is None or scene.stamp_ns < since_ns:
-            tally.leave_out("ticks before a viewer had been shown everybody")
+            tally.leave_out("tick", "before a viewer had been shown everybody")
             continue
         tally.look()
         alive = {int(number) % _ID_RANGE for number in scene.ids}
@@ -178,7 +178,7 @@ def _is_leave(show: MarkerShow, scene: Scene) -> bool:
 
 def check_marker_fading(record: Record) -> CheckResult:
     """No marker outlives ARE, nor its artefact, by more than three seconds."""
-    tally = Tally("markers fade", "markers")
+    tally = Tally("markers fade", "marker")
     ends: dict[int, int] = {}
     for number, end_ns in departures_ns(record).items():
         ends[number % _ID_RANGE] = end_ns

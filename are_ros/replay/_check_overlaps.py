@@ -12,6 +12,7 @@ from are_ros.replay._check_geometry import TOUCHING_M, overlap_depths_m
 from are_ros.replay._check_record import Record
 from are_ros.replay._check_result import CheckResult, Tally, at_s, skipped
 from are_ros.replay._check_scene import Scene
+from are_ros.wording import counted
 
 
 def covers_by_tick(record: Record) -> Iterator[tuple[Scene, RealMap | None, list[Cover]]]:
@@ -29,13 +30,13 @@ def covers_by_tick(record: Record) -> Iterator[tuple[Scene, RealMap | None, list
 
 def check_walls(record: Record) -> CheckResult:
     """No box covers an occupied cell of the map (voxels of a cloud are not looked at)."""
-    tally = Tally("walls", "boxes")
+    tally = Tally("walls", "box")
     if record.parameters is None:
         return skipped(tally.name, "there is no effective.yaml, which says what is occupied")
     threshold = record.parameters.world.occupied_threshold
     for scene, real, covers in covers_by_tick(record):
         if real is None:
-            tally.leave_out("ticks without a map")
+            tally.leave_out("tick", "without a map")
             continue
         values = real.cells.reshape(-1)
         for i, cover in enumerate(covers):
@@ -50,7 +51,7 @@ def check_walls(record: Record) -> CheckResult:
 
 def check_clutter(record: Record) -> CheckResult:
     """Compare the clutter ratio with the share of free cells that all artefacts cover."""
-    tally = Tally("clutter ratio", "ticks")
+    tally = Tally("clutter ratio", "tick")
     if record.parameters is None:
         return skipped(tally.name, "there is no effective.yaml, which says what is free")
     metrics = dict(record.metrics)
@@ -71,12 +72,12 @@ def check_clutter(record: Record) -> CheckResult:
             continue  # the map of that very time may have come after the tick
         is_known = is_known or not isnan(found)
         if record.is_live and not is_known:
-            tally.leave_out("ticks before the node knew a map")
+            tally.leave_out("tick", "before the node knew a map")
             continue
         tally.look()
         if free and not least / free - 1e-12 <= found <= most / free + 1e-12:
-            wanted = f"{least} cells of {free} free ones are {least / free:.9g}"
-            tally.fail(f"{at_s(scene.stamp_ns)} it is {found:.9g}, but {wanted}")
+            wanted = f"{least / free:.9g}, {least} of {counted(free, 'free cell')}"
+            tally.fail(f"{at_s(scene.stamp_ns)} it is {found:.9g}, not {wanted}")
     return tally.result()
 
 
@@ -93,7 +94,7 @@ def _free_count(real: RealMap, parameters: Parameters) -> int:
 
 def check_neighbours(record: Record) -> CheckResult:
     """No two boxes overlap, in the plane and in height."""
-    tally = Tally("overlaps of artefacts", "pairs")
+    tally = Tally("overlaps of artefacts", "pair")
     last: Scene | None = None
     overlapping: list[str] = []
     for scene in record.scenes:

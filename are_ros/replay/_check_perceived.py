@@ -7,6 +7,7 @@ from are_ros.replay._check_lives import LOST, PERCEIVED, events_by_tick
 from are_ros.replay._check_record import Record
 from are_ros.replay._check_result import CheckResult, Tally, at_s, skipped
 from are_ros.replay._check_scene import Scene, time_ns
+from are_ros.wording import counted
 
 _NEXT_TICK: Final = 1.5
 """In periods: what is farther apart is not one tick and the next."""
@@ -17,11 +18,11 @@ def check_perceived(record: Record) -> CheckResult:
     name = "perceived"
     if record.parameters is None:
         return skipped(name, "there is no effective.yaml, which says tau")
-    tally = Tally(name, "sightings")
+    tally = Tally(name, "sighting")
     alive = {scene.log_ns: set(scene.ids.tolist()) for scene in record.scenes}
     for log_ns, message in record.perceived:
         if record.is_live and log_ns not in alive:
-            tally.leave_out("messages without a list of the living")
+            tally.leave_out("message", "without a list of the living")
             continue
         sizes = _image_sizes(record, log_ns)
         if not sizes:
@@ -44,14 +45,14 @@ def check_perceived(record: Record) -> CheckResult:
 
 def check_sight_events(record: Record) -> CheckResult:
     """PERCEIVED and LOST tell the differences between one tick's members and the next one's."""
-    tally = Tally("sight events", "ticks")
+    tally = Tally("sight events", "tick")
     unknown = None if record.is_live else frozenset[int]()
     seen, before = record.perceived_ids(), unknown
     for scene, events, since_ns in events_by_tick(record):
         now = seen.get(scene.log_ns, unknown)
         is_gap = record.is_live and scene.stamp_ns - since_ns > _NEXT_TICK * record.period_ns
         if now is None or before is None or is_gap or record.runs.is_fresh(scene.stamp_ns):
-            tally.leave_out("ticks after a beginning or a gap")
+            tally.leave_out("tick", "after a beginning or a gap")
         else:
             tally.look()
             _compare(tally, scene, events, now, before)
@@ -77,15 +78,17 @@ def _sighting_fault(one: Any, tau: int, log_ns: int) -> str:
     """Check the numbers of one sighting."""
     visible, whole = int(one.visible_pixels), int(one.unoccluded_pixels)
     if visible <= tau:
-        return f"has {visible} visible pixels, tau is {tau}"
+        return f"has {counted(visible, 'visible pixel')}, tau is {tau}"
     if visible > whole or abs(one.visible_fraction - visible / whole) > 1e-6:
-        return f"has {visible} of {whole} pixels, and the fraction {one.visible_fraction}"
+        return (
+            f"has {visible} of {counted(whole, 'pixel')}, and the fraction {one.visible_fraction}"
+        )
     if not 0.0 <= one.existence <= 1.0 or one.range < 0.0:
         return f"has the existence {one.existence} and the range {one.range} m"
     if len(one.classes) != len(one.probabilities) or abs(sum(one.probabilities) - 1.0) > 1e-4:
         return f"has class probabilities that sum to {sum(one.probabilities)}"
     if one.roi.width * one.roi.height < visible:
-        return f"has {visible} pixels in a region of {one.roi.width} x {one.roi.height}"
+        return f"has {counted(visible, 'pixel')} in a region of {one.roi.width} x {one.roi.height}"
     return "was last seen in the future" if time_ns(one.last_seen) > log_ns else ""
 
 

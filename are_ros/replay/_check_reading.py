@@ -21,7 +21,7 @@ class Reading:
     """
 
     def __init__(self, path: Path, record: Record, progress: Callable[[], None]) -> None:
-        self.tally = Tally("rosbags reader", "messages")
+        self.tally = Tally("rosbags reader", "message")
         self.record = record
         self._path = path
         self._progress = progress

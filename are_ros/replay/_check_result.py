@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from are_ros.conventions import NS_PER_S
+from are_ros.wording import counted, several
 
 
 class Outcome(Enum):
@@ -20,14 +21,15 @@ class Outcome(Enum):
 class CheckResult:
     """One check: how many things were looked at, and the first that was wrong.
 
-    `looked_at` is a count of `noun`; `failures` of them were wrong. `reason` says why a check was
-    skipped, or what part of it could not be done; `counter_example` is empty unless it failed.
+    `looked_at` counts things, `noun` names one of them; `failures` were wrong. `reason` says why a
+    check was skipped, or what part of it could not be done; `counter_example` is empty unless it
+    failed.
     """
 
     name: str
     outcome: Outcome
     looked_at: int = 0
-    noun: str = "messages"
+    noun: str = "message"
     failures: int = 0
     counter_example: str = ""
     reason: str = ""
@@ -38,8 +40,8 @@ class CheckResult:
             return f"{self.name}: skipped, {self.reason}"
         reason = f" ({self.reason})" if self.reason else ""
         if self.outcome is Outcome.PASSED:
-            return f"{self.name}: passed, {self.looked_at} {self.noun}{reason}"
-        wrong = f"{self.failures} wrong of {self.looked_at} {self.noun}{reason}"
+            return f"{self.name}: passed, {counted(self.looked_at, self.noun)}{reason}"
+        wrong = f"{self.failures} wrong of {counted(self.looked_at, self.noun)}{reason}"
         return f"{self.name}: FAILED, {wrong}; the first: {self.counter_example}"
 
 
@@ -53,7 +55,7 @@ class Tally:
         self._noun = noun
         self._first = ""
         self._notes: list[str] = []
-        self._left_out: Counter[str] = Counter()
+        self._left_out: Counter[tuple[str, str]] = Counter()
 
     def look(self, count: int = 1) -> None:
         """Count things looked at."""
@@ -74,20 +76,26 @@ class Tally:
         if text not in self._notes:
             self._notes.append(text)
 
-    def leave_out(self, text: str) -> None:
-        """Count a thing that could not be looked at: the note says how many, then the text."""
-        self._left_out[text] += 1
+    def leave_out(self, noun: str, text: str) -> None:
+        """Count a thing that could not be looked at: the note says how many, and the text.
+
+        The noun is that of one thing, and the text goes with one and with several.
+        """
+        self._left_out[noun, text] += 1
 
     def result(self) -> CheckResult:
         """Return the outcome; a check that had nothing to look at is skipped."""
-        left_out = [f"{count} {text}" for text, count in self._left_out.items()]
+        left_out = [
+            f"{counted(count, noun)} {text}" for (noun, text), count in self._left_out.items()
+        ]
+        left_out[:1] = [f"not looked at: {first}" for first in left_out[:1]]
         notes = "; ".join((*self._notes, *left_out))
         if self.failures:
             outcome = Outcome.FAILED
         elif self.looked_at:
             outcome = Outcome.PASSED
         else:
-            return skipped(self.name, notes or f"there are no {self._noun}")
+            return skipped(self.name, notes or f"there are no {several(self._noun)}")
         return CheckResult(
             self.name, outcome, self.looked_at, self._noun, self.failures, self._first, notes
         )

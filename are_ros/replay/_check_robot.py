@@ -28,7 +28,7 @@ def check_robot(record: Record) -> CheckResult:
 
     Which pose of the robot a live node knew is open: there, only what overlaps all of them counts.
     """
-    tally = Tally("overlaps with the robot", "boxes")
+    tally = Tally("overlaps with the robot", "box")
     if record.parameters is None:
         return skipped(tally.name, "there is no effective.yaml, which says the robot's shape")
     base = record.base_frame()
@@ -42,7 +42,7 @@ def check_robot(record: Record) -> CheckResult:
         reported |= {int(event.id) for event in events if event.kind == ROBOT_CONTACT}
         poses = _robot_at(record, record.parameters, base, scene.stamp_ns)
         if not poses:
-            tally.leave_out("ticks without the robot's pose")
+            tally.leave_out("tick", "without the robot's pose")
             continue
         least, most = _depths_m(outline, poses, scene)
         touched = {int(number) for number in scene.ids[most > -_SLACK_M]}

@@ -14,6 +14,7 @@ from are_ros.replay._check_record import Record
 from are_ros.replay._check_result import CheckResult, Tally, at_s
 from are_ros.replay._check_scan_pairs import ChangedScan
 from are_ros.replay._check_scene import Scene
+from are_ros.wording import counted
 
 Floats = NDArray[np.float64]
 
@@ -32,8 +33,8 @@ class _Box(NamedTuple):
 
 def check_scans(record: Record) -> list[CheckResult]:
     """Return two outcomes: what needs no geometry, and where the changed beams end."""
-    beams = Tally("scans", "scans")
-    ends = Tally("ends of changed beams", "scans")
+    beams = Tally("scans", "scan")
+    ends = Tally("ends of changed beams", "scan")
     if not record.scans.input_topics:
         hint = "" if record.is_live else "; see --with-inputs"
         for tally in (beams, ends):
@@ -42,7 +43,7 @@ def check_scans(record: Record) -> list[CheckResult]:
     beams.look(record.scans.pairs)
     for topic, stamp_ns in record.scans.unmatched():
         if record.is_live and record.scans.may_be_lost(topic, stamp_ns):
-            beams.leave_out("scans without the one that came in, which the recording missed")
+            beams.leave_out("scan", "without the one that came in, which the recording missed")
             continue
         beams.look()
         beams.fail(f"{topic} {at_s(stamp_ns)} has no scan of this stamp that came in")
@@ -63,8 +64,8 @@ def _check_ends(tally: Tally, record: Record, artefacts: "_Artefacts", scan: Cha
     released_ns = scan.stamp_ns if record.is_live else scan.released_ns
     boxes = artefacts.at(min(scan.stamp_ns, released_ns))
     if found is None or boxes is None:
-        what = "the laser" if found is None else "all artefacts"
-        tally.leave_out(f"changed scans, as the pose of {what} at their stamp is not known")
+        what = "the laser was" if found is None else "all artefacts were"
+        tally.leave_out("changed scan", f"for which it is not known where {what} at the stamp")
         return
     tally.look()
     pose, slack_m = found
@@ -77,8 +78,8 @@ def _check_ends(tally: Tally, record: Record, artefacts: "_Artefacts", scan: Cha
         first = int(np.argmin(explained))
         x, y, z = points[first].tolist()
         text = f"ends at ({x:.3f}, {y:.3f}, {z:.3f}), where no artefact is"
-        count = int(np.count_nonzero(~explained))
-        tally.fail(f"{scan.topic} {at_s(scan.stamp_ns)} a changed beam {text}; {count} such beams")
+        beams = counted(int(np.count_nonzero(~explained)), "such beam")
+        tally.fail(f"{scan.topic} {at_s(scan.stamp_ns)} a changed beam {text}; {beams}")
 
 
 def _is_met(

@@ -16,7 +16,7 @@ _OTHER_CLOCK_NS: Final = 10 * NS_PER_S
 
 def check_ticks(record: Record) -> CheckResult:
     """Every tick has its artefacts, perceived and metrics, stamped alike, in the world frame."""
-    tally = Tally("ticks", "ticks")
+    tally = Tally("ticks", "tick")
     for scene in record.scenes:
         tally.look()
         _check_scene(tally, record, scene)

@@ -10,7 +10,6 @@ from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.replay._film_actors import UNSEEN_SHARE, Actor, actors_at, draw_actors, rgb_of
 from are_ros.replay._film_canvas import (
-    FOOTER_PX,
     INK,
     Picture,
     Rgb,
@@ -19,10 +18,10 @@ from are_ros.replay._film_canvas import (
     line,
     mixed,
     ring,
-    text_mask,
     write,
 )
 from are_ros.replay._film_labels import Labels, bounds_of
+from are_ros.replay._film_legend import Entry, draw_legend, patch, robot, way
 from are_ros.replay._picture_artefacts import class_colours
 from are_ros.replay._picture_company import companies
 from are_ros.replay._picture_map import known_part, window_of
@@ -35,6 +34,9 @@ Floats = npt.NDArray[np.float64]
 
 _LARGEST_PX: Final = (840, 620)
 _FLASH_NS: Final = 6 * NS_PER_S // 5
+_SOON_NS: Final = NS_PER_S
+"""The first ticks come before the first transform: for so long the robot is shown all the same."""
+
 _FLASHES: Final[dict[EventKind, Rgb]] = {
     EventKind.ROBOT_CONTACT: (230, 57, 70),
     EventKind.DISPLACED: (224, 160, 16),
@@ -44,6 +46,7 @@ _FLASHES: Final[dict[EventKind, Rgb]] = {
 _ROBOT: Final = rgb_of(TIME_COLOURS[1])
 _PATH: Final = mixed(_ROBOT, 0.45)
 _SEEN: Final = rgb_of(SEEN_COLOUR)
+_GREY: Final = (108, 117, 125)
 _TEXT_PX: Final = 13
 _SMALLEST_ROBOT_M_PX: Final = 9.0
 
@@ -106,11 +109,12 @@ class FilmScene:
             line(picture, self.stage.pixels(robot.poses[:count, :2]), _PATH, 2)
 
     def _draw_robot(self, picture: Picture, stamp_ns: int) -> Floats | None:
-        """Draw the robot where it was last known; return its outline in pixels."""
+        """Draw the robot where it was last known, or is a moment later; return its outline [px]."""
         robot = self._record.robot
         index = int(np.searchsorted(robot.stamps_ns, stamp_ns, side="right")) - 1
-        if index < 0:
+        if index < 0 and not self._is_about_to_be_known(stamp_ns):
             return None
+        index = max(index, 0)
         x_m, y_m, yaw_rad = robot.poses[index].tolist()
         outline_m = robot_outline(self._record.footprint.at(x_m, y_m, yaw_rad))
         outline_m = _at_least(outline_m, _SMALLEST_ROBOT_M_PX / self.stage.px_per_m)
@@ -122,6 +126,11 @@ class FilmScene:
         line(picture, outline, _ROBOT, 2, closed=True)
         line(picture, self.stage.pixels(nose), _ROBOT, 2)
         return outline
+
+    def _is_about_to_be_known(self, stamp_ns: int) -> bool:
+        """Say whether the robot's first pose, of a moment later, may stand for it at a stamp."""
+        stamps = self._record.robot.stamps_ns
+        return len(stamps) > 0 and int(stamps[0]) - stamp_ns <= _SOON_NS
 
     def _draw_companies(self, picture: Picture, actors: Sequence[Actor], stamp_ns: int) -> None:
         """Join followers and leaders by a dashed line."""
@@ -157,24 +166,20 @@ class FilmScene:
         write(picture, count, (84, 7), _TEXT_PX, INK)
 
     def _draw_legend(self, picture: Picture) -> None:
-        """Name the colours of the classes, and what is opaque, in the footer."""
-        y = picture.shape[0] - FOOTER_PX + 5
-        x = 12
-        names = sorted({life.row.class_name for life in self._record.lives})
-        swatches = [(name, rgb_of(self._colours[name]), 1.0) for name in names]
-        if names:
-            grey = (108, 117, 125)
-            swatches += [("perceived", grey, 1.0), ("not perceived", grey, UNSEEN_SHARE)]
+        """Name what belongs to the robot, the colours of the classes, and what is opaque."""
+        header = []
+        if len(self._record.robot):
+            header = [Entry("real robot", robot(_ROBOT)), Entry("its path", way(_PATH))]
         if len(self._record.camera):
-            swatches.append(("field of view", _SEEN, 0.25))
-        for name, colour, share in swatches:
-            width = text_mask(name, _TEXT_PX).shape[1]
-            if x + width + 22 > picture.shape[1]:
-                return
-            box = np.array(((x, y + 2), (x + 14, y + 2), (x + 14, y + 13), (x, y + 13)), float)
-            fill(picture, box, colour, share)
-            write(picture, name, (x + 19, y), _TEXT_PX, INK)
-            x += width + 36
+            header.append(Entry("field of view", patch(_SEEN, 0.25)))
+        names = sorted({life.row.class_name for life in self._record.lives})
+        footer = [Entry(name, patch(rgb_of(self._colours[name]))) for name in names]
+        if names:
+            footer += [
+                Entry("perceived", patch(_GREY)),
+                Entry("not perceived", patch(_GREY, UNSEEN_SHARE)),
+            ]
+        draw_legend(picture, header, footer)
 
 
 def _dashed(picture: Picture, start: Floats, end: Floats) -> None:

@@ -18,6 +18,7 @@ from are_ros.replay._picture_map import (
     shaded,
     window_of,
 )
+from are_ros.wording import counted
 
 _TINT: Final = np.array((47, 93, 138))
 _MOST_TINT: Final = 0.16
@@ -70,11 +71,10 @@ def draw_arrivals(axes: Any, trial: Trial, site: Site, end_s: float, colours: An
 
 def _caption(trial: Trial, site: Site) -> str:
     """Return how many appeared, and what can be said of where."""
-    count = f"[m]   {len(trial.points_m)} places"
-    if trial.chain.is_grouped:
-        count += " of the first of each group"
+    whose = "the first of each group" if trial.chain.is_grouped else "all"
+    count = f"[m]   {counted(len(trial.points_m), 'place')}, of {whose} who appeared"
     if site.survey is not None:
-        return f"{count}; in colour those of the time shown"
+        return f"{count}; in colour: in the time shown"
     p_value = square_p_value(trial.points_m, math.sqrt(site.area_m2))
     return f"{count}; uniform: chi-square p = {p_value:.2f}"
 

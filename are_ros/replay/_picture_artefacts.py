@@ -7,9 +7,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.scenario import FIRST_ADMITTED_ID
 from are_ros.conventions import NS_PER_S
-from are_ros.replay._picture_map import Window
 from are_ros.replay.life_record import Life
 
 Floats = npt.NDArray[np.float64]
@@ -23,10 +21,7 @@ _KNOWN_CLASSES: Final[Mapping[str, str]] = {
 }
 _FURTHER: Final = ("#3a7d44", "#b5179e", "#8d99ae", "#e07a1f", "#5f0f40", "#606c38")
 _SMALLEST_PT: Final = 7.0
-_LABEL_PT: Final = 7.0
-_MOST_LABELS: Final = 60
 _GONE_ALPHA: Final = 0.38
-_SIDES: Final = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,47 +74,6 @@ def draw_artefacts(
         axes.plot(*tick.T, color=tick_colour, lw=1.3, **look)
 
 
-def draw_labels(
-    axes: Any,
-    drawn: Sequence[Drawn],
-    leaders: Mapping[int, int],
-    window: Window,
-    points_per_m: float,
-) -> None:
-    """Write ids beside the artefacts, where they cover nothing; of many, the perceived only.
-
-    `leaders` has the id of whom a follower followed last.
-    """
-    from matplotlib.patheffects import withStroke
-
-    look = {"fontsize": _LABEL_PT, "color": "#3b4148", "ha": "center", "va": "center"}
-    halo = [withStroke(linewidth=1.6, foreground="#ffffffc0")]
-    height_m = _LABEL_PT / points_per_m
-    taken = [(*item.corners_m.min(axis=0), *item.corners_m.max(axis=0)) for item in drawn]
-    perceived = [item for item in drawn if item.life.is_perceived]
-    labelled = drawn if len(drawn) <= _MOST_LABELS else perceived[-_MOST_LABELS:]
-    for item in reversed(labelled):
-        text = _label(item.life.artefact_id, leaders)
-        size_m = (0.66 * height_m * len(text), height_m)
-        spot = _free_spot(item, size_m, np.array(taken), window, 0.25 * height_m)
-        if spot is None:
-            continue
-        taken.append((*spot, spot[0] + size_m[0], spot[1] + size_m[1]))
-        x_m, y_m = spot[0] + 0.5 * size_m[0], spot[1] + 0.5 * size_m[1]
-        axes.text(x_m, y_m, text, zorder=7, path_effects=halo, **look)
-
-
-def _label(artefact_id: int, leaders: Mapping[int, int]) -> str:
-    text = id_text(artefact_id)
-    return f"{text}\u2192{id_text(leaders[artefact_id])}" if artefact_id in leaders else text
-
-
-def id_text(artefact_id: int) -> str:
-    """Return an id as short as it can be: requested ones count from s0, not from a billion."""
-    requested = artefact_id - FIRST_ADMITTED_ID
-    return str(artefact_id) if requested < 0 else f"s{requested}"
-
-
 def is_gone(life: Life, end_ns: int) -> bool:
     """Say whether it left before the end; live, in the last second everybody has to."""
     return life.departure_ns is not None and life.departure_ns < end_ns - NS_PER_S
@@ -150,20 +104,3 @@ def _draw_dot(axes: Any, item: Drawn, colour: str, layer: float) -> None:
     look = {"markerfacecolor": face, "markeredgecolor": edge, "markeredgewidth": 0.9}
     alpha = _GONE_ALPHA if item.is_gone else 1.0
     axes.plot(*item.centre_m, "o", ms=_SMALLEST_PT - 1.0, alpha=alpha, zorder=layer, **look)
-
-
-def _free_spot(
-    item: Drawn, size_m: tuple[float, float], taken: Floats, window: Window, gap_m: float
-) -> Floats | None:
-    """Return the low corner of a place for a label beside an artefact, None if all are taken."""
-    half = 0.5 * np.array(size_m)
-    reach = 0.5 * np.ptp(item.corners_m, axis=0) + half + gap_m
-    for side in _SIDES:
-        low: Floats = item.centre_m + np.array(side) * reach - half
-        high = low + size_m
-        inside = low[0] > window.left and low[1] > window.bottom
-        inside = inside and high[0] < window.right and high[1] < window.top
-        apart = (low >= taken[:, 2:]).any(axis=1) | (high <= taken[:, :2]).any(axis=1)
-        if inside and apart.all():
-            return low
-    return None

@@ -91,9 +91,14 @@ def draw_map(sheet: Sheet, grid: OccupancyGrid, part: KnownPart) -> None:
     )
 
 
-def draw_frame(sheet: Sheet, record: SceneRecord, legends: Sequence[Sequence[Any]]) -> None:
-    """Write title and legends around the map, and the scale of length and of time."""
-    draw_surroundings(sheet, _title(record), _subtitle(record), legends)
+def draw_frame(
+    sheet: Sheet, record: SceneRecord, legends: Sequence[Sequence[Any]], *, without_id: int = 0
+) -> None:
+    """Write title and legends around the map, and the scale of length and of time.
+
+    `without_id` artefacts have no id beside them, for want of room.
+    """
+    draw_surroundings(sheet, _title(record), _subtitle(record, without_id), legends)
     if len(record.robot):
         _draw_time(sheet, record)
 
@@ -120,17 +125,20 @@ def _title(record: SceneRecord) -> str:
     return f"{counted(arrived, 'virtual artefact')} arrived, {perceived} perceived"
 
 
-def _subtitle(record: SceneRecord) -> str:
+def _subtitle(record: SceneRecord, without_id: int) -> str:
     steps = np.diff(record.robot.poses[:, :2], axis=0)
     driven_m = float(np.linalg.norm(steps, axis=1).sum())
     counts = Counter(event.kind for event in record.events)
     blocked = counts[EventKind.BLOCKED]
+    ids = "numbers are ids, as in metrics.json"
+    if without_id:
+        ids += f"; {without_id} have no room"
     parts = [
         f"{record.duration_ns / NS_PER_S:.0f} s",
         f"robot drove {driven_m:.1f} m" if len(record.robot) else "no pose of the robot",
         f"{counted(blocked, 'arrival')} blocked" if blocked else "",
         f"seed {record.seed}",
-        "numbers are ids, as in metrics.json" if record.lives else "",
+        ids if record.lives else "",
     ]
     return "   ·   ".join(part for part in parts if part)
 

@@ -124,11 +124,15 @@ def draw_lives(axes: Any, trial: Trial) -> None:
     middles_s = 0.5 * (times_s[1:] + times_s[:-1])
     _draw_density(axes, lives_s, middles_s, density, unit_s)
     p_value = _p_text("KS", statistics.lives_p_value(trial))
-    count = f"{len(lives_s)} lives, mean {float(lives_s.mean()) / unit_s:.3g} {name}"
-    if chain.departures is Departures.INDEPENDENT:
-        _write(axes, [count, p_value])
-    else:
-        _write(axes, [count, "who leaves is drawn at random;", "between departures:", p_value])
+    lines = [
+        f"{len(lives_s)} lives, mean {float(lives_s.mean()) / unit_s:.3g} {name},",
+        "of who appeared in the first",
+        "nine tenths of the time"
+        + (f"; {trial.unfinished} more are not over" if trial.unfinished else ""),
+    ]
+    if chain.departures is not Departures.INDEPENDENT:
+        lines += ["who leaves is drawn at random;", "between departures:"]
+    _write(axes, [*lines, p_value])
     axes.set_xlabel(f"time [{name}]")
 
 

@@ -51,11 +51,16 @@ def draw_marks(axes: Any, record: SceneRecord) -> None:
 
     Who had to leave is marked where that was.
     """
-    lives = {life.artefact_id: life for life in record.lives if len(life.footprints)}
-    displaced = _ends(forced(record), lives)
-    contacts = _contacts(of_kind(record, EventKind.ROBOT_CONTACT), lives, record.robot)
+    displaced, contacts = mark_places(record)
     axes.plot(*displaced.T, zorder=6.0, **DISPLACED_LOOK)
     axes.plot(*contacts.T, zorder=6.1, **CONTACT_LOOK)
+
+
+def mark_places(record: SceneRecord) -> tuple[Floats, Floats]:
+    """Return where displacements and contacts are marked, (N, 2) and (M, 2)."""
+    lives = {life.artefact_id: life for life in record.lives if len(life.footprints)}
+    contacts = _contacts(of_kind(record, EventKind.ROBOT_CONTACT), lives, record.robot)
+    return _ends(forced(record), lives), contacts
 
 
 def _ends(events: Sequence[ArtefactEvent], lives: dict[int, Life]) -> Floats:

@@ -19,6 +19,7 @@ SEEN_COLOUR: Final = "#4f9fd8"
 _MOST_VERTICES: Final = 2000
 _SMALLEST_ROBOT_PT: Final = 9.0
 _MASK_PIXELS: Final = 900
+_TAG_PT: Final = (26.0, 13.0)
 
 
 def time_colours() -> Any:
@@ -68,13 +69,37 @@ def draw_path(axes: Any, record: SceneRecord, shown: Sequence[Fan], points_per_m
     line.set_array(fractions[1:])
     line.set_clim(0.0, 1.0)
     axes.add_collection(line, autolim=False)
-    at_fans = np.searchsorted(stamps, [fan.stamp_ns for fan in shown]).tolist()
-    for index in sorted({0, len(poses) - 1, *at_fans} - {len(poses)}):
+    for index in _shown_poses(record, shown):
         _draw_robot(axes, record, index, points_per_m)
-    below_pt = 9.0 + points_per_m * robot_outline(record.footprint)[:, 1].max()
+    below_pt = _below_pt(record, points_per_m)
     _mark(axes, poses[0], "start", TIME_COLOURS[1], below_pt)
     if len(poses) > 1:
         _mark(axes, poses[-1], "end", TIME_COLOURS[-1], below_pt)
+
+
+def robot_places(record: SceneRecord, shown: Sequence[Fan]) -> Floats:
+    """Return the middles (N, 2) of the robot where it is drawn on its path."""
+    return record.robot.poses[_shown_poses(record, shown), :2].reshape(-1, 2)
+
+
+def tag_rectangles(record: SceneRecord, points_per_m: float) -> Floats:
+    """Return what "start" and "end" cover: left, bottom, right, top (N, 4) [m]."""
+    ends = record.robot.poses[[0, -1], :2] if len(record.robot) else np.empty((0, 2))
+    middles = ends - (0.0, _below_pt(record, points_per_m) / points_per_m)
+    half = 0.5 * np.array(_TAG_PT) / points_per_m
+    return np.hstack((middles - half, middles + half))
+
+
+def _shown_poses(record: SceneRecord, shown: Sequence[Fan]) -> list[int]:
+    """Return the indices of the robot's poses that are drawn: its ends, and where fans begin."""
+    stamps = record.robot.stamps_ns
+    at_fans = np.searchsorted(stamps, [fan.stamp_ns for fan in shown]).tolist()
+    return sorted({0, len(stamps) - 1, *at_fans} - {len(stamps)}) if len(stamps) else []
+
+
+def _below_pt(record: SceneRecord, points_per_m: float) -> float:
+    """Return how far below the robot its tags are."""
+    return float(9.0 + points_per_m * robot_outline(record.footprint)[:, 1].max())
 
 
 def _tint(axes: Any, fans: Sequence[Fan], window: Window) -> None:

@@ -25,6 +25,7 @@ from are_ros.replay.overview import draw_overview
 from are_ros.replay.population_picture import plot_population
 from are_ros.replay.progress_bar import ProgressBar
 from are_ros.replay.results import (
+    Content,
     ReplayCounts,
     WallClock,
     metrics_content,
@@ -103,20 +104,22 @@ def replay_command(say: Say, **options: Any) -> bool:
     film = None if wanted is None else film_path(wanted, options["out"])
     with ProgressBar() as bar:
         outcome = run_replay(replay, say, bar.open)
+    said: list[str] = []
     with all_or_nothing(options["out"]):
-        summary = write_results(outcome, options["out"])
-    for line in summary:
-        say(line)
-    if film is not None:
-        threshold = replay.parameters.world.occupied_threshold
-        animate(outcome.record, outcome.grid, film, threshold, say)
+        write_results(outcome, options["out"])
+    try:
+        if film is not None:
+            _animate(outcome, film, said.append)
+    finally:
+        for line in [*summary(outcome, options["out"]), *said]:
+            say(line)
     for line in complaints(outcome):
         say(line)
     return not (outcome.refusals.counts or outcome.camera_problem)
 
 
-def write_results(outcome: Outcome, folder: Path) -> list[str]:
-    """Write picture, metrics, timing and effective parameters; return the summary."""
+def write_results(outcome: Outcome, folder: Path) -> None:
+    """Write picture, metrics, effective parameters, and the timing so far."""
     parameters = outcome.options.parameters
     with outcome.stopwatch.phase("picture"):
         draw_overview(
@@ -126,21 +129,41 @@ def write_results(outcome: Outcome, folder: Path) -> list[str]:
             occupied_threshold=parameters.world.occupied_threshold,
         )
     (folder / "effective.yaml").write_text(write_ros_parameters(parameters), encoding="utf-8")
+    write_json(folder / "metrics.json", _metrics(outcome))
+    write_json(folder / "timing.json", _timing(outcome))
+
+
+def summary(outcome: Outcome, folder: Path) -> list[str]:
+    """Return what a person wants to know, and where the results are."""
+    return [*summary_lines(_metrics(outcome), _timing(outcome)), f"results in {folder}"]
+
+
+def _animate(outcome: Outcome, film: Path, say: Say) -> None:
+    """Write the animation, a phase of its own in timing.json. Raises BagError."""
+    threshold = outcome.options.parameters.world.occupied_threshold
+    with outcome.stopwatch.phase("animation"):
+        animate(outcome.record, outcome.grid, film, threshold, say)
+    if outcome.options.out is not None:
+        with all_or_nothing(outcome.options.out):
+            write_json(outcome.options.out / "timing.json", _timing(outcome))
+
+
+def _metrics(outcome: Outcome) -> Content:
     counts = ReplayCounts(outcome.scans, outcome.refusals.counts, outcome.messages_written)
-    metrics = metrics_content(outcome.record, counts)
+    return metrics_content(outcome.record, counts)
+
+
+def _timing(outcome: Outcome) -> Content:
     stopwatch = outcome.stopwatch
     clock = WallClock(stopwatch.phases_s, stopwatch.tick_durations_s)
-    timing = timing_content(outcome.record, clock)
-    write_json(folder / "metrics.json", metrics)
-    write_json(folder / "timing.json", timing)
-    return [*summary_lines(metrics, timing), f"results in {folder}"]
+    return timing_content(outcome.record, clock)
 
 
 def complaints(outcome: Outcome) -> list[str]:
     """Return a sentence for each topic that had messages refused, or scans left as they were."""
     refusals = outcome.refusals
     lines = [
-        f"refused: {sentence}" + (f" ({count} messages)" if count > 1 else "")
+        f"refused: {sentence}" + (f" ({counted(count, 'message')})" if count > 1 else "")
         for topic, sentence in sorted(refusals.sentences.items())
         if (count := refusals.counts[topic])
     ]

@@ -36,6 +36,14 @@ class SurveyedEdge:
             return 0.0
         return (self.count - 1) * NS_PER_S / duration_ns
 
+    def rate_text(self) -> str:
+        """Return the rate in words; where all stamps are one, there is none."""
+        if self.is_static:
+            return "static"
+        if self.first_ns == self.last_ns:
+            return "once" if self.count == 1 else "one stamp"
+        return f"{self.rate_hz:.1f} Hz" if self.rate_hz >= 0.05 else f"{self.rate_hz:.1g} Hz"
+
 
 @dataclass(frozen=True)
 class FrameSurvey:
@@ -170,8 +178,9 @@ def _draw_below(
 ) -> None:
     drawn.add(frame)
     for edge in children[frame]:
-        kind = "static" if edge.is_static else f"{edge.rate_hz:.1f} Hz"
         again = ", see above" if edge.child in drawn else ""
-        lines.append(f"{'  ' * depth}{edge.child} ({kind}, {', '.join(edge.topics)}{again})")
+        lines.append(
+            f"{'  ' * depth}{edge.child} ({edge.rate_text()}, {', '.join(edge.topics)}{again})"
+        )
         if edge.child not in drawn:
             _draw_below(edge.child, depth + 1, children, drawn, lines)

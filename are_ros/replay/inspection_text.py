@@ -4,6 +4,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.description._tables import aligned, section
 from are_ros.replay.inspection import InspectedTopic, Inspection
 from are_ros.replay.roles import ROLE_TYPES
+from are_ros.wording import counted
 
 
 def inspection_lines(inspection: Inspection) -> list[str]:
@@ -12,8 +13,9 @@ def inspection_lines(inspection: Inspection) -> list[str]:
     topics = [_topic_cells(entry) for entry in inspection.topics]
     roles = [(role, inspection.roles.topic(role) or "-") for role in ROLE_TYPES]
     missing = inspection.missing or ("nothing: it can be replayed as it is",)
+    count = sum(entry.topic.count for entry in inspection.topics)
     return [
-        f"{duration_s:.1f} s, {sum(entry.topic.count for entry in inspection.topics)} messages",
+        f"{duration_s:.1f} s, {counted(count, 'message')}",
         *section("topics", aligned(topics, numbers=(2, 3))),
         *section("roles", [*aligned(roles), *inspection.roles.sentences()]),
         *section("frames", [*inspection.frames.tree_lines(), *inspection.frames.oddities]),
@@ -27,7 +29,14 @@ def _topic_cells(entry: InspectedTopic) -> tuple[str, ...]:
         topic.name,
         topic.type_name,
         str(topic.count),
-        f"{entry.rate_hz:.1f} Hz",
+        _rate_text(entry),
         entry.frame_id,
         "latched" if topic.is_latched else "",
     )
+
+
+def _rate_text(entry: InspectedTopic) -> str:
+    """Return the mean rate, of which a single message has none."""
+    if entry.topic.count <= 1:
+        return "once" if entry.topic.count else ""
+    return f"{entry.rate_hz:.1f} Hz" if entry.rate_hz >= 0.05 else f"{entry.rate_hz:.1g} Hz"

@@ -1,30 +1,48 @@
 """overview.png: a run seen from above, who went where, and what the robot perceived of it."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from are_ros.replay._picture_artefacts import (
     class_colours,
     draw_artefacts,
-    draw_labels,
     drawn_lives,
 )
 from are_ros.replay._picture_behaviours import behaviour_counts, behaviour_marks
 from are_ros.replay._picture_company import companies
 from are_ros.replay._picture_frame import Sheet, draw_frame, draw_map
+from are_ros.replay._picture_labels import draw_labels, squares
 from are_ros.replay._picture_legend import legends
 from are_ros.replay._picture_map import known_part, window_of
-from are_ros.replay._picture_marks import draw_marks
-from are_ros.replay._picture_paths import displacements, draw_companies, draw_ways, way_of
-from are_ros.replay._picture_robot import draw_fans, draw_path
+from are_ros.replay._picture_marks import draw_marks, mark_places
+from are_ros.replay._picture_paths import (
+    Way,
+    displacements,
+    draw_companies,
+    draw_ways,
+    way_of,
+)
+from are_ros.replay._picture_robot import (
+    draw_fans,
+    draw_path,
+    robot_outline,
+    robot_places,
+    tag_rectangles,
+)
 from are_ros.replay._picture_view import Fan, Sight, fan_at, spread_indices, telling_indices
 from are_ros.replay.scene_record import SceneRecord
 from are_ros.world.occupancy_grid import OccupancyGrid
 
+Floats = npt.NDArray[np.float64]
+
 _SHOWN_FANS: Final = 3
 _SWEPT_FANS: Final = 60
+_MARK_PT: Final = 8.0
+_PATH_PT, _PATH_POINTS = 4.0, 400
 
 
 def draw_overview(
@@ -66,9 +84,24 @@ def _figure(record: SceneRecord, grid: OccupancyGrid, occupied_threshold: int) -
     draw_artefacts(sheet.axes, drawn, colours, sheet.points_per_m)
     draw_marks(sheet.axes, record)
     leaders = {one.follower.artefact_id: one.leader.artefact_id for one in found}
-    draw_labels(sheet.axes, drawn, leaders, window, sheet.points_per_m)
-    draw_frame(sheet, record, handles)
+    taken = tag_rectangles(record, sheet.points_per_m)
+    avoided = _avoided(record, ways, shown, sheet.points_per_m)
+    labelled = draw_labels(sheet.axes, drawn, leaders, window, sheet.points_per_m, taken, avoided)
+    draw_frame(sheet, record, handles, without_id=len(drawn) - labelled)
     return sheet.figure
+
+
+def _avoided(
+    record: SceneRecord, ways: Sequence[Way], shown: Sequence[Fan], points_per_m: float
+) -> Floats:
+    """Return the rectangles (N, 4) [m] that ids had better not cover: marks, robot and path."""
+    begins = np.array([way.points_m[0] for way in ways], dtype=np.float64).reshape(-1, 2)
+    marks = np.concatenate((begins, *mark_places(record)))
+    robot_m = float(np.ptp(robot_outline(record.footprint), axis=0).max())
+    robots = squares(robot_places(record, shown), robot_m)
+    path = record.robot.poses[:: max(1, len(record.robot) // _PATH_POINTS), :2]
+    path_m, marks_m = _PATH_PT / points_per_m, _MARK_PT / points_per_m
+    return np.concatenate((squares(marks, marks_m), robots, squares(path, path_m)))
 
 
 def _end_ns(record: SceneRecord) -> int:

@@ -128,12 +128,26 @@ def _write_head(figure: Any, trial: Trial, parameters: Parameters, site: Site) -
         _lives_text(settings),
         f"at most {chain.max_alive} alive",
         f"{trial.end_s / unit_s:.3g} {unit} simulated, nobody moves, seed {parameters.seed}",
-        f"{trial.without_place} found no place" if trial.without_place else "",
+        _appeared_text(trial),
     ]
     left = 0.5 / width
     figure.text(left, 1.0 - 0.16 / height, title, size=15, weight="bold", color=INK, va="top")
     text = "   ·   ".join(part for part in parts if part)
     figure.text(left, 1.0 - 0.49 / height, text, size=9, color=FAINT_INK, va="top")
+
+
+def _appeared_text(trial: Trial) -> str:
+    """Return how many of those who arrived appeared, and why the others did not."""
+    reasons = {
+        "found no place": trial.without_place,
+        "fit nowhere": trial.misfits,
+        "met a full population": trial.at_bound,
+        "would never leave": trial.endless,
+    }
+    others = ", ".join(f"{count} {text}" for text, count in reasons.items() if count)
+    if not others:
+        return f"all {len(trial.rows)} who arrived appeared"
+    return f"{trial.appeared} of {len(trial.rows)} who arrived appeared: {others}"
 
 
 def _lives_text(settings: PopulationParameters) -> str:

@@ -19,12 +19,14 @@ from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.conventions import NS_PER_S
 from are_ros.replay.life_record import Life
 from are_ros.replay.scene_record import SceneRecord
-from are_ros.wording import counted
+from are_ros.wording import counted, listed
 
 Content = dict[str, Any]
 
 REPLAY_PHASE = "replay"
 """The phase of the stopwatch in which the recording goes through the builder."""
+
+_OTHER_PHASES = {"start_up": "start-up", "picture": "picture", "animation": "animation"}
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,7 @@ def timing_content(record: SceneRecord, clock: WallClock) -> Content:
     """Return the content of timing.json.
 
     The real-time factor is the time simulated over that of the replay proper; the overall one
-    counts start-up and picture, too.
+    counts the other phases (start-up, picture, animation), too.
     """
     total_s = math.fsum(clock.phases_s.values())
     replay_s = clock.phases_s.get(REPLAY_PHASE, total_s)
@@ -181,7 +183,9 @@ def _time_text(metrics: Content, timing: Content | None) -> str:
     if timing is None or timing["real_time_factor"] is None:
         return text
     factor, total_s = timing["real_time_factor"], timing["total_s"]
-    return f"{text}, {factor:.0f} times real time; {total_s:.1f} s with start-up and picture"
+    others = listed([name for key, name in _OTHER_PHASES.items() if key in timing["phases_s"]])
+    included = f"with {others}" if others else "in all"
+    return f"{text}, {factor:.0f} times real time; {total_s:.1f} s {included}"
 
 
 def _artefact_text(metrics: Content) -> str:

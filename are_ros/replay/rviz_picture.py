@@ -26,7 +26,7 @@ def draw_rviz(path: Path, png_path: Path, at_s: float | None = None) -> RvizScen
         mpl.rcdefaults()
         mpl.rcParams["font.family"] = "DejaVu Sans"
         window = Window()
-        draw_frame(window, scene, path.name)
+        draw_frame(window, scene, path.resolve().name)
         window.picture(MAIN, draw_perspective(scene, MAIN.size), "Orbit")
         window.picture(TOP_DOWN, draw_top_down(scene, TOP_DOWN.size), "TopDownOrtho")
         window.picture(COSTMAP, draw_costmap(scene, COSTMAP.size), "TopDownOrtho, costmap")

@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
+from are_ros.replay import _check_marker_decoding as kinds
 from are_ros.replay.rviz_canvas import Rgb
-from are_ros.replay.rviz_scene import RvizScene
+from are_ros.replay.rviz_scene import PlacedMarker, RvizScene
 from are_ros.replay.rviz_views import GRID_LINE, OUTLINE, SCAN_COLOURS
 from are_ros.wording import counted
 
@@ -107,7 +108,7 @@ class Window:
 
 def draw_frame(window: Window, scene: RvizScene, name: str) -> None:
     """Write title, list of displays and time."""
-    title = f"What rviz would show of {name}"
+    title = f"What rviz would show of the recording '{name}'"
     window.words(10, 20, title, size=11.5, weight="bold")
     window.words(WIDTH_PX - 10, 20, _counts_text(scene), size=9.0, ha="right", color=_FAINT)
     window.box(DISPLAYS, "white")
@@ -127,11 +128,18 @@ def _draw_legend(window: Window, scene: RvizScene) -> None:
     lines = []
     if scene.markers:
         lines += ["opaque: perceived; translucent: not", "arrow: heading, longer if faster"]
+    if any(_is_id(marker) for marker in scene.markers):
+        lines.append("number: the id, where labels are close")
     if len(scene.scans) > 1:
         lines.append("red points: beams that ARE changed")
     top = DISPLAYS.top + DISPLAYS.height - 14 - _LINE_PX * (len(lines) - 1)
     for number, line in enumerate(lines):
         window.words(DISPLAYS.left + 12, top + number * _LINE_PX, line, color=_FAINT)
+
+
+def _is_id(marker: PlacedMarker) -> bool:
+    """Tell whether a marker is a text with nothing but a number."""
+    return marker.fields.kind == kinds.TEXT and marker.fields.text.isdigit()
 
 
 def _draw_row(window: Window, row: Row, middle: int) -> None:
@@ -177,9 +185,8 @@ def _namespaces(scene: RvizScene) -> Counter[str]:
 
 def _counts_text(scene: RvizScene) -> str:
     topics = (scene.topics.grid, scene.topics.costmap, *scene.topics.markers)
-    count = len(scene.markers)
     shown = [topic for topic in (*topics, *(topic for topic, _ in scene.scans)) if topic]
-    return f"{count} marker{'' if count == 1 else 's'}   ·   {'   '.join(shown)}"
+    return f"{counted(len(scene.markers), 'marker')}   ·   {'   '.join(shown)}"
 
 
 def _time_text(scene: RvizScene) -> str:

@@ -14,7 +14,7 @@ from are_ros.builder.markers import MarkerAction, MarkerBatch, MarkerBoard, Mark
 from are_ros.builder.mesh_bank import MeshBank
 from are_ros.builder.states import artefact_state
 from are_ros.conventions import NS_PER_S
-from are_ros.parameters.choices import Shape
+from are_ros.parameters.choices import Labels, Shape
 from are_ros.world.rigid_transform import RigidTransform
 
 HERE = GroundPose(1.0, 2.0, 0.5, 0.7)
@@ -104,6 +104,43 @@ def test_another_look_is_drawn(row: CatalogueRow, change: dict[str, Any]) -> Non
     repainted = replace(row, colour=(0.0, 0.0, 1.0, 1.0))
     markers = display.update(2, [replace(state, **change)], [repainted], ())
     assert markers.looks[0].colour[:3] == (0.0, 0.0, 1.0)
+
+
+def texts(markers: MarkerBatch) -> dict[int, str]:
+    """Return the labels among markers."""
+    return {m.marker_id: m.text for m in markers.looks if m.namespace == "label" and m.text}
+
+
+def test_labels_that_would_meet_are_ids(row: CatalogueRow) -> None:
+    """Of the perceived, while they stand close; the words come back a little farther apart."""
+    display = Display(MarkerBoard(), None)
+    states = [artefact_state(replace(an_artefact(row), id=i), 200) for i in (7, 8, 9)]
+    word = states[0].label
+
+    def shown(now_ns: int, xs: tuple[float, ...], perceived: set[int]) -> dict[int, str]:
+        placed = [
+            replace(state, map_from_artefact=RigidTransform.planar(x, 0.0, 0.0))
+            for state, x in zip(states, xs, strict=True)
+        ]
+        rows = [row] * len(placed)
+        return texts(display.update(now_ns, placed, rows, perceived, everything=True))
+
+    everybody = {7, 8, 9}
+    assert shown(0, (0.0, 1.6, 9.0), everybody) == {7: word, 8: word, 9: word}
+    assert shown(1, (0.0, 1.3, 9.0), everybody) == {7: "7", 8: "8", 9: word}
+    assert shown(2, (0.0, 1.6, 9.0), everybody) == {7: "7", 8: "8", 9: word}
+    assert shown(3, (0.0, 1.9, 9.0), everybody) == {7: word, 8: word, 9: word}
+    assert shown(4, (0.0, 0.5, 9.0), {7, 9}) == {7: word, 9: word}
+    assert shown(5, (0.0, 0.5, 9.0), everybody) == {7: "7", 8: "8", 9: word}
+    assert shown(4, (0.0, 1.6, 9.0), everybody) == {7: word, 8: word, 9: word}
+
+
+@pytest.mark.parametrize(("labels", "wanted"), [(Labels.ALL, ["7", "8"]), (Labels.NONE, [])])
+def test_labels_of_all_and_of_nobody(row: CatalogueRow, labels: Labels, wanted: list[str]) -> None:
+    """Who is labelled counts, perceived or not."""
+    display = Display(MarkerBoard(Shape.BOX, labels), None)
+    states = [artefact_state(replace(an_artefact(row), id=i), 200) for i in (7, 8)]
+    assert [*texts(display.update(0, states, [row, row], ())).values()] == wanted
 
 
 def test_a_new_viewer_gets_everything(row: CatalogueRow) -> None:

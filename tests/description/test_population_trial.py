@@ -47,6 +47,8 @@ def test_the_books_agree(
     assert trial.waits_s.sum() == pytest.approx(trial.offers_s[-1])
     assert len(trial.rows) >= len(trial.offers_s) >= len(trial.points_m) > 30
     assert (np.diff(trial.placed_s) > 0.0).all()
+    assert trial.at_bound > 0
+    assert trial.appeared == np.maximum(np.diff(trial.alive), 0).sum()
     fell = -np.diff(trial.alive)
     assert len(trial.departure_gaps_s) == fell[fell > 0].sum()
     lasted_s = np.diff(np.append(trial.changes_s, trial.end_s))
@@ -76,6 +78,8 @@ def test_on_a_map_everybody_stands_in_the_region_and_in_nobodys_way(
     assert ((trial.points_m > 0.0) & (trial.points_m < 2.0)).all()
     misfits = int((trial.rows == 2).sum())
     assert 0 < trial.without_place <= len(trial.rows) - misfits - len(trial.points_m)
+    assert (trial.misfits, trial.endless) == (misfits, 0)
+    assert trial.appeared == len(trial.points_m)
 
 
 def test_members_of_a_group_stand_near_their_first(
@@ -97,6 +101,7 @@ def test_who_never_leaves_is_left_out(parameters_of: ParametersOf, catalogue: Ca
     assert (trial.rows == 0).sum() > 50
     assert len(trial.points_m) == (trial.rows != 0).sum()
     assert trial.without_place == 0
+    assert trial.endless == (trial.rows == 0).sum()
     assert trial.chain.share < 1.0
 
 

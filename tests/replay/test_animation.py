@@ -13,6 +13,8 @@ from PIL import Image
 from are_ros.builder.events import EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
+from are_ros.replay._film_canvas import FOOTER_PX, HEADER_PX
+from are_ros.replay._film_legend import Entry, draw_legend, patch
 from are_ros.replay._film_scene import FilmScene
 from are_ros.replay.animation import Film, film_stamps, write_animation
 from are_ros.replay.film_path import film_path
@@ -174,6 +176,39 @@ def test_walls_and_the_way_of_the_robot_are_there() -> None:
     assert _apart(_at(scene, picture, (0.05, 5.0)), (88, 95, 104)) < 30
     driven = _at(scene, picture, (1.5, 1.0))
     assert driven[2] > driven[0] + 50
+
+
+def test_the_robot_is_there_from_the_first_picture_on() -> None:
+    """Though its pose comes only with the first transform; one of much later does not count."""
+    late, too_late = run([], way=ROBOT_WAY), run([], way=ROBOT_WAY)
+    late.robot.__dict__["stamps_ns"] = late.robot.stamps_ns + NS_PER_S // 2
+    too_late.robot.__dict__["stamps_ns"] = too_late.robot.stamps_ns + 2 * NS_PER_S
+    inks = []
+    for record in (late, too_late):
+        scene = _scene(record)
+        x, y = np.floor(scene.stage.pixels((1.0, 1.0))).astype(int).tolist()
+        part = scene.picture(TICK_NS)[y - 30 : y + 30, x - 30 : x + 30].astype(int)
+        inks.append(int((np.abs(part - (0x2F, 0x7F, 0xC1)).max(axis=2) < 40).sum()))
+    assert inks[0] > 50
+    assert inks[1] == 0
+
+
+def test_the_legend_has_the_robot_and_its_way() -> None:
+    """In the header, where there is a robot."""
+    with_robot, without = (_scene(run([], way=way)) for way in (ROBOT_WAY, ()))
+    header = slice(0, HEADER_PX), slice(350, None)
+    assert (with_robot.picture(TICK_NS)[header] < 200).any()
+    assert not (without.picture(TICK_NS)[header] < 200).any()
+
+
+def test_a_legend_without_room_is_cut_short() -> None:
+    """At the end of the list, and never over the time and the counts."""
+    entries = [Entry("something", patch((0, 0, 0))) for _ in range(9)]
+    for width in (360, 500, 840):
+        picture = np.full((100, width, 3), 255, dtype=np.uint8)
+        draw_legend(picture, entries, entries)
+        assert (picture[:, :350][:HEADER_PX] == 255).all()
+        assert (picture[-FOOTER_PX:] < 128).any()
 
 
 def test_long_recordings_are_shown_faster() -> None:

@@ -409,7 +409,7 @@ def test_an_odd_type_of_another_topic_does_no_harm(live: Tape, tmp_path: Path) -
     results = results_of(tmp_path / "odd.mcap")
     assert bad(results) == []
     assert results["lives"].outcome is Outcome.PASSED
-    assert "not known how they were offered" in results["quality of service"].sentence()
+    assert "offered quality of service is not known" in results["quality of service"].sentence()
 
 
 def test_what_is_no_recording_of_the_node_is_refused(sample_bag: Path, tmp_path: Path) -> None:
@@ -735,7 +735,7 @@ BROKEN: dict[str, tuple[str, Break, str]] = {
     "told of": (
         "farewells",
         _bad_farewell("metrics", _set("alive", 2)),
-        "2 artefacts are still told of",
+        "there is still word of 2 artefacts",
     ),
     "left behind": ("augmented map", _bad_farewell("augmented_map", _flip_cell), "at a farewell"),
 }

@@ -1,5 +1,6 @@
 """What the options of the command line come to, and what is said at the end."""
 
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from subprocess import CompletedProcess
@@ -152,4 +153,18 @@ def test_inspect_passes_over_a_damaged_transform(
         writer.write("/tf", 2, make_transforms(factory, [edge]))
     done = run_are("inspect", tmp_path / "bag.mcap")
     assert done.returncode == 0
-    assert "  base_link (0.0 Hz, /tf)" in done.stdout
+    assert "  base_link (once, /tf)" in done.stdout
+
+
+def test_an_animation_is_in_the_time_that_is_said(
+    sample_bag: Path, tmp_path: Path, run_are: RunAre
+) -> None:
+    """It is a phase of timing.json, and the summary names it before it tells of the file."""
+    out, parts = tmp_path / "out", ("--skip", "grids", "--skip", "markers")
+    done = run_are("replay", sample_bag, "--duration", 1, *parts, "--out", out, "--animate")
+    assert done.returncode == 0, done.stderr
+    phases = json.loads((out / "timing.json").read_text())["phases_s"]
+    assert [*phases] == ["start_up", "replay", "picture", "animation"]
+    said = done.stderr
+    assert f"{sum(phases.values()):.1f} s with start-up, picture and animation" in said
+    assert said.index("results in") < said.index("animation: ")

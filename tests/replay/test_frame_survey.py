@@ -31,6 +31,16 @@ def test_edges_are_counted_and_timed() -> None:
     assert survey.oddities == ()
 
 
+def test_rates_in_words() -> None:
+    """A single stamp has none, however often it came."""
+    texts = [
+        surveyed(*(edge("odom", "base", stamp_ns) for stamp_ns in stamps_ns)).edges[0].rate_text()
+        for stamps_ns in ((0,), (0, 0), (0, S // 10), (0, 50 * S))
+    ]
+    assert texts == ["once", "one stamp", "10.0 Hz", "0.02 Hz"]
+    assert surveyed(static=(edge("odom", "base"),)).edges[0].rate_text() == "static"
+
+
 def test_the_tree_is_drawn_from_its_roots() -> None:
     """Roots first, children indented, separate trees one after the other."""
     survey = surveyed(
@@ -40,8 +50,8 @@ def test_the_tree_is_drawn_from_its_roots() -> None:
         "a",
         "  b (static, /tf_static)",
         "map",
-        "  odom (0.0 Hz, /tf)",
-        "    base (0.0 Hz, /tf)",
+        "  odom (once, /tf)",
+        "    base (once, /tf)",
         "      laser (static, /tf_static)",
     )
     assert survey.connected_to("laser") == {"map", "odom", "base", "laser"}
@@ -54,9 +64,9 @@ def test_an_edge_in_both_directions_is_odd() -> None:
     assert survey.oddities == ("map -> odom is there in both directions",)
     assert survey.tree_lines() == (
         "map",
-        "  odom (0.0 Hz, /tf)",
-        "    base (0.0 Hz, /tf)",
-        "    map (0.0 Hz, /tf, see above)",
+        "  odom (once, /tf)",
+        "    base (once, /tf)",
+        "    map (once, /tf, see above)",
     )
 
 

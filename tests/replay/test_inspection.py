@@ -13,6 +13,7 @@ from are_ros.messages.odometry import OdometryReading, make_odometry
 from are_ros.messages.transforms import StampedTransform, make_transforms
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.inspection import Inspection, inspect_bag
+from are_ros.replay.inspection_text import inspection_lines
 from are_ros.replay.message_types import RosbagsFactory
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
@@ -75,6 +76,21 @@ def test_a_complete_recording_lacks_nothing(complete: Path) -> None:
         "    base_link (10.0 Hz, /odom)",
         "      laser (static, /tf_static)",
     )
+
+
+def test_rates_read_well(tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag) -> None:
+    """A single message has none, and a rare one is not said to come at 0.0 Hz."""
+    records = [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in range(1001)]
+    records += [("/scan", 0, scan(factory, 0))]
+    records += [("/rare", k * S, scan(factory, k * S)) for k in (0, 50)]
+    lines = inspection_lines(inspected(write_bag(tmp_path / "bag.db3", records)))
+    texts = {line.split()[0]: " ".join(line.split()[2:]) for line in lines[2:5]}
+    assert texts == {
+        "/odom": "1001 10.0 Hz odom",
+        "/rare": "2 0.02 Hz laser",
+        "/scan": "1 once laser",
+    }
+    assert lines[0] == "100.0 s, 1004 messages"
 
 
 def test_what_is_missing_is_said_with_its_option(

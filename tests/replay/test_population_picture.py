@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import matplotlib as mpl
@@ -16,7 +18,7 @@ from are_ros.errors import InputError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.replay.command import describe_command
-from are_ros.replay.population_picture import FILE_NAME, plot_population
+from are_ros.replay.population_picture import FILE_NAME, _appeared_text, plot_population
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -82,6 +84,19 @@ def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
     with mpl.rc_context({"lines.linewidth": 9.0, "font.size": 30.0}):
         two = plot_population(parameters, _catalogue(), site, tmp_path / "two")
     assert one.read_bytes() == two.read_bytes()
+
+
+def test_it_says_who_did_not_appear_and_why() -> None:
+    """The counts in the second line account for everybody who arrived."""
+    trial: Any = SimpleNamespace(
+        rows=range(10), appeared=4, without_place=1, misfits=2, at_bound=3, endless=0
+    )
+    said = "4 of 10 who arrived appeared: 1 found no place, 2 fit nowhere, 3 met a full population"
+    assert _appeared_text(trial) == said
+    whole: Any = SimpleNamespace(
+        rows=range(10), appeared=10, without_place=0, misfits=0, at_bound=0, endless=0
+    )
+    assert _appeared_text(whole) == "all 10 who arrived appeared"
 
 
 def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:

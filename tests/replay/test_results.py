@@ -135,12 +135,24 @@ def test_summary() -> None:
     metrics = metrics_content(_record(), COUNTS)
     lines = summary_lines(metrics, timing_content(_record(), WallClock({"replay": 0.5})))
     text = "\n".join(lines)
-    assert "2.0 s in 3 ticks, 4 times real time; 0.5 s with start-up and picture" in text
+    assert "2.0 s in 3 ticks, 4 times real time; 0.5 s in all" in text
     assert "2 arrived, 1 departed, 1 blocked; alive 1.0 on average, 2 at most" in text
     assert "1 of 2 at some time; 1 of 3 ticks without a pose of the camera" in text
     assert "7 augmented at their stamp, 2 with map->odom held, 1 passed through" in text
     assert "4 messages on 2 topics" in text
     assert len({line.index("  ", 2) for line in lines if line.startswith("  ")}) >= 1
+
+
+def test_summary_says_what_its_seconds_hold() -> None:
+    """All phases that there were."""
+    metrics = metrics_content(_record(), COUNTS)
+    phases = {"start_up": 1.0, "replay": 0.5, "picture": 2.0}
+    for animation, text in (
+        ({}, "3.5 s with start-up and picture"),
+        ({"animation": 4.0}, "7.5 s with start-up, picture and animation"),
+    ):
+        timing = timing_content(_record(), WallClock(phases | animation))
+        assert summary_lines(metrics, timing)[0].endswith(text)
 
 
 def test_summary_of_nothing() -> None:

@@ -1,0 +1,47 @@
+"""What a check came to, in a sentence."""
+
+import pytest
+
+from are_ros.replay._check_result import Outcome, Tally, merged
+
+
+@pytest.mark.parametrize(
+    ("looked_at", "failures", "left_out", "sentence"),
+    [
+        (1, 0, 0, "walls: passed, 1 box"),
+        (2, 0, 0, "walls: passed, 2 boxes"),
+        (2, 0, 1, "walls: passed, 2 boxes (not looked at: 1 tick without a map)"),
+        (1, 0, 3, "walls: passed, 1 box (not looked at: 3 ticks without a map)"),
+        (1, 1, 0, "walls: FAILED, 1 wrong of 1 box; the first: it is pink"),
+        (0, 0, 0, "walls: skipped, there are no boxes"),
+        (0, 0, 2, "walls: skipped, not looked at: 2 ticks without a map"),
+    ],
+)
+def test_counts_read_well(looked_at: int, failures: int, left_out: int, sentence: str) -> None:
+    """One thing is no plural, and what was left out is told."""
+    tally = Tally("walls", "box")
+    tally.look(looked_at)
+    for _ in range(failures):
+        tally.fail("it is pink")
+    for _ in range(left_out):
+        tally.leave_out("tick", "without a map")
+    assert tally.result().sentence() == sentence
+
+
+def test_notes_come_before_what_was_left_out() -> None:
+    """Which is one list, whatever the reasons."""
+    tally = Tally("ticks", "tick")
+    tally.look(3)
+    tally.leave_out("tick", "without a map")
+    tally.leave_out("changed scan", "of nobody")
+    tally.note("the clock went back")
+    wanted = "the clock went back; not looked at: 1 tick without a map; 1 changed scan of nobody"
+    assert tally.result().reason == wanted
+
+
+def test_parts_add_up() -> None:
+    """To one sentence, in which one thing of all is no plural."""
+    empty, full = Tally("ticks", "tick"), Tally("ticks", "tick")
+    full.look()
+    whole = merged([empty.result(), full.result()])
+    assert (whole.outcome, whole.sentence()) == (Outcome.PASSED, "ticks: passed, 1 tick")
