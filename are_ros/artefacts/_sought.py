@@ -2,34 +2,43 @@
 
 from dataclasses import dataclass
 
-from are_ros.artefacts._turning import Turning
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.artefacts._leeway import Leeway
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.surroundings import Disc, Surroundings
 
 
 @dataclass(frozen=True, eq=False)
 class Sought:
-    """What a pose is sought for: a row, what is about it, a disc to be in, room to turn.
+    """What a pose is sought for: a row, what is about it, a disc to be in, room to set out.
 
-    Without a `turning` the artefact need not be able to turn there.
+    Without a `leeway` the artefact need not be able to set out from there.
     """
 
     row: CatalogueRow
     around: Surroundings
     within: Disc | None
-    turning: Turning | None
+    leeway: Leeway | None
 
     @property
     def key(self) -> tuple[float, ...]:
         """What decides, of all this, where the static map has room."""
-        row, turning = self.row, self.turning
+        row, leeway = self.row, self.leeway
         shape = (*row.size_m, *row.box_centre_in_artefact_m[:2])
-        return shape if turning is None else shape + turning.key
+        return shape if leeway is None else shape + leeway.key
 
     @property
     def radius_m(self) -> float:
         """Radius of a disc about F_A that is clear of walls in every pose sought."""
-        return _inscribed_radius_m(self.row) if self.turning is None else self.turning.radius_m
+        return _inscribed_radius_m(self.row) if self.leeway is None else self.leeway.radius_m
+
+    def leading_out(
+        self, poses: npt.NDArray[np.float64], which: npt.NDArray[np.int64]
+    ) -> npt.NDArray[np.int64]:
+        """Return those indices, of some, of poses (N, 4), x, y, 0, yaw, that lead out."""
+        return which if self.leeway is None else which[self.leeway.leads_out(poses[which])]
 
 
 def _inscribed_radius_m(row: CatalogueRow) -> float:

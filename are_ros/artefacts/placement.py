@@ -15,9 +15,9 @@ from are_ros.artefacts._candidates import (
     spine_of,
     spines_are_clear,
 )
+from are_ros.artefacts._leeway import Leeway, leeway_of
 from are_ros.artefacts._pose_lattice import HEADINGS, LATTICE_CELLS, PoseLattice
 from are_ros.artefacts._sought import Sought
-from are_ros.artefacts._turning import Turning, turning_of
 from are_ros.artefacts.artefact import GroundPose, shape_of
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.surroundings import Disc, Surroundings
@@ -45,10 +45,11 @@ class Placer:
     only and hits no wall, and the surroundings leave room for it. Poses are uniform over the
     feasible ones (position continuous, heading in [-pi, pi)), or by the region's weights.
 
-    What turns on the spot could hardly leave a place where the disc that it sweeps meets a closed
-    cell, nor a pocket of the map. It is placed, by the same law, among the feasible poses where it
-    can turn and is not shut in; only if the search below finds none of these, among all feasible
-    ones.
+    What moves could hardly leave a pocket of the map; what turns on the spot not a place where the
+    disc that it sweeps meets a closed cell, and a vehicle none where its first metres do, straight
+    or at full lock. It is placed, by the same law, among the feasible poses from which it can set
+    out (`Leeway`); only if what is said below finds none of these, for vehicles without the
+    lattice, among all feasible ones.
 
     Poses are drawn until one is feasible, some thousands at most. Then a lattice decides: the
     centres of cells times `HEADINGS` headings. (Where more than 2**17 cells have room, it takes
@@ -68,7 +69,7 @@ class Placer:
         self._lattice = lattice_row(environment.grid.origin, resolution_m, resolution_m)
         self._poses = PoseLattice(environment.grid)
         self._static: dict[tuple[float, ...], _Poses] = {}
-        self._turnings: dict[tuple[float, ...], Turning] = {}
+        self._leeways: dict[CatalogueRow, Leeway | None] = {}
         self._roomy: dict[float, CandidateCells] = {}
 
     def place(
@@ -89,21 +90,23 @@ class Placer:
         if static is not None and not static.size:
             return None
         cells = self._cells if within is None else self._cells_near(within)
-        turning = self._turning_of(row)
+        leeway = self._leeway_of(row)
         pose = None
-        if turning is not None:
-            pose = self._found(Sought(row, around, within, turning), cells, generator)
+        if leeway is not None:
+            pose = self._found(Sought(row, around, within, leeway), cells, generator)
         return pose or self._found(sought, cells, generator)
 
-    def _turning_of(self, row: CatalogueRow) -> Turning | None:
-        """Return how a row's artefacts turn here; of one size and height the same object."""
-        turning = turning_of(row, self._environment, self._terrains, self._region.mask)
-        return turning and self._turnings.setdefault(turning.key, turning)
+    def _leeway_of(self, row: CatalogueRow) -> Leeway | None:
+        """Return what a row's artefacts need to set out; None too where the map has it nowhere."""
+        if row not in self._leeways:
+            leeway = leeway_of(row, self._environment, self._terrains, self._region.mask)
+            self._leeways[row] = leeway if leeway and leeway.is_anywhere else None
+        return self._leeways[row]
 
     def _found(
         self, sought: Sought, cells: CandidateCells, generator: np.random.Generator
     ) -> GroundPose | None:
-        """Draw some thousands of poses, then search the lattice."""
+        """Draw some thousands of poses, then search the lattice, unless that would take long."""
         cells = self._with_room(cells, sought.radius_m)
         if not cells.flat.size:
             return None
@@ -113,7 +116,8 @@ class Placer:
                 found = self._first_feasible(sought, piece)
                 if found is not None:
                     return found
-        return self._searched(sought, cells, generator)
+        is_searched = sought.leeway is None or sought.leeway.is_searched_for
+        return self._searched(sought, cells, generator) if is_searched else None
 
     def _with_room(self, cells: CandidateCells, radius_m: float) -> CandidateCells:
         """Return the cells that may have room for a disc; of all cells, once for each radius."""
@@ -134,13 +138,13 @@ class Placer:
 
         What moves is asked about few at once: mostly the first that the map allows is free.
         """
-        if sought.turning is not None:
-            poses = poses[sought.turning.is_free_at(poses)]
+        if sought.leeway is not None:
+            poses = poses[sought.leeway.is_free_at(poses)]
         boxes, heights_m = self._standing(sought.row, poses)
         allowed = self._allowed_by_map(sought, boxes, poses)
         start, size = 0, 1
         while start < allowed.size:
-            piece = allowed[start : start + size]
+            piece = sought.leading_out(poses, allowed[start : start + size])
             free = np.flatnonzero(sought.around.leave_room_for(boxes.take(piece)))
             if free.size:
                 first = piece[free[0]]
@@ -213,7 +217,7 @@ class Placer:
 
     def _scan(self, sought: Sought, flat: _Cells) -> Iterator[_Poses]:
         """Yield the lattice poses over some cells that the static map allows."""
-        row, turning = sought.row, sought.turning
+        row, leeway = sought.row, sought.leeway
         resolution_m = self._grid.resolution_m
         half_m = (0.5 * row.size_m[0], 0.5 * row.size_m[1])
         spine_m, radius_m = spine_of(*half_m, row.box_centre_in_artefact_m[:2])
@@ -222,8 +226,8 @@ class Placer:
         least = needed_cells(radius_m / resolution_m)
         for start in range(0, flat.size, _CHUNK_CELLS):
             piece = flat[start : start + _CHUNK_CELLS]
-            if turning is not None:
-                piece = piece[turning.is_free_at(self._poses.centres_m(piece))]
+            if leeway is not None:
+                piece = piece[leeway.is_free_at(self._poses.centres_m(piece))]
             poses = spines_are_clear(
                 piece, self._clearance_cells, spine_m / resolution_m, turns, least
             )

@@ -67,17 +67,33 @@ def _held(coarse: CoarseMap, part: _Mask, spare_m: float, points_m: _Points) -> 
 def _with_others(anchors_m: _Points, room_m: npt.NDArray[np.float32], points_m: _Points) -> _Points:
     """Return the points (K, 2), and anchors (N, 2) of a part: each the farthest from all before.
 
-    The first is the one with most room, if there is none before.
+    The first is the one with most room, if there is none before. Where one point in the middle of
+    a small part keeps all others out, the part's ends take its place.
     """
     if not len(anchors_m):
         return points_m
     if not len(points_m):
         points_m = anchors_m[int(room_m.argmax())][None]
+    found_m = _filled_up(anchors_m, points_m)
+    if len(found_m) < 2:
+        end_m = anchors_m[int(_nearest_m(anchors_m, found_m).argmax())]
+        found_m = _filled_up(anchors_m, end_m[None])
+    return found_m if len(found_m) > 1 else np.empty((0, 2))
+
+
+def _filled_up(anchors_m: _Points, points_m: _Points) -> _Points:
+    """Return at least one point (K, 2), and up to `FEWEST` with anchors (N, 2) well apart."""
     while len(points_m) < FEWEST:
-        offsets_m = anchors_m[:, None] - points_m
-        nearest_m = np.hypot(offsets_m[..., 0], offsets_m[..., 1]).min(axis=1)
+        nearest_m = _nearest_m(anchors_m, points_m)
         farthest = int(nearest_m.argmax())
         if nearest_m[farthest] < APART_M:
             break
         points_m = np.vstack((points_m, anchors_m[farthest]))
-    return points_m if len(points_m) > 1 else np.empty((0, 2))
+    return points_m
+
+
+def _nearest_m(anchors_m: _Points, points_m: _Points) -> npt.NDArray[np.float64]:
+    """Return how far anchors (N, 2) are from the nearest of the points (K, 2): (N,)."""
+    offsets_m = anchors_m[:, None] - points_m
+    nearest_m: npt.NDArray[np.float64] = np.hypot(offsets_m[..., 0], offsets_m[..., 1]).min(axis=1)
+    return nearest_m

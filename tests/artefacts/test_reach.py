@@ -88,3 +88,22 @@ def test_who_is_shut_in_is_told_all_places() -> None:
     reach, coarse = Reach(places), CoarseMap(terrain_of(walls), 0.2)
     assert reach.places_from(coarse, (0.45, 0.45)) is places
     assert reach.places_from(coarse, (-9.0, 0.0)) is places
+
+
+@pytest.mark.parametrize("known_m", [(), ((1.55, 0.6),)])
+def test_a_place_in_the_middle_of_a_small_part_gives_way_to_its_ends(
+    known_m: tuple[tuple[float, float], ...],
+) -> None:
+    """A closet of 2.9 m has no place 1.6 m from its middle, but two that are so far apart."""
+    walls = np.ones((60, 80), np.bool_)
+    walls[2:22, 2:60] = False
+    walls[30:58, 2:78] = False
+    coarse = CoarseMap(terrain_of(walls), 0.2)
+    places = places_of(*known_m, (2.0, 2.0))
+    found = Reach(places).places_from(coarse, (1.0, 0.6)).destinations_m
+    assert len(found) >= 2
+    for one, other in combinations(found.tolist(), 2):
+        assert math.dist(one, other) >= APART_M
+    for x_m, y_m in found.tolist():
+        assert y_m < 1.2
+        assert coarse.holds(x_m, y_m)

@@ -103,7 +103,8 @@ def test_walkers_arrive_where_they_can_turn(
 ) -> None:
     """Alone or beside another in a corner of the room; in an aisle they arrive all the same."""
     scene, spawn, generator = make_scene(), spawning(region="free"), np.random.default_rng(3)
-    walker = replace(scene.row(1), size_m=(0.3, 0.8, 1.7), motion=MotionLimits(speed_mps=1.0))
+    walks = {"motion": MotionLimits(speed_mps=1.0), "behaviours": {"walking": 1.0}}
+    walker = replace(scene.row(1), size_m=(0.3, 0.8, 1.7), **walks)
     environment, radius_m = surroundings(scene.room()), math.hypot(0.15, 0.4)
     spawn.refresh(environment, None)
     for _ in range(100):
