@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.artefacts._coarse_kernels import COL_STEPS, ROW_STEPS
+from are_ros.artefacts.motion._borrowing import borrowing, owning
 from are_ros.artefacts.terrain import disc_is_free
 from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M
 
@@ -30,7 +31,7 @@ class Ground(NamedTuple):
     side: int
 
 
-@compiled
+@borrowing
 def _in_cells(lattice: npt.NDArray[np.float64], x_m: float, y_m: float) -> tuple[float, float]:
     """Return row and column, with fractions, of a point of the map frame."""
     dx_m, dy_m = x_m - lattice[0], y_m - lattice[1]
@@ -38,14 +39,14 @@ def _in_cells(lattice: npt.NDArray[np.float64], x_m: float, y_m: float) -> tuple
     return row, (dx_m * lattice[2] + dy_m * lattice[3]) / lattice[4]
 
 
-@compiled
+@borrowing
 def fine_cell(lattice: npt.NDArray[np.float64], point_m: tuple[float, float]) -> tuple[int, int]:
     """Return row and column of the fine cell that a point of the map frame is in."""
     row, col = _in_cells(lattice, point_m[0], point_m[1])
     return int(np.floor(row)), int(np.floor(col))
 
 
-@compiled
+@owning
 def cell_of(ground: Ground, x_m: float, y_m: float) -> tuple[int, int]:
     """Return the coarse cell that stands for a point, (-1, -1) if there is none."""
     is_main = ground.is_main
@@ -60,7 +61,7 @@ def cell_of(ground: Ground, x_m: float, y_m: float) -> tuple[int, int]:
     return start[0] // ground.side, start[1] // ground.side
 
 
-@compiled
+@borrowing
 def holds(ground: Ground, x_m: float, y_m: float, radius_m: float) -> bool:
     """Tell whether a disc fits at a point, and the component of the point's cell contains that."""
     is_main, unit = ground.is_main, ground.lattice[4]
@@ -71,7 +72,7 @@ def holds(ground: Ground, x_m: float, y_m: float, radius_m: float) -> bool:
     return bool(is_main[int(row), int(col)]) and disc_is_free(ground.clearance_m, col, row, radius)
 
 
-@compiled
+@borrowing
 def heading_of(lattice: npt.NDArray[np.float64], yaw_rad: float) -> int:
     """Return the nearest of the four headings along a lattice to a yaw in the map."""
     turn_rad = yaw_rad - np.arctan2(lattice[3], lattice[2])

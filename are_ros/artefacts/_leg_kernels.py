@@ -7,12 +7,17 @@ import numpy.typing as npt
 from numba.typed import List
 
 from are_ros._compiled import compiled
+from are_ros.artefacts._ground_kernels import Ground
 from are_ros.artefacts._step_kernels import (
     CrowdArrays,
     Floats,
     GroundArrays,
+    Minded,
+    Worth,
     WorthArrays,
-    route_step,
+    crowd_of,
+    find_step,
+    scratch_for,
 )
 from are_ros.artefacts.terrain import rolls
 
@@ -61,6 +66,12 @@ def put(courses: Any, index: int, course: CourseArrays) -> None:
 
 
 @compiled
+def drop(courses: Any, index: int) -> None:
+    """Put item 0, which is no course, in the place of a course, or it would keep its arrays."""
+    courses[index] = courses[0]
+
+
+@compiled
 def route_steps(
     courses: Any,
     crowd: CrowdArrays,
@@ -76,19 +87,22 @@ def route_steps(
     is. `robot` is for how long ahead others are looked at [s], where the robot is then, and its
     radius; without a robot that is negative.
     """
+    everybody = crowd_of(crowd)
+    scratch = scratch_for(everybody.poses.shape[0])
     for k in range(asked.shape[0]):
-        me, course, epochs_left, minds, is_moving_goal = asked[k]
-        ground, worth, numbers = courses[course]
-        ends = Ends(*numbers)
-        x_m, y_m, yaw_rad = crowd[8][me, 0], crowd[8][me, 1], crowd[8][me, 3]
+        me, minds, is_moving_goal = asked[k, 0], asked[k, 3], asked[k, 4]
+        ground_arrays, worth_arrays, numbers = courses[asked[k, 1]]
+        ground, worth, ends = Ground(*ground_arrays), Worth(*worth_arrays), Ends(*numbers)
+        x_m, y_m = everybody.poses[me, 0], everybody.poses[me, 1]
+        yaw_rad = everybody.poses[me, 3]
         away_m = np.hypot(ends.goal_m[0] - x_m, ends.goal_m[1] - y_m)
         if (is_moving_goal or away_m <= STRAIGHT_M) and rolls(
-            ground[1], ground[2], (x_m, y_m), ends.goal_m, ends.radius_m
+            ground.clearance_m, ground.lattice, (x_m, y_m), ends.goal_m, ends.radius_m
         ):
             found[k, 0] = STRAIGHT
             continue
         robot_price = ends.robot_price if minds and robot[3] >= 0.0 else 0.0
-        minded = (
+        minded = Minded(
             me if minds else -1,
             robot[0],
             ends.others_price,
@@ -98,6 +112,7 @@ def route_steps(
             robot_price,
         )
         pose = (x_m, y_m, yaw_rad, ends.radius_m)
-        found[k, 0], found[k, 1], found[k, 2], found[k, 3], found[k, 4] = route_step(
-            ground, worth, crowd, minded, pose, epochs_left, ends.end_m, ways_m[k]
+        step = find_step(
+            ground, worth, everybody, minded, pose, asked[k, 2], ends.end_m, ways_m[k], scratch
         )
+        found[k, 0], found[k, 1], found[k, 2], found[k, 3], found[k, 4] = step

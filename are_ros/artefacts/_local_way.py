@@ -13,6 +13,7 @@ import numpy.typing as npt
 from are_ros._compiled import compiled
 from are_ros.artefacts._coarse_kernels import COL_STEPS, ROW_STEPS
 from are_ros.artefacts._ground_kernels import Ground, cell_of, fine_cell
+from are_ros.artefacts.motion._borrowing import owning
 from are_ros.artefacts.terrain import cell_centre, disc_is_free, rolls
 from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M
 
@@ -33,7 +34,7 @@ Point = tuple[float, float]
 Rectangle = tuple[int, int, int, int]
 
 
-@compiled
+@owning
 def way_round(
     ground: Ground, from_m: Point, way_m: npt.NDArray[np.float64], radius_m: float
 ) -> tuple[float, float, bool]:

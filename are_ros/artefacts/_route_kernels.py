@@ -5,6 +5,7 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.artefacts._coarse_kernels import COL_STEPS, ROW_STEPS
+from are_ros.artefacts.motion._borrowing import borrowing
 
 Floats = npt.NDArray[np.float32]
 Doubles = npt.NDArray[np.float64]
@@ -28,10 +29,10 @@ def look_ahead(
     """Return the best action with the values of epoch `place` to come, as `action_values`."""
     brings = np.empty(9)
     action_values(planes[place], lengths, gains, weights, anchors_m, moving, state, brings)
-    return _best_action(brings, state[2])
+    return best_action(brings, state[2])
 
 
-@compiled
+@borrowing
 def action_values(
     values: Floats,
     lengths: Lengths,
@@ -65,7 +66,7 @@ def action_values(
         result[1 + direction] = weights[0] * brings[direction] + weights[1] * sides - turn
 
 
-@compiled
+@borrowing
 def _swept(
     anchors_m: Doubles,
     weights: Doubles,
@@ -85,7 +86,7 @@ def _swept(
     return float(total / weights[4])
 
 
-@compiled
+@borrowing
 def _bother(anchors_m: Doubles, weights: Doubles, row: int, col: int, moving: Doubles) -> float:
     """Return what those who move cost in a cell: their weight at their radius, fading to 0."""
     anchor_m = anchors_m[row + int(weights[5]), col + int(weights[6])]
@@ -97,7 +98,7 @@ def _bother(anchors_m: Doubles, weights: Doubles, row: int, col: int, moving: Do
     return total
 
 
-@compiled
+@borrowing
 def _turn_price(weights: Doubles, heading: int, direction: int) -> float:
     apart = (direction - heading) % 4
     if apart == 0:
@@ -105,8 +106,8 @@ def _turn_price(weights: Doubles, heading: int, direction: int) -> float:
     return float(weights[3]) if apart == 2 else float(weights[2])
 
 
-@compiled
-def _best_action(brings: Doubles, heading: int) -> int:
+@borrowing
+def best_action(brings: Doubles, heading: int) -> int:
     """Return the best action; of equal ones the first of ahead, left, right, back and stay."""
     best = 1 + heading
     for turn in (1, 3, 2):
@@ -132,8 +133,26 @@ def greedy_way(
     Returns how many there are, and the epochs that this takes: to the goal, or to where the
     points are all used; inf if neither is ever reached.
     """
-    row, col, heading = state
     brings, nobody = np.empty(9), np.empty((0, 5))
+    arrays = (planes, lengths, gains, weights, anchors_m)
+    return follow(*arrays, state, action, points_m, brings, nobody)
+
+
+@borrowing
+def follow(
+    planes: Floats,
+    lengths: Lengths,
+    gains: Floats,
+    weights: Doubles,
+    anchors_m: Doubles,
+    state: tuple[int, int, int],
+    action: int,
+    points_m: Doubles,
+    brings: Doubles,
+    nobody: Doubles,
+) -> tuple[int, float]:
+    """Do as `greedy_way`, with scratch (9,), and an array (0, 5)."""
+    row, col, heading = state
     values = planes[planes.shape[0] - 1]
     count, epochs = 0, 0.0
     for _ in range(lengths.size):
@@ -144,10 +163,11 @@ def greedy_way(
         for _ in range(length):
             row, col = row + ROW_STEPS[heading], col + COL_STEPS[heading]
             if count < points_m.shape[0]:
-                points_m[count] = anchors_m[row + int(weights[5]), col + int(weights[6])]
+                anchor_m = anchors_m[row + int(weights[5]), col + int(weights[6])]
+                points_m[count, 0], points_m[count, 1] = anchor_m[0], anchor_m[1]
                 count += 1
         epochs += length / weights[4] if length > 0 else 1.0
         state = (row, col, heading)
         action_values(values, lengths, gains, weights, anchors_m, nobody, state, brings)
-        action = _best_action(brings, heading)
+        action = best_action(brings, heading)
     return count, np.inf

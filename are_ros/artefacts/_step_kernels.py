@@ -8,8 +8,9 @@ import numpy.typing as npt
 from are_ros._compiled import compiled
 from are_ros.artefacts._ground_kernels import Ground, cell_of, heading_of
 from are_ros.artefacts._local_way import way_round
-from are_ros.artefacts._route_kernels import greedy_way, look_ahead
-from are_ros.artefacts.neighbourhood import Cells, near
+from are_ros.artefacts._route_kernels import action_values, best_action, follow
+from are_ros.artefacts.motion._borrowing import borrowing
+from are_ros.artefacts.neighbourhood import Cells, find_near
 from are_ros.artefacts.terrain import farthest, rolls
 
 Floats = npt.NDArray[np.float64]
@@ -68,14 +69,49 @@ class Minded(NamedTuple):
     robot_price: float
 
 
+class Scratch(NamedTuple):
+    """Room for who is near in a crowd of N: indices (N,), squared distances (N,), (N + 1, 5).
+
+    And for what actions bring, (9,).
+    """
+
+    found: npt.NDArray[np.int64]
+    squares: Floats
+    moving: Floats
+    brings: Floats
+
+
+@compiled
+def scratch_for(count: int) -> Scratch:
+    """Return scratch for a crowd of so many."""
+    found, squares = np.empty(count, np.int64), np.empty(count)
+    return Scratch(found, squares, np.empty((count + 1, 5)), np.empty(9))
+
+
+@compiled
+def crowd_of(arrays: CrowdArrays) -> Crowd:
+    """Return a crowd by its fields."""
+    return Crowd(Cells(*arrays[:8]), arrays[8], arrays[9], arrays[10])
+
+
 @compiled
 def others_about(crowd: Crowd, minded: Minded, x_m: float, y_m: float, radius_m: float) -> Floats:
     """Return who is minded about a point, (M, 5) as `action_values` takes them; nearest first."""
-    found = np.empty(0, np.int64)
+    scratch = scratch_for(crowd.poses.shape[0])
+    count = _find_others(crowd, minded, x_m, y_m, radius_m, scratch)
+    return scratch.moving[:count]
+
+
+@borrowing
+def _find_others(
+    crowd: Crowd, minded: Minded, x_m: float, y_m: float, radius_m: float, scratch: Scratch
+) -> int:
+    """Write who is minded about a point to the scratch, `moving`; return how many they are."""
+    near, moving, count = 0, scratch.moving, 0
     if minded.me >= 0:
-        found = near(crowd.cells, x_m, y_m, MINDED_M)
-    moving, count = np.empty((found.shape[0] + 1, 5)), 0
-    for i in found:
+        near = find_near(crowd.cells, x_m, y_m, MINDED_M, scratch.found, scratch.squares)
+    for n in range(near):
+        i = scratch.found[n]
         if i == minded.me:
             continue
         way_m = minded.ahead_s * crowd.speeds_mps[i]
@@ -89,7 +125,7 @@ def others_about(crowd: Crowd, minded: Minded, x_m: float, y_m: float, radius_m:
         moving[count, 2] = minded.robot_within_m
         moving[count, 3], moving[count, 4] = FADE_M, minded.robot_price
         count += 1
-    return moving[:count]
+    return count
 
 
 @compiled
@@ -111,30 +147,47 @@ def route_step(
     roll straight to, and whether that is `goal_m`, the end.
     """
     floor, values, others = Ground(*ground), Worth(*worth), Minded(*minded)
-    everybody = Crowd(Cells(*crowd[:8]), crowd[8], crowd[9], crowd[10])
-    state = _state(floor, values, me)
+    everybody = crowd_of(crowd)
+    scratch = scratch_for(everybody.poses.shape[0])
+    return find_step(floor, values, everybody, others, me, epochs_left, goal_m, way_m, scratch)
+
+
+@borrowing
+def find_step(
+    ground: Ground,
+    worth: Worth,
+    crowd: Crowd,
+    minded: Minded,
+    me: tuple[float, float, float, float],
+    epochs_left: int,
+    goal_m: tuple[float, float],
+    way_m: Floats,
+    scratch: Scratch,
+) -> tuple[int, int, float, float, bool]:
+    """Do as `route_step`, with scratch."""
+    state = _state(ground, worth, me)
     if state[0] < 0:
         return NO_WAY, 0, 0.0, 0.0, False
-    weights = values.weights
+    weights = worth.weights
     if state[0] == weights[7] and state[1] == weights[8]:
         way_m[0, 0], way_m[0, 1] = goal_m
         return GOES, 1, goal_m[0], goal_m[1], True
-    moving = others_about(everybody, others, me[0], me[1], me[3])
-    action = _action(floor, values, moving, epochs_left, state)
-    count = _way(floor, values, state, action, goal_m, way_m)
+    others = _find_others(crowd, minded, me[0], me[1], me[3], scratch)
+    action = _action(ground, worth, scratch.moving[:others], epochs_left, state, scratch.brings)
+    count = _way(ground, worth, state, action, goal_m, way_m, scratch)
     if count == 0:
         return NO_WAY, 0, 0.0, 0.0, False
     if action == 0:
         return WAITS, count, 0.0, 0.0, False
-    aim = farthest(floor.clearance_m, floor.lattice, (me[0], me[1]), way_m[:count], me[3])
-    if aim == 0 and not _is_seen(floor, me, way_m[:count]):
-        x_m, y_m, _ = way_round(floor, (me[0], me[1]), way_m[:count], me[3])
+    aim = farthest(ground.clearance_m, ground.lattice, (me[0], me[1]), way_m[:count], me[3])
+    if aim == 0 and not _is_seen(ground, me, way_m[:count]):
+        x_m, y_m, _ = way_round(ground, (me[0], me[1]), way_m[:count], me[3])
         return GOES, count, x_m, y_m, x_m == goal_m[0] and y_m == goal_m[1]
     is_end = way_m[aim, 0] == goal_m[0] and way_m[aim, 1] == goal_m[1]
     return GOES, count, way_m[aim, 0], way_m[aim, 1], is_end
 
 
-@compiled
+@borrowing
 def _is_seen(ground: Ground, me: tuple[float, float, float, float], way_m: Floats) -> bool:
     """Tell whether the first point of a way is rolled to straight, and still to be gone to."""
     is_there = np.hypot(way_m[0, 0] - me[0], way_m[0, 1] - me[1]) < THERE_M
@@ -144,7 +197,7 @@ def _is_seen(ground: Ground, me: tuple[float, float, float, float], way_m: Float
     return rolls(ground.clearance_m, ground.lattice, (me[0], me[1]), point_m, me[3])
 
 
-@compiled
+@borrowing
 def _state(
     ground: Ground, worth: Worth, me: tuple[float, float, float, float]
 ) -> tuple[int, int, int]:
@@ -157,17 +210,23 @@ def _state(
     return row, col, heading_of(ground.lattice, me[2])
 
 
-@compiled
+@borrowing
 def _action(
-    ground: Ground, worth: Worth, moving: Floats, epochs_left: int, state: tuple[int, int, int]
+    ground: Ground,
+    worth: Worth,
+    moving: Floats,
+    epochs_left: int,
+    state: tuple[int, int, int],
+    brings: Floats,
 ) -> int:
     """Return the best action, with so many epochs left, among those who move."""
-    place = max(0, min(epochs_left, worth.planes.shape[0]) - 1)
-    arrays = (worth.planes, worth.lengths, worth.gains, worth.weights, ground.anchors_m)
-    return look_ahead(*arrays, moving, place, state)
+    values = worth.planes[max(0, min(epochs_left, worth.planes.shape[0]) - 1)]
+    arrays = (worth.lengths, worth.gains, worth.weights, ground.anchors_m)
+    action_values(values, *arrays, moving, state, brings)
+    return best_action(brings, state[2])
 
 
-@compiled
+@borrowing
 def _way(
     ground: Ground,
     worth: Worth,
@@ -175,10 +234,12 @@ def _way(
     action: int,
     goal_m: tuple[float, float],
     way_m: Floats,
+    scratch: Scratch,
 ) -> int:
     """Fill in the way that follows an action, with the goal at its end; return its length."""
     arrays = (worth.lengths, worth.gains, worth.weights, ground.anchors_m)
-    count, _ = greedy_way(worth.planes, *arrays, state, action, way_m)
+    nobody = scratch.moving[:0]
+    count, _ = follow(worth.planes, *arrays, state, action, way_m, scratch.brings, nobody)
     row, col = worth.weights[5] + worth.weights[7], worth.weights[6] + worth.weights[8]
     end_m = ground.anchors_m[int(row), int(col)]
     if count > 0 and way_m[count - 1, 0] == end_m[0] and way_m[count - 1, 1] == end_m[1]:

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts._ground_kernels import Ground
-from are_ros.artefacts._leg_kernels import CourseArrays, Ends, list_of, put
+from are_ros.artefacts._leg_kernels import CourseArrays, Ends, drop, list_of, put
 from are_ros.artefacts._step_kernels import GroundArrays, Worth, WorthArrays
 from are_ros.artefacts.behaviours.intent import Point
 from are_ros.artefacts.coarse_map import MAPS_KEPT, CoarseMap
@@ -41,6 +41,7 @@ class Courses:
         self._grounds: dict[CoarseMap, GroundArrays] = {}
         self._free: list[int] = []
         self.arrays: Any = list_of(_NOTHING)
+        drop(self.arrays, 0)  # nothing, but that it is compiled early
 
     def get(self, artefact_id: int) -> Course | None:
         """Return where one was going, None if that is not known."""
@@ -72,7 +73,7 @@ class Courses:
         """Forget where somebody was going, known or not."""
         course = self._courses.pop(artefact_id, None)
         if course is not None:
-            put(self.arrays, course.number, _NOTHING)  # or it would keep its table alive
+            drop(self.arrays, course.number)
             self._free.append(course.number)
 
     def _new_number(self) -> int:

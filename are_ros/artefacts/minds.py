@@ -2,22 +2,20 @@
 
 An artefact's decision epochs are a decision period apart, from the first sub-step after its arrival
 on. All that are due in a sub-step decide by what the sub-step before has left, in the order of
-their ids; each draws from a stream of its own.
+their ids; each draws from a stream of its own. Who wants the same as before for sure goes on
+without being asked (`SteadyMinds`).
 """
 
-import math
 from bisect import insort
 from collections.abc import Sequence
-from dataclasses import dataclass
-
-import numpy as np
 
 from are_ros.artefacts.artefact import Artefact
-from are_ros.artefacts.behaviours.intent import Behaviour, Intent, Point
+from are_ros.artefacts.behaviours.intent import Intent
 from are_ros.artefacts.behaviours.leaving import Leaving
 from are_ros.artefacts.behaviours.registry import make_behaviour
 from are_ros.artefacts.behaviours.situation import Fellow, RobotView, Situation
 from are_ros.artefacts.doers import Doers
+from are_ros.artefacts.mind import LINGERS_S, PATIENCE, Mind, name_of_hindrance
 from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.motion.hindrance import Hindrance
 from are_ros.artefacts.motion.traffic import Traffic
@@ -25,69 +23,9 @@ from are_ros.artefacts.navigation import Leg, Navigation, Wish
 from are_ros.artefacts.onlookers import Onlookers
 from are_ros.artefacts.places import Places
 from are_ros.artefacts.randomness import Purpose, generator
+from are_ros.artefacts.steady_minds import SteadyMinds
 from are_ros.artefacts.traveller import Traveller
 from are_ros.conventions import NS_PER_S, seconds_to_ns
-
-_PATIENCE = 2
-"""So many decisions one waits for others; then it is the traffic's to get past them, until it gets
-on: who waited again at once would never count as blocked, and never choose another way."""
-
-_GETS_ON_MPS = 0.1
-
-_WALL = "a wall"
-
-_SPOT_M, _SHUNTS_S, _LINGERS_S = 0.3, 3.0, 8.0
-"""Who wants to go, and has stayed within a spot for so long, manoeuvres, and then is blocked,
-whatever by: a car that shunts in clutter makes some progress each time, and none in all."""
-
-
-@dataclass(eq=False, slots=True)
-class Mind:
-    """One artefact's behaviour, and what became of its last intent."""
-
-    artefact: Artefact
-    traveller: Traveller
-    behaviour: Behaviour
-    random: np.random.Generator
-    phase: int
-    intent: Intent | None = None
-    is_going: bool = False
-    arrived: bool = False
-    no_way: bool = False
-    waits: int = 0
-    spot_m: Point | None = None
-    spot_since_ns: int = 0
-    lingered_s: float = 0.0
-    known_places: Places | None = None
-    places: Places | None = None
-
-    @property
-    def is_out(self) -> bool:
-        """Whether it has left by an exit."""
-        return isinstance(self.behaviour, Leaving) and self.behaviour.has_left
-
-    def look_about(self, me: Fellow, now_ns: int) -> None:
-        """See for how long it has wanted to go and stayed within a spot."""
-        is_going, spot_m = self.is_going, self.spot_m
-        if not is_going or spot_m is None or math.dist(spot_m, me.point_m) > _SPOT_M:
-            self.spot_m, self.spot_since_ns = me.point_m if is_going else None, now_ns
-        self.lingered_s = (now_ns - self.spot_since_ns) / NS_PER_S
-
-    def settle(self, intent: Intent, leg: Leg, situation: Situation) -> None:
-        """Keep what it has decided to do, and say what it does now."""
-        self.intent, self.is_going = intent, leg.order.subgoal_m is not None
-        self.arrived, self.no_way = leg.arrived, leg.no_way
-        if leg.waits:
-            self.waits += 1
-        elif self.waits and situation.me.speed_mps > _GETS_ON_MPS:
-            self.waits = 0
-        activity = _activity(intent, leg, situation, self.lingered_s)
-        self.artefact.activity = "" if activity == self.artefact.behaviour else activity
-
-    def begin_anew(self, behaviour: Behaviour) -> None:
-        """Do something else from the next decision on."""
-        self.artefact.behaviour, self.behaviour = behaviour.name, behaviour
-        self.intent, self.is_going, self.arrived, self.no_way = None, False, False, False
 
 
 class Minds:
@@ -101,6 +39,7 @@ class Minds:
         self._navigation = navigation
         self._minds: dict[int, Mind] = {}
         self._due: list[list[Mind]] = [[] for _ in range(self._period)]
+        self._steady = SteadyMinds(navigation)
         self.doers = Doers()
 
     def reseed(self, seed: int) -> None:
@@ -118,6 +57,7 @@ class Minds:
         traveller = Traveller.of(artefact.row, body)
         mind = Mind(artefact, traveller, behaviour, random, phase)
         self._minds[artefact.id] = mind
+        self._steady.admit(mind)
         insort(self._due[phase], mind, key=_id_of)
 
     def dismiss(self, artefact_id: int) -> None:
@@ -127,10 +67,13 @@ class Minds:
         mind = self._minds.pop(artefact_id, None)
         if mind is not None:
             self._due[mind.phase].remove(mind)
+            self._steady.dismiss(mind)
 
     def send_out(self, artefact_id: int) -> None:
         """Let an artefact walk to an exit from its next decision on; its life is over."""
-        self._minds[artefact_id].begin_anew(Leaving())
+        mind = self._minds[artefact_id]
+        self._steady.drop(mind)
+        mind.begin_anew(Leaving())
         self.doers.set(artefact_id, Leaving.name)
 
     def has(self, artefact_id: int) -> bool:
@@ -147,6 +90,7 @@ class Minds:
     ) -> list[int]:
         """Let all decide who are due in sub-step `index`; return who has left by an exit."""
         minds = self._due_in(index, view)
+        minds = self._steady.carry_on(minds, now_ns, view, traffic, robot)
         out = [mind.artefact.id for mind in minds if mind.is_out]
         deciding = [mind for mind in minds if not mind.is_out]
         ids = [mind.artefact.id for mind in deciding]
@@ -159,6 +103,7 @@ class Minds:
         traffic.give_orders(ids, [leg.order for leg in legs])
         for k, mind in enumerate(deciding):  # not before: others see what the step before has left
             mind.settle(intents[k], legs[k], situations[k])
+            self._steady.note(mind, legs[k])
         return out
 
     def sees(self, me: Fellow, x_m: float, y_m: float) -> bool:
@@ -188,7 +133,7 @@ class Minds:
             mind.look_about(me, now_ns)
             artefact, is_kept = mind.artefact, what is not Hindrance.NONE
             blocked_s = since_s if is_kept else 0.0
-            if mind.lingered_s > _LINGERS_S:
+            if mind.lingered_s > LINGERS_S:
                 blocked_s = max(blocked_s, mind.lingered_s)
             departure_ns = artefact.departure_ns
             situations.append(
@@ -204,7 +149,7 @@ class Minds:
                     mind.intent,
                     mind.arrived,
                     blocked_s,
-                    _name_of(what, who) if is_kept else "",
+                    name_of_hindrance(what, who) if is_kept else "",
                     mind.no_way,
                 )
             )
@@ -228,32 +173,10 @@ class Minds:
     ) -> list[Leg]:
         """Return what each is to do for its intent until its next decision."""
         wishes = [
-            Wish(mind.traveller, situation.me, intent, situation.left_s, mind.waits < _PATIENCE)
+            Wish(mind.traveller, situation.me, intent, situation.left_s, mind.waits < PATIENCE)
             for mind, situation, intent in zip(minds, situations, intents, strict=True)
         ]
         return self._navigation.legs(wishes, view, robot)
-
-
-def _name_of(what: Hindrance, who: int) -> str:
-    """Return what is in the way, in words."""
-    if what is Hindrance.ARTEFACT:
-        return f"artefact {who}"
-    return "the robot" if what is Hindrance.ROBOT else _WALL
-
-
-def _activity(intent: Intent, leg: Leg, situation: Situation, lingered_s: float) -> str:
-    """Return what somebody does just now; what it waits for, where it cannot go on."""
-    if leg.no_way:
-        return "no way"
-    wants_to_go = intent.goal_m is not None
-    if wants_to_go and situation.blocked_s >= 1.0 and situation.blocked_by:
-        verb = "blocked by" if situation.blocked_by == _WALL else "waiting for"
-        return f"{verb} {situation.blocked_by}"
-    if leg.waits:
-        return "giving way"
-    if wants_to_go and lingered_s > _SHUNTS_S:
-        return "manoeuvring"
-    return intent.activity
 
 
 def _id_of(mind: Mind) -> int:

@@ -19,6 +19,7 @@ from are_ros.artefacts.coarse_map import CoarseMaps
 from are_ros.artefacts.courses import Course, Courses
 from are_ros.artefacts.mdp import TravelModel
 from are_ros.artefacts.motion.order import Order
+from are_ros.artefacts.neighbourhood import nearest_of
 from are_ros.artefacts.onlookers import Onlookers
 from are_ros.artefacts.places import Places
 from are_ros.artefacts.reach import Reach
@@ -51,7 +52,8 @@ class Wish(NamedTuple):
 class Leg(NamedTuple):
     """What an intent means for one decision period: the order, and how the goal stands.
 
-    With `waits` it stays for others who are in its way. `way_m` float64 (K, 2).
+    With `waits` it stays for others who are in its way. `way_m` float64 (K, 2). `course` is the
+    number of the course by which that was found, -1: by none.
     """
 
     order: Order
@@ -59,10 +61,15 @@ class Leg(NamedTuple):
     no_way: bool = False
     waits: bool = False
     way_m: npt.NDArray[np.float64] = _NO_WAY
+    course: int = -1
 
 
 class Navigation:
-    """Finds ways in the present environment; what was found in the last one is forgotten."""
+    """Finds ways in the present environment; what was found in the last one is forgotten.
+
+    `period_s` is a decision period, `horizon` the longest in periods. `generation` is another one
+    once courses that were found are no more.
+    """
 
     def __init__(self, settings: BehaviourParameters, terrains: Terrains) -> None:
         self.places = _NOWHERE
@@ -70,8 +77,11 @@ class Navigation:
         self._settings = settings
         self._terrains = terrains
         self._environment: Environment | None = None
+        self._known_terrains: dict[float, Terrain] = {}
         epochs = max(1, round(settings.max_horizon / settings.decision_period))
-        self._horizon = epochs
+        self.period_s = settings.decision_period
+        self.horizon = epochs
+        self.generation = 0
         self._coarse_maps = CoarseMaps(settings.cell_size)
         self._tables = ValueTables(epochs)
         self._courses = Courses()
@@ -81,6 +91,9 @@ class Navigation:
         if environment is not self._environment:
             self._tables.clear()
             self._courses.clear()
+            self._known_terrains.clear()
+            self.generation += 1
+        nearest_of(np.empty((0, 2)), places.destinations_m)  # nothing, but that it compiles early
         self._environment, self.places = environment, places
         self._reach = Reach(places)
 
@@ -150,14 +163,25 @@ class Navigation:
                 going, courses.values(), indices, strict=True
             )
         ]
-        found, ways_m = np.empty((len(asked), FOUND)), np.empty((len(asked), _MOST_POINTS, 2))
-        arrays, around = self._courses.arrays, self._around(robot)
-        route_steps(arrays, view.crowd, around, np.array(asked, np.int64), found, ways_m)
+        found, ways_m = self.steps(np.array(asked, np.int64), view, robot)
+        numbers = [course.number for course in courses.values()]
         return {
-            k: _leg(wish, step, way_m)
-            for k, wish, step, way_m in zip(courses, going, found.tolist(), ways_m, strict=True)
+            k: _leg(wish, step, way_m, number)
+            for k, wish, step, way_m, number in zip(
+                courses, going, found.tolist(), ways_m, numbers, strict=True
+            )
             if step[0] != NO_WAY
         }
+
+    def steps(
+        self, asked: npt.NDArray[np.int64], view: Onlookers, robot: RobotView | None
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return the next steps (M, FOUND) and ways (M, K, 2) of some: see `route_steps`."""
+        found, ways_m = np.empty((len(asked), FOUND)), np.empty((len(asked), _MOST_POINTS, 2))
+        if len(asked):
+            around = self._around(robot)
+            route_steps(self._courses.arrays, view.crowd, around, asked, found, ways_m)
+        return found, ways_m
 
     def _around(self, robot: RobotView | None) -> tuple[float, float, float, float]:
         """Return for how long ahead others are looked at [s], where the robot is then, its radius.
@@ -199,24 +223,28 @@ class Navigation:
     def _terrain(self, traveller: Traveller) -> Terrain:
         if self._environment is None:
             raise RuntimeError("nobody finds a way before there is an environment")
-        return self._terrains.of(self._environment, traveller.height_m)
+        terrain = self._known_terrains.get(traveller.height_m)
+        if terrain is None:
+            terrain = self._terrains.of(self._environment, traveller.height_m)
+            self._known_terrains[traveller.height_m] = terrain
+        return terrain
 
     def _epochs(self, left_s: float | None) -> int:
         """Return the horizon: what is left of the life, at most the longest."""
         if left_s is None:
-            return self._horizon
-        return max(1, min(self._horizon, math.ceil(left_s / self._settings.decision_period)))
+            return self.horizon
+        return max(1, min(self.horizon, math.ceil(left_s / self._settings.decision_period)))
 
 
-def _leg(wish: Wish, step: Sequence[float], way_m: npt.NDArray[np.float64]) -> Leg:
+def _leg(wish: Wish, step: Sequence[float], way_m: npt.NDArray[np.float64], course: int) -> Leg:
     """Return the leg of a step that `route_steps` has found."""
     what, count, x_m, y_m, is_end = step
     if what == STRAIGHT:
-        return Leg(_order(wish, wish.intent.goal_m))
+        return Leg(_order(wish, wish.intent.goal_m), course=course)
     way_m = way_m[: int(count)]
     if what == WAITS:
-        return Leg(_order(wish, None), waits=True, way_m=way_m)
-    return Leg(_order(wish, (x_m, y_m), stop_there=is_end != 0.0), way_m=way_m)
+        return Leg(_order(wish, None), waits=True, way_m=way_m, course=course)
+    return Leg(_order(wish, (x_m, y_m), stop_there=is_end != 0.0), way_m=way_m, course=course)
 
 
 def _order(wish: Wish, sub_goal_m: Point | None, *, stop_there: bool = True) -> Order:

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
+from are_ros.artefacts.motion._borrowing import borrowing
 
 _Floats = npt.NDArray[np.float64]
 _Indices = npt.NDArray[np.int64]
@@ -48,6 +49,23 @@ class Neighbourhood:
 
 
 @compiled
+def nearest_of(points_m: _Floats, places_m: _Floats) -> _Indices:
+    """Return which of the places (K, 2), K > 0, is nearest to each of the points (M, 2): (M,).
+
+    The first of several.
+    """
+    found = np.zeros(points_m.shape[0], np.int64)
+    for i in range(points_m.shape[0]):
+        least = np.inf
+        for k in range(places_m.shape[0]):
+            dx_m, dy_m = points_m[i, 0] - places_m[k, 0], points_m[i, 1] - places_m[k, 1]
+            square = dx_m * dx_m + dy_m * dy_m
+            if square < least:
+                least, found[i] = square, k
+    return found
+
+
+@compiled
 def _near(cells: CellArrays, x_m: float, y_m: float, radius_m: float) -> _Indices:
     return near(Cells(*cells), x_m, y_m, radius_m)
 
@@ -85,6 +103,19 @@ def _sorted_into_cells(points_m: _Floats, cell_m: float) -> CellArrays:
 @compiled
 def near(cells: Cells, x_m: float, y_m: float, radius_m: float) -> _Indices:
     """Return the indices of the points within the closed disc, as `Neighbourhood.within`."""
+    count = cells.points_m.shape[0]
+    found = np.empty(count, np.int64)
+    return found[: find_near(cells, x_m, y_m, radius_m, found, np.empty(count))]
+
+
+@borrowing
+def find_near(
+    cells: Cells, x_m: float, y_m: float, radius_m: float, found: _Indices, squares: _Floats
+) -> int:
+    """Do as `near`, but write to `found`; return how many they are.
+
+    The first of `squares` are then their squared distances. Both have room for all points.
+    """
     rows, columns = cells.rows, cells.columns
     low_column = np.int64(np.floor((x_m - radius_m - cells.x0_m) / cells.cell_m))
     low_row = np.int64(np.floor((y_m - radius_m - cells.y0_m) / cells.cell_m))
@@ -92,12 +123,6 @@ def near(cells: Cells, x_m: float, y_m: float, radius_m: float) -> _Indices:
     high_row = np.int64(np.floor((y_m + radius_m - cells.y0_m) / cells.cell_m))
     high_column = min(high_column, low_column + columns - 1)  # all columns once, where they wrap
     high_row = min(high_row, low_row + rows - 1)
-    most = 0
-    for row in range(low_row, high_row + 1):
-        for column in range(low_column, high_column + 1):
-            cell = (row % rows) * columns + column % columns
-            most += cells.starts[cell + 1] - cells.starts[cell]
-    found, squares = np.empty(most, np.int64), np.empty(most)
     count = 0
     for row in range(low_row, high_row + 1):
         for column in range(low_column, high_column + 1):
@@ -116,4 +141,4 @@ def near(cells: Cells, x_m: float, y_m: float, radius_m: float) -> _Indices:
                         at -= 1
                     squares[at], found[at] = square, i
                     count += 1
-    return found[:count]
+    return count

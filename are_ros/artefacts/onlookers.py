@@ -41,13 +41,35 @@ class Onlookers:
         self._sees = sees
         self._doers = doers or self._looked_through
         self._fellows: dict[int, Fellow] = {}
-        self._groups: dict[tuple[str, ...], tuple[list[int], Neighbourhood]] = {}
+        self._groups: dict[tuple[str, ...], tuple[npt.NDArray[np.intp], Neighbourhood]] = {}
 
     def fellow(self, artefact_id: int) -> Fellow | None:
         """Return an artefact that is alive, None if it is not."""
-        if artefact_id not in self.living:
+        artefact = self.living.get(artefact_id)
+        if artefact is None:
             return None
-        return self._fellows_at([self.index_of(artefact_id)])[0]
+        index = self.index_of(artefact_id)
+        if index not in self._fellows:
+            speed_mps, radius_m = float(self._speeds_mps[index]), float(self._radii_m[index])
+            pose: list[float] = self._poses[index].tolist()
+            self._fellows[index] = _fellow(artefact, pose, speed_mps, radius_m)
+        return self._fellows[index]
+
+    def points_within(
+        self,
+        x_m: float,
+        y_m: float,
+        radius_m: float,
+        behaviour: str,
+        activities: Collection[str],
+        but_id: int,
+    ) -> npt.NDArray[np.float64]:
+        """Return where those are, (M, 2), whom `within` returns, but for one."""
+        who, group = self._group(behaviour, activities)
+        indices = who[group.within(x_m, y_m, radius_m)]
+        indices = indices[self._ids[indices] != but_id]
+        points_m: npt.NDArray[np.float64] = self._poses[indices, :2]
+        return points_m
 
     def index_of(self, artefact_id: int) -> int:
         """Return the index in the arrays of an artefact that is there."""
@@ -57,6 +79,10 @@ class Onlookers:
         """Return the indices in the arrays of artefacts that are there."""
         indices: list[int] = self._ids.searchsorted(artefact_ids).tolist()
         return indices
+
+    def positions_of(self, artefact_ids: npt.NDArray[np.int64]) -> npt.NDArray[np.intp]:
+        """Return the indices (K,) in the arrays of artefacts (K,) that are there."""
+        return self._ids.searchsorted(artefact_ids)
 
     def has(self, artefact_ids: Sequence[int]) -> list[bool]:
         """Say which of some artefacts are there."""
@@ -81,14 +107,12 @@ class Onlookers:
 
         Of one behaviour, if it is given, and at one of these activities, if any are.
         """
-        who: list[int] | None
-        who, group = (
-            self._group(behaviour, activities) if behaviour else (None, self._neighbourhood)
-        )
-        near: list[int] = group.within(x_m, y_m, radius_m).tolist()
-        if who is not None:
-            near = [who[k] for k in near]
-        elif activities:
+        if behaviour:
+            who, group = self._group(behaviour, activities)
+            chosen: list[int] = who[group.within(x_m, y_m, radius_m)].tolist()
+            return self._fellows_at(chosen)
+        near: list[int] = self._neighbourhood.within(x_m, y_m, radius_m).tolist()
+        if activities:
             living, ids = self.living, self._id_list
             near = [i for i in near if living[ids[i]].activity in activities]
         return self._fellows_at(near)
@@ -103,20 +127,25 @@ class Onlookers:
         cells = self._neighbourhood.cells
         return (*cells, self._poses, self._speeds_mps, self._radii_m)
 
+    @property
+    def motion(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """The poses (N, 4) and speeds (N,) of all."""
+        return self._poses, self._speeds_mps
+
     @cached_property
     def _neighbourhood(self) -> Neighbourhood:
         return Neighbourhood(self._poses[:, :2])
 
     def _group(
         self, behaviour: str, activities: Collection[str]
-    ) -> tuple[list[int], Neighbourhood]:
+    ) -> tuple[npt.NDArray[np.intp], Neighbourhood]:
         """Return the indices of those of one behaviour, at one of these activities if any."""
         key = (behaviour, *activities)
         if key not in self._groups:
             living, who = self.living, self._doers(behaviour)
             if activities:
                 who = [i for i in who if living[i].activity in activities]
-            indices = self.indices_of(who)
+            indices = self._ids.searchsorted(np.array(who, np.int64))
             self._groups[key] = indices, Neighbourhood(self._poses[indices, :2])
         return self._groups[key]
 

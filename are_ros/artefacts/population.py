@@ -1,6 +1,7 @@
 """The population: marked Poisson arrivals and the birth-death chain of section 3.2."""
 
 from bisect import bisect_right
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from itertools import accumulate, islice
 from types import MappingProxyType
@@ -77,7 +78,7 @@ class Population:
         self._lifetimes = Lifetimes(departures)
         self._history_ns = history_ns
         self._living: dict[int, Artefact] = {}
-        self._departed: list[Artefact] = []
+        self._departed: deque[Artefact] = deque()
         self._causes: dict[int, Cause] = {}
         self.counts = Counts()
 
@@ -319,8 +320,7 @@ class Population:
         return self.max_alive is not None and len(self._living) >= self.max_alive
 
     def _forget_before(self, t_ns: int) -> None:
-        self._departed = [
-            artefact
-            for artefact in self._departed
-            if artefact.departure_ns is None or artefact.departure_ns > t_ns
-        ]
+        """Forget who departed up to then; they are in the order of their departures."""
+        departed = self._departed
+        while departed and (departed[0].departure_ns or 0) <= t_ns:
+            departed.popleft()

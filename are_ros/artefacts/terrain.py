@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
+from are_ros.artefacts.motion._borrowing import borrowing
 from are_ros.world.environment import Environment
 from are_ros.world.lattice_cover import covered, lattice_row
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -185,7 +186,7 @@ def _distances(is_open: npt.NDArray[np.bool_]) -> npt.NDArray[np.float32]:
     return np.ascontiguousarray(field[1:-1, 1:-1], dtype=np.float32)
 
 
-@compiled
+@borrowing
 def rolls(
     field: npt.NDArray[np.float32],
     lattice: npt.NDArray[np.float64],
@@ -226,7 +227,7 @@ def cell_centre(lattice: npt.NDArray[np.float64], row: int, col: int) -> tuple[f
     )
 
 
-@compiled
+@borrowing
 def disc_is_free(field: npt.NDArray[np.float32], x: float, y: float, radius: float) -> bool:
     """Tell whether a disc covers open cells only; its centre and radius are given in cells."""
     first_row, last_row = int(np.floor(y - radius)), int(np.floor(y + radius))
@@ -242,7 +243,7 @@ def disc_is_free(field: npt.NDArray[np.float32], x: float, y: float, radius: flo
     return True
 
 
-@compiled
+@borrowing
 def farthest(
     field: npt.NDArray[np.float32],
     lattice: npt.NDArray[np.float64],

@@ -109,8 +109,9 @@ class Crowd:
 
 def _with(rows: npt.NDArray[Any], at: int, row: npt.ArrayLike) -> npt.NDArray[Any]:
     """Return rows with one more, before the one at an index; much quicker than `np.insert`."""
-    one = np.array(row, rows.dtype).reshape(1, *rows.shape[1:])
-    return np.concatenate((rows[:at], one, rows[at:]))
+    wider = np.empty((len(rows) + 1, *rows.shape[1:]), rows.dtype)
+    wider[:at], wider[at], wider[at + 1 :] = rows[:at], row, rows[at:]
+    return wider
 
 
 def _without(rows: npt.NDArray[Any], at: int) -> npt.NDArray[Any]:

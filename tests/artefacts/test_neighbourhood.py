@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.artefacts.neighbourhood import Neighbourhood
+from are_ros.artefacts.neighbourhood import Neighbourhood, nearest_of
 
 COORDINATES = st.floats(-50.0, 50.0) | st.sampled_from((0.0, 4.0, -4.0, 1e6, -1e6))
 
@@ -42,3 +42,12 @@ def test_a_crowd_of_any_size(count: int) -> None:
     near = Neighbourhood(points_m)
     for centre in ((50.0, 50.0), (-3.0, 120.0)):
         assert near.within(*centre, 7.0).tolist() == slow(points_m, *centre, 7.0)
+
+
+def test_the_nearest_place_is_the_first_of_the_nearest() -> None:
+    """On a grid, where several often are as near."""
+    rng = np.random.default_rng(8)
+    for count in (1, 2, 40):
+        points_m, places_m = (rng.integers(-4, 5, (n, 2)).astype(np.float64) for n in (30, count))
+        away_m = np.hypot(*np.moveaxis(points_m[:, None] - places_m, 2, 0))
+        np.testing.assert_array_equal(nearest_of(points_m, places_m), away_m.argmin(axis=1))

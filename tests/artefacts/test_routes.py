@@ -238,7 +238,7 @@ def test_the_lookahead_follows_the_oracle_with_others_frozen(seed: int) -> None:
 
 def test_of_equal_actions_the_one_ahead_is_taken() -> None:
     """At equal values one goes straight on, then left, right, back, and stays last."""
-    best = _route_kernels._best_action
+    best = _route_kernels.best_action
     for heading in range(4):
         assert best(np.zeros(5), heading) == 1 + heading
         brings = np.zeros(5)

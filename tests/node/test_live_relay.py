@@ -196,5 +196,9 @@ def test_the_robots_own_topics_are_left_alone(make_bench: MakeBench) -> None:
 
 def offered_by(node: Any) -> set[str]:
     """Return the topics that DDS knows the node to publish."""
-    offered = node.get_publisher_names_and_types_by_node("ar_builder", "/")
-    return {name for name, _ in offered}
+    return {
+        topic
+        for topic, _ in node.get_topic_names_and_types()
+        for info in node.get_publishers_info_by_topic(topic)
+        if info.node_name == "ar_builder"
+    }

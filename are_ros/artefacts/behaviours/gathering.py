@@ -155,13 +155,13 @@ class Gathering:
 
 def _hosts_by_place(situation: Situation) -> Counter[int]:
     """Count those who stand gathered, by the destination nearest to them, nearest host first."""
+    from are_ros.artefacts.neighbourhood import nearest_of  # late: reading a catalogue is quick
+
     places_m = situation.places.destinations_m
-    hosts = situation.fellows_within(_MET_WITHIN_M, Gathering.name, _HOSTING)
-    if not hosts or not len(places_m):
+    hosts_m = situation.points_within(_MET_WITHIN_M, Gathering.name, _HOSTING)
+    if not len(hosts_m) or not len(places_m):
         return Counter()
-    hosts_m = np.array([fellow.point_m for fellow in hosts])
-    dx_m, dy_m = (hosts_m[:, None, axis] - places_m[:, axis] for axis in (0, 1))
-    return Counter((dx_m * dx_m + dy_m * dy_m).argmin(axis=1).tolist())
+    return Counter(nearest_of(hosts_m, places_m).tolist())
 
 
 def _place(situation: Situation, index: int) -> Point:

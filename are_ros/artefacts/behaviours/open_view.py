@@ -3,6 +3,9 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from are_ros.artefacts.behaviours.intent import Point
 from are_ros.artefacts.behaviours.situation import Fellow
 
@@ -36,6 +39,19 @@ class OpenView:
         squares = {f.id: (f.x_m - x_m) ** 2 + (f.y_m - y_m) ** 2 for f in asked}
         inside = [f for f in asked if squares[f.id] <= radius_m**2]
         return sorted(inside, key=lambda f: (squares[f.id], f.id))
+
+    def points_within(
+        self,
+        x_m: float,
+        y_m: float,
+        radius_m: float,
+        behaviour: str,
+        activities: Collection[str],
+        but_id: int,
+    ) -> npt.NDArray[np.float64]:
+        """Return where those are whom `within` returns, but for one."""
+        found = self.within(x_m, y_m, radius_m, behaviour, activities)
+        return np.array([f.point_m for f in found if f.id != but_id]).reshape(-1, 2)
 
     def sees(self, me: Fellow, x_m: float, y_m: float) -> bool:
         """Say whether the segment to a point crosses no wall."""

@@ -88,6 +88,17 @@ class View(Protocol):
         Of one behaviour, if it is given, and at one of these activities, if any are.
         """
 
+    def points_within(
+        self,
+        x_m: float,
+        y_m: float,
+        radius_m: float,
+        behaviour: str,
+        activities: Collection[str],
+        but_id: int,
+    ) -> npt.NDArray[np.float64]:
+        """Return where those are, float64 (M, 2), whom `within` returns, but for one."""
+
     def sees(self, me: Fellow, x_m: float, y_m: float) -> bool:
         """Say whether this artefact could go straight on to a point, were nobody in its way."""
 
@@ -136,6 +147,16 @@ class Situation(NamedTuple):
         me = self.me
         found = self.view.within(me.x_m, me.y_m, radius_m, behaviour, activities)
         return [fellow for fellow in found if fellow.id != me.id]
+
+    def points_within(
+        self, radius_m: float, behaviour: str, activities: Collection[str] = ()
+    ) -> npt.NDArray[np.float64]:
+        """Return where the others of one behaviour are, float64 (M, 2), as `fellows_within`.
+
+        That is much faster than to look at each.
+        """
+        me = self.me
+        return self.view.points_within(me.x_m, me.y_m, radius_m, behaviour, activities, me.id)
 
     def sees(self, x_m: float, y_m: float) -> bool:
         """Say whether no wall is in the straight way to a point."""

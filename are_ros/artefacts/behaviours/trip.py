@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.behaviours.intent import Point
+from are_ros.artefacts.behaviours.intent import Intent, Point, Steady
 from are_ros.artefacts.behaviours.situation import Situation
 from are_ros.conventions import NS_PER_S
 
@@ -67,6 +67,10 @@ class Trip:
         self._begun_ns = 0
         self._patience_s = 0.0
 
+    def steady(self, intent: Intent) -> Steady:
+        """Return for how long the intent to go there holds."""
+        return Steady(intent, since_ns=self._begun_ns, patience_s=self._patience_s)
+
     def is_reached(self, situation: Situation) -> bool:
         """Say whether the artefact has arrived; the trip is over then."""
         if not situation.has_reached(self.goal_m):
@@ -117,5 +121,5 @@ def _are(situation: Situation, points_m: deque[Point] | list[Point]) -> npt.NDAr
     destinations_m = situation.places.destinations_m
     found = np.zeros(len(destinations_m), np.bool_)
     for point_m in points_m:
-        found |= (destinations_m == point_m).all(axis=1)
+        found |= (destinations_m[:, 0] == point_m[0]) & (destinations_m[:, 1] == point_m[1])
     return found

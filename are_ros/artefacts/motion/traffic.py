@@ -10,7 +10,7 @@ id, so each knows what the ones before it have decided.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -98,6 +98,9 @@ class Traffic:
         fleet.order[slot] = _state.order_record(STAND)
         forget_blockade(fleet.mind[slot])
         self._moved = None
+        if self._survey is not None:
+            poses, circles = self._survey
+            self._survey = _with(poses, index, 0.0), _with(circles, index, 0.0)
         self.put(artefact_id, pose)
 
     def remove(self, artefact_id: int) -> None:
@@ -105,10 +108,12 @@ class Traffic:
         slot = self._slot_of.pop(artefact_id)
         others = self._ids != artefact_id
         self._ids, self._slots = self._ids[others], self._slots[others]
+        if self._survey is not None:
+            self._survey = self._survey[0][others], self._survey[1][others]
         self._free.append(slot)
         self._scripts.cancel(artefact_id)
         self._intruders = [other for other in self._intruders if other != slot]
-        self._survey = self._moved = None
+        self._moved = None
 
     def order(self, artefact_id: int, order: Order) -> None:
         """Tell one what to do from the next sub-step on, unless it is scripted."""
@@ -117,10 +122,18 @@ class Traffic:
     def give_orders(self, artefact_ids: Sequence[int], orders: Sequence[Order]) -> None:
         """Tell some what to do from the next sub-step on, each its own order."""
         rows = np.array([_state.order_record(order) for order in orders], np.float64)
-        rows, fleet = rows.reshape(-1, 9), self._fleet
-        _orders.give(
-            fleet.order, fleet.mind, fleet.due, self._slots_of(artefact_ids), rows, self._now
-        )
+        ids = np.array(artefact_ids, np.int64)
+        self.give_rows(self.slots_of(ids), rows.reshape(-1, 9))
+
+    def give_rows(self, slots: npt.NDArray[np.int64], rows: _Floats) -> None:
+        """Tell those of some slots (M,) what to do, by rows (M, 9) as `order_record` makes them."""
+        fleet = self._fleet
+        _orders.give(fleet.order, fleet.mind, fleet.due, slots, rows, self._now)
+
+    @property
+    def minds(self) -> _state.Records:
+        """What hinders them and for how long, by slot: records of `_state.MIND`, to be read."""
+        return self._fleet.mind
 
     def put(self, artefact_id: int, pose: GroundPose) -> None:
         """Let one stand at another pose; who is on the way there plans anew at once."""
@@ -135,7 +148,12 @@ class Traffic:
         place["must_plan"], self._fleet.due[slot] = 0, self._now
         self._scripts.repeat(artefact_id)
         self._intruders.append(slot)
-        self._survey = None
+        if self._survey is not None:
+            poses, circles = self._survey[0].copy(), self._survey[1].copy()
+            index = self._ids.searchsorted(artefact_id)
+            poses[index] = row
+            circles[index] = pose.x_m, pose.y_m, place["reach"]
+            self._survey = poses, circles
 
     def prescribe(self, artefact_id: int, poses: npt.NDArray[np.float64]) -> None:
         """Let one follow x, y, yaw float64 (K, 3) in the next K sub-steps; no poses cancel that.
@@ -154,7 +172,10 @@ class Traffic:
         `index` is the number of the sub-step since the epoch: it fixes who is due.
         """
         is_new, floor = self._floors.of(environment)
-        self._intruders += self._scripts.lay(self._slot_of, self._fleet, self._now, self._tempo)
+        laid = self._scripts.lay(self._slot_of, self._fleet, self._now, self._tempo)
+        if laid:
+            self._intruders += laid
+            self._survey = None
         circles = self._surveyed()[1]
         if is_new:
             _steps.mark_closed(self._fleet, self._slots, self._now, floor, self._desk.box)
@@ -236,7 +257,7 @@ class Traffic:
 
     def hindrances(self, artefact_ids: Sequence[int]) -> list[tuple[Hindrance, int, float]]:
         """Tell what is in the way of each of some artefacts, as `hindrance`."""
-        slots, columns = self._slots_of(artefact_ids), self._columns
+        slots, columns = self.slots_of(np.array(artefact_ids, np.int64)), self._columns
         blocked_s, kinds = columns.blocked[slots].tolist(), columns.hindrance[slots].tolist()
         by = columns.hindered_by[slots].tolist()
         return [
@@ -244,12 +265,11 @@ class Traffic:
             for kind, who, since_s in zip(kinds, by, blocked_s, strict=True)
         ]
 
-    def _slots_of(self, artefact_ids: Sequence[int]) -> npt.NDArray[np.int64]:
-        """Return the slots (M,) of some who are there; KeyError if one is not."""
-        ids = np.array(artefact_ids, np.int64)
+    def slots_of(self, ids: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """Return the slots (M,) of some (M,) who are there; KeyError if one is not."""
         places = self._ids.searchsorted(ids)
         if (self._ids.searchsorted(ids, "right") == places).any():
-            raise KeyError(f"not all of the artefacts {artefact_ids} are in the traffic")
+            raise KeyError(f"not all of the artefacts {ids.tolist()} are in the traffic")
         return self._slots[places]
 
     def _surveyed(self) -> tuple[_Floats, _Floats]:
@@ -276,6 +296,8 @@ class Traffic:
         self._free = list(range(old, 2 * old))[::-1]
 
 
-def _with(numbers: npt.NDArray[np.int64], index: int, one: int) -> npt.NDArray[np.int64]:
-    """Return numbers with one more, before the one at an index; much quicker than `np.insert`."""
-    return np.concatenate((numbers[:index], (one,), numbers[index:]))
+def _with(rows: npt.NDArray[Any], index: int, row: npt.ArrayLike) -> npt.NDArray[Any]:
+    """Return rows with one more, before the one at an index; much quicker than `np.insert`."""
+    wider = np.empty((len(rows) + 1, *rows.shape[1:]), rows.dtype)
+    wider[:index], wider[index], wider[index + 1 :] = rows[:index], row, rows[index:]
+    return wider

@@ -107,3 +107,25 @@ def test_no_orders_are_no_orders() -> None:
     traffic = Traffic(0.05)
     traffic.give_orders([], [])
     assert traffic.hindrances([]) == []
+
+
+def test_where_all_are_is_kept_up_to_date() -> None:
+    """Who comes, goes or is put elsewhere: as if it were looked for anew; old arrays stay."""
+    traffic, rng, there = Traffic(0.05), np.random.default_rng(3), list[int]()
+    for step in range(300):
+        before, copy = traffic.poses, traffic.poses.copy()
+        artefact_id = int(rng.integers(1000))
+        x_m, y_m, yaw_rad = rng.uniform(-3.0, 3.0, 3).tolist()
+        pose = GroundPose(x_m, y_m, 0.0, yaw_rad)
+        if artefact_id not in there and (len(there) < 9 or step % 3 == 0):
+            traffic.add(artefact_id, pose, BODY)
+            there.append(artefact_id)
+        elif step % 3 == 1:
+            traffic.remove(there.pop(int(rng.integers(len(there)))))
+        else:
+            traffic.put(there[int(rng.integers(len(there)))], pose)
+        np.testing.assert_array_equal(before, copy)
+        kept = traffic._surveyed()
+        traffic._survey = None
+        for found, expected in zip(kept, traffic._surveyed(), strict=True):
+            np.testing.assert_array_equal(found, expected)
