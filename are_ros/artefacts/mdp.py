@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts import _mdp_kernels, _travel_kernels
+from are_ros.artefacts._decision_kernels import CHUNK
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.errors import ParameterError
 
@@ -216,7 +217,7 @@ def solve(problem: Problem, horizon: int, kept_bytes: int = KEPT_BYTES) -> Solut
     height, width = problem.terminal.shape
     model = problem.model
     keeps_all = 16 * (horizon + 1) * height * width <= kept_bytes
-    in_place = model.reach * width <= _mdp_kernels.CHUNK
+    in_place = model.reach * width <= CHUNK
     kept = horizon + 1 if keeps_all else (1 if in_place else 2)
     planes, epochs = _mdp_kernels.solved(
         kept,

@@ -3,7 +3,7 @@
 import math
 import re
 from dataclasses import replace
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Any
 
 import numpy as np
@@ -205,6 +205,20 @@ def test_it_ends_early_when_nothing_changes() -> None:
     assert early.epochs == late.epochs < 40
     assert (early.planes == late.planes).all()
     assert (early.plane(early.epochs) == early.plane(39)).all()
+
+
+@pytest.mark.parametrize("goal", [(0, 0), (39, 69)])
+@pytest.mark.parametrize("kept_bytes", [0, 2**30])
+def test_it_ends_no_sooner_than_the_last_cell_is_settled(
+    goal: tuple[int, int], kept_bytes: int
+) -> None:
+    """On a map of many cells, those far from the goal change when all others do not any more."""
+    nearness = np.zeros((40, 70), np.float32)
+    problem = travel_problem(open_floor(40, 70), nearness, goal, TravelModel())
+    epochs = pairwise(plain_epochs(problem))
+    expected = next(k for k, (old, new) in enumerate(epochs, 1) if (old == new).all())
+    assert expected > 2
+    assert solve(problem, 200, kept_bytes).epochs == expected
 
 
 def test_a_short_horizon_keeps_nobody_from_setting_out() -> None:
