@@ -34,6 +34,8 @@ def _still_holds(state: ArtefactState, artefact: Artefact, now_ns: int) -> bool:
         artefact.history.latest_ns <= now_ns
         and state.ground_pose is artefact.history.latest
         and not any((*state.linear_velocity_m_s, *state.angular_velocity_rad_s))
+        # who went away and came back between two ticks is where it was, and moves
+        and not any(artefact.history.velocity_at(now_ns))
         and state.departure_ns == (artefact.departure_ns or 0)
         and state.behaviour == artefact.behaviour
         and state.activity == artefact.activity
