@@ -10,6 +10,7 @@ import pytest
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.artefacts.pose_tape import PoseTape
 from are_ros.builder.mesh_bank import MeshBank
 from are_ros.builder.perception import Sighting
 from are_ros.builder.states import StateKeeper, artefact_state, perceived_artefact
@@ -78,6 +79,22 @@ def test_the_state_of_one_that_stands_is_the_same_object_again(row: CatalogueRow
     artefact.history.append(400, GroundPose(1.5, 2.0, 0.5, 0.0))
     assert keeper.states([artefact], 400)[0].ground_pose.x_m == 1.5
     assert keeper.states([], 500) == []
+
+
+def test_who_turned_away_and_back_since_the_last_tick_moves(row: CatalogueRow) -> None:
+    """The same pose again, in the second of two sub-steps, is not the same velocity."""
+    step_ns = NS_PER_S // 20
+    tape, ids = PoseTape(), np.array([7])
+    artefact = replace(an_artefact(row), history=tape.begin(7, 0, HERE))
+    keeper = StateKeeper()
+    (standing,) = keeper.states([artefact], 0)
+    here, away = np.array([HERE]), np.array([HERE._replace(yaw_rad=HERE.yaw_rad + 0.1)])
+    tape.record(0, step_ns, ids, here, away)
+    tape.record(step_ns, 2 * step_ns, ids, away, here)
+    (back,) = keeper.states([artefact], 2 * step_ns)
+    assert back.ground_pose == standing.ground_pose
+    assert standing.angular_velocity_rad_s == (0.0, 0.0, 0.0)
+    assert back.angular_velocity_rad_s == pytest.approx((0.0, 0.0, -2.0))
 
 
 def test_what_is_perceived_holds_no_uncertainty_of_its_own(row: CatalogueRow) -> None:
