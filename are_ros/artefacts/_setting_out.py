@@ -3,7 +3,6 @@
 Wedged between two walls, or in a part of the map that is as wide as it is, it would stand for life.
 """
 
-import math
 from typing import Final
 
 import numpy as np
@@ -11,11 +10,11 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.artefacts._roaming import Roaming
-from are_ros.artefacts.coarse_map import RADIUS_STEPS_M, SMALL_M
-from are_ros.artefacts.motion.body import Body
+from are_ros.artefacts.coarse_map import rounded_up_m
+from are_ros.artefacts.motion.body import TIGHTEST, Body
 from are_ros.artefacts.reach import APART_M
 from are_ros.artefacts.terrain import Terrain
-from are_ros.world._wall_kernels import is_free
+from are_ros.world._wall_kernels import TWO_HALF_DIAGONALS, is_free
 from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M
 
 FIRST_TURN_RAD: Final = 1.0
@@ -25,10 +24,7 @@ LEAST_PART_M: Final = APART_M + 1.0
 """So long a part of the map has two places that are far enough apart for a trip, each within half a
 metre of its end. Where no part is, nothing can set out."""
 
-_SPARE: Final = 1.01
-"""Of the turning radius: so the traffic plans its tightest arcs."""
 _HALF_CELL: Final = 0.5
-_HALF_DIAGONAL: Final = 0.71
 _SURELY_MET: Final = 0.25
 """As in `terrain.rolls`, in cells."""
 _MET: Final = -1.0
@@ -82,15 +78,9 @@ class SettingOut:
         return some_arc_is_free(field, lattice, unit_m, self._body, poses)
 
 
-def rounded_up_m(radius_m: float) -> float:
-    """Return the radius [m] of the coarse map that ways are looked for in (`CoarseMaps.of`)."""
-    step_m = RADIUS_STEPS_M[radius_m > SMALL_M]
-    return step_m * math.ceil(radius_m / step_m - 1e-6)
-
-
 def _row_of(body: Body) -> _Floats:
     """Return half sizes, centre, turning radius, way of the first metres, and the discs (9,)."""
-    radius_m = _SPARE * body.turn_radius_m
+    radius_m = TIGHTEST * body.turn_radius_m
     way_m = FIRST_TURN_RAD * body.turn_radius_m
     count, gap_m, disc_m = body.discs()
     return np.array([*body.half_size_m, *body.centre_m, radius_m, way_m, count, gap_m, disc_m])
@@ -188,7 +178,7 @@ def _room_m(
     filled_m = min(0.5 * body[7], body[0], body[1])  # a disc about any of them lies in the box
     if least_m + _SURELY_MET * unit_m < filled_m:
         return _MET
-    room_m = least_m - 2.0 * _HALF_DIAGONAL * unit_m - body[8]
+    room_m = least_m - TWO_HALF_DIAGONALS * unit_m - body[8]
     if room_m < 0.0 and not is_free(box, 0, lattice, field, unit_m, TOUCH_TOLERANCE_M):
         return _MET
     return float(max(room_m, 0.0))

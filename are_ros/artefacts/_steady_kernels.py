@@ -9,13 +9,12 @@ from are_ros._compiled import compiled
 from are_ros.artefacts._leg_kernels import STRAIGHT
 from are_ros.artefacts._step_kernels import NO_WAY, WAITS, Floats
 from are_ros.artefacts.motion._state import UNHINDERED, Integers, Records
-from are_ros.conventions import NS_PER_S
+from are_ros.conventions import FOR_EVER_NS, NS_PER_S
 
 _Mask = npt.NDArray[np.bool_]
 
 STEADY: Final = np.dtype(
     [
-        ("is_steady", "i8"),
         ("until", "i8"),  # from then on it is asked [ns]
         ("since", "i8"),  # it has wanted this since then [ns]
         ("patience", "f8"),  # kept from going on for longer than this [s] it is asked
@@ -42,9 +41,6 @@ STEADY: Final = np.dtype(
 PLAIN, BLOCKED, GIVES_WAY, MANOEUVRES = range(4)
 """What one says that it does: what it wants; or why it does not get on."""
 
-NEVER_NS: Final = 1 << 62
-"""The end of a life that is not known."""
-
 
 @compiled
 def look(
@@ -68,7 +64,7 @@ def look(
     now_ns, has_robot, spot_m, lingers_s = clock
     for k in range(slots.shape[0]):
         one, mind = table[slots[k]], hindered[roads[k]]
-        kept[k] = one.is_steady != 0 and now_ns < one.until
+        kept[k] = now_ns < one.until
         kept[k] &= one.heeds_robot == 0 or not has_robot
         if not kept[k]:
             continue
@@ -99,8 +95,9 @@ def asked_by(
 ) -> tuple[Integers, Integers]:
     """Return who of K asks for a step, (M,), and what `route_steps` takes of each, (M, 5).
 
-    `ends_ns` (K,) are the ends of their lives. `clock` is the time [ns], the decision period [s],
-    the longest horizon in periods, and how many times somebody waits for others.
+    `ends_ns` (K,) are the ends of their lives, FOR_EVER_NS where that is not known. `clock` is the
+    time [ns], the decision period [s], the longest horizon in periods, and how many times somebody
+    waits for others.
     """
     now_ns, period_s, horizon, patience = clock
     who, asked, count = np.empty(slots.shape[0], np.int64), np.empty((slots.shape[0], 5)), 0
@@ -110,7 +107,7 @@ def asked_by(
         if not kept[k] or one.has_goal == 0:
             continue
         epochs = horizon
-        if ends_ns[k] != NEVER_NS:
+        if ends_ns[k] != FOR_EVER_NS:
             left = np.ceil((ends_ns[k] - now_ns) / NS_PER_S / period_s)
             epochs = max(1, min(horizon, np.int64(left)))
         who[count] = k

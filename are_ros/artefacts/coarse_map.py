@@ -155,6 +155,12 @@ def nearness_to_walls(room_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float32
     return np.asarray(lacks * lacks, np.float32)
 
 
+def rounded_up_m(radius_m: float) -> float:
+    """Return the radius [m] of the map that serves a disc: in centimetres, or 5 cm above 0.5 m."""
+    step_m = RADIUS_STEPS_M[radius_m > SMALL_M]
+    return step_m * math.ceil(radius_m / step_m - 1e-6)
+
+
 class CoarseMaps:
     """Coarse maps by terrain and radius, made when first asked for; the latest 64 are kept."""
 
@@ -164,9 +170,8 @@ class CoarseMaps:
         self._maps: OrderedDict[tuple[int, float, float], CoarseMap] = OrderedDict()
 
     def of(self, terrain: TerrainLike, radius_m: float) -> CoarseMap:
-        """Return the map for a disc, its radius rounded up to centimetres, or 5 cm above 0.5 m."""
-        step_m = RADIUS_STEPS_M[radius_m > SMALL_M]
-        radius_m = step_m * math.ceil(radius_m / step_m - 1e-6)
+        """Return the map for a disc, its radius rounded up."""
+        radius_m = rounded_up_m(radius_m)
         key = (terrain.environment.version, terrain.height_m, radius_m)
         if key not in self._maps:
             self._maps[key] = CoarseMap(terrain, radius_m, self._cell_size_m)

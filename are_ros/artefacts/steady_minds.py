@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from functools import lru_cache
+from operator import itemgetter
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts import _steady_kernels
-from are_ros.artefacts._steady_kernels import BLOCKED, GIVES_WAY, MANOEUVRES, NEVER_NS, STEADY
+from are_ros.artefacts._steady_kernels import BLOCKED, GIVES_WAY, MANOEUVRES, STEADY
 from are_ros.artefacts.behaviours.intent import Behaviour, Steady
 from are_ros.artefacts.behaviours.situation import RobotView
 from are_ros.artefacts.mind import (
@@ -26,11 +27,13 @@ from are_ros.artefacts.mind import (
 from are_ros.artefacts.motion.traffic import Traffic
 from are_ros.artefacts.navigation import Leg, Navigation
 from are_ros.artefacts.onlookers import Onlookers
+from are_ros.conventions import FOR_EVER_NS
 
 _FIRST_CAPACITY: Final = 64
 _LIMITS: Final = (GETS_ON_MPS, BLOCKED_S, SHUNTS_S)
-_KEPT_FIELDS: Final = slice(14, 20)
-"""Of the table: what a mind has, too."""
+_OWN_FIELDS = ("waits", "is_going", "has_spot", "spot_x", "spot_y", "spot_since")
+_own_of = itemgetter(*map(list(STEADY.fields or ()).index, _OWN_FIELDS))
+"""Of a row of the table, as a tuple: what a mind has, too."""
 
 
 class SteadyMinds:
@@ -58,9 +61,8 @@ class SteadyMinds:
         if not mind.is_steady:
             return
         mind.is_steady = False
-        waits, is_going, has_spot, x_m, y_m, since_ns = self._table[mind.slot].tolist()[
-            _KEPT_FIELDS
-        ]
+        row = self._table[mind.slot].tolist()
+        waits, is_going, has_spot, x_m, y_m, since_ns = _own_of(row)
         mind.waits, mind.is_going, mind.spot_since_ns = waits, is_going != 0, since_ns
         mind.spot_m = (x_m, y_m) if has_spot else None
 
@@ -77,8 +79,7 @@ class SteadyMinds:
         spot_x_m, spot_y_m = mind.spot_m or (0.0, 0.0)
         mind.is_steady = True
         self._table[mind.slot] = (
-            1,
-            min(steady.until_ns, NEVER_NS),
+            min(steady.until_ns, FOR_EVER_NS),
             steady.since_ns,
             steady.patience_s,
             steady.heeds_robot,
@@ -159,7 +160,7 @@ class SteadyMinds:
 
 def _end_ns(mind: Mind) -> int:
     end_ns = mind.artefact.departure_ns
-    return NEVER_NS if end_ns is None else end_ns
+    return FOR_EVER_NS if end_ns is None else end_ns
 
 
 def _say(mind: Mind, what: int, traffic: Traffic) -> None:

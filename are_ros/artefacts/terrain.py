@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.artefacts.motion._borrowing import borrowing
+from are_ros.world._wall_kernels import TWO_HALF_DIAGONALS
 from are_ros.world.environment import Environment
 from are_ros.world.lattice_cover import covered, lattice_row
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -17,7 +18,6 @@ from are_ros.world.voxel_map import VoxelMap
 
 HEIGHT_STEP_M: Final = 0.25
 _HALF_CELL: Final = 0.5
-_TWO_HALF_DIAGONALS: Final = 1.42
 _SURELY_MET: Final = 0.25
 """A point is at most this much farther, in cells, from a closed cell than the centre of its own
 cell from that one's: half a diagonal, less half a side."""
@@ -209,7 +209,7 @@ def rolls(
         here = field[int(y), int(x)]
         if here + _SURELY_MET * unit < radius:
             return False
-        room = here - _TWO_HALF_DIAGONALS * unit - radius
+        room = here - TWO_HALF_DIAGONALS * unit - radius
         if room < 0.0 and not disc_is_free(field, x, y, radius / unit - TOUCH_TOLERANCE_M):
             return False
         if along >= length:

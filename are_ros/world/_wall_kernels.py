@@ -14,7 +14,8 @@ _FloatArray = NDArray[np.float64]
 _Field = NDArray[np.float32]
 _Mask = NDArray[np.bool_]
 
-_TWO_HALF_DIAGONALS = 1.42  # in cells, rounded up: of the centre's cell and of the one met
+HALF_DIAGONAL = 0.71  # of a cell, rounded up
+TWO_HALF_DIAGONALS = 1.42  # of the cell of a centre and of the one met
 
 
 @compiled
@@ -41,7 +42,7 @@ def _is_far(
     if not (0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]):
         return False
     reach = max(np.hypot(top[0], top[1]), np.hypot(right[0], right[1]))
-    return bool(field[np.int64(y), np.int64(x)] > (reach + _TWO_HALF_DIAGONALS) * unit)
+    return bool(field[np.int64(y), np.int64(x)] > (reach + TWO_HALF_DIAGONALS) * unit)
 
 
 @compiled
@@ -61,7 +62,7 @@ def hits_cells(
     distances = _distances_at_centres(packed, lattice, field)
     for i in range(packed.shape[0]):
         reach = np.sqrt(packed[i, 5] ** 2 + packed[i, 6] ** 2) / min(lattice[4], lattice[5])
-        if distances[i] <= (reach + _TWO_HALF_DIAGONALS) * unit:
+        if distances[i] <= (reach + TWO_HALF_DIAGONALS) * unit:
             out[i] = _hits_cells(packed, i, lattice, occupied, field, unit, tolerance_m)
     return out
 

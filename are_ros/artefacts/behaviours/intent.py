@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Protocol
 
+from are_ros.conventions import FOR_EVER_NS
+
 if TYPE_CHECKING:
     from are_ros.artefacts.behaviours.situation import Situation
 
@@ -11,7 +13,6 @@ Point = tuple[float, float]
 """x and y in the map frame [m]."""
 
 
-FOR_EVER_NS: Final = 1 << 62
 ARRIVE_WITHIN_M: Final = 0.4
 """How near a goal one has arrived, unless an intent says otherwise."""
 

@@ -13,6 +13,7 @@ from are_ros.artefacts.motion._aims import GOING, PUSHED, Aim
 from are_ros.artefacts.motion._borrowing import borrowing
 from are_ros.artefacts.motion._rollouts import ARC_TO_POINT, BRAKE, CURVE
 from are_ros.artefacts.motion._state import COS, SIN, SPEED, YAW, Floats, Tempo, X, Y
+from are_ros.artefacts.motion.body import TIGHTEST
 
 REVERSE_SHARE = 0.5
 """The fastest reverse over the fastest forward speed."""
@@ -23,7 +24,6 @@ _BACKWARD = np.array([-1.0, -0.5, -0.2, -0.07])
 _REVERSE_PRICE = 2.0  # of a metre in reverse, in metres
 _SHIFT = 0.15  # for a change of direction
 _REVERSE = 0.1
-_SPARE = 1.01  # of the radius, for rounding
 _BEND = 0.01
 _TO_GOAL = 0.02
 _CHANGE = 0.04
@@ -104,7 +104,7 @@ def _add_arcs(
     duration: float,
 ) -> int:
     """Add curves at each of the shares of the speed; negative ones are in reverse."""
-    radius = _SPARE * body.turn_radius
+    radius = TIGHTEST * body.turn_radius
     full = aim.speed * duration
     for bend in _BENDS:
         for factor in factors:
@@ -146,11 +146,11 @@ def _add_arcs_to_goal(
     dx, dy = order.x - pose[X], order.y - pose[Y]
     ahead, aside = dx * pose[COS] + dy * pose[SIN], dy * pose[COS] - dx * pose[SIN]
     curvature = 2.0 * aside / max(dx * dx + dy * dy, 1e-6)
-    if abs(curvature) * _SPARE * body.turn_radius > 1.0 or abs(ahead) < 0.02:
+    if abs(curvature) * TIGHTEST * body.turn_radius > 1.0 or abs(ahead) < 0.02:
         return count
     direction = 1.0 if ahead > 0.0 else -1.0
     price = 1.0 if ahead > 0.0 else _REVERSE_PRICE
-    radius, full = _SPARE * body.turn_radius, aim.speed * duration
+    radius, full = TIGHTEST * body.turn_radius, aim.speed * duration
     saved = way_left(pose[X], pose[Y], pose[YAW], order.x, order.y, radius)
     saved -= price * _arc_length(abs(ahead), abs(aside))
     for factor in _FORWARD:

@@ -8,13 +8,11 @@ from are_ros.artefacts.motion._borrowing import borrowing, owning
 from are_ros.artefacts.motion._gaps import leap
 from are_ros.artefacts.motion._state import COS, NEVER, SIN, Floats, Floor, X, Y
 from are_ros.artefacts.terrain import disc_is_free
-from are_ros.world._wall_kernels import hits_cells
+from are_ros.world._wall_kernels import HALF_DIAGONAL, TWO_HALF_DIAGONALS, hits_cells
 from are_ros.world._wall_kernels import is_free as is_box_free
 from are_ros.world.lattice_cover import covered
 from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M
 
-_HALF_DIAGONAL = 0.71  # of a cell, rounded up
-_TWO_HALF_DIAGONALS = 1.42
 _NOT_FREE = -1.0
 
 
@@ -41,7 +39,7 @@ def _cells_free(col: float, row: float, floor: Floor, layer: int) -> float:
         return -np.inf
     i, j = int(row), int(col)
     dx, dy = col - j - 0.5, row - i - 0.5
-    return float(field[layer, i, j] / floor.unit - np.sqrt(dx * dx + dy * dy) - _HALF_DIAGONAL)
+    return float(field[layer, i, j] / floor.unit - np.sqrt(dx * dx + dy * dy) - HALF_DIAGONAL)
 
 
 @borrowing
@@ -92,7 +90,7 @@ def turns_freely(pose: Floats, body: Any, floor: Floor) -> bool:
     radius = body.radius / unit - TOUCH_TOLERANCE_M
     if not (0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]):
         return False
-    is_far = field[int(y), int(x)] >= (radius + _TWO_HALF_DIAGONALS) * unit
+    is_far = field[int(y), int(x)] >= (radius + TWO_HALF_DIAGONALS) * unit
     return bool(is_far or disc_is_free(field, x, y, radius))
 
 

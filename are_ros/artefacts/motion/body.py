@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 from are_ros.artefacts.catalogue import CatalogueRow
 
+TIGHTEST = 1.01
+"""The tightest arc that is planned, in turning radii: a little wider, for rounding."""
 _SQUARISH = 0.7
 """Boxes up to this longer than n times their width are filled by n + 1 discs at most."""
 
