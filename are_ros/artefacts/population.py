@@ -33,7 +33,7 @@ Admit = Callable[[ScriptedOffer], GroundPose | str]
 """A scripted artefact that is to arrive -> where it stands, or why it cannot stand there."""
 
 
-def _nobody(_: Artefact) -> bool:
+def _nobody(_: Artefact, __: int) -> bool:
     return False
 
 
@@ -52,8 +52,8 @@ class Population:
     none) counts all the living. Artefacts of rows that live for ever, and those admitted with a
     life of their own, do not take part in the law of departures.
 
-    Of whom `walks_out` says so, the end of its life is not its departure: it is leaving from then
-    on, no law's business any more but one of those alive, until the caller removes it.
+    Of whom `stays_on` says so, the end of its life [ns] is not its departure: it is leaving from
+    then on, no law's business any more but one of those alive, until the caller removes it.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Population:
         *,
         max_alive: int | None = 200,
         history_ns: int = 2 * NS_PER_S,
-        walks_out: Callable[[Artefact], bool] = _nobody,
+        stays_on: Callable[[Artefact, int], bool] = _nobody,
         begun: Callable[[Artefact, ScriptedOffer | None], object] = _nothing,
         scripted: ScriptedSource | None = None,
     ) -> None:
@@ -72,7 +72,7 @@ class Population:
         self.scripted = scripted or ScriptedSource(Scenario())
         self.max_alive = max_alive
         self._begun = begun
-        self._walks_out = walks_out
+        self._stays_on = stays_on
         self._seed = seed
         self._source = source
         self._lifetimes = Lifetimes(departures)
@@ -163,6 +163,10 @@ class Population:
             return [self._arrive_by_script(admit)]
         return self._arrive(place)
 
+    def cause_of(self, artefact_id: int) -> Cause:
+        """Return why one leaves at the end of its life."""
+        return self._causes.get(artefact_id, Cause.LIFE_OVER)
+
     def remove(self, artefact_id: int, now_ns: int, cause: Cause) -> PopulationEvent:
         """Let an artefact depart at `now_ns`; `InputError` if none of this id lives.
 
@@ -174,6 +178,7 @@ class Population:
         if not artefact.is_leaving:
             self._lifetimes.end(artefact_id, now_ns)
         artefact.departure_ns = now_ns
+        self._causes.pop(artefact_id, None)
         self._departed.append(artefact)
         self._forget_before(now_ns - self._history_ns)
         return self._say(now_ns, EventKind.DEPARTED, artefact_id, artefact.row, cause)
@@ -213,11 +218,11 @@ class Population:
         return sorted(present, key=lambda artefact: artefact.id)
 
     def _end(self, departure: Departure) -> PopulationEvent:
-        """Let one depart whose life is over, or walk out first."""
+        """Let one depart whose life is over, unless it stays on until it is out."""
         time_ns, artefact_id = departure
         artefact = self._living[artefact_id]
-        if not self._walks_out(artefact):
-            return self.remove(artefact_id, time_ns, self._causes.pop(artefact_id, Cause.LIFE_OVER))
+        if not self._stays_on(artefact, time_ns):
+            return self.remove(artefact_id, time_ns, self.cause_of(artefact_id))
         self._lifetimes.end(artefact_id, time_ns)
         artefact.is_leaving, artefact.departure_ns = True, None
         return self._say(time_ns, EventKind.LEAVING, artefact_id, artefact.row, Cause.LIFE_OVER)

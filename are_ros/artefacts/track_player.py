@@ -52,15 +52,25 @@ class TrackPlayer:
         self._parts = dict(sorted(self._parts.items()))
         self.tell(artefact.arrival_ns)
 
-    def remove(self, artefact_id: int, now_ns: int) -> None:
-        """Forget an artefact, known or not, that departs at `now_ns`.
+    def ends_with_step(self, artefact_id: int, end_ns: int) -> bool:
+        """Say whether one, known or not, whose life is over at `end_ns` lives through the sub-step.
 
-        If its track has a pose at that very instant, it departs from there: in the run that it was
-        saved from, it had moved before it left.
+        It does if its track has a pose at that very instant, at which a sub-step ends: in the run
+        that it was saved from, it moved and was met in it before it left.
         """
-        part = self._parts.pop(artefact_id, None)
-        if part is not None and now_ns - part.start_ns in part.track.times_ns:
-            _move(part, now_ns, self._period_ns)
+        part = self._parts.get(artefact_id)
+        if part is None or end_ns % self._period_ns:
+            return False
+        return bool(end_ns - part.start_ns in part.track.times_ns)
+
+    @property
+    def leaving(self) -> tuple[int, ...]:
+        """Whose lives are over, but for the sub-step, ascending."""
+        return tuple(key for key, part in self._parts.items() if part.artefact.is_leaving)
+
+    def remove(self, artefact_id: int) -> None:
+        """Forget an artefact, known or not."""
+        self._parts.pop(artefact_id, None)
 
     def clear(self) -> None:
         """Forget all."""

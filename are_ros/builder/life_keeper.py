@@ -2,7 +2,8 @@
 
 Kept are the poses that changed, and of whom, not who stood where: an hour of twenty artefacts that
 walk all the time takes 70 MB. The scenario's tracks are the histories that the run had, so that a
-replay of it has them again, bit by bit.
+replay of it has them again, bit by bit. Who left with a sub-step, not before it, has a pose at that
+very instant.
 """
 
 from collections.abc import Mapping
@@ -40,6 +41,7 @@ class _Kept:
     pose: GroundPose
     doings: list[Doing] = field(default_factory=list)
     departed_ns: int | None = None
+    left_with_step: bool = False
     cause: Cause = Cause.LIFE_OVER
 
 
@@ -62,6 +64,7 @@ class LifeKeeper:
         self._changes = bytearray()
         self._doings = 0
         self._full_ns: int | None = None
+        self._stepped_ns: int | None = None
         self._kept: dict[int, _Kept] = {}
         self._ids: _Ints = np.empty(0, np.int64)
         self._poses: _Floats = np.empty((0, 4))
@@ -98,6 +101,7 @@ class LifeKeeper:
             return
         kept = self._kept[artefact_id]
         kept.departed_ns, kept.cause = t_ns, cause
+        kept.left_with_step = t_ns == self._stepped_ns
         at = int(np.searchsorted(self._ids, artefact_id))
         self._ids = np.delete(self._ids, at)
         self._poses = np.delete(self._poses, at, axis=0)
@@ -109,6 +113,7 @@ class LifeKeeper:
         later; `moved` (N,) tells who moved there by itself: another whose pose is a new one has
         jumped. Raises ValueError where `ids` are not those who arrived and have not departed.
         """
+        self._stepped_ns = t_ns
         if poses is self._poses or self._is_full(t_ns):
             return
         if not np.array_equal(ids, self._ids):
@@ -162,6 +167,9 @@ class LifeKeeper:
     ) -> ScriptedArtefact:
         ends_ns, arrives_ns = self._end_ns(kept), kept.arrival_ns - self._start_ns
         times_ns, poses = _history(kept.arrival_ns, kept.pose, changes, self._period_ns)
+        if kept.left_with_step and times_ns[-1] != kept.departed_ns:
+            times_ns = np.append(times_ns, kept.departed_ns or 0)
+            poses = np.concatenate((poses, poses[-1:]))
         doings = _worth_saying(kept.doings, ends_ns)
         track = Track(times_ns - self._start_ns, poses, doings)
         return ScriptedArtefact(
@@ -186,8 +194,9 @@ class LifeKeeper:
 
 
 def _worth_saying(doings: list[Doing], ends_ns: int | None) -> tuple[Doing, ...]:
-    """Return no doings where the one there is says nothing but behaviour and end of life."""
-    first = doings[0]
+    """Return the doings before the end; none where the one there is says no more than that."""
+    first, *later = doings
+    doings = [first, *(one for one in later if ends_ns is None or one.t_ns < ends_ns)]
     is_plain = len(doings) == 1 and not first.activity and first.departs_ns == ends_ns
     return () if is_plain else tuple(doings)
 

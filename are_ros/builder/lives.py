@@ -62,7 +62,7 @@ class Lives:
         terrains = Terrains()
         self._motions = motions_of(parameters, robots.observer.name, resolver, terrains)
         self.population = random_population(
-            parameters, catalogue, begun=self._motions.begin, walks_out=self._walks_out
+            parameters, catalogue, begun=self._motions.begin, stays_on=self._stays_on
         )
         self.is_paused = False
         self._paused_ns = 0
@@ -308,6 +308,8 @@ class Lives:
         if not self.is_paused and not self._steps.is_idle and self.population.living:
             self._move(step_ns, self._environment)
             self._look_at_doings(step_ns)
+        for artefact_id in self._motions.player.leaving:
+            self.remove(artefact_id, step_ns, self.population.cause_of(artefact_id))
 
     def _set_rates(self, now_ns: int) -> None:
         """Let the rates of the parameters hold; nobody arrives before the region is known."""
@@ -335,8 +337,10 @@ class Lives:
         ):
             self.remove(artefact_id, step_ns, Cause.LIFE_OVER)
 
-    def _walks_out(self, artefact: Artefact) -> bool:
-        """Say whether the end of an artefact's life is the beginning of its way out."""
+    def _stays_on(self, artefact: Artefact, end_ns: int) -> bool:
+        """Say whether one departs later than its life ends: with the sub-step, or at an exit."""
+        if self._motions.player.ends_with_step(artefact.id, end_ns):
+            return True
         return self._farewells.walks_to_exit and self._motions.minds.has(artefact.id)
 
     def _say(self, event: PopulationEvent) -> None:
@@ -346,6 +350,8 @@ class Lives:
             self._motions.end(artefact_id, event.time_ns, event.cause or Cause.REMOVED)
             self._farewells.end(artefact_id)
         elif event.kind is PopulationEventKind.LEAVING:
+            if artefact_id in self._motions.player:
+                return
             self._motions.minds.send_out(artefact_id)
             self._farewells.begin(self.population.living[artefact_id], event.time_ns)
             return

@@ -4,7 +4,8 @@ Positions belong to the sub-steps: who is KEPT is where the traffic has planned 
 are where the resolver has left them (section 3.3), and the traffic is told.
 """
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -54,13 +55,15 @@ class _Wish:
     """Where N artefacts want to be at the end of a sub-step, in the order of their ids.
 
     `poses` float64 (N, 4) x, y, z, yaw, and the boxes there; `moved` bool (N,): who goes there by
-    itself; `tracked` int64 (M,): the indices of those who go by a track.
+    itself; `tracked` int64 (M,): the indices of those who go by a track, `jumping` of those of them
+    whose track puts them elsewhere on the ground.
     """
 
     poses: npt.NDArray[np.float64]
     boxes: OrientedBoxes
     moved: npt.NDArray[np.bool_]
     tracked: npt.NDArray[np.intp]
+    jumping: npt.NDArray[np.intp]
 
 
 class Motions:
@@ -109,7 +112,9 @@ class Motions:
         """Let an artefact be gone, that has departed."""
         if self.keeper is not None:
             self.keeper.departed(artefact_id, now_ns, cause)
-        self.player.remove(artefact_id, now_ns)
+        if artefact_id in self.player and cause is Cause.DISPLACED:
+            self.counts.displaced += 1  # the resolver has not counted whom it lets pass
+        self.player.remove(artefact_id)
         self._tape.stop(artefact_id)
         self.crowd.remove(artefact_id)
         self.traffic.remove(artefact_id)
@@ -154,6 +159,10 @@ class Motions:
         begun = self.contacts.begun(step_ns, resolution.contacts, living)
         happened = Happened(begun, [(artefact_id, Cause.LIFE_OVER) for artefact_id in gone])
         self.counts.add(wish.moved, resolution)
+        self.counts.displaced += len(wish.jumping)
+        for i in wish.jumping.tolist():
+            artefact = living[int(self.crowd.ids[i])]
+            happened.events.append(_displaced(step_ns, artefact, before[i], wish.poses[i]))
         moved = wish.moved
         if resolution.is_all_kept:
             self.crowd.move(wish.poses, wish.boxes)
@@ -181,13 +190,14 @@ class Motions:
         moved = traffic.moved
         poses, boxes = crowd.proposed(traffic.poses, moved, environment)
         if not player.ids:
-            return _Wish(poses, boxes, moved, _NO_INDICES)
+            return _Wish(poses, boxes, moved, _NO_INDICES, _NO_INDICES)
         tracked = np.searchsorted(crowd.ids, player.ids)
         on_track, goes = player.move(step_ns)
+        is_elsewhere = (on_track[:, :2] != crowd.poses[tracked, :2]).any(axis=1)
         poses, boxes = crowd.with_poses(poses, tracked, on_track)
         moved = moved.copy()
         moved[tracked] = goes
-        return _Wish(poses, boxes, moved, tracked)
+        return _Wish(poses, boxes, moved, tracked, tracked[is_elsewhere & ~goes])
 
     def _decide(
         self,
@@ -220,7 +230,10 @@ class Motions:
             artefact = living[int(self.crowd.ids[i])]
             outcome = Outcome(int(resolution.outcomes[i]))
             if outcome is Outcome.DISPLACED_TO_SAFE:
-                settled[i] = self._displaced(step_ns, artefact, resolution, i, happened)
+                was, pose = artefact.history.latest, _pose_found(artefact, resolution, i)
+                artefact.history.append(step_ns - 1, was)
+                happened.events.append(_displaced(step_ns, artefact, was, pose))
+                settled[i] = pose
             elif outcome is Outcome.LEAVES:
                 happened.leavers.append((artefact.id, Cause.DISPLACED))
             elif outcome is Outcome.LEAVES_ON_CONTACT:
@@ -229,21 +242,18 @@ class Motions:
         self.crowd.move(settled)
         return moved
 
-    def _displaced(
-        self,
-        step_ns: int,
-        artefact: Artefact,
-        resolution: Resolution,
-        i: int,
-        happened: Happened,
-    ) -> GroundPose:
-        """Let an artefact jump to the pose that the search has found for it."""
-        was, (dx_m, dy_m) = artefact.history.latest, resolution.shifts_m[i].tolist()
-        bottom_m = resolution.boxes.centres_m[i, 2] - resolution.boxes.half_sizes_m[i, 2]
-        pose = GroundPose(was.x_m + dx_m, was.y_m + dy_m, float(bottom_m), was.yaw_rad)
-        artefact.history.append(step_ns - 1, was)
-        distance_m, label = float(np.hypot(dx_m, dy_m)), artefact.row.label
-        happened.events.append(
-            ArtefactEvent(step_ns, EventKind.DISPLACED, artefact.id, label, "moved", distance_m)
-        )
-        return pose
+
+def _pose_found(artefact: Artefact, resolution: Resolution, i: int) -> GroundPose:
+    """Return the pose that the search has found for an artefact."""
+    was, (dx_m, dy_m) = artefact.history.latest, resolution.shifts_m[i].tolist()
+    bottom_m = resolution.boxes.centres_m[i, 2] - resolution.boxes.half_sizes_m[i, 2]
+    return GroundPose(was.x_m + dx_m, was.y_m + dy_m, float(bottom_m), was.yaw_rad)
+
+
+def _displaced(
+    step_ns: int, artefact: Artefact, was: Sequence[float], now: Sequence[float]
+) -> ArtefactEvent:
+    """Return the event of a jump on the ground; the value is how far."""
+    kind, label = EventKind.DISPLACED, artefact.row.label
+    distance_m = math.hypot(now[0] - was[0], now[1] - was[1])
+    return ArtefactEvent(step_ns, kind, artefact.id, label, "moved", distance_m)

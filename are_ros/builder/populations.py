@@ -30,12 +30,12 @@ def random_population(
     catalogue: Catalogue,
     *,
     begun: Callable[[Artefact, ScriptedOffer | None], object],
-    walks_out: Callable[[Artefact], bool],
+    stays_on: Callable[[Artefact, int], bool],
 ) -> Population:
     """Return the population of the random source; ParameterError where the mixture is bad.
 
-    `begun` is told of each artefact as soon as it lives; `walks_out` says of whom whose life is
-    over that it is to leave on its own feet. ScenarioError where the scenario is bad.
+    `begun` is told of each artefact as soon as it lives; `stays_on` says of whom whose life is
+    over at an instant [ns] that it departs later. ScenarioError where the scenario is bad.
     """
     settings, law = parameters.population, mixture_of(parameters, catalogue)
     return Population(
@@ -45,7 +45,7 @@ def random_population(
         max_alive=settings.max_alive,
         history_ns=seconds_to_ns(parameters.poses.history),
         begun=begun,
-        walks_out=walks_out,
+        stays_on=stays_on,
         scripted=ScriptedSource(scenario_of(parameters, catalogue)),
     )
 

@@ -59,14 +59,12 @@ def _population(
     max_alive: int | None = 200,
     group: float = 1.0,
     rows: tuple[CatalogueRow, ...] = ROWS,
-    walks_out: Callable[[Artefact], bool] = lambda _: False,
+    stays_on: Callable[[Artefact, int], bool] = lambda *_: False,
     begun: Callable[[Artefact, object], object] = lambda *_: None,
 ) -> Population:
     source = RandomSource(seed, rows, MIXTURE, group)
     law = departure_law(kind, seed, mean_life_s)
-    population = Population(
-        seed, source, law, max_alive=max_alive, walks_out=walks_out, begun=begun
-    )
+    population = Population(seed, source, law, max_alive=max_alive, stays_on=stays_on, begun=begun)
     population.start(EPOCH_NS)
     population.set_rates(per_s / 100.0, 100.0, mean_life_s, EPOCH_NS)
     return population
@@ -507,7 +505,7 @@ def test_the_way_out_is_no_business_of_the_law(kind: Departures) -> None:
     vanishing = _population(6, kind, mean_life_s=mean_life_s)
     expected = _records(_advance(vanishing, _seconds(60)))
     for takes_s in (0, 1, 7):
-        walking = _population(6, kind, mean_life_s=mean_life_s, walks_out=lambda _: True)
+        walking = _population(6, kind, mean_life_s=mean_life_s, stays_on=lambda *_: True)
         told, gone = _walked_out(walking, _seconds(60), takes_s * NS_PER_S)
         same = [replace(e, kind=EventKind.DEPARTED) if e.cause else e for e in told]
         assert _records(same) == expected
@@ -517,7 +515,7 @@ def test_the_way_out_is_no_business_of_the_law(kind: Departures) -> None:
 
 def test_those_who_leave_fill_the_place() -> None:
     """They are alive and counted by the bound until they are removed; then the next may come."""
-    population = _population(2, max_alive=1, mean_life_s=0.5, walks_out=lambda _: True)
+    population = _population(2, max_alive=1, mean_life_s=0.5, stays_on=lambda *_: True)
     told = _advance(population, _seconds(20))
     (leaving,) = [event for event in told if event.kind is EventKind.LEAVING]
     after = [event for event in told if event.time_ns > leaving.time_ns]
@@ -533,7 +531,7 @@ def test_those_who_leave_fill_the_place() -> None:
 
 def test_rates_that_change_do_not_touch_those_who_leave() -> None:
     """No new end is given to a life that is over."""
-    population = _population(2, mean_life_s=2.0, walks_out=lambda _: True)
+    population = _population(2, mean_life_s=2.0, stays_on=lambda *_: True)
     _advance(population, _seconds(20))
     leaving = [one for one in population.living.values() if one.is_leaving]
     assert leaving
@@ -542,9 +540,9 @@ def test_rates_that_change_do_not_touch_those_who_leave() -> None:
     assert all(one.departure_ns is None for one in leaving)
 
 
-def test_each_walks_out_or_not_on_its_own() -> None:
+def test_each_stays_on_or_not_on_its_own() -> None:
     """Those of even ids vanish, the others are leaving."""
-    population = _population(3, mean_life_s=1.0, walks_out=lambda one: one.id % 2 == 1)
+    population = _population(3, mean_life_s=1.0, stays_on=lambda one, _: one.id % 2 == 1)
     told = _advance(population, _seconds(20))
     ends = {e.artefact_id: e.kind for e in told if e.cause is Cause.LIFE_OVER}
     assert len(ends) > 10

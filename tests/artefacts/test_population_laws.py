@@ -41,7 +41,7 @@ MIXTURE = TruncatedPoissonMixture((0.5, 0.5), (1.0, 2.0), len(ROWS))
 SPOT = GroundPose(1.0, 1.0, 0.0, 0.0)
 
 
-def _nobody(_: Artefact) -> bool:
+def _nobody(_: Artefact, __: int) -> bool:
     return False
 
 
@@ -51,11 +51,11 @@ def _population(
     *,
     group: float = 1.0,
     max_alive: int | None = None,
-    walks_out: Callable[[Artefact], bool] = _nobody,
+    stays_on: Callable[[Artefact, int], bool] = _nobody,
 ) -> Population:
     source = RandomSource(seed, ROWS, MIXTURE, group)
     law = departure_law(kind, seed, 1.0)
-    population = Population(seed, source, law, max_alive=max_alive, walks_out=walks_out)
+    population = Population(seed, source, law, max_alive=max_alive, stays_on=stays_on)
     population.start(EPOCH_NS)
     return population
 
@@ -348,7 +348,7 @@ def test_lives_of_one_group_are_independent() -> None:
 
 def _alive_with_a_way_out(seed: int, way_out_s: float) -> int:
     """Return N after 40 s where everybody, his life over, takes so long to be gone."""
-    population = _population(seed, INDEPENDENT, walks_out=lambda _: True)
+    population = _population(seed, INDEPENDENT, stays_on=lambda *_: True)
     population.set_rates(0.015, 100.0, 2.0, EPOCH_NS)
     walking: list[tuple[int, int]] = []
     end_ns = _ns(40.0)

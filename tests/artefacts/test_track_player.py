@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.artefacts.artefact import Artefact, Origin, PoseHistory
 from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.artefacts.scenario import Doing, Track
 from are_ros.artefacts.track_player import TrackPlayer
@@ -109,18 +109,19 @@ def test_others_know_where_it_will_be() -> None:
     np.testing.assert_allclose(ahead, [[x_m, 1.0, 0.0] for x_m in (2.0, 4.0, 4.0, 4.0)])
 
 
-def test_it_departs_from_where_it_had_come_to() -> None:
-    """A pose of the track at the instant of the departure counts; else it goes from where it is."""
-    player = _player(_track((0, 0.0), (50, 4.0)))
-    artefact = player._parts[4].artefact
-    player.remove(4, START_NS + 50)
-    assert artefact.history.latest == GroundPose(4.0, 1.0, 0.0, 0.0)
-    player.remove(4, START_NS + 51)
+def test_who_has_a_pose_at_its_end_lives_through_the_sub_step() -> None:
+    """It moves there and is met there before it goes; else its life is over at the instant."""
+    player = _player(_track((0, 0.0), (50, 4.0), (75, 5.0)))
+    assert player.ends_with_step(4, START_NS + 50)
+    assert not player.ends_with_step(4, START_NS + 75)  # no sub-step ends then
+    assert not player.ends_with_step(4, START_NS + 100)
+    assert not player.ends_with_step(5, START_NS + 50)
+    assert not player.leaving
+    player._parts[4].artefact.is_leaving = True
+    assert list(player.leaving) == [4]
+    player.remove(4)
+    player.remove(4)
     assert 4 not in player
-    other = _player(_track((0, 0.0), (50, 4.0)))
-    artefact = other._parts[4].artefact
-    other.remove(4, START_NS + 25)
-    assert artefact.history.latest.x_m == 0.0
 
 
 def test_all_are_in_the_order_of_their_ids() -> None:

@@ -203,7 +203,10 @@ class Repeated(Stage):
         """Let departures, arrivals and doings happen, in this order at one instant."""
         while (event := min(self._events())) is not None and event[0] <= now_ns:
             t_ns, kind, artefact_id = event
-            if kind == 0:
+            if kind == 0 and self._player.ends_with_step(artefact_id, t_ns):
+                self.living[artefact_id].is_leaving = True
+                self._ends[artefact_id] = 2**63, self._ends[artefact_id][1]
+            elif kind == 0:
                 self._depart(artefact_id, t_ns)
             elif kind == 1:
                 self._arrive(self._source.take())
@@ -218,10 +221,13 @@ class Repeated(Stage):
         if self._keeper is not None:
             ids = np.array(self._player.ids, np.int64)
             self._keeper.step(step_ns, ids, poses, moved)
+        for artefact_id in self._player.leaving:
+            self._depart(artefact_id, step_ns)
+        if self._keeper is not None:
             self._keeper.look(step_ns, self.living)
 
     def _events(self) -> Iterator[tuple[int, int, int]]:
-        yield 2**63, 3, 0
+        yield 2**62, 3, 0
         yield from ((t_ns, 0, i) for i, (t_ns, _) in self._ends.items())
         for kind, t_ns in ((1, self._source.next_ns()), (2, self._player.next_ns())):
             if t_ns is not None:
@@ -245,7 +251,7 @@ class Repeated(Stage):
 
     def _depart(self, artefact_id: int, t_ns: int) -> None:
         _, cause = self._ends.pop(artefact_id)
-        self._player.remove(artefact_id, t_ns)
+        self._player.remove(artefact_id)
         self.end(artefact_id, t_ns)
         if self._keeper is not None:
             self._keeper.departed(artefact_id, t_ns, cause)

@@ -386,5 +386,5 @@ def test_a_bad_mixture_is_refused_by_name() -> None:
     parameters = with_values(Parameters(), {"mixture.weights": (0.5, 0.5), "mixture.rates": (1.0,)})
     with pytest.raises(ParameterError, match="mixture"):
         random_population(
-            parameters, read_catalogue(), begun=lambda *_: None, walks_out=lambda _: False
+            parameters, read_catalogue(), begun=lambda *_: None, stays_on=lambda *_: False
         )
