@@ -9,12 +9,12 @@ from typing import Any
 
 import click
 
-from are_ros.cli.options import FILE, Seconds, animate_option, parameter_options, say
+from are_ros.cli.options import FILE, SECONDS, Amount, animate_option, parameter_options, say
 from are_ros.cli.status import IMPERFECT
 from are_ros.errors import NodeError
 
 _PASSED_ON = {"ignore_unknown_options": True, "allow_extra_args": True}
-_RATE = click.FloatRange(min=0.001, max=1e6)
+_RATE = Amount("factor", 0.001, 1e6)
 
 
 @click.command(short_help="Run the live node.", context_settings=_PASSED_ON)
@@ -66,18 +66,18 @@ def _ros_words(
 @click.argument("bags", metavar="BAG...", nargs=-1, required=True, type=FILE)
 @click.option("--rate", type=_RATE, default=1.0, show_default=True, help="Times real time.")
 @click.option("--loop", is_flag=True, help="Play again and again.")
-@click.option("--start", "start_s", type=Seconds(), default=0.0, help="Begin here [s].")
-@click.option("--duration", "duration_s", type=Seconds(), help="Length to play [s].")
+@click.option("--start", "start_s", type=SECONDS, default=0.0, help="Begin here.")
+@click.option("--duration", "duration_s", type=SECONDS, help="Length to play.")
 @click.option("--topics", metavar="/TOPIC", multiple=True, help="Play these only. Repeatable.")
 @click.option("--exclude", metavar="/TOPIC", multiple=True, help="Leave out. Repeatable.")
 @click.option("--remap", "remaps", metavar="/FROM:=/TO", multiple=True, help="Repeatable.")
 @click.option(
     "--clock",
     "clock_hz",
-    type=click.FloatRange(min=0.0, max=1000.0),
+    type=Amount("hz", 0.0, 1000.0),
     default=100.0,
     show_default=True,
-    help="How often /clock tells the time [Hz]; 0: not at all.",
+    help="How often /clock tells the time, up to 1000; 0: not at all.",
 )
 @click.option(
     "--lockstep",
@@ -87,7 +87,10 @@ def _ros_words(
     "Repeatable: the slowest sets the pace.",
 )
 @click.option(
-    "--wait-for", metavar="NODE", multiple=True, help="Begin when this node listens. Repeatable."
+    "--wait-for",
+    metavar="NODE",
+    multiple=True,
+    help="Begin when this node listens; wait ten minutes at most. Repeatable.",
 )
 def play(**options: Any) -> None:
     """Play a recording to live topics, with /clock, as `ros2 bag play --clock` does.
@@ -110,7 +113,7 @@ def play(**options: Any) -> None:
     help="Record these only; * and ? stand for anything. Repeatable.",
 )
 @click.option("--exclude", metavar="/TOPIC", multiple=True, help="Leave out. Repeatable.")
-@click.option("--duration", "duration_s", type=Seconds(), help="Stop after this long [s].")
+@click.option("--duration", "duration_s", type=SECONDS, help="Stop after this long.")
 @click.option("--wait-for", metavar="/TOPIC", multiple=True, help="Ready when it has a publisher.")
 @click.option("--use-sim-time", is_flag=True, help="Log times are those of /clock.")
 @click.option("--overwrite", is_flag=True, help="Replace a recording that is there.")
@@ -126,7 +129,7 @@ def record(**options: Any) -> None:
 @click.command(short_help="Show the live node at work on a recording.")
 @click.argument("bag", metavar="[BAG]", type=FILE, default=Path("bags/sample_office.mcap"))
 @click.option("--rate", type=_RATE, default=2.0, show_default=True, help="Times real time.")
-@click.option("--duration", "duration_s", type=Seconds(), help="Length to play [s].")
+@click.option("--duration", "duration_s", type=SECONDS, help="Length to play.")
 @click.option("--lockstep", is_flag=True, help="As fast as the node can, repeatable to the byte.")
 @click.option("--out", type=FILE, default=Path("out/demo"), show_default=True, help="Folder.")
 @animate_option

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from are_ros.cli.options import FILE, Seconds, animate_option, parameter_options, say
+from are_ros.cli.options import FILE, SECONDS, animate_option, parameter_options, say
 from are_ros.cli.status import IMPERFECT
 
 _SKIPPABLE = ("perception", "grids", "markers")
@@ -32,8 +32,8 @@ _SKIPPABLE = ("perception", "grids", "markers")
     help="Let a topic play a part: map, octomap_point_cloud_centers, odom, scan, "
     "camera/camera_info, tf, tf_static. Repeatable.",
 )
-@click.option("--start", "start_s", type=Seconds(), default=0.0, help="Begin here [s].")
-@click.option("--duration", "duration_s", type=Seconds(), help="Length to replay [s].")
+@click.option("--start", "start_s", type=SECONDS, default=0.0, help="Begin here.")
+@click.option("--duration", "duration_s", type=SECONDS, help="Length to replay.")
 @click.option("--out", type=FILE, default=Path("out"), show_default=True, help="Output folder.")
 @click.option(
     "--scenario",
@@ -130,29 +130,35 @@ def check(recording: Path, map_file: Path | None, parameters_file: Path | None) 
 
 @click.command(short_help="Draw what rviz would show of a recording.")
 @click.argument("recording", metavar="RECORDING", type=FILE)
-@click.option("--at", "at_s", type=Seconds(), help="Moment, from its beginning [s]. [the fullest]")
-@click.option("--out", type=FILE, help="Picture. [rviz.png in the recording's folder]")
+@click.option("--at", "at_s", type=SECONDS, help="Moment, from its beginning. [the fullest]")
+@click.option("--out", type=FILE, help="Picture. [rviz.png beside the recording]")
 @animate_option
 def view(recording: Path, at_s: float | None, out: Path | None, animate: Path | None) -> None:
     """Draw what rviz would show of a recording: map, costmap, markers, scan, robot.
 
     RECORDING is a result of `are replay`, `are demo` or `are record`, or any recording of the
     node's topics. With --animate all of it, from above, instead of one moment.
+
+    The picture goes into the recording's folder, as rviz.png or animation.gif; that of a file with
+    a name of its own begins with it: run.mcap has run_rviz.png.
     """
-    folder = recording if recording.is_dir() else recording.parent
+    from are_ros.replay.output_folder import picture_beside
+
     if animate is not None:
         if at_s is not None or out is not None:
             message = "--animate shows all of a recording and names its file: no --at, no --out"
             raise click.UsageError(message)
         from are_ros.replay.film_command import animate_recording
-        from are_ros.replay.film_path import film_path
+        from are_ros.replay.film_path import ANIMATION, film_path
 
-        animate_recording(recording, film_path(animate, folder), say)
+        usual = picture_beside(recording, ANIMATION)
+        film = usual if str(animate) == ANIMATION else film_path(animate, usual.parent)
+        animate_recording(recording, film, say)
         return
     from are_ros.replay.film_command import WITHOUT_ROBOT
     from are_ros.replay.rviz_picture import draw_rviz
 
-    out = out or folder / "rviz.png"
+    out = out or picture_beside(recording, "rviz.png")
     scene = draw_rviz(recording, out, at_s)
     say(f"picture: {out}")
     if scene.robot is None:

@@ -3,9 +3,10 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 import click
+from click.types import FloatParamType
 
 from are_ros.replay.film_path import ANIMATION, why_no_film
 
@@ -13,20 +14,32 @@ _Command = TypeVar("_Command", bound=Callable[..., Any])
 FILE = click.Path(path_type=Path)
 
 
-class Seconds(click.FloatRange):
-    """A length of time in a recording: a number, neither endless nor undefined."""
+class Amount(FloatParamType):
+    """A number that is neither endless nor undefined; its unit stands in the help."""
 
-    def __init__(self) -> None:
-        super().__init__(min=0.0, max=1e9)
+    def __init__(self, unit: str, least: float = 0.0, most: float = 1e9) -> None:
+        self.name = unit
+        self._least, self._most = least, most
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """Return the seconds; a range alone lets nan through."""
-        seconds = float(super().convert(value, param, ctx))
-        if math.isnan(seconds):
-            self.fail(f"{value!r} is not a number.", param, ctx)
-        return seconds
+        """Return the number; usage is wrong where it is none, too small or too large."""
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if math.isnan(number):
+            self.fail(f"{value!r} is not a number", param, ctx)
+        if number < self._least:
+            self.fail(f"{value} is less than {self._least:g}", param, ctx)
+        if number > self._most:
+            self.fail(f"{value} is more than {self._most:g}", param, ctx)
+        return number
+
+
+SECONDS: Final = Amount("seconds")
+"""A time in a recording, or a length of time."""
 
 
 class Film(click.Path):

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from are_ros.cli.options import FILE, Seconds, parameter_options, say
+from are_ros.cli.options import FILE, Amount, parameter_options, say
 from are_ros.cli.status import IMPERFECT
 
 
@@ -15,7 +15,7 @@ from are_ros.cli.status import IMPERFECT
 @click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, required=True, help="The map.")
 @click.option(
     "--minutes",
-    type=Seconds(),
+    type=Amount("minutes"),
     default=100.0,
     show_default=True,
     help="Artefact-minutes to judge, all lives together.",

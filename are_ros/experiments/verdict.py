@@ -142,10 +142,16 @@ class Verdict:
             ("artefact-minutes", f"{self.artefact_s / 60.0:.1f}"),
             ("of them moving", f"{self.moving_s / 60.0:.1f}"),
             *((words, str(self.found[kind])) for kind, words in FAULTS.items()),
-            ("brakings beyond the limit", f"{self.hard_brakes} ({self.dead_stops} dead stops)"),
+            ("brakings beyond the limit", self._brakings()),
             ("time that followers are near", f"{100.0 * company.near_share:.0f} %"),
             ("mean distance to the leader", f"{company.mean_gap_m:.2f} m"),
         ]
+
+    def _brakings(self) -> str:
+        if not self.hard_brakes:
+            return "0"
+        noun = "dead stop" if self.dead_stops == 1 else "dead stops"
+        return f"{self.hard_brakes} ({self.dead_stops} {noun})"
 
     def _behaviours(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = [("behaviour", "minutes", "m/s", "arrivals/min")]

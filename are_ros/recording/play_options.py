@@ -14,7 +14,7 @@ class PlayOptions:
 
     `topics` (empty: all) and `exclude` are names as recorded, `remaps` gives others. `clock_hz` of
     0: no /clock. `lockstep` names the nodes to keep in step with, `wait_for` those
-    to wait for, for at most `wait_s`.
+    to wait for, for at most `wait_s`: long enough for kernels to be compiled on a busy machine.
     """
 
     bags: tuple[Path, ...]
@@ -28,7 +28,7 @@ class PlayOptions:
     clock_hz: float = 100.0
     lockstep: tuple[str, ...] = ()
     wait_for: tuple[str, ...] = ()
-    wait_s: float = 60.0
+    wait_s: float = 600.0
 
     def __post_init__(self) -> None:
         if not 0.0 < self.rate < math.inf:

@@ -64,7 +64,7 @@ def play(
             pace = Lockstep(node, options.lockstep, outlets, should_stop)
         publishers = {options.target(name): one for name, one in outlets.publishers.items()}
         publishers |= teller.publishers
-        is_complete = await_subscribers(node, publishers, options, should_stop)
+        is_complete = await_subscribers(node, publishers, options, say, should_stop)
         outcome = PlayOutcome(outlets.counts, outlets.skipped, is_complete=is_complete)
         progress = open_progress(recording.start_ns, recording.end_ns)
         while outcome.is_complete and (options.loop or not outcome.passes):

@@ -54,6 +54,8 @@ class RecordOutcome:
 
     def sentences(self) -> Iterator[str]:
         """Yield what a user should know of a recording that is not complete."""
+        if not self.counts:
+            yield "nothing is recorded: no message arrived on any topic"
         for topic, count in self.missed.items():
             yield f"{topic}: {counted(count, 'message')} never arrived"
         for topic, count in self.dropped.items():

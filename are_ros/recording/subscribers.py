@@ -15,30 +15,57 @@ _SETTLE_S: Final = 0.5
 """Publisher and subscriber do not find each other at the same instant, and recorders look for
 topics a few times a second."""
 _ASK_S: Final = 0.05
+_SILENT_S: Final = 3.0
+_SAY_EVERY_S: Final = 30.0
 
 
 def await_subscribers(
     node: Node,
     publishers: Mapping[str, Any],
     options: PlayOptions,
+    say: Callable[[str], None],
     should_stop: Callable[[], bool],
 ) -> bool:
     """Wait until the nodes of `options` listen, and all who are known to listen are connected.
 
     They are if for half a second nobody came; where one cannot be connected (it asks for more than
     was recorded), the wait ends after two. Returns whether to go on; NodeError if a node does not
-    listen in time.
+    listen in time. `say` takes what is waited for, now and then.
     """
-    deadline_s = time.monotonic() + options.wait_s
+    patience = _Patience(options.wait_s, say)
     for name in options.wait_for:
         while not _is_listening(node, name, publishers):
-            if time.monotonic() > deadline_s:
-                message = f"{name} is waited for, but it listened to nothing within"
-                raise NodeError(f"{message} {options.wait_s:g} s")
+            patience.wait_for(name)
             if should_stop():
                 return False
             time.sleep(_ASK_S)
     return _await_connections(node, publishers, bool(options.wait_for), should_stop)
+
+
+class _Patience:
+    """Says what is waited for, now and then, until it has been too long."""
+
+    def __init__(self, wait_s: float, say: Callable[[str], None]) -> None:
+        self._wait_s, self._say = wait_s, say
+        self._began_s = time.monotonic()
+        self._say_after_s = _SILENT_S
+
+    def wait_for(self, name: str) -> None:
+        """Say that a node is waited for, if it is time to; NodeError where it has been too long."""
+        passed_s = time.monotonic() - self._began_s
+        if passed_s > self._wait_s:
+            message = f"{name} is waited for, but it listened to nothing within"
+            raise NodeError(f"{message} {self._wait_s:g} s: does it run, and by this name?")
+        if passed_s >= self._say_after_s:
+            if self._say_after_s <= _SILENT_S:
+                self._say(
+                    f"waiting for {name} to listen (the first time, ar_builder compiles its kernels"
+                    " for a minute or two)"
+                )
+            else:
+                given = f"it is given {self._wait_s:g} s"
+                self._say(f"still waiting for {name} after {passed_s:.0f} s; {given}")
+            self._say_after_s = passed_s + _SAY_EVERY_S
 
 
 def _await_connections(

@@ -43,10 +43,11 @@ def check_grids(record: Record, messages: Iterator[Message]) -> list[CheckResult
 
 def skipped_grids(record: Record) -> list[CheckResult]:
     """Return the outcomes where it is not known what the grids ought to show."""
-    reason = "there is no effective.yaml, which says what the grids show"
+    reason, lacks_inputs = "there is no effective.yaml, which says what the grids show", False
     if record.parameters is not None:
-        reason = record.why_no_map()
-    return [skipped(tally.name, reason) for tally in GridTallies().all()]
+        reason, lacks_inputs = record.why_no_map(), record.lacks_inputs
+    names = [tally.name for tally in GridTallies().all()]
+    return [skipped(name, reason, needs_inputs=lacks_inputs) for name in names]
 
 
 class Pending:

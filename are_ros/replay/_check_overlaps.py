@@ -33,6 +33,8 @@ def check_walls(record: Record) -> CheckResult:
     tally = Tally("walls", "box")
     if record.parameters is None:
         return skipped(tally.name, "there is no effective.yaml, which says what is occupied")
+    if not record.maps:
+        return skipped(tally.name, record.why_no_map(), needs_inputs=record.lacks_inputs)
     threshold = record.parameters.world.occupied_threshold
     for scene, real, covers in covers_by_tick(record):
         if real is None:
@@ -54,6 +56,8 @@ def check_clutter(record: Record) -> CheckResult:
     tally = Tally("clutter ratio", "tick")
     if record.parameters is None:
         return skipped(tally.name, "there is no effective.yaml, which says what is free")
+    if not record.maps:
+        return skipped(tally.name, record.why_no_map(), needs_inputs=record.lacks_inputs)
     metrics = dict(record.metrics)
     last_real: RealMap | None = None
     last_covers: list[Cover] = []
@@ -61,6 +65,7 @@ def check_clutter(record: Record) -> CheckResult:
     is_known = False
     for scene, real, covers in covers_by_tick(record):
         if real is None or scene.log_ns not in metrics:
+            tally.leave_out("tick", "without a map" if real is None else "without metrics")
             continue
         if real is not last_real:
             free = _free_count(real, record.parameters)

@@ -97,6 +97,11 @@ class Record:
         """Tell whether inputs were copied beside the outputs."""
         return any(not topic.startswith(PREFIX) for topic in self.topics)
 
+    @property
+    def lacks_inputs(self) -> bool:
+        """Whether it is of a replay that did not copy them: another one could."""
+        return not (self.is_live or self.has_inputs())
+
     def base_frame(self) -> str:
         """Return the robot's base: the one configured, else the usual one that there is."""
         known = (name for name in _USUAL_BASES if self.frames.has(name))

@@ -23,7 +23,7 @@ class CheckResult:
 
     `looked_at` counts things, `noun` names one of them; `failures` were wrong. `reason` says why a
     check was skipped, or what part of it could not be done; `counter_example` is empty unless it
-    failed.
+    failed. `needs_inputs`: it was skipped for want of the inputs of a replay.
     """
 
     name: str
@@ -33,6 +33,7 @@ class CheckResult:
     failures: int = 0
     counter_example: str = ""
     reason: str = ""
+    needs_inputs: bool = False
 
     def sentence(self) -> str:
         """Return the result in one line of plain words, without a full stop."""
@@ -101,9 +102,19 @@ class Tally:
         )
 
 
-def skipped(name: str, reason: str) -> CheckResult:
+def skipped(name: str, reason: str, *, needs_inputs: bool = False) -> CheckResult:
     """Return the result of a check that could not be done."""
-    return CheckResult(name, Outcome.SKIPPED, reason=reason)
+    return CheckResult(name, Outcome.SKIPPED, reason=reason, needs_inputs=needs_inputs)
+
+
+def want_of_inputs(results: Sequence[CheckResult]) -> str:
+    """Return how many checks the inputs would make possible, in a sentence; empty if none."""
+    count = sum(result.needs_inputs for result in results)
+    if not count:
+        return ""
+    verb = "needs" if count == 1 else "need"
+    which = "which `are replay BAG --with-inputs` writes beside the outputs"
+    return f"{counted(count, 'skipped check')} {verb} the inputs, {which}"
 
 
 def merged(results: Sequence[CheckResult]) -> CheckResult:

@@ -33,8 +33,8 @@ def check_robot(record: Record) -> CheckResult:
         return skipped(tally.name, "there is no effective.yaml, which says the robot's shape")
     base = record.base_frame()
     if not record.frames.has(base):
-        hint = "" if record.is_live else "; see --with-inputs"
-        return skipped(tally.name, f"no transform names the base '{base}'{hint}")
+        reason = f"no transform names the base '{base}'"
+        return skipped(tally.name, reason, needs_inputs=record.lacks_inputs)
     robot = record.parameters.robot
     outline = Outline.of(robot.footprint, robot.radius)
     reported: set[int] = set()

@@ -11,7 +11,7 @@ from are_ros.replay._check_frames import EVER, Pose
 from are_ros.replay._check_geometry import distances_m
 from are_ros.replay._check_lives import departures_ns
 from are_ros.replay._check_record import Record
-from are_ros.replay._check_result import CheckResult, Tally, at_s
+from are_ros.replay._check_result import CheckResult, Tally, at_s, skipped
 from are_ros.replay._check_scan_pairs import ChangedScan
 from are_ros.replay._check_scene import Scene
 from are_ros.wording import counted
@@ -36,10 +36,10 @@ def check_scans(record: Record) -> list[CheckResult]:
     beams = Tally("scans", "scan")
     ends = Tally("ends of changed beams", "scan")
     if not record.scans.input_topics:
-        hint = "" if record.is_live else "; see --with-inputs"
-        for tally in (beams, ends):
-            tally.note(f"the recording holds no scan that came in{hint}")
-        return [beams.result(), ends.result()]
+        reason = "the recording holds no scan that came in"
+        lacks_inputs = record.lacks_inputs and bool(record.scans.unmatched())
+        names = (beams.name, ends.name)
+        return [skipped(name, reason, needs_inputs=lacks_inputs) for name in names]
     beams.look(record.scans.pairs)
     for topic, stamp_ns in record.scans.unmatched():
         if record.is_live and record.scans.may_be_lost(topic, stamp_ns):

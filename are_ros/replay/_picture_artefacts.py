@@ -54,6 +54,12 @@ def drawn_lives(lives: Sequence[Life], end_ns: int) -> list[Drawn]:
     return sorted(drawn, key=lambda item: (not item.is_gone, item.life.is_perceived))
 
 
+def bounding_boxes(drawn: Sequence[Drawn]) -> Floats:
+    """Return what the artefacts cover at most: left, bottom, right, top (N, 4) [m]."""
+    boxes = [(*item.corners_m.min(axis=0), *item.corners_m.max(axis=0)) for item in drawn]
+    return np.array(boxes, dtype=np.float64).reshape(-1, 4)
+
+
 def draw_artefacts(
     axes: Any, drawn: Sequence[Drawn], colours: Mapping[str, str], points_per_m: float
 ) -> None:

@@ -1,9 +1,11 @@
 """fit.png: observed rows, the mixture and its components (the paper's Fig. 2), and the climb."""
 
+import math
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.replay._picture_artefacts import class_colours
@@ -16,6 +18,8 @@ _FAINT_INK: Final = "#66707a"
 _BARS: Final = "#c9d1d9"
 _COMPONENTS: Final = ("#e8590c", "#0b7285", "#5c940d", "#c2255c", "#1864ab", "#862e9c", "#5f3d11")
 _SMALLEST_GAP: Final = 1e-12
+_STRAIGHT_TO: Final = 10.0
+_MOST_TICKS: Final = 7
 _NAMED_SHARE: Final = 0.05
 """A class's block of rows is named if it is at least so wide, as a share of all rows."""
 
@@ -95,15 +99,45 @@ def _name_block(axes: Any, middle: float, name: str, colour: str) -> None:
 
 
 def _draw_climb(axes: Any, outcome: FitOutcome) -> None:
-    """Draw how far below its end the log-likelihood was at each point of the best climb."""
+    """Draw how far below its end the log-likelihood was at each point of the best climb.
+
+    It ends where nothing was gained any more; the name of the axis says how many there were.
+    """
+    from matplotlib.ticker import MaxNLocator
+
     trace = outcome.chosen.trace
     below = np.maximum(trace[-1] - trace, _SMALLEST_GAP)
-    axes.semilogy(np.arange(1, len(below) + 1), below, color=_INK, lw=1.3)
-    if len(below) > 100:
+    shown = climb_length(below)
+    axes.semilogy(np.arange(1, shown + 1), below[:shown], color=_INK, lw=1.3)
+    if shown > 100:
         axes.set_xscale("log")
+    else:
+        axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
     axes.set_ylim(0.5 * _SMALLEST_GAP, 3.0 * max(float(below.max()), 10.0 * _SMALLEST_GAP))
-    _label(axes, "point of the search", "below the end, per sample")
+    _label(axes, f"point of the search, of {len(below)}", "below the end, per sample")
     axes.set_title("convergence", size=9, color=_INK, loc="left")
+
+
+def climb_length(below: npt.NDArray[np.float64]) -> int:
+    """Return how many points (N,) show all of a climb: a few of those that gained nothing more."""
+    last = np.flatnonzero(below > _SMALLEST_GAP)
+    climbing = int(last[-1]) + 1 if len(last) else 0
+    return min(len(below), climbing + max(2, climbing // 10))
+
+
+def bic_ticks(most: float) -> list[int]:
+    """Return 0 and round numbers up to a height above 10, for an axis that is straight to there.
+
+    They are few: without twos and fives where there would be more than seven.
+    """
+    decades = range(1, math.floor(math.log10(most)) + 1)
+    for factors in ((1, 2, 5), (1, 5), (1,)):
+        above = [factor * 10**decade for decade in decades for factor in factors]
+        half = [5] if len(factors) > 1 else []
+        ticks = [0, *half, *(tick for tick in above if tick <= most)]
+        if len(ticks) <= _MOST_TICKS:
+            break
+    return ticks
 
 
 def _draw_bic(axes: Any, outcome: FitOutcome) -> None:
@@ -112,7 +146,10 @@ def _draw_bic(axes: Any, outcome: FitOutcome) -> None:
     above = [fit.bic - outcome.chosen.bic for fit in outcome.fits]
     axes.plot(numbers, above, color=_INK, lw=1.0, marker="o", ms=3.5)
     axes.plot([outcome.chosen.components], [0.0], "o", color=_COMPONENTS[0], ms=7.0)
-    axes.set_yscale("symlog", linthresh=10.0)
+    if max(above) > _STRAIGHT_TO:
+        axes.set_yscale("symlog", linthresh=_STRAIGHT_TO)
+        ticks = bic_ticks(max(above))
+        axes.set_yticks(ticks, [f"{tick:,}" for tick in ticks])
     axes.set_xticks(numbers)
     _label(axes, "components", "BIC above the least")
     axes.set_title("number of components", size=9, color=_INK, loc="left")

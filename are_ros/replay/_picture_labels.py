@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.scenario import FIRST_ADMITTED_ID
-from are_ros.replay._picture_artefacts import Drawn
+from are_ros.replay._picture_artefacts import Drawn, bounding_boxes
 from are_ros.replay._picture_map import Window
 
 Floats = npt.NDArray[np.float64]
@@ -17,6 +17,8 @@ _MOST_LABELS: Final = 300
 _SIDES: Final = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
 _GAPS: Final = (0.25, 0.9)
 """How far a label may be from its artefact, in heights of a letter."""
+_CLEAR_GAP: Final = 0.6
+"""A label that is farther away is joined to its artefact by a line."""
 
 
 def draw_labels(
@@ -39,8 +41,8 @@ def draw_labels(
     look = {"fontsize": _LABEL_PT, "color": "#3b4148", "ha": "center", "va": "center"}
     halo = [withStroke(linewidth=1.6, foreground="#ffffffc0")]
     height_m = _LABEL_PT / points_per_m
-    boxes = [(*item.corners_m.min(axis=0), *item.corners_m.max(axis=0)) for item in drawn]
-    hard = np.concatenate((taken, np.array(boxes, dtype=np.float64).reshape(-1, 4)))
+    boxes = bounding_boxes(drawn)
+    hard = np.concatenate((taken, boxes))
     order = sorted(drawn, key=lambda item: (not item.life.is_perceived, item.is_gone))
     count = 0
     for item in order[:_MOST_LABELS]:
@@ -53,9 +55,30 @@ def draw_labels(
             continue
         count += 1
         hard = np.vstack((hard, (*spot, spot[0] + size_m[0], spot[1] + size_m[1])))
+        if _is_unclear(item, np.concatenate((spot, spot + size_m)), boxes, _CLEAR_GAP * height_m):
+            _draw_leader(axes, item, spot, size_m)
         x_m, y_m = spot[0] + 0.5 * size_m[0], spot[1] + 0.5 * size_m[1]
         axes.text(x_m, y_m, text, zorder=7, path_effects=halo, **look)
     return count
+
+
+def _is_unclear(item: Drawn, label: Floats, boxes: Floats, most_m: float) -> bool:
+    """Tell whether a label (4,) is far from its artefact, or another of `boxes` (N, 4) nearer."""
+    gap_m = float(_gaps_m(label, bounding_boxes([item]))[0])
+    return gap_m > min(most_m, float(_gaps_m(label, boxes).min()) + 1e-9)
+
+
+def _draw_leader(axes: Any, item: Drawn, low_m: Floats, size_m: tuple[float, float]) -> None:
+    """Join a label to its artefact by a thin line."""
+    ends = np.array((np.clip(item.centre_m, low_m, low_m + size_m), item.centre_m))
+    axes.plot(*ends.T, color="#3b4148", lw=0.6, zorder=6.9)
+
+
+def _gaps_m(label: Floats, boxes: Floats) -> Floats:
+    """Return how far a rectangle (4,) is from others (N, 4), 0 where they meet."""
+    across = np.maximum(boxes[:, :2] - label[2:], label[:2] - boxes[:, 2:])
+    gaps: Floats = np.hypot(*np.maximum(across, 0.0).T)
+    return gaps
 
 
 def squares(points_m: Floats, side_m: float) -> Floats:

@@ -63,7 +63,9 @@ def draw_path(axes: Any, trial: Trial, end_s: float, colours: Any) -> None:
     axes.vlines(
         offers_s / unit_s, -1.6 * tick, -0.4 * tick, colors=colours(offers_s / end_s), lw=1.3
     )
-    axes.set(xlim=(0.0, end_s / unit_s), ylim=(-2.1 * tick, top), xlabel=f"time [{name}]")
+    axes.set(
+        xlim=(0.0, end_s / unit_s), ylim=(-2.1 * tick, top), xlabel=f"time [{name}]", ylabel="alive"
+    )
     axes.set_title("N(t): how many are alive, and when they arrive", **_title_look())
     axes.legend(loc="upper left", ncol=3, frameon=False, fontsize=8.5, labelcolor=INK)
     axes.yaxis.set_major_locator(MaxNLocator(8, integer=True))
@@ -92,6 +94,7 @@ def draw_shares(axes: Any, trial: Trial) -> None:
     )
     _write(axes, [_law_name(trial.chain), _p_text("batch means", p_value)])
     axes.set_title("share of the time", **_title_look())
+    axes.set_xlabel("share")
     axes.xaxis.set_major_locator(MaxNLocator(4))
     _tidy(axes)
     axes.tick_params(labelleft=False)
@@ -107,7 +110,7 @@ def draw_waits(axes: Any, trial: Trial) -> None:
     count = f"{len(trial.waits_s)} {noun}, mean {mean_s / unit_s:.3g} {name}"
     _write(axes, [count, _p_text("KS", statistics.waits_p_value(trial))])
     axes.set_title(f"waiting times between {noun}", **_title_look())
-    axes.set_xlabel(f"time [{name}]")
+    axes.set(xlabel=f"time [{name}]", ylabel=f"density [1/{name}]")
 
 
 def draw_lives(axes: Any, trial: Trial) -> None:
@@ -133,7 +136,7 @@ def draw_lives(axes: Any, trial: Trial) -> None:
     if chain.departures is not Departures.INDEPENDENT:
         lines += ["who leaves is drawn at random;", "between departures:"]
     _write(axes, [*lines, p_value])
-    axes.set_xlabel(f"time [{name}]")
+    axes.set(xlabel=f"time [{name}]", ylabel=f"density [1/{name}]")
 
 
 def draw_rows(
@@ -156,7 +159,7 @@ def draw_rows(
     _write(axes, [f"{len(trial.rows)} artefacts", _p_text("chi-square", p_value)])
     axes.set_title("rows of the catalogue, by Eq. 1", **_title_look())
     axes.legend(loc="center right", frameon=False, fontsize=8.5, labelcolor=INK, handlelength=1.0)
-    axes.set_xlabel("row")
+    axes.set(xlabel="row", ylabel="share")
     _tidy(axes)
 
 
@@ -208,4 +211,5 @@ def _tidy(axes: Any) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color("#c3c9cf")
     axes.tick_params(labelsize=8.5, colors=FAINT_INK, length=3)
-    axes.xaxis.label.set(size=8.5, color=FAINT_INK)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.label.set(size=8.5, color=FAINT_INK)

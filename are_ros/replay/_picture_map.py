@@ -34,6 +34,12 @@ class Window:
         """Extent along y."""
         return self.top - self.bottom
 
+    def holds(self, rectangle_m: npt.NDArray[np.float64]) -> bool:
+        """Tell whether a rectangle (left, bottom, right, top) (4,) is within it."""
+        low_m, high_m = rectangle_m[:2], rectangle_m[2:]
+        is_above, is_below = low_m > (self.left, self.bottom), high_m < (self.right, self.top)
+        return bool(is_above.all() and is_below.all())
+
 
 @dataclass(frozen=True, eq=False)
 class KnownPart:

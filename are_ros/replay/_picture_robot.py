@@ -20,6 +20,8 @@ _MOST_VERTICES: Final = 2000
 _SMALLEST_ROBOT_PT: Final = 9.0
 _MASK_PIXELS: Final = 900
 _TAG_PT: Final = (26.0, 13.0)
+_TAG_GAP_PT: Final = 2.5
+_TAG_SIDES: Final = ((0, -1), (0, 1), (1, 0), (-1, 0))
 
 
 def time_colours() -> Any:
@@ -54,8 +56,13 @@ def draw_fans(
         )
 
 
-def draw_path(axes: Any, record: SceneRecord, shown: Sequence[Fan], points_per_m: float) -> None:
-    """Draw the path in the colours of time, with the robot at its ends and where fans begin."""
+def draw_path(
+    axes: Any, record: SceneRecord, shown: Sequence[Fan], points_per_m: float, tags: Floats
+) -> None:
+    """Draw the path in the colours of time, with the robot at its ends and where fans begin.
+
+    `tags` are the rectangles (2, 4) where "start" and "end" have room.
+    """
     from matplotlib.collections import LineCollection
 
     poses, stamps = record.robot.poses, record.robot.stamps_ns
@@ -71,10 +78,10 @@ def draw_path(axes: Any, record: SceneRecord, shown: Sequence[Fan], points_per_m
     axes.add_collection(line, autolim=False)
     for index in _shown_poses(record, shown):
         _draw_robot(axes, record, index, points_per_m)
-    below_pt = _below_pt(record, points_per_m)
-    _mark(axes, poses[0], "start", TIME_COLOURS[1], below_pt)
+    middles = 0.5 * (tags[:, :2] + tags[:, 2:])
+    _mark(axes, middles[0], "start", TIME_COLOURS[1])
     if len(poses) > 1:
-        _mark(axes, poses[-1], "end", TIME_COLOURS[-1], below_pt)
+        _mark(axes, middles[-1], "end", TIME_COLOURS[-1])
 
 
 def robot_places(record: SceneRecord, shown: Sequence[Fan]) -> Floats:
@@ -82,12 +89,35 @@ def robot_places(record: SceneRecord, shown: Sequence[Fan]) -> Floats:
     return record.robot.poses[_shown_poses(record, shown), :2].reshape(-1, 2)
 
 
-def tag_rectangles(record: SceneRecord, points_per_m: float) -> Floats:
-    """Return what "start" and "end" cover: left, bottom, right, top (N, 4) [m]."""
-    ends = record.robot.poses[[0, -1], :2] if len(record.robot) else np.empty((0, 2))
-    middles = ends - (0.0, _below_pt(record, points_per_m) / points_per_m)
-    half = 0.5 * np.array(_TAG_PT) / points_per_m
-    return np.hstack((middles - half, middles + half))
+def tag_rectangles(
+    record: SceneRecord, points_per_m: float, window: Window, taken: Floats
+) -> Floats:
+    """Return what "start" and "end" cover: left, bottom, right, top (N, 4) [m].
+
+    They are below the robot, or where they meet nothing of `taken` (N, 4) [m]: above or beside it.
+    """
+    found = np.empty((0, 4))
+    for pose in record.robot.poses[[0, -1]] if len(record.robot) else ():
+        outline = robot_outline(record.footprint.at(*pose.tolist()))
+        places = _tags_around(outline, points_per_m)
+        others = np.concatenate((taken, found))
+        free = [place for place in places if window.holds(place) and not _meets(place, others)]
+        found = np.vstack((found, (free or places)[0]))
+    return found
+
+
+def _tags_around(outline_m: Floats, points_per_m: float) -> list[Floats]:
+    """Return the rectangles (4,) [m] of a tag about a robot's outline (N, 2), the best first."""
+    low_m, high_m = outline_m.min(axis=0), outline_m.max(axis=0)
+    half_m = 0.5 * np.array(_TAG_PT) / points_per_m
+    reach_m = 0.5 * (high_m - low_m) + half_m + _TAG_GAP_PT / points_per_m
+    middles = [0.5 * (low_m + high_m) + np.array(side) * reach_m for side in _TAG_SIDES]
+    return [np.concatenate((middle - half_m, middle + half_m)) for middle in middles]
+
+
+def _meets(place: Floats, taken: Floats) -> bool:
+    apart = (place[:2] >= taken[:, 2:]).any(axis=1) | (place[2:] <= taken[:, :2]).any(axis=1)
+    return not apart.all()
 
 
 def _shown_poses(record: SceneRecord, shown: Sequence[Fan]) -> list[int]:
@@ -95,11 +125,6 @@ def _shown_poses(record: SceneRecord, shown: Sequence[Fan]) -> list[int]:
     stamps = record.robot.stamps_ns
     at_fans = np.searchsorted(stamps, [fan.stamp_ns for fan in shown]).tolist()
     return sorted({0, len(stamps) - 1, *at_fans} - {len(stamps)}) if len(stamps) else []
-
-
-def _below_pt(record: SceneRecord, points_per_m: float) -> float:
-    """Return how far below the robot its tags are."""
-    return float(9.0 + points_per_m * robot_outline(record.footprint)[:, 1].max())
 
 
 def _tint(axes: Any, fans: Sequence[Fan], window: Window) -> None:
@@ -150,12 +175,10 @@ def robot_outline(footprint: Footprint) -> Floats:
     return hull
 
 
-def _mark(axes: Any, pose: Floats, text: str, colour: str, below_pt: float) -> None:
-    axes.annotate(
+def _mark(axes: Any, middle_m: Floats, text: str, colour: str) -> None:
+    axes.text(
+        *middle_m,
         text,
-        pose[:2],
-        xytext=(0, -below_pt),
-        textcoords="offset points",
         ha="center",
         va="center",
         fontsize=7.5,

@@ -225,9 +225,12 @@ def check_command(
 ) -> bool:
     """Run `are check`; return whether no check failed."""
     from are_ros.replay._check_result import Outcome as CheckOutcome
+    from are_ros.replay._check_result import want_of_inputs
     from are_ros.replay.checks import check_recording
 
     results = check_recording(path, map_file, None, parameters_file)
     for result in results:
         echo(result.sentence())
+    if sentence := want_of_inputs(results):
+        echo(sentence)
     return not any(result.outcome is CheckOutcome.FAILED for result in results)

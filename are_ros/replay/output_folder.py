@@ -25,6 +25,17 @@ def prepare_folder(folder: Path) -> None:
             raise BagError(f"--out {folder}: {name} cannot be written, a folder has that name")
 
 
+def picture_beside(recording: Path, name: str) -> Path:
+    """Return where a picture of a recording goes: into its folder, where none of another is.
+
+    The standard recording gives it its name, any other file has its own before that.
+    """
+    if recording.is_dir():
+        return recording / name
+    is_standard = recording.name == AUGMENTED
+    return recording.with_name(name if is_standard else f"{recording.stem}_{name}")
+
+
 @contextmanager
 def all_or_nothing(folder: Path, results: Sequence[str] = RESULTS) -> Iterator[None]:
     """Turn what the system refuses to write into a BagError, and remove every result then."""

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.replay._picture_artefacts import (
+    bounding_boxes,
     class_colours,
     draw_artefacts,
     drawn_lives,
@@ -78,15 +79,15 @@ def _figure(record: SceneRecord, grid: OccupancyGrid, occupied_threshold: int) -
     swept, shown = _fans(record, Sight(grid, part, occupied_threshold))
     draw_map(sheet, grid, part)
     draw_fans(sheet.axes, record, swept, shown, window)
-    draw_path(sheet.axes, record, shown, sheet.points_per_m)
+    tags = tag_rectangles(record, sheet.points_per_m, window, bounding_boxes(drawn))
+    draw_path(sheet.axes, record, shown, sheet.points_per_m, tags)
     draw_ways(sheet.axes, ways, colours, marks, sheet.points_per_m)
     draw_companies(sheet.axes, found, colours)
     draw_artefacts(sheet.axes, drawn, colours, sheet.points_per_m)
     draw_marks(sheet.axes, record)
     leaders = {one.follower.artefact_id: one.leader.artefact_id for one in found}
-    taken = tag_rectangles(record, sheet.points_per_m)
     avoided = _avoided(record, ways, shown, sheet.points_per_m)
-    labelled = draw_labels(sheet.axes, drawn, leaders, window, sheet.points_per_m, taken, avoided)
+    labelled = draw_labels(sheet.axes, drawn, leaders, window, sheet.points_per_m, tags, avoided)
     draw_frame(sheet, record, handles, without_id=len(drawn) - labelled)
     return sheet.figure
 

@@ -31,6 +31,7 @@ from are_ros.replay._picture_laws import (
 FILE_NAME: Final = "population.png"
 _HEIGHTS: Final = (4.3, 2.5)
 _LEFT_IN: Final = 8.2
+_MARGIN_IN: Final = 0.7
 _DPI: Final = 120
 _QUICK_S: Final = 1.0
 
@@ -96,7 +97,7 @@ def _figure(trial: Trial, parameters: Parameters, catalogue: Catalogue, site: Si
 def _axes(figure: Any, map_in: float) -> list[Any]:
     """Return the axes of N(t), of its shares and of the map; and three below."""
     width, height = figure.get_size_inches()
-    margins = {"left": 0.5 / width, "right": 1.0 - 0.65 / width}
+    margins = {"left": _MARGIN_IN / width, "right": 1.0 - 0.65 / width}
     low, high = _HEIGHTS[1], _HEIGHTS[0]
     top = figure.add_gridspec(
         1,
@@ -108,7 +109,7 @@ def _axes(figure: Any, map_in: float) -> list[Any]:
         **margins,
     )
     bottom = figure.add_gridspec(
-        1, 3, wspace=0.16, top=(0.5 + low) / height, bottom=0.5 / height, **margins
+        1, 3, wspace=0.2, top=(0.5 + low) / height, bottom=0.5 / height, **margins
     )
     path = figure.add_subplot(top[0, 0])
     shares = figure.add_subplot(top[0, 1], sharey=path)
@@ -130,7 +131,7 @@ def _write_head(figure: Any, trial: Trial, parameters: Parameters, site: Site) -
         f"{trial.end_s / unit_s:.3g} {unit} simulated, nobody moves, seed {parameters.seed}",
         _appeared_text(trial),
     ]
-    left = 0.5 / width
+    left = _MARGIN_IN / width
     figure.text(left, 1.0 - 0.16 / height, title, size=15, weight="bold", color=INK, va="top")
     text = "   ·   ".join(part for part in parts if part)
     figure.text(left, 1.0 - 0.49 / height, text, size=9, color=FAINT_INK, va="top")

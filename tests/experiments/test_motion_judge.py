@@ -228,10 +228,12 @@ def test_hard_braking_is_counted_apart() -> None:
     verdict = judged(driven([*ramp(1.0)[:-16], 0.0], [0.0] * (len(ramp(1.0)) - 15))).verdict
     assert verdict.is_clean
     assert (verdict.hard_brakes, verdict.dead_stops) == (1, 1)
+    assert any(line.endswith("  1 (1 dead stop)") for line in verdict.table())
     assert verdict.hardest_mps2 == pytest.approx(20.0)
     softer = [0.075 * k for k in range(7)] + [0.3, 0.3]
     verdict = judged(driven(softer, [0.0] * len(softer))).verdict
     assert (verdict.hard_brakes, verdict.dead_stops) == (1, 0)
+    assert any(line.endswith("  1 (0 dead stops)") for line in verdict.table())
     assert verdict.hardest_mps2 == pytest.approx(3.0)
 
 

@@ -54,7 +54,8 @@ def test_record_says_what_it_recorded(ros_available: None, tmp_path: Path) -> No
     said: list[str] = []
     path = tmp_path / "nothing.mcap"
     assert record_command(said.append, path=path, topics=("/nobody*",), duration_s=0.2)
-    assert said == ["recording; Ctrl-C ends it", f"{path}: 0.0 MB"]
+    nothing = "nothing is recorded: no message arrived on any topic"
+    assert said == ["recording; Ctrl-C ends it", nothing, f"{path}: 0.0 MB"]
     assert path.is_file()
     named = {"path": path, "topics": ("/nobody",), "duration_s": 0.2}
     assert not record_command(said.append, **named, overwrite=True)

@@ -30,7 +30,7 @@ from tests.recording.player_runs import (
     write_messages,
     write_strings,
 )
-from tests.ros import WAIT_S, RosWorld, running_s, undisturbed
+from tests.ros import WAIT_S, RosWorld, nap, running_s, undisturbed, wait_until
 
 FAST = {"rate": 20.0, "wait_for": (LISTENER,)}
 GRID_NS = 20_000_000
@@ -391,6 +391,23 @@ def test_a_node_that_does_not_come_is_named(ros_available: None, words: Path) ->
     with pytest.raises(NodeError, match="/nobody") as caught:
         played(words, wait_for=("/nobody",), wait_s=0.2)
     assert "\n" not in str(caught.value)
+
+
+def test_who_waits_for_long_is_told_what_for(
+    ros_available: None, words: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Again and again, and for how long."""
+    del ros_available
+    from are_ros.recording import subscribers
+
+    monkeypatch.setattr(subscribers, "_SILENT_S", 0.3)
+    monkeypatch.setattr(subscribers, "_SAY_EVERY_S", 0.3)
+    with playing(words, wait_for=("/nobody",)) as run:
+        wait_until(lambda: len(run.sentences) > 1, nap)
+    first, second = run.sentences[:2]
+    assert first.startswith("waiting for /nobody to listen")
+    assert second.startswith("still waiting for /nobody after ")
+    assert second.endswith("; it is given 600 s")
 
 
 def test_falling_behind_is_said(ros: RosWorld, words: Path) -> None:

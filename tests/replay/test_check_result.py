@@ -2,7 +2,7 @@
 
 import pytest
 
-from are_ros.replay._check_result import Outcome, Tally, merged
+from are_ros.replay._check_result import Outcome, Tally, merged, skipped, want_of_inputs
 
 
 @pytest.mark.parametrize(
@@ -37,6 +37,17 @@ def test_notes_come_before_what_was_left_out() -> None:
     tally.note("the clock went back")
     wanted = "the clock went back; not looked at: 1 tick without a map; 1 changed scan of nobody"
     assert tally.result().reason == wanted
+
+
+@pytest.mark.parametrize(("count", "words"), [(1, "1 skipped check needs"), (2, "checks need")])
+def test_what_the_inputs_would_make_possible_is_said(count: int, words: str) -> None:
+    """Once for all checks; not of those that are skipped for another reason."""
+    others = [skipped("scans", "it is dark")]
+    assert want_of_inputs(others) == ""
+    lacking = [skipped("walls", "there is no map", needs_inputs=True)] * count
+    sentence = want_of_inputs([*others, *lacking])
+    assert words in sentence
+    assert "are replay BAG --with-inputs" in sentence
 
 
 def test_parts_add_up() -> None:

@@ -24,6 +24,7 @@ from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import write_ros_parameters
 from are_ros.replay.bag_writer import BagWriter
 from are_ros.replay.checks import CheckResult, Outcome, check_replay
+from are_ros.replay.command import check_command
 from are_ros.replay.message_types import RosbagsFactory
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.oriented_boxes import OrientedBoxes
@@ -794,12 +795,24 @@ def test_what_cannot_be_checked_is_skipped_with_the_reason(right: Draft, tmp_pat
     results = results_of(draft, tmp_path)
     skipped = {name for name, result in results.items() if result.outcome is Outcome.SKIPPED}
     assert {"overlaps with the robot", "scans", "costmap", "augmented map", "walls"} <= skipped
-    assert "--with-inputs" in results["scans"].sentence()
-    assert "no map file" in results["costmap"].sentence()
+    assert skipped == {name for name, result in results.items() if result.needs_inputs}
+    (tmp_path / "metrics.json").touch()  # which a replay's folder has
+    said: list[str] = []
+    assert check_command(said.append, tmp_path, None, None)
+    assert said[-1].startswith(f"{len(skipped)} skipped checks need the inputs")
+    no_map = "the recording holds no real map, and no map file was given"
+    for name in ("walls", "clutter ratio", "augmented map", "costmap", "costmap is current"):
+        assert results[name].reason == no_map
     assert all(r.outcome is not Outcome.FAILED for r in results.values())
     (tmp_path / "effective.yaml").unlink()
     results = {result.name: result for result in check_replay(tmp_path)}
     assert "effective.yaml" in results["perceived"].sentence()
+    assert not results["walls"].needs_inputs  # they alone would not do
+    whole: list[str] = []
+    folder = right.write(tmp_path / "whole")
+    (folder / "metrics.json").touch()
+    assert check_command(whole.append, folder, None, None)
+    assert ": passed" in whole[-1]
 
 
 def test_the_real_map_may_come_from_a_file(right: Draft, tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from are_ros.errors import BagError
-from are_ros.replay.output_folder import RESULTS, all_or_nothing, prepare_folder
+from are_ros.replay.output_folder import RESULTS, all_or_nothing, picture_beside, prepare_folder
 
 
 def test_a_folder_is_made_with_its_parents(tmp_path: Path) -> None:
@@ -46,3 +46,20 @@ def test_other_errors_pass(tmp_path: Path) -> None:
     """A mistake of the program is not taken for the system's."""
     with pytest.raises(ZeroDivisionError), all_or_nothing(tmp_path):
         raise ZeroDivisionError
+
+
+@pytest.mark.parametrize(
+    ("recording", "picture"),
+    [
+        ("out", "out/rviz.png"),
+        ("out/augmented.mcap", "out/rviz.png"),
+        ("out/run.mcap", "out/run_rviz.png"),
+        ("out/monday.2.db3", "out/monday.2_rviz.png"),
+    ],
+)
+def test_pictures_of_two_recordings_have_two_names(
+    recording: str, picture: str, tmp_path: Path
+) -> None:
+    """The result of a replay or of the demo has the plain one, in its folder."""
+    (tmp_path / "out").mkdir()
+    assert picture_beside(tmp_path / recording, "rviz.png") == tmp_path / picture

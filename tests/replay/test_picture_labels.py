@@ -1,5 +1,6 @@
 """Ids in the overview picture: they cover nothing, and what has no room is counted."""
 
+import math
 from itertools import combinations
 from typing import Any
 
@@ -27,6 +28,11 @@ class Paper:
 
     def __init__(self) -> None:
         self.texts: dict[str, Rectangle] = {}
+        self.lines: list[npt.NDArray[np.float64]] = []
+
+    def plot(self, xs: npt.ArrayLike, ys: npt.ArrayLike, **_: Any) -> None:
+        """Keep a line: its two ends."""
+        self.lines.append(np.column_stack((xs, ys)))
 
     def text(self, x_m: float, y_m: float, text: str, **_: Any) -> None:
         """Keep a text, centred at a point."""
@@ -54,6 +60,11 @@ def _standing(places: npt.ArrayLike, seen: int = 0) -> list[Drawn]:
 def _meet(one: Rectangle, other: Rectangle) -> bool:
     apart_m = max(one[0] - other[2], other[0] - one[2], one[1] - other[3], other[1] - one[3])
     return apart_m < -1e-9
+
+
+def _gap_m(one: Rectangle, other: Rectangle) -> float:
+    across = max(one[0] - other[2], other[0] - one[2], 0.0)
+    return math.hypot(across, max(one[1] - other[3], other[1] - one[3], 0.0))
 
 
 def _boxes(drawn: list[Drawn]) -> list[Rectangle]:
@@ -110,7 +121,49 @@ def test_the_robot_and_its_tags_have_places() -> None:
     """At the ends of its way, the tags below; without a pose there are none."""
     record = run([], way=[(1.0 + 0.1 * i, 2.0, 0.0) for i in range(50)])
     assert robot_places(record, ()) == pytest.approx(np.array(((1.0, 2.0), (5.9, 2.0))))
-    tags = tag_rectangles(record, POINTS_PER_M)
+    tags = tag_rectangles(record, POINTS_PER_M, HALL, NOTHING)
     assert tags[:, [0, 2]].mean(axis=1) == pytest.approx((1.0, 5.9))
     assert (tags[:, 3] < 2.0 - 0.2).all()
-    assert (len(robot_places(run([]), ())), len(tag_rectangles(run([]), 9.0))) == (0, 0)
+    assert (len(robot_places(run([]), ())), len(_tags([], NOTHING))) == (0, 0)
+
+
+def _tags(way: list[tuple[float, float, float]], taken: Rectangles) -> Rectangles:
+    return tag_rectangles(run([], way=way), POINTS_PER_M, HALL, taken)
+
+
+def test_a_tag_makes_way_for_an_artefact() -> None:
+    """It goes above, or beside; it stays below where all around is taken, and in the picture."""
+    way = [(1.0 + 0.1 * i, 2.0, 0.0) for i in range(50)]
+    start, end = _tags(way, NOTHING)
+    above = _tags(way, end[np.newaxis])[1]
+    assert above[1] > 2.0 + 0.2
+    assert above[[0, 2]].mean() == pytest.approx(5.9)
+    beside = _tags(way, np.stack((end, above)))[1]
+    assert beside[0] > 5.9 + 0.2
+    everywhere = np.array(((0.0, 0.0, 10.0, 10.0),))
+    assert _tags(way, everywhere) == pytest.approx(np.stack((start, end)))
+    low = _tags([(x, 0.4, 0.0) for x, _, _ in way], NOTHING)
+    assert (low[:, 1] > 0.4).all()
+
+
+def test_the_tags_of_a_robot_that_came_back_lie_apart() -> None:
+    """Start and end at one place."""
+    start, end = _tags([(5.0, 5.0, 0.0)] * 50, NOTHING)
+    assert not _meet(tuple(start.tolist()), tuple(end.tolist()))
+
+
+def test_an_id_that_is_not_right_beside_its_artefact_is_joined_to_it() -> None:
+    """By a line to its middle: where it is far, or somebody else nearer; others need none."""
+    paper = Paper()
+    crowd = _standing(np.random.default_rng(3).uniform(0.5, 9.5, (120, 2)))
+    draw_labels(paper, crowd, {}, HALL, POINTS_PER_M, NOTHING, NOTHING)
+    wanted = []
+    for item, own in zip(crowd, _boxes(crowd), strict=True):
+        if label := paper.texts.get(str(item.life.artefact_id)):
+            gaps_m = [_gap_m(label, box) for box in _boxes(crowd)]
+            if _gap_m(label, own) > min(0.6 * HEIGHT_M, min(gaps_m) + 1e-9):
+                wanted.append((tuple(item.centre_m.tolist()), label))
+    drawn = {tuple(middle.tolist()): end for end, middle in paper.lines}
+    assert drawn.keys() == {middle for middle, _ in wanted}
+    assert 0 < len(drawn) < 0.5 * len(paper.texts)
+    assert all(_gap_m((*drawn[m], *drawn[m]), label) < 1e-9 for m, label in wanted)

@@ -13,12 +13,13 @@ import pytest
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.shapes import Shape
 from are_ros.description import population_trial
+from are_ros.description.population_trial import run_trial
 from are_ros.description.site import Site, surveyed
 from are_ros.errors import InputError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.replay.command import describe_command
-from are_ros.replay.population_picture import FILE_NAME, _appeared_text, plot_population
+from are_ros.replay.population_picture import FILE_NAME, _appeared_text, _figure, plot_population
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -74,6 +75,20 @@ def test_every_law_has_its_picture(
     assert path == folder / FILE_NAME
     assert image is not None
     assert image.std() > 20.0
+
+
+def test_every_axis_says_what_it_is() -> None:
+    """Times with their unit, and so densities; only the axis shared with N(t) is bare."""
+    parameters = with_values(Parameters(), MIXTURE)
+    trial = run_trial(parameters, _catalogue(), Site(), lambda _: None)
+    path, shares, _, waits, lives, rows, *_ = _figure(trial, parameters, _catalogue(), Site()).axes
+    assert (path.get_xlabel()[:6], path.get_ylabel()) == ("time [", "alive")
+    assert shares.get_xlabel() == "share"
+    assert (rows.get_xlabel(), rows.get_ylabel()) == ("row", "share")
+    for axes in (waits, lives):
+        unit = axes.get_xlabel().removeprefix("time ")
+        assert unit[0] == "["
+        assert axes.get_ylabel() == f"density [1/{unit[1:]}"
 
 
 def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:

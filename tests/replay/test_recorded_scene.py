@@ -70,6 +70,22 @@ def test_an_animation_of_any_recording(
     assert (done.returncode, "no --at, no --out" in done.stderr) == (2, True)
 
 
+@pytest.mark.parametrize(
+    ("words", "picture"), [((), "run_rviz.png"), (("--animate",), "run_animation.gif")]
+)
+def test_the_picture_of_a_recording_has_its_name(
+    sample_replay: Path, run_are: RunAre, tmp_path: Path, words: tuple[str, ...], picture: str
+) -> None:
+    """So that two in a folder do not overwrite each other's."""
+    shutil.copy(sample_replay / "augmented.mcap", tmp_path / "run.mcap")
+    shutil.copy(sample_replay / "effective.yaml", tmp_path)
+    done = run_are("view", tmp_path / "run.mcap", *words)
+    assert done.returncode == 0, done.stderr
+    assert str(tmp_path / picture) in done.stderr
+    named = {"run.mcap", "effective.yaml", picture}
+    assert {path.name for path in tmp_path.iterdir()} == named
+
+
 @pytest.mark.parametrize("animate", [True, False])
 def test_where_the_robot_is_not_known_it_is_said_what_would_show_it(
     sample_replay: Path, replay_sample: ReplaySample, run_are: RunAre, tmp_path: Path, animate: bool
