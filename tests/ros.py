@@ -16,6 +16,8 @@ from typing import Any, TypeVar
 
 import pytest
 
+from are_ros.node.transport import PROFILE, PROFILE_VARIABLE, has_room
+
 Result = TypeVar("Result")
 _WITHOUT_ROS = Path(sys.prefix, "without-ros")
 NOT_SET_UP = (
@@ -25,16 +27,17 @@ NOT_SET_UP = (
 )
 _DOMAINS = range(41, 102)
 """Up to 101 the ports are none that Linux gives away; the low numbers are left to people."""
-_PROFILE = """<?xml version="1.0" encoding="UTF-8"?>
-<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
-  <participant profile_name="of_tests" is_default_profile="true"><rtps><builtin><discovery_config>
+_LEASE = """<builtin><discovery_config>
     <leaseDuration><sec>600</sec></leaseDuration>
     <leaseAnnouncement><sec>3</sec></leaseAnnouncement>
-  </discovery_config></builtin></rtps></participant>
+  </discovery_config></builtin>"""
+"""It is 20 s otherwise: when a machine stalls for longer, participants take each other for dead,
+and lose what is under way."""
+_SMALL_PROFILE = """<?xml version="1.0" encoding="UTF-8"?>
+<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
+  <participant profile_name="of_tests" is_default_profile="true"><rtps></rtps></participant>
 </profiles>
 """
-"""As ever, but for the lease, which is 20 s otherwise: when a machine stalls for longer,
-participants take each other for dead, and lose what is under way."""
 
 WAIT_S = 60.0
 """So long is waited for what must come. It costs nothing where it comes, and leaves DDS and a busy
@@ -134,8 +137,14 @@ def keep_ros_apart() -> None:
     os.environ["ROS_DOMAIN_ID"] = str(_claimed_domain(folder))
     os.environ["ROS_LOG_DIR"] = str(folder / "log")
     profile = folder / f"profile_{os.environ['ROS_DOMAIN_ID']}.xml"
-    profile.write_text(_PROFILE, encoding="utf-8")
-    os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(profile)
+    profile.write_text(_profile(), encoding="utf-8")
+    os.environ[PROFILE_VARIABLE] = str(profile)
+
+
+def _profile() -> str:
+    """Return the profile that `are` has by itself, where it has one, with a longer lease."""
+    text = PROFILE.read_text(encoding="utf-8") if has_room() else _SMALL_PROFILE
+    return text.replace("<rtps>", f"<rtps>{_LEASE}")
 
 
 def _claimed_domain(folder: Path) -> int:

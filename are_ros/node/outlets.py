@@ -53,12 +53,17 @@ class Outlets:
         if publisher is not None:
             publisher.publish(data)
 
-    def flush(self, timeout_s: float) -> None:
-        """Wait until reliable subscribers have what was published, in all at most this long."""
-        deadline_s = time.monotonic() + timeout_s
-        for publisher in self._publishers.values():
+    def flush(self, timeout_s: float) -> list[str]:
+        """Wait until reliable subscribers have what was published, in all at most this long.
+
+        Returns the outputs of which somebody has not.
+        """
+        deadline_s, late = time.monotonic() + timeout_s, []
+        for name, publisher in self._publishers.items():
             rest_s = max(0.0, deadline_s - time.monotonic())
-            publisher.wait_for_all_acked(Duration(seconds=rest_s))
+            if not publisher.wait_for_all_acked(Duration(seconds=rest_s)):
+                late.append(name)
+        return late
 
     def close(self) -> None:
         """Withdraw all outputs."""

@@ -15,14 +15,16 @@ from rclpy.signals import SignalHandlerOptions
 from are_ros.errors import AreError, NodeError
 from are_ros.node.ar_builder_node import NAME, ArBuilderNode
 from are_ros.node.stop import Stop
+from are_ros.node.transport import make_room
 
 _OK, _FAILED = 0, 1
 _WAIT_S: Final = 0.1
-_FLUSH_S: Final = 1.0
+_FLUSH_S: Final = 2.0
 
 
 def run(arguments: Sequence[str] | None, stop: Stop) -> int:
     """Run the node until `stop` is set; return the exit status, 1 if it could not run."""
+    make_room()
     context = Context()
     try:
         with _refusals_of_ros():

@@ -9,6 +9,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
+from are_ros.node.transport import make_room
+
 
 @contextmanager
 def ros_session(name: str, *, has_services: bool = False) -> Iterator[Node]:
@@ -16,6 +18,7 @@ def ros_session(name: str, *, has_services: bool = False) -> Iterator[Node]:
 
     `has_services`: those of its parameters, which somebody is then to answer.
     """
+    make_room()
     context = Context()
     rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
     try:

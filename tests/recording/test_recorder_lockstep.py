@@ -5,7 +5,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
+from are_ros.node.transport import has_room
 from tests.recording.player_runs import Record, played, write_strings
 from tests.recording.recorder_runs import recorded_data, recording
 from tests.ros import WAIT_S, RosWorld, nap, running_s
@@ -31,9 +32,9 @@ def records() -> list[Record]:
 
 
 @contextmanager
-def recorder_process(path: Path) -> Iterator["subprocess.Popen[bytes]"]:
+def recorder_process(path: Path, *words: str) -> Iterator["subprocess.Popen[bytes]"]:
     """Record in a process of its own while the block runs."""
-    command = [sys.executable, "-m", "are_ros", "record", str(path), "--use-sim-time"]
+    command = [sys.executable, "-m", "are_ros", "record", str(path), *(words or ["--use-sim-time"])]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     try:
         yield process
@@ -44,14 +45,20 @@ def recorder_process(path: Path) -> Iterator["subprocess.Popen[bytes]"]:
 
 def stall(process: "subprocess.Popen[bytes]", path: Path) -> None:
     """Let a process that has begun to record do nothing, again and again."""
-    end_s = running_s() + WAIT_S
-    while not any(path.parent.glob("out.mcap*")) and running_s() < end_s:
-        nap()
+    wait_for(lambda: any(path.parent.glob("out.mcap*")))
     for _ in range(STALLS):
         process.send_signal(signal.SIGSTOP)
         time.sleep(STALL_S)
         process.send_signal(signal.SIGCONT)
         time.sleep(STALL_S / 2.0)
+
+
+def wait_for(is_so: Callable[[], bool]) -> None:
+    """Wait until something is so, for as long as it may take."""
+    end_s = running_s() + WAIT_S
+    while not is_so() and running_s() < end_s:
+        nap()
+    assert is_so()
 
 
 def test_a_recorder_that_stalls_misses_nothing(
@@ -72,6 +79,28 @@ def test_a_recorder_that_stalls_misses_nothing(
     for topic in ("/small", "/large"):
         expected = [text for name, _, text in records if name == topic]
         assert texts_of(path, topic) == expected
+
+
+@pytest.mark.skipif(not has_room(), reason="shared memory is short on this machine")
+def test_what_is_sent_at_once_waits_for_a_recorder_that_stalls(
+    ros: RosWorld, tmp_path: Path
+) -> None:
+    """Three megabytes, which no publisher keeps: the half of one that is usual would lose most."""
+    from rclpy.duration import Duration
+    from rclpy.qos import QoSProfile
+    from std_msgs.msg import String
+
+    path = tmp_path / "out.mcap"
+    publisher = ros.make_node("talker").create_publisher(String, "/large", QoSProfile(depth=1))
+    texts = [f"{number}" + "." * 100_000 for number in range(30)]
+    with recorder_process(path, "--topics", "/large") as process:
+        wait_for(lambda: publisher.get_subscription_count() > 0)
+        process.send_signal(signal.SIGSTOP)
+        for text in texts:
+            publisher.publish(String(data=text))
+        process.send_signal(signal.SIGCONT)
+        assert publisher.wait_for_all_acked(Duration(seconds=WAIT_S))
+    assert texts_of(path, "/large") == texts
 
 
 def texts_of(path: Path, topic: str) -> list[str]:
