@@ -1,7 +1,6 @@
 """Everybody as the others see them, at the end of one sub-step: who is near, where, how fast."""
 
 import math
-from bisect import bisect_left
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property
 
@@ -73,7 +72,7 @@ class Onlookers:
 
     def index_of(self, artefact_id: int) -> int:
         """Return the index in the arrays of an artefact that is there."""
-        return bisect_left(self._id_list, artefact_id)
+        return int(self._ids.searchsorted(artefact_id))
 
     def indices_of(self, artefact_ids: Sequence[int]) -> list[int]:
         """Return the indices in the arrays of artefacts that are there."""

@@ -129,10 +129,8 @@ def cheapest(options: Floats, count: int) -> int:
     """Return the option of the least cost, the first of several; -1 if all are spent (inf)."""
     least, other, n = np.inf, np.inf, 0
     while n + 1 < count:  # two at a time: each comparison waits for the one before
-        if options[n, 3] < least:
-            least = options[n, 3]
-        if options[n + 1, 3] < other:
-            other = options[n + 1, 3]
+        least = min(least, options[n, 3])
+        other = min(other, options[n + 1, 3])
         n += 2
     if n < count and options[n, 3] < least:
         least = options[n, 3]
