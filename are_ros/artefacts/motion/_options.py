@@ -127,14 +127,16 @@ def _add_retreat(options: Floats, count: int, aim: Aim, pose: Floats) -> int:
 @borrowing
 def cheapest(options: Floats, count: int) -> int:
     """Return the option of the least cost, the first of several; -1 if all are spent (inf)."""
-    least, other, n = np.inf, np.inf, 0
-    while n + 1 < count:  # two at a time: each comparison waits for the one before
-        least = min(least, options[n, 3])
-        other = min(other, options[n + 1, 3])
-        n += 2
-    if n < count and options[n, 3] < least:
-        least = options[n, 3]
-    least = min(least, other)
+    a, b, c, d = np.inf, np.inf, np.inf, np.inf
+    n = 0
+    while n + 3 < count:  # four at a time: each comparison has to wait for the one before it
+        a, b = min(a, options[n, 3]), min(b, options[n + 1, 3])
+        c, d = min(c, options[n + 2, 3]), min(d, options[n + 3, 3])
+        n += 4
+    while n < count:
+        a = min(a, options[n, 3])
+        n += 1
+    least = min(min(a, b), min(c, d))
     if least == np.inf:
         return -1
     n = 0
