@@ -136,7 +136,7 @@ def cheapest(options: Floats, count: int) -> int:
     while n < count:
         a = min(a, options[n, 3])
         n += 1
-    least = min(min(a, b), min(c, d))
+    least = min(a, b, c, d)
     if least == np.inf:
         return -1
     n = 0
