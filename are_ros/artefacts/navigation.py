@@ -19,7 +19,7 @@ from are_ros.artefacts.coarse_map import CoarseMaps
 from are_ros.artefacts.courses import Course, Courses
 from are_ros.artefacts.mdp import TravelModel
 from are_ros.artefacts.motion.order import Order
-from are_ros.artefacts.neighbourhood import nearest_of
+from are_ros.artefacts.neighbourhood import Neighbourhood, nearest_of
 from are_ros.artefacts.onlookers import Onlookers
 from are_ros.artefacts.places import Places
 from are_ros.artefacts.reach import Reach
@@ -93,7 +93,9 @@ class Navigation:
             self._courses.clear()
             self._known_terrains.clear()
             self.generation += 1
-        nearest_of(np.empty((0, 2)), places.destinations_m)  # nothing, but that it compiles early
+        nowhere_m = np.empty((0, 2))  # nothing, but that what gatherers ask for compiles early
+        nearest_of(nowhere_m, places.destinations_m)
+        Neighbourhood(nowhere_m).points_within(0.0, 0.0, 0.0, np.empty(0, np.int64), 0)
         self._environment, self.places = environment, places
         self._reach = Reach(places)
 

@@ -47,6 +47,12 @@ class Neighbourhood:
         """
         return _near(self.cells, x_m, y_m, radius_m)
 
+    def points_within(
+        self, x_m: float, y_m: float, radius_m: float, ids: _Indices, but_id: int
+    ) -> _Floats:
+        """Return the points (M, 2) that `within` finds, but for that of one; `ids` (N,) tell."""
+        return _points_near(self.cells, x_m, y_m, radius_m, ids, but_id)
+
 
 @compiled
 def nearest_of(points_m: _Floats, places_m: _Floats) -> _Indices:
@@ -68,6 +74,19 @@ def nearest_of(points_m: _Floats, places_m: _Floats) -> _Indices:
 @compiled
 def _near(cells: CellArrays, x_m: float, y_m: float, radius_m: float) -> _Indices:
     return near(Cells(*cells), x_m, y_m, radius_m)
+
+
+@compiled
+def _points_near(
+    cells: CellArrays, x_m: float, y_m: float, radius_m: float, ids: _Indices, but_id: int
+) -> _Floats:
+    found = near(Cells(*cells), x_m, y_m, radius_m)
+    points_m, count = np.empty((found.shape[0], 2)), 0
+    for i in found:
+        if ids[i] != but_id:
+            points_m[count, 0], points_m[count, 1] = cells[0][i, 0], cells[0][i, 1]
+            count += 1
+    return points_m[:count]
 
 
 @compiled

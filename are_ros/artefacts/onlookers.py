@@ -1,7 +1,6 @@
 """Everybody as the others see them, at the end of one sub-step: who is near, where, how fast."""
 
 import math
-from bisect import bisect_left
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property
 
@@ -12,6 +11,8 @@ from are_ros.artefacts._step_kernels import CrowdArrays
 from are_ros.artefacts.artefact import Artefact
 from are_ros.artefacts.behaviours.situation import Fellow
 from are_ros.artefacts.neighbourhood import Neighbourhood
+
+_Group = tuple[npt.NDArray[np.intp], npt.NDArray[np.int64], Neighbourhood]
 
 
 class Onlookers:
@@ -41,7 +42,7 @@ class Onlookers:
         self._sees = sees
         self._doers = doers or self._looked_through
         self._fellows: dict[int, Fellow] = {}
-        self._groups: dict[tuple[str, ...], tuple[npt.NDArray[np.intp], Neighbourhood]] = {}
+        self._groups: dict[tuple[str, ...], _Group] = {}
 
     def fellow(self, artefact_id: int) -> Fellow | None:
         """Return an artefact that is alive, None if it is not."""
@@ -65,15 +66,12 @@ class Onlookers:
         but_id: int,
     ) -> npt.NDArray[np.float64]:
         """Return where those are, (M, 2), whom `within` returns, but for one."""
-        who, group = self._group(behaviour, activities)
-        indices = who[group.within(x_m, y_m, radius_m)]
-        indices = indices[self._ids[indices] != but_id]
-        points_m: npt.NDArray[np.float64] = self._poses[indices, :2]
-        return points_m
+        _, ids, group = self._group(behaviour, activities)
+        return group.points_within(x_m, y_m, radius_m, ids, but_id)
 
     def index_of(self, artefact_id: int) -> int:
         """Return the index in the arrays of an artefact that is there."""
-        return bisect_left(self._id_list, artefact_id)
+        return int(self._ids.searchsorted(artefact_id))
 
     def indices_of(self, artefact_ids: Sequence[int]) -> list[int]:
         """Return the indices in the arrays of artefacts that are there."""
@@ -86,7 +84,8 @@ class Onlookers:
 
     def has(self, artefact_ids: Sequence[int]) -> list[bool]:
         """Say which of some artefacts are there."""
-        before, upto = (self._ids.searchsorted(artefact_ids, side) for side in ("left", "right"))
+        ids = np.array(artefact_ids, np.int64)
+        before, upto = (self._ids.searchsorted(ids, side) for side in ("left", "right"))
         found: list[bool] = (before < upto).tolist()
         return found
 
@@ -108,7 +107,7 @@ class Onlookers:
         Of one behaviour, if it is given, and at one of these activities, if any are.
         """
         if behaviour:
-            who, group = self._group(behaviour, activities)
+            who, _, group = self._group(behaviour, activities)
             chosen: list[int] = who[group.within(x_m, y_m, radius_m)].tolist()
             return self._fellows_at(chosen)
         near: list[int] = self._neighbourhood.within(x_m, y_m, radius_m).tolist()
@@ -136,17 +135,16 @@ class Onlookers:
     def _neighbourhood(self) -> Neighbourhood:
         return Neighbourhood(self._poses[:, :2])
 
-    def _group(
-        self, behaviour: str, activities: Collection[str]
-    ) -> tuple[npt.NDArray[np.intp], Neighbourhood]:
-        """Return the indices of those of one behaviour, at one of these activities if any."""
+    def _group(self, behaviour: str, activities: Collection[str]) -> _Group:
+        """Return those of one behaviour, at one of these activities if any: indices, ids, where."""
         key = (behaviour, *activities)
         if key not in self._groups:
             living, who = self.living, self._doers(behaviour)
             if activities:
                 who = [i for i in who if living[i].activity in activities]
-            indices = self._ids.searchsorted(np.array(who, np.int64))
-            self._groups[key] = indices, Neighbourhood(self._poses[indices, :2])
+            ids = np.array(who, np.int64)
+            indices = self._ids.searchsorted(ids)
+            self._groups[key] = indices, ids, Neighbourhood(self._poses[indices, :2])
         return self._groups[key]
 
     def _looked_through(self, behaviour: str) -> list[int]:

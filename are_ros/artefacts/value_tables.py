@@ -1,7 +1,6 @@
 """Values of going to a place, by type and goal, kept as long as memory allows."""
 
 import math
-from collections import OrderedDict
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -9,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts._step_kernels import Worth
+from are_ros.artefacts._table_store import TableStore
 from are_ros.artefacts.coarse_map import Cell, CoarseMap
 from are_ros.artefacts.mdp import TravelModel, Ways, Window, problem_of, solve, ways_to
 
@@ -17,6 +17,10 @@ KEPT_BYTES_PER_TABLE: Final = 2**18
 
 SHARED_CELLS: Final = 128 * 128
 """Windows up to this large serve all trips to a goal; of larger ones a trip takes its part."""
+
+PARTS_BYTES: Final = 8 * 2**20
+"""Memory of the tables of such parts: hardly two trips have the same one, and memory that is soon
+used again is quicker to have than new."""
 
 TRIP_MARGINS_M: Final = (2.0, 4.0, 12.0)
 """How much wider than start and goal the parts are: the first in which no way is missed."""
@@ -73,6 +77,9 @@ class ValueTable:
         return max(0, min(epochs_left, len(self.planes) - 1))
 
 
+_Store = TableStore[Key, ValueTable]
+
+
 class ValueTables:
     """Value tables by (map, type, goal cell, window); the least recently used go first."""
 
@@ -86,23 +93,27 @@ class ValueTables:
         """Take the longest horizon [epochs]; on larger maps a window of two longest trips a side.
 
         A horizon whose epochs cost less than the turns of a type makes it rather stand than turn.
-        `budget_bytes` bounds all tables together (the newest stays whatever it needs),
-        `kept_bytes` the planes of one.
+        `budget_bytes` bounds all tables that trips to a goal share, and with `PARTS_BYTES` those
+        of single trips (the newest stays whatever it needs), `kept_bytes` the planes of one.
         """
         self._horizon = horizon
         self._max_trip_m = max_trip_m
-        self._budget_bytes = budget_bytes
         self._kept_bytes = kept_bytes
-        self._tables: OrderedDict[Key, ValueTable] = OrderedDict()
-        self.nbytes = 0
+        self._shared = _Store(budget_bytes)
+        self._parts = _Store(min(budget_bytes, PARTS_BYTES))
 
     def __len__(self) -> int:
-        return len(self._tables)
+        return len(self._shared) + len(self._parts)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of all tables that are kept."""
+        return self._shared.nbytes + self._parts.nbytes
 
     def clear(self) -> None:
         """Forget all tables, as of a map that is no longer."""
-        self._tables.clear()
-        self.nbytes = 0
+        self._shared.clear()
+        self._parts.clear()
 
     def value(
         self,
@@ -127,7 +138,8 @@ class ValueTables:
         if start is not None and _cells_in(window) > SHARED_CELLS:
             table = self._of_part(coarse, model, goal, window, start, goal_m)
         if table is None:
-            table = self._of(*self._found(coarse, model, goal, window), goal_m)
+            store = self._shared
+            table = self._of(store, *self._found(store, coarse, model, goal, window), goal_m)
         return table if table.goal_m == goal_m else replace(table, goal_m=goal_m)
 
     def _of_part(
@@ -148,32 +160,32 @@ class ValueTables:
             window = _part(whole, goal, start, margin)
             if not _holds(window, start):
                 return None
-            key, found = self._found(coarse, model, goal, window)
+            key, found = self._found(self._parts, coarse, model, goal, window)
             (row, col), _ = window
             if found.costs[start[0] - row, start[1] - col] <= _least_outside(
                 model, goal, start, margin
             ):
-                return self._of(key, found, goal_m)
+                return self._of(self._parts, key, found, goal_m)
         return None
 
     def _found(
-        self, coarse: CoarseMap, model: TravelModel, goal: Cell, window: Window
+        self, store: _Store, coarse: CoarseMap, model: TravelModel, goal: Cell, window: Window
     ) -> tuple[Key, ValueTable | Ways]:
         """Return the table of a window, or the ways that it is to be made of."""
         key = (coarse.key, model, goal, window)
-        known = self._tables.get(key)
+        known = store.get(key)
         if known is not None:
             return key, known
         return key, ways_to(coarse.edges, coarse.nearness, goal, model, window)
 
-    def _of(self, key: Key, found: ValueTable | Ways, goal_m: tuple[float, float]) -> ValueTable:
+    def _of(
+        self, store: _Store, key: Key, found: ValueTable | Ways, goal_m: tuple[float, float]
+    ) -> ValueTable:
         """Return the table that was found, or make it of ways, with that point to end at."""
         if isinstance(found, Ways):
             _, _, goal, (corner, _) = key
             found = self._made(found, corner, goal, goal_m)
-            self._insert(key, found)
-        else:
-            self._tables.move_to_end(key)
+            store.put(key, found)
         return found
 
     def _window(self, coarse: CoarseMap, goal: Cell) -> Window:
@@ -196,13 +208,6 @@ class ValueTables:
             model=problem.model,
             weights=_weights(problem.model, corner, problem.goal),
         )
-
-    def _insert(self, key: Key, table: ValueTable) -> None:
-        self._tables[key] = table
-        self.nbytes += table.nbytes
-        while self.nbytes > self._budget_bytes and len(self._tables) > 1:
-            _, oldest = self._tables.popitem(last=False)
-            self.nbytes -= oldest.nbytes
 
 
 def _cells_in(window: Window) -> int:

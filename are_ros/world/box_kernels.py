@@ -30,7 +30,7 @@ def write_standing(packed: _FloatArray, i: int, pose: _FloatArray, shape: _Float
     packed[i, 2] = pose[2] + shape[2]
     packed[i, 3] = cos
     packed[i, 4] = sin
-    packed[i, 5:8] = shape[:3]
+    packed[i, 5], packed[i, 6], packed[i, 7] = shape[0], shape[1], shape[2]
 
 
 @compiled

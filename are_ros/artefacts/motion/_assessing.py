@@ -40,8 +40,10 @@ def _assess_robot(
 ) -> tuple[float, bool]:
     """Return what a path costs for its nearness to the robot; whether it runs into it."""
     comfort = order.robot_comfort
+    if robot.outlines.shape[0] == 0:
+        return 0.0, False
     far = np.hypot(path[0, X] - robot.x, path[0, Y] - robot.y)
-    if robot.outlines.shape[0] == 0 or far > robot.reach + last * pace + body.radius + comfort:
+    if far > robot.reach + last * pace + body.radius + comfort:
         return 0.0, False
     least, predicted, present = robot_conflict(
         path, np.int64(0), last, body, robot, comfort, pace + robot.pace, desk.box
@@ -113,8 +115,6 @@ def _assess_others(
     a meeting counts, which is seen much sooner.
     """
     until, culprit, cost = NEVER, NOBODY, 0.0
-    if not has_comfort and _meets_again(fleet, i, path, last, now, desk.near[0], met):
-        return cost, desk.near[0], met
     body, comfort, home = fleet.body[i], fleet.order[i].comfort, fleet.path[i, fleet.place[i].last]
     x, y, reach = circle[0], circle[1], circle[2] + body.radius
     reach += comfort if has_comfort else 0.0
@@ -171,6 +171,8 @@ def assess(
     What costs `most` or more is INFEASIBLE. `met`: see `_assess_others`; the others are looked at
     before the walls if one was in the way before.
     """
+    if met != NEVER and _meets_again(fleet, i, path, last, now, desk.near[0], met):
+        return INFEASIBLE, BY_ARTEFACT, desk.near[0], met
     body, order = fleet.body[i], fleet.order[i]
     pace = pace_of(path, last, body, tempo.step_s)
     circle = circle_of(path, last)

@@ -23,8 +23,10 @@ def _span(x: float, y: float, half: float) -> tuple[int, int, int, int]:
 def fill(squares: Floats, slots: Integers) -> Buckets:
     """Return the grid of squares (N, 3) of the slots (N,); a bucket keeps their order."""
     total = 0
+    spans = np.empty((slots.shape[0], 4), np.int64)
     for n in range(slots.shape[0]):
         left, right, low, high = _span(squares[n, 0], squares[n, 1], squares[n, 2])
+        spans[n, 0], spans[n, 1], spans[n, 2], spans[n, 3] = left, right, low, high
         total += (right - left + 1) * (high - low + 1)
     bits = 3
     while 2 << (2 * bits) < total:
@@ -32,7 +34,7 @@ def fill(squares: Floats, slots: Integers) -> Buckets:
     mask = (1 << bits) - 1
     starts = np.zeros((1 << (2 * bits)) + 1, np.int64)
     for n in range(slots.shape[0]):
-        left, right, low, high = _span(squares[n, 0], squares[n, 1], squares[n, 2])
+        left, right, low, high = spans[n, 0], spans[n, 1], spans[n, 2], spans[n, 3]
         for row in range(low, high + 1):
             for col in range(left, right + 1):
                 starts[((row & mask) << bits | (col & mask)) + 1] += 1
@@ -41,7 +43,7 @@ def fill(squares: Floats, slots: Integers) -> Buckets:
     ends = starts.copy()
     entries = np.empty(total, np.int64)
     for n in range(slots.shape[0]):
-        left, right, low, high = _span(squares[n, 0], squares[n, 1], squares[n, 2])
+        left, right, low, high = spans[n, 0], spans[n, 1], spans[n, 2], spans[n, 3]
         for row in range(low, high + 1):
             for col in range(left, right + 1):
                 bucket = (row & mask) << bits | (col & mask)

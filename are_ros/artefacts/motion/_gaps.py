@@ -108,7 +108,10 @@ def gap_between(
         if dx * dx + dy * dy < room * room:
             for n in range(k, min(k + _WINDOW, until + 1)):
                 p, q = plan[min(n, last)], path[min(start + n, end)]
-                gap = max(distance(p, q) - radii, separation(p, body, q, other))
+                gap = distance(p, q) - radii
+                if gap >= least:
+                    continue
+                gap = max(gap, separation(p, body, q, other))
                 if gap < -TOUCH:
                     return gap, n
                 least = min(least, gap)

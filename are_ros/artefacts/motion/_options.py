@@ -127,11 +127,22 @@ def _add_retreat(options: Floats, count: int, aim: Aim, pose: Floats) -> int:
 @borrowing
 def cheapest(options: Floats, count: int) -> int:
     """Return the option of the least cost, the first of several; -1 if all are spent (inf)."""
-    found, least = -1, np.inf
-    for n in range(count):
-        if options[n, 3] < least:
-            found, least = n, options[n, 3]
-    return found
+    a, b, c, d = np.inf, np.inf, np.inf, np.inf
+    n = 0
+    while n + 3 < count:  # four at a time: each comparison has to wait for the one before it
+        a, b = min(a, options[n, 3]), min(b, options[n + 1, 3])
+        c, d = min(c, options[n + 2, 3]), min(d, options[n + 3, 3])
+        n += 4
+    while n < count:
+        a = min(a, options[n, 3])
+        n += 1
+    least = min(a, b, c, d)
+    if least == np.inf:
+        return -1
+    n = 0
+    while options[n, 3] != least:
+        n += 1
+    return n
 
 
 @borrowing

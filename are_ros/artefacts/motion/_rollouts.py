@@ -28,7 +28,9 @@ def wrapped(angle: float) -> float:
 @borrowing
 def turn_to(heading: float, yaw: float) -> float:
     """Return the angle from a yaw to a heading, in [-pi, pi]; 0 if it is only for rounding."""
-    error = wrapped(heading - yaw)
+    error = heading - yaw
+    if abs(error) > 3.0:  # else it is the same, and a division less to wait for
+        error = wrapped(error)
     return error if abs(error) > _STILL else 0.0
 
 
@@ -83,6 +85,19 @@ def _turn_on(
 
 
 @borrowing
+def _go_straight(path: Floats, k: int, until: int, dt: float) -> int:
+    """Go on from pose k as fast as there, and straight, up to pose `until`; return that."""
+    pose = path[k]
+    way = 0.5 * (pose[SPEED] + pose[SPEED]) * dt
+    dx, dy = way * pose[COS], way * pose[SIN]
+    for n in range(k, until):
+        before, after = path[n], path[n + 1]
+        after[X], after[Y], after[YAW] = before[X] + dx, before[Y] + dy, pose[YAW]
+        after[COS], after[SIN], after[SPEED] = pose[COS], pose[SIN], pose[SPEED]
+    return until
+
+
+@borrowing
 def brake(path: Floats, k: int, curvature: float, body: Any, dt: float) -> int:
     """Brake from pose k on along a curve; return the index of the pose where it stands."""
     step = body.acceleration * dt
@@ -110,7 +125,8 @@ def _walk(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt:
     limit = 2.0 * half[0]
     heading, to_point = option[1], option[0] == POINT
     c, s = np.cos(heading), np.sin(heading)
-    for k in range(steps):
+    k = 0
+    while k < steps:
         speed, want = path[k, SPEED], option[2]
         if 2 * k == steps and option[4] != heading:
             heading = option[4]
@@ -131,7 +147,12 @@ def _walk(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt:
         faster = clamped(want, slower, speed + step)
         if turn == 0.0 and speed == 0.0 and faster < _STILL:
             return k
-        _turn_on(path, k, turn, half, faster, dt)
+        if turn == 0.0 and speed == faster and not to_point:  # nothing changes for a while
+            turns_on = option[4] != heading and steps % 2 == 0 and 2 * k < steps
+            k = _go_straight(path, k, steps // 2 if turns_on else steps, dt)
+        else:
+            _turn_on(path, k, turn, half, faster, dt)
+            k += 1
     return steps
 
 
@@ -216,9 +237,9 @@ def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, tempo: Tempo
 @borrowing
 def pace_of(path: Floats, last: int, body: Any, dt: float) -> float:
     """Return how far any point of the box moves in one sub-step of a path at most."""
-    fastest, turn = 0.0, 0.0
+    fastest, turn = abs(path[0, SPEED]) if last > 0 else 0.0, 0.0
     for k in range(1, last + 1):
-        fastest = max(fastest, abs(path[k, SPEED]), abs(path[k - 1, SPEED]))
+        fastest = max(fastest, abs(path[k, SPEED]))
         turn = max(turn, abs(path[k, YAW] - path[k - 1, YAW]))
     return float(fastest * dt + turn * body.radius)
 

@@ -10,7 +10,7 @@ id, so each knows what the ones before it have decided.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,7 @@ from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.motion.hindrance import Hindrance
 from are_ros.artefacts.motion.order import STAND, Order
 from are_ros.artefacts.motion.robot import RobotMotion
+from are_ros.artefacts.rows import with_row, without_row
 from are_ros.artefacts.terrain import Terrains
 from are_ros.world.environment import Environment
 from are_ros.world.oriented_boxes import OrientedBoxes
@@ -37,6 +38,7 @@ _FIRST_CAPACITY: Final = 64
 _UNHINDERED: Final = (Hindrance.NONE, NOBODY, 0.0)
 
 _Floats = npt.NDArray[np.float64]
+_Row = tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -87,8 +89,8 @@ class Traffic:
             table[slot] = 0
         self._slot_of[artefact_id] = slot
         index = int(self._ids.searchsorted(artefact_id))
-        self._ids = _with(self._ids, index, artefact_id)
-        self._slots = _with(self._slots, index, slot)
+        self._ids = with_row(self._ids, index, artefact_id)
+        self._slots = with_row(self._slots, index, slot)
         level = self._floors.level_of(body.height_m)
         top_speed = body.acceleration_mps2 * _BRAKE_S
         _state.write_body(fleet.body[slot], body, top_speed, level)
@@ -98,18 +100,19 @@ class Traffic:
         fleet.order[slot] = _state.order_record(STAND)
         forget_blockade(fleet.mind[slot])
         self._moved = None
+        row, circle = self._stand(artefact_id, slot, pose)
         if self._survey is not None:
             poses, circles = self._survey
-            self._survey = _with(poses, index, 0.0), _with(circles, index, 0.0)
-        self.put(artefact_id, pose)
+            self._survey = with_row(poses, index, row), with_row(circles, index, circle)
 
     def remove(self, artefact_id: int) -> None:
         """Let one be gone."""
         slot = self._slot_of.pop(artefact_id)
-        others = self._ids != artefact_id
-        self._ids, self._slots = self._ids[others], self._slots[others]
+        index = int(self._ids.searchsorted(artefact_id))
+        self._ids, self._slots = without_row(self._ids, index), without_row(self._slots, index)
         if self._survey is not None:
-            self._survey = self._survey[0][others], self._survey[1][others]
+            poses, circles = self._survey
+            self._survey = without_row(poses, index), without_row(circles, index)
         self._free.append(slot)
         self._scripts.cancel(artefact_id)
         self._intruders = [other for other in self._intruders if other != slot]
@@ -137,7 +140,15 @@ class Traffic:
 
     def put(self, artefact_id: int, pose: GroundPose) -> None:
         """Let one stand at another pose; who is on the way there plans anew at once."""
-        slot = self._slot_of[artefact_id]
+        row, circle = self._stand(artefact_id, self._slot_of[artefact_id], pose)
+        if self._survey is not None:
+            poses, circles = self._survey[0].copy(), self._survey[1].copy()
+            index = self._ids.searchsorted(artefact_id)
+            poses[index], circles[index] = row, circle
+            self._survey = poses, circles
+
+    def _stand(self, artefact_id: int, slot: int, pose: GroundPose) -> tuple[_Row, _Row]:
+        """Let one stand at a pose; return what `_steps.survey` has of it: the pose, its circle."""
         yaw = pose.yaw_rad
         row = (pose.x_m, pose.y_m, yaw, np.cos(yaw), np.sin(yaw), 0.0)
         self._fleet.path[slot, 0] = row
@@ -148,12 +159,7 @@ class Traffic:
         place["must_plan"], self._fleet.due[slot] = 0, self._now
         self._scripts.repeat(artefact_id)
         self._intruders.append(slot)
-        if self._survey is not None:
-            poses, circles = self._survey[0].copy(), self._survey[1].copy()
-            index = self._ids.searchsorted(artefact_id)
-            poses[index] = row
-            circles[index] = pose.x_m, pose.y_m, place["reach"]
-            self._survey = poses, circles
+        return row, (pose.x_m, pose.y_m, float(place["reach"]))
 
     def prescribe(self, artefact_id: int, poses: npt.NDArray[np.float64]) -> None:
         """Let one follow x, y, yaw float64 (K, 3) in the next K sub-steps; no poses cancel that.
@@ -294,10 +300,3 @@ class Traffic:
         self._fleet, self._columns = fleet, _state.columns_of(fleet)
         self._desk = _state.desk_of(2 * old, self._length)._replace(counters=counters)
         self._free = list(range(old, 2 * old))[::-1]
-
-
-def _with(rows: npt.NDArray[Any], index: int, row: npt.ArrayLike) -> npt.NDArray[Any]:
-    """Return rows with one more, before the one at an index; much quicker than `np.insert`."""
-    wider = np.empty((len(rows) + 1, *rows.shape[1:]), rows.dtype)
-    wider[:index], wider[index], wider[index + 1 :] = rows[:index], row, rows[index:]
-    return wider

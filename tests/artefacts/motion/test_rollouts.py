@@ -154,3 +154,65 @@ def test_the_way_ahead_is_that_of_arc_and_tangent(goal: tuple[float, float]) -> 
         if abs(aside) < 1e-3 and ahead >= 0.0:
             least = min(least, radius * angle + ahead)
     assert way_left(0.0, 0.0, 0.0, *goal, radius) == pytest.approx(least, abs=5e-3)
+
+
+def _slowly_walked(
+    start: tuple[float, float], option: list[float], goal: tuple[float, float], body: Body
+) -> np.ndarray:
+    """Walk sub-step by sub-step, each from the one before by all of the law, without shortcuts."""
+    steps, dt = _TEMPO.walk, _TEMPO.step_s
+    most, gain = body.turn_rate_radps * dt, body.acceleration_mps2 * dt
+    kind, heading, top, _, then = option
+    x, y, (yaw, speed) = 0.0, 0.0, start
+    poses = [(x, y, yaw, speed)]
+    for k in range(200):
+        error, want = 0.0, 0.0
+        if k < steps:
+            want, heading = top, then if 2 * k == steps else heading
+            if kind == POINT:
+                dx, dy = goal[0] - x, goal[1] - y
+                left = math.hypot(dx, dy)
+                if left > 0.05:
+                    heading = math.atan2(dy, dx)
+                else:
+                    left = max(dx * math.cos(yaw) + dy * math.sin(yaw), 0.0)
+                want = min(want, _rollouts.stopping_speed(left, speed, body.acceleration_mps2, dt))
+            error = math.remainder(heading - yaw, math.tau)
+            error = error if abs(error) > 1e-9 else 0.0
+            if error != 0.0:
+                want *= max(math.cos(error), 0.0)
+        turn = min(max(error, -most), most)
+        slower = min(max(speed - gain, 0.0), speed + gain)
+        faster = min(max(want, slower), speed + gain)
+        if turn == 0.0 and speed == 0.0 and faster < 1e-9:
+            break
+        way = 0.5 * (speed + faster) * dt
+        x, y = x + way * math.cos(yaw + 0.5 * turn), y + way * math.sin(yaw + 0.5 * turn)
+        yaw, speed = yaw + turn, faster
+        poses.append((x, y, yaw, speed))
+    return np.array(poses)
+
+
+@given(
+    st.sampled_from([HEADING, POINT]),
+    st.tuples(_angles, st.sampled_from([0.0, 0.6, 1.2]) | st.floats(0.0, 1.3)),
+    st.sampled_from([0.0, 0.5]) | _angles,
+    st.sampled_from([0.0, 0.5]) | _angles,
+    st.sampled_from([0.6, 1.2]) | st.floats(0.05, 1.35),
+    st.tuples(st.floats(0.5, 3.0), st.floats(0.5, 3.0)),
+)
+def test_shortcuts_lead_where_each_sub_step_does(
+    kind: int,
+    start: tuple[float, float],
+    heading: float,
+    then: float,
+    speed: float,
+    goal: tuple[float, float],
+) -> None:
+    """Straight stretches and turns without trigonometry are the walk, but for rounding."""
+    after = then if kind == HEADING else heading
+    path = _rolled(PERSON, start, [kind, heading, speed, 0.0, after], goal)
+    slow = _slowly_walked(start, [kind, heading, speed, 0.0, after], goal, PERSON)
+    assert len(path) == len(slow)
+    columns = [_state.X, _state.Y, _state.YAW, _state.SPEED]
+    np.testing.assert_allclose(path[:, columns], slow, rtol=0.0, atol=1e-9)
