@@ -17,6 +17,14 @@ class CatalogueError(AreError):
     """The catalogue of artefacts, or a mesh that it names, cannot be used."""
 
 
+class BehaviourError(AreError):
+    """A behaviour of the user's own failed, or wants what nobody can do; `behaviour` names it."""
+
+    def __init__(self, sentence: str, behaviour: str) -> None:
+        super().__init__(sentence)
+        self.behaviour = behaviour
+
+
 class ScenarioError(AreError):
     """A scenario, or a track that it names, cannot be used or written."""
 

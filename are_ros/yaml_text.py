@@ -46,10 +46,11 @@ def parse_yaml(text: str, subject: str, error: type[AreError]) -> Any:
     """Return the value of a YAML text, made of plain Python values only.
 
     Raises `error`, whose sentence begins with `subject`, for whatever is no YAML, a scalar that
-    its type does not allow, a value that holds itself, and more than 100 levels of nesting.
+    its type does not allow, a value that holds itself, a key that comes twice in one mapping, and
+    more than 100 levels of nesting.
     """
     try:
-        _check_depth(text)
+        _check_structure(text)
         return yaml.load(text, _Loader)  # noqa: S506 - derived from the safe loader
     except _FAULTS as cause:
         mark = getattr(cause, "problem_mark", None)
@@ -67,12 +68,37 @@ def read_yaml(path: Path, subject: str, error: type[AreError]) -> Any:
     return parse_yaml(text, subject, error)
 
 
-def _check_depth(text: str) -> None:
-    depth = 0
+class _OpenMapping:
+    """The keys so far of a mapping whose end has not come."""
+
+    def __init__(self) -> None:
+        self._keys: set[str] = set()
+        self._is_key_next = True
+
+    def take(self, event: yaml.NodeEvent) -> None:
+        """Take a key or a value, of which only the first event counts."""
+        if self._is_key_next and isinstance(event, yaml.ScalarEvent):
+            if event.value in self._keys:
+                problem = f"the key '{event.value}' comes twice in one mapping"
+                mark: Any = event.start_mark
+                raise yaml.MarkedYAMLError(problem=problem, problem_mark=mark)
+            self._keys.add(event.value)
+        self._is_key_next = not self._is_key_next
+
+
+def _check_structure(text: str) -> None:
+    """Refuse what the loader would die of, or take without a word: depth, a key given twice."""
+    opened: list[_OpenMapping | None] = []
     for event in yaml.parse(text, _SafeLoader):
-        depth += isinstance(event, yaml.CollectionStartEvent)
-        depth -= isinstance(event, yaml.CollectionEndEvent)
-        if depth > _DEEPEST:
+        if isinstance(event, yaml.CollectionEndEvent):
+            opened.pop()
+        elif isinstance(event, yaml.NodeEvent):
+            if opened and (mapping := opened[-1]):
+                mapping.take(event)
+            if isinstance(event, yaml.CollectionStartEvent):
+                is_mapping = isinstance(event, yaml.MappingStartEvent)
+                opened.append(_OpenMapping() if is_mapping else None)
+        if len(opened) > _DEEPEST:
             raise ValueError(f"it is nested deeper than {_DEEPEST} levels")
 
 

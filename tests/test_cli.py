@@ -80,6 +80,16 @@ def test_version_is_the_package_s() -> None:
         (("replay", "a.bag", "--duration", "inf"), ("'--duration': inf is more than 1e+09",)),
         (("replay", "a.bag", "--duration", "1e300"), ("'--duration': 1e300 is more than",)),
         (("replay", "a.bag", "--start", "1:30"), ("'--start': '1:30' is not a number",)),
+        (
+            ("replay", "a.bag", "--topic", "scan=/scan"),
+            ("--topic", "'scan=/scan' must be ROLE"),
+        ),
+        (
+            ("inspect", "a.bag", "--topic", "scan"),
+            ("'scan' must be ROLE:=/TOPIC, as scan:=/f",),
+        ),
+        (("replay", "a.bag", "--set", "a=1"), ("'--set': 'a=1' must be NAME:=VALUE, as popul",)),
+        (("describe", "--set", ":=1"), ("':=1' must be NAME:=VALUE",)),
         (("play",), ("BAG...", "(see `are play --help`)")),
         (("play", "a.bag", "--rate", "0"), ("'--rate': 0 is less than 0.001",)),
         (("play", "a.bag", "--clock", "1001"), ("'--clock': 1001 is more than 1000",)),

@@ -1,8 +1,10 @@
-"""How sentences say how many there are."""
+"""How sentences say how many there are, and what the system refuses."""
+
+from pathlib import Path
 
 import pytest
 
-from are_ros.wording import counted, listed, several
+from are_ros.wording import counted, listed, several, why_refused
 
 
 @pytest.mark.parametrize(
@@ -26,3 +28,19 @@ def test_plurals_are_the_regular_ones() -> None:
 def test_the_last_word_of_a_list_follows_an_and(words: tuple[str, ...], text: str) -> None:
     """The others a comma."""
     assert listed(words) == text
+
+
+def test_what_the_system_refuses_is_said_in_one_wording(tmp_path: Path) -> None:
+    """A file or a folder where the other should be; else the system's own words."""
+    file = tmp_path / "file"
+    file.touch()
+    for refused, said in (
+        (file.mkdir, "it is a file"),
+        (lambda: tmp_path.write_text(""), "it is a folder"),
+        ((file / "below").mkdir, "not a directory"),
+        (lambda: (tmp_path / "no" / "x").write_text(""), "no such file or directory"),
+    ):
+        with pytest.raises(OSError, match=r".") as caught:
+            refused()
+        assert why_refused(caught.value) == said
+    assert why_refused(OSError("Strange")) == "strange"

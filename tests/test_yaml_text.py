@@ -120,3 +120,32 @@ def test_a_bad_value_of_an_assignment_names_its_parameter() -> None:
     """No date has a month 99."""
     with pytest.raises(ParameterError, match=r"'population\.zones': '2001-99-99' is no valid"):
         parse_assignment("population.zones:=2001-99-99")
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("a: 1\nb: 2\na: 3\n", "line 3: the key 'a' comes twice in one mapping"),
+        ("x:\n- {a: 1, b: {a: 2}, 'a': 3}\n", "line 2: the key 'a' comes twice"),
+        ("? [1, 2]\n: {a: 1}\nb: {}\nb: 2\n", "line 4: the key 'b' comes twice"),
+        ("&k a: 1\nb: *k\nb: 2\n", "line 3: the key 'b' comes twice"),
+    ],
+)
+def test_a_key_that_comes_twice_is_refused(text: str, reason: str) -> None:
+    """Else the last one would win without a word."""
+    with pytest.raises(ParameterError) as caught:
+        parse_yaml(text, "the text", ParameterError)
+    assert reason in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[{a: 1}, {a: 2}, a, a]",
+        "{a: {a: {a: a}}, b: a, c: [a, b, a]}",
+        "x: &x {a: 1}\ny: &y {<<: *x, a: 2}\nz: {<<: *y, a: 3}\na: *x\n",
+    ],
+)
+def test_keys_of_several_mappings_may_be_the_same(text: str) -> None:
+    """And values may be as keys are, and what is merged in may be given anew."""
+    assert parse_yaml(text, "the text", ParameterError) == yaml.safe_load(text)

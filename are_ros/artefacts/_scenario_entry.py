@@ -16,7 +16,7 @@ from are_ros.artefacts.behaviours.standing import Standing
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.population_events import Cause
 from are_ros.artefacts.scenario import ScriptedArtefact, Track
-from are_ros.artefacts.track_file import read_tracks
+from are_ros.artefacts.track_file import lines_in, read_tracks
 from are_ros.errors import CatalogueError, ScenarioError
 
 _MOVEMENTS: Final = ("way", "follows", "track")
@@ -41,6 +41,14 @@ class TrackFiles:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._tracks: dict[str, dict[str, Track]] = {}
+
+    def paths(self) -> list[Path]:
+        """Return the files that were read."""
+        return [self._folder / file for file in self._tracks]
+
+    def lines(self) -> int:
+        """Return how many lines with an end they have together."""
+        return sum(map(lines_in, self.paths()))
 
     def track(self, file: str, keys: tuple[str, ...]) -> Track:
         """Return the track of who has one of the keys; ScenarioError if there is none."""

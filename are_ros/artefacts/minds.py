@@ -7,10 +7,11 @@ without being asked (`SteadyMinds`).
 """
 
 from bisect import insort
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from are_ros.artefacts.artefact import Artefact
-from are_ros.artefacts.behaviours.intent import Intent
+from are_ros.artefacts.behaviours.asking import Asked, Failed, intent_of
+from are_ros.artefacts.behaviours.intent import Behaviour, Intent
 from are_ros.artefacts.behaviours.leaving import Leaving
 from are_ros.artefacts.behaviours.registry import make_behaviour
 from are_ros.artefacts.behaviours.situation import Fellow, RobotView, Situation
@@ -26,6 +27,7 @@ from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.artefacts.steady_minds import SteadyMinds
 from are_ros.artefacts.traveller import Traveller
 from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.errors import BehaviourError
 
 
 class Minds:
@@ -41,6 +43,9 @@ class Minds:
         self._due: list[list[Mind]] = [[] for _ in range(self._period)]
         self._steady = SteadyMinds(navigation)
         self.doers = Doers()
+        self.tell_fault: Callable[[BehaviourError], None] | None = None
+        """Told of each behaviour of the user's own that fails, whose artefact stands from then on;
+        with None that is raised."""
 
     def reseed(self, seed: int) -> None:
         """Let those who arrive later draw from another seed."""
@@ -52,7 +57,7 @@ class Minds:
         if body.speed_mps <= 0.0:
             return
         phase = -(-artefact.arrival_ns // self._step_ns) % self._period
-        behaviour = make_behaviour(artefact.behaviour, artefact.options)
+        behaviour = self._made(artefact)
         random = generator(self._seed, Purpose.GOAL, artefact.id)
         traveller = Traveller.of(artefact.row, body)
         mind = Mind(artefact, traveller, behaviour, random, phase)
@@ -96,15 +101,52 @@ class Minds:
         ids = [mind.artefact.id for mind in deciding]
         situations = self._situations(deciding, ids, now_ns, view, traffic, robot)
         intents = [
-            mind.behaviour.decide(situation)
+            self._asked(mind, situation)
             for mind, situation in zip(deciding, situations, strict=True)
         ]
         legs = self._legs(deciding, situations, intents, view, robot)
         traffic.give_orders(ids, [leg.order for leg in legs])
         for k, mind in enumerate(deciding):  # not before: others see what the step before has left
             mind.settle(intents[k], legs[k], situations[k])
-            self._steady.note(mind, legs[k])
+            self._note(mind, legs[k], now_ns)
         return out
+
+    def _made(self, artefact: Artefact) -> Behaviour:
+        """Return a new behaviour for an artefact."""
+        asked = Asked(artefact.id, artefact.row.label, artefact.arrival_ns)
+        try:
+            return make_behaviour(artefact.behaviour, artefact.options, asked)
+        except BehaviourError as fault:
+            self._tell(fault)
+        artefact.behaviour = Failed.name
+        self.doers.set(artefact.id, Failed.name)
+        return Failed()
+
+    def _asked(self, mind: Mind, situation: Situation) -> Intent:
+        """Return what one wants: nothing any more, once its behaviour has failed."""
+        try:
+            return intent_of(mind.behaviour, situation)
+        except BehaviourError as fault:
+            self._give_up(mind, fault)
+        return mind.behaviour.decide(situation)
+
+    def _note(self, mind: Mind, leg: Leg, now_ns: int) -> None:
+        """See whether one that has just decided goes on like that."""
+        try:
+            self._steady.note(mind, leg, now_ns)
+        except BehaviourError as fault:
+            self._give_up(mind, fault)
+
+    def _give_up(self, mind: Mind, fault: BehaviourError) -> None:
+        """Let one stand for the rest of its life."""
+        self._tell(fault)
+        mind.begin_anew(Failed())
+        self.doers.set(mind.artefact.id, Failed.name)
+
+    def _tell(self, fault: BehaviourError) -> None:
+        if self.tell_fault is None:
+            raise fault
+        self.tell_fault(fault)
 
     def sees(self, me: Fellow, x_m: float, y_m: float) -> bool:
         """Say whether an artefact could go straight to a point, were nobody in its way."""

@@ -14,8 +14,9 @@ from are_ros.artefacts.artefact import Origin
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.population_events import Cause
 from are_ros.artefacts.scenario import Scenario, ScriptedArtefact, Track
-from are_ros.artefacts.track_file import write_tracks
+from are_ros.artefacts.track_file import lines_in, write_tracks
 from are_ros.errors import CatalogueError, ScenarioError
+from are_ros.wording import counted, listed, why_refused
 from are_ros.yaml_text import read_yaml
 
 _EXACT_DIGITS: Final = 15
@@ -32,7 +33,7 @@ def read_scenario(path: Path, catalogue: Catalogue) -> Scenario:
     content = read_yaml(path, f"the scenario {path}", ScenarioError)
     with _as_scenario_errors():
         document = Fields(str(path), content, ("scenario", "artefacts"))
-        head = document.section("scenario", ("name", "random"))
+        head = document.section("scenario", ("name", "random", "track_lines"))
         entries = document.raw("artefacts")
         if not isinstance(entries, list):
             document.refuse("artefacts", "must be a list of artefacts; it may be empty")
@@ -43,10 +44,17 @@ def read_scenario(path: Path, catalogue: Catalogue) -> Scenario:
         ]
         name = head.text("name") if "name" in head else ""
         random = head.flag("random", default=True)
+        if "track_lines" in head:
+            _check_lines(head, files)
     try:
         return Scenario(tuple(artefacts), random, name)
     except ScenarioError as cause:
         raise ScenarioError(f"{path}: {cause}") from cause
+
+
+def scenario_files(path: Path) -> tuple[Path, Path]:
+    """Return the files that a scenario is written into: its own, and that of its long tracks."""
+    return path, path.with_name(f"{path.stem}.tracks.csv")
 
 
 def write_scenario(scenario: Scenario, path: Path) -> list[Path]:
@@ -55,10 +63,14 @@ def write_scenario(scenario: Scenario, path: Path) -> list[Path]:
     What is read again is what was written, to the nanosecond and to the last bit. ScenarioError
     if the files cannot be written.
     """
-    sidecar = path.with_name(f"{path.stem}.tracks.csv")
+    _, sidecar = scenario_files(path)
     artefacts = scenario.artefacts
     tracks = {_key(one): one.track for one in artefacts if one.track and _is_beside(one)}
-    head = {**({"name": scenario.name} if scenario.name else {}), "random": scenario.random}
+    head: dict[str, Any] = {"name": scenario.name} if scenario.name else {}
+    head["random"] = scenario.random
+    if tracks:
+        write_tracks(sidecar, tracks)
+        head["track_lines"] = lines_in(sidecar)
     content = {"scenario": head, "artefacts": [_entry(one, sidecar.name) for one in artefacts]}
     text = yaml.safe_dump(
         content, sort_keys=False, allow_unicode=True, width=_LINE, default_flow_style=None
@@ -66,11 +78,20 @@ def write_scenario(scenario: Scenario, path: Path) -> list[Path]:
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as cause:
-        raise ScenarioError(f"{path} cannot be written ({cause.strerror})") from cause
-    if not tracks:
-        return [path]
-    write_tracks(sidecar, tracks)
-    return [path, sidecar]
+        raise ScenarioError(f"{path} cannot be written ({why_refused(cause)})") from cause
+    return [path, sidecar] if tracks else [path]
+
+
+def _check_lines(head: Fields, files: TrackFiles) -> None:
+    """Refuse tracks of which something is missing, or that are not those of the scenario."""
+    wanted, found = head.raw("track_lines"), files.lines()
+    if wanted != found:
+        names = listed([str(path) for path in files.paths()]) or "no file of tracks"
+        head.refuse(
+            "track_lines",
+            f"is {wanted!r}, but {names} has {counted(found, 'whole line')}: "
+            "it is cut off, or of another run (who changed it by hand leaves the field out)",
+        )
 
 
 @contextmanager

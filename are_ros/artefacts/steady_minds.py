@@ -1,7 +1,6 @@
 """Those whose behaviour would want the same again: they go on all at once, without being asked."""
 
 from collections.abc import Sequence
-from functools import lru_cache
 from operator import itemgetter
 from typing import Final
 
@@ -10,7 +9,7 @@ import numpy.typing as npt
 
 from are_ros.artefacts import _steady_kernels
 from are_ros.artefacts._steady_kernels import BLOCKED, GIVES_WAY, MANOEUVRES, STEADY
-from are_ros.artefacts.behaviours.intent import Behaviour, Steady
+from are_ros.artefacts.behaviours.asking import Asked, steady_of
 from are_ros.artefacts.behaviours.situation import RobotView
 from are_ros.artefacts.mind import (
     BLOCKED_S,
@@ -66,10 +65,12 @@ class SteadyMinds:
         mind.waits, mind.is_going, mind.spot_since_ns = waits, is_going != 0, since_ns
         mind.spot_m = (x_m, y_m) if has_spot else None
 
-    def note(self, mind: Mind, leg: Leg) -> None:
+    def note(self, mind: Mind, leg: Leg, now_ns: int) -> None:
         """See whether one that has just decided is steady now."""
         intent, order = mind.intent, leg.order
-        steady = _steady_of(mind.behaviour)
+        artefact = mind.artefact
+        asked = Asked(artefact.id, artefact.row.label, now_ns)
+        steady = steady_of(mind.behaviour, asked)
         if steady is None or intent is None or steady.intent is not intent:
             return
         can_go = intent.goal_m is None or leg.course >= 0
@@ -176,21 +177,3 @@ def _say(mind: Mind, what: int, traffic: Traffic) -> None:
     elif what == MANOEUVRES:
         words = MANOEUVRING
     mind.say(words)
-
-
-def _steady_of(behaviour: Behaviour) -> Steady | None:
-    """Return what a behaviour says of its intent."""
-    if not _tells(type(behaviour)):
-        return None
-    steady = getattr(behaviour, "steady", None)
-    return steady if isinstance(steady, Steady) else None
-
-
-@lru_cache
-def _tells(kind: type) -> bool:
-    """Tell whether a class has a `steady` that is made for its way to decide.
-
-    One inherited is not, where it decides otherwise than the class that it inherits from.
-    """
-    first = next((one for one in kind.__mro__ if {"decide", "steady"} & vars(one).keys()), None)
-    return first is not None and "steady" in vars(first)

@@ -11,13 +11,11 @@ from are_ros._compiled import compiled
 from are_ros.artefacts.motion._borrowing import borrowing
 from are_ros.world._wall_kernels import TWO_HALF_DIAGONALS
 from are_ros.world.environment import Environment
-from are_ros.world.lattice_cover import covered, lattice_row
+from are_ros.world.lattice_cover import lattice_row
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes
-from are_ros.world.voxel_map import VoxelMap
 
 HEIGHT_STEP_M: Final = 0.25
-_HALF_CELL: Final = 0.5
 _SURELY_MET: Final = 0.25
 """A point is at most this much farther, in cells, from a closed cell than the centre of its own
 cell from that one's: half a diagonal, less half a side."""
@@ -84,10 +82,10 @@ class Terrain:
 
     @cached_property
     def _overhung(self) -> npt.NDArray[np.bool_]:
-        voxels = self.environment.voxels
-        if voxels is None:
+        overhangs = self.environment.overhangs
+        if overhangs is None:
             return np.zeros(self.grid.cells.shape, np.bool_)
-        return _overhung_cells(self.environment, voxels, self.height_m)
+        return overhangs.below(self.height_m)
 
 
 class Terrains:
@@ -114,67 +112,6 @@ class Terrains:
 def has_own_voxels(environment: Environment) -> bool:
     """Tell whether M3D may close cells that are free in the grid."""
     return environment.voxels is not None and not environment.voxels.is_extruded
-
-
-def _overhung_cells(
-    environment: Environment, voxels: VoxelMap, height_m: float
-) -> npt.NDArray[np.bool_]:
-    """Return the cells (height, width) whose square meets a voxel in the way."""
-    grid = environment.grid
-    rows, cols = np.indices(grid.cells.shape)
-    points_m = grid.cells_to_points(np.column_stack((rows.ravel(), cols.ravel())))
-    floors_m = environment.ground.heights(points_m).reshape(grid.cells.shape)
-    floors_m = np.maximum(floors_m, environment.ground.lowest_m())
-    base_m = float(voxels.map_from_lattice.translation_m[2])
-    local = grid.origin.inverse() @ voxels.map_from_lattice
-    width_m, depth_m, layer_m = voxels.voxel_size_m
-    columns = np.argwhere(voxels.occupied.any(axis=2))
-    cosine, sine = math.cos(local.yaw_rad()), math.sin(local.yaw_rad())
-    x0_m, y0_m, _ = local.translation_m
-    overhung = np.zeros(grid.cells.shape, np.bool_)
-    packed = np.zeros((len(columns), 8))
-    along_m, across_m = (columns + _HALF_CELL).T * np.array([[width_m], [depth_m]])
-    packed[:, 0] = x0_m + cosine * along_m - sine * across_m
-    packed[:, 1] = y0_m + sine * along_m + cosine * across_m
-    packed[:, 3], packed[:, 4] = cosine, sine
-    packed[:, 5], packed[:, 6] = _HALF_CELL * width_m, _HALF_CELL * depth_m
-    _mark_columns(
-        overhung,
-        packed,
-        columns,
-        voxels.occupied,
-        floors_m,
-        (base_m, layer_m, environment.ground_clearance_m, height_m),
-        grid.resolution_m,
-    )
-    return overhung
-
-
-@compiled
-def _mark_columns(
-    overhung: npt.NDArray[np.bool_],
-    packed: npt.NDArray[np.float64],
-    columns: npt.NDArray[np.int64],
-    occupied: npt.NDArray[np.uint8],
-    floors_m: npt.NDArray[np.float64],
-    levels_m: tuple[float, float, float, float],
-    resolution_m: float,
-) -> None:
-    """Mark the cells that each column of voxels (M,), a box in the grid's frame, meets."""
-    base, layer, clearance, height = levels_m
-    lattice = np.array([0.0, 0.0, 1.0, 0.0, resolution_m, resolution_m])
-    for i in range(columns.shape[0]):
-        row0, col0, mask = covered(packed, i, lattice, overhung.shape, TOUCH_TOLERANCE_M)
-        for row in range(mask.shape[0]):
-            for col in range(mask.shape[1]):
-                if not mask[row, col] or overhung[row0 + row, col0 + col]:
-                    continue
-                floor = floors_m[row0 + row, col0 + col]
-                for k in range(occupied.shape[2]):
-                    is_above = base + (k + 1) * layer > floor + clearance + TOUCH_TOLERANCE_M
-                    is_below = base + k * layer < floor + height - TOUCH_TOLERANCE_M
-                    if is_above and is_below and occupied[columns[i, 0], columns[i, 1], k]:
-                        overhung[row0 + row, col0 + col] = True
 
 
 def _distances(is_open: npt.NDArray[np.bool_]) -> npt.NDArray[np.float32]:

@@ -23,6 +23,7 @@ import numpy.typing as npt
 from are_ros.artefacts._seconds import ns_of_seconds, seconds_text
 from are_ros.artefacts.scenario import Doing, Track
 from are_ros.errors import ScenarioError
+from are_ros.wording import why_refused
 
 _WHO: Final = "artefact"
 _TIME: Final = "t_s"
@@ -34,6 +35,7 @@ _NONE: Final = "-"
 """No activity, or no end of life that is known; a text of dashes only gets one more."""
 
 _END: Final = "\r\n"
+_PART_BYTES: Final = 1 << 20
 
 _Cells = list[str]
 
@@ -44,7 +46,19 @@ def write_tracks(path: Path, tracks: Mapping[str, Track]) -> None:
         with path.open("w", encoding="utf-8", newline="") as file:
             _write(file, tracks)
     except OSError as cause:
-        raise ScenarioError(f"{path} cannot be written ({cause.strerror})") from cause
+        raise ScenarioError(f"{path} cannot be written ({why_refused(cause)})") from cause
+
+
+def lines_in(path: Path) -> int:
+    """Return how many lines of a file have an end; one that was cut off has fewer than before.
+
+    ScenarioError if it cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            return sum(part.count(b"\n") for part in iter(lambda: file.read(_PART_BYTES), b""))
+    except OSError as cause:
+        raise ScenarioError(f"{path} cannot be read ({cause.strerror})") from cause
 
 
 def read_tracks(path: Path) -> dict[str, Track]:

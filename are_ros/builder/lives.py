@@ -32,7 +32,7 @@ from are_ros.builder.scene import Scene
 from are_ros.builder.spawning import Spawning
 from are_ros.builder.step_clock import StepClock
 from are_ros.conventions import seconds_to_ns
-from are_ros.errors import PlacementError
+from are_ros.errors import BehaviourError, PlacementError
 from are_ros.parameters.model import Parameters
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint
@@ -106,6 +106,10 @@ class Lives:
         """Keep all that happens from the start on; to be called before anything does."""
         self._motions.keeper = LifeKeeper(self._steps.period_ns)
         return self._motions.keeper
+
+    def tell_faults(self, tell: Callable[[BehaviourError], None]) -> None:
+        """Let who has a behaviour that fails stand from then on, and tell; else that is raised."""
+        self._motions.minds.tell_fault = tell
 
     @property
     def motion_counts(self) -> MotionCounts:

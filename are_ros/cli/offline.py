@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from are_ros.cli.options import FILE, SECONDS, animate_option, parameter_options, say
+from are_ros.cli.options import FILE, SECONDS, TOPIC, animate_option, parameter_options, say
 from are_ros.cli.status import IMPERFECT
 
 _SKIPPABLE = ("perception", "grids", "markers")
@@ -28,6 +28,7 @@ _SKIPPABLE = ("perception", "grids", "markers")
     "--topic",
     "topics",
     metavar="ROLE:=/TOPIC",
+    type=TOPIC,
     multiple=True,
     help="Let a topic play a part: map, octomap_point_cloud_centers, odom, scan, "
     "camera/camera_info, tf, tf_static. Repeatable.",
@@ -72,7 +73,14 @@ def replay(**options: Any) -> None:
 
 @click.command(short_help="Say what a recording holds, and what it lacks.")
 @click.argument("bags", metavar="BAG...", nargs=-1, required=True, type=FILE)
-@click.option("--topic", "topics", metavar="ROLE:=/TOPIC", multiple=True, help="As in replay.")
+@click.option(
+    "--topic",
+    "topics",
+    metavar="ROLE:=/TOPIC",
+    type=TOPIC,
+    multiple=True,
+    help="As in replay.",
+)
 @click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="As in replay.")
 @click.option("--map-frame", metavar="NAME", default="map", show_default=True, help="As in replay.")
 @click.option("--static-tf", "static_transforms", metavar="TF", multiple=True, help="As in replay.")
@@ -155,14 +163,14 @@ def view(recording: Path, at_s: float | None, out: Path | None, animate: Path | 
         film = usual if str(animate) == ANIMATION else film_path(animate, usual.parent)
         animate_recording(recording, film, say)
         return
-    from are_ros.replay.film_command import WITHOUT_ROBOT
+    from are_ros.replay.film_command import without_robot
     from are_ros.replay.rviz_picture import draw_rviz
 
     out = out or picture_beside(recording, "rviz.png")
     scene = draw_rviz(recording, out, at_s)
     say(f"picture: {out}")
     if scene.robot is None:
-        say(WITHOUT_ROBOT)
+        say(without_robot(scene.robot_problem))
 
 
 COMMANDS = (replay, inspect, describe, check, view)

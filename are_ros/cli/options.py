@@ -42,6 +42,27 @@ SECONDS: Final = Amount("seconds")
 """A time in a recording, or a length of time."""
 
 
+class Assignment(click.types.StringParamType):
+    """A text NAME:=VALUE, kept as it is; usage is wrong where it has another form."""
+
+    name = "assignment"
+
+    def __init__(self, form: str, example: str) -> None:
+        self._form, self._example = form, example
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Return the text."""
+        text = str(super().convert(value, param, ctx))
+        name, separator, _ = text.partition(":=")
+        if not (separator and name.strip()):
+            self.fail(f"'{text}' must be {self._form}, as {self._example}", param, ctx)
+        return text
+
+
+TOPIC: Final = Assignment("ROLE:=/TOPIC", "scan:=/front/scan")
+"""A topic for a role."""
+
+
 class Film(click.Path):
     """The file of an animation; a recording that was taken for one is told so."""
 
@@ -77,6 +98,7 @@ def parameter_options(command: _Command) -> _Command:
             "--set",
             "assignments",
             metavar="NAME:=VALUE",
+            type=Assignment("NAME:=VALUE", "population.arrival_rate:=0.001"),
             multiple=True,
             help="Set one parameter, as population.arrival_rate:=0.001. Repeatable.",
         ),

@@ -10,6 +10,8 @@ from are_ros.parameters.choices import Appear, Departures, Leave
 from are_ros.parameters.model import Parameters, PopulationParameters
 
 _WORTH_A_WORD = 0.001
+_SETTLED = 3.0
+"""After so many correlation times 95 % of the expected number are there."""
 
 
 def population_lines(
@@ -140,8 +142,9 @@ def _memory_rows(chain: BirthDeath) -> list[tuple[str, str]]:
     """Return for how long the number alive remembers, nothing where it never changes."""
     if chain.members_per_s <= 0.0 or chain.max_alive == 0:
         return []
-    text = f"the number alive forgets in about {_duration(chain.correlation_s)} (correlation time)"
-    return [("memory", text)]
+    forgets, settled = (_duration(n * chain.correlation_s) for n in (1.0, _SETTLED))
+    text = f"forgotten in about {forgets} (correlation time)"
+    return [("memory", f"{text}; a run begins empty: fewer in its first {settled}")]
 
 
 def _forever_rows(

@@ -7,6 +7,7 @@ from typing import Final
 from are_ros.errors import InputError
 from are_ros.experiments.soak import SoakResult
 from are_ros.experiments.soak_picture import draw_soak
+from are_ros.wording import why_refused
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 NUMBERS: Final = "soak.json"
@@ -21,5 +22,5 @@ def write_soak(result: SoakResult, grid: OccupancyGrid, folder: Path) -> None:
         (folder / NUMBERS).write_text(text + "\n", encoding="utf-8")
         draw_soak(result, grid, folder / PICTURE)
     except OSError as cause:
-        reason = (cause.strerror or str(cause)).lower()
-        raise InputError(f"{folder}: the results cannot be written ({reason})") from cause
+        message = f"{folder}: the results cannot be written ({why_refused(cause)})"
+        raise InputError(message) from cause

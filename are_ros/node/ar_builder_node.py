@@ -133,8 +133,11 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
 
     def flush(self, timeout_s: float) -> None:
         """Wait until subscribers have what was published, but no longer than this."""
-        if self._outlets is not None:
-            self._outlets.flush(timeout_s)
+        late = self._outlets.flush(timeout_s) if self._outlets is not None else []
+        if late:
+            self.get_logger().warning(
+                f"a subscriber has not taken the last of {', '.join(late)} within {timeout_s:g} s"
+            )
 
     def _configure(self, parameters: Parameters) -> None:
         catalogue = self._catalogue = catalogue_of(parameters)
@@ -183,6 +186,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         if outlets.has_new_viewer():
             live.new_viewer()
         live.work(self.now_ns())
+        for sentence in live.faults.sentences(monotonic_ns()):
+            self.get_logger().error(sentence)
         self._reporter.happened(live.take_events(), monotonic_ns())
         due_ns = live.next_due_ns()
         if due_ns is None:

@@ -34,7 +34,7 @@ def statuses(snapshot: NodeSnapshot) -> list[Status]:
     if snapshot.state is not NodeState.ACTIVE:
         return found
     found += [_robot(snapshot), _camera(snapshot), _cloud(snapshot)]
-    found += [_ticks(snapshot), _population(snapshot), _contacts(snapshot)]
+    found += [_ticks(snapshot), _population(snapshot), _behaviours(snapshot), _contacts(snapshot)]
     return found + [_scan(scan) for scan in snapshot.scans]
 
 
@@ -146,6 +146,16 @@ def _population(snapshot: NodeSnapshot) -> Status:
         )
         return Status(Level.WARN, "population", message, values)
     return Status(Level.OK, "population", f"{counted(counts.alive, 'artefact')} alive", values)
+
+
+def _behaviours(snapshot: NodeSnapshot) -> Status:
+    faults = snapshot.faults
+    values = {name: f"{count} failed" for name, count in faults.counts.items()}
+    if not faults.counts:
+        return Status(Level.OK, "behaviours", "none failed", values)
+    who = counted(sum(faults.counts.values()), "artefact")
+    message = f"the behaviour of {who} has failed, who stood from then on; the last: {faults.last}"
+    return Status(Level.WARN, "behaviours", message, values)
 
 
 def _contacts(snapshot: NodeSnapshot) -> Status:

@@ -19,6 +19,7 @@ from are_ros.messages.feed import Decoding, Feed, RawMessage
 from are_ros.messages.goals import read_clicked_point
 from are_ros.messages.grid import read_grid
 from are_ros.messages.tick_encoding import TickEncoder, encode_scan, scan_outputs
+from are_ros.node.fault_watch import FaultWatch
 from are_ros.node.tick_watch import TickWatch
 from are_ros.parameters.choices import CostmapGate, SensorGate
 from are_ros.parameters.model import Parameters
@@ -69,6 +70,7 @@ class LiveBuilder:
     ) -> None:
         self.builder = ArBuilder(parameters, catalogue)
         self.requests = Requests(self.builder)
+        self.faults = FaultWatch()
         self.watch = TickWatch(round(NS_PER_S / parameters.builder.tick_rate))
         self.is_running = False
         self._events: list[ArtefactEvent] = []
@@ -85,6 +87,7 @@ class LiveBuilder:
         scans = [topic for topic, role in roles.items() if role == "scan"]
         self._scan_outputs = scan_outputs(scans)
         self.builder.lives.is_paused = True
+        self.builder.lives.tell_faults(self.faults.take)
         if "camera/camera_info" in roles.values():
             self.builder.await_camera()
 

@@ -101,6 +101,7 @@ class Reporter:
             "ticks": live.watch.figures(now_ns),
             "population": self._population(builder, now_ns),
             "contacts": self._contacts(builder, now_ns),
+            "faults": live.faults.snapshot(),
             "scans": tuple(self._scans(builder, now_ns)),
         }
 

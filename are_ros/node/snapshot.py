@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from enum import Enum
 
+from are_ros.node.fault_watch import FaultSnapshot
 from are_ros.node.input_watch import InputFigures
 from are_ros.node.tick_watch import TickFigures
 
@@ -89,3 +90,4 @@ class NodeSnapshot:
     population: PopulationSnapshot = field(default_factory=PopulationSnapshot)
     contacts: ContactSnapshot = field(default_factory=ContactSnapshot)
     scans: tuple[ScanSnapshot, ...] = ()
+    faults: FaultSnapshot = field(default_factory=FaultSnapshot)

@@ -1,20 +1,24 @@
 """The `ros__parameters` file of node and replay, and `name:=value` of a command line."""
 
+import difflib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from are_ros.errors import ParameterError
-from are_ros.parameters.declaration import Value, describe, flatten
+from are_ros.parameters.declaration import Value, describe, flatten, with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.node_parameters import NodeParameters
+from are_ros.wording import listed
 from are_ros.yaml_text import parse_yaml, read_yaml
 
 _NODE = "ar_builder"
-
+_SECTION = "ros__parameters"
+_OURS = (_NODE, "*", "**")
+"""How the last part of a node's name addresses us, as rcl matches names of nodes."""
 
 _OF_ROS_ITSELF = ("use_sim_time", "qos_overrides", "start_type_description_service")
 _OF_THE_NODE = tuple(item.path for item in describe(NodeParameters()))
@@ -23,18 +27,32 @@ _OF_THE_NODE = tuple(item.path for item in describe(NodeParameters()))
 def read_ros_parameters(path: Path) -> dict[str, Any]:
     """Return the values by path that a file gives to the node `ar_builder`.
 
-    Sections `/**`, `ar_builder` and any `/name/space/ar_builder` count, later ones win; names that
-    rclpy itself owns (use_sim_time and the like), and the node's own (autostart), are left to
-    them. Raises ParameterError.
+    Sections `/**`, `ar_builder` and any `/name/space/ar_builder` count, also where namespaces are
+    nested, later ones win; names that rclpy itself owns (use_sim_time and the like), and the
+    node's own (autostart), are left to them. Raises ParameterError, also where nothing in the
+    file is for the node.
     """
     content = read_yaml(path, f"parameter file {path}", ParameterError)
     if not isinstance(content, Mapping):
-        raise ParameterError(f"parameter file {path.name}: its top level is not a mapping")
+        raise ParameterError(f"parameter file {path}: its top level is not a mapping")
+    sections = [*_sections(content)]
+    ours = [(node, section) for node, section in sections if _is_for_us(node)]
+    if not ours:
+        reason = _why_for_nobody(content, [node for node, _ in sections])
+        raise ParameterError(f"parameter file {path} holds nothing for {_NODE}: {reason}")
     values: dict[str, Any] = {}
-    for node, section in content.items():
-        if _is_for_us(str(node)):
-            values.update(_flattened(_own_values(path, str(node), section)))
+    for node, section in ours:
+        values.update(_flattened(_own_values(path, node, section)))
     return {name: value for name, value in values.items() if not _belongs_to_ros(name)}
+
+
+def with_file(parameters: Parameters, path: Path) -> Parameters:
+    """Return parameters with the values of a file; ParameterError names the file."""
+    values = read_ros_parameters(path)
+    try:
+        return with_values(parameters, values)
+    except ParameterError as cause:
+        raise ParameterError(f"{path}: {cause}") from cause
 
 
 def in_any_namespace(path: Path) -> str:
@@ -62,14 +80,39 @@ def write_ros_parameters(parameters: Parameters) -> str:
     return "".join(_lines(parameters))
 
 
+def _sections(content: Mapping[Any, Any], namespace: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the name and the section of each node, and of what has the name of ours."""
+    for key, section in content.items():
+        node = f"{namespace}{key}"
+        is_namespace = isinstance(section, Mapping) and _SECTION not in section
+        if is_namespace and not _is_for_us(node):
+            yield from _sections(section, f"{node}/")
+        elif _is_for_us(node) or isinstance(section, Mapping):
+            yield node, section
+
+
 def _is_for_us(node: str) -> bool:
-    return node == "/**" or node.rsplit("/", maxsplit=1)[-1] == _NODE
+    return node.rsplit("/", maxsplit=1)[-1] in _OURS
+
+
+def _why_for_nobody(content: Mapping[Any, Any], nodes: Sequence[str]) -> str:
+    """Return what a file that addresses nobody of us holds instead."""
+    known = {item.path for item in describe(Parameters())}
+    known |= {path.split(".", maxsplit=1)[0] for path in known}
+    for name in map(str, content):
+        if name == _SECTION or name in known:
+            above = f"'{_NODE}:'" if name == _SECTION else f"'{_NODE}:' and '{_SECTION}:'"
+            return f"'{name}' stands in it without {above} above"
+    names = {name.rsplit("/", maxsplit=1)[-1]: name for name in (*map(str, content), *nodes)}
+    if near := difflib.get_close_matches(_NODE, names, n=1):
+        return f"it is for '{names[near[0]]}'; did you mean '{_NODE}'?"
+    return f"it is for {listed(nodes)}" if nodes else "no node is named in it"
 
 
 def _own_values(path: Path, node: str, section: Any) -> Mapping[str, Any]:
-    own = section.get("ros__parameters") if isinstance(section, Mapping) else None
+    own = section.get(_SECTION) if isinstance(section, Mapping) else None
     if not isinstance(own, Mapping):
-        raise ParameterError(f"parameter file {path.name}: '{node}' has no ros__parameters mapping")
+        raise ParameterError(f"parameter file {path}: '{node}' has no {_SECTION} mapping")
     return own
 
 

@@ -26,6 +26,7 @@ from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.output_folder import AUGMENTED
 from are_ros.replay.roles import find_roles
 from are_ros.replay.runner import Progress
+from are_ros.wording import why_refused
 
 NODE: Final = "/ar_builder"
 _RECORDER: Final = f"/{NODE_NAME}"
@@ -99,7 +100,7 @@ def _prepare(options: DemoOptions) -> None:
         text = write_ros_parameters(parameters)
         (options.out / "effective.yaml").write_text(text, encoding="utf-8")
     except OSError as cause:
-        message = f"--out {options.out}: it cannot be written ({cause.strerror})"
+        message = f"--out {options.out}: it cannot be written ({why_refused(cause)})"
         raise BagError(message) from cause
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from are_ros.errors import BagError
 from are_ros.replay.bag_writer import partial_path
+from are_ros.wording import why_refused
 
 _OTHER_KINDS = (".bag", ".db3", ".part", ".yaml")
 
@@ -70,7 +71,7 @@ class RecordOptions:
         try:
             self.file.parent.mkdir(parents=True, exist_ok=True)
         except OSError as cause:
-            message = f"{self.file.parent}: the folder cannot be made: {cause.strerror}"
+            message = f"{self.file.parent}: the folder cannot be made: {why_refused(cause)}"
             raise BagError(message) from cause
 
     def _refuse_existing(self) -> None:

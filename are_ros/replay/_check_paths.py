@@ -39,6 +39,11 @@ def find_recording(path: Path) -> RecordingFiles:
         raise BagError(f"{path}: there is no such file or folder")
     if path.is_dir():
         return _in_folder(path)
+    if path.suffix == ".bag":
+        raise BagError(
+            f"{path}: a recording of ROS 1 holds inputs only, and what the node or a replay gave "
+            "out is needed: run `are replay` on it first, and give the folder of the results"
+        )
     if path.suffix not in _SUFFIXES:
         raise BagError(f"{path}: no recording of ROS 2; .mcap and .db3 files are")
     is_replay = path.name == RECORDING and (path.parent / _METRICS).is_file()

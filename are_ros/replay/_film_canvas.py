@@ -20,6 +20,8 @@ FLOOR: Final[Rgb] = (252, 252, 251)
 INK: Final[Rgb] = (35, 40, 46)
 HEADER_PX, FOOTER_PX = 30, 26
 _SHIFT: Final = 4
+_DASH_PX: Final = (7.0, 4.0)
+"""From dash to dash, and how long one is."""
 _FINE: Final = 3
 """The map is drawn so many times larger, and then reduced."""
 
@@ -101,6 +103,14 @@ def line(
     import cv2
 
     cv2.polylines(picture, [_fixed(points_px)], closed, colour, width_px, cv2.LINE_AA, _SHIFT)
+
+
+def dashed(picture: Picture, start_px: Floats, end_px: Floats, colour: Rgb) -> None:
+    """Draw a dashed line between two points (2,)."""
+    length = float(np.linalg.norm(end_px - start_px))
+    for begin in np.arange(0.0, length, _DASH_PX[0]).tolist():
+        shares = (begin / length, min((begin + _DASH_PX[1]) / length, 1.0))
+        line(picture, np.array([start_px + a * (end_px - start_px) for a in shares]), colour)
 
 
 def ring(picture: Picture, centre_px: Floats, radius_px: float, colour: Rgb, width_px: int) -> None:

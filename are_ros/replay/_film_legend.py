@@ -11,6 +11,7 @@ from are_ros.replay._film_canvas import (
     INK,
     Picture,
     Rgb,
+    dashed,
     fill,
     line,
     ring,
@@ -55,6 +56,16 @@ def robot(colour: Rgb) -> Sign:
     return partial(_draw_robot, colour)
 
 
+def circle(colour: Rgb) -> Sign:
+    """Return the sign of an open circle."""
+    return partial(_draw_circle, colour)
+
+
+def dashes(colour: Rgb) -> Sign:
+    """Return the sign of a dashed line."""
+    return partial(_draw_dashes, colour)
+
+
 def draw_legend(picture: Picture, header: Sequence[Entry], footer: Sequence[Entry]) -> None:
     """Draw as many entries as there is room for; those of the header end at its right."""
     height, width = picture.shape[:2]
@@ -85,6 +96,14 @@ def _draw_patch(colour: Rgb, share: float, picture: Picture, x: float, y: float)
 
 def _draw_way(colour: Rgb, picture: Picture, x: float, y: float) -> None:
     line(picture, np.array(((x, y + 8), (x + 14, y + 8)), float), colour, 2)
+
+
+def _draw_circle(colour: Rgb, picture: Picture, x: float, y: float) -> None:
+    ring(picture, np.array((x + 7.0, y + 8.5)), 5.5, colour, 1)
+
+
+def _draw_dashes(colour: Rgb, picture: Picture, x: float, y: float) -> None:
+    dashed(picture, np.array((x, y + 8)), np.array((x + 14, y + 8)), colour)
 
 
 def _draw_robot(colour: Rgb, picture: Picture, x: float, y: float) -> None:

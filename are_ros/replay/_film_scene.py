@@ -14,6 +14,7 @@ from are_ros.replay._film_canvas import (
     Picture,
     Rgb,
     Stage,
+    dashed,
     fill,
     line,
     mixed,
@@ -21,7 +22,7 @@ from are_ros.replay._film_canvas import (
     write,
 )
 from are_ros.replay._film_labels import Labels, bounds_of
-from are_ros.replay._film_legend import Entry, draw_legend, patch, robot, way
+from are_ros.replay._film_legend import Entry, circle, dashes, draw_legend, patch, robot, way
 from are_ros.replay._picture_artefacts import class_colours
 from are_ros.replay._picture_company import companies
 from are_ros.replay._picture_map import known_part, window_of
@@ -43,10 +44,16 @@ _FLASHES: Final[dict[EventKind, Rgb]] = {
     EventKind.ARRIVED: (120, 130, 140),
     EventKind.DEPARTED: (170, 178, 186),
 }
+_FLASH_NAMES: Final[dict[str, tuple[EventKind, ...]]] = {
+    "comes or goes": (EventKind.ARRIVED, EventKind.DEPARTED),
+    "robot contact": (EventKind.ROBOT_CONTACT,),
+    "displaced": (EventKind.DISPLACED,),
+}
 _ROBOT: Final = rgb_of(TIME_COLOURS[1])
 _PATH: Final = mixed(_ROBOT, 0.45)
 _SEEN: Final = rgb_of(SEEN_COLOUR)
 _GREY: Final = (108, 117, 125)
+_FOLLOWING: Final[Rgb] = (90, 98, 106)
 _TEXT_PX: Final = 13
 _SMALLEST_ROBOT_M_PX: Final = 9.0
 
@@ -138,7 +145,7 @@ class FilmScene:
         for one in self._companies:
             ids = (one.follower.artefact_id, one.leader.artefact_id)
             if one.start_ns <= stamp_ns < one.end_ns and all(i in centre_of for i in ids):
-                _dashed(picture, centre_of[ids[0]], centre_of[ids[1]])
+                dashed(picture, centre_of[ids[0]], centre_of[ids[1]], _FOLLOWING)
 
     def _draw_flashes(self, picture: Picture, stamp_ns: int) -> None:
         """Draw a growing ring where something happened a moment ago."""
@@ -179,14 +186,17 @@ class FilmScene:
                 Entry("perceived", patch(_GREY)),
                 Entry("not perceived", patch(_GREY, UNSEEN_SHARE)),
             ]
-        draw_legend(picture, header, footer)
+        draw_legend(picture, header, [*footer, *self._happenings()])
 
-
-def _dashed(picture: Picture, start: Floats, end: Floats) -> None:
-    length = float(np.linalg.norm(end - start))
-    for begin in np.arange(0.0, length, 7.0).tolist():
-        shares = (begin / length, min((begin + 4.0) / length, 1.0))
-        line(picture, np.array([start + share * (end - start) for share in shares]), (90, 98, 106))
+    def _happenings(self) -> list[Entry]:
+        """Name the rings and lines of what happens, as far as it happens."""
+        kinds = {event.kind for event in self._record.events}
+        entries = [
+            Entry(name, circle(_FLASHES[own[0]]))
+            for name, own in _FLASH_NAMES.items()
+            if kinds.intersection(own)
+        ]
+        return [*entries, *([Entry("follows", dashes(_FOLLOWING))] if self._companies else [])]
 
 
 def _at_least(outline_m: Floats, smallest_m: float) -> Floats:

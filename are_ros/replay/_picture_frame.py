@@ -92,13 +92,19 @@ def draw_map(sheet: Sheet, grid: OccupancyGrid, part: KnownPart) -> None:
 
 
 def draw_frame(
-    sheet: Sheet, record: SceneRecord, legends: Sequence[Sequence[Any]], *, without_id: int = 0
+    sheet: Sheet,
+    record: SceneRecord,
+    legends: Sequence[Sequence[Any]],
+    *,
+    without_id: int = 0,
+    ids_as_in: str = "metrics.json",
 ) -> None:
     """Write title and legends around the map, and the scale of length and of time.
 
-    `without_id` artefacts have no id beside them, for want of room.
+    `without_id` artefacts have no id beside them, for want of room; `ids_as_in` is where a reader
+    finds ids again.
     """
-    draw_surroundings(sheet, _title(record), _subtitle(record, without_id), legends)
+    draw_surroundings(sheet, _title(record), _subtitle(record, without_id, ids_as_in), legends)
     if len(record.robot):
         _draw_time(sheet, record)
 
@@ -125,12 +131,12 @@ def _title(record: SceneRecord) -> str:
     return f"{counted(arrived, 'virtual artefact')} arrived, {perceived} perceived"
 
 
-def _subtitle(record: SceneRecord, without_id: int) -> str:
+def _subtitle(record: SceneRecord, without_id: int, ids_as_in: str = "metrics.json") -> str:
     steps = np.diff(record.robot.poses[:, :2], axis=0)
     driven_m = float(np.linalg.norm(steps, axis=1).sum())
     counts = Counter(event.kind for event in record.events)
     blocked = counts[EventKind.BLOCKED]
-    ids = "numbers are ids, as in metrics.json"
+    ids = f"numbers are ids, as in {ids_as_in}"
     if without_id:
         ids += f"; {without_id} have no room"
     parts = [

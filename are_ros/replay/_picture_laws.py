@@ -102,10 +102,10 @@ def draw_shares(axes: Any, trial: Trial) -> None:
 
 def draw_waits(axes: Any, trial: Trial) -> None:
     """Draw the waiting times between arrivals and their exponential density (the Fig. 3a)."""
-    mean_s = 1.0 / trial.chain.groups_per_s
+    law_mean_s, mean_s = 1.0 / trial.chain.groups_per_s, float(trial.waits_s.mean())
     reach_s, unit_s, name = _reach(trial.waits_s)
     times_s = np.linspace(0.0, reach_s, 200)
-    _draw_density(axes, trial.waits_s, times_s, np.exp(-times_s / mean_s) / mean_s, unit_s)
+    _draw_density(axes, trial.waits_s, times_s, np.exp(-times_s / law_mean_s) / law_mean_s, unit_s)
     noun = "groups" if trial.chain.is_grouped else "arrivals"
     count = f"{len(trial.waits_s)} {noun}, mean {mean_s / unit_s:.3g} {name}"
     _write(axes, [count, _p_text("KS", statistics.waits_p_value(trial))])

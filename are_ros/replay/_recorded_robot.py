@@ -1,28 +1,17 @@
 """Where robot and camera were, from the transforms of a recording, as the node itself finds it."""
 
-from typing import Any, Final
+from typing import Any
 
-from are_ros.builder.assembly import (
-    chosen_camera,
-    default_camera,
-    robot_tracker,
-    set_static_frames,
-)
-from are_ros.errors import FrameError
+from are_ros.builder.assembly import chosen_camera, default_camera, robot_tracker
 from are_ros.messages.camera_info import read_camera_info
 from are_ros.messages.headers import read_header
 from are_ros.messages.odometry import OdometryNumbers
 from are_ros.messages.transforms import StampedTransform
-from are_ros.parameters.choices import CameraModel, OdometryUse
+from are_ros.parameters.choices import CameraModel
 from are_ros.parameters.model import Parameters
-from are_ros.world.frame_tree import FrameTree, TransformSource
+from are_ros.replay._recorded_frames import RecordedFrames
 from are_ros.world.observer import Camera
 from are_ros.world.rigid_transform import RigidTransform
-
-_SOURCES: Final = {
-    OdometryUse.AUTO: TransformSource.ODOMETRY,
-    OdometryUse.USE: TransformSource.PREFERRED_ODOMETRY,
-}
 
 
 class RecordedRobot:
@@ -34,36 +23,18 @@ class RecordedRobot:
     def __init__(self, parameters: Parameters, *, has_camera_info: bool) -> None:
         """Take the parameters; without CameraInfo in the recording theirs is the camera."""
         self._parameters = parameters
-        self._frames = FrameTree()
-        set_static_frames(parameters, self._frames)
-        self._tracker = robot_tracker(parameters, self._frames)
+        self._frames = RecordedFrames(parameters)
+        self._tracker = robot_tracker(parameters, self._frames.tree)
         is_awaited = has_camera_info and parameters.camera.model is CameraModel.AUTO
         self.camera: Camera | None = None if is_awaited else default_camera(parameters)
 
     def take_transform(self, transform: StampedTransform, *, is_static: bool) -> None:
         """Take one of /tf or /tf_static."""
-        parent, child, stamp_ns, place, turn = transform
-        try:
-            if is_static:
-                self._frames.set_static(parent, child, place, turn)
-            else:
-                self._frames.set_transform(parent, child, stamp_ns, place, turn)
-        except FrameError:
-            return
+        self._frames.take_transform(transform, is_static=is_static)
 
     def take_odometry(self, numbers: OdometryNumbers) -> None:
         """Take the pose of an odometry, as `frames.odometry` says."""
-        source = _SOURCES.get(self._parameters.frames.odometry)
-        if source is None:
-            return
-        child = numbers.child_frame_id or self._tracker.base_frame()
-        place, turn = numbers.pose[:3], numbers.pose[3:]
-        try:
-            self._frames.set_transform(
-                numbers.frame_id, child, numbers.stamp_ns, place, turn, source=source
-            )
-        except FrameError:
-            return
+        self._frames.take_odometry(numbers, self._tracker.base_frame())
 
     def take_camera(self, message: Any) -> None:
         """Take a CameraInfo. Raises InputError where it describes no camera."""
@@ -71,6 +42,11 @@ class RecordedRobot:
         frame_id = read_header(message, "camera_info").frame_id
         received = Camera(view, frame_id, RigidTransform.identity())
         self.camera = chosen_camera(self._parameters, received)
+
+    @property
+    def missing(self) -> str:
+        """Why the pose of the robot that was asked for last is not known, empty if it is."""
+        return self._tracker.missing
 
     def poses(self, now_ns: int) -> tuple[RigidTransform | None, RigidTransform | None]:
         """Return map_from_base and map_from_camera as of a tick, None where not known."""

@@ -15,6 +15,7 @@ from are_ros.replay._film_writers import OpenFilm
 from are_ros.replay.film_path import why_no_film
 from are_ros.replay.runner import Progress
 from are_ros.replay.scene_record import SceneRecord
+from are_ros.wording import why_refused
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 OpenProgress = Callable[[int, int], Progress]
@@ -73,8 +74,7 @@ def write_animation(
             if _written(scene, stamps, path, open_progress, limit):
                 break
     except OSError as cause:
-        reason = (cause.strerror or str(cause)).lower()
-        message = f"{path}: the animation cannot be written ({reason})"
+        message = f"{path}: the animation cannot be written ({why_refused(cause)})"
         raise BagError(message) from cause
     return Film(path, len(stamps), speed, scene.stage.size, path.stat().st_size)
 

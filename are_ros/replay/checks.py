@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Final
 
 from are_ros.errors import BagError
-from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.parameters.ros_yaml import read_ros_parameters
+from are_ros.parameters.ros_yaml import with_file
 from are_ros.replay._check_cells import RealMap
 from are_ros.replay._check_farewells import check_farewells
 from are_ros.replay._check_file import PREFIX, check_file, check_files
@@ -148,7 +147,7 @@ def _read_map(path: Path, frame_id: str) -> RealMap:
 
 def _read_parameters(path: Path | None) -> Parameters | None:
     """Return the effective parameters, None where they were not kept."""
-    return None if path is None else with_values(Parameters(), read_ros_parameters(path))
+    return None if path is None else with_file(Parameters(), path)
 
 
 class _Meter:

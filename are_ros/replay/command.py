@@ -1,17 +1,19 @@
 """The commands of `are` that read recordings, without the shell: text goes out by a callable."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
+from are_ros.artefacts.population_events import Cause
 from are_ros.builder.assembly import catalogue_of, parse_static_transform
+from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.tick import Demand
 from are_ros.description.configuration import describe_lines
 from are_ros.description.site import Site, surveyed
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.parameters.ros_yaml import parse_assignment, read_ros_parameters, write_ros_parameters
+from are_ros.parameters.ros_yaml import parse_assignment, with_file, write_ros_parameters
 from are_ros.parameters.validation import validated
 from are_ros.replay._bag_files import recording_in
 from are_ros.replay.bag_reader import BagReader
@@ -40,6 +42,8 @@ from are_ros.world.map_file import read_map_file
 
 Say = Callable[[str], None]
 
+_SHOWN_REFUSALS: Final = 5
+
 
 def effective_parameters(
     parameter_files: Sequence[Path],
@@ -55,7 +59,7 @@ def effective_parameters(
     """
     parameters = Parameters()
     for path in parameter_files:
-        parameters = with_values(parameters, read_ros_parameters(path))
+        parameters = with_file(parameters, path)
     parameters = with_values(parameters, dict(parse_assignment(text) for text in assignments))
     options: dict[str, Any] = {}
     if seed is not None:
@@ -160,7 +164,10 @@ def _timing(outcome: Outcome) -> Content:
 
 
 def complaints(outcome: Outcome) -> list[str]:
-    """Return a sentence for each topic that had messages refused, or scans left as they were."""
+    """Return a sentence for each topic that had messages refused, or scans left as they were.
+
+    And for whatever else a user should look at, such as a map that does not fit the robot's way.
+    """
     refusals = outcome.refusals
     lines = [
         f"refused: {sentence}" + (f" ({counted(count, 'message')})" if count > 1 else "")
@@ -174,6 +181,17 @@ def complaints(outcome: Outcome) -> list[str]:
         lines.append(
             f"nothing was perceived, the camera's pose is not known: {outcome.camera_problem}"
         )
+    return [*lines, *refused_by_script(outcome.record.events), *outcome.map_doubts]
+
+
+def refused_by_script(events: Iterable[ArtefactEvent]) -> list[str]:
+    """Return a sentence for each of the first scripted artefacts that could not arrive."""
+    causes = {cause.value for cause in Cause}
+    blocked = (event.detail for event in events if event.kind is EventKind.BLOCKED)
+    reasons = [detail for detail in blocked if detail not in causes]
+    lines = [f"blocked: {reason}" for reason in reasons[:_SHOWN_REFUSALS]]
+    if others := reasons[_SHOWN_REFUSALS:]:
+        lines.append(f"blocked: and {len(others)} more, see blocked_by_cause in metrics.json")
     return lines
 
 

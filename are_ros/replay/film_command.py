@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from are_ros.replay._check_file import PREFIX
 from are_ros.replay.animation import write_animation
 from are_ros.replay.overview import draw_overview
 from are_ros.replay.progress_bar import ProgressBar
@@ -17,6 +18,11 @@ WITHOUT_ROBOT: Final = (
     "the robot is not shown: the recording does not tell where it is; "
     "`are replay BAG --with-inputs` writes the inputs, which do, beside the outputs"
 )
+
+
+def without_robot(problem: str) -> str:
+    """Return the sentence for a picture without the robot: why, or what would tell where it is."""
+    return f"the robot is not shown: {problem}" if problem else WITHOUT_ROBOT
 
 
 def animate(
@@ -40,13 +46,19 @@ def animate_recording(recording: Path, path: Path, say: Say) -> None:
     threshold = scene.parameters.world.occupied_threshold
     animate(scene.record, scene.grid, path, threshold, say)
     if not len(scene.record.robot):
-        say(WITHOUT_ROBOT)
+        say(without_robot(scene.robot_problem))
 
 
 def draw_recording(recording: Path, picture: Path, film: Path | None, say: Say) -> None:
     """Draw the overview of a recording and, if wanted, an animation of it. Raises AreError."""
     scene = read_with_bar(recording)
     threshold = scene.parameters.world.occupied_threshold
-    draw_overview(scene.record, scene.grid, picture, occupied_threshold=threshold)
+    draw_overview(
+        scene.record,
+        scene.grid,
+        picture,
+        occupied_threshold=threshold,
+        ids_as_in=f"{PREFIX}artefacts",
+    )
     if film is not None:
         animate(scene.record, scene.grid, film, threshold, say)

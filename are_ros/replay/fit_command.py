@@ -11,9 +11,8 @@ from tqdm import tqdm
 from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.artefacts.mixture_fit import Progress, best_by_bic, fit_by_bic, fit_mixture
 from are_ros.errors import InputError, ParameterError
-from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.parameters.ros_yaml import read_ros_parameters
+from are_ros.parameters.ros_yaml import with_file
 from are_ros.replay._check_paths import find_recording
 from are_ros.replay._picture_fit import draw_fit
 from are_ros.replay.fit_input import ObservedRows, RowSpace, is_recording, read_observed
@@ -74,7 +73,7 @@ def row_space(options: FitOptions) -> tuple[RowSpace, Path | None]:
         return RowSpace.of(read_catalogue(options.catalogue_file)), options.catalogue_file
     parameters = Parameters()
     for path in _parameter_files(options):
-        parameters = with_values(parameters, read_ros_parameters(path))
+        parameters = with_file(parameters, path)
     if not parameters.catalogue:
         return RowSpace.of(read_catalogue()), None
     return RowSpace.of(read_catalogue(Path(parameters.catalogue))), Path(parameters.catalogue)

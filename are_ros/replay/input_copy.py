@@ -1,11 +1,14 @@
 """The inputs of a replay beside its outputs: `--with-inputs`."""
 
 from collections.abc import Mapping
+from contextlib import suppress
+from struct import error as StructError  # noqa: N812
 from typing import Any
 
 from are_ros.errors import AreError
 from are_ros.messages.factory import MessageFactory
 from are_ros.messages.grid import make_grid
+from are_ros.messages.transform_encoding import encode_transforms_cdr
 from are_ros.messages.transforms import StampedTransform, make_transforms
 from are_ros.replay.bag_reader import BagMessage, BagReader
 from are_ros.replay.bag_writer import BagWriter
@@ -13,7 +16,8 @@ from are_ros.replay.message_types import jazzy_typestore
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 _LATCHED_ROLES = ("map", "octomap_point_cloud_centers", "tf_static")
-_TYPES = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
+_TRANSFORMS = "tf2_msgs/msg/TFMessage"
+_TYPES = {"tf/msg/tfMessage": _TRANSFORMS}
 _BASE_KIND, _MESSAGE_KIND, _ARRAY_KIND = 1, 2, 3
 
 
@@ -47,13 +51,22 @@ class InputCopy:
             self._writer.write_raw(message.topic, received_ns, message.data)
             return
         try:
-            original = self._reader.deserialize(message)
+            data = self._as_ros2(message)
         except AreError:
             return
+        self._writer.write_raw(message.topic, received_ns, data)
+
+    def _as_ros2(self, message: BagMessage) -> bytes | memoryview:
+        """Return the bytes of a ROS 1 message as ROS 2 has them. Raises InputError, BagError."""
         type_name = self._types[message.topic]
-        self._writer.write(
-            message.topic, received_ns, converted(self._factory, original, type_name)
+        if type_name == _TRANSFORMS:
+            with suppress(StructError):  # a stamp that ROS 2 has not: let the general way complain
+                return encode_transforms_cdr(self._reader.transforms(message))
+        original = self._reader.deserialize(message)
+        data: memoryview = jazzy_typestore().serialize_cdr(
+            converted(self._factory, original, type_name), type_name
         )
+        return data
 
     def write_map(self, topic: str, grid: OccupancyGrid, now_ns: int) -> None:
         """Append the map that came from a file, once."""
@@ -66,7 +79,7 @@ class InputCopy:
         """Append the static transforms that were given as parameters."""
         topic = "/tf_static"
         if topic not in self._types:
-            self._types[topic] = "tf2_msgs/msg/TFMessage"
+            self._types[topic] = _TRANSFORMS
             self._writer.add_topic(topic, self._types[topic], is_latched=True, depth=100)
         self._writer.write(topic, now_ns, make_transforms(self._factory, transforms))
 

@@ -162,9 +162,10 @@ def _missing_pose(survey: FrameSurvey, map_frame: str, base_frame: str) -> Itera
         names = " nor ".join(_BASE_FRAMES)
         yield f"there is no frame of the base, neither {names}: set frames.base (frames: {known})"
     elif map_frame not in survey.connected_to(base_frame):
-        beside = ", ".join(sorted(survey.connected_to(base_frame)))
+        beside = ", ".join(sorted(survey.connected_to(base_frame) - {base_frame}))
+        others = f", which hangs together with {beside}" if beside else ""
         yield (
-            f"nothing joins {map_frame} to {base_frame}, which hangs together with {beside}:"
+            f"nothing joins {map_frame} to {base_frame}{others}:"
             f" give the transform with --static-tf, or the map's frame with --map-frame"
         )
 

@@ -1,11 +1,14 @@
 """The folder of a replay's results: made before the run, and never left with half of a set."""
 
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
+from are_ros.artefacts.scenario_file import scenario_files
 from are_ros.errors import BagError
+from are_ros.wording import why_refused
 
 AUGMENTED: Final = "augmented.mcap"
 RESULTS: Final = (AUGMENTED, "overview.png", "effective.yaml", "metrics.json", "timing.json")
@@ -13,16 +16,28 @@ RESULTS: Final = (AUGMENTED, "overview.png", "effective.yaml", "metrics.json", "
 
 def prepare_folder(folder: Path) -> None:
     """Make the folder; BagError if it cannot be, or if a folder has the name of a result."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as cause:
-        is_taken = isinstance(cause, FileExistsError)
-        reason = "it is a file" if is_taken else (cause.strerror or "unknown").lower()
-        message = f"--out {folder}: the folder cannot be made ({reason})"
-        raise BagError(message) from cause
+    _make(folder, f"--out {folder}: the folder")
     for name in RESULTS:
         if (folder / name).is_dir():
             raise BagError(f"--out {folder}: {name} cannot be written, a folder has that name")
+
+
+def prepare_scenario(path: Path) -> None:
+    """Make the folder of a scenario that is to be written; BagError if that will not go."""
+    _make(path.parent, f"--save-scenario {path}: its folder")
+    for file in scenario_files(path):
+        reason = "a folder has that name" if file.is_dir() else ""
+        if not os.access(file if file.exists() else file.parent, os.W_OK):
+            reason = "permission denied"
+        if reason:
+            raise BagError(f"--save-scenario {path}: {file.name} cannot be written ({reason})")
+
+
+def _make(folder: Path, subject: str) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as cause:
+        raise BagError(f"{subject} cannot be made ({why_refused(cause)})") from cause
 
 
 def picture_beside(recording: Path, name: str) -> Path:
@@ -45,6 +60,7 @@ def all_or_nothing(folder: Path, results: Sequence[str] = RESULTS) -> Iterator[N
         for name in results:
             with suppress(OSError):
                 (folder / name).unlink()
-        reason = (cause.strerror or str(cause)).lower()
-        message = f"--out {folder}: the results cannot be written ({reason}), none is left"
+        message = (
+            f"--out {folder}: the results cannot be written ({why_refused(cause)}), none is left"
+        )
         raise BagError(message) from cause

@@ -47,24 +47,35 @@ _PATH_PT, _PATH_POINTS = 4.0, 400
 
 
 def draw_overview(
-    record: SceneRecord, grid: OccupancyGrid, path: Path, *, occupied_threshold: int
+    record: SceneRecord,
+    grid: OccupancyGrid,
+    path: Path,
+    *,
+    occupied_threshold: int,
+    ids_as_in: str = "metrics.json",
 ) -> None:
     """Write the picture of a run over its map, as PNG; the same input gives the same bytes.
 
     It shows the known part of the map, the robot's path, some of its fields of view as far as the
     walls of the map and taller artefacts let them reach, and each artefact where it ended, with the
-    way that it went there. Settings of matplotlib in force change nothing.
+    way that it went there. `ids_as_in` names where a reader finds the ids again. Settings of
+    matplotlib in force change nothing.
     """
     import matplotlib as mpl
 
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update({"hatch.linewidth": 0.7, "font.family": "DejaVu Sans"})
-        figure = _figure(record, grid, occupied_threshold)
+        figure = _figure(record, grid, occupied_threshold, ids_as_in)
         figure.savefig(path, format="png", metadata={"Software": None})
 
 
-def _figure(record: SceneRecord, grid: OccupancyGrid, occupied_threshold: int) -> Any:
+def _figure(
+    record: SceneRecord,
+    grid: OccupancyGrid,
+    occupied_threshold: int,
+    ids_as_in: str = "metrics.json",
+) -> Any:
     part, end_ns = known_part(grid), _end_ns(record)
     drawn = drawn_lives(record.lives, end_ns)
     colours = class_colours([life.row.class_name for life in record.lives])
@@ -88,7 +99,8 @@ def _figure(record: SceneRecord, grid: OccupancyGrid, occupied_threshold: int) -
     leaders = {one.follower.artefact_id: one.leader.artefact_id for one in found}
     avoided = _avoided(record, ways, shown, sheet.points_per_m)
     labelled = draw_labels(sheet.axes, drawn, leaders, window, sheet.points_per_m, tags, avoided)
-    draw_frame(sheet, record, handles, without_id=len(drawn) - labelled)
+    without_id = len(drawn) - labelled
+    draw_frame(sheet, record, handles, without_id=without_id, ids_as_in=ids_as_in)
     return sheet.figure
 
 

@@ -27,6 +27,7 @@ from are_ros.replay._picture_laws import (
     shown_s,
     time_unit,
 )
+from are_ros.wording import why_refused
 
 FILE_NAME: Final = "population.png"
 _HEIGHTS: Final = (4.3, 2.5)
@@ -50,7 +51,7 @@ def plot_population(parameters: Parameters, catalogue: Catalogue, site: Site, fo
         folder.mkdir(parents=True, exist_ok=True)
         draw_population(trial, parameters, catalogue, site, path)
     except OSError as cause:
-        reason = (cause.strerror or str(cause)).lower()
+        reason = why_refused(cause)
         raise InputError(f"--plot {folder}: {FILE_NAME} cannot be written ({reason})") from cause
     return path
 

@@ -15,9 +15,8 @@ from are_ros.builder.outputs import ArtefactState, SceneMetrics
 from are_ros.errors import BagError
 from are_ros.messages.grid import read_grid
 from are_ros.messages.times import read_time
-from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.parameters.ros_yaml import read_ros_parameters
+from are_ros.parameters.ros_yaml import with_file
 from are_ros.replay._check_file import PREFIX
 from are_ros.replay._check_paths import find_recording
 from are_ros.replay._recorded_messages import event_of, metrics_of, row_of, state_of
@@ -48,6 +47,8 @@ class RecordedScene:
     record: SceneRecord
     grid: OccupancyGrid
     parameters: Parameters
+    robot_problem: str = ""
+    """Why the robot is nowhere in it; empty where it is, or where nothing could tell."""
 
 
 def read_recorded_scene(path: Path, open_progress: OpenProgress) -> RecordedScene:
@@ -60,7 +61,7 @@ def read_recorded_scene(path: Path, open_progress: OpenProgress) -> RecordedScen
     found = find_recording(path)
     parameters = Parameters()
     if found.parameters is not None:
-        parameters = with_values(parameters, read_ros_parameters(found.parameters))
+        parameters = with_file(parameters, found.parameters)
     with BagReader([found.path]) as reader:
         teller = _Teller(reader, parameters)
         progress = open_progress(reader.start_ns, reader.end_ns)
@@ -73,7 +74,7 @@ def read_recorded_scene(path: Path, open_progress: OpenProgress) -> RecordedScen
         raise BagError(f"{path}: it holds no {PREFIX}artefacts, so there is nothing to show")
     if grid is None:
         raise BagError(f"{path}: it holds no map, neither /map nor {PREFIX}{_AUGMENTED}")
-    return RecordedScene(record, grid, parameters)
+    return RecordedScene(record, grid, parameters, teller.robot_problem())
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +134,11 @@ class _Teller:
         while self._waiting:
             self._keep_first()
         return self._recorder.record()
+
+    def robot_problem(self) -> str:
+        """Return why the robot's pose was not known last, where anything could tell it."""
+        could_tell = {"tf", "tf_static", "odom"} & {*self.role_of_topic.values()}
+        return self._robot.missing if could_tell else ""
 
     def _take_artefacts(self, message: Any) -> None:
         stamp_ns = read_time(message.header.stamp)

@@ -211,18 +211,13 @@ def _class_text(one: Content) -> str:
 
 
 def _robot_text(metrics: Content) -> str:
-    contacts = metrics["robot_contacts"]
-    return (
-        f"{counted(contacts, 'contact')} with artefacts"
-        if contacts
-        else "no contact with an artefact"
-    )
+    return f"{counted(metrics['robot_contacts'], 'contact')} with artefacts"
 
 
 def _scan_text(one: Content) -> str:
     texts = {
         "exact": "augmented at their stamp",
-        "held": "with map->odom held",
+        "held": "augmented with the latest map->odom (their own came too late)",
         "passed_through": "passed through unaugmented",
     }
     shown = [f"{one[name]} {text}" for name, text in texts.items() if one.get(name)]

@@ -11,9 +11,8 @@ import numpy.typing as npt
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
 from are_ros.messages.scan import read_scan
-from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.parameters.ros_yaml import read_ros_parameters
+from are_ros.parameters.ros_yaml import with_file
 from are_ros.replay._check_geometry import Outline
 from are_ros.replay._check_marker_decoding import MarkerFields
 from are_ros.replay._check_paths import find_recording
@@ -60,6 +59,8 @@ class RvizScene:
     axes: dict[str, RigidTransform]
     outline_m: Floats | None
     complaints: tuple[str, ...]
+    robot_problem: str = ""
+    """Why the robot's pose is not known; empty where it is, or where nothing could tell it."""
 
     @property
     def robot(self) -> RigidTransform | None:
@@ -79,22 +80,24 @@ def read_scene(path: Path, at_s: float | None = None) -> RvizScene:
     with BagReader([found.path]) as reader:
         topics = ShownTopics.of(reader.topics)
         now_ns = moment_ns(reader, topics, at_s)
-        displays = _Displays(reader, topics, now_ns)
+        displays = _Displays(reader, topics, now_ns, parameters)
         return displays.scene(parameters)
 
 
 def _read_parameters(path: Path | None) -> Parameters | None:
-    return None if path is None else with_values(Parameters(), read_ros_parameters(path))
+    return None if path is None else with_file(Parameters(), path)
 
 
 class _Displays:
     """The displays, fed with all messages up to a time."""
 
-    def __init__(self, reader: BagReader, topics: ShownTopics, now_ns: int) -> None:
+    def __init__(
+        self, reader: BagReader, topics: ShownTopics, now_ns: int, parameters: Parameters | None
+    ) -> None:
         self._reader = reader
         self._topics = topics
         self._now_ns = now_ns
-        self._frames = RvizFrames()
+        self._frames = RvizFrames(parameters)
         self._grids: dict[str, list[BagMessage]] = {}
         self._markers = {topic: MarkerDisplay() for topic in topics.markers}
         self._scans = {topic: deque[BagMessage](maxlen=_SCANS_KEPT) for topic in topics.scans}
@@ -109,11 +112,13 @@ class _Displays:
         costmap = self._map(self._topics.costmap)
         axes = self._frames.axes(fixed)
         markers = self._placed_markers(fixed)
+        base = self._frames.base()
+        problem = "" if base in axes else self._frames.why_unknown(fixed, base)
         return RvizScene(
             now_ns=self._now_ns,
             elapsed_s=(self._now_ns - self._reader.start_ns) / NS_PER_S,
             fixed_frame=fixed,
-            base_frame=self._frames.base(parameters.frames.base if parameters else ""),
+            base_frame=base,
             topics=self._topics,
             grid=self._placed_grid(fixed, grid),
             costmap=self._placed_grid(fixed, costmap),
@@ -122,6 +127,7 @@ class _Displays:
             axes=axes,
             outline_m=None if parameters is None else _outline(parameters),
             complaints=tuple(dict.fromkeys((*self._complaints, *self._frames.complaints))),
+            robot_problem=problem if self._topics.tell_poses else "",
         )
 
     def _take(self, message: BagMessage) -> None:
@@ -132,6 +138,8 @@ class _Displays:
             self._scans[topic].append(message)
         elif topic in ("/tf", "/tf_static"):
             self._take_transforms(message)
+        elif topic == self._topics.odometry:
+            self._take_odometry(message)
         elif topic.endswith("_updates"):
             self._grids.setdefault(topic.removesuffix("_updates"), []).append(message)
         else:
@@ -142,6 +150,14 @@ class _Displays:
         if not is_static and message.log_time_ns < self._now_ns - _TF_MEMORY_NS:
             return
         self._frames.take(self._reader.transforms(message), is_static=is_static)
+
+    def _take_odometry(self, message: BagMessage) -> None:
+        if message.log_time_ns < self._now_ns - _TF_MEMORY_NS:
+            return
+        try:
+            self._frames.take_odometry(self._reader.odometry(message))
+        except InputError as error:
+            self._complaints.append(str(error))
 
     def _map(self, topic: str | None) -> OccupancyGrid | None:
         display = MapDisplay()

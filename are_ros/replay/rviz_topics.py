@@ -1,6 +1,6 @@
 """Which topics of a recording the picture shows, and at which moment."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from struct import error as StructError  # noqa: N812
 from typing import Final
@@ -10,11 +10,13 @@ from are_ros.errors import BagError
 from are_ros.replay._check_file import PREFIX
 from are_ros.replay._check_marker_decoding import CdrCursor
 from are_ros.replay.bag_reader import BagReader, BagTopic
+from are_ros.replay.roles import find_roles
 from are_ros.replay.rviz_markers import MarkerDisplay
 
 _GRID: Final = "nav_msgs/msg/OccupancyGrid"
 _MARKERS: Final = "visualization_msgs/msg/MarkerArray"
 _SCAN: Final = "sensor_msgs/msg/LaserScan"
+_TRANSFORMS: Final = ("/tf", "/tf_static")
 _SETTLE_NS: Final = NS_PER_S // 20
 """So long after a list of the perceived the picture is taken: live, markers come a little later."""
 
@@ -30,9 +32,11 @@ class ShownTopics:
     costmap: str | None
     markers: tuple[str, ...]
     scans: tuple[str, ...]
+    odometry: str | None = None
+    has_tf: bool = False
 
     @classmethod
-    def of(cls, topics: Iterable[BagTopic]) -> "ShownTopics":
+    def of(cls, topics: Sequence[BagTopic]) -> "ShownTopics":
         """Choose: what ARE gives out, or else what there is."""
         grids = [t.name for t in topics if t.type_name == _GRID]
         arrays = [t.name for t in topics if t.type_name == _MARKERS]
@@ -44,13 +48,21 @@ class ShownTopics:
             next((name for name in (PREFIX + "augmented_costmap",) if name in grids), None),
             tuple(ours or arrays),
             tuple(sorted(scans, key=lambda name: (not name.startswith(PREFIX), name))),
+            find_roles(topics, {}).topic("odom"),
+            any(topic.name in _TRANSFORMS for topic in topics),
         )
 
+    @property
+    def tell_poses(self) -> bool:
+        """Whether anything may tell where the robot is."""
+        return self.has_tf or self.odometry is not None
+
     def all(self) -> set[str]:
-        """Return all of them, with the updates of the grid and the transforms."""
+        """Return all of them, with the updates of the grid, odometry and the transforms."""
         grids = {name for name in (self.grid, self.costmap) if name}
         updates = {f"{name}_updates" for name in grids}
-        return {*grids, *updates, *self.markers, *self.scans, "/tf", "/tf_static"}
+        moving = (self.odometry,) if self.odometry else ()
+        return {*grids, *updates, *self.markers, *self.scans, *moving, *_TRANSFORMS}
 
 
 def moment_ns(reader: BagReader, topics: ShownTopics, at_s: float | None) -> int:

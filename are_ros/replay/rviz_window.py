@@ -1,9 +1,10 @@
 """The window around the views: the displays, titles and the time, as rviz lays them out."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import wrap
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -27,6 +28,11 @@ _FAINT: Final = "#74777c"
 _WARN: Final = "#b5541c"
 _LINE_PX: Final = 21
 _MOST_ROWS: Final = 34
+_STATUS_LINES: Final = 2
+_STATUS_LETTERS: Final = 185
+"""Of a line of the status beside the time, at its size; widest letters may take half as much more,
+and none is cut off at the edge then."""
+_STATUS_PX: Final = 15
 
 
 class Place(NamedTuple):
@@ -118,9 +124,28 @@ def draw_frame(window: Window, scene: RvizScene, name: str) -> None:
         _draw_row(window, row, DISPLAYS.top + 40 + number * _LINE_PX)
     _draw_legend(window, scene)
     window.words(10, HEIGHT_PX - 21, _time_text(scene), size=9.0)
-    complaint = "; ".join(scene.complaints) or "Status: OK"
     colour = _WARN if scene.complaints else _FAINT
-    window.words(WIDTH_PX - 10, HEIGHT_PX - 21, complaint[:150], ha="right", color=colour)
+    lines = status_lines(scene.complaints)
+    for number, line in enumerate(lines):
+        middle = HEIGHT_PX - 21 + round(_STATUS_PX * (number - 0.5 * (len(lines) - 1)))
+        window.words(WIDTH_PX - 10, middle, line, ha="right", color=colour)
+
+
+def status_lines(complaints: Sequence[str]) -> list[str]:
+    """Return the lines of the status: as many complaints as there is room for, and how many more.
+
+    Only one that alone is too long for all the room is shortened.
+    """
+    if not complaints:
+        return ["Status: OK"]
+    for count in range(len(complaints), 0, -1):
+        more = f"; and {len(complaints) - count} more" if count < len(complaints) else ""
+        lines = wrap("; ".join(complaints[:count]) + more, _STATUS_LETTERS)
+        if len(lines) <= _STATUS_LINES:
+            return lines
+    end = f" ...{more}"
+    room = _STATUS_LETTERS - len(end)
+    return [lines[0], f"{lines[1][:room].rstrip()}{end}"]
 
 
 def _draw_legend(window: Window, scene: RvizScene) -> None:

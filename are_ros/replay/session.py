@@ -24,11 +24,12 @@ from are_ros.replay.listeners import All, InputWriter, OutputWriter, RecordKeepe
 from are_ros.replay.map_files import MapFiles
 from are_ros.replay.message_types import RosbagsFactory
 from are_ros.replay.options import ReplayOptions
-from are_ros.replay.output_folder import AUGMENTED, prepare_folder
+from are_ros.replay.output_folder import AUGMENTED, prepare_folder, prepare_scenario
 from are_ros.replay.results import REPLAY_PHASE
 from are_ros.replay.roles import RolesFound, find_roles
 from are_ros.replay.runner import Listener, Progress, Replay
 from are_ros.replay.scene_record import SceneRecord, SceneRecorder
+from are_ros.replay.standing import StandingWatch
 from are_ros.replay.stopwatch import Stopwatch, said_if_slow
 from are_ros.replay.tick_writer import TickWriter
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -50,6 +51,7 @@ class Outcome:
     scans: Mapping[str, SensorPathCounts]
     scan_problems: Mapping[str, str]
     camera_problem: str
+    map_doubts: Sequence[str]
     refusals: Refusals
     messages_written: Mapping[str, int]
     stopwatch: Stopwatch
@@ -75,7 +77,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             if options.out is not None:
                 prepare_folder(options.out)
             if options.save_scenario is not None:
-                prepare_folder(options.save_scenario.parent)
+                prepare_scenario(options.save_scenario)
             for sentence in filter(None, (replay.sentence, replay.clock.sentence)):
                 say(sentence)
             if "camera/camera_info" in replay.role_of_topic.values():
@@ -86,12 +88,12 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 warm_up(catalogue)
             files.feed(builder, replay.start_ns)
         recorder = _recorder(options, catalogue)
-        keeper = RecordKeeper(recorder, builder)
+        keeper, standing = RecordKeeper(recorder, builder), StandingWatch(builder)
         with ExitStack() as stack:
             writers, counts = _open_writers(stack, options, reader, replay, builder)
             with stopwatch.phase(REPLAY_PHASE):
                 progress = open_progress(replay.start_ns, replay.end_ns)
-                replay.run(All([keeper, *writers]), progress)
+                replay.run(All([keeper, standing, *writers]), progress)
             grid = _known_map(builder, replay)
     if lives_keeper is not None:
         _save_scenario(options, lives_keeper, say)
@@ -102,7 +104,8 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             f"the voxel cloud was not used: nothing joins its frame '{frame}' to the map; "
             "give the transform with --static-tf"
         )
-    return _outcome(options, replay, builder, grid, recorder, counts(), stopwatch)
+    doubts = standing.sentences()
+    return _outcome(options, replay, builder, grid, recorder, doubts, counts(), stopwatch)
 
 
 def _save_scenario(options: ReplayOptions, keeper: LifeKeeper, say: Say) -> None:
@@ -215,6 +218,7 @@ def _outcome(
     builder: ArBuilder,
     grid: OccupancyGrid,
     recorder: SceneRecorder,
+    map_doubts: Sequence[str],
     counts: Mapping[str, int],
     stopwatch: Stopwatch,
 ) -> Outcome:
@@ -228,6 +232,7 @@ def _outcome(
         builder.scan_counts(),
         builder.scan_problems(),
         _camera_problem(options, builder),
+        map_doubts,
         replay.feed.refusals,
         counts,
         stopwatch,

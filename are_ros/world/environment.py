@@ -11,6 +11,7 @@ from are_ros.world.ground import Ground, PlaneGround
 from are_ros.world.lattice_cover import lattice_row
 from are_ros.world.occupancy_grid import CellClasses, OccupancyGrid
 from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes
+from are_ros.world.overhangs import Overhangs
 from are_ros.world.voxel_map import VoxelMap
 
 _SAMPLES = np.array([(x, y) for x in (-2, 0, 2) for y in (-2, 0, 2)]) / 3.0
@@ -48,9 +49,17 @@ class Environment:
         field.flags.writeable = False
         return field
 
+    @cached_property
+    def overhangs(self) -> Overhangs | None:
+        """What hangs over the cells, where M3D says more than the grid; else None."""
+        if self.voxels is None or self.voxels.is_extruded:
+            return None
+        return Overhangs(self.grid, self.voxels, self.ground, self.ground_clearance_m)
+
     def prepare(self) -> None:
         """Compute now what else the first question would have to wait for."""
         self.is_placeable(OrientedBoxes(np.zeros((1, 3)), np.zeros(1), np.full((1, 3), 1e-3)))
+        _ = self.overhangs
 
     def lookup(self, points_m: NDArray[np.floating]) -> NDArray[np.float32]:
         """Return the clearance (N,) of the cells that hold points (N, 2); 0 outside the grid."""

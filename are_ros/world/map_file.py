@@ -48,7 +48,10 @@ def read_map_file(path: Path, frame_id: str = "map") -> OccupancyGrid:
     brightness 0..100 of 255 as the value itself. Raises MapError: file, field and reason.
     """
     metadata = _read_metadata(path)
-    image = read_map_image(metadata.image)
+    try:
+        image = read_map_image(metadata.image)
+    except MapError as error:
+        raise MapError(f"{path}: {error}") from error
     x, y, yaw = metadata.origin
     try:
         return OccupancyGrid.checked(

@@ -22,8 +22,10 @@ from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.artefacts.shapes import Shape
 from are_ros.artefacts.terrain import Terrains
 from are_ros.conventions import NS_PER_S
+from are_ros.errors import BehaviourError
 from are_ros.parameters.model import BehaviourParameters
 from tests.artefacts.diary import DIARY, ENTRIES, MARCHER
+from tests.artefacts.failing import MODULE
 
 STEP_NS = NS_PER_S // 20
 WALK = MotionLimits(1.3, 1.5, 3.0, 0.0, 1.8)
@@ -326,7 +328,7 @@ def test_the_rest_of_a_life_is_known_to_who_decides() -> None:
     mind.behaviour = SimpleNamespace(name="spy", decide=lambda s: told.append(s.left_s))  # type: ignore[assignment]
     for index, end_ns in ((0, None), (20, 3 * NS_PER_S)):
         one.departure_ns = end_ns
-        with pytest.raises(AttributeError):
+        with pytest.raises(BehaviourError):
             town.decide(index)
     assert told == [None, 2.0]
 
@@ -353,3 +355,50 @@ def test_who_stands_of_its_own_will_does_not_manoeuvre() -> None:
     for second in range(14):
         town.decide(20 * second)
         assert writer.activity == "writing"
+
+
+# ------------------------------------------------------------------- behaviours that fail
+
+
+@pytest.mark.parametrize("name", ["Late", "Unmade", "Returns", "Unsteady"])
+def test_a_behaviour_that_fails_ends_the_run_unless_somebody_is_told(name: str) -> None:
+    """Nothing goes on in silence."""
+    town = Town()
+    with pytest.raises(BehaviourError, match=f"{MODULE}:{name} of artefact 5"):
+        _run_with(town, name)
+
+
+@pytest.mark.parametrize("name", ["Late", "Unmade", "Returns", "Unsteady"])
+def test_who_has_a_behaviour_that_fails_stands_and_the_others_go_on(name: str) -> None:
+    """It is told once, says so, and is sent out at the end of its life as anybody else."""
+    alone = Town()
+    told: list[BehaviourError] = []
+    alone.admit(3, 0, "tests.artefacts.diary:Stroller")
+    _run(alone, 0, 200)
+    undisturbed = draws_of(3)
+    ENTRIES.clear()
+    town = Town()
+    town.minds.tell_fault = told.append
+    town.admit(3, 0, "tests.artefacts.diary:Stroller")
+    failed = _run_with(town, name)
+    assert [fault.behaviour for fault in told] == [f"{MODULE}:{name}"]
+    assert (failed.behaviour, failed.activity) == ("standing", "its behaviour failed")
+    assert town.minds.doers.of("standing") == [5]
+    assert town.road.orders[5].subgoal_m is None
+    assert draws_of(3) == undisturbed
+    town.minds.send_out(5)
+    _run(town, 200, 220)
+    assert failed.behaviour == "leaving"
+    assert len(told) == 1
+
+
+def _run_with(town: Town, name: str) -> Artefact:
+    """Let one arrive with a behaviour that fails, and ten seconds go by."""
+    one = town.admit(5, 0, f"{MODULE}:{name}")
+    _run(town, 0, 200)
+    return one
+
+
+def _run(town: Town, start: int, end: int) -> None:
+    for index in range(start, end):
+        town.decide(index)

@@ -255,7 +255,7 @@ def test_files_that_cannot_be_read_or_written_are_said(tmp_path: Path) -> None:
     """Absent, or in a folder that is not there."""
     with pytest.raises(ScenarioError, match=r"absent.yaml cannot be read"):
         read_scenario(tmp_path / "absent.yaml", CATALOGUE)
-    with pytest.raises(ScenarioError, match=r"s.yaml cannot be written \(No such file"):
+    with pytest.raises(ScenarioError, match=r"s.yaml cannot be written \(no such file"):
         write_scenario(Scenario(), tmp_path / "no" / "s.yaml")
 
 
@@ -282,3 +282,43 @@ def test_the_example_shows_everything() -> None:
     content = yaml.safe_load(EXAMPLES[0].read_text(encoding="utf-8"))
     shown = {key for entry in content["artefacts"] for key in entry}
     assert {"at", "arrives", "stays", "behaviour", "way", "loop", "follows", "track"} <= shown
+
+
+def _with_track(folder: Path) -> Path:
+    """Write a scenario with two long tracks beside it."""
+    poses = np.array([(1.0, 2.0, 0.0, 0.5), (1.25, 2.0, 0.0, 0.5), (1.123456, 2.0, 0.0, 0.5)])
+    track = Track(np.array([0, 1, 2]) * 10**9, poses)
+    row, pose = CATALOGUE.rows[14], GroundPose(1.0, 2.0, 0.0, 0.5)
+    actors = tuple(
+        ScriptedArtefact(row, pose, 0, track=track, name=name) for name in ("anna", "ben")
+    )
+    write_scenario(Scenario(actors), folder / "s.yaml")
+    return folder / "s.yaml"
+
+
+def test_tracks_that_were_cut_off_are_refused(tmp_path: Path) -> None:
+    """Wherever they were, and be it in the middle of the last number, which is one still."""
+    path = _with_track(tmp_path)
+    sidecar = tmp_path / "s.tracks.csv"
+    whole = sidecar.read_bytes()
+    assert "track_lines: 7" in path.read_text()
+    read_scenario(path, CATALOGUE)
+    for length in (len(whole) - 1, len(whole) - 8, whole.rindex(b"\n", 0, -1) + 1):
+        sidecar.write_bytes(whole[:length])
+        with pytest.raises(ScenarioError) as caught:
+            read_scenario(path, CATALOGUE)
+        assert f"scenario.track_lines is 7, but {sidecar} has 6 whole lines" in str(caught.value)
+    sidecar.write_bytes(whole.replace(b"\r\n", b"\n"))
+    assert len(read_scenario(path, CATALOGUE).artefacts) == 2
+
+
+def test_without_their_number_lines_are_not_counted(tmp_path: Path) -> None:
+    """A file made by hand may lack its last line break; so were those saved before."""
+    path = _with_track(tmp_path)
+    path.write_text(path.read_text().replace(", track_lines: 7", ""))
+    sidecar = tmp_path / "s.tracks.csv"
+    sidecar.write_bytes(sidecar.read_bytes()[:-2])
+    assert len(read_scenario(path, CATALOGUE).artefacts) == 2
+    path.write_text("scenario: {track_lines: 3}\nartefacts: []\n")
+    with pytest.raises(ScenarioError, match=r"no file of tracks has 0 whole lines"):
+        read_scenario(path, CATALOGUE)

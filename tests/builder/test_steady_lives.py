@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 import pytest
 
 from are_ros.artefacts import steady_minds
+from are_ros.artefacts.behaviours import asking
 from are_ros.artefacts.behaviours.intent import Intent, Steady
 from are_ros.artefacts.behaviours.situation import Situation
 from are_ros.artefacts.behaviours.walking import Running, Stopping, Walking
@@ -56,7 +57,7 @@ def test_lives_are_the_same_as_if_all_were_asked(
 ) -> None:
     """Where each is at each sub-step, to the bit, and what it says: with a robot, in a new map."""
     record, said = lived(has_robot=has_robot, closes_at_s=closes_at_s)
-    monkeypatch.setattr(steady_minds, "_steady_of", lambda _: None)
+    monkeypatch.setattr(steady_minds, "steady_of", lambda *_: None)
     asked, would_say = lived(has_robot=has_robot, closes_at_s=closes_at_s)
     assert said == would_say
     assert record.moments == asked.moments
@@ -110,5 +111,5 @@ class Marching(Dreaming):
 )
 def test_who_decides_otherwise_than_it_says_is_asked(kind: type, tells: bool) -> None:
     """An inherited `steady` is for the `decide` that comes with it."""
-    assert steady_minds._tells(kind) is tells
-    assert not steady_minds._tells(object)
+    assert asking.tells(kind) is tells
+    assert not asking.tells(object)

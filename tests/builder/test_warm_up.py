@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from numba.core import event
 
-from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
+from are_ros.artefacts.catalogue import Catalogue, CatalogueRow, MotionLimits
 from are_ros.artefacts.shapes import Shape
 from are_ros.builder import warm_up as module
 from are_ros.builder.warm_up import warm_up
@@ -92,3 +92,14 @@ def test_afterwards_a_run_needs_no_kernel_for_other_arguments(tmp_path: Path) ->
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "new: []", done.stdout
+
+
+def test_behaviours_of_the_users_own_have_no_part_in_the_rehearsal() -> None:
+    """One that cannot even be made fails nobody before somebody has arrived."""
+    motion = MotionLimits(1.0, 1.5, 3.0)
+    shares = {"walking": 0.25, "standing": 0.25, "tests.artefacts.failing:Unmade": 0.5}
+    box = ((0.3, 0.5, 1.7), (0.0, 0.0, 0.0), Shape.PERSON)
+    row = CatalogueRow(0, "guest", "person", *box, motion=motion, behaviours=shares)
+    assert warm_up(Catalogue((row,)))
+    (tame,) = module._tame(Catalogue((row,))).rows
+    assert tame.behaviours == {"walking": 0.75, "standing": 0.25}

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from are_ros.artefacts.catalogue_file import read_catalogue
-from are_ros.errors import MapError, ParameterError
+from are_ros.errors import InputError, MapError, ParameterError
 from are_ros.experiments.roving_robot import RovingRobot
 from are_ros.experiments.soak import SoakResult, soak
 from are_ros.experiments.soak_picture import figure_of
@@ -137,6 +137,9 @@ def test_a_report_is_written(tmp_path: Path) -> None:
     """Numbers and a picture, into a folder that was not there."""
     result = soak(office(), parameters(0.01, **PEOPLE), CATALOGUE, longest_s=5.0)
     write_soak(result, office(), tmp_path / "a" / "b")
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"file: the results cannot be written \(it is a file\)"):
+        write_soak(result, office(), tmp_path / "file")
     assert sorted(p.name for p in (tmp_path / "a" / "b").iterdir()) == ["soak.json", "soak.png"]
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from are_ros.node.diagnostics import make_diagnostics, statuses
+from are_ros.node.fault_watch import FaultSnapshot
 from are_ros.node.input_watch import InputFigures
 from are_ros.node.snapshot import (
     ContactSnapshot,
@@ -55,7 +56,7 @@ def test_all_is_well() -> None:
     assert {status.level for status in found} == {Level.OK}
     assert [status.name for status in found] == [
         "state", "clock", "inputs/map", "inputs/scan", "frames/robot", "frames/camera", "cloud",
-        "ticks", "population", "robot contact", "scans/scan",
+        "ticks", "population", "behaviours", "robot contact", "scans/scan",
     ]  # fmt: skip
     assert {status.name: status.message for status in found}["inputs/scan"] == "10.0 Hz"
 
@@ -146,6 +147,12 @@ BLOCKED = (
     "fewer (population.arrival_rate), or a larger region or max_alive"
 )
 TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
+    (
+        {"faults": FaultSnapshot({"a:A": 2, "b:B": 1}, "b:B fell")},
+        "behaviours",
+        Level.WARN,
+        "the behaviour of 3 artefacts has failed, who stood from then on; the last: b:B fell",
+    ),
     (
         {"uses_sim_time": True, "is_without_clock": True},
         "clock",

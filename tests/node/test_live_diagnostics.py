@@ -71,7 +71,8 @@ def test_each_state_has_its_lines(make_bench: MakeBench) -> None:
     assert len(inactive) == 9
     bench.change_state("activate")
     assert said(bench, "state") == (OK, "active")
-    lines = {"frames/robot", "frames/camera", "cloud", "ticks", "population", "robot contact"}
+    lines = {"frames/robot", "frames/camera", "cloud", "ticks", "population", "behaviours"}
+    lines |= {"robot contact"}
     assert {*bench.report()} == {"state", "clock"} | inactive | lines
 
 

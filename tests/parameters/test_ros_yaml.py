@@ -14,6 +14,7 @@ from are_ros.parameters.ros_yaml import (
     in_any_namespace,
     parse_assignment,
     read_ros_parameters,
+    with_file,
     write_ros_parameters,
 )
 
@@ -41,6 +42,57 @@ def test_sections_for_us_count_and_later_ones_win(tmp_path: Path) -> None:
         "controller_server:\n  ros__parameters: {seed: 3}\n"
     )
     assert read(tmp_path, text) == {"seed": 2, "catalogue": "a"}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "/*:\n  ros__parameters: {seed: 2}\n",
+        "/**/ar_builder:\n  ros__parameters: {seed: 2}\n",
+        "robot1:\n  ar_builder:\n    ros__parameters: {seed: 2}\n",
+        "/fleet:\n  robot1:\n    '**':\n      ros__parameters: {seed: 2}\n",
+    ],
+)
+def test_wildcards_and_nested_namespaces_address_us(tmp_path: Path, text: str) -> None:
+    """As rcl matches the names of nodes."""
+    other = "robot1_base:\n  driver:\n    ros__parameters: {seed: 3}\n"
+    assert read(tmp_path, text + other) == {"seed": 2}
+
+
+UNADDRESSED = (
+    ("population: {arrival_rate: 0.01}", "'population' stands in it without 'ar_builder:' and"),
+    ("population.arrival_rate: 0.01", "'population.arrival_rate' stands in it without 'ar_bui"),
+    ("ros__parameters: {seed: 1}", "'ros__parameters' stands in it without 'ar_builder:' above"),
+    ("ar_bulider: {ros__parameters: {seed: 1}}", "'ar_bulider'; did you mean 'ar_builder'?"),
+    ("ar_bulider: {seed: 1}", "it is for 'ar_bulider'; did you mean 'ar_builder'?"),
+    ("/r/ar_bilder: {ros__parameters: {}}", "it is for '/r/ar_bilder'; did you mean 'ar_builder'"),
+    ("amcl: {ros__parameters: {}}\nmap_server: {ros__parameters: {}}", "for amcl and map_server"),
+    ("{}", "no node is named in it"),
+    ("amcl: 3", "no node is named in it"),
+)
+
+
+@pytest.mark.parametrize(("text", "reason"), UNADDRESSED, ids=[text for text, _ in UNADDRESSED])
+def test_a_file_that_addresses_nobody_is_refused(tmp_path: Path, text: str, reason: str) -> None:
+    """Else it would be ignored without a word; the sentence names it as it was given."""
+    with pytest.raises(ParameterError) as caught:
+        read(tmp_path, text)
+    said = str(caught.value)
+    assert said.startswith(f"parameter file {tmp_path / 'some.yaml'} holds nothing for ar_builder")
+    assert reason in said
+
+
+def test_a_bad_value_is_said_with_its_file(tmp_path: Path) -> None:
+    """An unknown name, and a value out of range."""
+    path = tmp_path / "p.yaml"
+    for text, reason in (
+        ("foo: 1", "parameter 'foo': there is no such parameter"),
+        ("population.mean_life: -1.0", "parameter 'population.mean_life': -1.0 is below"),
+    ):
+        path.write_text(f"ar_builder: {{ros__parameters: {{{text}}}}}")
+        with pytest.raises(ParameterError) as caught:
+            with_file(Parameters(), path)
+        assert str(caught.value).startswith(f"{path}: {reason}")
 
 
 def test_what_rclpy_owns_is_left_to_it(tmp_path: Path) -> None:

@@ -54,7 +54,7 @@ def test_places_that_cannot_be_are_said(tmp_path: Path) -> None:
     sentences = {
         "bag.db3": "a recording is an .mcap file, or a folder",
         "full": "full exists already",
-        "full/notes.txt/x.mcap": r"notes\.txt: the folder cannot be made: File exists",
+        "full/notes.txt/x.mcap": r"notes\.txt: the folder cannot be made: it is a file",
         "killed.mcap": r"killed\.mcap\.part is there: a recording that still runs, or was killed",
     }
     for name, sentence in sentences.items():

@@ -201,6 +201,25 @@ def test_the_legend_has_the_robot_and_its_way() -> None:
     assert not (without.picture(TICK_NS)[header] < 200).any()
 
 
+def test_the_legend_names_what_happens() -> None:
+    """Rings and the dashed line, in the footer, where there are any."""
+    follower = replace(
+        walker(2, (3, 5), (3, 5.01)), doings=(Doing(TICK_NS, "following", "following artefact 1"),)
+    )
+    lives = [walker(1, (7, 5), (7, 5.01)), follower]
+    kinds = (EventKind.ARRIVED, EventKind.ROBOT_CONTACT, EventKind.DISPLACED)
+    scene = _scene(run(lives, events=[event(kind, 50, 1) for kind in kinds]))
+    names = [entry.name for entry in scene._happenings()]
+    assert names == ["comes or goes", "robot contact", "displaced", "follows"]
+    assert _scene(run(lives[:1]))._happenings() == []
+    feet = [
+        scene.picture(TICK_NS)[-FOOTER_PX:]
+        for scene in (scene, _scene(run(lives)), _scene(run(lives[:1])))
+    ]
+    inks = [int((foot < 200).any(axis=2).sum()) for foot in feet]
+    assert inks[0] > inks[1] > inks[2]
+
+
 def test_a_legend_without_room_is_cut_short() -> None:
     """At the end of the list, and never over the time and the counts."""
     entries = [Entry("something", patch((0, 0, 0))) for _ in range(9)]

@@ -56,6 +56,8 @@ def _write_bad_texts(folder: Path) -> None:
         "typo.yaml": "ar_builder:\n  ros__parameters:\n    population:\n      mean_live: 3.0\n",
         "word_for_number.yaml": "ar_builder:\n  ros__parameters:\n    seed: many\n",
         "out_of_range.yaml": "ar_builder:\n  ros__parameters:\n    costmap:\n      memory: -1.0\n",
+        "loose.yaml": "population: {arrival_rate: 0.01}\n",
+        "twice.yaml": "artefacts: []\nscenario: {random: true}\nartefacts: [1]\n",
         "bare.yaml": "ar_builder:\n  population: 3\n",
         "rows.yaml": "rows: 3\n",
         "cut.bt": "# Octomap OcTree binary file\nid OcTree\nsize 9\nres 0.1\ndata\na",
@@ -84,6 +86,7 @@ STATIC = ("replay", "good.mcap", "--static-tf")
 SET = ("replay", "good.mcap", "--set")
 MAP = ("replay", "good.mcap", "--map")
 TOPIC = ("replay", "good.mcap", "--topic")
+SCENARIO = ("replay", "good.mcap", "--scenario")
 PARAMS = ("replay", "good.mcap", "--params")
 CASES = (
     # recordings
@@ -118,7 +121,7 @@ CASES = (
     ((*MAP, "list.yaml"), "list.yaml: the map file is no mapping"),
     ((*MAP, "no_image.yaml"), "no_image.yaml: the field image is missing"),
     ((*MAP, "word.yaml"), "word.yaml: resolution must be a finite number, it is or holds 'fine'"),
-    ((*MAP, "lost_image.yaml"), "lost.pgm: the image cannot be read (No such file or directory)"),
+    ((*MAP, "lost_image.yaml"), "lost_image.yaml: lost.pgm: the image cannot be read (No such"),
     ((*MAP, "cut_image.yaml"), "cut.pgm: the image is truncated, 3 pixels of 100"),
     (("describe", "--map", "none.yaml"), "none.yaml: the map file cannot be read"),
     (("replay", "good.mcap", "--octomap", "none.bt"), "none.bt: the octomap cannot be read"),
@@ -128,20 +131,21 @@ CASES = (
     ((*TOPIC, "lidar:=/scan"), "--topic lidar:=/scan: there is no such role; the roles are map,"),
     ((*TOPIC, "scan:=/nix"), "the recording has no such topic; of type sensor_msgs/msg/LaserScan"),
     ((*TOPIC, "scan:=/odom"), "that topic is of type nav_msgs/msg/Odometry"),
-    ((*TOPIC, "scan"), "--topic scan: it must be ROLE:=/TOPIC"),
     # parameters
     ((*PARAMS, "none.yaml"), "none.yaml cannot be read (No such file or directory)"),
     ((*PARAMS, "open.yaml"), "open.yaml is no valid YAML, line 2: "),
     ((*PARAMS, "list.yaml"), "list.yaml: its top level is not a mapping"),
     ((*PARAMS, "bare.yaml"), "bare.yaml: 'ar_builder' has no ros__parameters mapping"),
-    ((*PARAMS, "typo.yaml"), "'population.mean_live': there is no such parameter; did you mean "),
+    ((*PARAMS, "typo.yaml"), "typo.yaml: parameter 'population.mean_live': there is no such param"),
+    ((*PARAMS, "loose.yaml"), "loose.yaml holds nothing for ar_builder: 'population' stands in it"),
+    (("describe", "--params", "loose.yaml"), "loose.yaml holds nothing for ar_builder"),
+    ((*SCENARIO, "twice.yaml"), "twice.yaml is no valid YAML, line 3: the key 'artefacts' comes"),
     ((*PARAMS, "word_for_number.yaml"), "parameter 'seed': 'many' is not"),
     ((*PARAMS, "out_of_range.yaml"), "parameter 'costmap.memory': -1.0 is below 0"),
     ((*SET, "population.arival_rate:=1"), "did you mean 'population.arrival_rate'?"),
     ((*SET, "population.arrival_rate:=much"), "'population.arrival_rate': 'much' is not a number"),
     ((*SET, "population.arrival_rate:=-1"), "-1.0 is below 0.0 1/(m^2 s)"),
     ((*SET, "population.arrival_rate:=.nan"), "parameter 'population.arrival_rate': "),
-    ((*SET, "seed=1"), "'seed=1': a parameter is set as name:=value"),
     ((*SET, "seed:=[1"), "parameter 'seed': '[1' is no valid YAML: "),
     ((*SET, "seed:=-4"), "parameter 'seed': -4 is below 0"),
     ((*SET, "population.departures:=never"), "'never' is none of independent, constant_rate"),
@@ -161,6 +165,9 @@ CASES = (
     # the output folder
     (("replay", "good.mcap", "--out", "file"), "--out file: the folder cannot be made (it is a"),
     (("replay", "good.mcap", "--out", "file/out"), "--out file/out: the folder cannot be made"),
+    (("replay", "good.mcap", "--save-scenario", "taken"), "taken: taken cannot be written (a"),
+    (("replay", "good.mcap", "--save-scenario", "file/s.yaml"), "yaml: its folder cannot be made"),
+    (("view", "whole_bag.bag"), "run `are replay` on it first, and give the folder of the results"),
     (("replay", "good.mcap", "--out", "taken"), "metrics.json cannot be written, a folder has"),
 )  # fmt: skip
 

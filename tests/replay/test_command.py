@@ -9,13 +9,14 @@ from typing import Any
 
 import pytest
 
+from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.tick import Demand
 from are_ros.errors import ParameterError
 from are_ros.messages.feed import Refusals
 from are_ros.messages.transforms import StampedTransform, make_transforms
 from are_ros.replay._bag_files import recording_in
 from are_ros.replay.bag_writer import BagWriter
-from are_ros.replay.command import complaints, effective_parameters, options_of
+from are_ros.replay.command import complaints, effective_parameters, options_of, refused_by_script
 from are_ros.replay.message_types import RosbagsFactory
 
 WriteBag = Callable[[Path, Sequence[tuple[str, int, Any]]], Path]
@@ -92,13 +93,31 @@ def test_complaints_name_topics_and_numbers() -> None:
         scan_problems={"/scan": "no frame"},
         camera_problem="frame 'lens' was never seen",
         scans={"/scan": SimpleNamespace(passed_through=7)},
+        record=SimpleNamespace(events=()),
+        map_doubts=["the robot stood in a wall"],
     )
     assert complaints(outcome) == [
         "refused: /a: too long",
         "refused: /b: too short (3 messages)",
         "/scan: 7 scans passed through unaugmented, the last for: no frame",
         "nothing was perceived, the camera's pose is not known: frame 'lens' was never seen",
+        "the robot stood in a wall",
     ]
+
+
+def test_refused_artefacts_are_said_with_their_reasons() -> None:
+    """The first few; those who found no place at random are only counted."""
+    events = [
+        ArtefactEvent(n, EventKind.BLOCKED, n, "car", detail)
+        for n, detail in enumerate(["no_place", *(f"artefact {n}: in a wall" for n in range(7))])
+    ]
+    assert refused_by_script(events[:3]) == [
+        "blocked: artefact 0: in a wall",
+        "blocked: artefact 1: in a wall",
+    ]
+    said = refused_by_script(events)
+    assert len(said) == 6
+    assert said[-1] == "blocked: and 2 more, see blocked_by_cause in metrics.json"
 
 
 def test_inspect_says_which_transform_must_be_turned_round(

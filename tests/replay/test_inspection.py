@@ -101,7 +101,7 @@ def test_what_is_missing_is_said_with_its_option(
     path = write_bag(tmp_path / "bag.db3", records)
     no_map, no_pose, no_mount = inspected(path).missing
     assert "--map FILE.yaml" in no_map
-    assert no_pose.startswith("nothing joins map to base_link, which hangs together with base_link")
+    assert no_pose.startswith("nothing joins map to base_link, which hangs together with odom:")
     assert no_mount.startswith("nothing joins laser, the frame of /scan, to base_link:")
     assert "--static-tf" in no_mount
     edges = [("map", "odom"), ("base_link", "laser")]
@@ -158,3 +158,13 @@ def test_the_real_ship_is_understood(real_data: Path) -> None:
     assert "map_ground_truth" in inspection.frames.connected_to("base_footprint")
     assert any("nothing joins map to base_footprint" in text for text in inspection.missing)
     assert sum("0.50 s after its recording" in text for text in inspection.frames.oddities) == 5
+
+
+def test_a_base_that_hangs_alone_hangs_together_with_nothing(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """Its own name is not said twice."""
+    edges = [transform("map", "odom", 0), transform("base_link", "base_link", 0)]
+    path = write_bag(tmp_path / "bag.mcap", [("/tf", 0, make_transforms(factory, edges))])
+    (no_pose,) = inspected(path, has_map_file=True).missing
+    assert no_pose.startswith("nothing joins map to base_link: give the transform")

@@ -5,7 +5,13 @@ from pathlib import Path
 import pytest
 
 from are_ros.errors import BagError
-from are_ros.replay.output_folder import RESULTS, all_or_nothing, picture_beside, prepare_folder
+from are_ros.replay.output_folder import (
+    RESULTS,
+    all_or_nothing,
+    picture_beside,
+    prepare_folder,
+    prepare_scenario,
+)
 
 
 def test_a_folder_is_made_with_its_parents(tmp_path: Path) -> None:
@@ -63,3 +69,29 @@ def test_pictures_of_two_recordings_have_two_names(
     """The result of a replay or of the demo has the plain one, in its folder."""
     (tmp_path / "out").mkdir()
     assert picture_beside(tmp_path / recording, "rviz.png") == tmp_path / picture
+
+
+def test_the_place_of_a_scenario_is_looked_at(tmp_path: Path) -> None:
+    """A folder in its place, or in that of its tracks, and a file in its folder's."""
+    (tmp_path / "s.yaml").mkdir()
+    (tmp_path / "t.tracks.csv").mkdir()
+    (tmp_path / "file").write_text("")
+    for name, reason in (
+        ("s.yaml", "s.yaml cannot be written (a folder has that name)"),
+        ("t.yaml", "t.tracks.csv cannot be written (a folder has that name)"),
+        ("file/u.yaml", "its folder cannot be made (it is a file)"),
+    ):
+        with pytest.raises(BagError) as caught:
+            prepare_scenario(tmp_path / name)
+        assert str(caught.value) == f"--save-scenario {tmp_path / name}: {reason}"
+    prepare_scenario(tmp_path / "new" / "v.yaml")
+    assert [*(tmp_path / "new").iterdir()] == []
+
+
+def test_a_scenario_that_may_not_be_written_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before anything is run."""
+    monkeypatch.setattr("os.access", lambda *_: False)
+    with pytest.raises(BagError, match=r"s\.yaml cannot be written \(permission denied\)"):
+        prepare_scenario(tmp_path / "s.yaml")

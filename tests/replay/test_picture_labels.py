@@ -115,6 +115,7 @@ def test_the_subtitle_says_how_many_have_no_room() -> None:
     record = run([walker(1, (2, 2), (8, 6))])
     assert _subtitle(record, 0).endswith("numbers are ids, as in metrics.json")
     assert _subtitle(record, 3).endswith("numbers are ids, as in metrics.json; 3 have no room")
+    assert _subtitle(record, 0, "/tags").endswith("numbers are ids, as in /tags")
 
 
 def test_the_robot_and_its_tags_have_places() -> None:

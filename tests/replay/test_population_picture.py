@@ -91,6 +91,18 @@ def test_every_axis_says_what_it_is() -> None:
         assert axes.get_ylabel() == f"density [1/{unit[1:]}"
 
 
+def test_means_are_those_of_what_is_counted_beside_them() -> None:
+    """Waits as lives: so many, with their own mean, not the law's."""
+    parameters = with_values(Parameters(), MIXTURE)
+    trial = run_trial(parameters, _catalogue(), Site(), lambda _: None)
+    *_, waits, lives, _ = _figure(trial, parameters, _catalogue(), Site()).axes[:6]
+    for axes, sample_s, noun in ((waits, trial.waits_s, "arrivals"), (lives, trial.lives_s, "l")):
+        (text,) = (one.get_text() for one in axes.texts)
+        unit_s = 60.0 if "[min]" in axes.get_xlabel() else 1.0
+        assert text.startswith(f"{len(sample_s)} {noun}")
+        assert f"mean {sample_s.mean() / unit_s:.3g} " in text
+
+
 def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
     """Settings of matplotlib in force change nothing."""
     parameters = with_values(Parameters(), MIXTURE)
@@ -118,7 +130,8 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
     """A file in the folder's place is refused in a sentence."""
     (tmp_path / "taken").write_text("")
     parameters = with_values(Parameters(), MIXTURE)
-    with pytest.raises(InputError, match=r"--plot .*taken.*population\.png cannot be written"):
+    reason = r"--plot .*taken.*population\.png cannot be written \(it is a file\)"
+    with pytest.raises(InputError, match=reason):
         plot_population(parameters, _catalogue(), Site(), tmp_path / "taken")
 
 

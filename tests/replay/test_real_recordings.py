@@ -80,6 +80,7 @@ def replayed(run_are: RunAre, words: list[str], out: Path) -> Any:
     assert done.returncode == 0, done.stderr
     names = {"augmented.mcap", "metrics.json", "timing.json", "effective.yaml", "overview.png"}
     assert {file.name for file in out.iterdir()} == names
+    assert "does the map belong to the recording" not in done.stderr
     return json.loads((out / "metrics.json").read_text())
 
 
@@ -105,6 +106,23 @@ def test_the_beginning_of_a_real_recording(
     assert metrics["perceived_ever"] >= 1
     assert metrics["refused"] == {}
     assert_checked(run_are, tmp_path)
+
+
+def test_a_map_without_its_frame_is_doubted(
+    real_data: Path, run_are: RunAre, tmp_path: Path
+) -> None:
+    """The first mistake with a map beside the recording: its frame is taken for the robot's."""
+    words = (
+        real_data / (JARVIS + "jarvis_2.bag"),
+        "--map",
+        real_data / (JARVIS + "i-108_10mm.yaml"),
+    )
+    done = run_are("replay", *words, "--duration", "5", "--skip", "grids", "--out", tmp_path)
+    assert done.returncode == 0
+    doubt = done.stderr.splitlines()[-1]
+    assert "the robot stood on occupied or unknown cells" in doubt
+    assert "the robot can reach 1.2 m^2 of the map at most" in doubt
+    assert doubt.endswith("does the map belong to the recording, and is its frame right?")
 
 
 @pytest.mark.long

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from are_ros.errors import BagError
+from are_ros.replay.film_command import draw_recording
 from are_ros.replay.recorded_scene import RecordedScene, read_recorded_scene
 from are_ros.replay.results import ReplayCounts, metrics_content
 from tests.replay.conftest import ReplaySample, RunAre
@@ -107,3 +108,17 @@ def test_what_holds_no_scene_is_refused(sample_bag: Path) -> None:
     """A recording of a robot alone has nobody in it."""
     with pytest.raises(BagError, match="it holds no /ar_builder/artefacts"):
         _scene(sample_bag)
+
+
+def test_the_picture_of_a_live_recording_says_where_its_ids_are(
+    sample_replay: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the topic: a demo writes no metrics.json."""
+    asked: list[str] = []
+
+    def draw(*_: object, ids_as_in: str, **__: object) -> None:
+        asked.append(ids_as_in)
+
+    monkeypatch.setattr("are_ros.replay.film_command.draw_overview", draw)
+    draw_recording(sample_replay, tmp_path / "overview.png", None, lambda _: None)
+    assert asked == ["/ar_builder/artefacts"]

@@ -7,6 +7,8 @@ import pytest
 
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.transforms import StampedTransform
+from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import Parameters
 from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
 from are_ros.replay.rviz_frames import RvizFrames
 from are_ros.replay.rviz_grids import MapDisplay, costmap_palette, map_palette
@@ -183,8 +185,9 @@ def test_frames_are_known_at_their_newest_and_at_a_stamp() -> None:
     assert then.translation_m[0] == pytest.approx(12.0)
     assert frames.at("map", "base_link", 4 * NS_PER_S) is None
     assert set(frames.axes("map")) == {"map", "odom", "base_link"}
-    assert frames.base("") == "base_link"
-    assert frames.base("torso") == "torso"
+    assert frames.base() == "base_link"
+    torso = with_values(Parameters(), {"frames.base": "torso"})
+    assert RvizFrames(torso).base() == "torso"
     assert frames.complaints == []
 
 
@@ -195,4 +198,4 @@ def test_a_frame_that_is_not_there_is_a_complaint() -> None:
     frames.take([transform("map", "map", 0, 1.0)], is_static=True)
     assert len(frames.complaints) == 2
     assert frames.newest("map", "map") is not None
-    assert frames.base("") == "base_footprint"
+    assert frames.base() == "base_footprint"

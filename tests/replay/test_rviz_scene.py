@@ -12,8 +12,10 @@ from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.bag_writer import BagWriter
+from are_ros.replay.film_command import without_robot
 from are_ros.replay.message_types import RosbagsFactory
 from are_ros.replay.rviz_scene import RvizScene, read_scene
+from are_ros.replay.rviz_window import status_lines
 
 MAKE = RosbagsFactory().make
 START_NS = 1000 * NS_PER_S
@@ -292,3 +294,73 @@ def test_a_time_beyond_the_recording_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BagError, match=r"--at 9\.5 s is beyond the recording, which is 9\.000 s"):
         read_scene(path, 9.5)
     assert read_scene(path, 9.0).grid is not None
+
+
+# --------------------------------------------------------------------- without tf: odometry
+
+
+def odometry(second: float, x: float, child: str = "base_link") -> Any:
+    """Return an Odometry of the robot in odom."""
+    whole = MAKE("geometry_msgs/msg/PoseWithCovariance", pose=pose(x, 0.0), covariance=np.zeros(36))
+    return MAKE(
+        "nav_msgs/msg/Odometry", header=header(second, "odom"), child_frame_id=child, pose=whole
+    )
+
+
+DRIVING: list[Entry] = [
+    ("/map", 9.0, grid(0.0, [[0, 0], [0, 100]])),
+    ("/odom", 2.0, odometry(2.0, 2.0)),
+    ("/scan", 3.1, scan(3.0, (2.0, 3.0, math.inf))),
+    ("/odom", 4.0, odometry(4.0, 4.0)),
+]
+JOINED = 'ar_builder:\n  ros__parameters:\n    frames: {static: ["1 0 0 0 0 0 map odom"]}\n'
+
+
+def test_odometry_tells_where_the_robot_is_where_tf_does_not(tmp_path: Path) -> None:
+    """Over the static transform of the parameters, as in the replay; scans are shown from there."""
+    (tmp_path / "effective.yaml").write_text(JOINED, encoding="utf-8")
+    scene = read_scene(write(tmp_path, DRIVING), 5.0)
+    assert scene.robot is not None
+    np.testing.assert_allclose(scene.robot.translation_m, (5.0, 0.0, 0.0))
+    ((_, points),) = scene.scans
+    np.testing.assert_allclose(points, ((6.0, 0.0, 0.0), (4.0, 3.0, 0.0)), atol=1e-6)
+    assert (scene.complaints, scene.robot_problem) == ((), "")
+
+
+def test_tf_goes_before_odometry(tmp_path: Path) -> None:
+    """As in the replay, by default; with frames.odometry off nobody asks it."""
+    entries = [*FRAMES, ("/odom", 4.0, odometry(4.0, 7.0))]
+    scene = read_scene(write(tmp_path, entries), 5.0)
+    assert scene.robot is not None
+    np.testing.assert_allclose(scene.robot.translation_m, (4.0, 0.0, 0.0))
+    (tmp_path / "effective.yaml").write_text(
+        JOINED.replace("frames: {", "frames: {odometry: ignore, "), encoding="utf-8"
+    )
+    assert read_scene(write(tmp_path, DRIVING), 5.0).robot is None
+
+
+def test_why_there_is_no_robot_is_said(tmp_path: Path) -> None:
+    """What is missing between the frames; nothing where no input could tell."""
+    scene = read_scene(write(tmp_path, DRIVING), 5.0)
+    assert scene.robot is None
+    assert scene.robot_problem == "frame 'map' was never seen; known frames: base_link, odom"
+    assert without_robot(scene.robot_problem) == f"the robot is not shown: {scene.robot_problem}"
+    scene = read_scene(write(tmp_path, DRIVING[:1]), 0.0)
+    assert scene.robot_problem == ""
+    assert "--with-inputs" in without_robot(scene.robot_problem)
+
+
+def test_the_status_is_never_cut_off() -> None:
+    """Whole complaints as there is room for, and how many more; one too long ends in dots."""
+    assert status_lines(()) == ["Status: OK"]
+    assert status_lines(("no map", "no scan")) == ["no map; no scan"]
+    long = [f"no chain of transforms joins 'map' to 'frame_{number}'" for number in range(40)]
+    lines = status_lines(long)
+    assert len(lines) == 2
+    assert all(len(line) <= 185 for line in lines)
+    shown = " ".join(lines).partition("; and ")[0].split("; ")
+    assert shown == long[: len(shown)]
+    assert lines[-1].endswith(f"; and {40 - len(shown)} more")
+    (_, last) = status_lines(("so long " * 60, "another"))
+    assert last.endswith(" ...; and 1 more")
+    assert len(last) <= 185

@@ -297,6 +297,24 @@ def test_a_map_file_stands_for_the_topic(
     assert metrics(out)["written"]["/map"] == 1
 
 
+def test_a_scripted_artefact_in_a_wall_is_said(
+    sample_bag: Path, run_are: RunAre, tmp_path: Path
+) -> None:
+    """With the reason, though the others are well."""
+    path = tmp_path / "s.yaml"
+    path.write_text(
+        "artefacts:\n"
+        "- {label: person_adult, name: anna, at: [0.0, 0.0, 0.0]}\n"
+        "- {label: person_adult, at: [9.9, 5.4, 0.0]}\n"
+    )
+    words = ("--scenario", path, "--set", "population.arrival_rate:=0", "--duration", "2")
+    done = run_are("replay", sample_bag, *words, "--out", tmp_path / "out")
+    assert done.returncode == 0
+    (said,) = (line for line in done.stderr.splitlines() if line.startswith("blocked: "))
+    assert "anna" in said
+    assert "1 arrived, 1 blocked" in done.stderr
+
+
 def test_scans_are_chosen_by_option_and_by_parameter(
     sample_records: Records,
     write_bag: WriteBag,

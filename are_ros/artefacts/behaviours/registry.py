@@ -1,11 +1,12 @@
 """Behaviours by name: those of are_ros, and the user's own as `module:Class`."""
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any, Final
 
 from are_ros.artefacts.behaviours.along_way import AlongWay
+from are_ros.artefacts.behaviours.asking import NOBODY, Asked, made
 from are_ros.artefacts.behaviours.avoiding import Avoiding
 from are_ros.artefacts.behaviours.crossing import Crossing
 from are_ros.artefacts.behaviours.following import Following
@@ -38,11 +39,14 @@ BEHAVIOURS: Final = (*_PLAIN, AlongWay.name)
 """Names of what an artefact may be doing (the set B of section 3.2), the user's own apart."""
 
 
-def make_behaviour(name: str, options: Mapping[str, Any] | None = None) -> Behaviour:
+def make_behaviour(
+    name: str, options: Mapping[str, Any] | None = None, asked: Asked = NOBODY
+) -> Behaviour:
     """Return a new behaviour, for one artefact: a name of `BEHAVIOURS`, or `module:Class`.
 
     along_way takes options, see `AlongWay.of`, and following takes the id of its leader.
-    CatalogueError, one sentence, if there is no such behaviour, or if it does not take these.
+    CatalogueError, one sentence, if there is no such behaviour, or if it does not take these;
+    BehaviourError, about whom it is made for, if one of the user's own raises.
     """
     if name == AlongWay.name:
         return AlongWay.of(options or {})
@@ -52,7 +56,7 @@ def make_behaviour(name: str, options: Mapping[str, Any] | None = None) -> Behav
         raise CatalogueError(
             f"{name} takes no options, but {', '.join(map(str, options))} is given"
         )
-    return _class_named(name)()
+    return made(_class_named(name), asked)
 
 
 def why_not(name: str, speed_mps: float = 1.0) -> str | None:
@@ -98,7 +102,15 @@ def _check_class(name: str, found: object) -> None:
         raise CatalogueError(f"{name} has no class attribute name that is a text")
     if not callable(getattr(found, "decide", None)):
         raise CatalogueError(f"{name} has no method decide")
+    _check_takes(found, (), f"{name} is not made without arguments")
+    decide = inspect.getattr_static(found, "decide")
+    if inspect.isfunction(decide):
+        _check_takes(decide, (None, None), f"{name} has a decide that does not take a situation")
+
+
+def _check_takes(function: Callable[..., Any], arguments: tuple[None, ...], refusal: str) -> None:
+    """Refuse what cannot be called with so many arguments."""
     try:
-        inspect.signature(found).bind()
+        inspect.signature(function).bind(*arguments)
     except (TypeError, ValueError) as cause:
-        raise CatalogueError(f"{name} is not made without arguments ({cause})") from cause
+        raise CatalogueError(f"{refusal} ({cause})") from cause

@@ -1,0 +1,82 @@
+"""Behaviours that fail, each in a way of its own, named in catalogues as `module:Class`."""
+
+import math
+from typing import Any, ClassVar
+
+from are_ros.artefacts.behaviours.intent import Intent, Steady, stand
+from are_ros.artefacts.behaviours.situation import Situation
+
+MODULE = "tests.artefacts.failing"
+
+
+class Late:
+    """Walks on for three decisions, and raises at the fourth."""
+
+    name: ClassVar[str] = "late"
+
+    def __init__(self) -> None:
+        self._decisions = 0
+
+    def decide(self, situation: Situation) -> Intent:
+        """Go ahead."""
+        self._decisions += 1
+        if self._decisions > 3:
+            raise ValueError("late boom\nand more of it")
+        x_m, y_m = situation.point_m
+        return Intent((x_m + 0.5, y_m), 0.5, activity="hurrying", is_moving_goal=True)
+
+
+class Unmade:
+    """Cannot be made."""
+
+    name: ClassVar[str] = "unmade"
+
+    def __init__(self) -> None:
+        raise RuntimeError("no parts")
+
+    def decide(self, situation: Situation) -> Intent:
+        """Is never asked."""
+        raise NotImplementedError
+
+
+class Returns:
+    """Returns what its class says."""
+
+    name: ClassVar[str] = "returns"
+    what: ClassVar[Any] = None
+
+    def decide(self, situation: Situation) -> Any:  # noqa: ARG002 - it never changes its mind
+        """Return that."""
+        return self.what
+
+
+class Helpless:
+    """Lets something of are_ros raise."""
+
+    name: ClassVar[str] = "helpless"
+
+    def decide(self, situation: Situation) -> Intent:
+        """Ask for the distance from nowhere."""
+        nowhere: Any = None
+        return stand(str(situation.distance_m(nowhere)))
+
+
+class Unsteady:
+    """Decides, and fails when it is asked for how long."""
+
+    name: ClassVar[str] = "unsteady"
+    patience_s: ClassVar[float] = math.inf
+
+    def __init__(self) -> None:
+        self._intent = stand("waiting")
+
+    @property
+    def steady(self) -> Steady:
+        """Fail, unless it has a patience that is none."""
+        if math.isnan(self.patience_s):
+            return Steady(self._intent, patience_s=self.patience_s)
+        raise KeyError("for ever")
+
+    def decide(self, situation: Situation) -> Intent:  # noqa: ARG002 - it never changes its mind
+        """Wait."""
+        return self._intent

@@ -1,0 +1,97 @@
+"""Whether a robot stands where its map lets it."""
+
+from collections.abc import Callable
+from pathlib import Path
+from subprocess import CompletedProcess
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from are_ros.parameters.choices import Region
+from are_ros.replay.standing import StandingWatch
+from are_ros.world.occupancy_grid import OccupancyGrid, classify
+from are_ros.world.rigid_transform import RigidTransform
+
+RunAre = Callable[..., CompletedProcess[str]]
+
+QUESTION = "does the map belong to the recording, and is its frame right?"
+
+
+def environment(cells: list[int]) -> Any:
+    """Return cells of a metre in a row from (0, 0)."""
+    grid = OccupancyGrid(np.array([cells], np.int8), 1.0, RigidTransform.identity(), "map")
+    return SimpleNamespace(grid=grid, classes=classify(grid, 65, 25))
+
+
+def watched(
+    maps: list[Any], places: list[float | None], *, area_m2: float, region: Region
+) -> list[str]:
+    """Return what is said of a robot at (x, 0.5), in one tick with each map."""
+    world = SimpleNamespace(environment=None)
+    parameters = SimpleNamespace(population=SimpleNamespace(region=region))
+    builder: Any = SimpleNamespace(world=world, parameters=parameters)
+    watch = StandingWatch(builder)
+    for world.environment, x_m in zip(maps, places, strict=True):
+        pose = None if x_m is None else RigidTransform.planar(x_m, 0.5, 0.0)
+        tick: Any = SimpleNamespace(map_from_base=pose, metrics=SimpleNamespace(area_m2=area_m2))
+        watch.take_tick(tick)
+    return watch.sentences()
+
+
+ROW = environment([0, 0, 100, -1])
+
+
+@pytest.mark.parametrize(
+    ("places", "said"),
+    [
+        ([0.5] * 9 + [2.5], ""),
+        ([0.5] * 8 + [2.5, 3.5], "in 2 of 10 ticks"),
+        ([9.0] * 3, "in 3 of 3 ticks"),
+        ([None, 0.5, 1.5], ""),
+        ([None, None], ""),
+    ],
+)
+def test_a_robot_in_walls_or_beyond_the_map_is_said(places: list[float | None], said: str) -> None:
+    """Where it is not there for a moment only; ticks without its pose do not count."""
+    sentences = watched([ROW] * len(places), places, area_m2=50.0, region=Region.REACHABLE)
+    assert len(sentences) == bool(said)
+    for sentence in sentences:
+        assert sentence.endswith(f"or beyond the map, {said}: {QUESTION}")
+
+
+def test_cells_that_come_to_be_known_are_no_fault() -> None:
+    """A map that is being made is judged by its end; one that is changed, by both."""
+    unknown, free = environment([-1, -1]), environment([0, 0])
+    for maps in ([unknown] * 9 + [free], [free] * 9 + [unknown]):
+        assert watched(maps, [0.5] * 10, area_m2=50.0, region=Region.FREE) == []
+    assert watched([unknown] * 6, [0.5] * 6, area_m2=50.0, region=Region.FREE) != []
+
+
+def test_a_region_of_next_to_nothing_is_said() -> None:
+    """Where it is the one that the robot can reach."""
+    for region, area_m2, count in (
+        (Region.REACHABLE, 1.16, 1),
+        (Region.REACHABLE, 19.7, 0),
+        (Region.ZONES, 1.16, 0),
+    ):
+        sentences = watched([ROW], [0.5], area_m2=area_m2, region=region)
+        assert len(sentences) == count
+        for sentence in sentences:
+            reach = "the robot can reach 1.2 m^2 of the map at most"
+            assert sentence == f"{reach}: {QUESTION}"
+
+
+def test_a_replay_says_it_of_a_wrong_frame(
+    sample_bag: Path, run_are: RunAre, tmp_path: Path
+) -> None:
+    """And nothing of the kind of the recording with its own."""
+    words = ("replay", sample_bag, "--duration", "2", "--skip", "grids", "--skip", "markers")
+    wrong = ("--static-tf", "0 0 0 0 0 0 base_footprint map")
+    good = run_are(*words, "--out", tmp_path / "a")
+    bad = run_are(*words, *wrong, "--out", tmp_path / "b")
+    assert (good.returncode, bad.returncode) == (0, 0)
+    assert QUESTION not in good.stderr
+    assert bad.stderr.splitlines()[-1].endswith(QUESTION)
+    assert "the robot can reach 0.0 m^2 of the map at most" in bad.stderr
