@@ -23,8 +23,9 @@ _MOVEMENTS: Final = ("way", "follows", "track")
 _NOT_BESIDE_TRACK: Final = ("at", "speed")
 KEYS: Final = (
     *("label", "row", "id", "name", "at", "arrives", "stays", "behaviour", "way", "loop"),
-    *("speed", "follows", "track", "origin", "left_by"),
+    *("speed", "follows", "track", "origin", "left_by", "blocked"),
 )
+_OF_BLOCKED: Final = ("label", "row", "id", "name", "arrives", "origin", "blocked")
 _ORIGINS: Final = {origin.name.lower(): origin for origin in Origin}
 _BLOCKS: Final = (
     Cause.MAX_ALIVE,
@@ -64,6 +65,8 @@ class TrackFiles:
 
 def read_artefact(given: Fields, catalogue: Catalogue, files: TrackFiles) -> ScriptedArtefact:
     """Read one artefact; CatalogueError, with its place and field, for whatever is wrong."""
+    if "blocked" in given:
+        return _read_blocked(given, catalogue)
     _check_movements(given)
     row = _row(given, catalogue)
     name = given.text("name") if "name" in given else ""
@@ -85,6 +88,22 @@ def read_artefact(given: Fields, catalogue: Catalogue, files: TrackFiles) -> Scr
         name=name,
         origin=_ORIGINS[given.choice("origin", tuple(_ORIGINS), "scripted")],
         cause=_CAUSES[given.choice("left_by", tuple(_CAUSES), Cause.LIFE_OVER.value)],
+    )
+
+
+def _read_blocked(given: Fields, catalogue: Catalogue) -> ScriptedArtefact:
+    """Read one that did not arrive in the run that was saved."""
+    for key in given:
+        if key not in _OF_BLOCKED:
+            given.refuse(key, "is given beside blocked, of one that does not arrive")
+    return ScriptedArtefact(
+        row=_row(given, catalogue),
+        pose=GroundPose(0.0, 0.0, 0.0, 0.0),
+        arrives_ns=_arrival_ns(given, None),
+        artefact_id=_id(given),
+        name=given.text("name") if "name" in given else "",
+        origin=_ORIGINS[given.choice("origin", tuple(_ORIGINS), "scripted")],
+        blocked=given.text("blocked"),
     )
 
 

@@ -229,6 +229,9 @@ class Population:
 
     def _arrive_by_script(self, admit: Admit) -> PopulationEvent:
         offer = self.scripted.take()
+        if offer.blocked:
+            who, blocked = (offer.artefact_id, offer.row), EventKind.BLOCKED
+            return self._say(offer.time_ns, blocked, *who, Cause.REFUSED, reason=offer.blocked)
         pose = admit(offer)
         if isinstance(pose, str) or self._is_full():
             cause = Cause.REFUSED if isinstance(pose, str) else Cause.MAX_ALIVE

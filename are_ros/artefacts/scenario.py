@@ -106,7 +106,8 @@ class ScriptedArtefact:
     then, z and all. `stays_ns` of None means for ever, `speed_mps` of None the row's own. It walks
     along `way_m` (x, y), follows the artefact named `follows`, or has a track, of which at most
     one is given; else its behaviour decides. `artefact_id` of None lets the run give one. `origin`
-    and `cause` (of the departure) are those of the run that a scenario was saved from.
+    and `cause` (of the departure) are those of the run that a scenario was saved from. One that is
+    `blocked`, by this cause or for this reason, does not arrive in any case, as it did not there.
     """
 
     row: CatalogueRow
@@ -123,6 +124,7 @@ class ScriptedArtefact:
     name: str = ""
     origin: Origin = Origin.SCRIPTED
     cause: Cause = Cause.LIFE_OVER
+    blocked: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -135,6 +135,8 @@ def _entry(artefact: ScriptedArtefact, sidecar: str) -> dict[str, Any]:
         given["origin"] = artefact.origin.name.lower()
     if artefact.cause is not Cause.LIFE_OVER:
         given["left_by"] = artefact.cause.value
+    if artefact.blocked:
+        return given | {"blocked": artefact.blocked}
     return given | _movement(artefact, sidecar)
 
 

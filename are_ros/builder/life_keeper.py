@@ -66,12 +66,13 @@ class LifeKeeper:
         self._full_ns: int | None = None
         self._stepped_ns: int | None = None
         self._kept: dict[int, _Kept] = {}
+        self._refused: dict[int, ScriptedArtefact] = {}
         self._ids: _Ints = np.empty(0, np.int64)
         self._poses: _Floats = np.empty((0, 4))
 
     def __len__(self) -> int:
         """Count the changes kept."""
-        return len(self._changes) // _CHANGE.itemsize + self._doings
+        return len(self._changes) // _CHANGE.itemsize + self._doings + len(self._refused)
 
     @property
     def notice(self) -> str:
@@ -94,6 +95,15 @@ class LifeKeeper:
         at = int(np.searchsorted(self._ids, artefact.id))
         self._ids = np.insert(self._ids, at, artefact.id)
         self._poses = np.insert(self._poses, at, pose, axis=0)
+
+    def refused(self, artefact_id: int, row: CatalogueRow, t_ns: int, why: str) -> None:
+        """Keep one who could not come."""
+        if self._is_full(t_ns):
+            return
+        pose, arrives_ns = GroundPose(0.0, 0.0, 0.0, 0.0), t_ns - self._start_ns
+        self._refused[artefact_id] = ScriptedArtefact(
+            row, pose, arrives_ns, artefact_id=artefact_id, blocked=why
+        )
 
     def departed(self, artefact_id: int, t_ns: int, cause: Cause) -> None:
         """Keep when and why one left."""
@@ -140,12 +150,13 @@ class LifeKeeper:
         """Return what happened so far, with nobody who comes at random beside it."""
         changes = np.frombuffer(bytes(self._changes), _CHANGE)
         changes = changes[np.argsort(changes["id"], kind="stable")]
-        lives = []
-        for artefact_id, kept in sorted(self._kept.items()):
+        found = dict(self._refused)
+        for artefact_id, kept in self._kept.items():
             first, end = np.searchsorted(changes["id"], [artefact_id, artefact_id + 1]).tolist()
-            lives.append(self._life(artefact_id, kept, changes[first:end]))
-        lives.sort(key=lambda life: life.arrives_ns)
-        return Scenario(tuple(lives), random=False, name=name)
+            found[artefact_id] = self._life(artefact_id, kept, changes[first:end])
+        in_order = [found[artefact_id] for artefact_id in sorted(found)]
+        in_order.sort(key=lambda one: one.arrives_ns)
+        return Scenario(tuple(in_order), random=False, name=name)
 
     def _is_full(self, t_ns: int) -> bool:
         if self._full_ns is None and len(self) >= self._most:

@@ -360,5 +360,7 @@ class Lives:
             self._farewells.begin(self.population.living[artefact_id], event.time_ns)
             return
         detail = event.reason or (event.cause.value if event.cause else "")
+        if event.kind is PopulationEventKind.BLOCKED and self.keeper is not None:
+            self.keeper.refused(artefact_id, event.row, event.time_ns, detail)
         kind, label = _EVENT_KINDS[event.kind], event.row.label
         self._events.append(ArtefactEvent(event.time_ns, kind, artefact_id, label, detail))

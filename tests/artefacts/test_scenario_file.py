@@ -35,7 +35,15 @@ def scripted(draw: st.DrawFn, number: int) -> ScriptedArtefact:
     x_m, y_m, yaw_rad = draw(st.tuples(NUMBERS, NUMBERS, NUMBERS))
     pose = GroundPose(x_m, y_m, 0.0, yaw_rad)
     values: dict[str, Any] = {}
-    kind = draw(st.sampled_from(["behaviour", "way", "follows", "track"]))
+    kind = draw(st.sampled_from(["behaviour", "way", "follows", "track", "blocked"]))
+    if kind == "blocked":
+        return ScriptedArtefact(
+            row,
+            GroundPose(0.0, 0.0, 0.0, 0.0),
+            arrives_ns,
+            artefact_id=FIRST_ADMITTED_ID + number,
+            blocked=draw(NAMES),
+        )
     if kind == "track":
         times_ns = sorted(draw(st.lists(INSTANTS, min_size=1, max_size=3, unique=True)))
         poses = draw(st.lists(NUMBERS, min_size=4 * len(times_ns), max_size=4 * len(times_ns)))
@@ -81,7 +89,7 @@ def _content(scenario: Scenario) -> list[tuple[Any, ...]]:
         (
             *(one.row, one.pose, one.arrives_ns, one.stays_ns, one.behaviour, one.name),
             *(one.way_m, one.loop, one.follows, one.speed_mps, one.artefact_id, one.origin),
-            one.cause,
+            *(one.cause, one.blocked),
             one.track and (one.track.times_ns.tobytes(), one.track.poses.tobytes()),
             one.track and one.track.doings,
         )
@@ -207,6 +215,9 @@ AT = "at: [1, 2, 3]"
         ("row: 14, track: [[1, 0, 0, 0, 0], [1, 0, 0, 0, 0]]", "pose 1 is not later than the one"),
         ("row: 14, track: none.csv", "none.csv cannot be read (No such file or directory)"),
         (f"row: 1, {AT}, origin: heaven", "origin is 'heaven', which is not known"),
+        (f"row: 1, {AT}, blocked: no_place", "at is given beside blocked"),
+        ("row: 1, blocked: no_place, stays: 3", "stays is given beside blocked"),
+        ("row: 1, blocked: 3", "blocked is 3, but text is needed"),
         (f"row: 1, {AT}, left_by: no_place", "left_by is 'no_place', which is not known"),
     ],
 )

@@ -263,7 +263,7 @@ def _content(scenario: Scenario) -> list[Truth]:
         (
             *(one.row.label, one.pose, one.arrives_ns, one.stays_ns, one.behaviour, one.name),
             *(one.way_m, one.loop, one.follows, one.speed_mps, one.artefact_id, one.origin),
-            one.cause,
+            *(one.cause, one.blocked),
             one.track and (one.track.times_ns.tobytes(), one.track.poses.tobytes()),
             one.track and one.track.doings,
         )
@@ -317,6 +317,19 @@ def _step(keeper: LifeKeeper, t_ns: int, ids: list[int], x_m: float) -> npt.NDAr
     poses = np.full((len(ids), 4), x_m)
     keeper.step(t_ns, np.array(ids, np.int64), poses, np.ones(len(ids), np.bool_))
     return poses
+
+
+def test_who_could_not_come_is_kept_in_order() -> None:
+    """With its reason, among those who came; ids tell who of one instant was first."""
+    keeper = LifeKeeper(PERIOD_NS)
+    keeper.start(100)
+    keeper.refused(3, CATALOGUE.rows[1], 150, "max_alive")
+    keeper.arrived(_artefact(2, 150))
+    keeper.refused(1, CATALOGUE.rows[0], 160, "no_place")
+    found = [(one.artefact_id, one.arrives_ns, one.blocked) for one in keeper.scenario().artefacts]
+    assert found == [(2, 50, ""), (3, 50, "max_alive"), (1, 60, "no_place")]
+    keeper.start(200)
+    assert not keeper.scenario().artefacts
 
 
 def test_who_stands_takes_one_pose() -> None:
