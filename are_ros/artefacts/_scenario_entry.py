@@ -15,7 +15,7 @@ from are_ros.artefacts.behaviours.registry import why_not
 from are_ros.artefacts.behaviours.standing import Standing
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.population_events import Cause
-from are_ros.artefacts.scenario import ScriptedArtefact, Track
+from are_ros.artefacts.scenario import NOWHERE, ScriptedArtefact, Track
 from are_ros.artefacts.track_file import lines_in, read_tracks
 from are_ros.errors import CatalogueError, ScenarioError
 
@@ -98,7 +98,7 @@ def _read_blocked(given: Fields, catalogue: Catalogue) -> ScriptedArtefact:
             given.refuse(key, "is given beside blocked, of one that does not arrive")
     return ScriptedArtefact(
         row=_row(given, catalogue),
-        pose=GroundPose(0.0, 0.0, 0.0, 0.0),
+        pose=NOWHERE,
         arrives_ns=_arrival_ns(given, None),
         artefact_id=_id(given),
         name=given.text("name") if "name" in given else "",

@@ -98,6 +98,10 @@ class Track:
         return poses
 
 
+NOWHERE: Final = GroundPose(0.0, 0.0, 0.0, 0.0)
+"""The pose of one that does not arrive; nobody looks at it."""
+
+
 @dataclass(frozen=True, eq=False)
 class ScriptedArtefact:
     """One artefact of a scenario; times are nanoseconds, since the start of the run.

@@ -30,8 +30,8 @@ from are_ros.conventions import FOR_EVER_NS
 
 _FIRST_CAPACITY: Final = 64
 _LIMITS: Final = (GETS_ON_MPS, BLOCKED_S, SHUNTS_S)
-_OWN_FIELDS = ("waits", "is_going", "has_spot", "spot_x", "spot_y", "spot_since")
-_own_of = itemgetter(*map(list(STEADY.fields or ()).index, _OWN_FIELDS))
+_OWN_FIELDS: Final = ("waits", "is_going", "has_spot", "spot_x", "spot_y", "spot_since")
+_own_of = itemgetter(*map((STEADY.names or ()).index, _OWN_FIELDS))
 """Of a row of the table, as a tuple: what a mind has, too."""
 
 

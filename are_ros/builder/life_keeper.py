@@ -16,7 +16,7 @@ import numpy.typing as npt
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.population_events import Cause
-from are_ros.artefacts.scenario import Doing, Scenario, ScriptedArtefact, Track
+from are_ros.artefacts.scenario import NOWHERE, Doing, Scenario, ScriptedArtefact, Track
 from are_ros.conventions import NS_PER_S
 
 _Floats = npt.NDArray[np.float64]
@@ -100,9 +100,9 @@ class LifeKeeper:
         """Keep one who could not come."""
         if self._is_full(t_ns):
             return
-        pose, arrives_ns = GroundPose(0.0, 0.0, 0.0, 0.0), t_ns - self._start_ns
+        arrives_ns = t_ns - self._start_ns
         self._refused[artefact_id] = ScriptedArtefact(
-            row, pose, arrives_ns, artefact_id=artefact_id, blocked=why
+            row, NOWHERE, arrives_ns, artefact_id=artefact_id, blocked=why
         )
 
     def departed(self, artefact_id: int, t_ns: int, cause: Cause) -> None:

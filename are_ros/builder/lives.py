@@ -354,7 +354,7 @@ class Lives:
             self._motions.end(artefact_id, event.time_ns, event.cause or Cause.REMOVED)
             self._farewells.end(artefact_id)
         elif event.kind is PopulationEventKind.LEAVING:
-            if artefact_id in self._motions.player:
+            if artefact_id in self._motions.player:  # it goes with the sub-step of this instant
                 return
             self._motions.minds.send_out(artefact_id)
             self._farewells.begin(self.population.living[artefact_id], event.time_ns)

@@ -1,6 +1,7 @@
 """The commands of `are` that read recordings and configurations, and need no ROS."""
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,9 @@ import click
 from are_ros.cli.options import FILE, SECONDS, TOPIC, animate_option, parameter_options, say
 from are_ros.cli.status import IMPERFECT
 
+_topic_option = partial(
+    click.option, "--topic", "topics", metavar="ROLE:=/TOPIC", type=TOPIC, multiple=True
+)
 _SKIPPABLE = ("perception", "grids", "markers")
 
 
@@ -24,12 +28,7 @@ _SKIPPABLE = ("perception", "grids", "markers")
     multiple=True,
     help='"X Y Z YAW PITCH ROLL PARENT CHILD", metres and radians. Repeatable.',
 )
-@click.option(
-    "--topic",
-    "topics",
-    metavar="ROLE:=/TOPIC",
-    type=TOPIC,
-    multiple=True,
+@_topic_option(
     help="Let a topic play a part: map, octomap_point_cloud_centers, odom, scan, "
     "camera/camera_info, tf, tf_static. Repeatable.",
 )
@@ -73,14 +72,7 @@ def replay(**options: Any) -> None:
 
 @click.command(short_help="Say what a recording holds, and what it lacks.")
 @click.argument("bags", metavar="BAG...", nargs=-1, required=True, type=FILE)
-@click.option(
-    "--topic",
-    "topics",
-    metavar="ROLE:=/TOPIC",
-    type=TOPIC,
-    multiple=True,
-    help="As in replay.",
-)
+@_topic_option(help="As in replay.")
 @click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="As in replay.")
 @click.option("--map-frame", metavar="NAME", default="map", show_default=True, help="As in replay.")
 @click.option("--static-tf", "static_transforms", metavar="TF", multiple=True, help="As in replay.")

@@ -12,6 +12,7 @@ from are_ros.builder.events import EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.replay._picture_map import KnownPart, Window, map_from_part, shaded
 from are_ros.replay._picture_robot import time_colours
+from are_ros.replay.output_folder import METRICS
 from are_ros.replay.scene_record import SceneRecord
 from are_ros.wording import counted
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -97,7 +98,7 @@ def draw_frame(
     legends: Sequence[Sequence[Any]],
     *,
     without_id: int = 0,
-    ids_as_in: str = "metrics.json",
+    ids_as_in: str,
 ) -> None:
     """Write title and legends around the map, and the scale of length and of time.
 
@@ -131,7 +132,7 @@ def _title(record: SceneRecord) -> str:
     return f"{counted(arrived, 'virtual artefact')} arrived, {perceived} perceived"
 
 
-def _subtitle(record: SceneRecord, without_id: int, ids_as_in: str = "metrics.json") -> str:
+def _subtitle(record: SceneRecord, without_id: int, ids_as_in: str = METRICS) -> str:
     steps = np.diff(record.robot.poses[:, :2], axis=0)
     driven_m = float(np.linalg.norm(steps, axis=1).sum())
     counts = Counter(event.kind for event in record.events)

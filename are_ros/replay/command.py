@@ -22,7 +22,7 @@ from are_ros.replay.film_path import film_path
 from are_ros.replay.inspection import inspect_bag
 from are_ros.replay.inspection_text import inspection_lines
 from are_ros.replay.options import ReplayOptions
-from are_ros.replay.output_folder import all_or_nothing
+from are_ros.replay.output_folder import METRICS, all_or_nothing
 from are_ros.replay.overview import draw_overview
 from are_ros.replay.population_picture import plot_population
 from are_ros.replay.progress_bar import ProgressBar
@@ -133,7 +133,7 @@ def write_results(outcome: Outcome, folder: Path) -> None:
             occupied_threshold=parameters.world.occupied_threshold,
         )
     (folder / "effective.yaml").write_text(write_ros_parameters(parameters), encoding="utf-8")
-    write_json(folder / "metrics.json", _metrics(outcome))
+    write_json(folder / METRICS, _metrics(outcome))
     write_json(folder / "timing.json", _timing(outcome))
 
 
@@ -191,7 +191,7 @@ def refused_by_script(events: Iterable[ArtefactEvent]) -> list[str]:
     reasons = [detail for detail in blocked if detail not in causes]
     lines = [f"blocked: {reason}" for reason in reasons[:_SHOWN_REFUSALS]]
     if others := reasons[_SHOWN_REFUSALS:]:
-        lines.append(f"blocked: and {len(others)} more, see blocked_by_cause in metrics.json")
+        lines.append(f"blocked: and {len(others)} more, see blocked_by_cause in {METRICS}")
     return lines
 
 

@@ -11,7 +11,8 @@ from are_ros.errors import BagError
 from are_ros.wording import why_refused
 
 AUGMENTED: Final = "augmented.mcap"
-RESULTS: Final = (AUGMENTED, "overview.png", "effective.yaml", "metrics.json", "timing.json")
+METRICS: Final = "metrics.json"
+RESULTS: Final = (AUGMENTED, "overview.png", "effective.yaml", METRICS, "timing.json")
 
 
 def prepare_folder(folder: Path) -> None:

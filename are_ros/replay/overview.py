@@ -35,6 +35,7 @@ from are_ros.replay._picture_robot import (
     tag_rectangles,
 )
 from are_ros.replay._picture_view import Fan, Sight, fan_at, spread_indices, telling_indices
+from are_ros.replay.output_folder import METRICS
 from are_ros.replay.scene_record import SceneRecord
 from are_ros.world.occupancy_grid import OccupancyGrid
 
@@ -52,7 +53,7 @@ def draw_overview(
     path: Path,
     *,
     occupied_threshold: int,
-    ids_as_in: str = "metrics.json",
+    ids_as_in: str = METRICS,
 ) -> None:
     """Write the picture of a run over its map, as PNG; the same input gives the same bytes.
 
@@ -74,7 +75,7 @@ def _figure(
     record: SceneRecord,
     grid: OccupancyGrid,
     occupied_threshold: int,
-    ids_as_in: str = "metrics.json",
+    ids_as_in: str = METRICS,
 ) -> Any:
     part, end_ns = known_part(grid), _end_ns(record)
     drawn = drawn_lives(record.lives, end_ns)
