@@ -159,13 +159,15 @@ def hits_voxels(
     lattice: _FloatArray,
     layers_m: tuple[float, float],
     occupied: NDArray[np.uint8],
+    lowest: NDArray[np.int32],
     field: _Field,
     tolerance_m: float,
 ) -> _Mask:
     """Tell which boxes meet an occupied voxel whose top is above their floor.
 
     `floors_m` (N,): voxels that end at or below it are ground. `layers_m`: the lattice's low end
-    and the voxels' height. `field`, in cells: 0 on each column (iy, ix) that may be met.
+    and the voxels' height. `field`, in cells: 0 on each column (iy, ix) that may be met; `lowest`:
+    the lowest occupied layer of each column that may be met. Under a ceiling that is all it takes.
     """
     out = np.zeros(packed.shape[0], np.bool_)
     low_m, height_m = layers_m
@@ -175,7 +177,8 @@ def hits_voxels(
         first = max(np.int64(np.floor((bottom - low_m) / height_m)), 0)
         end = min(np.int64(np.ceil((top - low_m) / height_m)), occupied.shape[2])
         if first < end:
-            out[i] = _hits_layers(packed, i, lattice, occupied[:, :, first:end], field, tolerance_m)
+            layers = first, end
+            out[i] = _hits_layers(packed, i, lattice, layers, occupied, lowest, field, tolerance_m)
     return out
 
 
@@ -184,10 +187,14 @@ def _hits_layers(
     packed: _FloatArray,
     i: int,
     lattice: _FloatArray,
+    layers: tuple[int, int],
     occupied: NDArray[np.uint8],
+    lowest: NDArray[np.int32],
     field: _Field,
     tolerance_m: float,
 ) -> bool:
+    """Tell whether a voxel of the layers [first, end) is in footprint `i`."""
+    first_layer, end_layer = layers
     x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
     if _is_far(field, 1.0, x, y, (top_x, top_y), (right_x, right_y)):
         return False
@@ -197,8 +204,9 @@ def _hits_layers(
         end = min(end, field.shape[1] - 1)
         column = _next_zero(field, 1.0, row, max(start, 0), end)
         while column <= end:
-            for layer in range(occupied.shape[2]):
-                if occupied[column, row, layer]:
-                    return True
+            if lowest[row, column] < end_layer:
+                for layer in range(max(first_layer, lowest[row, column]), end_layer):
+                    if occupied[column, row, layer]:
+                        return True
             column = _next_zero(field, 1.0, row, column + 1, end)
     return False

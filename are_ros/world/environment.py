@@ -119,6 +119,7 @@ class Environment:
             obstacles.lattice,
             obstacles.layers_m,
             obstacles.occupied,
+            obstacles.lowest,
             obstacles.field,
             TOUCH_TOLERANCE_M,
         )
@@ -138,9 +139,13 @@ class Environment:
 
 @dataclass(frozen=True, eq=False)
 class _Obstacles:
-    """A voxel map as the kernel takes it; no box's ground is taken to be below the lowest."""
+    """A voxel map as the kernel takes it; no box's ground is taken to be below the lowest.
+
+    `lowest` (iy, ix): the lowest occupied layer above that ground, the number of layers if none.
+    """
 
     occupied: NDArray[np.uint8]
+    lowest: NDArray[np.int32]
     lattice: NDArray[np.float64]
     layers_m: tuple[float, float]
     field: NDArray[np.float32]
@@ -151,9 +156,13 @@ def _obstacles_above(voxels: VoxelMap, lowest_m: float, clearance_m: float) -> _
     width_m, depth_m, height_m = voxels.voxel_size_m
     base_m = float(voxels.map_from_lattice.translation_m[2])
     first = int(np.floor((lowest_m + clearance_m + TOUCH_TOLERANCE_M - base_m) / height_m))
-    is_clear = ~voxels.occupied[:, :, max(first, 0) :].any(axis=2).T
+    layers = voxels.occupied.shape[2]
+    above = voxels.occupied[:, :, min(max(first, 0), layers - 1) :]
+    is_clear = ~above.any(axis=2).T if first < layers else np.ones(above.shape[1::-1], np.bool_)
+    lowest = np.where(is_clear, layers, layers - above.shape[2] + above.argmax(axis=2).T)
     return _Obstacles(
         voxels.occupied,
+        lowest.astype(np.int32),
         lattice_row(voxels.map_from_lattice, width_m, depth_m),
         (base_m, height_m),
         _distances_in_cells(is_clear, border=0),
