@@ -27,6 +27,7 @@ from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import Values
 
 _BEFORE_ALL_NS: Final = -(2**63)
+_AFTER_ALL_NS: Final = 2**63 - 1
 CLOCK_JITTER_NS: Final = NS_PER_S
 """What comes out of order by no more than this is taken as if it came now: machines' clocks are
 set back by fractions of a second, recordings that loop go back further."""
@@ -60,6 +61,8 @@ class Reality:
         self._meshes = MeshBank()
         self.lives.viewpoints = self._viewpoints
         self._scans = ScanAugmentation(parameters, self.frames, self.lives, self._meshes)
+        self.judges_until_ns = _AFTER_ALL_NS
+        """No scan's deadline after this is judged yet; a node sets it, a replay need not."""
         self._now_ns = _BEFORE_ALL_NS
         self._idle_until_ns = _BEFORE_ALL_NS
         assembly.set_static_frames(parameters, self.frames)
@@ -189,7 +192,7 @@ class Reality:
             self._leap(now_ns)
         self._now_ns = max(self._now_ns, now_ns)
         while (deadline_ns := self._scans.next_deadline_ns()) is not None:
-            if deadline_ns > now_ns:
+            if deadline_ns > min(now_ns, self.judges_until_ns):
                 break
             self.lives.advance(deadline_ns)
             self._scans.deadline_passed(deadline_ns)

@@ -148,7 +148,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         outlets = self._outlets = Outlets(self, inlets.scans, self._say)
         decoding = WireDecoding()
         self.live = LiveBuilder(
-            parameters, catalogue, decoding, inlets.roles, outlets, self._refused
+            parameters, catalogue, decoding, inlets.roles, inlets, outlets, self._refused
         )
         inlets.follow_publishers()
         self.get_logger().info("configured: the real map is relayed")
@@ -171,10 +171,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self._work()
 
     def _store(self, message: WireMessage) -> None:
-        if self.live is None or self._inlets is None:
-            return
-        self._inlets.watches[message.topic].received(monotonic_ns())
-        if self.live.store(message, self.now_ns()):
+        if self.live is not None and self.live.store(message, self.now_ns()):
             self._work()
 
     def _work(self) -> None:

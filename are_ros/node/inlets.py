@@ -1,6 +1,7 @@
 """The subscriptions of the node's inputs: callbacks hand on bytes, and count them."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterator
+from time import monotonic_ns
 from typing import Any, Final
 
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -68,6 +69,22 @@ class Inlets:
         self._node.destroy_subscription(self._subscriptions[topic])
         self._subscriptions[topic] = self._subscribed(_CLOUD, topic)
 
+    def waiting(self, roles: Container[str]) -> Iterator[WireMessage]:
+        """Yield, and take, what DDS holds of the inputs of some roles, in no order of topics."""
+        for topic, role in self.roles.items():
+            subscription = self._subscriptions.get(topic) if role in roles else None
+            while subscription is not None:
+                with subscription.handle:
+                    taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+                if taken is None:
+                    break
+                self.watches[topic].received(monotonic_ns())
+                yield WireMessage(topic, INPUTS[role].type_name, taken[0])
+
+    def is_time_simulated(self) -> bool:
+        """Tell whether the node's time is that of /clock."""
+        return bool(self._node.get_clock().ros_time_is_active)
+
     def snapshots(self, now_ns: int) -> Iterator[InputSnapshot]:
         """Yield what came in so far, by the monotonic clock."""
         scans = self.scans
@@ -109,6 +126,7 @@ class Inlets:
         type_name = INPUTS[role].type_name
 
         def take(data: bytes) -> None:
+            self.watches[name].received(monotonic_ns())
             self._store(WireMessage(name, type_name, data))
 
         return subscribe(self._node, role, take, topic, **options)

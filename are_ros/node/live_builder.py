@@ -1,7 +1,7 @@
 """The builder by the node's clock: inputs are stored as they come, and worked through in order."""
 
 from collections import deque
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from time import monotonic_ns
 from typing import Final, NamedTuple, Protocol
 
@@ -33,8 +33,25 @@ _COSTLY: Final = ("map", "octomap_point_cloud_centers")
 """What takes long to take in is taken at once, so that no tick has to wait for it."""
 _MOST_KEPT: Final = 1000
 _MOVING: Final = ("tf", "odom", "tf_static")
+"""What a scan may wait for."""
+_LISTENS_NS: Final = NS_PER_S // 100
+"""So long the node listens after a scan's deadline before it judges it, by the wall's clock. A
+process that was stopped has to get from the network first what came meanwhile."""
+_LISTENS_MOST_NS: Final = NS_PER_S
+"""So long after its deadline no scan is kept back, however late the node always is."""
+_NONE_NS: Final = -(2**63)
 _SIGHTS: Final = ("perceived", "events", "metrics", "markers")
 """The outputs that tell who is perceived."""
+
+
+class Inbox(Protocol):
+    """What the node has received, and has not been called for yet; and its clock."""
+
+    def waiting(self, roles: Container[str]) -> Iterable[RawMessage]:
+        """Yield, and take, the messages of the inputs of some roles."""
+
+    def is_time_simulated(self) -> bool:
+        """Tell whether the time is that of /clock, which comes as messages come."""
 
 
 class Outlet(Protocol):
@@ -65,6 +82,7 @@ class LiveBuilder:
         catalogue: Catalogue,
         decoding: Decoding,
         roles: Mapping[str, str],
+        inbox: Inbox,
         outlet: Outlet,
         refused: Callable[[str, str], None],
     ) -> None:
@@ -75,6 +93,7 @@ class LiveBuilder:
         self.is_running = False
         self._events: list[ArtefactEvent] = []
         self._roles = roles
+        self._inbox = inbox
         self._outlet = outlet
         self._refused = refused
         self._decoding = decoding
@@ -83,6 +102,7 @@ class LiveBuilder:
         self._stored: deque[_Stored] = deque()
         self._schedule: TickSchedule | None = None
         self._now_ns = 0
+        self._look_ns: int | None = None
         self._shown: Environment | None = None
         scans = [topic for topic, role in roles.items() if role == "scan"]
         self._scan_outputs = scan_outputs(scans)
@@ -127,9 +147,12 @@ class LiveBuilder:
         """Take what was stored, run the ticks that are due, release the scans that must go."""
         if now_ns <= 0:
             return
+        self._read_what_scans_wait_for(now_ns)
+        self.builder.judges_until_ns = _NONE_NS
         while self._stored:
             message, received_ns = self._stored.popleft()
             self._take(message, received_ns or now_ns)
+        self.builder.judges_until_ns = self._judges_until_ns(now_ns)
         self._run_ticks(now_ns)
         if self.is_running:
             self.builder.advance(now_ns)
@@ -143,7 +166,7 @@ class LiveBuilder:
             return 1  # as soon as the time is known
         deadline_ns = self.builder.next_deadline_ns()
         tick_ns = self._schedule.next_ns
-        return tick_ns if deadline_ns is None else min(tick_ns, deadline_ns)
+        return tick_ns if deadline_ns is None else min(tick_ns, self._look_ns or deadline_ns)
 
     def resume(self, now_ns: int) -> None:
         """Let the artefacts live, and the ticks run, from now on."""
@@ -180,6 +203,37 @@ class LiveBuilder:
     def new_viewer(self) -> None:
         """Let the next markers be all of them."""
         self.builder.show_everything()
+
+    def _read_what_scans_wait_for(self, now_ns: int) -> None:
+        """Store the transforms that came before `now_ns`, if a scan's deadline has passed by it.
+
+        The node may be late, and their callbacks be due after the one that calls this.
+        """
+        deadline_ns = self.builder.next_deadline_ns()
+        if deadline_ns is not None and deadline_ns <= now_ns:
+            for message in self._inbox.waiting(_MOVING):
+                self.store(message, now_ns)
+
+    def _judges_until_ns(self, now_ns: int) -> int:
+        """Return up to when deadlines are judged now: by the wall's clock, at the second look.
+
+        The first says that a deadline has passed, the second has to come in time: then the node
+        was awake, and has listened. What came in a stall counts, so, for the scans of before it.
+        Simulated time comes as messages come, after those that were sent before it.
+        """
+        deadline_ns, look_ns = self.builder.next_deadline_ns(), self._look_ns
+        is_passed = deadline_ns is not None and deadline_ns <= now_ns
+        if not is_passed or self._inbox.is_time_simulated():
+            self._look_ns = None
+            return now_ns
+        if look_ns is not None and now_ns < look_ns <= now_ns + _LISTENS_NS:
+            return _NONE_NS
+        is_in_time = look_ns is not None and 0 <= now_ns - look_ns <= _LISTENS_NS
+        if is_in_time or now_ns - deadline_ns > _LISTENS_MOST_NS:
+            self._look_ns = None
+            return now_ns
+        self._look_ns = now_ns + _LISTENS_NS
+        return _NONE_NS
 
     def _take(self, message: RawMessage, received_ns: int) -> None:
         self._run_ticks(received_ns)

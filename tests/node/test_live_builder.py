@@ -1,6 +1,6 @@
 """The live builder without DDS: what it stores, relays, runs and skips, by the clock it is told."""
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Container, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from are_ros.builder.assembly import catalogue_of
 from are_ros.builder.events import EventKind
 from are_ros.builder.requests import SpawnRequest
+from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.decoding import WireDecoding, WireMessage
 from are_ros.node.live_builder import LiveBuilder
@@ -67,11 +68,32 @@ class Outlet:
         return names
 
 
+class Inbox:
+    """What DDS holds, by role, and which clock the node has."""
+
+    def __init__(self) -> None:
+        self.held: list[tuple[str, Any]] = []
+        self.is_simulated = True
+
+    def waiting(self, roles: Container[str]) -> Iterator[WireMessage]:
+        """Give out what is held of some roles."""
+        taken = [entry for entry in self.held if entry[0] in roles]
+        self.held = [entry for entry in self.held if entry[0] not in roles]
+        for role, message in taken:
+            type_name = INPUTS[role].type_name
+            yield WireMessage(f"/{role}", type_name, serialize_message(message))
+
+    def is_time_simulated(self) -> bool:
+        """Tell whether the time is that of /clock."""
+        return self.is_simulated
+
+
 class Rig:
     """A live builder, what it gave out, and what it refused; times in seconds."""
 
     def __init__(self, parameters: Parameters) -> None:
         self.outlet = Outlet()
+        self.inbox = Inbox()
         self.refused: list[tuple[str, str]] = []
         roles = {f"/{role}": role for role in (*ROLES, "clicked_point")}
         self.live = LiveBuilder(
@@ -79,6 +101,7 @@ class Rig:
             catalogue_of(parameters),
             WireDecoding(),
             roles,
+            self.inbox,
             self.outlet,
             lambda *refusal: self.refused.append(refusal),
         )
@@ -291,6 +314,68 @@ def test_a_scan_waits_no_longer_than_it_may(rig: Rig) -> None:
     rig.work(10.15)
     assert rig.stamps("scan") == [10_400]
     assert rig.live.builder.scan_counts()["/scan"].passed_through == 1
+
+
+@pytest.mark.parametrize("is_simulated", [False, True])
+def test_what_came_in_a_stall_counts_for_the_scans_of_before_it(
+    rig: Rig, *, is_simulated: bool
+) -> None:
+    """DDS has had it for long when the node, 0.4 s late, is called for the deadline first."""
+    rig.inbox.is_simulated = is_simulated
+    rig.store("tf_static", laser_mount(), 10.05)
+    rig.place(3.0, 2.0, 10.05)
+    rig.store("scan", scan(10.08), 10.08)
+    rig.work(10.08)
+    rig.inbox.held = [("tf", robot_at(10.1)), ("plan", path_to(3.0, 2.0))]
+    rig.work(10.5)
+    (message,) = rig.outlet.take("scan")
+    assert min(message.ranges) == pytest.approx(1.8, abs=0.01)
+    assert [role for role, _ in rig.inbox.held] == ["plan"]
+    assert rig.live.builder.scan_counts()["/scan"] == SensorPathCounts(exact=1)
+
+
+def test_what_was_stored_in_a_stall_counts_too(rig: Rig) -> None:
+    """A scan's callback came first, and what the transform's stored lies behind its deadline."""
+    rig.store("tf_static", laser_mount(), 10.05)
+    rig.store("scan", scan(10.08), 10.08)
+    rig.work(10.08)
+    rig.store("scan", scan(10.4), 10.5)
+    rig.store("tf", robot_at(10.1), 10.5)
+    rig.work(10.5)
+    assert rig.live.builder.scan_counts()["/scan"] == SensorPathCounts(exact=1)
+
+
+def test_a_process_that_was_stopped_listens_before_it_judges(rig: Rig) -> None:
+    """Its clock has gone on, and DDS has not yet read from the network what came meanwhile."""
+    rig.inbox.is_simulated = False
+    rig.store("tf_static", laser_mount(), 10.05)
+    rig.store("scan", scan(10.08), 10.08)
+    rig.work(10.08)
+    rig.work(10.395)
+    assert rig.live.next_due_ns() == ns(10.4)
+    rig.work(10.401)
+    assert rig.outlet.take("scan") == []
+    assert rig.live.next_due_ns() == ns(10.405)
+    rig.work(10.6)  # stopped again
+    assert rig.outlet.take("scan") == []
+    rig.inbox.held = [("tf", robot_at(10.1))]
+    rig.work(10.61)
+    assert rig.live.builder.scan_counts()["/scan"] == SensorPathCounts(exact=1)
+
+
+def test_who_is_always_late_lets_scans_go_after_a_second(rig: Rig) -> None:
+    """However late the node is at each look, no scan waits for ever."""
+    rig.inbox.is_simulated = False
+    deadline_s = 10.08 + rig.live.builder.parameters.sensors.tf_wait
+    rig.store("scan", scan(10.08), 10.08)
+    rig.work(10.08)
+    looks_s = [deadline_s + 0.1 * k for k in range(12)]
+    for t_s in looks_s:
+        rig.work(t_s)
+        if rig.outlet.take("scan"):
+            break
+    assert t_s == looks_s[-1]
+    assert rig.live.builder.scan_counts()["/scan"] == SensorPathCounts(passed_through=1)
 
 
 def test_a_scan_that_waits_leaves_before_the_pause(rig: Rig) -> None:

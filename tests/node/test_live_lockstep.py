@@ -1,13 +1,14 @@
 """Live and replay: the same recording gives the same bytes, however the clock of the node steps."""
 
 from collections import defaultdict
-from collections.abc import Container
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
 from are_ros.builder.assembly import catalogue_of
+from are_ros.messages.feed import RawMessage
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
@@ -29,6 +30,18 @@ ROLES = (
     "tf_static",
 )
 Outputs = dict[str, list[bytes]]
+
+
+class NothingWaits:
+    """The inbox in lockstep: by /clock, and empty when the time goes on."""
+
+    def waiting(self, roles: Container[str]) -> Iterator[RawMessage]:  # noqa: ARG002
+        """Give out nothing."""
+        return iter(())
+
+    def is_time_simulated(self) -> bool:
+        """Tell that it is."""
+        return True
 
 
 @dataclass
@@ -95,7 +108,9 @@ def lived(parameters: Parameters, step_ns: int) -> Outputs:
         roles = find_roles(reader.topics, {})
         role_of_topic = roles_of(roles)
         catalogue = catalogue_of(parameters)
-        live = LiveBuilder(parameters, catalogue, reader, role_of_topic, outlet, refuse_nothing)
+        live = LiveBuilder(
+            parameters, catalogue, reader, role_of_topic, NothingWaits(), outlet, refuse_nothing
+        )
         live.resume(0)
         now_ns = reader.start_ns
         next_ns = (now_ns // step_ns + 1) * step_ns

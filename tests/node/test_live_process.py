@@ -19,9 +19,21 @@ pytest.importorskip("rclpy", reason=NOT_SET_UP)
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.main import main
 from are_ros.node.message_classes import message_class, service_class
-from are_ros.node.qos import input_qos, output_qos
-from tests.node.live_bench import DELETE_ALL
-from tests.node.live_scene import FACTORY, QUIET, pose_at, robot_at, room
+from are_ros.node.qos import INPUTS, input_qos, output_qos
+from are_ros.parameters.model import SensorsParameters
+from tests.node.live_bench import DELETE_ALL, stamp_ns
+from tests.node.live_scene import (
+    FACTORY,
+    QUIET,
+    laser_mount,
+    ns,
+    odometry,
+    pose_at,
+    robot_at,
+    room,
+    scan,
+    transforms,
+)
 
 Start = Callable[..., "Process"]
 PROGRAM = """
@@ -292,3 +304,106 @@ def test_a_refusal_is_the_exit_status(
     process = start({"population.mean_life": 0.0})
     assert process.end() == 1
     assert any("'population.mean_life': 0.0 is below 0.001" in line for line in process.said)
+
+
+# ------------------------------------------------------------------------------------- stalls
+
+STALLS_S = (0.06, 0.1, 0.2, 0.4)
+ROUNDS = 3
+SCANS_PER_STALL = 8
+TF_PERIOD_S, TF_LAG_S = 0.02, 0.015
+LISTENED_S = 0.005
+"""So long a node that is not busy takes to have a scan, after which it is stopped."""
+
+
+class Driver:
+    """A robot by the clock of the wall: scans at 10 Hz; transforms and odometry at 50 Hz.
+
+    What is to be sent by now is sent by `turn`; a transform 15 ms after its stamp. `sent_s` and
+    `followed_s` are when a scan was sent, and the first transform at or after its stamp.
+    """
+
+    def __init__(self, ros: RosWorld, user: Any) -> None:
+        self.sent_s: dict[int, float] = {}
+        self.followed_s: dict[int, float] = {}
+        self._ros = ros
+        kinds = {role: message_class(INPUTS[role].type_name) for role in ("tf", "odom", "scan")}
+        self._publishers = {
+            role: user.create_publisher(kind, INPUTS[role].topic or f"/{role}", input_qos(role))
+            for role, kind in kinds.items()
+        }
+        self._began_s = time.time()
+        self._scans = self._moves = 0
+
+    def drive(self, scans: int) -> None:
+        """Go on until so many more scans are sent, and the last one a little ago."""
+        until = self._scans + scans
+        while self._scans < until or time.time() < self._scan_s(until - 1) + LISTENED_S:
+            self.turn()
+
+    def drive_for(self, duration_s: float) -> None:
+        """Go on for a while."""
+        until_s = time.time() + duration_s
+        while time.time() < until_s:
+            self.turn()
+
+    def turn(self) -> None:
+        """Send what is due, and take what has come."""
+        if self._scan_s(self._scans) <= time.time():
+            stamp_s = self._scan_s(self._scans)
+            self._publishers["scan"].publish(scan(stamp_s))
+            self.sent_s[ns(stamp_s)] = time.monotonic()
+            self._scans += 1
+        if self._move_s(self._moves) + TF_LAG_S <= time.time():
+            stamp_s = self._move_s(self._moves)
+            origin = ("map", "odom", stamp_s, (0.0, 0.0, 0.0), 0.0)
+            pose = ("odom", "base_link", stamp_s, (1.0, 2.0, 0.0), 0.0)
+            self._publishers["tf"].publish(transforms(origin, pose))
+            self._publishers["odom"].publish(odometry(stamp_s, 1.0, 2.0))
+            for waiting_ns in self.sent_s:
+                if waiting_ns <= ns(stamp_s):
+                    self.followed_s.setdefault(waiting_ns, time.monotonic())
+            self._moves += 1
+        self._ros.executor.spin_once(timeout_sec=0.001)
+
+    def _scan_s(self, number: int) -> float:
+        return self._began_s + 0.01 + 0.1 * number
+
+    def _move_s(self, number: int) -> float:
+        return self._began_s + TF_PERIOD_S * number
+
+
+@pytest.mark.parametrize("tf_wait_s", [0.05, SensorsParameters().tf_wait])
+def test_after_a_stall_no_scan_is_bare_whose_transform_came(
+    ros: RosWorld, start: Start, catalogue_file: Path, tf_wait_s: float
+) -> None:
+    """The process is stopped while scans, transforms and odometry go on: all show the post.
+
+    That is 1.8 m before the laser, the walls are not nearer than 3.5 m. A scan is left out whose
+    transform was sent late, as this process or the whole machine stalled.
+    """
+    values = {"catalogue": str(catalogue_file), "sensors.tf_wait": tf_wait_s}
+    process = start({**QUIET, **values})
+    user = ros.make_node("user")
+    heard = ros.collect(user, message_class("sensor_msgs/msg/LaserScan"), "/ar_builder/scan", 1000)
+    kept = publish(user, "map", room()), publish(user, "tf_static", laser_mount())
+    process.wait_for(READY)
+    ros.spin_until(lambda: all(publisher.get_subscription_count() for publisher in kept))
+    driver = Driver(ros, user)
+    wait_until(lambda: heard, driver.turn)
+    spawn(ros, user, pose_at(3.0, 2.0))
+    driver.drive(2)
+    begun_ns = max(driver.sent_s)
+    for stall_s in STALLS_S * ROUNDS:
+        driver.drive(SCANS_PER_STALL)
+        process.signal(signal.SIGSTOP)
+        driver.drive_for(stall_s)
+        process.signal(signal.SIGCONT)
+    driver.drive(SCANS_PER_STALL)
+    stamps = {stamp for stamp in driver.followed_s if stamp > begun_ns}
+    wait_until(lambda: stamps <= {stamp_ns(message) for message in heard}, driver.turn)
+    late_s = {stamp: driver.followed_s[stamp] - driver.sent_s[stamp] for stamp in stamps}
+    in_time = {stamp for stamp in stamps if late_s[stamp] < tf_wait_s - 0.02}
+    assert len(in_time) > 0.7 * len(STALLS_S) * ROUNDS * SCANS_PER_STALL
+    bare = [message for message in heard if min(message.ranges) > 3.0]
+    assert [late_s[stamp_ns(message)] for message in bare if stamp_ns(message) in in_time] == []

@@ -1,7 +1,7 @@
 """What the live builder keeps and relays without ticks; no DDS, messages stand for themselves."""
 
 from collections import defaultdict
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ import pytest
 from are_ros.artefacts.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
 from are_ros.errors import InputError
 from are_ros.messages.grid import make_grid
-from are_ros.node.live_builder import LiveBuilder
+from are_ros.node.live_builder import Inbox, LiveBuilder
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
@@ -84,7 +84,8 @@ def live(outlet: Outlet) -> LiveBuilder:
     """Return a live builder that does not run yet."""
     parameters = with_values(Parameters(), {"camera.model": "pinhole"})
     catalogue = read_catalogue(SHIPPED_CATALOGUE)
-    return LiveBuilder(parameters, catalogue, Decoding(), ROLES, outlet, lambda *_: None)
+    inbox = cast(Inbox, None)  # it is asked while the node runs only
+    return LiveBuilder(parameters, catalogue, Decoding(), ROLES, inbox, outlet, lambda *_: None)
 
 
 def test_before_the_time_is_known_only_the_newest_map_is_kept(live: LiveBuilder) -> None:

@@ -1,5 +1,6 @@
 """The node's time: simulated by /clock, which stands still, leaps and loops, and that of walls."""
 
+import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import pairwise
@@ -12,9 +13,13 @@ from tests.ros import NOT_SET_UP, undisturbed
 pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
 from are_msgs.msg import ArtefactEvent
+from rosgraph_msgs.msg import Clock
 
+from are_ros.builder.sensor_path import SensorPathCounts
+from are_ros.conventions import NS_PER_S
+from are_ros.messages.times import make_time
 from tests.node.live_bench import DELETE_ALL, PERIOD_NS, Bench, stamp_ns
-from tests.node.live_scene import laser_mount, ns, pose_at, robot_at, room, scan
+from tests.node.live_scene import FACTORY, laser_mount, ns, pose_at, robot_at, room, scan
 
 MakeBench = Callable[..., Bench]
 SCAN = "sensor_msgs/msg/LaserScan"
@@ -208,3 +213,42 @@ def test_simulated_time_can_be_turned_on_while_it_runs(make_bench: MakeBench) ->
     bench.tick(1000.1)
     assert stamps(metrics) == [0, 1]
     assert bench.report()["clock"].message == "the time of /clock"
+
+
+@pytest.mark.parametrize("use_sim_time", [False, True])
+@pytest.mark.parametrize("use_events_executor", [False, True])
+def test_what_dds_holds_is_read_before_a_scan_goes_out_bare(
+    make_bench: MakeBench, *, use_events_executor: bool, use_sim_time: bool
+) -> None:
+    """While the executor does something else for 0.4 s forty transforms come, and many are due.
+
+    An executor takes one message of a topic at a time, and sees to its timers before the next.
+    """
+    values = {"use_sim_time": use_sim_time, "sensors.tf_wait": 0.1}
+    executor = {"use_events_executor": use_events_executor}
+    bench = make_bench(values, "configure", "activate", **executor)
+    scans = bench.listen("scan", SCAN)
+    bench.send("map", room())
+    bench.send("tf_static", laser_mount())
+    now_s = 1000.0
+    if use_sim_time:
+        bench.clock(now_s)
+    else:
+        now_s = bench.node.now_ns() / NS_PER_S
+    bench.send("tf", robot_at(now_s))
+    bench.send("scan", scan(now_s + 0.02))
+    bench.turn_for(0.02)
+    transforms = bench.publisher("tf")
+    for number in range(40):
+        transforms.publish(robot_at(now_s + 0.001 * number))
+    if use_sim_time:
+        bench._clock.publish(Clock(clock=make_time(FACTORY, ns(now_s + 0.4))))
+    time.sleep(0.4)
+    bench.until(lambda: scans)
+    assert bench.node.live is not None
+    assert bench.node.live.builder.scan_counts()["/scan"] == SensorPathCounts(exact=1)
+    assert bench.node._inlets is not None
+    heard = bench.node._inlets.watches["/tf"]
+    bench.until(lambda: heard.count == 41)
+    bench.send("tf", robot_at(now_s + 0.5))
+    assert heard.count == 42
