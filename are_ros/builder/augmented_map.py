@@ -111,14 +111,14 @@ class RateLimit:
             raise ParameterError(f"max_rate {max_rate_hz} Hz is not positive and finite")
         self._interval_ns = math.ceil(NS_PER_S / max_rate_hz)
 
-    def allows(self, now_ns: int, changed: bool) -> bool:
+    def allows(self, now_ns: int, changed: bool, at_once: bool = False) -> bool:
         """Return whether to publish at `now_ns`: there is a change, and the interval is over.
 
-        A change that comes too early is remembered, and goes out at the first call that is not.
-        A clock that jumped back starts a new interval.
+        A change that comes too early is remembered, and goes out at the first call that is not, or
+        that is `at_once`. A clock that jumped back starts a new interval.
         """
         self._is_pending |= changed
-        if not self._is_pending or self._is_early(now_ns):
+        if not self._is_pending or (self._is_early(now_ns) and not at_once):
             return False
         self._last_ns, self._is_pending = now_ns, False
         return True

@@ -38,9 +38,7 @@ def node(
     from are_ros.node.main import main as run_node
     from are_ros.parameters.ros_yaml import in_any_namespace, parse_assignment
 
-    if ros_args and ros_args[0] != "--ros-args":
-        message = f"'{ros_args[0]}' is no option of it; what is for ROS follows --ros-args"
-        raise click.UsageError(message)
+    _check_ros_args(ros_args)
     for value in values:
         parse_assignment(value)
     with TemporaryDirectory(prefix="ar_builder_") as folder:
@@ -49,6 +47,12 @@ def node(
             copy.write_text(in_any_namespace(path), encoding="utf-8")
         given = _ros_words(copies, values, namespace, use_sim_time=use_sim_time)
         sys.exit(run_node(["--ros-args", *given, "--", *ros_args]))
+
+
+def _check_ros_args(ros_args: tuple[str, ...]) -> None:
+    if ros_args and ros_args[0] != "--ros-args":
+        message = f"'{ros_args[0]}' is no option of it; what is for ROS follows --ros-args"
+        raise click.UsageError(message)
 
 
 def _ros_words(
@@ -60,6 +64,27 @@ def _ros_words(
     given += ["-r", f"__ns:=/{namespace.strip('/')}"] if namespace else []
     given += ["-p", "use_sim_time:=true"] if use_sim_time else []
     return given
+
+
+@click.command(
+    short_help="Give the real map back if the node is killed.", context_settings=_PASSED_ON
+)
+@click.option("--namespace", metavar="NAME", help="That of the node.")
+@click.argument("ros_args", metavar="[ROS ARGUMENTS]", nargs=-1, type=click.UNPROCESSED)
+def guard(namespace: str | None, ros_args: tuple[str, ...]) -> None:
+    """Watch the node `ar_builder`, and publish the real map if it is killed.
+
+    A node that ends in order leaves the real map behind. After a kill -9 or a crash its last map
+    would stay in Nav2's costmaps: within a second the guard publishes the real map in its place,
+    and an empty artefact map. What follows `--ros-args` goes to ROS as it is; remap `map` as for
+    the node.
+    """
+    _require_ros()
+    from are_ros.node.guard import main as run_guard
+
+    _check_ros_args(ros_args)
+    given = _ros_words([], (), namespace, use_sim_time=False)
+    sys.exit(run_guard(["--ros-args", *given, "--", *ros_args]))
 
 
 @click.command(short_help="Play a recording to live topics.")
@@ -156,4 +181,4 @@ def _require_ros() -> None:
         )
 
 
-COMMANDS = (node, play, record, demo)
+COMMANDS = (node, guard, play, record, demo)

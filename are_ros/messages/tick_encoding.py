@@ -4,12 +4,14 @@ from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+from are_ros.builder.grids import GridUpdate
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
 from are_ros.messages.artefact_encoding import ArtefactEncoder
 from are_ros.messages.grid_encoding import encode_grid, encode_grid_update
 from are_ros.messages.marker_encoding import MarkerEncoder
 from are_ros.messages.scan_encoding import encode_scan
 from are_ros.messages.scene_encoding import encode_event, encode_metrics, encode_perceived
+from are_ros.world.occupancy_grid import OccupancyGrid
 
 __all__ = (
     "OUTPUTS",
@@ -32,8 +34,10 @@ class OutputTopic(NamedTuple):
 OUTPUTS: Final[Mapping[str, OutputTopic]] = MappingProxyType(
     {
         "augmented_map": OutputTopic("nav_msgs/msg/OccupancyGrid", is_latched=True, depth=1),
+        "artefact_map": OutputTopic("nav_msgs/msg/OccupancyGrid", is_latched=True, depth=1),
         "augmented_costmap": OutputTopic("nav_msgs/msg/OccupancyGrid", is_latched=True, depth=1),
         "augmented_map_updates": OutputTopic("map_msgs/msg/OccupancyGridUpdate"),
+        "artefact_map_updates": OutputTopic("map_msgs/msg/OccupancyGridUpdate"),
         "artefacts": OutputTopic("are_msgs/msg/ArtefactArray"),
         "perceived": OutputTopic("are_msgs/msg/PerceivedArtefactArray"),
         "events": OutputTopic("are_msgs/msg/ArtefactEvent", depth=100),
@@ -71,9 +75,11 @@ class TickEncoder:
         self._artefacts = ArtefactEncoder()
         self._markers = MarkerEncoder()
         self._outputs: Mapping[str, Callable[[Tick], Iterable[bytes]]] = {
-            "augmented_map": _map,
-            "augmented_map_updates": _map_update,
-            "augmented_costmap": _costmap,
+            "augmented_map": lambda tick: _grid(tick.grids.augmented_map),
+            "augmented_map_updates": lambda tick: _update(tick.grids.update),
+            "artefact_map": lambda tick: _grid(tick.grids.artefact_map),
+            "artefact_map_updates": lambda tick: _update(tick.grids.artefact_update),
+            "augmented_costmap": lambda tick: _grid(tick.grids.costmap),
             "events": _events,
             "artefacts": self._encode_artefacts,
             "perceived": self._encode_perceived,
@@ -108,19 +114,12 @@ class TickEncoder:
         return (self._markers.encode(tick.frame_id, tick.stamp_ns, tick.markers),)
 
 
-def _map(tick: Tick) -> Iterable[bytes]:
-    grid = tick.grids.augmented_map
+def _grid(grid: OccupancyGrid | None) -> Iterable[bytes]:
     return () if grid is None else (encode_grid(grid),)
 
 
-def _map_update(tick: Tick) -> Iterable[bytes]:
-    update = tick.grids.update
+def _update(update: GridUpdate | None) -> Iterable[bytes]:
     return () if update is None else (encode_grid_update(update),)
-
-
-def _costmap(tick: Tick) -> Iterable[bytes]:
-    grid = tick.grids.costmap
-    return () if grid is None else (encode_grid(grid),)
 
 
 def _events(tick: Tick) -> Iterable[bytes]:

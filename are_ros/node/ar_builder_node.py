@@ -16,6 +16,7 @@ from are_ros.builder.warm_up import warm_up
 from are_ros.errors import AreError, NodeError
 from are_ros.node.camera_watch import CameraWatch
 from are_ros.node.decoding import WireDecoding, WireMessage
+from are_ros.node.guard import offer_heartbeat
 from are_ros.node.inlets import Inlets
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.outlets import Outlets
@@ -47,6 +48,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
 
     def __init__(self, node_name: str = NAME, **options: Any) -> None:
         super().__init__(node_name, **options)
+        self._heartbeat = offer_heartbeat(self)
         self.live: LiveBuilder | None = None
         self._inlets: Inlets | None = None
         self._outlets: Outlets | None = None

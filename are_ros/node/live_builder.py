@@ -8,6 +8,7 @@ from typing import Final, NamedTuple, Protocol
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.events import ArtefactEvent
+from are_ros.builder.grids import without_artefacts
 from are_ros.builder.reality import CLOCK_JITTER_NS
 from are_ros.builder.requests import Requests, SpawnRequest
 from are_ros.builder.schedule import TickSchedule
@@ -18,6 +19,7 @@ from are_ros.errors import AreError, InputError
 from are_ros.messages.feed import Decoding, Feed, RawMessage
 from are_ros.messages.goals import read_clicked_point
 from are_ros.messages.grid import read_grid
+from are_ros.messages.grid_encoding import encode_grid
 from are_ros.messages.tick_encoding import TickEncoder, encode_scan, scan_outputs
 from are_ros.node.fault_watch import FaultWatch
 from are_ros.node.tick_watch import TickWatch
@@ -271,16 +273,18 @@ class LiveBuilder:
         """Let a navigation stack have what is real while there are no ticks to give it more."""
         if role == "scan":
             self._outlet.publish(self._scan_outputs[message.topic], message.data)
-        elif role == "map" and self._is_usable_map(message):
-            self._outlet.publish("augmented_map", message.data)
+        elif role == "map":
+            self._relay_map(message)
 
-    def _is_usable_map(self, message: RawMessage) -> bool:
-        """Tell whether the builder will take a map; if not, it says why when it refuses it."""
+    def _relay_map(self, message: RawMessage) -> None:
+        """Relay a map that the builder will take; if it will not, it says why when it refuses."""
         try:
             grid = read_grid(self._decoding.deserialize(message), message.topic)
         except AreError:
-            return False
-        return grid.frame_id == self.builder.parameters.frames.map
+            return
+        if grid.frame_id == self.builder.parameters.frames.map:
+            self._outlet.publish("augmented_map", message.data)
+            self._outlet.publish("artefact_map", encode_grid(without_artefacts(grid)))
 
     def _run_ticks(self, until_ns: int) -> None:
         self._follow_clock(until_ns)

@@ -18,12 +18,14 @@ _NEVER = -(2**63)
 class AdmittedTick:
     """A tick with the real map that it knew (None: none yet), and the admitted boxes' cells.
 
-    `is_sure` is unset where a live recording does not tell who was perceived.
+    `ids` are those of the admitted. `is_sure` is unset where a live recording does not tell who
+    was perceived.
     """
 
     scene: Scene
     real: RealMap | None
     covers: list[Cover]
+    ids: frozenset[int]
     is_sure: bool = True
 
 
@@ -36,7 +38,7 @@ def admitted_by_tick(record: Record, settings: CostmapParameters) -> Iterator[Ad
     for scene, real, covers in covers_by_tick(record):
         ids = scene.ids.tolist()
         if settings.gate is CostmapGate.ALL:
-            yield AdmittedTick(scene, real, covers)
+            yield AdmittedTick(scene, real, covers, frozenset(ids))
             continue
         if record.is_live:
             end_ns = _unsure_until_ns(record, scene, perceived.keys(), memory_ns)
@@ -44,9 +46,10 @@ def admitted_by_tick(record: Record, settings: CostmapParameters) -> Iterator[Ad
         seen_ns |= dict.fromkeys(perceived.get(scene.log_ns, ()), scene.stamp_ns)
         seen_ns = {number: seen_ns[number] for number in ids if number in seen_ns}
         limit_ns = scene.stamp_ns - memory_ns
-        admitted = zip(ids, covers, strict=False)  # without a map there are no covers
-        chosen = [cover for number, cover in admitted if seen_ns.get(number, _NEVER) >= limit_ns]
-        yield AdmittedTick(scene, real, chosen, scene.stamp_ns >= unsure_until_ns)
+        shown = frozenset(number for number, since_ns in seen_ns.items() if since_ns >= limit_ns)
+        both = zip(ids, covers, strict=False)  # without a map there are no covers
+        chosen = [cover for number, cover in both if number in shown]
+        yield AdmittedTick(scene, real, chosen, shown, scene.stamp_ns >= unsure_until_ns)
 
 
 def _unsure_until_ns(

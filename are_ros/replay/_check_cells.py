@@ -1,6 +1,7 @@
 """The real map as the checks see it, and the cells that a box covers, by separating axes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -55,6 +56,11 @@ class RealMap:
             and np.allclose(ours, theirs, rtol=0.0, atol=1e-9)
             and self.frame_id == other.frame_id
         )
+
+    @cached_property
+    def blank(self) -> "RealMap":
+        """A map of this geometry that is 0 everywhere: what an artefact map is drawn on."""
+        return replace(self, cells=np.zeros_like(self.cells))
 
     def is_usable(self, frame_id: str) -> bool:
         """Tell whether a builder whose world frame is `frame_id` takes this map."""

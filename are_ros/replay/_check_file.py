@@ -21,6 +21,8 @@ OUTPUT_TYPES: Final = MappingProxyType(
     {
         "augmented_map": "nav_msgs/msg/OccupancyGrid",
         "augmented_map_updates": "map_msgs/msg/OccupancyGridUpdate",
+        "artefact_map": "nav_msgs/msg/OccupancyGrid",
+        "artefact_map_updates": "map_msgs/msg/OccupancyGridUpdate",
         "augmented_costmap": "nav_msgs/msg/OccupancyGrid",
         "markers": "visualization_msgs/msg/MarkerArray",
         "perceived": "are_msgs/msg/PerceivedArtefactArray",
@@ -35,7 +37,9 @@ _OPTIONAL_TYPES: Final = MappingProxyType({"augmented_octomap": "sensor_msgs/msg
 _SENSOR_TYPES: Final = tuple(f"sensor_msgs/msg/{t}" for t in ("LaserScan", "PointCloud2", "Image"))
 _FOOTER: Final = Struct("<QQI")
 _MAGIC: Final = b"\x89MCAP0\r\n"
-_LATCHED: Final = (PREFIX + "augmented_map", PREFIX + "augmented_costmap")
+_LATCHED: Final = tuple(
+    PREFIX + name for name in ("augmented_map", "artefact_map", "augmented_costmap")
+)
 _JUMP_NS: Final = NS_PER_S
 _NAMES: Final = ("mcap reader", "log times", "topics and types", "quality of service")
 _QOS_NAMES: Final = MappingProxyType(
@@ -154,7 +158,7 @@ def _is_expected(topic: str, type_name: str, is_live: bool) -> bool:
 
 
 def _check_qos(channels: _Channels, *, is_live: bool) -> CheckResult:
-    """Both maps are offered reliable, transient local, depth 1; the rest reliable, volatile."""
+    """Whole grids are offered reliable, transient local, depth 1; the rest reliable, volatile."""
     tally = Tally(_NAMES[3], "topic")
     for channel, _ in channels.values():
         name = channel.topic.removeprefix(PREFIX)

@@ -1,5 +1,6 @@
 """What a grid must show at a tick: the real map, or its inflation, with the admitted artefacts."""
 
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -18,31 +19,42 @@ from are_ros.wording import counted
 Cells = NDArray[np.int8]
 
 MAP: Final = PREFIX + "augmented_map"
-UPDATES: Final = PREFIX + "augmented_map_updates"
+ARTEFACT_MAP: Final = PREFIX + "artefact_map"
+UPDATES_OF: Final = MappingProxyType(
+    {MAP: PREFIX + "augmented_map_updates", ARTEFACT_MAP: PREFIX + "artefact_map_updates"}
+)
+"""The maps that go out as updates, too, with the topics of these."""
 COSTMAP: Final = PREFIX + "augmented_costmap"
 
 
 class GridTallies:
-    """The six outcomes, in their order."""
+    """The nine outcomes, in their order: of each grid, by topic, and how it keeps up."""
 
     def __init__(self) -> None:
-        self.map = Tally("augmented map", "message")
-        self.map_age = Tally("augmented map is current", "tick")
-        self.updates = Tally("map updates", "message")
+        self.grids = {
+            MAP: Tally("augmented map", "message"),
+            ARTEFACT_MAP: Tally("artefact map", "message"),
+            COSTMAP: Tally("costmap", "message"),
+        }
+        self.ages = {
+            MAP: Tally("augmented map is current", "tick"),
+            ARTEFACT_MAP: Tally("artefact map is current", "tick"),
+            COSTMAP: Tally("costmap is current", "tick"),
+        }
+        self.updates = {
+            MAP: Tally("map updates", "message"),
+            ARTEFACT_MAP: Tally("artefact map updates", "message"),
+        }
         self.floor = Tally("costmap is never lower than the real map's", "message")
-        self.costmap = Tally("costmap", "message")
-        self.costmap_age = Tally("costmap is current", "tick")
 
     def all(self) -> tuple[Tally, ...]:
         """Return all of them."""
-        return (
-            self.map,
-            self.map_age,
-            self.updates,
-            self.floor,
-            self.costmap,
-            self.costmap_age,
-        )
+        maps = [
+            tally
+            for topic in UPDATES_OF
+            for tally in (self.grids[topic], self.ages[topic], self.updates[topic])
+        ]
+        return (*maps, self.floor, self.grids[COSTMAP], self.ages[COSTMAP])
 
 
 class GridJudge:
@@ -53,21 +65,22 @@ class GridJudge:
         self._tallies = tallies
         self._inflation: Inflation | None = None
 
-    def judge_map(self, tick: AdmittedTick, real: RealMap, message: Any) -> None:
-        """Compare a map with the real one byte by byte: 100 where an artefact is."""
-        grid = self._grid_of(self._tallies.map, tick, real, message)
-        if grid is None:
-            return
-        expected = expected_map(grid.cells, real, tick.covers)
+    def judge(self, topic: str, tick: AdmittedTick, real: RealMap, message: Any) -> None:
+        """Compare a grid with what it must be."""
+        grid = self._grid_of(self._tallies.grids[topic], tick, real, message)
+        if grid is not None:
+            judge = self._judge_costs if topic == COSTMAP else self._judge_map
+            judge(topic, tick, real, grid)
+
+    def _judge_map(self, topic: str, tick: AdmittedTick, real: RealMap, grid: RealMap) -> None:
+        """Compare a map with what it is drawn on byte by byte: 100 where an artefact is."""
+        expected = expected_map(grid.cells, drawn_on(topic, real), tick.covers)
         if not np.array_equal(expected, grid.cells):
             where = at_s(tick.scene.stamp_ns)
-            self._tallies.map.fail(f"{where} {first_difference(expected, grid.cells)}")
+            self._tallies.grids[topic].fail(f"{where} {first_difference(expected, grid.cells)}")
 
-    def judge_costs(self, tick: AdmittedTick, real: RealMap, message: Any) -> None:
+    def _judge_costs(self, topic: str, tick: AdmittedTick, real: RealMap, grid: RealMap) -> None:
         """Compare a costmap with an inflation of our own."""
-        grid = self._grid_of(self._tallies.costmap, tick, real, message)
-        if grid is None:
-            return
         where = at_s(tick.scene.stamp_ns)
         self._tallies.floor.look()
         floor = self._inflation_of(real).static_low
@@ -76,7 +89,7 @@ class GridJudge:
             self._tallies.floor.fail(f"{where} {text}")
         within = self.nearest_costs(grid.cells, real, tick.covers)
         if not np.array_equal(within, grid.cells):
-            self._tallies.costmap.fail(f"{where} {first_difference(within, grid.cells)}")
+            self._tallies.grids[topic].fail(f"{where} {first_difference(within, grid.cells)}")
 
     def nearest_costs(self, cells: Cells, real: RealMap, covers: list[Cover]) -> Cells:
         """Return the costmap that may be, nearest to the one given."""
@@ -87,8 +100,9 @@ class GridJudge:
         """Tell whether a map or costmap shows these artefacts on the real map, and nothing else."""
         if not grid.has_geometry_of(real):
             return False
-        if topic == MAP:
-            return np.array_equal(expected_map(grid.cells, real, covers), grid.cells)
+        if topic in UPDATES_OF:
+            expected = expected_map(grid.cells, drawn_on(topic, real), covers)
+            return np.array_equal(expected, grid.cells)
         return np.array_equal(self.nearest_costs(grid.cells, real, covers), grid.cells)
 
     def _inflation_of(self, real: RealMap) -> Inflation:
@@ -115,8 +129,13 @@ class GridJudge:
         return grid
 
 
+def drawn_on(topic: str, real: RealMap) -> RealMap:
+    """Return what a map shows without artefacts: the real map, or nothing."""
+    return real.blank if topic == ARTEFACT_MAP else real
+
+
 def expected_map(found: Cells, real: RealMap, covers: list[Cover]) -> Cells:
-    """Return the augmented map that may be, nearest to the one found."""
+    """Return the map that artefacts on `real` may make, nearest to the one found."""
     expected, flat = real.cells.flatten(), found.reshape(-1)
     for cover in covers:
         expected[cover.sure] = OCCUPIED

@@ -1,4 +1,4 @@
-"""The augmented map, its updates and the costmap of a replay, tick by tick."""
+"""The maps of a replay, their updates and the costmap, tick by tick."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -13,10 +13,10 @@ from are_ros.replay._check_cells import RealMap
 from are_ros.replay._check_currency import Currency
 from are_ros.replay._check_grid_judges import (
     COSTMAP,
-    MAP,
-    UPDATES,
+    UPDATES_OF,
     GridJudge,
     GridTallies,
+    drawn_on,
     first_difference,
     updated,
 )
@@ -67,7 +67,7 @@ class Pending:
 
 
 class _GridChecks:
-    """The six checks of the grids, with what was published last."""
+    """The checks of the grids, with what was published last."""
 
     def __init__(self, parameters: Parameters) -> None:
         self._tallies = GridTallies()
@@ -75,11 +75,10 @@ class _GridChecks:
         interval_ns = -int(-NS_PER_S // parameters.augmented_map.max_rate)
         threshold = parameters.world.occupied_threshold
         self._ages = {
-            MAP: Currency(self._tallies.map_age, interval_ns, OCCUPIED),
-            COSTMAP: Currency(self._tallies.costmap_age, interval_ns, threshold),
+            topic: Currency(tally, interval_ns, threshold if topic == COSTMAP else OCCUPIED)
+            for topic, tally in self._tallies.ages.items()
         }
-        self._last_cells: NDArray[np.int8] | None = None
-        self._last_real: RealMap | None = None
+        self._last: dict[str, tuple[NDArray[np.int8], RealMap | None]] = {}
 
     def take(self, tick: AdmittedTick, messages: list[Message]) -> None:
         """Judge what a tick published, and whether it ought to have published."""
@@ -87,20 +86,21 @@ class _GridChecks:
         if tick.real is None:
             self.stray(messages)
             return
-        for topic, judge in (
-            (MAP, self._judge.judge_map),
-            (COSTMAP, self._judge.judge_costs),
-        ):
+        is_map_sent = any(topic in by_topic for topic in UPDATES_OF)
+        for topic, age in self._ages.items():
             message = by_topic.get(topic)
             if message is not None:
-                judge(tick, tick.real, message)
-            self._ages[topic].take(tick, tick.real, is_published=message is not None)
-        self._follow_updates(tick, by_topic.get(MAP), by_topic.get(UPDATES))
+                self._judge.judge(topic, tick, tick.real, message)
+            is_published = message is not None
+            is_sent = is_map_sent if topic in UPDATES_OF else is_published
+            age.take(tick, drawn_on(topic, tick.real), is_published=is_published, is_sent=is_sent)
+        for topic, updates in UPDATES_OF.items():
+            self._follow_updates(tick, topic, by_topic.get(topic), by_topic.get(updates))
 
     def stray(self, messages: list[Message]) -> None:
         """Count messages that belong to no tick with a map."""
         for topic, log_ns, _ in messages:
-            tally = self._tallies.costmap if topic == COSTMAP else self._tallies.map
+            tally = self._tallies.grids[topic.removesuffix("_updates")]
             tally.look()
             tally.fail(f"{topic} {at_s(log_ns)} belongs to no tick that knows a map")
 
@@ -108,15 +108,15 @@ class _GridChecks:
         """Return the outcomes."""
         return [tally.result() for tally in self._tallies.all()]
 
-    def _follow_updates(self, tick: AdmittedTick, grid: Any, update: Any) -> None:
+    def _follow_updates(self, tick: AdmittedTick, topic: str, grid: Any, update: Any) -> None:
         """Apply the update to the map before: that is the next map."""
-        where, tally = at_s(tick.scene.stamp_ns), self._tallies.updates
+        where, tally = at_s(tick.scene.stamp_ns), self._tallies.updates[topic]
         cells = None
         if grid is not None:
             cells = np.asarray(grid.data, np.int8).reshape(grid.info.height, grid.info.width)
-        last, last_real = self._last_cells, self._last_real
+        last, last_real = self._last.get(topic, (None, None))
         if cells is not None:
-            self._last_cells, self._last_real = cells, tick.real
+            self._last[topic] = cells, tick.real
         if update is None:
             if cells is not None and last is not None and last_real is tick.real:
                 same = np.array_equal(last, cells)

@@ -17,7 +17,14 @@ from are_ros.replay._check_scene import read_scene, time_ns
 MARKERS: Final = PREFIX + "markers"
 ARTEFACTS: Final = PREFIX + "artefacts"
 GRID_TOPICS: Final = tuple(
-    PREFIX + name for name in ("augmented_map", "augmented_map_updates", "augmented_costmap")
+    PREFIX + name
+    for name in (
+        "augmented_map",
+        "augmented_map_updates",
+        "artefact_map",
+        "artefact_map_updates",
+        "augmented_costmap",
+    )
 )
 INPUT_TYPES: Final = (
     "nav_msgs/msg/OccupancyGrid",

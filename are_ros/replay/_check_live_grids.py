@@ -15,9 +15,7 @@ from are_ros.parameters.model import Parameters
 from are_ros.replay._check_admission import AdmittedTick, admitted_by_tick
 from are_ros.replay._check_cells import Cover, RealMap, are_same
 from are_ros.replay._check_grid_judges import (
-    COSTMAP,
-    MAP,
-    UPDATES,
+    UPDATES_OF,
     GridJudge,
     GridTallies,
     first_difference,
@@ -85,19 +83,18 @@ class _Held:
 
 
 class _LiveGrids:
-    """The six checks of the grids."""
+    """The checks of the grids."""
 
     def __init__(self, parameters: Parameters) -> None:
         self._tallies = GridTallies()
         self._judge = GridJudge(parameters, self._tallies)
         self._held = {
-            MAP: _Held(MAP, self._tallies.map_age, self._judge),
-            COSTMAP: _Held(COSTMAP, self._tallies.costmap_age, self._judge),
+            topic: _Held(topic, tally, self._judge) for topic, tally in self._tallies.ages.items()
         }
         interval_ns = -int(-NS_PER_S // parameters.augmented_map.max_rate)
         self._patience_ns = interval_ns + _GRACE_NS
-        self._chain: NDArray[np.int8] | None = None
-        """The map as its updates have made it, None where one may be missing."""
+        self._chains: dict[str, NDArray[np.int8] | None] = dict.fromkeys(UPDATES_OF)
+        """The maps as their updates have made them, None where one may be missing."""
 
     def follow(self, record: Record, parameters: Parameters, pending: Pending) -> None:
         """Follow one loop of the clock."""
@@ -105,7 +102,9 @@ class _LiveGrids:
         for tick in admitted_by_tick(record, parameters.costmap):
             self._take_others(record, pending.until(tick.scene.stamp_ns - 1))
             if record.runs.is_beginning(tick.scene.stamp_ns) and not is_first:
-                self._chain = self._held[MAP].grid = self._held[COSTMAP].grid = None
+                self._chains = dict.fromkeys(UPDATES_OF)
+                for held in self._held.values():
+                    held.grid = None
             is_first = False
             self._take_tick(record, tick, pending.until(tick.scene.stamp_ns))
         self._take_others(record, pending.until(None))
@@ -124,35 +123,37 @@ class _LiveGrids:
                 others.append(entry)
             else:
                 own[topic] = message
-        for topic, judge in (
-            (MAP, self._judge.judge_map),
-            (COSTMAP, self._judge.judge_costs),
-        ):
+        for topic, held in self._held.items():
             if topic in own:
                 self._hold(topic, own[topic], tick.scene.stamp_ns)
                 if tick.real is None or not tick.is_sure:
-                    self._tally_of(topic).leave_out("grid", "for which it is open what to show")
+                    self._tallies.grids[topic].leave_out(
+                        "grid", "for which it is open what to show"
+                    )
                 else:
-                    judge(tick, tick.real, own[topic])
+                    self._judge.judge(topic, tick, tick.real, own[topic])
             if tick.real is not None:
-                self._held[topic].take(tick, tick.real, self._patience_ns)
-        self._follow_updates(record, tick, own)
+                held.take(tick, tick.real, self._patience_ns)
+        for topic in UPDATES_OF:
+            self._follow_updates(record, tick, topic, own)
         self._take_others(record, others)
 
     def _take_others(self, record: Record, messages: list[Message]) -> None:
         """Judge grids that belong to no tick: bare ones, or those of ticks that were missed."""
         for topic, at_ns, message in messages:
-            if topic == UPDATES:
-                self._chain = None if self._chain is None else updated(self._chain, message)
+            updated_map = topic.removesuffix("_updates")
+            if topic != updated_map:
+                chain = self._chains[updated_map]
+                self._chains[updated_map] = None if chain is None else updated(chain, message)
                 continue
             grid = self._hold(topic, message, at_ns)
-            if topic == MAP:
-                self._chain = None if grid is None else grid.cells
+            if topic in UPDATES_OF:
+                self._chains[topic] = None if grid is None else grid.cells
             if grid is not None:
                 self._judge_other(record, topic, at_ns, grid)
 
     def _judge_other(self, record: Record, topic: str, at_ns: int, grid: RealMap) -> None:
-        tally, real = self._tally_of(topic), record.real_map_at(at_ns)
+        tally, real = self._tallies.grids[topic], record.real_map_at(at_ns)
         is_farewell = at_ns in record.farewells_ns
         may_be_missed = record.runs.is_edge(at_ns) and not record.runs.is_between(at_ns)
         if real is None:
@@ -171,34 +172,34 @@ class _LiveGrids:
         try:
             grid = RealMap.of_message(message, at_ns)
         except ValueError:
-            tally = self._tally_of(topic)
+            tally = self._tallies.grids[topic]
             tally.look()
             tally.fail(f"{topic} {at_s(at_ns)} its data do not fit its size")
             grid = None
         self._held[topic].grid = grid
         return grid
 
-    def _tally_of(self, topic: str) -> Tally:
-        return self._tallies.map if topic == MAP else self._tallies.costmap
-
-    def _follow_updates(self, record: Record, tick: AdmittedTick, own: dict[str, Any]) -> None:
+    def _follow_updates(
+        self, record: Record, tick: AdmittedTick, topic: str, own: dict[str, Any]
+    ) -> None:
         """Apply the update to the map before, where that is known: it is the next map."""
-        where, tally = at_s(tick.scene.stamp_ns), self._tallies.updates
-        if tick.real is None:
-            self._chain = None
-        if UPDATES in own and self._chain is None:
+        where, tally = at_s(tick.scene.stamp_ns), self._tallies.updates[topic]
+        update = own.get(UPDATES_OF[topic])
+        chain = None if tick.real is None else self._chains[topic]
+        if update is not None and chain is None:
             tally.leave_out("update", "of a map that is not known")
-        elif UPDATES in own and self._chain is not None:
+        elif update is not None and chain is not None:
             tally.look()
-            self._chain = updated(self._chain, own[UPDATES])
-            if self._chain is None:
+            chain = updated(chain, update)
+            if chain is None:
                 tally.fail(f"{where} an update reaches beyond the map")
-        if MAP not in own:
+        self._chains[topic] = chain
+        if topic not in own:
             return
-        grid, chain = self._held[MAP].grid, self._chain
-        self._chain = None if grid is None else grid.cells
+        grid = self._held[topic].grid
+        self._chains[topic] = None if grid is None else grid.cells
         if chain is None or grid is None or record.runs.is_fresh(tick.scene.stamp_ns):
             return
         if chain.shape == grid.cells.shape and not np.array_equal(chain, grid.cells):
-            how = "with the update" if UPDATES in own else "without an update"
+            how = "without an update" if update is None else "with the update"
             tally.fail(f"{where} the map before {how}: {first_difference(grid.cells, chain)}")

@@ -52,6 +52,19 @@ from are_ros.node.main import main
 sys.exit(main(sys.argv[1:]))
 """
 """It says when it listens to signals: before that, one would end any process."""
+HEART = """
+import rclpy
+from are_ros.node.guard import offer_heartbeat
+
+rclpy.init()
+node = rclpy.create_node("ar_builder")
+heartbeat = offer_heartbeat(node)
+try:
+    rclpy.spin(node)
+except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
+    node.destroy_node()
+"""
+"""Of the node nothing but its heartbeat."""
 READY, PREPARING = "active: artefacts arrive", "preparing the kernels"
 SOON_S = 10.0
 """So long after a signal the process has ended, which takes one or two on an idle machine, and half
@@ -63,9 +76,9 @@ PREPARED_S = 300.0
 class Process:
     """A node in a process of its own, and what it writes on stderr."""
 
-    def __init__(self, arguments: Sequence[str], environment: dict[str, str]) -> None:
+    def __init__(self, words: Sequence[str], environment: Mapping[str, str] = os.environ) -> None:
         self._popen = subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, *arguments],
+            [sys.executable, *words],
             stderr=subprocess.PIPE,
             text=True,
             env=environment,
@@ -119,7 +132,8 @@ def start(catalogue_file: Path) -> Iterator[Start]:
     def begin(values: dict[str, Any] | None = None, **environment: str) -> Process:
         own = {**QUIET, "catalogue": str(catalogue_file)} if values is None else values
         words = [word for path, value in own.items() for word in ("-p", f"{path}:={text(value)}")]
-        process = Process(["--ros-args", *words], {**os.environ, **environment})
+        words = ["-c", PROGRAM, "--ros-args", *words]
+        process = Process(words, {**os.environ, **environment})
         started.append(process)
         return process
 
@@ -194,6 +208,75 @@ def test_it_leaves_what_is_real(
     ros.spin_until(lambda: is_farewell(heard))
     ros.spin_for(0.2)
     assert is_farewell(heard), "nothing comes after it"
+
+
+@pytest.fixture
+def guard(ros_available: None) -> Iterator[Process]:  # noqa: ARG001 - it skips
+    """Return the process of `are guard`."""
+    process = Process(["-m", "are_ros", "guard"])
+    yield process
+    process.kill()
+
+
+def test_the_guard_gives_the_real_map_back(
+    ros: RosWorld, start: Start, guard: Process, catalogue_file: Path
+) -> None:
+    """Once, within a second of a kill; never while the node lives, be it stalled or paused."""
+    process = start({**QUIET, "catalogue": str(catalogue_file), "costmap.gate": "all"})
+    user = ros.make_node("user")
+    maps, artefacts = (collect(ros, user, name) for name in ("augmented_map", "artefact_map"))
+    publish(user, "map", room())
+    process.wait_for(READY)
+    guard.wait_for("/ar_builder runs, and is guarded")
+    ros.spin_until(lambda: maps)
+    spawn(ros, user, pose_at(2.05, 2.05))
+    ros.spin_until(lambda: artefacts and artefacts[-1].data.tolist().count(100) == 25)
+    pause = service_class("std_srvs/srv/SetBool")
+    for is_paused in (True, False):
+        assert ask(ros, user, "pause", pause, pause.Request(data=is_paused)).success
+    ros.spin_until(lambda: artefacts[-1].data.tolist().count(100) == 25)
+    process.signal(signal.SIGSTOP)
+    ros.spin_for(0.4)
+    process.signal(signal.SIGCONT)
+    ros.spin_for(1.2)
+    assert artefacts[-1].data.tolist().count(100) == 25, "the guard does nothing while it lives"
+    sent = len(maps), len(artefacts)
+    process.kill()
+    began_s = running_s()
+    ros.spin_until(lambda: (len(maps), len(artefacts)) > sent and not any(artefacts[-1].data))
+    ros.spin_until(lambda: maps[-1].data == room().data)
+    assert running_s() - began_s < 1.0
+    ros.spin_for(0.3)
+    assert (len(maps), len(artefacts)) == (sent[0] + 1, sent[1] + 1), "once"
+    late = collect(ros, user, "augmented_map")
+    ros.spin_until(lambda: late)
+    assert late[-1].data == room().data
+    guard.signal(signal.SIGINT)
+    assert guard.end(SOON_S) == 0
+
+
+def test_the_guard_leaves_the_field_to_a_node_that_is_back(ros: RosWorld, guard: Process) -> None:
+    """What it published itself reaches nobody any more, and a node that ends in order is let go."""
+    user = ros.make_node("user")
+    publish(user, "map", room())
+    killed = Process(["-c", HEART])
+    guard.wait_for("runs, and is guarded")
+    killed.kill()
+    guard.wait_for("/ar_builder was killed: the real map is published")
+    back = Process(["-c", HEART])
+    wait_until(lambda: sum("is guarded" in line for line in guard.said) == 2, nap)
+    late = collect(ros, user, "augmented_map")
+    back.signal(signal.SIGINT)
+    assert back.end(SOON_S) == 0
+    ros.spin_for(1.2)
+    assert late == []
+    assert sum("was killed" in line for line in guard.said) == 1
+
+
+def test_the_guard_is_light() -> None:
+    """It must not wait for compiled kernels, nor hold them in memory."""
+    code = "import sys, are_ros.cli, are_ros.node.guard; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def is_farewell(heard: Mapping[str, Sequence[Any]]) -> bool:

@@ -1,0 +1,170 @@
+"""`are guard`: gives a navigation stack the real map back when the node was killed.
+
+A node that ends in order leaves the real map behind. One that is killed cannot: its last map, with
+artefacts in it, would stay in Nav2's costmaps for as long as Nav2 runs.
+
+The node's heartbeat is a topic on which nothing is ever sent: DDS itself tells whether the process
+of its publisher still runs (QoS liveliness, AUTOMATIC). Neither a busy or paused node nor simulated
+time that stands still stops this heartbeat, and a publisher that was withdrawn is not a dead one.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import rclpy
+from rclpy.clock import Clock, ClockType
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks, UnsupportedEventTypeError
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.logging import get_logger
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
+from rclpy.signals import SignalHandlerOptions
+
+from are_ros.errors import AreError, NodeError
+from are_ros.node.message_classes import message_class
+from are_ros.node.stop import Stop, stop_on_signals
+from are_ros.node.transport import make_room
+
+NAME: Final = "ar_guard"
+_GUARDED: Final = "ar_builder"
+_HEARTBEAT: Final = "_alive"
+_HEARTBEAT_TYPE: Final = "std_msgs/msg/Empty"
+_MAP_TYPE: Final = "nav_msgs/msg/OccupancyGrid"
+_MAPS: Final = ("augmented_map", "artefact_map")
+_LATCHED: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_OFFERED_S: Final = 0.3
+"""DDS says that a process runs after two thirds of this."""
+_LEASE_S: Final = 0.5
+"""Silence of this length is noticed, and must last `_GRACE_S` longer: when a whole machine stalls,
+the guard may wake up before it hears the node again."""
+_GRACE_S: Final = 0.3
+_WAIT_S: Final = 0.1
+
+
+def offer_heartbeat(node: Node) -> Any:
+    """Let a guard know that this process runs; return the publisher, which is to be kept."""
+    kind, profile = message_class(_HEARTBEAT_TYPE), _heartbeat_qos(_OFFERED_S)
+    return node.create_publisher(kind, f"~/{_HEARTBEAT}", profile)
+
+
+class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
+    """Publishes the real map, and an empty artefact map, when the node was killed.
+
+    Until the node is back, later real maps follow; then the guard's own are withdrawn, so that they
+    never reach anybody beside the node's. NodeError where the middleware tells no liveliness.
+    """
+
+    def __init__(self, node_name: str = NAME, **options: Any) -> None:
+        super().__init__(node_name, **options)
+        self._map: bytes | None = None
+        self._is_standing_in = False
+        grid = self._grid = message_class(_MAP_TYPE)
+        self._publishers_of_maps = self._advertise()
+        self.create_subscription(grid, "map", self._take_map, _LATCHED, raw=True)
+        self._confirmation = self.create_timer(
+            _GRACE_S, self._stand_in, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+        self._confirmation.cancel()
+        try:
+            self.create_subscription(
+                message_class(_HEARTBEAT_TYPE),
+                f"{_GUARDED}/{_HEARTBEAT}",
+                lambda _: None,
+                _heartbeat_qos(_LEASE_S),
+                event_callbacks=SubscriptionEventCallbacks(liveliness=self._take_heartbeat),
+            )
+        except UnsupportedEventTypeError as cause:
+            message = f"this middleware ({rclpy.get_rmw_implementation_identifier()}) does not tell"
+            raise NodeError(f"{message} whether a publisher's process runs") from cause
+
+    @property
+    def _guarded(self) -> str:
+        return self.resolve_topic_name(_GUARDED)
+
+    def _advertise(self) -> dict[str, Any]:
+        """Offer the node's maps before they are needed: who listens is known by then."""
+        return {
+            name: self.create_publisher(self._grid, f"{_GUARDED}/{name}", _LATCHED)
+            for name in _MAPS
+        }
+
+    def _take_heartbeat(self, event: Any) -> None:
+        """Wait whether a publisher that fell silent is dead; one that was withdrawn is not."""
+        if event.alive_count > 0:
+            self._confirmation.cancel()
+            self._step_back()
+            if event.alive_count_change > 0:
+                self.get_logger().info(f"{self._guarded} runs, and is guarded")
+        elif event.not_alive_count_change > 0:
+            self._confirmation.reset()
+
+    def _take_map(self, message: bytes) -> None:
+        self._map = message
+        if self._is_standing_in:
+            self._publish(message)
+
+    def _stand_in(self) -> None:
+        """Publish what is real, for the node is dead."""
+        self._confirmation.cancel()
+        self._is_standing_in = True
+        if self._map is None:
+            self.get_logger().error(f"{self._guarded} was killed; there is no real map to publish")
+        else:
+            self._publish(self._map)
+            self.get_logger().error(f"{self._guarded} was killed: the real map is published")
+
+    def _publish(self, real: bytes) -> None:
+        self._publishers_of_maps["augmented_map"].publish(real)
+        empty = deserialize_message(real, self._grid)
+        empty.data = type(empty.data)("b", bytes(len(empty.data)))
+        self._publishers_of_maps["artefact_map"].publish(empty)
+
+    def _step_back(self) -> None:
+        """Withdraw what was published, for the node is there again."""
+        if not self._is_standing_in:
+            return
+        self._is_standing_in = False
+        for publisher in self._publishers_of_maps.values():
+            self.destroy_publisher(publisher)
+        self._publishers_of_maps = self._advertise()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the guard until a signal ends it; return the exit status, 1 if it could not run."""
+    with stop_on_signals() as stop:
+        return _run(arguments, stop)
+
+
+def _run(arguments: Sequence[str] | None, stop: Stop) -> int:
+    make_room()
+    context = Context()
+    try:
+        words = None if arguments is None else list(arguments)
+        try:
+            rclpy.init(args=words, context=context, signal_handler_options=SignalHandlerOptions.NO)
+        except RuntimeError as cause:
+            reason = str(cause).partition(", at /")[0]
+            raise NodeError(f"ROS does not start: {reason}") from cause
+        guard = Guard(context=context)
+        executor = SingleThreadedExecutor(context=context)
+        executor.add_node(guard)
+        while not stop.is_set and context.ok():
+            executor.spin_once(timeout_sec=_WAIT_S)
+        guard.destroy_node()
+    except AreError as cause:
+        get_logger(NAME).fatal(str(cause))
+        return 1
+    finally:
+        context.try_shutdown()
+    return 0
+
+
+def _heartbeat_qos(lease_s: float) -> QoSProfile:
+    return QoSProfile(
+        depth=1,
+        liveliness=LivelinessPolicy.AUTOMATIC,
+        liveliness_lease_duration=Duration(seconds=lease_s),
+    )
