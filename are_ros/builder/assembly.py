@@ -1,6 +1,7 @@
 """How the parameters become the parts that `ArBuilder` composes."""
 
 import math
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from are_ros.artefacts.catalogue import Catalogue
@@ -116,8 +117,7 @@ def display(parameters: Parameters, meshes: MeshBank) -> Display:
 
 def set_static_frames(parameters: Parameters, frames: FrameTree) -> None:
     """Put the static transforms of `frames.static` into the tree; ParameterError if one is bad."""
-    for text in parameters.frames.static:
-        parent, child, transform = parse_static_transform(text)
+    for parent, child, transform in parse_static_transforms(parameters.frames.static):
         frames.set_static(
             parent,
             child,
@@ -125,6 +125,36 @@ def set_static_frames(parameters: Parameters, frames: FrameTree) -> None:
             transform.rotation_xyzw.tolist(),
             source=TransformSource.PARAMETER,
         )
+
+
+def parse_static_transforms(texts: Iterable[str]) -> list[tuple[str, str, RigidTransform]]:
+    """Return what `parse_static_transform` makes of each text.
+
+    Raises ParameterError, also where two texts are about the same pair of frames, in either
+    direction: nobody could tell which one holds.
+    """
+    transforms: list[tuple[str, str, RigidTransform]] = []
+    said: dict[frozenset[str], str] = {}
+    for text in texts:
+        transforms.append(parse_static_transform(text))
+        pair = frozenset(transforms[-1][:2])
+        if pair in said:
+            raise ParameterError(
+                f"static transform '{text}': another, '{said[pair]}', is about the same two frames;"
+                " give one of them"
+            )
+        said[pair] = text
+    return transforms
+
+
+def replaced_statics(old: Sequence[str], new: Sequence[str]) -> tuple[str, ...]:
+    """Return static transforms with others in place of those about the same frames.
+
+    Raises ParameterError where one of them cannot be parsed.
+    """
+    pairs = {frozenset(parse_static_transform(text)[:2]) for text in new}
+    kept = (text for text in old if frozenset(parse_static_transform(text)[:2]) not in pairs)
+    return (*kept, *new)
 
 
 def parse_static_transform(text: str) -> tuple[str, str, RigidTransform]:

@@ -21,7 +21,7 @@ class ArtefactEvent:
     """One event of one artefact, at `stamp_ns`, in the map's frame.
 
     `detail` names a cause or a reason; `value` is a number that belongs to it: the penetration of a
-    robot contact in metres, else 0.
+    robot contact, or the distance of a displacement, in metres; else 0.
     """
 
     stamp_ns: int

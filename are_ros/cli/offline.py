@@ -30,7 +30,7 @@ _SKIPPABLE = ("perception", "grids", "markers")
 )
 @_topic_option(
     help="Let a topic play a part: map, octomap_point_cloud_centers, odom, scan, "
-    "camera/camera_info, tf, tf_static. Repeatable.",
+    "camera/camera_info, tf, tf_static. Repeatable; several scans are all augmented.",
 )
 @click.option("--start", "start_s", type=SECONDS, default=0.0, help="Begin here.")
 @click.option("--duration", "duration_s", type=SECONDS, help="Length to replay.")
@@ -91,10 +91,10 @@ def inspect(**options: Any) -> None:
 @click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="Map, for its region.")
 @click.option(
     "--plot",
-    "plot_folder",
-    metavar="FOLDER",
+    "plot_path",
+    metavar="FILE.png",
     type=FILE,
-    help="Run the population alone, and draw population.png into this folder.",
+    help="Run the population alone, and draw it; into a folder as population.png.",
 )
 @click.option("--all", "everything", is_flag=True, help="Each row of the catalogue, too.")
 @parameter_options

@@ -67,12 +67,20 @@ def in_any_namespace(path: Path) -> str:
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
-    """Return (path, value) of `name:=value`, the value read as YAML. Raises ParameterError."""
+    """Return (path, value) of `name:=value`, the value read as YAML. Raises ParameterError.
+
+    A list for a parameter that is a string (robot.footprint) stays the text that it is: nobody
+    need quote it twice.
+    """
     name, separator, value = text.partition(":=")
-    if not separator or not name.strip():
+    name = name.strip()
+    if not separator or not name:
         raise ParameterError(f"'{text}': a parameter is set as name:=value")
-    subject = f"parameter '{name.strip()}': {value!r}"
-    return name.strip(), parse_yaml(value, subject, ParameterError) if value.strip() else ""
+    if not value.strip():
+        return name, ""
+    read = parse_yaml(value, f"parameter '{name}': {value!r}", ParameterError)
+    is_text = any(i.path == name and isinstance(i.default, str) for i in describe(Parameters()))
+    return name, value.strip() if is_text and isinstance(read, list) else read
 
 
 def write_ros_parameters(parameters: Parameters) -> str:

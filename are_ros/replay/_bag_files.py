@@ -17,11 +17,13 @@ _RESULT = "augmented.mcap"
 def check_paths(paths: Sequence[Path]) -> bool:
     """Return whether these are recordings of ROS 1 (else of ROS 2).
 
-    BagError if there is none, one does not exist or is no recording, or if they are mixed.
+    BagError if there is none, one does not exist, is no recording or is given twice, or if they
+    are mixed.
     """
     if not paths:
         raise BagError("no recording was given")
     kinds = {_is_ros1(path) for path in paths}
+    _check_once(paths)
     if len(kinds) > 1:
         raise BagError("recordings of ROS 1 and of ROS 2 cannot be read together")
     return kinds.pop()
@@ -67,6 +69,16 @@ def _is_ros1(path: Path) -> bool:
         message = f"{path}: no recording; rosbag2 folders, .mcap, .db3 and .bag files are"
         raise BagError(message)
     return path.suffix == ".bag"
+
+
+def _check_once(paths: Sequence[Path]) -> None:
+    """Refuse a recording that is given twice, whether as a folder or as the file in it."""
+    seen: dict[Path, Path] = {}
+    for path in paths:
+        for file in _recordings_in(path) if path.is_dir() else [path]:
+            if file.resolve() in seen:
+                raise BagError(f"{path}: this recording is given twice")
+            seen[file.resolve()] = path
 
 
 def _check_folder(path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from are_ros.artefacts.population_events import Cause
-from are_ros.builder.assembly import catalogue_of, parse_static_transform
+from are_ros.builder.assembly import catalogue_of, parse_static_transforms, replaced_statics
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.tick import Demand
 from are_ros.description.configuration import describe_lines
@@ -35,7 +35,7 @@ from are_ros.replay.results import (
     timing_content,
     write_json,
 )
-from are_ros.replay.roles import read_overrides
+from are_ros.replay.roles import read_overrides, scans_of
 from are_ros.replay.session import Outcome, run_replay
 from are_ros.wording import counted
 from are_ros.world.map_file import read_map_file
@@ -52,10 +52,12 @@ def effective_parameters(
     map_frame: str | None = None,
     static_transforms: Sequence[str] = (),
     scenario_file: Path | None = None,
+    scans: Sequence[str] = (),
 ) -> Parameters:
     """Return the parameters of files, assignments and options, each overriding those before it.
 
-    `static_transforms` are added to those of `frames.static`. Raises ParameterError.
+    `static_transforms` are added to those of `frames.static`, and replace what these say of the
+    same two frames. Raises ParameterError.
     """
     parameters = Parameters()
     for path in parameter_files:
@@ -67,7 +69,9 @@ def effective_parameters(
     if map_frame is not None:
         options["frames.map"] = map_frame
     if static_transforms:
-        options["frames.static"] = (*parameters.frames.static, *static_transforms)
+        options["frames.static"] = replaced_statics(parameters.frames.static, static_transforms)
+    if scans:
+        options["sensors.scans"] = tuple(scans)
     if scenario_file is not None:
         options["population.scenario"] = str(scenario_file)
     return validated(with_values(parameters, options))
@@ -75,6 +79,7 @@ def effective_parameters(
 
 def options_of(skip: Sequence[str], **options: Any) -> ReplayOptions:
     """Return what the options of the command line ask for. Raises AreError."""
+    scans = scans_of(options["topics"])
     parameters = effective_parameters(
         options["parameter_files"],
         options["assignments"],
@@ -82,6 +87,7 @@ def options_of(skip: Sequence[str], **options: Any) -> ReplayOptions:
         options["map_frame"],
         options["static_transforms"],
         options["scenario_file"],
+        scans if len(scans) > 1 else (),
     )
     return ReplayOptions(
         bags=options["bags"],
@@ -201,7 +207,7 @@ def describe_command(
     parameter_files: Sequence[Path],
     assignments: Sequence[str],
     seed: int | None,
-    plot_folder: Path | None = None,
+    plot_path: Path | None = None,
     *,
     everything: bool = False,
 ) -> None:
@@ -212,8 +218,8 @@ def describe_command(
         site = surveyed(read_map_file(map_file, parameters.frames.map), parameters, catalogue)
     for line in describe_lines(parameters, catalogue, site, everything=everything):
         echo(line)
-    if plot_folder is not None:
-        echo(f"\npicture: {plot_population(parameters, catalogue, site, plot_folder)}")
+    if plot_path is not None:
+        echo(f"\npicture: {plot_population(parameters, catalogue, site, plot_path)}")
 
 
 def inspect_command(
@@ -225,7 +231,7 @@ def inspect_command(
     static_transforms: Sequence[str],
 ) -> None:
     """Run `are inspect`."""
-    given = [parse_static_transform(text)[:2] for text in static_transforms]
+    given = [(parent, child) for parent, child, _ in parse_static_transforms(static_transforms)]
     with BagReader([recording_in(bag) for bag in bags]) as reader:
         inspection = inspect_bag(
             reader,
@@ -233,6 +239,7 @@ def inspect_command(
             map_frame=map_frame,
             has_map_file=map_file is not None,
             given_edges=given,
+            scans=scans_of(topics),
         )
     for line in inspection_lines(inspection):
         echo(line)

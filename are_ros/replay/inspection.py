@@ -1,6 +1,6 @@
 """What a recording offers to a replay and what it lacks, for `are inspect`."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,9 +12,8 @@ from are_ros.replay.frame_survey import FrameSurvey, FrameSurveyor
 from are_ros.replay.roles import ROLE_TYPES, RolesFound, find_roles
 
 _BASE_FRAMES = ("base_footprint", "base_link")
-_SENSOR_ROLES = ("scan", "points", "camera/camera_info", "camera/image", "camera/depth")
+_SENSOR_ROLES = ("scan", "camera/camera_info")
 _GIVEN = "given"
-_COMPRESSED = "sensor_msgs/msg/CompressedImage"
 
 
 @dataclass(frozen=True)
@@ -34,13 +33,15 @@ class Inspection:
     """All that `are inspect` shows. Messages lie in [start_ns, end_ns).
 
     `base_frame` is "" where none was found. `missing` names what a replay needs, or could use, and
-    the option that supplies it; it is empty for a recording that can be replayed as it is.
+    the option that supplies it; it is empty for a recording that can be replayed as it is. `scans`: the topics that are to be scans,
+    where the user names them.
     """
 
     start_ns: int
     end_ns: int
     topics: tuple[InspectedTopic, ...]
     roles: RolesFound
+    scans: tuple[str, ...]
     frames: FrameSurvey
     map_frame: str
     base_frame: str
@@ -55,14 +56,17 @@ def inspect_bag(
     base_frame: str = "",
     has_map_file: bool = False,
     given_edges: Iterable[tuple[str, str]] = (),
+    scans: Sequence[str] = (),
 ) -> Inspection:
     """Look through an open recording: all its transforms, and one message of each useful topic.
 
     `overrides` are the user's topics by role, `given_edges` the (parent, child) of the transforms
-    that come by parameter or option; `map_frame` and `base_frame` are those of the parameters (base
+    that come by parameter or option, `scans` all topics that are to be scans; `map_frame` and `base_frame` are those of the parameters (base
     empty: base_footprint, else base_link). BagError as `find_roles` and the reader.
     """
     roles = find_roles(reader.topics, overrides or {})
+    for topic in scans:
+        find_roles(reader.topics, {"scan": topic})  # refuses what is no scan
     frame_ids = _first_frames(reader)
     survey = _survey(reader, roles, given_edges)
     duration_s = max(reader.end_ns - reader.start_ns, 1) / NS_PER_S
@@ -73,18 +77,19 @@ def inspect_bag(
     map_topic = roles.topic("map")
     map_frame = frame_ids.get(map_topic or "", "") or map_frame
     base_frame = base_frame or next((f for f in _BASE_FRAMES if f in survey.frames()), "")
+    sensors = [topic for topic in map(roles.topic, _SENSOR_ROLES) if topic is not None]
     missing = [
         *_missing_map(map_topic, has_map_file=has_map_file),
         *_missing_pose(survey, map_frame, base_frame),
         *_turned_round(survey),
-        *_missing_mounts(survey, roles, frame_ids, base_frame),
-        *_missing_images(reader.topics, roles),
+        *_missing_mounts(survey, (*sensors, *scans), frame_ids, base_frame),
     ]
     return Inspection(
         reader.start_ns,
         reader.end_ns,
         topics,
         roles,
+        tuple(scans),
         survey,
         map_frame,
         base_frame,
@@ -183,23 +188,16 @@ def _turned_round(survey: FrameSurvey) -> Iterable[str]:
 
 
 def _missing_mounts(
-    survey: FrameSurvey, roles: RolesFound, frame_ids: Mapping[str, str], base_frame: str
+    survey: FrameSurvey, topics: Iterable[str], frame_ids: Mapping[str, str], base_frame: str
 ) -> Iterable[str]:
     """Say which sensors are not mounted on the robot, as far as the frames tell."""
     if not base_frame:
         return
     mounted = survey.connected_to(base_frame)
-    for role in _SENSOR_ROLES:
-        topic = roles.topic(role)
-        frame = "" if topic is None else frame_ids.get(topic, "")
+    for topic in dict.fromkeys(topics):
+        frame = frame_ids.get(topic, "")
         if frame and frame not in mounted:
             yield (
                 f"nothing joins {frame}, the frame of {topic}, to {base_frame}:"
                 f" give the transform with --static-tf"
             )
-
-
-def _missing_images(topics: Iterable[BagTopic], roles: RolesFound) -> Iterable[str]:
-    compressed = [topic.name for topic in topics if topic.type_name == _COMPRESSED]
-    if compressed and roles.topic("camera/image") is None:
-        yield f"compressed images are not read ({', '.join(compressed)}): republish them as Image"

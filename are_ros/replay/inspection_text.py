@@ -11,7 +11,7 @@ def inspection_lines(inspection: Inspection) -> list[str]:
     """Return topics, roles, frames and what is missing, as lines of aligned text."""
     duration_s = (inspection.end_ns - inspection.start_ns) / NS_PER_S
     topics = [_topic_cells(entry) for entry in inspection.topics]
-    roles = [(role, inspection.roles.topic(role) or "-") for role in ROLE_TYPES]
+    roles = [(role, _players(inspection, role)) for role in ROLE_TYPES]
     missing = inspection.missing or ("nothing: it can be replayed as it is",)
     count = sum(entry.topic.count for entry in inspection.topics)
     return [
@@ -21,6 +21,13 @@ def inspection_lines(inspection: Inspection) -> list[str]:
         *section("frames", [*inspection.frames.tree_lines(), *inspection.frames.oddities]),
         *section("missing", list(missing)),
     ]
+
+
+def _players(inspection: Inspection, role: str) -> str:
+    """Return the topics of a role: several only of scans."""
+    if role == "scan" and inspection.scans:
+        return ", ".join(inspection.scans)
+    return inspection.roles.topic(role) or "-"
 
 
 def _topic_cells(entry: InspectedTopic) -> tuple[str, ...]:

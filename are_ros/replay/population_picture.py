@@ -37,22 +37,23 @@ _DPI: Final = 120
 _QUICK_S: Final = 1.0
 
 
-def plot_population(parameters: Parameters, catalogue: Catalogue, site: Site, folder: Path) -> Path:
+def plot_population(parameters: Parameters, catalogue: Catalogue, site: Site, out: Path) -> Path:
     """Run the population of a configuration alone, draw it, and return the picture's path.
 
-    The folder is made if need be. A bar shows progress on a terminal's stderr when the run takes
-    longer than a second. Raises InputError where the folder cannot be written, ParameterError
-    where nobody ever comes.
+    `out` is a file if its name ends in .png, else a folder; folders are made if need be. A bar
+    shows progress on a terminal's stderr when the run takes longer than a second. Raises InputError
+    where nothing can be written there, ParameterError where nobody ever comes.
     """
-    path = folder / FILE_NAME
+    is_file = out.suffix.lower() == ".png" and not out.is_dir()
+    path = out if is_file else out / FILE_NAME
     with _progress() as progress:
         trial = run_trial(parameters, catalogue, site, progress)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         draw_population(trial, parameters, catalogue, site, path)
     except OSError as cause:
         reason = why_refused(cause)
-        raise InputError(f"--plot {folder}: {FILE_NAME} cannot be written ({reason})") from cause
+        raise InputError(f"--plot {out}: {path.name} cannot be written ({reason})") from cause
     return path
 
 

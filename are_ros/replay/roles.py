@@ -1,6 +1,6 @@
 """Which topic of a recording plays which part: the inputs of section 4 found among its topics."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
@@ -16,10 +16,7 @@ ROLE_TYPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "octomap_point_cloud_centers": ("sensor_msgs/msg/PointCloud2",),
         "odom": ("nav_msgs/msg/Odometry",),
         "scan": ("sensor_msgs/msg/LaserScan",),
-        "points": ("sensor_msgs/msg/PointCloud2",),
         "camera/camera_info": ("sensor_msgs/msg/CameraInfo",),
-        "camera/image": ("sensor_msgs/msg/Image",),
-        "camera/depth": ("sensor_msgs/msg/Image",),
         "tf": _TF_TYPES,
         "tf_static": _TF_TYPES,
         "clicked_point": ("geometry_msgs/msg/PointStamped",),
@@ -28,12 +25,14 @@ ROLE_TYPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 )
 """The roles, in the order they are listed, with the types that serve; the default is "/<role>"."""
 
+_REPEATABLE: Final = "scan"
+"""The one role that several topics can play."""
+
 _TELLTALES: Final = {
     "octomap_point_cloud_centers": "octomap",
-    "camera/depth": "depth",
     "tf_static": "static",
 }
-"""Of two roles with one type, the second takes a topic only if this is part of its name."""
+"""These take a topic by its type only if this is part of its name; others of its type do not."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +55,13 @@ class RolesFound:
         topic = next(entry.topic for entry in self.found if entry.role == role)
         return None if topic is None else topic.name
 
-    def sentences(self) -> tuple[str, ...]:
-        """Return what is to be said: topics chosen by type, and those that could not be."""
-        return tuple(entry.sentence for entry in self.found if entry.sentence)
+    def sentences(self, silent: Collection[str] = ()) -> tuple[str, ...]:
+        """Return what is to be said: topics chosen by type, and those that could not be.
+
+        Nothing is said of `silent` roles.
+        """
+        said = (entry for entry in self.found if entry.role not in silent)
+        return tuple(entry.sentence for entry in said if entry.sentence)
 
 
 def find_roles(topics: Sequence[BagTopic], overrides: Mapping[str, str]) -> RolesFound:
@@ -86,14 +89,32 @@ def find_roles(topics: Sequence[BagTopic], overrides: Mapping[str, str]) -> Role
 
 
 def read_overrides(texts: Iterable[str]) -> dict[str, str]:
-    """Return {role: topic} of texts like "scan:=/front/scan"; BagError for another form."""
+    """Return {role: topic} of texts like "scan:=/front/scan", of several scans the first.
+
+    BagError for another form, and for two topics of any other role.
+    """
     overrides: dict[str, str] = {}
-    for text in texts:
-        role, separator, topic = text.partition(":=")
-        if not (separator and role and topic):
-            raise BagError(f"--topic {text}: it must be ROLE:=/TOPIC, as scan:=/front/scan")
-        overrides[role.strip().lstrip("/")] = topic.strip()
+    for role, topic in map(_read_override, texts):
+        first = overrides.setdefault(role, topic)
+        if role != _REPEATABLE and _slashed(topic) != _slashed(first):
+            raise BagError(
+                f"--topic {role}:={topic}: the role has {first} already;"
+                f" only {_REPEATABLE} may have several topics"
+            )
     return overrides
+
+
+def scans_of(texts: Iterable[str]) -> tuple[str, ...]:
+    """Return the topics, each once, that texts like "scan:=/front/scan" make scans."""
+    pairs = map(_read_override, texts)
+    return tuple(dict.fromkeys(_slashed(topic) for role, topic in pairs if role == _REPEATABLE))
+
+
+def _read_override(text: str) -> tuple[str, str]:
+    role, separator, topic = text.partition(":=")
+    if not (separator and role and topic):
+        raise BagError(f"--topic {text}: it must be ROLE:=/TOPIC, as scan:=/front/scan")
+    return role.strip().lstrip("/"), topic.strip()
 
 
 def _overridden(topics: Sequence[BagTopic], role: str, name: str) -> BagTopic:
@@ -123,7 +144,9 @@ def _by_type(role: str, topics: Sequence[BagTopic], free: Sequence[BagTopic]) ->
     if candidates:
         names = ", ".join(topic.name for topic in candidates)
         sentence = f"{role}: {why}, and several topics are {types[0]}: {names}"
-        return FoundRole(role, None, f"{sentence}; choose one with --topic {role}:=/NAME")
+        repeatable = " (repeatable: all are augmented)" if role == _REPEATABLE else ""
+        advice = f"choose one with --topic {role}:=/NAME{repeatable}"
+        return FoundRole(role, None, f"{sentence}; {advice}")
     has_namesake = any(_slashed(topic.name) == f"/{role}" for topic in topics)
     sentence = f"{role}: {why}, and no other topic serves" if has_namesake else ""
     return FoundRole(role, None, sentence)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.scenario_file import write_scenario
 from are_ros.builder.ar_builder import ArBuilder
-from are_ros.builder.assembly import catalogue_of, parse_static_transform, robot_footprint
+from are_ros.builder.assembly import catalogue_of, parse_static_transforms, robot_footprint
 from are_ros.builder.life_keeper import LifeKeeper
 from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.builder.warm_up import warm_up
@@ -129,7 +129,8 @@ def _with_replay_policy(options: ReplayOptions) -> ReplayOptions:
 
 def _say_what_is_missing(options: ReplayOptions, roles: RolesFound, say: Say) -> None:
     """Raise BagError where there is no map; say what stands in for the rest."""
-    for sentence in roles.sentences():
+    are_scans_named = options.parameters.sensors.scans != Parameters().sensors.scans
+    for sentence in roles.sentences(silent=("scan",) if are_scans_named else ()):
         say(sentence)
     if roles.topic("map") is None and options.map_file is None:
         raise BagError(
@@ -174,8 +175,7 @@ def _open_writers(
 def _static_transforms(parameters: Parameters, stamp_ns: int) -> list[StampedTransform]:
     """Return the static transforms of the parameters as messages have them."""
     transforms = []
-    for text in parameters.frames.static:
-        parent, child, pose = parse_static_transform(text)
+    for parent, child, pose in parse_static_transforms(parameters.frames.static):
         x, y, z = pose.translation_m.tolist()
         i, j, k, w = pose.rotation_xyzw.tolist()
         transforms.append(StampedTransform(parent, child, stamp_ns, (x, y, z), (i, j, k, w)))

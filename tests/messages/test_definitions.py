@@ -70,3 +70,10 @@ def test_the_manifest_names_every_dependency(package: str) -> None:
 def test_colcon_stays_away_from_the_stand_ins() -> None:
     """A ROS installation uses its own tf2_msgs and map_msgs."""
     assert (MSG_DEFS / "compat/COLCON_IGNORE").is_file()
+
+
+def test_the_value_of_an_event_is_explained() -> None:
+    """Contacts and displacements have one, as the builder's events do."""
+    text = message_texts()["are_msgs/msg/ArtefactEvent"]
+    (line,) = re.findall(r"^float64 value +# (.*)$", text, re.MULTILINE)
+    assert line == "of ROBOT_CONTACT the penetration [m], of DISPLACED the distance [m], else 0"

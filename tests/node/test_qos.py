@@ -52,8 +52,8 @@ def test_inputs_are_asked_for_as_the_design_says() -> None:
     assert requested(input_qos("map")) == ("RELIABLE", "TRANSIENT_LOCAL", 1)
     assert requested(input_qos("tf")) == ("RELIABLE", "VOLATILE", 100)
     assert requested(input_qos("tf_static")) == ("RELIABLE", "TRANSIENT_LOCAL", 100)
-    sensors = [role for role in INPUTS if role.startswith(("odom", "scan", "points", "camera"))]
-    assert len(sensors) == 6
+    sensors = [role for role in INPUTS if role.startswith(("odom", "scan", "camera"))]
+    assert len(sensors) == 3
     assert all(requested(input_qos(role))[:2] == ("BEST_EFFORT", "VOLATILE") for role in sensors)
 
 

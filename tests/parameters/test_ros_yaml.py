@@ -150,6 +150,8 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
         ("camera.rectified:=true", ("camera.rectified", True)),
         ("catalogue:=", ("catalogue", "")),
         ("catalogue:=a:=b", ("catalogue", "a:=b")),
+        ("robot.footprint:=[[1, 2], [3, 4]]", ("robot.footprint", "[[1, 2], [3, 4]]")),
+        ("robot.footprint:='[[1, 2]]'", ("robot.footprint", "[[1, 2]]")),
     ],
 )
 def test_assignments(text: str, expected: tuple[str, Any]) -> None:

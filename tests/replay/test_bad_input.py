@@ -103,6 +103,8 @@ CASES = (
     (("replay", "good.mcap", "whole_bag.bag"), "ROS 1 and of ROS 2 cannot be read together"),
     (("replay", "no_map"), "no map (nav_msgs/OccupancyGrid): give one with --map FILE.yaml"),
     (("replay", "no_tf"), "the robot's pose in the map was never known"),
+    (("replay", "good.mcap", "good.mcap"), "good.mcap: this recording is given twice"),
+    (("inspect", "empty", "empty/empty.mcap"), "empty/empty.mcap: this recording is given twice"),
     (("inspect", "none.mcap"), "none.mcap: there is no such file or folder"),
     (("inspect", "cut.mcap"), "cut.mcap: it ends too early"),
     (("check", "none"), "none: there is no such file or folder"),
@@ -114,6 +116,10 @@ CASES = (
     ((*STATIC, "1 2 3 4 5 6 a"), "not of the form X Y Z YAW PITCH ROLL PARENT CHILD"),
     ((*STATIC, "1 2 3 4 5 x a b"), "its first six words are not all numbers"),
     ((*STATIC, "1 2 3 4 5 nan a b"), "a number is not finite"),
+    (
+        (*STATIC, "0 0 0 0 0 0 a b", "--static-tf", "1 0 0 0 0 0 b /a"),
+        "'1 0 0 0 0 0 b /a': another, '0 0 0 0 0 0 a b', is about the same two frames",
+    ),
     ((*STATIC, "1 2 3 4 5 6 a /a"), "parent and child must be two frames"),
     # maps and octomaps
     ((*MAP, "none.yaml"), "none.yaml: the map file cannot be read (No such file or directory)"),
@@ -130,6 +136,8 @@ CASES = (
     # topics
     ((*TOPIC, "lidar:=/scan"), "--topic lidar:=/scan: there is no such role; the roles are map,"),
     ((*TOPIC, "scan:=/nix"), "the recording has no such topic; of type sensor_msgs/msg/LaserScan"),
+    ((*TOPIC, "map:=/map", "--topic", "map:=/m"), "the role has /map already; only scan may have"),
+    ((*TOPIC, "scan:=/scan", "--topic", "scan:=/nix"), "has no scan '/nix'; its scans: /scan"),
     ((*TOPIC, "scan:=/odom"), "that topic is of type nav_msgs/msg/Odometry"),
     # parameters
     ((*PARAMS, "none.yaml"), "none.yaml cannot be read (No such file or directory)"),

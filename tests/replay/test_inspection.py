@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.errors import BagError
 from are_ros.messages.grid import make_grid
 from are_ros.messages.headers import make_header
 from are_ros.messages.odometry import OdometryReading, make_odometry
@@ -126,15 +127,22 @@ def test_odometry_without_child_gives_no_edge(
     assert inspected(path).frames.edges == ()
 
 
-def test_compressed_images_are_said(
+def test_both_of_two_lasers_are_inspected(
     tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
 ) -> None:
-    """A camera that was recorded compressed only cannot be read, and that is said."""
-    image = factory.make("sensor_msgs/msg/CompressedImage")
-    path = write_bag(tmp_path / "bag.mcap", [("/camera/image/compressed", 0, image)])
-    assert (
-        "compressed images are not read (/camera/image/compressed)" in inspected(path).missing[-1]
+    """The second one, too, is listed, asked where it is mounted, and refused if it is no scan."""
+    mounts = make_transforms(factory, [transform("base_link", "laser", 0)])
+    rear = factory.make("sensor_msgs/msg/LaserScan", header=make_header(factory, "rear_laser", 0))
+    records = [("/tf_static", 0, mounts), ("/front", 0, scan(factory, 0)), ("/rear", 0, rear)]
+    path = write_bag(tmp_path / "bag.mcap", records)
+    options = {"overrides": {"scan": "/front"}, "has_map_file": True}
+    inspection = inspected(path, **options, scans=("/front", "/rear"))
+    assert any(
+        line.split() == ["scan", "/front,", "/rear"] for line in inspection_lines(inspection)
     )
+    assert "nothing joins rear_laser, the frame of /rear, to base_link" in inspection.missing[-1]
+    with pytest.raises(BagError, match="scan:=/tf_static: that topic is of type"):
+        inspected(path, **options, scans=("/front", "/tf_static"))
 
 
 def test_the_real_hall_is_understood(real_data: Path) -> None:

@@ -135,6 +135,17 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
         plot_population(parameters, _catalogue(), Site(), tmp_path / "taken")
 
 
+def test_a_png_is_a_file(tmp_path: Path) -> None:
+    """A name that ends in .png is the picture's own, unless a folder has it already."""
+    parameters = with_values(Parameters(), MIXTURE)
+    path = tmp_path / "new" / "mine.png"
+    assert plot_population(parameters, _catalogue(), Site(), path) == path
+    assert cv2.imread(str(path)) is not None
+    (tmp_path / "folder.png").mkdir()
+    inside = plot_population(parameters, _catalogue(), Site(), tmp_path / "folder.png")
+    assert inside == tmp_path / "folder.png" / FILE_NAME
+
+
 def test_describe_says_where_the_picture_is(tmp_path: Path) -> None:
     """`are describe --plot` describes and draws; without it nothing is drawn."""
     said: list[str] = []

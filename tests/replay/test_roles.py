@@ -4,13 +4,9 @@ import pytest
 
 from are_ros.errors import BagError
 from are_ros.replay.bag_reader import BagTopic
-from are_ros.replay.roles import ROLE_TYPES, find_roles, read_overrides
+from are_ros.replay.roles import ROLE_TYPES, find_roles, read_overrides, scans_of
 
-SCAN, CLOUD, IMAGE = (
-    "sensor_msgs/msg/LaserScan",
-    "sensor_msgs/msg/PointCloud2",
-    "sensor_msgs/msg/Image",
-)
+SCAN, CLOUD = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"
 TF = "tf2_msgs/msg/TFMessage"
 
 
@@ -42,7 +38,7 @@ def test_several_of_a_type_are_listed() -> None:
     (sentence,) = roles.sentences()
     assert sentence == (
         "scan: there is no /scan, and several topics are sensor_msgs/msg/LaserScan:"
-        " /front, /rear; choose one with --topic scan:=/NAME"
+        " /front, /rear; choose one with --topic scan:=/NAME (repeatable: all are augmented)"
     )
 
 
@@ -99,23 +95,29 @@ def test_one_tf_topic_is_not_taken_twice() -> None:
 
 
 def test_shared_types_are_told_apart_by_name() -> None:
-    """Sensor clouds are no octomap and depth images no pictures."""
-    roles = find_roles(topics(velodyne=CLOUD, depth_registered=IMAGE), {})
-    assert (roles.topic("points"), roles.topic("octomap_point_cloud_centers")) == (
-        "/velodyne",
-        None,
-    )
-    assert (roles.topic("camera/depth"), roles.topic("camera/image")) == ("/depth_registered", None)
-    roles = find_roles(topics(octomap_centers=CLOUD, colour=IMAGE), {})
+    """Sensor clouds are no octomap."""
+    assert find_roles(topics(velodyne=CLOUD), {}).topic("octomap_point_cloud_centers") is None
+    roles = find_roles(topics(octomap_centers=CLOUD, velodyne=CLOUD), {})
     assert roles.topic("octomap_point_cloud_centers") == "/octomap_centers"
-    assert (roles.topic("points"), roles.topic("camera/image")) == (None, "/colour")
 
 
-def test_a_topic_chosen_for_one_role_is_not_another() -> None:
-    """An octomap of any name that the user chose is no sensor cloud."""
-    roles = find_roles(topics(cloud=CLOUD), {"octomap_point_cloud_centers": "/cloud"})
-    assert roles.topic("octomap_point_cloud_centers") == "/cloud"
-    assert roles.topic("points") is None
+def test_what_nothing_uses_yet_is_not_said_to_be_used() -> None:
+    """Sensor clouds and images play no role, so that nothing is said of them."""
+    image = "sensor_msgs/msg/Image"
+    roles = find_roles(topics(points=CLOUD, velodyne=CLOUD, camera__depth=image, colour=image), {})
+    assert [entry.topic for entry in roles.found] == [None] * len(ROLE_TYPES)
+    assert roles.sentences() == ()
+    with pytest.raises(BagError, match="there is no such role"):
+        find_roles(topics(points=CLOUD), {"points": "/points"})
+
+
+def test_two_topics_for_one_role_are_taken_for_scans_only() -> None:
+    """Two lasers are both scans; of two maps nobody could tell which one is meant."""
+    texts = ["scan:=/front", "map:=/m", "scan:=rear", "scan:=/rear", "map:=m"]
+    assert read_overrides(texts) == {"scan": "/front", "map": "/m"}
+    assert scans_of(texts) == ("/front", "/rear")
+    with pytest.raises(BagError, match=r"map:=/n: the role has /m already; only scan may"):
+        read_overrides([*texts, "map:=/n"])
 
 
 def test_the_older_tf_of_ros_1_serves() -> None:
@@ -131,7 +133,7 @@ def test_a_topic_without_slash_is_found() -> None:
 
 def test_overrides_are_read() -> None:
     """Texts of the option become a mapping; another form is refused."""
-    assert read_overrides(["scan:=/a", "camera/depth:=b"]) == {"scan": "/a", "camera/depth": "b"}
+    assert read_overrides(["scan:=/a", "tf_static:=b"]) == {"scan": "/a", "tf_static": "b"}
     for text in ("scan", "scan=/a", ":=/a", "scan:="):
         with pytest.raises(BagError, match=r"it must be ROLE:=/TOPIC"):
             read_overrides([text])
