@@ -1,6 +1,12 @@
 """How sentences for a person say how many there are, and which."""
 
 from collections.abc import Sequence
+from typing import Final
+
+from are_ros.conventions import NS_PER_S
+
+_LONG_UNITS: Final = (("years", 31_557_600.0), ("days", 86_400.0), ("h", 3600.0), ("min", 60.0))
+_SHORT_S: Final = 20.0
 
 
 def counted(count: int, noun: str) -> str:
@@ -25,3 +31,12 @@ def why_refused(cause: OSError) -> str:
 def listed(words: Sequence[str]) -> str:
     """Return words as a sentence names them: "a", "a and b", "a, b and c"."""
     return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
+
+
+def duration_text(duration_ns: int) -> str:
+    """Return how long something lasts: "0.25 s", "61.0 s", "10.0 min", "1.0 h", "3.0 years"."""
+    duration_s = duration_ns / NS_PER_S
+    for unit, length_s in _LONG_UNITS:
+        if duration_s >= 2.0 * length_s:
+            return f"{duration_s / length_s:.1f} {unit}"
+    return f"{duration_s:.2f} s" if duration_s < _SHORT_S else f"{duration_s:.1f} s"

@@ -99,6 +99,15 @@ class Population:
         self.scripted.restart(now_ns)
         self._lifetimes.restart(now_ns)
 
+    def interrupt(self, from_ns: int, until_ns: int) -> None:
+        """Go on at `until_ns`, after all have departed at `from_ns`: nothing was in between.
+
+        The next random arrival is waited for from then on, the scenario comes so much later.
+        """
+        self._source.restart(until_ns)
+        self._lifetimes.restart(until_ns)
+        self.scripted.postpone(until_ns - from_ns)
+
     def reseed(self, seed: int, now_ns: int) -> None:
         """Draw from another seed from `now_ns` on; the living stay, ids go on."""
         self._seed = seed

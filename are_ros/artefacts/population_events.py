@@ -25,6 +25,7 @@ class Cause(Enum):
     ROBOT_CONTACT = "robot_contact"
     CLOCK_JUMPED_BACK = "clock_jumped_back"
     CLOCK_LEAPT = "clock_leapt"
+    RECORDING_GAP = "recording_gap"
     MAX_ALIVE = "max_alive"
     NO_PLACE = "no_place"
     REFUSED = "refused"

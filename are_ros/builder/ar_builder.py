@@ -92,6 +92,11 @@ class ArBuilder(Reality):
         super().restart(now_ns, cause)
         self._watch.forget()
 
+    def interrupt(self, from_ns: int, until_ns: int) -> None:
+        """Leave out a time in which nothing came in, and all artefacts before it."""
+        super().interrupt(from_ns, until_ns)
+        self._watch.forget()
+
     def reconfigure(self, parameters: Parameters, now_ns: int) -> None:
         """Let other values of the live parameters hold from `now_ns` on; the others are fixed.
 

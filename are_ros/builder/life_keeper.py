@@ -70,6 +70,20 @@ class LifeKeeper:
         self._ids: _Ints = np.empty(0, np.int64)
         self._poses: _Floats = np.empty((0, 4))
 
+    def postpone(self, by_ns: int) -> None:
+        """Let all that was kept count as so much later: the scenario leaves a time out.
+
+        To be called when nobody lives.
+        """
+        self._start_ns += by_ns
+        changes = np.frombuffer(self._changes, _CHANGE)
+        changes["t_ns"] += by_ns
+        for kept in self._kept.values():
+            kept.arrival_ns += by_ns
+            kept.departed_ns = None if kept.departed_ns is None else kept.departed_ns + by_ns
+        if self._full_ns is not None:
+            self._full_ns += by_ns
+
     def __len__(self) -> int:
         """Count the changes kept."""
         return len(self._changes) // _CHANGE.itemsize + self._doings + len(self._refused)

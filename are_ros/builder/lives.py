@@ -162,11 +162,28 @@ class Lives:
         """Let all artefacts go, with an event each, and go on at another time."""
         self.clear(now_ns, cause)
         self._start(now_ns)
+        self._forget()
+        self._steps.stop(now_ns)
+
+    def interrupt(self, from_ns: int, until_ns: int) -> None:
+        """Let all artefacts go at `from_ns`, and go on at `until_ns`, as if nothing was between.
+
+        Arrivals are waited for anew; the scenario goes on where it was, so much later.
+        """
+        self.clear(from_ns, Cause.RECORDING_GAP)
+        self.population.interrupt(from_ns, until_ns)
+        if self.keeper is not None:
+            self.keeper.postpone(until_ns - from_ns)
+        self._forget()
+        self._steps.touch(until_ns)
+        self._steps.begin(until_ns)
+
+    def _forget(self) -> None:
+        """Forget the robot and what was planned: the clock jumped."""
         self._motions.forget()
         self._robot = self.goal = None
         self._viewpoints = ()
         self.plan_m = np.empty((0, 2))
-        self._steps.stop(now_ns)
 
     def _start(self, now_ns: int) -> None:
         self.population.start(now_ns)

@@ -241,6 +241,18 @@ class Reality:
         self.lives.restart(now_ns, cause)
         self._scans.clear()
 
+    def interrupt(self, from_ns: int, until_ns: int) -> None:
+        """Leave out [from_ns, until_ns), in which nothing came in: nobody knows what happened.
+
+        All artefacts go at its beginning. What was known of the robot is forgotten, the transforms
+        too, but for the static ones: it may be anywhere. A scenario goes on afterwards.
+        """
+        self.finish(from_ns)
+        self.frames.forget_after(_BEFORE_ALL_NS)
+        self.robots.forget()
+        self.lives.interrupt(from_ns, until_ns)
+        self._now_ns = self._idle_until_ns = until_ns
+
     def _received(self, received_ns: int) -> None:
         """Let happen what was due before an input that is about to be taken."""
         self.advance(received_ns)

@@ -9,6 +9,7 @@ from are_ros.errors import BagError
 from are_ros.recording.play_options import PlayOptions
 from are_ros.replay.bag_clock import BagClock
 from are_ros.replay.bag_reader import BagMessage, BagReader
+from are_ros.replay.bag_times import MOVING_ROLES, RecordedTimes
 from are_ros.replay.roles import find_roles
 
 _TF: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
@@ -36,7 +37,10 @@ class PlayWindow:
             length_s = (reader.end_ns - reader.start_ns) / NS_PER_S
             raise BagError(f"the recording is {length_s:.1f} s long: nothing is left to play")
         roles = find_roles(reader.topics, {})
-        return cls(reader, BagClock.of(reader, roles, first_ns, last_ns), first_ns, last_ns)
+        named = ((roles.topic(role), role) for role in MOVING_ROLES)
+        role_of_topic = {topic: role for topic, role in named if topic is not None}
+        times = RecordedTimes.read(reader, role_of_topic, first_ns, last_ns)
+        return cls(reader, BagClock.of(times), first_ns, last_ns)
 
     @property
     def start_ns(self) -> int:

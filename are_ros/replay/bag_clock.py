@@ -1,32 +1,33 @@
 """The time that a replay goes by: that of the recording, or of the stamps where they disagree.
 
-A recording made under simulated time, or from another recording, has stamps that lie hours or
-years from the times at which its messages were written. Nothing in it would ever be fresh; so
-the clock of the stamps is recovered, from /clock where it was recorded, else from the stamps of
-the transforms or the odometry.
+A recording made under simulated time, from another recording, or on another machine than the
+robot's has stamps that lie seconds, hours or years from the times at which its messages were
+written. Poses would be too old or still to come; so the clock of the stamps is recovered: from
+/clock where it was recorded, else from the stamps of odometry, transforms and scans.
 """
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import islice
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
-from are_ros.errors import BagError, InputError
-from are_ros.messages.times import read_time
-from are_ros.replay.bag_reader import BagMessage, BagReader
-from are_ros.replay.roles import RolesFound
+from are_ros.errors import BagError
+from are_ros.replay.bag_times import Ints, RecordedTimes, Times
+from are_ros.wording import duration_text, listed
 
-_CLOCK = "/clock"
-_DISAGREEMENT_NS = 10 * NS_PER_S
-_LOOKED_AT = 50
+_AHEAD_NS = NS_PER_S // 5
+_BEHIND_NS = NS_PER_S // 2
+"""Stamps go by another clock where they lie later than the recording by more than the first, or
+earlier by more than the second: a message may be under way for some tenths of a second, but none
+comes before it was stamped."""
+_STEADY_NS = 3 * NS_PER_S // 10
+"""An offset that varies by less than this is a constant, and the rest is delay."""
+_TOPIC_APART_NS = 3 * NS_PER_S // 4
+_EDGE_APART_NS = 3 * NS_PER_S // 2
+"""Sources whose stamps are further apart have no common clock. A transform may be dated a second
+ahead on purpose (transform_tolerance)."""
 _LOOP_NS = NS_PER_S
-_STAMPED_ROLES = ("odom", "tf", "scan")
-
-_Stamps = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,33 +35,28 @@ class BagClock:
     """Turns log times [ns] into the times that the replay goes by; never decreasing.
 
     Between the instants known (int64 (N,) each, N of 0 for the identity) the clock goes evenly,
-    outside them as fast as the log. `sentence` says what was done, empty for the identity.
+    outside them as fast as the log. `sentence` says what was done, empty for the identity;
+    `disagreement` which sources of stamps have no clock in common with the others.
     """
 
-    log_ns: _Stamps
-    clock_ns: _Stamps
+    log_ns: Ints
+    clock_ns: Ints
     sentence: str = ""
+    disagreement: str = ""
 
     @classmethod
-    def of(cls, reader: BagReader, roles: RolesFound, start_ns: int, stop_ns: int) -> "BagClock":
-        """Return the clock of an open recording between two log times.
+    def of(cls, times: RecordedTimes) -> "BagClock":
+        """Return the clock of a recording's window.
 
-        Raises BagError where the stamps jump back, as they do in a recording that looped.
+        It is the clock of most sources of stamps, unless that is the log's. Raises BagError where
+        the stamps jump back, as they do in a recording that looped.
         """
-        source = _reference_topic(reader, roles)
-        if source is None or _disagreement_ns(reader, source) < _DISAGREEMENT_NS:
+        source = _reference(times.sources)
+        if source is None:
             return cls(np.empty(0, np.int64), np.empty(0, np.int64))
-        window = _instants(reader, source, start_ns, stop_ns)
-        instants = np.array(list(window), dtype=np.int64).reshape(-1, 2)
-        _check_no_loop(source, instants, reader.start_ns)
-        clock_ns = np.maximum.accumulate(instants[:, 1])
-        apart_s = float(np.median(clock_ns - instants[:, 0])) / NS_PER_S
-        return cls(
-            instants[:, 0].copy(),
-            clock_ns,
-            f"the stamps lie {apart_s:.1f} s from the times of recording (simulated time, or a "
-            f"recording of a recording): the replay goes by the clock of {source}",
-        )
+        log_ns, clock_ns, sentence = _instants(source, times.bag_start_ns)
+        clock = cls(log_ns, clock_ns, sentence)
+        return cls(log_ns, clock_ns, sentence, _disagreement(clock, source, times.sources))
 
     def at(self, log_time_ns: int) -> int:
         """Return the time that belongs to a log time."""
@@ -76,21 +72,57 @@ class BagClock:
         clock_step_ns = int(self.clock_ns[index] - self.clock_ns[index - 1])
         return int(self.clock_ns[index - 1]) + since_ns * clock_step_ns // log_step_ns
 
+    def at_many(self, log_times_ns: Ints) -> Ints:
+        """Return the times that belong to log times, int64 (N,): `at`, to a microsecond or so."""
+        if not len(self.log_ns):
+            return log_times_ns
+        index = np.searchsorted(self.log_ns, log_times_ns, side="right")
+        before = np.maximum(index - 1, 0)
+        after = np.minimum(before + 1, len(self.log_ns) - 1)
+        log_steps = (self.log_ns[after] - self.log_ns[before]).astype(np.float64)
+        clock_steps = (self.clock_ns[after] - self.clock_ns[before]).astype(np.float64)
+        is_inside = (index > 0) & (index < len(self.log_ns))
+        paces = np.where(is_inside, clock_steps / np.maximum(log_steps, 1.0), 1.0)
+        since_ns = (log_times_ns - self.log_ns[before]) * paces
+        return np.maximum(0, self.clock_ns[before] + since_ns.astype(np.int64))
 
-def _reference_topic(reader: BagReader, roles: RolesFound) -> str | None:
-    if any(topic.name == _CLOCK and topic.count for topic in reader.topics):
-        return _CLOCK
-    named = (roles.topic(role) for role in _STAMPED_ROLES)
-    return next((topic for topic in named if topic is not None), None)
+
+def _reference(sources: Sequence[Times]) -> Times | None:
+    """Return the source whose clock most others share, the first of several; /clock if there."""
+    if not sources:
+        return None
+    offsets = np.array([_offset_ns(one) for one in sources])
+    if sources[0].is_clock:
+        return sources[0]
+    company = np.abs(offsets[:, np.newaxis] - offsets) <= _TOPIC_APART_NS
+    return sources[int(company.sum(axis=1).argmax())]
 
 
-def _disagreement_ns(reader: BagReader, topic: str) -> float:
-    """Return how far the first stamps typically lie from their log times."""
-    apart = [abs(clock - log) for log, clock in islice(_instants(reader, topic), _LOOKED_AT)]
-    return float(np.median(apart)) if apart else 0.0
+def _offset_ns(source: Times) -> float:
+    return float(np.median(source.stamps_ns - source.log_ns))
 
 
-def _check_no_loop(topic: str, instants: _Stamps, bag_start_ns: int) -> None:
+def _instants(source: Times, bag_start_ns: int) -> tuple[Ints, Ints, str]:
+    """Return log times, the clock's times at them, and what is to be said; none for the log's."""
+    offsets_ns = source.stamps_ns - source.log_ns
+    low_ns, middle_ns, high_ns = np.percentile(offsets_ns, (10, 50, 90)).tolist()
+    if low_ns >= -_BEHIND_NS and high_ns <= _AHEAD_NS:
+        return np.empty(0, np.int64), np.empty(0, np.int64), ""
+    order = "ahead of" if middle_ns > 0 else "behind"
+    sentence = (
+        f"the stamps lie {duration_text(abs(round(middle_ns)))} {order} the times of recording "
+        f"(another machine's clock, simulated time, or a recording of a recording): the replay "
+        f"goes by the stamps of {source.name}"
+    )
+    if high_ns - low_ns <= _STEADY_NS:
+        first_ns = source.log_ns[:1]
+        return first_ns, first_ns + int(np.median(offsets_ns)), sentence
+    instants = np.stack([source.log_ns, source.stamps_ns], axis=1)
+    _check_no_loop(source.name, instants, bag_start_ns)
+    return source.log_ns, np.maximum.accumulate(source.stamps_ns), sentence
+
+
+def _check_no_loop(topic: str, instants: Ints, bag_start_ns: int) -> None:
     back_ns = -np.diff(instants[:, 1])
     if len(back_ns) and back_ns.max() > _LOOP_NS:
         worst = int(back_ns.argmax())
@@ -101,22 +133,26 @@ def _check_no_loop(topic: str, instants: _Stamps, bag_start_ns: int) -> None:
         )
 
 
-def _instants(
-    reader: BagReader, topic: str, start_ns: int | None = None, stop_ns: int | None = None
-) -> Iterator[tuple[int, int]]:
-    """Yield (log time, stamp) of the messages of a topic that have one."""
-    for message in reader.messages((topic,), start_ns, stop_ns):
-        try:
-            stamp_ns = _stamp_ns(reader, message)
-        except InputError:
-            continue
-        if stamp_ns:
-            yield message.log_time_ns, stamp_ns
+def _disagreement(clock: BagClock, reference: Times, sources: Sequence[Times]) -> str:
+    """Say which sources go by another clock than the reference; empty where none does."""
 
+    def offset_ns(source: Times) -> float:
+        return float(np.median(source.stamps_ns - clock.at_many(source.log_ns)))
 
-def _stamp_ns(reader: BagReader, message: BagMessage) -> int:
-    """Return the stamp of a message: of /clock its time, of transforms the newest."""
-    if message.connection.msgtype.lower().endswith("tfmessage"):
-        return max((transform.stamp_ns for transform in reader.transforms(message)), default=0)
-    content: Any = reader.deserialize(message)
-    return read_time(content.clock if message.topic == _CLOCK else content.header.stamp)
+    apart = {one.name: offset_ns(one) - offset_ns(reference) for one in sources}
+    limits = {one.name: _EDGE_APART_NS if one.is_edge else _TOPIC_APART_NS for one in sources}
+    parts = []
+    for word, sign in (("later", 1), ("earlier", -1)):
+        names = [name for name, by_ns in apart.items() if sign * by_ns > limits[name]]
+        if names:
+            most = duration_text(max(round(abs(apart[name])) for name in names))
+            are = "are" if len(names) > 1 else "is"
+            parts.append(f"{listed(names)} {are} stamped up to {most} {word} than {reference.name}")
+    if not parts:
+        return ""
+    return (
+        f"{listed(parts)} when they are recorded: there is no common clock. The replay goes by "
+        f"{reference.name}; wherever it needs both, in scans above all, it errs by that time. "
+        "Set the machines' clocks (NTP, chrony) and record anew, or leave those scans out "
+        "(sensors.scans)"
+    )

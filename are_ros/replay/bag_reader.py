@@ -4,6 +4,7 @@ import heapq
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 from struct import error as StructError  # noqa: N812
 from types import TracebackType
@@ -93,6 +94,12 @@ class BagReader:
     def end_ns(self) -> int:
         """Just after the log time of the last message: messages lie in [start_ns, end_ns)."""
         return max(int(reader.end_time) for _, reader in self._readers)
+
+    @property
+    def files(self) -> tuple[tuple[str, int, int], ...]:
+        """The recordings by name, each with its [start, end) of log time, in order of time."""
+        files = [(p.name, int(r.start_time), int(r.end_time)) for p, r in self._readers]
+        return tuple(sorted(files, key=itemgetter(1)))
 
     @property
     def topics(self) -> tuple[BagTopic, ...]:

@@ -13,7 +13,12 @@ from are_ros.description.configuration import describe_lines
 from are_ros.description.site import Site, surveyed
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.parameters.ros_yaml import parse_assignment, with_file, write_ros_parameters
+from are_ros.parameters.ros_yaml import (
+    parse_assignment,
+    read_ros_parameters,
+    with_file,
+    write_ros_parameters,
+)
 from are_ros.parameters.validation import validated
 from are_ros.replay._bag_files import recording_in
 from are_ros.replay.bag_reader import BagReader
@@ -43,6 +48,7 @@ from are_ros.world.map_file import read_map_file
 Say = Callable[[str], None]
 
 _SHOWN_REFUSALS: Final = 5
+_WAIT: Final = "sensors.tf_wait"
 
 
 def effective_parameters(
@@ -77,6 +83,12 @@ def effective_parameters(
     return validated(with_values(parameters, options))
 
 
+def is_given(path: str, parameter_files: Sequence[Path], assignments: Sequence[str]) -> bool:
+    """Say whether a parameter is set in a file or by an assignment. Raises ParameterError."""
+    in_files = any(path in read_ros_parameters(file) for file in parameter_files)
+    return in_files or any(parse_assignment(text)[0] == path for text in assignments)
+
+
 def options_of(skip: Sequence[str], **options: Any) -> ReplayOptions:
     """Return what the options of the command line ask for. Raises AreError."""
     scans = scans_of(options["topics"])
@@ -101,6 +113,7 @@ def options_of(skip: Sequence[str], **options: Any) -> ReplayOptions:
         with_inputs=options["with_inputs"],
         save_scenario=options["save_scenario"],
         demand=replace(Demand(), **dict.fromkeys(skip, False)),
+        is_wait_given=is_given(_WAIT, options["parameter_files"], options["assignments"]),
     )
 
 

@@ -1,9 +1,11 @@
 """A replay: the inputs of a recording through the builder, tick by tick."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 from are_ros.builder.ar_builder import ArBuilder
+from are_ros.builder.assembly import parse_static_transform
 from are_ros.builder.schedule import TickSchedule
 from are_ros.builder.sensor_path import ReleasedScan
 from are_ros.builder.tick import Tick
@@ -12,14 +14,15 @@ from are_ros.errors import BagError
 from are_ros.messages.feed import Feed
 from are_ros.replay.bag_clock import BagClock
 from are_ros.replay.bag_reader import BagMessage, BagReader
+from are_ros.replay.bag_times import MOVING_ROLES, Ints, RecordedTimes
 from are_ros.replay.options import ReplayOptions
 from are_ros.replay.roles import RolesFound
 from are_ros.replay.stopwatch import Stopwatch
+from are_ros.replay.timeline import GAP_NS, Span, Stretches, scan_waits, stretches_of
+from are_ros.wording import duration_text
 
 _FED_BEFORE_START = ("map", "octomap_point_cloud_centers", "camera/camera_info", "tf", "tf_static")
 _SCAN_ROLE = "scan"
-_MOVING_ROLES = ("tf", "odom", "scan", "camera/camera_info")
-_LONG_BEFORE_NS = 60 * NS_PER_S
 _DEFAULT_SCANS = ("scan",)
 _READ_ROLES = (*_FED_BEFORE_START, "odom", _SCAN_ROLE, "plan")
 
@@ -39,12 +42,56 @@ class Listener(Protocol):
         """Take an input, after the builder did."""
 
 
+@dataclass(frozen=True, eq=False)
+class Timeline:
+    """What a replay reads of a recording, and when: known before the replay begins.
+
+    `spans` are [start, stop) of the log [ns]; nothing moves between them. Seconds of the options
+    count from `begin_ns`. `waits` tell how long scans wait for their transforms [ns], by topic.
+    """
+
+    role_of_topic: Mapping[str, str]
+    begin_ns: int
+    stretches: Stretches
+    clock: BagClock
+    waits: Mapping[str, Ints]
+
+    @classmethod
+    def of(cls, reader: BagReader, options: ReplayOptions, roles: RolesFound) -> "Timeline":
+        """Read the times of the window that the options ask for.
+
+        Raises BagError where the window holds nothing, or a scan topic is absent.
+        """
+        role_of_topic = _topics_to_read(reader, options, roles)
+        begin_ns = _beginning(reader, role_of_topic)
+        start_ns = begin_ns + seconds_to_ns(options.start_s)
+        stop_ns = _end_ns(reader, start_ns, options)
+        times = RecordedTimes.read(reader, role_of_topic, start_ns, stop_ns)
+        clock = BagClock.of(times)
+        given = [parse_static_transform(text)[:2] for text in options.parameters.frames.static]
+        return cls(
+            role_of_topic=role_of_topic,
+            begin_ns=begin_ns,
+            stretches=stretches_of(times, clock, start_ns, stop_ns, reader.files),
+            clock=clock,
+            waits=scan_waits(times, clock, options.parameters.frames.map, given),
+        )
+
+    def sentences(self, bag_start_ns: int) -> list[str]:
+        """Return what a user should know of it."""
+        said = self.stretches.sentences(self.begin_ns)
+        if self.begin_ns > bag_start_ns:
+            ahead = duration_text(self.begin_ns - bag_start_ns)
+            said.insert(0, f"nothing moves in the first {ahead}: the replay begins after them")
+        return [*said, *filter(None, (self.clock.sentence, self.clock.disagreement))]
+
+
 class Replay:
-    """Runs one builder over the window [start_ns, end_ns) of a recording, by its `clock`.
+    """Runs one builder over the spans of a recording's timeline, by its `clock`.
 
     Ticks run at the multiples of the tick period since the epoch, each with what was received
-    before it. What was recorded before the window (maps, transforms) counts as received at its
-    beginning.
+    before it. What was recorded before a span and lasts (maps, transforms) counts as received at
+    its beginning. In the gaps between spans nothing happens; all artefacts go before each.
     """
 
     def __init__(
@@ -52,24 +99,28 @@ class Replay:
         reader: BagReader,
         builder: ArBuilder,
         options: ReplayOptions,
-        roles: RolesFound,
+        timeline: Timeline,
         stopwatch: Stopwatch,
     ) -> None:
-        """Raise BagError where the window holds nothing, or a scan topic is absent."""
-        self.role_of_topic = _topics_to_read(reader, options, roles)
-        begin_ns, self.sentence = _beginning(reader, self.role_of_topic)
-        self._first_log_ns = begin_ns + seconds_to_ns(options.start_s)
-        self._last_log_ns = _end_ns(reader, self._first_log_ns, options)
-        self.clock = BagClock.of(reader, roles, self._first_log_ns, self._last_log_ns)
-        self.start_ns = self.clock.at(self._first_log_ns)
-        self.end_ns = self.clock.at(self._last_log_ns)
+        self.role_of_topic = timeline.role_of_topic
+        self.clock = timeline.clock
+        self._spans = timeline.stretches.spans
+        self.start_ns = self.clock.at(self._spans[0][0])
+        self.end_ns = self.clock.at(self._spans[-1][1])
         self.feed = Feed(reader, builder, self.role_of_topic)
         self.ticks = 0
+        self._skipped_ns = 0
         self._reader = reader
         self._builder = builder
         reader.learn_types(self.role_of_topic)
         self._stopwatch = stopwatch
-        self._schedule = TickSchedule.of(options.parameters.builder.tick_rate, self.start_ns)
+        self._tick_rate_hz = options.parameters.builder.tick_rate
+        self._schedule = TickSchedule.of(self._tick_rate_hz, self.start_ns)
+
+    @property
+    def length_ns(self) -> int:
+        """How long it is by its clock, without the gaps."""
+        return sum(self.clock.at(stop) - self.clock.at(start) for start, stop in self._spans)
 
     def scan_topics(self) -> tuple[str, ...]:
         """Return the topics of the scans that are augmented."""
@@ -77,26 +128,42 @@ class Replay:
         return tuple(topic for topic, role in roles if role == _SCAN_ROLE)
 
     def run(self, listener: Listener, progress: Progress) -> None:
-        """Run to the end; `progress` is told the log time reached."""
-        for message in self._messages():
-            received_ns = max(self.clock.at(message.log_time_ns), self.start_ns)
+        """Run to the end; `progress` is told the time reached, `length_ns` after `start_ns` last."""
+        before_ns = self._reader.start_ns
+        for index, span in enumerate(self._spans):
+            if index:
+                self._skip_gap(self.clock.at(before_ns), self.clock.at(span[0]))
+            self._run_span(before_ns, span, listener, progress)
+            before_ns = span[1]
+        progress(self.end_ns - self._skipped_ns)
+
+    def _skip_gap(self, from_ns: int, to_ns: int) -> None:
+        """Go on after a gap, as if a new recording began."""
+        self._builder.interrupt(from_ns, to_ns)
+        self._schedule = TickSchedule.of(self._tick_rate_hz, to_ns)
+        self._skipped_ns += to_ns - from_ns
+
+    def _run_span(
+        self, before_ns: int, span: Span, listener: Listener, progress: Progress
+    ) -> None:
+        start_ns, end_ns = self.clock.at(span[0]), self.clock.at(span[1])
+        for message in self._messages(before_ns, span):
+            received_ns = max(self.clock.at(message.log_time_ns), start_ns)
             self._run_ticks(received_ns, listener)
             self.feed.take(message, received_ns)
             listener.take_input(message, received_ns)
             self._hand_over_scans(listener)
-            progress(received_ns)
-        self._run_ticks(self.end_ns - 1, listener)
-        self._builder.finish(self.end_ns)
+            progress(received_ns - self._skipped_ns)
+        self._run_ticks(end_ns - 1, listener)
+        self._builder.finish(end_ns)
         self._hand_over_scans(listener)
-        progress(self.end_ns)
 
-    def _messages(self) -> Iterator[BagMessage]:
-        """Yield what is fed from before the window, then the window's messages."""
-        if self._first_log_ns > self._reader.start_ns:
+    def _messages(self, before_ns: int, span: Span) -> Iterator[BagMessage]:
+        """Yield what is fed from before the span, then the span's messages."""
+        if span[0] > before_ns:
             early = [t for t, role in self.role_of_topic.items() if role in _FED_BEFORE_START]
-            yield from self._reader.messages(early, stop_ns=self._first_log_ns)
-        topics = list(self.role_of_topic)
-        yield from self._reader.messages(topics, self._first_log_ns, self._last_log_ns)
+            yield from self._reader.messages(early, before_ns, span[0])
+        yield from self._reader.messages(list(self.role_of_topic), *span)
 
     def _run_ticks(self, until_ns: int, listener: Listener) -> None:
         while (tick_ns := self._schedule.pop(until_ns)) is not None:
@@ -111,19 +178,16 @@ class Replay:
             listener.take_scans(scans)
 
 
-def _beginning(reader: BagReader, role_of_topic: Mapping[str, str]) -> tuple[int, str]:
-    """Return the log time at which the recording begins, and what is to be said of it.
+def _beginning(reader: BagReader, role_of_topic: Mapping[str, str]) -> int:
+    """Return the log time at which the recording begins.
 
     What lies long before everything that moves (a latched map with the time of its making, or
     with none) does not count.
     """
-    moving = [topic for topic, role in role_of_topic.items() if role in _MOVING_ROLES]
+    moving = [topic for topic, role in role_of_topic.items() if role in MOVING_ROLES]
     firsts = (next(reader.messages((topic,)), None) for topic in moving)
     begin_ns = min((first.log_time_ns for first in firsts if first), default=reader.start_ns)
-    if begin_ns - reader.start_ns <= _LONG_BEFORE_NS:
-        return reader.start_ns, ""
-    ahead_s = (begin_ns - reader.start_ns) / NS_PER_S
-    return begin_ns, f"nothing moves in the first {ahead_s:.0f} s: the replay begins after them"
+    return begin_ns if begin_ns - reader.start_ns >= GAP_NS else reader.start_ns
 
 
 def _end_ns(reader: BagReader, start_ns: int, options: ReplayOptions) -> int:

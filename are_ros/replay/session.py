@@ -27,11 +27,12 @@ from are_ros.replay.options import ReplayOptions
 from are_ros.replay.output_folder import AUGMENTED, prepare_folder, prepare_scenario
 from are_ros.replay.results import REPLAY_PHASE
 from are_ros.replay.roles import RolesFound, find_roles
-from are_ros.replay.runner import Listener, Progress, Replay
+from are_ros.replay.runner import Listener, Progress, Replay, Timeline
 from are_ros.replay.scene_record import SceneRecord, SceneRecorder
 from are_ros.replay.standing import StandingWatch
 from are_ros.replay.stopwatch import Stopwatch, said_if_slow
 from are_ros.replay.tick_writer import TickWriter
+from are_ros.replay.timeline import needed_wait_s
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 Say = Callable[[str], None]
@@ -52,6 +53,7 @@ class Outcome:
     scan_problems: Mapping[str, str]
     camera_problem: str
     map_doubts: Sequence[str]
+    needed_wait_s: float
     refusals: Refusals
     messages_written: Mapping[str, int]
     stopwatch: Stopwatch
@@ -69,16 +71,18 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         with stopwatch.phase("start_up"):
             roles = find_roles(reader.topics, options.topics)
             _say_what_is_missing(options, roles, say)
+            timeline = Timeline.of(reader, options, roles)
+            options = _with_wait(options, needed_wait_s(timeline.waits))
             catalogue = catalogue_of(options.parameters)
             builder = ArBuilder(options.parameters, catalogue, options.demand)
             lives_keeper = builder.lives.keep() if options.save_scenario else None
-            replay = Replay(reader, builder, options, roles, stopwatch)
+            replay = Replay(reader, builder, options, timeline, stopwatch)
             files = MapFiles.read(options)
             if options.out is not None:
                 prepare_folder(options.out)
             if options.save_scenario is not None:
                 prepare_scenario(options.save_scenario)
-            for sentence in filter(None, (replay.sentence, replay.clock.sentence)):
+            for sentence in timeline.sentences(reader.start_ns):
                 say(sentence)
             if "camera/camera_info" in replay.role_of_topic.values():
                 builder.await_camera()
@@ -92,7 +96,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         with ExitStack() as stack:
             writers, counts = _open_writers(stack, options, reader, replay, builder)
             with stopwatch.phase(REPLAY_PHASE):
-                progress = open_progress(replay.start_ns, replay.end_ns)
+                progress = open_progress(replay.start_ns, replay.start_ns + replay.length_ns)
                 replay.run(All([keeper, standing, *writers]), progress)
             grid = _known_map(builder, replay)
     if lives_keeper is not None:
@@ -105,7 +109,8 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             "give the transform with --static-tf"
         )
     doubts = standing.sentences()
-    return _outcome(options, replay, builder, grid, recorder, doubts, counts(), stopwatch)
+    needed_s = needed_wait_s(timeline.waits)
+    return _outcome(options, replay, builder, grid, recorder, doubts, needed_s, counts(), stopwatch)
 
 
 def _save_scenario(options: ReplayOptions, keeper: LifeKeeper, say: Say) -> None:
@@ -125,6 +130,14 @@ def _with_replay_policy(options: ReplayOptions) -> ReplayOptions:
         return options
     policy = {"collisions.on_robot_contact": OnRobotContact.DISPLACE}
     return replace(options, parameters=with_values(options.parameters, policy))
+
+
+def _with_wait(options: ReplayOptions, needed_s: float) -> ReplayOptions:
+    """Let scans wait as long as they need, unless told otherwise: in a replay it costs nothing."""
+    if options.is_wait_given or needed_s <= options.parameters.sensors.tf_wait:
+        return options
+    wait = {"sensors.tf_wait": needed_s}
+    return replace(options, parameters=with_values(options.parameters, wait))
 
 
 def _say_what_is_missing(options: ReplayOptions, roles: RolesFound, say: Say) -> None:
@@ -219,6 +232,7 @@ def _outcome(
     grid: OccupancyGrid,
     recorder: SceneRecorder,
     map_doubts: Sequence[str],
+    needed_s: float,
     counts: Mapping[str, int],
     stopwatch: Stopwatch,
 ) -> Outcome:
@@ -233,6 +247,7 @@ def _outcome(
         builder.scan_problems(),
         _camera_problem(options, builder),
         map_doubts,
+        needed_s,
         replay.feed.refusals,
         counts,
         stopwatch,

@@ -17,7 +17,7 @@ from are_ros.parameters.model import Parameters
 from are_ros.replay.bag_reader import BagMessage, BagReader
 from are_ros.replay.options import ReplayOptions
 from are_ros.replay.roles import find_roles
-from are_ros.replay.runner import Replay
+from are_ros.replay.runner import Replay, Timeline
 from are_ros.replay.stopwatch import Stopwatch
 
 Records = Sequence[tuple[str, int, Any]]
@@ -60,7 +60,8 @@ def prepared(reader: BagReader, values: dict[str, Any], **options: Any) -> Repla
     parameters = with_values(Parameters(), {"camera.rate": 0.1, **values})
     builder = ArBuilder(parameters, catalogue_of(parameters))
     asked = ReplayOptions((), parameters, **options)
-    return Replay(reader, builder, asked, find_roles(reader.topics, {}), Stopwatch())
+    timeline = Timeline.of(reader, asked, find_roles(reader.topics, {}))
+    return Replay(reader, builder, asked, timeline, Stopwatch())
 
 
 def diary(bag: Path, values: dict[str, Any] | None = None, **options: Any) -> tuple[Diary, Replay]:
