@@ -172,7 +172,7 @@ def odometry(scene: Any, t_s: float) -> None:
 
 def test_a_late_correction_is_held_in_the_builder(make_scene: Callable[..., Any]) -> None:
     """Released at its deadline exactly, whatever comes when after it; and augmented."""
-    scene = make_scene()
+    scene = make_scene({"sensors.tf_wait": 0.05})
     with_odometry(scene)
     scene.place(0, (3.0, 2.0), 0.0)
     scene.scan(0.103, stamp_s=0.1)
@@ -190,7 +190,7 @@ def test_a_late_correction_is_held_in_the_builder(make_scene: Callable[..., Any]
 
 def test_missing_odometry_passes_through_in_the_builder(make_scene: Callable[..., Any]) -> None:
     """Byte for byte, whoever stands in the way; the problem is told by topic."""
-    scene = make_scene()
+    scene = make_scene({"sensors.tf_wait": 0.05})
     with_odometry(scene)
     scene.place(0, (3.0, 2.0), 0.0)
     scan = scene.scan(0.103, stamp_s=0.1)
@@ -203,7 +203,7 @@ def test_missing_odometry_passes_through_in_the_builder(make_scene: Callable[...
 
 def test_topics_do_not_wait_for_each_other(make_scene: Callable[..., Any]) -> None:
     """A scan in an unknown frame holds up its own topic only."""
-    scene = make_scene()
+    scene = make_scene({"sensors.tf_wait": 0.05})
     with_odometry(scene)
     scene.builder.receive_transform(
         "map", "odom", scene.ns(0.2), (1.0, 1.0, 0.0), NO_TURN, scene.ns(0.05)

@@ -147,8 +147,11 @@ def make_rig(
 
 @pytest.fixture
 def rig(make_rig: MakeRig) -> Iterator[Rig]:
-    """Return a rig that runs since 10 s, with a map and a robot; nothing is refused in the end."""
-    made = make_rig(costmap__gate="all")
+    """Return a rig that runs since 10 s, with a map and a robot; nothing is refused in the end.
+
+    Scans wait for 0.05 s.
+    """
+    made = make_rig(costmap__gate="all", sensors__tf_wait=0.05)
     made.live.resume(ns(10.0))
     made.store("map", room(), 10.0)
     made.store("tf", robot_at(10.0), 10.0)
@@ -366,7 +369,7 @@ def test_a_process_that_was_stopped_listens_before_it_judges(rig: Rig) -> None:
 def test_who_is_always_late_lets_scans_go_after_a_second(rig: Rig) -> None:
     """However late the node is at each look, no scan waits for ever."""
     rig.inbox.is_simulated = False
-    deadline_s = 10.08 + rig.live.builder.parameters.sensors.tf_wait
+    deadline_s = 10.08 + 0.05
     rig.store("scan", scan(10.08), 10.08)
     rig.work(10.08)
     looks_s = [deadline_s + 0.1 * k for k in range(12)]

@@ -89,7 +89,7 @@ def test_a_meaning_is_a_sentence(item: Description) -> None:
         ("frames.max_age", 0.5),
         ("motion.step", 0.05),
         ("poses.history", 2.0),
-        ("sensors.tf_wait", 0.05),
+        ("sensors.tf_wait", 0.2),
         ("world.occupied_threshold", 65),
         ("world.free_threshold", 25),
         ("population.max_alive", 200),
