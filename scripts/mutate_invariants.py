@@ -267,8 +267,8 @@ BREAKAGES = (
         TOPICS,
         "the real map is handed on itself, not a copy",
         "are_ros/builder/grids.py",
-        "augmented_map = _like(environment.grid, now_ns, self._map.cells.copy())",
-        "augmented_map = _like(environment.grid, now_ns, environment.grid.cells)",
+        "return _like(real, now_ns, cells.copy()), None if is_first else update",
+        "return _like(real, now_ns, real.cells), None if is_first else update",
         (_RUN + "test_inputs_are_never_written_to",),
     ),
     Breakage(

@@ -17,7 +17,7 @@ from are_ros.errors import BagError
 PROJECT = Path(__file__).resolve().parents[1]
 SAMPLE = PROJECT / "bags" / "sample_office.mcap"
 OFFLINE = ("replay", "inspect", "describe", "check", "view", "fit", "soak")
-COMMANDS = (*OFFLINE, "node", "play", "record", "demo")
+COMMANDS = (*OFFLINE, "node", "guard", "play", "record", "demo")
 
 
 def run_process(*words: object) -> subprocess.CompletedProcess[str]:
@@ -236,7 +236,7 @@ def test_live_commands_need_ros(
 ) -> None:
     """Where rclpy is missing, each says so, and what works without."""
     monkeypatch.setattr("are_ros.cli.live.find_spec", lambda _: None)
-    for words in (("node",), ("play", str(SAMPLE)), ("record", "a.mcap"), ("demo",)):
+    for words in (("node",), ("guard",), ("play", str(SAMPLE)), ("record", "a.mcap"), ("demo",)):
         assert end_of(monkeypatch, *words) == 1
         (line,) = capsys.readouterr().err.splitlines()
         assert line.startswith("are: rclpy is not installed")

@@ -149,6 +149,16 @@ def test_rate_limit_loses_no_change() -> None:
     assert allowed == [0, 200]
 
 
+def test_rate_limit_lets_out_at_once_what_must() -> None:
+    """With what waited; the interval begins anew, and where nothing changed nothing goes out."""
+    limit = RateLimit(5.0)
+    changes = ((0, 1, 0), (50, 1, 0), (100, 0, 1), (150, 0, 1), (200, 1, 0), (300, 0, 0))
+    allowed = [
+        ms for ms, new, at_once in changes if limit.allows(ms * MS, bool(new), bool(at_once))
+    ]
+    assert allowed == [0, 100, 300]
+
+
 def test_rate_limit_never_rounds_the_rate_up() -> None:
     """At 3 Hz the interval is a third of a second, rounded up to whole nanoseconds."""
     limit = RateLimit(3.0)

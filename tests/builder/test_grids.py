@@ -5,6 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from are_ros.builder.costmap import InflatedCostmap
 from are_ros.builder.grids import GridAugmentation, Grids
@@ -69,27 +72,88 @@ def test_a_change_goes_out_with_its_rectangle(grids: GridAugmentation) -> None:
     assert (result.update.frame_id, result.update.stamp_ns) == ("map", 100 * MS)
 
 
-def test_a_change_that_comes_too_early_is_kept(grids: GridAugmentation) -> None:
-    """Both changes go out together at the end of the interval, in one rectangle."""
+def test_a_move_that_comes_too_early_is_kept(grids: GridAugmentation) -> None:
+    """Both moves go out together at the end of the interval, in one rectangle."""
     grids.update(0, FREE, {})
-    assert sent(grids.update(50 * MS, FREE, {1: patch(0, 0)})) == (False, False, False)
-    assert sent(grids.update(90 * MS, FREE, {1: patch(5, 5)})) == (False, False, False)
-    result = grids.update(100 * MS, FREE, {1: patch(5, 5)})
+    grids.update(10 * MS, FREE, {1: patch(0, 0), 2: patch(3, 3)})
+    moved = {1: patch(0, 1), 2: patch(3, 3)}
+    assert sent(grids.update(50 * MS, FREE, moved)) == (False, False, False)
+    moved[1] = patch(5, 5)
+    assert sent(grids.update(90 * MS, FREE, moved)) == (False, False, False)
+    result = grids.update(110 * MS, FREE, moved)
     assert result.update is not None
     where = result.update.rectangle
     assert (where.row0, where.col0, where.height, where.width) == (0, 0, 6, 6)
-    assert int((result.update.cells == OCCUPIED).sum()) == 1
+    assert int((result.update.cells == OCCUPIED).sum()) == 2
+
+
+def test_who_appears_or_goes_does_so_at_its_tick(grids: GridAugmentation) -> None:
+    """In all that goes out, however soon after the last; with what others moved meanwhile."""
+    grids.update(0, FREE, {1: patch(0, 0)})
+    appeared = grids.update(10 * MS, FREE, {1: patch(0, 1), 2: patch(3, 3)})
+    gone = grids.update(20 * MS, FREE, {1: patch(0, 2)})
+    for result, cells in ((appeared, [[0, 1], [3, 3]]), (gone, [[0, 2]])):
+        assert sent(result) == (True, True, True)
+        assert result.augmented_map is not None
+        assert result.artefact_map is not None
+        assert result.costmap is not None
+        for grid in (result.augmented_map, result.artefact_map, result.costmap):
+            assert np.argwhere(grid.cells == OCCUPIED).tolist() == cells
+    assert sent(grids.update(30 * MS, FREE, {1: patch(0, 3)})) == (False, False, False)
+
+
+def test_another_in_the_same_place_is_no_change(grids: GridAugmentation) -> None:
+    """Nothing goes out where no byte is another."""
+    grids.update(0, FREE, {1: patch(2, 2)})
+    assert sent(grids.update(10 * MS, FREE, {2: patch(2, 2)})) == (False, False, False)
+
+
+@given(
+    real=arrays(np.int8, (5, 7), elements=st.sampled_from([-1, 0, 40, 100])),
+    walks=st.lists(
+        st.dictionaries(st.integers(1, 3), st.tuples(st.integers(0, 4), st.integers(0, 6))),
+        max_size=12,
+    ),
+)
+@settings(deadline=None)
+def test_the_artefact_map_is_the_difference_at_each_tick(
+    real: Any, walks: list[dict[int, tuple[int, int]]]
+) -> None:
+    """Of the augmented and the real map, for who reads whole maps and for who reads updates."""
+    augmentation = GridAugmentation(InflatedCostmap(0.1, 3.0, 0.05), 10.0)
+    here = environment(real)
+    whole: dict[str, Any] = {}
+    followed: dict[str, Any] = {}
+    for step, places in enumerate(walks):
+        patches = {i: patch(row, col) for i, (row, col) in places.items()}
+        result = augmentation.update(30 * MS * step, here, patches)
+        for name, grid, update in (
+            ("augmented", result.augmented_map, result.update),
+            ("artefacts", result.artefact_map, result.artefact_update),
+        ):
+            if grid is not None:
+                whole[name] = grid.cells
+            if update is not None:
+                update.rectangle.of(followed[name])[:] = update.cells
+            elif grid is not None:
+                followed[name] = grid.cells.copy()
+            assert (update is None) == (grid is None or step == 0)
+        for held in (whole, followed):
+            shown = held["artefacts"] == OCCUPIED
+            assert set(np.unique(held["artefacts"])) <= {0, OCCUPIED}
+            assert np.array_equal(np.where(shown, OCCUPIED, real), held["augmented"])
+            assert np.array_equal(shown & (real != OCCUPIED), held["augmented"] != real)
 
 
 def test_what_came_and_went_in_between_is_told_as_it_now_is(grids: GridAugmentation) -> None:
     """A reader that has only the updates ends with the same map."""
-    grids.update(0, FREE, {})
-    grids.update(50 * MS, FREE, {1: patch(1, 1)})
-    result = grids.update(100 * MS, FREE, {})
+    grids.update(0, FREE, {1: patch(1, 1)})
+    grids.update(50 * MS, FREE, {1: patch(1, 2)})
+    result = grids.update(100 * MS, FREE, {1: patch(1, 1)})
     assert result.update is not None
-    assert result.update.cells.tolist() == [[0]]
+    assert result.update.cells.tolist() == [[OCCUPIED, 0]]
     assert result.augmented_map is not None
-    assert not result.augmented_map.cells.any()
+    assert np.argwhere(result.augmented_map.cells).tolist() == [[1, 1]]
 
 
 def test_what_goes_out_is_a_copy(grids: GridAugmentation) -> None:

@@ -42,8 +42,8 @@ GRID = OccupancyGrid(CELLS, 0.5, RigidTransform.identity(), "earth", 80 * MS)
 UPDATE = GridUpdate("earth", 80 * MS, ChangedRectangle(0, 0, 2, 2), CELLS)
 EVENT = ArtefactEvent(90 * MS, EventKind.ARRIVED, 1, "box")
 IN_ORDER = [
-    "augmented_map", "augmented_map_updates", "augmented_costmap", "events", "events", "artefacts",
-    "perceived", "metrics", "markers",
+    "augmented_map", "augmented_map_updates", "artefact_map", "artefact_map_updates",
+    "augmented_costmap", "events", "events", "artefacts", "perceived", "metrics", "markers",
 ]  # fmt: skip
 
 
@@ -67,7 +67,7 @@ def tick(now_ns: int = 100 * MS, *states: ArtefactState, **parts: Any) -> Tick:
 
 def full_tick(now_ns: int = 100 * MS) -> Tick:
     """Return a tick with something on every output."""
-    grids = Grids(GRID, UPDATE, GRID)
+    grids = Grids(GRID, UPDATE, GRID, UPDATE, GRID)
     return tick(
         now_ns, STATE, perceived=(SEEN,), events=(EVENT, EVENT), markers=DELETE_ALL, grids=grids
     )
@@ -92,7 +92,7 @@ def test_a_tick_becomes_messages_of_its_time() -> None:
     assert set(by_name) == set(OUTPUTS)
     (marker,) = by_name.pop("markers").markers
     stamps = {name: one.header.stamp.nanosec // MS for name, one in by_name.items()}
-    grids = dict.fromkeys(("augmented_map", "augmented_map_updates", "augmented_costmap"), 80)
+    grids = dict.fromkeys(IN_ORDER[:5], 80)
     assert stamps == {"events": 90, "artefacts": 100, "perceived": 100, "metrics": 100, **grids}
     headers = [marker.header, *(one.header for one in by_name.values())]
     assert {header.frame_id for header in headers} == {"earth"}
@@ -124,10 +124,10 @@ def test_only_what_is_wanted_is_encoded(wanted: tuple[str, ...]) -> None:
     assert encoder.encode(later) == other.encode(later)
 
 
-def test_both_maps_are_latched() -> None:
+def test_the_maps_are_latched() -> None:
     """A late subscriber gets the last of each; types are those that ROS knows."""
     latched = {name for name, topic in OUTPUTS.items() if topic.is_latched}
-    assert latched == {"augmented_map", "augmented_costmap"}
+    assert latched == {"augmented_map", "artefact_map", "augmented_costmap"}
     assert all((topic.depth == 1) == topic.is_latched for topic in OUTPUTS.values())
     assert OUTPUTS["events"] == OutputTopic("are_msgs/msg/ArtefactEvent", depth=100)
     assert all(topic.type_name in jazzy_typestore().types for topic in OUTPUTS.values())

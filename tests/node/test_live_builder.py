@@ -269,8 +269,8 @@ def test_what_nobody_listens_to_is_not_computed(
     assert (demand.perception, demand.grids, demand.markers) == (perception, True, markers)
     assert (rig.live.builder.looks > 0) == perception
     sent = set(rig.outlet.take_names())
-    assert {MAP, "augmented_costmap"} <= sent
-    assert sent <= names | {MAP, "augmented_costmap"}
+    assert {MAP, "artefact_map", "augmented_costmap"} <= sent
+    assert sent <= names | {MAP, "artefact_map", "augmented_costmap"}
 
 
 def test_who_begins_to_listen_is_served_from_the_next_tick_on(rig: Rig) -> None:

@@ -1,9 +1,11 @@
 """What is real goes on, whatever state the node is in: maps and scans beside its own."""
 
+from array import array
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 
@@ -11,6 +13,7 @@ from tests.ros import NOT_SET_UP
 
 pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
+from are_ros.conventions import NS_PER_S
 from tests.node.live_bench import BEST_EFFORT, DELETE_ALL, Bench
 from tests.node.live_scene import FACTORY, laser_mount, ns, pose_at, robot_at, room, scan
 
@@ -52,19 +55,82 @@ PHASES = (
 
 @pytest.mark.parametrize("phase", PHASES)
 def test_the_real_map_and_the_real_scans_go_on(make_bench: MakeBench, phase: str) -> None:
-    """Each as it came, to the byte."""
+    """Each as it came, to the byte; on the artefact map of the same geometry there is nobody."""
     bench = make_bench({"costmap.gate": "all"}, "configure")
     lead(bench, phase)
     maps, scans = bench.listen("augmented_map"), bench.listen("scan", SCAN)
+    artefacts = bench.listen("artefact_map")
     for blocks in ((), (BLOCK,)):
         real = room(*blocks, stamp_s=998.0)
         bench.send("map", real)
         bench.until(partial(is_last, maps, real))
+        real.data = array("b", bytes(len(real.data)))
+        bench.until(partial(is_last, artefacts, real))
     for t_s in (999.0, 999.1):
         real = scan(t_s)
         bench.send("scan", real)
         bench.until(partial(is_last, scans, real))
     assert len(scans) == 2
+
+
+GRIDS = ("augmented_map", "artefact_map", "augmented_costmap")
+UPDATES = ("augmented_map_updates", "artefact_map_updates")
+
+
+def test_first_sight_goes_out_in_its_own_tick(make_bench: MakeBench) -> None:
+    """And so does what goes; the artefact map is what the augmented map has beside the real one."""
+    values = {"augmented_map.max_rate": 0.1, "costmap.gate": "perceived"}
+    bench = make_bench(values, "configure", "activate")
+    perceived = bench.listen("perceived")
+    heard = {name: bench.listen(name) for name in (*GRIDS, *UPDATES)}
+    bench.clock(1000.0)
+    bench.send("map", room(BLOCK))
+    bench.send("tf", robot_at(1000.0))
+    bench.tick(1000.1)
+    for turn, t_s in enumerate((1000.2, 1000.4), start=1):
+        placed = bench.spawn(pose_at(3.0, 2.0), label="post")
+        assert placed.success
+        for at_s, is_seen in ((t_s, True), (t_s + 0.1, False)):
+            if not is_seen:
+                assert bench.call("remove", id=placed.id).success
+            bench.send("tf", robot_at(at_s))
+            bench.tick(at_s)
+            bench.until(partial(is_of, perceived, at_s))
+            assert [one.id for one in perceived[-1].artefacts] == ([placed.id] if is_seen else [])
+            for messages in heard.values():
+                bench.until(partial(is_of, messages, at_s))
+            assert heard["artefact_map"][-1].data.tolist().count(100) == (25 if is_seen else 0)
+            assert heard["augmented_costmap"][-1].data[20 * 40 + 30] == (100 if is_seen else 0)
+            assert_difference(heard, room(BLOCK))
+        assert [len(messages) for messages in heard.values()] == [
+            *(3 * [1 + 2 * turn]),
+            *(2 * [2 * turn]),
+        ]
+
+
+def is_of(messages: list[Any], t_s: float) -> bool:
+    """Tell whether the last message is stamped with a time."""
+    return bool(messages) and ns_of(messages[-1].header.stamp) == ns(t_s)
+
+
+def ns_of(stamp: Any) -> int:
+    """Return a stamp in nanoseconds."""
+    return int(stamp.sec) * NS_PER_S + int(stamp.nanosec)
+
+
+def assert_difference(heard: dict[str, list[Any]], real: Any) -> None:
+    """Check artefact map and augmented map against the real one, and so what updates make."""
+    maps = {name: np.array(heard[name][-1].data).reshape(40, 40) for name in GRIDS[:2]}
+    followed = {name: np.array(heard[name][0].data).reshape(40, 40) for name in GRIDS[:2]}
+    for name, cells in followed.items():
+        for update in heard[f"{name}_updates"]:
+            rows = slice(update.y, update.y + update.height)
+            part = np.array(update.data).reshape(update.height, update.width)
+            cells[rows, update.x : update.x + update.width] = part
+    walls = np.array(real.data).reshape(40, 40)
+    for shown in (maps, followed):
+        is_changed = shown["augmented_map"] != walls
+        assert np.array_equal(100 * is_changed, shown["artefact_map"])
 
 
 def is_last(messages: list[Any], real: Any) -> bool:
@@ -77,14 +143,17 @@ def is_last(messages: list[Any], real: Any) -> bool:
 def test_artefacts_vanish_when_the_node_rests(make_bench: MakeBench, phase: str) -> None:
     """From the maps, the lists and the markers; what is latched stays so for who comes later."""
     bench = make_bench({"costmap.gate": "all"}, "configure")
-    early = {name: bench.listen(name) for name in ("augmented_map", "artefacts", "markers")}
+    outputs = ("augmented_map", "artefact_map", "artefacts", "markers")
+    early = {name: bench.listen(name) for name in outputs}
     lead(bench, phase)
     bench.settle()
     late = bench.listen("augmented_map"), bench.listen("augmented_costmap")
     bench.until(lambda: all(late))
     if phase != "shut down at the tick":
         assert max(message.data.tolist().count(100) for message in early["augmented_map"]) == 181
+        assert max(message.data.tolist().count(100) for message in early["artefact_map"]) == 25
     assert early["augmented_map"][-1].data == room().data
+    assert not any(early["artefact_map"][-1].data)
     assert late[0][-1].data == room().data
     assert late[1][-1].data.tolist().count(100) == 4 * 39
     assert early["artefacts"][-1].artefacts == []

@@ -65,10 +65,11 @@ def test_only_the_transforms_have_absolute_topics() -> None:
 
 def test_outputs_are_offered_as_the_design_says() -> None:
     """All reliably, the maps latched, many events kept."""
-    assert requested(output_qos("augmented_map")) == ("RELIABLE", "TRANSIENT_LOCAL", 1)
-    assert requested(output_qos("augmented_costmap")) == ("RELIABLE", "TRANSIENT_LOCAL", 1)
+    maps = {"augmented_map", "artefact_map", "augmented_costmap"}
+    offered = {requested(output_qos(name)) for name in maps}
+    assert offered == {("RELIABLE", "TRANSIENT_LOCAL", 1)}
     assert requested(output_qos("events")) == ("RELIABLE", "VOLATILE", 100)
-    others = {*OUTPUTS, "scan", "diagnostics"} - {"augmented_map", "augmented_costmap", "events"}
+    others = {*OUTPUTS, "scan", "diagnostics"} - {*maps, "events"}
     assert {requested(output_qos(name))[:2] for name in others} == {("RELIABLE", "VOLATILE")}
 
 

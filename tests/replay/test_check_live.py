@@ -29,7 +29,8 @@ from are_ros.replay.message_types import jazzy_typestore
 
 MS = 1_000_000
 OUT = "/ar_builder/"
-LATCHED = ("/map", "/tf_static", OUT + "augmented_map", OUT + "augmented_costmap")
+GRIDS = ("augmented_map", "artefact_map", "augmented_costmap")
+LATCHED = ("/map", "/tf_static", *(OUT + name for name in GRIDS))
 TICK_OUTPUTS = ("artefacts", "perceived", "metrics", "events", "markers")
 
 Entry = tuple[int, str, bytes]
@@ -116,7 +117,7 @@ class Tape:
     def farewell(self, stamp_ns: int) -> tuple[Entry, ...]:
         """Return what a node gives out when it takes its leave after this tape."""
         entries = []
-        for name in ("augmented_map", "augmented_costmap", "artefacts", "perceived", "metrics"):
+        for name in (*GRIDS, "artefacts", "perceived", "metrics"):
             message = self.last(name)
             stamp(message.header, stamp_ns)
             if name in {"artefacts", "perceived"}:
@@ -133,8 +134,8 @@ class Tape:
         """Return the data of a grid without artefacts."""
         real = self.last("/map")
         cells = real.data.reshape(real.info.height, real.info.width)
-        if name == "augmented_map":
-            return cells.reshape(-1).copy()
+        if name != "augmented_costmap":
+            return cells.reshape(-1).copy() if name == "augmented_map" else 0 * cells.reshape(-1)
         costmap, world = self.settings.costmap, self.settings.world
         inflated = InflatedCostmap(
             costmap.inflation_radius, costmap.cost_scaling_factor, self.settings.robot.radius
@@ -247,12 +248,19 @@ def test_a_right_live_recording_passes_every_check(live: Tape, tmp_path: Path) -
     assert bad(by_name) == []
     skipped = {name for name, result in by_name.items() if result.outcome is Outcome.SKIPPED}
     assert skipped == {"farewells"}
-    assert len(by_name) == len(results) == 26
+    assert len(by_name) == len(results) == 29
     assert by_name["lives"].looked_at >= 40
     assert "ms after their time" in by_name["ticks"].reason
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
-    for name in ("map updates", "augmented map", "ends of changed beams", "sight events"):
+    for name in (
+        "map updates",
+        "augmented map",
+        "artefact map",
+        "artefact map updates",
+        "ends of changed beams",
+        "sight events",
+    ):
         assert by_name[name].looked_at > 5, name
 
 
@@ -434,7 +442,7 @@ def test_what_is_no_recording_of_the_node_is_refused(sample_bag: Path, tmp_path:
 def test_a_map_may_come_to_the_node_after_its_first_ticks(live: Tape, tmp_path: Path) -> None:
     """Until then it knows no clutter ratio, and gives out no grids."""
     tape = live.edited("metrics", _set("clutter_ratio", float("nan")), -1.0, 3.0)
-    for name in ("augmented_map", "augmented_map_updates", "augmented_costmap"):
+    for name in (*GRIDS, "augmented_map_updates", "artefact_map_updates"):
         tape = tape.edited(name, _drop, -1.0, 3.0)
     results = results_of(tape.write(tmp_path))
     assert bad(results) == []
@@ -707,6 +715,17 @@ BROKEN: dict[str, tuple[str, Break, str]] = {
     "cell": ("augmented map", _each("augmented_map", _flip_cell, 3.0, 6.0), "is 100, it must be"),
     "stale map": ("augmented map is current", _each("augmented_map", _drop, 3.0, 60), "since"),
     "stale costs": ("costmap is current", _each("augmented_costmap", _drop, 3.0, 60), "since"),
+    "artefact cell": ("artefact map", _each("artefact_map", _flip_cell, 3.0, 6.0), "must be 0"),
+    "artefact update": (
+        "artefact map updates",
+        _each("artefact_map_updates", _in_update, 3.0, 6.0),
+        "the map before",
+    ),
+    "stale artefacts": (
+        "artefact map is current",
+        _each("artefact_map", _drop, 3.0, 60),
+        "since",
+    ),
     "update": (
         "map updates",
         _each("augmented_map_updates", _in_update, 3.0, 6.0),

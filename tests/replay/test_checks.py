@@ -46,6 +46,8 @@ SCAN_NS = START_NS + 220 * MS
 OUT = "/ar_builder/"
 TYPES = {
     "augmented_map": "nav_msgs/msg/OccupancyGrid",
+    "artefact_map": "nav_msgs/msg/OccupancyGrid",
+    "artefact_map_updates": "map_msgs/msg/OccupancyGridUpdate",
     "augmented_costmap": "nav_msgs/msg/OccupancyGrid",
     "augmented_map_updates": "map_msgs/msg/OccupancyGridUpdate",
     "artefacts": "are_msgs/msg/ArtefactArray",
@@ -55,6 +57,7 @@ TYPES = {
     "markers": "visualization_msgs/msg/MarkerArray",
     "scan": "sensor_msgs/msg/LaserScan",
 }
+GRIDS = ("augmented_map", "artefact_map", "augmented_costmap")
 INPUT_TYPES = {
     "/map": "nav_msgs/msg/OccupancyGrid",
     "/tf": "tf2_msgs/msg/TFMessage",
@@ -103,7 +106,7 @@ def make_draft() -> Draft:
     """Return a replay in which everything is right."""
     draft = Draft()
     draft.types = INPUT_TYPES | {OUT + name: type_name for name, type_name in TYPES.items()}
-    draft.latched = {"/map", "/tf_static", OUT + "augmented_map", OUT + "augmented_costmap"}
+    draft.latched = {"/map", "/tf_static", *(OUT + name for name in GRIDS)}
     draft.messages = {topic: [] for topic in draft.types}
     draft.values = {
         "robot.radius": 0.12,
@@ -267,21 +270,25 @@ def _add_scans(draft: Draft) -> None:
 def _add_ticks(draft: Draft, real: NDArray[np.int8]) -> None:
     costmap = InflatedCostmap(0.35, 3.0, 0.12)
     costmap.set_map(real == 100, (real == -1) | (real == 40), float(np.float32(0.1)))
-    last: NDArray[np.int8] | None = None
+    last: dict[str, NDArray[np.int8]] = {}
     for tick, now_ns in enumerate(TICKS_NS):
         alive = [i for i, (since_ns, to_ns) in LIVES_NS.items() if since_ns <= now_ns < to_ns]
         admitted = patches(i for i in alive if i in SEEN[tick])
-        cells = real.copy()
-        for patch in admitted.values():
-            cells[patch.window][patch.mask] = 100
         costmap.update(admitted)
-        if last is None or not np.array_equal(cells, last):
-            draft.of("augmented_map").append((now_ns, make_grid(cells, now_ns)))
-            costs = make_grid(costmap.published().copy(), now_ns)
-            draft.of("augmented_costmap").append((now_ns, costs))
-            if last is not None:
-                draft.of("augmented_map_updates").append((now_ns, _update(last, cells, now_ns)))
-        last = cells
+        for name, base in (("augmented_map", real), ("artefact_map", np.zeros_like(real))):
+            cells = base.copy()
+            for patch in admitted.values():
+                cells[patch.window][patch.mask] = 100
+            if name in last and np.array_equal(cells, last[name]):
+                continue
+            draft.of(name).append((now_ns, make_grid(cells, now_ns)))
+            if name in last:
+                update = _update(last[name], cells, now_ns)
+                draft.of(f"{name}_updates").append((now_ns, update))
+            if name == "augmented_map":
+                costs = make_grid(costmap.published().copy(), now_ns)
+                draft.of("augmented_costmap").append((now_ns, costs))
+            last[name] = cells
         _add_lists(draft, tick, now_ns, alive)
     _add_markers(draft)
     for i, (arrival_ns, departure_ns) in LIVES_NS.items():
@@ -393,7 +400,7 @@ def test_a_right_replay_passes_every_check(right: Draft, tmp_path: Path) -> None
     results = check_replay(right.write(tmp_path), None, shares.append)
     assert [r.sentence() for r in results if r.outcome is not Outcome.PASSED] == []
     assert all(result.looked_at > 0 for result in results)
-    assert len({result.name for result in results}) == len(results) == 25
+    assert len({result.name for result in results}) == len(results) == 28
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
 
@@ -518,8 +525,32 @@ def _lower_cost(draft: Draft) -> None:
 
 
 def _forget_grids(draft: Draft) -> None:
-    for name in ("augmented_map", "augmented_map_updates", "augmented_costmap"):
-        del draft.of(name)[-1 if name.endswith("updates") else 2]
+    for name in (*GRIDS, "augmented_map_updates", "artefact_map_updates"):
+        del draft.of(name)[1 if name.endswith("updates") else 2]
+
+
+def _forget_grids_of_a_slow_node(draft: Draft) -> None:
+    """Let the departure wait as if it were a move."""
+    draft.values["augmented_map.max_rate"] = 1.0
+    _forget_grids(draft)
+
+
+def _again(name: str) -> Break:
+    """Return what publishes a grid once more a tick later, before it may."""
+
+    def change(draft: Draft) -> None:
+        draft.values["augmented_map.max_rate"] = 5.0
+        again = copy.deepcopy(draft.of(name)[1][1])
+        again.header.stamp = make_time(TICKS_NS[2])
+        draft.of(name).insert(2, (TICKS_NS[2], again))
+
+    return change
+
+
+def _unknown_artefacts(draft: Draft) -> None:
+    """Leave open in the artefact map what is open in the real one."""
+    for _, message in draft.of("artefact_map"):
+        message.data[(real_cells().reshape(-1) < 0) & (message.data == 0)] = -1
 
 
 def _scan_after_departure(draft: Draft) -> None:
@@ -696,6 +727,35 @@ BROKEN: dict[str, tuple[str, Break, str]] = {
     ),
     "map is stale": ("augmented map is current", _forget_grids, "at 1000.300000000 s"),
     "costmap is stale": ("costmap is current", _forget_grids, "at 1000.300000000 s"),
+    "artefact map is stale": ("artefact map is current", _forget_grids, "at 1000.300000000 s"),
+    "departure waits": (
+        "augmented map is current",
+        _forget_grids_of_a_slow_node,
+        "at 1000.300000000 s the last one still shows",
+    ),
+    "artefacts stay": (
+        "artefact map is current",
+        _forget_grids_of_a_slow_node,
+        "at 1000.300000000 s the last one still shows",
+    ),
+    "costs stay": (
+        "costmap is current",
+        _forget_grids_of_a_slow_node,
+        "at 1000.300000000 s the last one still shows",
+    ),
+    "too often": (
+        "augmented map is current",
+        _again("augmented_map"),
+        "at 1000.200000000 s it goes out 0.1 s after the last one, though nobody came or went",
+    ),
+    "costs too often": ("costmap is current", _again("augmented_costmap"), "though nobody"),
+    "artefact unknown": ("artefact map", _unknown_artefacts, "is -1, it must be 0"),
+    "no artefact": ("artefact map", _put("artefact_map", 1, "data", np.zeros(400, np.int8)), "100"),
+    "wrong artefact update": (
+        "artefact map updates",
+        _put("artefact_map_updates", 1, "data.0", 7),
+        "cell",
+    ),
     "wrong update": ("map updates", _put("augmented_map_updates", 1, "data.0", 7), "cell"),
     "update unsaid": ("map updates", _drop("augmented_map_updates", 1), "without an update"),
     "update too wide": ("map updates", _put("augmented_map_updates", 1, "x", 19), "beyond the map"),
@@ -745,6 +805,14 @@ def test_a_reported_contact_may_overlap_the_robot(right: Draft, tmp_path: Path) 
     _add_to_events((6, 1, 2))(draft)
     result = results_of(draft, tmp_path)[name]
     assert result.failures == 2
+
+
+def test_who_comes_and_goes_waits_for_no_rate(right: Draft, tmp_path: Path) -> None:
+    """The rate is that of moves: grids of successive ticks are right if somebody came or went."""
+    draft = copy.deepcopy(right)
+    draft.values["augmented_map.max_rate"] = 1.0
+    results = results_of(draft, tmp_path)
+    assert [r.sentence() for r in results.values() if r.outcome is Outcome.FAILED] == []
 
 
 def test_an_artefact_may_be_too_close_to_measure(right: Draft, tmp_path: Path) -> None:

@@ -98,20 +98,21 @@ def test_without_perception_no_list_of_it_is_written(tmp_path: Path) -> None:
 
 
 def test_grids_are_written_when_there_are_some(tmp_path: Path) -> None:
-    """A whole map and a costmap go out, latched, when they changed."""
+    """Whole maps and a costmap go out, latched, when they changed."""
     cells = np.array([[0, 100], [-1, 0]], np.int8)
     grid = OccupancyGrid(cells, 0.5, RigidTransform.identity(), "earth")
-    grids = Grids(augmented_map=grid, costmap=grid)
+    grids = Grids(augmented_map=grid, artefact_map=grid, costmap=grid)
     found = written(tmp_path / "a.mcap", tick(0, grids=grids), tick(MS))
     maps = [(topic, message) for topic, _, message in found if hasattr(message, "info")]
     assert [topic for topic, _ in maps] == [
         PREFIX + "augmented_map",
+        PREFIX + "artefact_map",
         PREFIX + "augmented_costmap",
     ]
     assert all(message.data.tolist() == [0, 100, -1, 0] for _, message in maps)
     with BagReader([tmp_path / "a.mcap"]) as reader:
         latched = {topic.name.removeprefix(PREFIX) for topic in reader.topics if topic.is_latched}
-    assert latched == {"augmented_map", "augmented_costmap"}
+    assert latched == {"augmented_map", "artefact_map", "augmented_costmap"}
 
 
 def test_all_topics_are_announced(tmp_path: Path) -> None:
