@@ -30,7 +30,8 @@ class RealWorld:
     """Holds the newest map and cloud, and makes an `Environment` of them when one changed.
 
     The environment is in the map's frame F_E. Without a cloud the walls of the map are extruded.
-    `notices` takes a sentence where a cloud that waited for its pose turns out to be useless.
+    `notices` takes a sentence where a cloud that waited for its pose turns out to be useless, and
+    `dropped` is the last such sentence, empty if there was none.
     """
 
     def __init__(
@@ -42,6 +43,7 @@ class RealWorld:
     ) -> None:
         self.environment: Environment | None = None
         self.notices: list[str] = [] if notices is None else notices
+        self.dropped = ""
         self._parameters = parameters
         self._map_frame = map_frame
         self._frames = frames
@@ -108,7 +110,8 @@ class RealWorld:
         try:
             self._use_cloud(cloud, map_from_cloud)
         except InputError as cause:
-            self.notices.append(f"the cloud in '{cloud.frame_id}' that waited is dropped: {cause}")
+            self.dropped = f"the cloud in '{cloud.frame_id}' that waited is dropped: {cause}"
+            self.notices.append(self.dropped)
 
     def _use_cloud(self, cloud: _Cloud, map_from_cloud: RigidTransform) -> None:
         voxels = VoxelMap.from_centres(cloud.centres_m, cloud.voxel_size_m, map_from_cloud)

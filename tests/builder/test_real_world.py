@@ -163,6 +163,7 @@ def test_a_cloud_that_turns_out_tilted_is_dropped_with_a_sentence(room: Room) ->
     assert real.missing_frame() == ""
     (sentence,) = real.notices
     assert "'tilted'" in sentence
+    assert real.dropped == sentence
     assert "tilts" in sentence
 
 
