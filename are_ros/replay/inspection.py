@@ -78,11 +78,13 @@ def inspect_bag(
         for topic in reader.topics
     )
     map_topic = roles.topic("map")
-    map_frame = frame_ids.get(map_topic or "", "") or map_frame
+    of_map = "" if has_map_file else frame_ids.get(map_topic or "", "")
+    world_frame, map_frame = map_frame, of_map or map_frame
     base_frame = base_frame or next((f for f in _BASE_FRAMES if f in survey.frames()), "")
     sensors = [topic for topic in map(roles.topic, _SENSOR_ROLES) if topic is not None]
     missing = [
         *_missing_map(map_topic, has_map_file=has_map_file),
+        *_other_map_frame(map_topic, map_frame, world_frame),
         *survey.refused,
         *_missing_pose(survey, map_frame, base_frame),
         *_turned_round(survey),
@@ -165,6 +167,15 @@ def _edge(parent: str, child: str, stamp_ns: int) -> StampedTransform:
 def _missing_map(map_topic: str | None, *, has_map_file: bool) -> Iterable[str]:
     if map_topic is None and not has_map_file:
         yield "there is no map: give its file with --map FILE.yaml, or its topic with --topic map:="
+
+
+def _other_map_frame(map_topic: str | None, map_frame: str, world_frame: str) -> Iterable[str]:
+    if map_frame != world_frame:
+        yield (
+            f"the map of {map_topic} is in {map_frame}, not in {world_frame}: give --map-frame"
+            f" {map_frame}; if it moves with the robot (a local, rolling map), it cannot be the"
+            " real map: give that with --map FILE.yaml"
+        )
 
 
 def _missing_pose(survey: FrameSurvey, map_frame: str, base_frame: str) -> Iterable[str]:

@@ -40,7 +40,9 @@ from are_ros.world.occupancy_grid import OccupancyGrid
 _CAMERA_ROLE: Final = "camera/camera_info"
 _TRANSFORM_ROLES: Final = ("tf", "tf_static", "odom")
 _LATE_CAMERA_S: Final = 1.0
-_WITHOUT_CAMERA_INFO: Final = "--set camera.model:=pinhole looks by camera.* instead"
+_WITHOUT_CAMERA_INFO: Final = (
+    "--set camera.model:=pinhole takes the camera of the parameters (camera.*) instead"
+)
 
 Say = Callable[[str], None]
 OpenProgress = Callable[[int, int], Progress]
@@ -204,7 +206,10 @@ def _known_map(builder: ArBuilder, replay: Replay) -> OccupancyGrid:
 def _why_no_map(replay: Replay) -> str:
     """Return what became of the maps that the recording holds."""
     reason = _refused(replay, ("map",)) or "the recording has none before its end"
-    return f"no usable map was received ({reason}): give one with --map FILE.yaml"
+    return (
+        f"no usable map was received ({reason}): give one with --map FILE.yaml, "
+        "or its frame with --map-frame"
+    )
 
 
 def _why_no_pose(builder: ArBuilder, replay: Replay) -> str:
@@ -248,10 +253,11 @@ def _late_camera(options: ReplayOptions, replay: Replay, watch: CameraWatch) -> 
     late_s = (watch.first_ns - replay.start_ns) / NS_PER_S
     if late_s <= _LATE_CAMERA_S:
         return []
-    return [
-        f"nothing was perceived in the first {late_s:.1f} s: no CameraInfo came on "
-        f"{_camera_topic(replay)} before; {_WITHOUT_CAMERA_INFO}"
-    ]
+    topic = _camera_topic(replay)
+    said = (
+        f"nothing was perceived in the first {late_s:.1f} s: no CameraInfo came on {topic} before"
+    )
+    return [f"{said}; {_WITHOUT_CAMERA_INFO}"]
 
 
 def _camera_topic(replay: Replay) -> str:

@@ -74,10 +74,11 @@ def test_an_edge_in_both_directions_is_odd() -> None:
 def test_a_frame_with_two_parents_is_odd() -> None:
     """It is said with both parents and with what holds then; both edges are drawn."""
     survey = surveyed(edge("map", "base"), edge("odom", "base"))
-    assert survey.oddities == (
+    (sentence,) = survey.oddities
+    assert sentence == (
         "base has several parents: map, odom; of map and odom the newer transform holds, from its"
         " stamp on, so that all below base jumps or gets lost: let one of their publishers be"
-        " silent",
+        " silent"
     )
     assert len(survey.tree_lines()) == 4
 
