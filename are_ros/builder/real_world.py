@@ -30,7 +30,8 @@ class RealWorld:
     """Holds the newest map and cloud, and makes an `Environment` of them when one changed.
 
     The environment is in the map's frame F_E. Without a cloud the walls of the map are extruded.
-    `notices` takes a sentence where a cloud that waited for its pose turns out to be useless.
+    `notices` takes a sentence where a cloud that waited for its pose turns out to be useless, and
+    `dropped` is the last such sentence, empty if there was none.
     """
 
     def __init__(
@@ -42,6 +43,7 @@ class RealWorld:
     ) -> None:
         self.environment: Environment | None = None
         self.notices: list[str] = [] if notices is None else notices
+        self.dropped = ""
         self._parameters = parameters
         self._map_frame = map_frame
         self._frames = frames
@@ -50,6 +52,7 @@ class RealWorld:
         self._last_cloud: _Cloud | None = None
         self._pending_cloud: _Cloud | None = None
         self._map_from_cloud: RigidTransform | None = None
+        self._coarsened_m: float | None = None
 
     @property
     def grid(self) -> OccupancyGrid | None:
@@ -71,15 +74,16 @@ class RealWorld:
     ) -> None:
         """Take the occupied voxels' centres (N, 3) in `frame_id`; used once its pose is known.
 
+        `voxel_size_m` is their own size, None if nobody knows it; the map's is world.voxel_size.
+
         Raises InputError where they make no voxel map; the last good cloud stays then.
         """
-        size_m = self._parameters.voxel_size or voxel_size_m
-        cloud = _Cloud(centres_m, size_m, frame_id, stamp_ns)
+        cloud = _Cloud(centres_m, voxel_size_m, frame_id, stamp_ns)
         map_from_cloud = self._map_from(cloud)
         if self._is_known(cloud, map_from_cloud):
             return
         if map_from_cloud is None:
-            VoxelMap.from_centres(centres_m, cloud.voxel_size_m, RigidTransform.identity())
+            self._voxels_of(cloud, RigidTransform.identity())
             self._last_cloud = self._pending_cloud = cloud
             return
         self._use_cloud(cloud, map_from_cloud)
@@ -108,14 +112,24 @@ class RealWorld:
         try:
             self._use_cloud(cloud, map_from_cloud)
         except InputError as cause:
-            self.notices.append(f"the cloud in '{cloud.frame_id}' that waited is dropped: {cause}")
+            self.dropped = f"the cloud in '{cloud.frame_id}' that waited is dropped: {cause}"
+            self.notices.append(self.dropped)
 
     def _use_cloud(self, cloud: _Cloud, map_from_cloud: RigidTransform) -> None:
-        voxels = VoxelMap.from_centres(cloud.centres_m, cloud.voxel_size_m, map_from_cloud)
+        voxels = self._voxels_of(cloud, map_from_cloud)
+        if voxels.cloud_voxel_m is not None and voxels.cloud_voxel_m != self._coarsened_m:
+            self.notices.append(_said_of_size(voxels, voxels.cloud_voxel_m))
+        self._coarsened_m = voxels.cloud_voxel_m
         if self._grid is not None:
             self.environment = self._built(self._grid, voxels)
         self._voxels, self._pending_cloud = voxels, None
         self._map_from_cloud = map_from_cloud
+
+    def _voxels_of(self, cloud: _Cloud, map_from_cloud: RigidTransform) -> VoxelMap:
+        wanted_m = self._parameters.voxel_size or None
+        return VoxelMap.from_centres(
+            cloud.centres_m, cloud.voxel_size_m, map_from_cloud, wanted_m=wanted_m
+        )
 
     def _map_from(self, cloud: _Cloud) -> RigidTransform | None:
         """Return the pose of a cloud's frame in the map's, None if it is not known yet."""
@@ -155,6 +169,19 @@ class RealWorld:
         if self._parameters.ground_clearance > 0.0:
             return self._parameters.ground_clearance
         return _FLOOR_MARGIN_M + (0.0 if voxels.is_extruded else voxels.voxel_size_m[2])
+
+
+def _said_of_size(voxels: VoxelMap, cloud_voxel_m: float) -> str:
+    """Say what became of a cloud's voxels that were made coarser."""
+    size_m = voxels.voxel_size_m[0]
+    said = (
+        f"world.voxel_size: the cloud's voxels of {cloud_voxel_m:g} m become "
+        f"{voxels.occupied_count} of {size_m:g} m"
+    )
+    times = size_m / cloud_voxel_m
+    if times == round(times):
+        return said
+    return f"{said}; that is no multiple, so that walls are off by up to {cloud_voxel_m / 2:g} m"
 
 
 def _same_map(one: OccupancyGrid, other: OccupancyGrid) -> bool:

@@ -74,7 +74,10 @@ class Reality:
         self._received(received_ns)
         if grid.frame_id != self.parameters.frames.map:
             wanted = self.parameters.frames.map
-            raise InputError(f"map: its frame is '{grid.frame_id}', but frames.map is '{wanted}'")
+            raise InputError(
+                f"map: its frame is '{grid.frame_id}', but frames.map is '{wanted}'; a map that "
+                "moves with the robot (a local, rolling one) cannot be the real map"
+            )
         self.world.set_grid(grid)
 
     def receive_cloud(

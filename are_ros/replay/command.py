@@ -138,7 +138,7 @@ def replay_command(say: Say, **options: Any) -> bool:
             say(line)
     for line in complaints(outcome):
         say(line)
-    return not (outcome.refusals.counts or outcome.camera_problem)
+    return not (outcome.refusals.counts or outcome.camera_problem or outcome.cloud_problem)
 
 
 def write_results(outcome: Outcome, folder: Path) -> None:
@@ -197,9 +197,9 @@ def complaints(outcome: Outcome) -> list[str]:
         passed = counted(outcome.scans[topic].passed_through, "scan")
         lines.append(f"{topic}: {passed} passed through unaugmented, the last for: {problem}")
     if outcome.camera_problem:
-        lines.append(
-            f"nothing was perceived, the camera's pose is not known: {outcome.camera_problem}"
-        )
+        lines.append(f"nothing was perceived: {outcome.camera_problem}")
+    if outcome.cloud_problem:
+        lines.append(outcome.cloud_problem)
     return [*lines, *refused_by_script(outcome.record.events), *outcome.map_doubts]
 
 

@@ -1,12 +1,21 @@
 """How the frames of a recording hang together, for a person to read."""
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.transforms import StampedTransform
+from are_ros.wording import counted
+from are_ros.world.frame_tree import TransformSource
+from are_ros.world.rigid_transform import why_invalid
 
+_SOURCE_NAMES: Final = {
+    TransformSource.ODOMETRY: "odometry",
+    TransformSource.TF: "tf",
+    TransformSource.PARAMETER: "what is given",
+}
 _AHEAD_NS = NS_PER_S // 10
 """Stamps later than the recording by more than this are worth a word."""
 
@@ -47,10 +56,14 @@ class SurveyedEdge:
 
 @dataclass(frozen=True)
 class FrameSurvey:
-    """All edges in order of name, and what is odd about them, a sentence each."""
+    """All edges in order of name, and what is odd about them, a sentence each.
+
+    `refused` has a sentence for each edge of which no transform can be used.
+    """
 
     edges: tuple[SurveyedEdge, ...]
     oddities: tuple[str, ...]
+    refused: tuple[str, ...] = ()
 
     def frames(self) -> tuple[str, ...]:
         """Return the names of all frames, sorted."""
@@ -96,6 +109,15 @@ class _Tally:
     count: int = 0
     topics: set[str] = field(default_factory=set)
     static_count: int = 0
+    source: TransformSource = TransformSource.ODOMETRY
+
+
+@dataclass
+class _Refusal:
+    """What was refused of one edge on one topic, and why the first time."""
+
+    reason: str
+    count: int = 0
 
 
 class FrameSurveyor:
@@ -104,6 +126,7 @@ class FrameSurveyor:
     def __init__(self) -> None:
         self._tallies: dict[tuple[str, str], _Tally] = {}
         self._slashed: set[str] = set()
+        self._refusals: dict[tuple[str, str, str], _Refusal] = {}
 
     def see(
         self,
@@ -112,11 +135,15 @@ class FrameSurveyor:
         log_time_ns: int,
         *,
         is_static: bool,
+        source: TransformSource = TransformSource.TF,
     ) -> None:
         """Take in the transforms of one message."""
-        for parent, child, stamp_ns, _, _ in transforms:
+        for parent, child, stamp_ns, translation_m, rotation_xyzw in transforms:
             self._slashed.update(name for name in (parent, child) if name.startswith("/"))
             edge = parent.lstrip("/"), child.lstrip("/")
+            if reason := why_invalid(*translation_m, *rotation_xyzw):
+                self._refusals.setdefault((*edge, topic), _Refusal(reason)).count += 1
+                continue
             ahead_ns = stamp_ns - log_time_ns
             tally = self._tallies.get(edge)
             if tally is None:
@@ -127,6 +154,7 @@ class FrameSurveyor:
             tally.count += 1
             tally.static_count += is_static
             tally.topics.add(topic)
+            tally.source = max(tally.source, source)
 
     def survey(self) -> FrameSurvey:
         """Return the edges seen so far."""
@@ -143,10 +171,25 @@ class FrameSurveyor:
             )
             for (parent, child), tally in sorted(self._tallies.items())
         )
-        return FrameSurvey(edges, tuple(_oddities(edges, self._slashed)))
+        sources = {edge: tally.source for edge, tally in self._tallies.items()}
+        refusals = sorted(self._refusals.items())
+        in_part = [_said_of(k, r) for k, r in refusals if k[:2] in self._tallies]
+        oddities = [*_oddities(edges, sources, self._slashed), *in_part]
+        refused = [_said_of(k, r) for k, r in refusals if k[:2] not in self._tallies]
+        return FrameSurvey(edges, tuple(oddities), tuple(refused))
 
 
-def _oddities(edges: tuple[SurveyedEdge, ...], slashed: set[str]) -> Iterable[str]:
+def _said_of(key: tuple[str, str, str], refusal: _Refusal) -> str:
+    parent, child, topic = key
+    count = counted(refusal.count, "transform")
+    return f"{count} {parent} -> {child} of {topic} refused: {refusal.reason}"
+
+
+def _oddities(
+    edges: tuple[SurveyedEdge, ...],
+    sources: Mapping[tuple[str, str], TransformSource],
+    slashed: set[str],
+) -> Iterable[str]:
     """Yield a sentence for each thing that a user would not expect."""
     pairs = {(edge.parent, edge.child) for edge in edges}
     for parent, child in sorted(pairs):
@@ -157,7 +200,7 @@ def _oddities(edges: tuple[SurveyedEdge, ...], slashed: set[str]) -> Iterable[st
         parents[edge.child].append(edge.parent)
     for child, names in sorted(parents.items()):
         if len(names) > 1:
-            yield f"{child} has several parents: {', '.join(names)}; the last one received holds"
+            yield _said_of_parents(child, {name: sources[name, child] for name in names})
     for edge in edges:
         name = f"{edge.parent} -> {edge.child}"
         if len(edge.topics) > 1:
@@ -167,6 +210,22 @@ def _oddities(edges: tuple[SurveyedEdge, ...], slashed: set[str]) -> Iterable[st
     if slashed:
         shown = ", ".join(sorted(slashed)[:5]) + (", ..." if len(slashed) > 5 else "")
         yield f"{len(slashed)} frame names begin with a slash, which is dropped: {shown}"
+
+
+def _said_of_parents(child: str, sources: Mapping[str, TransformSource]) -> str:
+    """Say which parents a frame has, and which of them holds."""
+    said = f"{child} has several parents: {', '.join(sources)}"
+    strongest = max(sources.values())
+    best = [parent for parent, source in sources.items() if source == strongest]
+    if len(best) < len(sources):
+        others = {_SOURCE_NAMES[source] for source in sources.values() if source != strongest}
+        said += f"; {_SOURCE_NAMES[strongest]} holds, not {' nor '.join(sorted(others))}"
+    if len(best) > 1:
+        said += (
+            f"; of {' and '.join(best)} the newer transform holds, from its stamp on,"
+            f" so that all below {child} jumps or gets lost: let one of their publishers be silent"
+        )
+    return said
 
 
 def _draw_below(

@@ -10,9 +10,11 @@ from are_ros.messages.transforms import StampedTransform
 from are_ros.replay.bag_reader import BagReader, BagTopic
 from are_ros.replay.frame_survey import FrameSurvey, FrameSurveyor
 from are_ros.replay.roles import ROLE_TYPES, RolesFound, find_roles
+from are_ros.world.frame_tree import TransformSource
 
 _BASE_FRAMES = ("base_footprint", "base_link")
 _SENSOR_ROLES = ("scan", "camera/camera_info")
+_CLOUD = "octomap_point_cloud_centers"
 _GIVEN = "given"
 
 
@@ -33,8 +35,8 @@ class Inspection:
     """All that `are inspect` shows. Messages lie in [start_ns, end_ns).
 
     `base_frame` is "" where none was found. `missing` names what a replay needs, or could use, and
-    the option that supplies it; it is empty for a recording that can be replayed as it is. `scans`: the topics that are to be scans,
-    where the user names them.
+    the option that supplies it; it is empty for a recording that can be replayed as it is. `scans`
+    are the topics that are to be scans, where the user names them.
     """
 
     start_ns: int
@@ -61,8 +63,9 @@ def inspect_bag(
     """Look through an open recording: all its transforms, and one message of each useful topic.
 
     `overrides` are the user's topics by role, `given_edges` the (parent, child) of the transforms
-    that come by parameter or option, `scans` all topics that are to be scans; `map_frame` and `base_frame` are those of the parameters (base
-    empty: base_footprint, else base_link). BagError as `find_roles` and the reader.
+    that come by parameter or option, `scans` all topics that are to be scans; `map_frame` and
+    `base_frame` are those of the parameters (base empty: base_footprint, else base_link). BagError
+    as `find_roles` and the reader.
     """
     roles = find_roles(reader.topics, overrides or {})
     for topic in scans:
@@ -75,14 +78,18 @@ def inspect_bag(
         for topic in reader.topics
     )
     map_topic = roles.topic("map")
-    map_frame = frame_ids.get(map_topic or "", "") or map_frame
+    of_map = "" if has_map_file else frame_ids.get(map_topic or "", "")
+    world_frame, map_frame = map_frame, of_map or map_frame
     base_frame = base_frame or next((f for f in _BASE_FRAMES if f in survey.frames()), "")
     sensors = [topic for topic in map(roles.topic, _SENSOR_ROLES) if topic is not None]
     missing = [
         *_missing_map(map_topic, has_map_file=has_map_file),
+        *_other_map_frame(map_topic, map_frame, world_frame),
+        *survey.refused,
         *_missing_pose(survey, map_frame, base_frame),
         *_turned_round(survey),
         *_missing_mounts(survey, (*sensors, *scans), frame_ids, base_frame),
+        *_missing_cloud_frame(survey, roles.topic(_CLOUD), frame_ids, map_frame),
     ]
     return Inspection(
         reader.start_ns,
@@ -135,7 +142,8 @@ def _survey(
         surveyor.see(transforms, message.topic, message.log_time_ns, is_static=is_static)
     _survey_odometry(reader, roles.topic("odom"), surveyor)
     given = [_edge(parent, child, reader.start_ns) for parent, child in given_edges]
-    surveyor.see(given, _GIVEN, reader.start_ns, is_static=True)
+    source = TransformSource.PARAMETER
+    surveyor.see(given, _GIVEN, reader.start_ns, is_static=True, source=source)
     return surveyor.survey()
 
 
@@ -148,7 +156,8 @@ def _survey_odometry(reader: BagReader, topic: str | None, surveyor: FrameSurvey
         return
     for message in reader.messages((topic,)):
         edge = _edge(first.header.frame_id, first.child_frame_id, message.log_time_ns)
-        surveyor.see((edge,), topic, message.log_time_ns, is_static=False)
+        source = TransformSource.ODOMETRY
+        surveyor.see((edge,), topic, message.log_time_ns, is_static=False, source=source)
 
 
 def _edge(parent: str, child: str, stamp_ns: int) -> StampedTransform:
@@ -158,6 +167,15 @@ def _edge(parent: str, child: str, stamp_ns: int) -> StampedTransform:
 def _missing_map(map_topic: str | None, *, has_map_file: bool) -> Iterable[str]:
     if map_topic is None and not has_map_file:
         yield "there is no map: give its file with --map FILE.yaml, or its topic with --topic map:="
+
+
+def _other_map_frame(map_topic: str | None, map_frame: str, world_frame: str) -> Iterable[str]:
+    if map_frame != world_frame:
+        yield (
+            f"the map of {map_topic} is in {map_frame}, not in {world_frame}: give --map-frame"
+            f" {map_frame}; if it moves with the robot (a local, rolling map), it cannot be the"
+            " real map: give that with --map FILE.yaml"
+        )
 
 
 def _missing_pose(survey: FrameSurvey, map_frame: str, base_frame: str) -> Iterable[str]:
@@ -201,3 +219,15 @@ def _missing_mounts(
                 f"nothing joins {frame}, the frame of {topic}, to {base_frame}:"
                 f" give the transform with --static-tf"
             )
+
+
+def _missing_cloud_frame(
+    survey: FrameSurvey, topic: str | None, frame_ids: Mapping[str, str], map_frame: str
+) -> Iterable[str]:
+    """Say if the voxels have no place in the map."""
+    frame = frame_ids.get(topic or "", "")
+    if frame and frame not in survey.connected_to(map_frame):
+        yield (
+            f"nothing joins {frame}, the frame of {topic}, to {map_frame}:"
+            f" give the transform with --static-tf, or the walls of the map are extruded instead"
+        )

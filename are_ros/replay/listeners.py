@@ -37,6 +37,19 @@ class RecordKeeper(Silence):
         self._recorder.add(tick, self._builder.camera)
 
 
+class CameraWatch(Silence):
+    """Keeps the time of the first tick that knew the camera, None before there is one."""
+
+    def __init__(self, builder: ArBuilder) -> None:
+        self.first_ns: int | None = None
+        self._builder = builder
+
+    def take_tick(self, tick: Tick) -> None:
+        """Look whether the camera is known."""
+        if self.first_ns is None and self._builder.camera is not None:
+            self.first_ns = tick.stamp_ns
+
+
 class OutputWriter(Silence):
     """Writes ticks and scans."""
 

@@ -202,7 +202,7 @@ def _artefact_text(metrics: Content) -> str:
 def _perceived_text(metrics: Content) -> str:
     total = sum(one["arrived"] for one in metrics["classes"].values())
     blind = metrics["ticks_without_perception"]
-    warning = f"; {blind} of {metrics['ticks']} ticks without a pose of the camera" if blind else ""
+    warning = f"; {blind} of {metrics['ticks']} ticks without camera or its pose" if blind else ""
     return f"{metrics['perceived_ever']} of {total} at some time{warning}"
 
 

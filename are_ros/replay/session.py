@@ -1,8 +1,9 @@
 """One replay from its options to its recording."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from typing import Final
 
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.scenario_file import write_scenario
@@ -11,6 +12,7 @@ from are_ros.builder.assembly import catalogue_of, parse_static_transforms, robo
 from are_ros.builder.life_keeper import LifeKeeper
 from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.builder.warm_up import warm_up
+from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.messages.feed import Refusals
 from are_ros.messages.transforms import StampedTransform
@@ -20,7 +22,7 @@ from are_ros.parameters.model import Parameters
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.bag_writer import BagWriter
 from are_ros.replay.input_copy import InputCopy
-from are_ros.replay.listeners import All, InputWriter, OutputWriter, RecordKeeper
+from are_ros.replay.listeners import All, CameraWatch, InputWriter, OutputWriter, RecordKeeper
 from are_ros.replay.map_files import MapFiles
 from are_ros.replay.message_types import RosbagsFactory
 from are_ros.replay.options import ReplayOptions
@@ -33,7 +35,15 @@ from are_ros.replay.standing import StandingWatch
 from are_ros.replay.stopwatch import Stopwatch, said_if_slow
 from are_ros.replay.tick_writer import TickWriter
 from are_ros.replay.timeline import needed_wait_s
+from are_ros.wording import counted
 from are_ros.world.occupancy_grid import OccupancyGrid
+
+_CAMERA_ROLE: Final = "camera/camera_info"
+_TRANSFORM_ROLES: Final = ("tf", "tf_static", "odom")
+_LATE_CAMERA_S: Final = 1.0
+_WITHOUT_CAMERA_INFO: Final = (
+    "--set camera.model:=pinhole takes the camera of the parameters (camera.*) instead"
+)
 
 Say = Callable[[str], None]
 OpenProgress = Callable[[int, int], Progress]
@@ -52,6 +62,7 @@ class Outcome:
     scans: Mapping[str, SensorPathCounts]
     scan_problems: Mapping[str, str]
     camera_problem: str
+    cloud_problem: str
     map_doubts: Sequence[str]
     needed_wait_s: float
     refusals: Refusals
@@ -84,7 +95,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 prepare_scenario(options.save_scenario)
             for sentence in timeline.sentences(reader.start_ns):
                 say(sentence)
-            if "camera/camera_info" in replay.role_of_topic.values():
+            if _CAMERA_ROLE in replay.role_of_topic.values():
                 builder.await_camera()
             elif options.parameters.camera.model is CameraModel.AUTO:
                 say(f"no camera in the recording: {builder.use_default_camera()}")
@@ -93,24 +104,23 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             files.feed(builder, replay.start_ns)
         recorder = _recorder(options, catalogue)
         keeper, standing = RecordKeeper(recorder, builder), StandingWatch(builder)
+        camera = CameraWatch(builder)
         with ExitStack() as stack:
             writers, counts = _open_writers(stack, options, reader, replay, builder)
             with stopwatch.phase(REPLAY_PHASE):
                 progress = open_progress(replay.start_ns, replay.start_ns + replay.length_ns)
-                replay.run(All([keeper, standing, *writers]), progress)
+                replay.run(All([keeper, standing, camera, *writers]), progress)
             grid = _known_map(builder, replay)
     if lives_keeper is not None:
         _save_scenario(options, lives_keeper, say)
     for notice in [*builder.notices, *builder.frames.drain_notices()]:
         say(notice)
-    if frame := builder.world.missing_frame():
-        say(
-            f"the voxel cloud was not used: nothing joins its frame '{frame}' to the map; "
-            "give the transform with --static-tf"
-        )
-    doubts = standing.sentences()
+    doubts = [*_late_camera(options, replay, camera), *standing.sentences()]
+    problem = _camera_problem(options, builder, replay, camera)
     needed_s = needed_wait_s(timeline.waits)
-    return _outcome(options, replay, builder, grid, recorder, doubts, needed_s, counts(), stopwatch)
+    return _outcome(
+        options, replay, builder, grid, recorder, problem, doubts, needed_s, counts(), stopwatch
+    )
 
 
 def _save_scenario(options: ReplayOptions, keeper: LifeKeeper, say: Say) -> None:
@@ -202,7 +212,7 @@ def _known_map(builder: ArBuilder, replay: Replay) -> OccupancyGrid:
         raise BagError(_why_no_map(replay))
     if builder.robots.last is None:
         raise BagError(
-            f"the robot's pose in the map was never known ({builder.robots.missing}): "
+            f"the robot's pose in the map was never known ({_why_no_pose(builder, replay)}): "
             "see `are inspect BAG`, and give what is missing with --static-tf or --map-frame"
         )
     return grid
@@ -210,19 +220,74 @@ def _known_map(builder: ArBuilder, replay: Replay) -> OccupancyGrid:
 
 def _why_no_map(replay: Replay) -> str:
     """Return what became of the maps that the recording holds."""
-    sentences = replay.feed.refusals.sentences
-    refused = [sentences[t] for t, role in replay.role_of_topic.items() if role == "map"]
-    reason = "; ".join(refused) or "the recording has none before its end"
-    return f"no usable map was received ({reason}): give one with --map FILE.yaml"
+    reason = _refused(replay, ("map",)) or "the recording has none before its end"
+    return (
+        f"no usable map was received ({reason}): give one with --map FILE.yaml, "
+        "or its frame with --map-frame"
+    )
 
 
-def _camera_problem(options: ReplayOptions, builder: ArBuilder) -> str:
+def _why_no_pose(builder: ArBuilder, replay: Replay) -> str:
+    """Return why the robot's pose was never known: transforms that were refused are the cause."""
+    refused = _refused(replay, _TRANSFORM_ROLES)
+    return f"{builder.robots.missing}; refused: {refused}" if refused else builder.robots.missing
+
+
+def _refused(replay: Replay, roles: Collection[str]) -> str:
+    """Return what was refused on the topics of some roles, and how often; empty if nothing was."""
+    refusals = replay.feed.refusals
+    counts = {t: refusals.counts.get(t, 0) for t, r in replay.role_of_topic.items() if r in roles}
+    said = (f"{refusals.sentences[t]} ({counted(n, 'message')})" for t, n in counts.items() if n)
+    return "; ".join(said)
+
+
+def _camera_problem(
+    options: ReplayOptions, builder: ArBuilder, replay: Replay, watch: CameraWatch
+) -> str:
     """Return why nothing can have been perceived, empty if something could."""
     if not options.demand.perception or builder.looks:
         return ""
+    topic = _camera_topic(replay)
     if builder.camera is None:
-        return "no usable CameraInfo was received"
-    return f"{builder.robots.camera_missing}; give it with --static-tf, or set camera.frame"
+        why = _refused(replay, (_CAMERA_ROLE,)) or f"none came on {topic} in this time"
+        return f"no usable CameraInfo was received ({why}); {_WITHOUT_CAMERA_INFO}"
+    if watch.first_ns is None:
+        return f"the first CameraInfo of {topic} came after the last tick; {_WITHOUT_CAMERA_INFO}"
+    refused = _refused(replay, _TRANSFORM_ROLES)
+    cause = f"; refused: {refused}" if refused else ""
+    return (
+        f"the camera's pose is not known: {builder.robots.camera_missing}{cause}; "
+        "give it with --static-tf, or set camera.frame"
+    )
+
+
+def _late_camera(options: ReplayOptions, replay: Replay, watch: CameraWatch) -> list[str]:
+    """Say if the camera was not known for a while at the beginning."""
+    if not options.demand.perception or watch.first_ns is None:
+        return []
+    late_s = (watch.first_ns - replay.start_ns) / NS_PER_S
+    if late_s <= _LATE_CAMERA_S:
+        return []
+    topic = _camera_topic(replay)
+    said = (
+        f"nothing was perceived in the first {late_s:.1f} s: no CameraInfo came on {topic} before"
+    )
+    return [f"{said}; {_WITHOUT_CAMERA_INFO}"]
+
+
+def _camera_topic(replay: Replay) -> str:
+    roles = replay.role_of_topic.items()
+    return next((topic for topic, role in roles if role == _CAMERA_ROLE), _CAMERA_ROLE)
+
+
+def _cloud_problem(builder: ArBuilder) -> str:
+    """Return why a cloud of voxels was not used though it came, empty if none was left out."""
+    if frame := builder.world.missing_frame():
+        return (
+            f"the voxel cloud was not used: nothing joins its frame '{frame}' to the map; "
+            "give the transform with --static-tf"
+        )
+    return builder.world.dropped
 
 
 def _outcome(
@@ -231,6 +296,7 @@ def _outcome(
     builder: ArBuilder,
     grid: OccupancyGrid,
     recorder: SceneRecorder,
+    camera_problem: str,
     map_doubts: Sequence[str],
     needed_s: float,
     counts: Mapping[str, int],
@@ -245,7 +311,8 @@ def _outcome(
         grid,
         builder.scan_counts(),
         builder.scan_problems(),
-        _camera_problem(options, builder),
+        camera_problem,
+        _cloud_problem(builder),
         map_doubts,
         needed_s,
         replay.feed.refusals,

@@ -32,6 +32,22 @@ def common_spacing(points_m: npt.NDArray[np.floating]) -> float | None:
     return None if spacing is None else _refined(spacing, axes, noise)
 
 
+def usual_gap(points_m: npt.NDArray[np.floating]) -> float | None:
+    """Return the most frequent gap [m] between neighbouring distinct coordinates, or None.
+
+    The least of several that are equally frequent; None where there is no gap at all.
+    """
+    noise = coordinate_noise_m(points_m)
+    gaps = np.concatenate([np.diff(_distinct(points_m[:, axis], noise)) for axis in range(3)])
+    if not gaps.size:
+        return None
+    gaps.sort()
+    group = np.concatenate(([0], np.cumsum(np.diff(gaps) > noise)))
+    counts = np.bincount(group)
+    most = int(counts.argmax())
+    return float(gaps[group == most].mean())
+
+
 def _distinct(values: npt.NDArray[np.floating], noise: float) -> npt.NDArray[np.float64]:
     """Return the sorted means of values that lie within a chain of steps of at most noise."""
     unique = np.unique(values).astype(np.float64)

@@ -5,6 +5,8 @@ lattice; a pruned leaf, 2^k voxels wide, has its centre on a corner of that latt
 octree's own frame the corners are integer multiples of the voxel size, and a leaf's centre is an
 odd multiple of 2^(k-1) voxels on each axis: so the position tells the size. In a frame that is
 shifted against the octree's only k = 0 and k >= 1 can be told apart, and k = 1 is assumed.
+
+The few points that lie far from all others, or on no lattice, have no say in which lattice it is.
 """
 
 from dataclasses import dataclass
@@ -15,7 +17,7 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.errors import InputError
-from are_ros.world._spacing import common_spacing, coordinate_noise_m
+from are_ros.world._spacing import common_spacing, coordinate_noise_m, usual_gap
 
 _MIN_CONCENTRATION: Final = 0.9
 _MIN_SHARE: Final = 0.99
@@ -23,6 +25,10 @@ _ALIGNED: Final = 1e-3
 _FEWEST_TO_JUDGE: Final = 16
 _MAX_LEVEL: Final = 16
 _MAX_INFERRED_M: Final = 10.0
+_FAR: Final = 8.0
+"""As many times farther from the middle than nine tenths of the points are: a stray point."""
+_SAME: Final = 1e-3
+"""Sizes that differ by less than this part are one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,26 +46,64 @@ class VoxelLattice:
 
 
 def lattice_of(
-    points_m: npt.NDArray[np.floating], size_m: float | None, source: str
+    points_m: npt.NDArray[np.floating],
+    size_m: float | None,
+    source: str,
+    wanted_m: float | None = None,
 ) -> VoxelLattice:
     """Return the lattice of centres (N, 3), its size given or inferred.
 
-    Points that lie on no lattice of a given size are binned, with corners at its multiples.
-    Raises InputError if the size is no positive length or cannot be inferred.
+    Points that lie on no lattice of a given size are binned, with corners at its multiples. Voxels
+    are `wanted_m` wide in the end: where the size can neither be given nor inferred, that is the
+    lattice's. Raises InputError if a size is no positive length, cannot be inferred, or is larger
+    than what is wanted.
     """
-    if size_m is None:
-        return _inferred(points_m, source)
-    if not (np.isfinite(size_m) and size_m > 0.0):
-        raise InputError(f"{source}: world.voxel_size is {size_m}, it must be a positive length")
-    fitted = _fitted(points_m, float(size_m))
-    return fitted if fitted is not None else VoxelLattice(float(size_m), np.zeros(3))
+    for length_m in (size_m, wanted_m):
+        if length_m is not None and not (np.isfinite(length_m) and length_m > 0.0):
+            message = f"{source}: world.voxel_size is {length_m}, it must be a positive length"
+            raise InputError(message)
+    bulk_m = without_far_points(points_m)
+    if size_m is not None:
+        lattice = _given(bulk_m, size_m)
+    elif wanted_m is None:
+        lattice = _inferred(bulk_m, source)
+    else:
+        lattice = _inferred_or_wanted(bulk_m, source, wanted_m)
+    if wanted_m is not None and wanted_m < (1.0 - _SAME) * lattice.size_m:
+        message = (
+            f"{source}: its voxels are {lattice.size_m:g} m wide, finer ones of world.voxel_size,"
+            f" {wanted_m:g} m, cannot be made of them; set that to 0 or to a multiple"
+        )
+        raise InputError(message)
+    return lattice
+
+
+def without_far_points(points_m: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
+    """Return the points (M, 3) without those that lie far from nearly all others."""
+    if len(points_m) < _FEWEST_TO_JUDGE:
+        return points_m
+    middle_m = np.median(points_m, axis=0)
+    away_m = np.abs(points_m - middle_m).max(axis=1)
+    reach_m = _FAR * float(np.quantile(away_m, 0.9))
+    is_near = away_m <= reach_m
+    return points_m if reach_m == 0.0 or is_near.all() else points_m[is_near]
+
+
+def times_wider(lattice: VoxelLattice, size_m: float) -> float:
+    """Return how many voxels of a lattice one of `size_m` is wide; whole where that is meant."""
+    times = size_m / lattice.size_m
+    return float(round(times)) if abs(times - round(times)) <= _SAME * times else times
 
 
 def leaf_bounds(
-    points_m: npt.NDArray[np.floating], lattice: VoxelLattice
+    points_m: npt.NDArray[np.floating], lattice: VoxelLattice, times: float = 1.0
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Return low and exclusive high voxel index (3,) of all that the centres (N, 3) stand for."""
-    low, high = _leaf_bounds(points_m, lattice.size_m, lattice.phase_m, *_flags(lattice))
+    """Return low and exclusive high index (3,) of all that the centres (N, 3) stand for.
+
+    In voxels so many `times` (1 or more) as wide as those of the lattice, from its same corner.
+    """
+    form = lattice.size_m, lattice.phase_m, *_flags(lattice), 1.0 / times
+    low, high = _leaf_bounds(points_m, *form)
     return low, high
 
 
@@ -68,17 +112,52 @@ def fill_voxels(
     lattice: VoxelLattice,
     low: npt.NDArray[np.int64],
     occupied: npt.NDArray[np.uint8],
+    times: float = 1.0,
 ) -> None:
     """Set to 1, in an array whose voxel (0, 0, 0) has index `low`, what the centres stand for."""
-    _fill(points_m, lattice.size_m, lattice.phase_m, *_flags(lattice), low, occupied)
+    form = lattice.size_m, lattice.phase_m, *_flags(lattice), 1.0 / times
+    _fill(points_m, *form, low, occupied)
 
 
 def _flags(lattice: VoxelLattice) -> tuple[bool, bool]:
     return lattice.has_leaves, lattice.is_octree
 
 
+def _given(points_m: npt.NDArray[np.floating], size_m: float) -> VoxelLattice:
+    return _fitted(points_m, float(size_m)) or VoxelLattice(float(size_m), np.zeros(3))
+
+
+def _inferred_or_wanted(
+    points_m: npt.NDArray[np.floating], source: str, wanted_m: float
+) -> VoxelLattice:
+    """Return the cloud's own lattice; one of the size wanted where it shows none.
+
+    A few points lie on many lattices: there a finer one that is wanted may be theirs.
+    """
+    try:
+        own = _inferred(points_m, source)
+    except InputError:
+        return _given(points_m, wanted_m)
+    is_doubtful = len(points_m) < _FEWEST_TO_JUDGE and own.size_m > wanted_m
+    return _given(points_m, wanted_m) if is_doubtful else own
+
+
+def _spacing(points_m: npt.NDArray[np.floating]) -> float | None:
+    """Return the spacing of nearly all points: those on no lattice with the others do not count."""
+    spacing, usual_m = common_spacing(points_m), usual_gap(points_m)
+    if usual_m is None:
+        return spacing
+    half = 0.5 * usual_m
+    phase, _ = _phase(points_m, half)
+    aside = np.abs(np.mod(points_m - phase + 0.5 * half, half) - 0.5 * half)
+    is_on = (aside <= max(_ALIGNED * half, 2.0 * coordinate_noise_m(points_m))).all(axis=1)
+    if is_on.all() or np.count_nonzero(is_on) < _MIN_SHARE * len(points_m):
+        return spacing
+    return common_spacing(points_m[is_on])
+
+
 def _inferred(points_m: npt.NDArray[np.floating], source: str) -> VoxelLattice:
-    spacing = common_spacing(points_m)
+    spacing = _spacing(points_m)
     if spacing is None:
         message = (
             f"{source}: the voxel size cannot be inferred from {len(points_m)} points that show"
@@ -194,12 +273,19 @@ def _leaf(
 
 
 @compiled
+def _coarser(index: int, share: float) -> int:
+    """Return which voxel, of which one of the lattice is a `share`, holds the middle of one."""
+    return np.int64(np.floor((index + 0.5) * share))
+
+
+@compiled
 def _leaf_bounds(
     points: npt.NDArray[np.floating],
     size: float,
     phase: npt.NDArray[np.float64],
     has_leaves: bool,
     is_octree: bool,
+    share: float,
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     low = np.full(3, 2**62, dtype=np.int64)
     high = np.full(3, -(2**62), dtype=np.int64)
@@ -208,9 +294,9 @@ def _leaf_bounds(
         y = (points[p, 1] - phase[1]) / size
         z = (points[p, 2] - phase[2]) / size
         i, j, k, width = _leaf(x, y, z, has_leaves, is_octree)
-        low[0], low[1], low[2] = min(low[0], i), min(low[1], j), min(low[2], k)
-        high[0], high[1] = max(high[0], i + width), max(high[1], j + width)
-        high[2] = max(high[2], k + width)
+        for axis, first in enumerate((i, j, k)):
+            low[axis] = min(low[axis], _coarser(first, share))
+            high[axis] = max(high[axis], _coarser(first + width - 1, share) + 1)
     return low, high
 
 
@@ -221,6 +307,7 @@ def _fill(
     phase: npt.NDArray[np.float64],
     has_leaves: bool,
     is_octree: bool,
+    share: float,
     low: npt.NDArray[np.int64],
     occupied: npt.NDArray[np.uint8],
 ) -> None:
@@ -229,5 +316,8 @@ def _fill(
         y = (points[p, 1] - phase[1]) / size
         z = (points[p, 2] - phase[2]) / size
         i, j, k, width = _leaf(x, y, z, has_leaves, is_octree)
-        i, j, k = i - low[0], j - low[1], k - low[2]
-        occupied[i : i + width, j : j + width, k : k + width] = 1
+        last = width - 1
+        i, i_end = _coarser(i, share) - low[0], _coarser(i + last, share) + 1 - low[0]
+        j, j_end = _coarser(j, share) - low[1], _coarser(j + last, share) + 1 - low[1]
+        k, k_end = _coarser(k, share) - low[2], _coarser(k + last, share) + 1 - low[2]
+        occupied[i:i_end, j:j_end, k:k_end] = 1

@@ -9,7 +9,14 @@ import numpy.typing as npt
 
 from are_ros.errors import InputError
 from are_ros.world._planar import MAX_TILT_RAD, cosine_and_sine, tilt_rad, yaw_only
-from are_ros.world._voxel_lattice import fill_voxels, lattice_of, leaf_bounds
+from are_ros.world._voxel_lattice import (
+    VoxelLattice,
+    fill_voxels,
+    lattice_of,
+    leaf_bounds,
+    times_wider,
+    without_far_points,
+)
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -17,6 +24,8 @@ MAX_VOXELS: Final = 2**30
 """Bound of the dense array: one byte each, so 1 GiB."""
 
 _MAX_REACH: Final = 2**40
+_STRIDE: Final = 1.02
+"""By at most this factor more than needed is the size that is proposed for too large a box."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,13 +34,15 @@ class VoxelMap:
 
     `map_from_lattice` has its origin at the low corner of voxel (0, 0, 0) and yaw only;
     `voxel_size_m` is the size along the lattice's x, y, z; `occupied` is uint8 (nx, ny, nz) of
-    0 and 1, C order, read-only. Raises InputError if the lattice is tilted.
+    0 and 1, C order, read-only. Where a cloud's voxels were made coarser, `cloud_voxel_m` is their
+    own size. Raises InputError if the lattice is tilted.
     """
 
     map_from_lattice: RigidTransform
     voxel_size_m: tuple[float, float, float]
     occupied: npt.NDArray[np.uint8]
     is_extruded: bool = False
+    cloud_voxel_m: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "map_from_lattice", _without_tilt(self.map_from_lattice))
@@ -46,25 +57,30 @@ class VoxelMap:
         voxel_size_m: float | None,
         map_from_cloud: RigidTransform,
         source: str = "voxel cloud",
+        wanted_m: float | None = None,
     ) -> "VoxelMap":
         """Return the map of voxel centres (N, 3) in the cloud's frame, as octomap_server sends.
 
-        Points that are not finite are dropped. Without a size, the size is inferred from the
-        centres; the lattice's phase always is. A centre between voxels is a coarser leaf of the
-        octree, and is expanded (see `_voxel_lattice`). `source` begins every sentence. Raises
-        InputError if no point is left, the size cannot be inferred, the transform tilts, or the
-        box around the voxels would hold more than `MAX_VOXELS`.
+        Points that are not finite are dropped. Without the cloud's own size, it is inferred from
+        the centres; the lattice's phase always is. A centre between voxels is a coarser leaf of the
+        octree, and is expanded (see `_voxel_lattice`). The map has voxels of `wanted_m`, if that is
+        given: each one is occupied in which the middle of an occupied voxel of the cloud lies.
+        `source` begins every sentence. Raises InputError if no point is left, the size cannot be
+        inferred or is larger than the one wanted, the transform tilts, or the box around the voxels
+        would hold more than `MAX_VOXELS`.
         """
         points = _finite_points(source, points_m)
-        lattice = lattice_of(points, voxel_size_m, source)
+        lattice = lattice_of(points, voxel_size_m, source, wanted_m)
+        times = 1.0 if wanted_m is None else times_wider(lattice, wanted_m)
+        size = times * lattice.size_m
         _check_reach(source, points, lattice.size_m)
-        low, high = leaf_bounds(points, lattice)
-        shape = _checked_shape(source, high - low, lattice.size_m)
-        occupied = np.zeros(shape, dtype=np.uint8)
-        fill_voxels(points, lattice, low, occupied)
-        size = lattice.size_m
-        cloud_from_lattice = _shift(lattice.phase_m + low * size)
-        return cls(_without_tilt(map_from_cloud) @ cloud_from_lattice, (size, size, size), occupied)
+        low, high = leaf_bounds(points, lattice, times)
+        _check_count(source, high - low, points, lattice, times)
+        occupied = np.zeros(high - low, dtype=np.uint8)
+        fill_voxels(points, lattice, low, occupied, times)
+        map_from_lattice = _without_tilt(map_from_cloud) @ _shift(lattice.phase_m + low * size)
+        cloud_voxel_m = None if times == 1.0 else lattice.size_m
+        return cls(map_from_lattice, (size, size, size), occupied, False, cloud_voxel_m)
 
     @classmethod
     def extruded(
@@ -150,17 +166,29 @@ def _check_reach(source: str, points_m: npt.NDArray[np.floating], size_m: float)
         raise InputError(message)
 
 
-def _checked_shape(
-    source: str, extent: npt.NDArray[np.int64], size_m: float
-) -> tuple[int, int, int]:
-    nx, ny, nz = (int(n) for n in extent)
-    if nx * ny * nz > MAX_VOXELS:
-        message = (
-            f"{source}: {nx} x {ny} x {nz} voxels of {size_m:g} m are more than {MAX_VOXELS};"
-            f" crop the cloud or set a larger world.voxel_size"
+def _check_count(
+    source: str,
+    extent: npt.NDArray[np.int64],
+    points_m: npt.NDArray[np.floating],
+    lattice: VoxelLattice,
+    times: float,
+) -> None:
+    """Refuse a box of too many voxels; say which size would do, or which points stray."""
+    if math.prod(extent.tolist()) <= MAX_VOXELS:
+        return
+    box = " x ".join(str(n) for n in extent.tolist())
+    said = f"{source}: {box} voxels of {times * lattice.size_m:g} m are more than {MAX_VOXELS}"
+    wider = times
+    while math.prod((np.ceil(extent * times / wider) + 1).astype(int).tolist()) > MAX_VOXELS:
+        wider = float(max(math.floor(wider) + 1, math.floor(wider * _STRIDE)))
+    said += f"; set world.voxel_size to {wider * lattice.size_m:g} m, or crop the cloud"
+    if strays := len(points_m) - len(without_far_points(points_m)):
+        away_m = np.abs(points_m - np.median(points_m, axis=0)).max(axis=1)
+        x, y, z = points_m[away_m.argmax()].tolist()
+        said += (
+            f": {strays} of {len(points_m)} lie far from the others, one at ({x:g}, {y:g}, {z:g})"
         )
-        raise InputError(message)
-    return nx, ny, nz
+    raise InputError(said)
 
 
 def _shift(translation_m: npt.NDArray[np.float64]) -> RigidTransform:

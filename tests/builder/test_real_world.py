@@ -115,6 +115,21 @@ def test_an_equal_cloud_changes_nothing(room: Room) -> None:
     assert real.environment is first
 
 
+def test_a_cloud_that_is_made_coarser_is_said_once(room: Room) -> None:
+    """Both sizes and how many there are then; no multiple moves walls, and that is said."""
+    centres = (np.argwhere(np.ones((4, 4, 8))) + 0.5) * 0.05
+    for size_m, said in (
+        (0.1, "the cloud's voxels of 0.05 m become 16 of 0.1 m"),
+        (0.08, "become 45 of 0.08 m; that is no multiple, so that walls are off by up to 0.025 m"),
+    ):
+        real, _ = world(voxel_size=size_m)
+        real.set_grid(room())
+        real.set_cloud(centres, None, "map")
+        real.set_cloud(centres[:-1], None, "map")
+        (sentence,) = real.notices
+        assert sentence.endswith(said)
+
+
 def test_a_cloud_is_placed_by_the_newest_pose_of_its_frame(room: Room) -> None:
     """It waits for its frame without disturbing anybody, and is placed once."""
     real, frames = world()
@@ -163,6 +178,7 @@ def test_a_cloud_that_turns_out_tilted_is_dropped_with_a_sentence(room: Room) ->
     assert real.missing_frame() == ""
     (sentence,) = real.notices
     assert "'tilted'" in sentence
+    assert real.dropped == sentence
     assert "tilts" in sentence
 
 

@@ -91,7 +91,8 @@ def test_complaints_name_topics_and_numbers() -> None:
     outcome: Any = SimpleNamespace(
         refusals=refusals,
         scan_problems={"/scan": "no frame"},
-        camera_problem="frame 'lens' was never seen",
+        camera_problem="no CameraInfo",
+        cloud_problem="the voxel cloud was not used",
         scans={"/scan": SimpleNamespace(passed_through=7)},
         record=SimpleNamespace(events=()),
         map_doubts=["the robot stood in a wall"],
@@ -100,7 +101,8 @@ def test_complaints_name_topics_and_numbers() -> None:
         "refused: /a: too long",
         "refused: /b: too short (3 messages)",
         "/scan: 7 scans passed through unaugmented, the last for: no frame",
-        "nothing was perceived, the camera's pose is not known: frame 'lens' was never seen",
+        "nothing was perceived: no CameraInfo",
+        "the voxel cloud was not used",
         "the robot stood in a wall",
     ]
 

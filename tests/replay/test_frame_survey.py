@@ -2,6 +2,7 @@
 
 from are_ros.messages.transforms import StampedTransform
 from are_ros.replay.frame_survey import FrameSurvey, FrameSurveyor
+from are_ros.world.frame_tree import TransformSource
 
 S = 1_000_000_000
 
@@ -71,10 +72,41 @@ def test_an_edge_in_both_directions_is_odd() -> None:
 
 
 def test_a_frame_with_two_parents_is_odd() -> None:
-    """It is said with both parents, and both edges are drawn."""
+    """It is said with both parents and with what holds then; both edges are drawn."""
     survey = surveyed(edge("map", "base"), edge("odom", "base"))
-    assert survey.oddities == ("base has several parents: map, odom; the last one received holds",)
+    (sentence,) = survey.oddities
+    assert sentence == (
+        "base has several parents: map, odom; of map and odom the newer transform holds, from its"
+        " stamp on, so that all below base jumps or gets lost: let one of their publishers be"
+        " silent"
+    )
     assert len(survey.tree_lines()) == 4
+
+
+def test_of_parents_of_several_sources_one_holds() -> None:
+    """As in a replay: what is given before tf, tf before odometry."""
+    surveyor = FrameSurveyor()
+    sources = {"a": TransformSource.ODOMETRY, "b": TransformSource.TF}
+    for parent, source in sources.items():
+        surveyor.see([edge(parent, "base")], parent, 0, is_static=False, source=source)
+    said = "base has several parents: a, b; tf holds, not odometry"
+    assert surveyor.survey().oddities == (said,)
+    given = TransformSource.PARAMETER
+    surveyor.see([edge("c", "base")], "given", 0, is_static=True, source=given)
+    said = "base has several parents: a, b, c; what is given holds, not odometry nor tf"
+    assert surveyor.survey().oddities == (said,)
+
+
+def test_transforms_that_a_replay_refuses_make_no_edge() -> None:
+    """Where some of an edge are good, the others are odd; where none is, the edge is refused."""
+    zero = StampedTransform("map", "odom", 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
+    nan = StampedTransform("odom", "base", 0, (float("nan"), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    survey = surveyed(zero, zero, edge("odom", "base"), nan)
+    assert [(one.parent, one.child, one.count) for one in survey.edges] == [("odom", "base", 1)]
+    (refused,) = survey.refused
+    assert refused.startswith("2 transforms map -> odom of /tf refused: the rotation (0.0, 0.0, 0")
+    (odd,) = survey.oddities
+    assert odd.startswith("1 transform odom -> base of /tf refused: a number is not finite")
 
 
 def test_slashes_are_dropped_and_said() -> None:

@@ -63,7 +63,7 @@ def inspected(path: Path, **options: Any) -> Inspection:
 
 def test_a_complete_recording_lacks_nothing(complete: Path) -> None:
     """Topics, rates, roles and frames are found, and nothing is missing."""
-    inspection = inspected(complete)
+    inspection = inspected(complete, map_frame="earth")
     front, _, odom, _ = inspection.topics
     assert (front.topic.name, front.frame_id, round(front.rate_hz)) == ("/front", "laser", 10)
     assert (odom.topic.count, odom.frame_id) == (21, "odom")
@@ -77,6 +77,16 @@ def test_a_complete_recording_lacks_nothing(complete: Path) -> None:
         "    base_link (10.0 Hz, /odom)",
         "      laser (static, /tf_static)",
     )
+
+
+def test_a_map_in_another_frame_is_said(complete: Path) -> None:
+    """A replay would refuse it: the option that names its frame is given, and ends the word."""
+    (sentence,) = inspected(complete).missing
+    assert sentence.startswith(
+        "the map of /map is in earth, not in map: give --map-frame earth; if it moves with"
+    )
+    missing = inspected(complete, has_map_file=True).missing
+    assert missing[0].startswith("nothing joins map to base_link")
 
 
 def test_rates_read_well(tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag) -> None:

@@ -363,5 +363,5 @@ def test_a_cloud_whose_frame_is_joined_to_nothing_is_said(
             message.header.frame_id = "nowhere"
     bag = write_bag(tmp_path / "a.mcap", records)
     done = run_are("replay", bag, "--duration", 1, "--out", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 3, done.stderr
     assert "the voxel cloud was not used: nothing joins its frame 'nowhere'" in done.stderr

@@ -2,13 +2,17 @@
 
 import copy
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from subprocess import CompletedProcess
 from typing import Any, Protocol
 
+import pytest
 import yaml
 
+from are_ros.conventions import NS_PER_S
+
+CAMERA = "/camera/camera_info"
 Records = Sequence[tuple[str, int, Any]]
 
 
@@ -62,3 +66,99 @@ def test_an_option_replaces_a_transform_of_the_file(
     effective = yaml.safe_load((tmp_path / "out/effective.yaml").read_text())
     static = effective["ar_builder"]["ros__parameters"]["frames"]["static"]
     assert static == ["0 0 0 0 0 0 b c", "1 0 0 0 0 0 b a"]
+
+
+def _with(records: Records, topics: Sequence[str], change: Callable[[Any], None]) -> Records:
+    """Return records with the messages of some topics changed."""
+    changed = []
+    for topic, at, message in records:
+        own = copy.deepcopy(message) if topic in topics else message
+        if topic in topics:
+            change(own)
+        changed.append((topic, at, own))
+    return changed
+
+
+def _turn_nothing(message: Any) -> None:
+    for one in message.transforms:
+        rotation = one.transform.rotation
+        rotation.x = rotation.y = rotation.z = rotation.w = 0.0
+
+
+def _camera_comes(records: Records, after_s: float) -> Records:
+    """Return records with CameraInfo only after some seconds, or with one at the very end."""
+    start_ns, end_ns = records[0][1], records[-1][1]
+    others = [record for record in records if record[0] != CAMERA]
+    camera = [record for record in records if record[0] == CAMERA]
+    late = [record for record in camera if record[1] >= start_ns + after_s * NS_PER_S]
+    return sorted([*others, *(late or [(CAMERA, end_ns, camera[0][2])])], key=lambda r: r[1])
+
+
+def test_a_camera_that_comes_late_is_the_reason(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """For how long nothing was perceived, and what stands in; a frame has nothing to do with it."""
+    bag = write_bag(tmp_path / "late.mcap", _camera_comes(sample_records, 3.0))
+    done = run_are("replay", bag, "--out", tmp_path / "late")
+    assert done.returncode == 0, done.stderr
+    assert "nothing was perceived in the first 3." in done.stderr
+    assert f"no CameraInfo came on {CAMERA} before; --set camera.model:=pinhole" in done.stderr
+    bag = write_bag(tmp_path / "never.mcap", _camera_comes(sample_records, 60.0))
+    done = run_are("replay", bag, "--out", tmp_path / "never")
+    assert done.returncode == 3
+    (line,) = [line for line in done.stderr.splitlines() if "nothing was perceived" in line]
+    assert f"the first CameraInfo of {CAMERA} came after the last tick" in line
+    assert "--static-tf" not in line
+    done = run_are("replay", bag, "--duration", 2, "--out", tmp_path / "before")
+    assert f"no usable CameraInfo was received (none came on {CAMERA} in this time" in done.stderr
+    good = ("--set", "camera.model:=pinhole", "--out", tmp_path / "good")
+    assert run_are("replay", bag, *good).returncode == 0
+
+
+def test_a_camera_that_is_refused_is_the_reason(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """What is wrong with its CameraInfo stands in the sentence."""
+    records = _with(sample_records, [CAMERA], lambda message: message.k.fill(0.0))
+    done = run_are("replay", write_bag(tmp_path / "a.mcap", records), "--out", tmp_path / "out")
+    assert done.returncode == 3
+    assert f"no usable CameraInfo was received ({CAMERA}: k is all zeros" in done.stderr
+
+
+def test_transforms_that_are_all_refused_are_the_reason(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """No pose of the robot or the camera: the refusals are the cause, and inspect knows them."""
+    records = _with(sample_records, ["/tf", "/tf_static"], _turn_nothing)
+    bag = write_bag(tmp_path / "all.mcap", records)
+    done = run_are("replay", bag, "--out", tmp_path / "out")
+    assert done.returncode == 1
+    assert "the robot's pose in the map was never known" in done.stderr
+    assert "refused: /tf: the transform" in done.stderr
+    assert "(0.0, 0.0, 0.0, 0.0) has length 0, not 1 (200 messages)" in done.stderr
+    inspected = run_are("inspect", bag).stdout
+    assert "transforms map -> odom of /tf refused: the rotation (0.0, 0.0, 0.0, 0.0)" in inspected
+    records = _with(sample_records, ["/tf_static"], _turn_nothing)
+    bag = write_bag(tmp_path / "mounts.mcap", records)
+    done = run_are("replay", bag, "--out", tmp_path / "mounts")
+    assert done.returncode == 3
+    (line,) = [line for line in done.stderr.splitlines() if "nothing was perceived" in line]
+    assert "frame 'camera_optical_frame' was never seen" in line
+    assert "refused: /tf_static: the transform base_footprint -> base_link" in line
+
+
+@pytest.mark.parametrize("command", ["inspect", "replay"])
+def test_a_map_in_another_frame_names_the_option(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path, command: str
+) -> None:
+    """With the word that a map that moves with the robot will not do."""
+
+    def rename(message: Any) -> None:
+        message.header.frame_id = "earth"
+
+    bag = write_bag(tmp_path / "a.mcap", _with(sample_records, ["/map"], rename))
+    done = run_are(command, bag, *(("--out", tmp_path / "out") if command == "replay" else ()))
+    assert done.returncode == (1 if command == "replay" else 0)
+    said = done.stdout + done.stderr
+    for part in ("'earth'" if command == "replay" else "earth", "--map-frame", "rolling"):
+        assert part in said

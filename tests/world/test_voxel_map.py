@@ -135,6 +135,105 @@ def test_far_from_the_origin_the_noise_of_float32_is_no_spacing() -> None:
     assert built.occupied.all()
 
 
+def solid_room() -> npt.NDArray[np.float64]:
+    """Return the centres of the voxels of 0.1 m of a hollow box, 1,016 of them."""
+    inside = np.zeros((14, 12, 10), dtype=bool)
+    inside[1:-1, 1:-1, 1:-1] = True
+    centres: npt.NDArray[np.float64] = (np.argwhere(~inside) + 0.5) * 0.1
+    return centres
+
+
+@pytest.mark.parametrize("far_m", [40.0, 1e4, 3.6e6])
+def test_one_far_point_does_not_change_the_size(far_m: float) -> None:
+    """The others tell it; what then is too large a box is refused with that point's place."""
+    centres = solid_room()
+    cloud = np.vstack((centres, [(far_m, 0.31, 0.52)])).astype(np.float32)
+    alone = VoxelMap.from_centres(centres, None, IDENTITY)
+    if far_m > 1e5:
+        with pytest.raises(
+            InputError, match=r"crop the cloud: 1 of \d+ lie far from .* \(3\.6e\+06,"
+        ):
+            VoxelMap.from_centres(cloud, None, IDENTITY)
+        return
+    built = VoxelMap.from_centres(cloud, None, IDENTITY)
+    assert built.voxel_size_m == pytest.approx((0.1, 0.1, 0.1), rel=1e-5)
+    assert built.occupied_count == alone.occupied_count + 1
+
+
+def test_a_few_points_on_no_lattice_do_not_change_the_size() -> None:
+    """Up to a hundredth of the points may stray; they fill the voxels that they lie in."""
+    strays = np.array([(0.625, 0.65, 0.45), (0.333, 0.271, 0.819)])
+    built = VoxelMap.from_centres(np.vstack((solid_room(), strays)), None, IDENTITY)
+    assert built.voxel_size_m == pytest.approx((0.1, 0.1, 0.1))
+    assert built.occupied_count == len(solid_room()) + 2
+    assert built.occupied[6, 6, 4]
+    assert built.occupied[3, 2, 8]
+
+
+@settings(deadline=None)
+@given(
+    seed=st.integers(0, 2**31), times=st.integers(1, 5), shift=st.booleans(), known=st.booleans()
+)
+def test_coarser_voxels_hold_what_is_in_them(
+    seed: int, times: int, shift: bool, known: bool
+) -> None:
+    """A multiple of the cloud's size: each block in which something is, whole leaves included."""
+    occupancy = random_octree(seed)
+    offset = np.array((0.013, 0.022, -0.04)) if shift else np.zeros(3)
+    leaves = np.array(list(leaves_of(occupancy, (0, 0, 0))))
+    if shift:  # in a shifted frame leaves beyond the second size cannot be told
+        leaves = np.argwhere(occupancy) + 0.5
+    centres = leaves * 0.05 + offset
+    own_m = 0.05 if known else None
+    built = VoxelMap.from_centres(centres, own_m, IDENTITY, wanted_m=0.05 * times)
+    fine = VoxelMap.from_centres(centres, own_m, IDENTITY)
+    assert built.voxel_size_m == pytest.approx((0.05 * times,) * 3)
+    assert built.cloud_voxel_m == (None if times == 1 else pytest.approx(0.05))
+    corner = built.map_from_lattice.translation_m
+    inside = np.floor((fine.centres_m() - corner) / (0.05 * times)).astype(int)
+    assert sorted(set(map(tuple, inside.tolist()))) == sorted(
+        map(tuple, np.argwhere(built.occupied).tolist())
+    )
+
+
+def test_a_size_that_is_no_multiple_leaves_no_holes() -> None:
+    """A wall of 5 cm voxels is a wall of 7 cm voxels; nothing is farther off than half a voxel."""
+    wall = (np.argwhere(np.ones((1, 40, 30))) + 0.5) * 0.05
+    built = VoxelMap.from_centres(wall, None, IDENTITY, wanted_m=0.07)
+    assert built.occupied.all()
+    assert built.voxel_size_m == pytest.approx((0.07,) * 3)
+    low, high = built.bounds_m()
+    assert (low <= (0.025, 0.025, 0.025)).all()
+    assert (high >= (0.025, 1.975, 1.475)).all()
+
+
+def test_a_size_finer_than_the_cloud_is_refused() -> None:
+    """It would be a sieve: the sentence has both sizes."""
+    for own_m, wanted_m in ((None, 0.05), (None, 0.07), (0.1, 0.02)):
+        with pytest.raises(InputError, match=r"voxels are 0\.1 m wide, finer ones .* multiple"):
+            VoxelMap.from_centres(solid_room(), own_m, IDENTITY, wanted_m=wanted_m)
+
+
+def test_a_few_points_take_the_size_that_is_wanted() -> None:
+    """Of three voxels, two apart, nobody can say that finer ones are wrong."""
+    centres = np.array([(0.05, 0.05, 0.05), (0.25, 0.05, 0.05), (0.25, 0.25, 0.05)])
+    built = VoxelMap.from_centres(centres, None, IDENTITY, wanted_m=0.1)
+    assert built.voxel_size_m == pytest.approx((0.1,) * 3)
+    assert built.occupied_count == 3
+
+
+def test_too_large_a_box_names_the_size_that_would_do() -> None:
+    """137 x 121 x 8.5 m are too many voxels of 5 cm; with the size proposed they load."""
+    corners = np.array(np.meshgrid((0.025, 136.975), (0.025, 120.975), (0.025, 8.475)))
+    walls = (np.argwhere(np.ones((60, 1, 40))) + np.array((0.5, 400.5, 0.5))) * 0.05
+    centres = np.vstack((corners.reshape(3, -1).T, walls))
+    with pytest.raises(InputError, match=r"2740 x 2420 x 170 .* set world\.voxel_size to 0\.1 m"):
+        VoxelMap.from_centres(centres, 0.05, IDENTITY)
+    built = VoxelMap.from_centres(centres, 0.05, IDENTITY, wanted_m=0.1)
+    assert built.occupied.shape == (1370, 1210, 85)
+    assert built.occupied_count == 8 + 30 * 20
+
+
 def test_points_that_are_not_finite_are_dropped() -> None:
     """NaN and infinity are how a cloud says there is no point."""
     centres = np.array([[0.5, 0.5, 0.5], [1.5, 0.5, 0.5], [np.nan, 0, 0], [0, np.inf, 0]])
