@@ -171,7 +171,9 @@ def _telling(found: Sequence[Times]) -> list[Times]:
     stamped = []
     for one in found:
         has_stamp = one.stamps_ns > 0
-        stamped.append(Times(one.name, one.log_ns[has_stamp], one.stamps_ns[has_stamp], one.is_edge))
+        stamped.append(
+            Times(one.name, one.log_ns[has_stamp], one.stamps_ns[has_stamp], one.is_edge)
+        )
     frequent = [one for one in stamped if len(one.log_ns) >= _FEWEST_STAMPS]
     return frequent or [one for one in stamped if len(one.log_ns)]
 

@@ -128,7 +128,7 @@ class Replay:
         return tuple(topic for topic, role in roles if role == _SCAN_ROLE)
 
     def run(self, listener: Listener, progress: Progress) -> None:
-        """Run to the end; `progress` is told the time reached, `length_ns` after `start_ns` last."""
+        """Run to the end; `progress` is told the time reached, the gaps taken off."""
         before_ns = self._reader.start_ns
         for index, span in enumerate(self._spans):
             if index:
@@ -143,9 +143,7 @@ class Replay:
         self._schedule = TickSchedule.of(self._tick_rate_hz, to_ns)
         self._skipped_ns += to_ns - from_ns
 
-    def _run_span(
-        self, before_ns: int, span: Span, listener: Listener, progress: Progress
-    ) -> None:
+    def _run_span(self, before_ns: int, span: Span, listener: Listener, progress: Progress) -> None:
         start_ns, end_ns = self.clock.at(span[0]), self.clock.at(span[1])
         for message in self._messages(before_ns, span):
             received_ns = max(self.clock.at(message.log_time_ns), start_ns)
