@@ -184,6 +184,10 @@ class Reality:
         """Return why the last scan of a topic that passed through unaugmented did."""
         return self._scans.problems()
 
+    def scan_lateness_ns(self) -> Mapping[str, int]:
+        """Return how late the transforms were for which the scans of a topic did not wait [ns]."""
+        return self._scans.late_ns()
+
     # ------------------------------------------------------------------------------ time
 
     def advance(self, now_ns: int) -> None:

@@ -89,6 +89,10 @@ class ScanAugmentation:
             topic: path.last_problem for topic, path in self._paths.items() if path.last_problem
         }
 
+    def late_ns(self) -> dict[str, int]:
+        """Return, by topic, how late the transforms were for which scans did not wait [ns]."""
+        return {topic: path.late_ns for topic, path in self._paths.items()}
+
     def _augmented(self, scan: LaserScan, map_from_laser: RigidTransform) -> LaserScan:
         scene = self._lives.scene_at(scan.stamp_ns)
         if self._settings.gate is SensorGate.PERCEIVED:

@@ -8,11 +8,18 @@ through unaugmented and is counted.
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
+from are_ros.conventions import NS_PER_S
 from are_ros.errors import FrameError
 from are_ros.world.frame_tree import FrameTree
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.rigid_transform import RigidTransform
+
+_WATCHED: Final = 50
+"""Of so many scans that left too early it is known how late their transforms came."""
+_LATEST_NS: Final = 2 * NS_PER_S
+"""A transform that is later than this never comes: the poses of artefacts are not kept longer."""
 
 Augment = Callable[[LaserScan, RigidTransform], LaserScan]
 
@@ -31,6 +38,7 @@ class ReleasedScan:
 class _Waiting:
     topic: str
     scan: LaserScan
+    received_ns: int
     deadline_ns: int
 
 
@@ -57,12 +65,22 @@ class SensorPath:
         self._odom_frame = odom_frame
         self._augment = augment
         self._waiting: deque[_Waiting] = deque()
+        self._too_early: deque[_Waiting] = deque(maxlen=_WATCHED)
+        self._late_ns: deque[int] = deque(maxlen=_WATCHED)
         self._released: list[ReleasedScan] = []
 
     def push(self, topic: str, scan: LaserScan, received_ns: int) -> None:
         """Take a scan in; it leaves at once if its transform is there already."""
-        self._waiting.append(_Waiting(topic, scan, received_ns + self.wait_ns))
+        self._waiting.append(_Waiting(topic, scan, received_ns, received_ns + self.wait_ns))
         self.transforms_came(received_ns)
+
+    @property
+    def late_ns(self) -> int:
+        """How long after a scan its transform came at most, of those that came too late lately.
+
+        It is 0 where none did: a longer wait would have helped nobody.
+        """
+        return max(self._late_ns, default=0)
 
     def next_deadline_ns(self) -> int | None:
         """Return when the scan that waits longest must leave, None if none waits."""
@@ -70,6 +88,7 @@ class SensorPath:
 
     def transforms_came(self, now_ns: int) -> None:
         """Release the scans whose transform has become known; none overtakes another."""
+        self._watch_too_early(now_ns)
         while self._waiting:
             pose = self._exact_pose(self._waiting[0].scan)
             if pose is None:
@@ -98,11 +117,26 @@ class SensorPath:
     def clear(self) -> None:
         """Drop what waits: the clock jumped back."""
         self._waiting.clear()
+        self._too_early.clear()
+
+    def _watch_too_early(self, now_ns: int) -> None:
+        """Note how late the transforms are of scans that have left without them."""
+        while self._too_early:
+            item, age_ns = self._too_early[0], now_ns - self._too_early[0].received_ns
+            frames = self._map_frame, item.scan.frame_id
+            if self._frames.try_lookup(*frames, item.scan.stamp_ns) is not None:
+                self._late_ns.append(age_ns)
+            elif age_ns < _LATEST_NS:
+                return
+            self._too_early.popleft()
 
     def _release_head(self, now_ns: int) -> None:
         """Let the scan go that has waited longest, with the best pose that there is."""
         item = self._waiting.popleft()
-        pose = self._exact_pose(item.scan) or self._held_pose(item.scan)
+        pose = self._exact_pose(item.scan)
+        if pose is None:
+            self._too_early.append(item)
+            pose = self._held_pose(item.scan)
         self._release(item, now_ns, pose)
 
     def _exact_pose(self, scan: LaserScan) -> RigidTransform | None:

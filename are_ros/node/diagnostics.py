@@ -1,5 +1,6 @@
 """The diagnostics: what each part of the node says, and how urgently (docs/diagnostics.md)."""
 
+import math
 from collections.abc import Iterable
 from typing import Any, Final
 
@@ -174,9 +175,16 @@ def _scan(scan: ScanSnapshot) -> Status:
         "held": str(scan.held),
         "passed through": str(scan.passed_through),
         "last problem": scan.last_problem or "-",
+        "late transforms": figure(scan.late_s or None, "s", 3),
     }
     if scan.passed_through_lately:
         passed = counted(scan.passed_through_lately, "scan")
         message = f"{passed} without artefacts in the last 10 s: {scan.last_problem}"
+        if scan.late_s:
+            needed_s = math.ceil(100.0 * scan.late_s + 1.0) / 100.0
+            message += (
+                f"; transforms come up to {scan.late_s:.3f} s after the scans: "
+                f"set sensors.tf_wait to {needed_s:.2f}"
+            )
         return Status(Level.WARN, name, message, values)
     return Status(Level.OK, name, f"{counted(scan.exact + scan.held, 'scan')} augmented", values)

@@ -128,7 +128,7 @@ class Reporter:
         return ContactSnapshot(count, last, (now_ns - then_ns) / NS_PER_S)
 
     def _scans(self, builder: ArBuilder, now_ns: int) -> Iterator[ScanSnapshot]:
-        problems = builder.scan_problems()
+        problems, late_ns = builder.scan_problems(), builder.scan_lateness_ns()
         for topic, counts in builder.scan_counts().items():
             watch = self._passed.setdefault(topic, CountWatch(_LATELY_NS))
             watch.update(now_ns, counts.passed_through)
@@ -139,6 +139,7 @@ class Reporter:
                 passed_through=counts.passed_through,
                 passed_through_lately=watch.growth(now_ns),
                 last_problem=problems.get(topic, ""),
+                late_s=late_ns.get(topic, 0) / NS_PER_S,
             )
 
 

@@ -41,6 +41,8 @@ class ScanSnapshot:
     passed_through_lately: int = 0
     """In the last 10 s."""
     last_problem: str = ""
+    late_s: float = 0.0
+    """How long after a scan its transform came, at most, of those that came too late lately."""
 
 
 @dataclass(frozen=True)

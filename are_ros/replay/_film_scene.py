@@ -112,8 +112,11 @@ class FilmScene:
     def _draw_path(self, picture: Picture, stamp_ns: int) -> None:
         robot = self._record.robot
         count = int(np.searchsorted(robot.stamps_ns, stamp_ns, side="right"))
-        if count > 1:
-            line(picture, self.stage.pixels(robot.poses[:count, :2]), _PATH, 2)
+        drives = robot.drives()[:count]
+        for drive in np.unique(drives).tolist():
+            way_m = robot.poses[:count, :2][drives == drive]
+            if len(way_m) > 1:
+                line(picture, self.stage.pixels(way_m), _PATH, 2)
 
     def _draw_robot(self, picture: Picture, stamp_ns: int) -> Floats | None:
         """Draw the robot where it was last known, or is a moment later; return its outline [px]."""
@@ -166,7 +169,9 @@ class FilmScene:
 
     def _draw_clock(self, picture: Picture, actors: Sequence[Actor], stamp_ns: int) -> None:
         """Write the time, and how many are there and perceived."""
-        passed_s = (stamp_ns - int(self._record.series.stamps_ns[0])) / NS_PER_S
+        series = self._record.series
+        passed_ns = series.passed_ns()[np.searchsorted(series.stamps_ns, stamp_ns)]
+        passed_s = int(passed_ns) / NS_PER_S
         perceived = sum(actor.is_perceived for actor in actors)
         count = f"{len(actors)} virtual artefacts, {perceived} perceived"
         write(picture, f"{passed_s:5.1f} s", (12, 7), _TEXT_PX, INK)

@@ -134,7 +134,8 @@ def _title(record: SceneRecord) -> str:
 
 def _subtitle(record: SceneRecord, without_id: int, ids_as_in: str = METRICS) -> str:
     steps = np.diff(record.robot.poses[:, :2], axis=0)
-    driven_m = float(np.linalg.norm(steps, axis=1).sum())
+    is_driven = np.diff(record.robot.drives()) == 0
+    driven_m = float(np.linalg.norm(steps[is_driven], axis=1).sum())
     counts = Counter(event.kind for event in record.events)
     blocked = counts[EventKind.BLOCKED]
     ids = f"numbers are ids, as in {ids_as_in}"

@@ -32,10 +32,12 @@ def time_colours() -> Any:
 
 
 def time_fraction(record: SceneRecord, stamps_ns: npt.ArrayLike) -> Floats:
-    """Return the stamps as fractions of the record's duration."""
-    first_ns = record.series.stamps_ns[0]
-    passed_ns = np.asarray(stamps_ns, dtype=np.int64) - first_ns
-    fractions: Floats = passed_ns / max(record.duration_ns, NS_PER_S // 1000)
+    """Return the stamps as fractions of the record's duration, which has no gaps."""
+    ticks_ns, passed_ns = record.series.stamps_ns, record.series.passed_ns()
+    since_ns = np.asarray(stamps_ns, dtype=np.int64) - ticks_ns[0]
+    fractions: Floats = np.interp(since_ns, ticks_ns - ticks_ns[0], passed_ns) / max(
+        record.duration_ns, NS_PER_S // 1000
+    )
     return fractions
 
 
@@ -70,10 +72,14 @@ def draw_path(
         return
     some = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), _MOST_VERTICES)).astype(int))
     points, fractions = poses[some, :2], time_fraction(record, stamps[some])
-    axes.plot(*points.T, color="white", lw=4.2, zorder=5.0, solid_capstyle="round")
-    pieces = np.stack((points[:-1], points[1:]), axis=1)
+    drives = record.robot.drives()[some]
+    for drive in np.unique(drives).tolist():
+        way = points[drives == drive].T
+        axes.plot(*way, color="white", lw=4.2, zorder=5.0, solid_capstyle="round")
+    is_driven = np.diff(drives) == 0
+    pieces = np.stack((points[:-1], points[1:]), axis=1)[is_driven]
     line = LineCollection([*pieces], cmap=time_colours(), zorder=5.1, lw=2.2, capstyle="round")
-    line.set_array(fractions[1:])
+    line.set_array(fractions[1:][is_driven])
     line.set_clim(0.0, 1.0)
     axes.add_collection(line, autolim=False)
     for index in _shown_poses(record, shown):

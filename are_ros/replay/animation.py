@@ -85,8 +85,8 @@ def film_stamps(record: SceneRecord) -> tuple[list[int], float]:
     shown_ns = record.duration_ns
     speed = max(_SPEED, -(-shown_ns * _FPS // ((_MOST_PICTURES - 1) * NS_PER_S)))
     step_ns = speed * NS_PER_S // _FPS
-    wanted = np.arange(int(ticks[0]), int(ticks[-1]) + 1, step_ns, dtype=np.int64)
-    at = np.searchsorted(ticks, wanted, side="right") - 1
+    wanted = np.arange(0, shown_ns + 1, step_ns, dtype=np.int64)
+    at = np.searchsorted(record.series.passed_ns(), wanted, side="right") - 1
     return ticks[at].tolist(), float(speed)
 
 

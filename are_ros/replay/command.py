@@ -12,7 +12,7 @@ from are_ros.builder.tick import Demand
 from are_ros.description.configuration import describe_lines
 from are_ros.description.site import Site, surveyed
 from are_ros.parameters.declaration import with_values
-from are_ros.parameters.model import Parameters
+from are_ros.parameters.model import Parameters, SensorsParameters
 from are_ros.parameters.ros_yaml import (
     parse_assignment,
     read_ros_parameters,
@@ -196,11 +196,30 @@ def complaints(outcome: Outcome) -> list[str]:
     for topic, problem in sorted(outcome.scan_problems.items()):
         passed = counted(outcome.scans[topic].passed_through, "scan")
         lines.append(f"{topic}: {passed} passed through unaugmented, the last for: {problem}")
+    lines += filter(None, [_about_waiting(outcome)])
     if outcome.camera_problem:
         lines.append(f"nothing was perceived: {outcome.camera_problem}")
     if outcome.cloud_problem:
         lines.append(outcome.cloud_problem)
     return [*lines, *refused_by_script(outcome.record.events), *outcome.map_doubts]
+
+
+def _about_waiting(outcome: Outcome) -> str:
+    """Say how long scans wait for their transforms where the default is too short, else nothing."""
+    waited_s, needed_s = outcome.options.parameters.sensors.tf_wait, outcome.needed_wait_s
+    usual_s = SensorsParameters().tf_wait
+    if not outcome.options.is_wait_given and waited_s > usual_s:
+        return (
+            f"the transforms come late: {_WAIT} was {waited_s:g} s, as this recording needs it; "
+            f"set it on the robot, too, where scans wait for {usual_s:g} s by default"
+        )
+    lost = sum(counts.held + counts.passed_through for counts in outcome.scans.values())
+    if needed_s > waited_s and lost:
+        return (
+            f"the transforms come late: {_WAIT} is {waited_s:g} s, but this recording needs "
+            f"{needed_s:g} s; a replay for which it is not set waits as long"
+        )
+    return ""
 
 
 def refused_by_script(events: Iterable[ArtefactEvent]) -> list[str]:

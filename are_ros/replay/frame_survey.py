@@ -7,7 +7,7 @@ from typing import Final
 
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.transforms import StampedTransform
-from are_ros.wording import counted
+from are_ros.wording import counted, listed
 from are_ros.world.frame_tree import TransformSource
 from are_ros.world.rigid_transform import why_invalid
 
@@ -205,8 +205,11 @@ def _oddities(
         name = f"{edge.parent} -> {edge.child}"
         if len(edge.topics) > 1:
             yield f"{name} comes from several topics: {', '.join(edge.topics)}"
-        if not edge.is_static and edge.ahead_ns > _AHEAD_NS:
-            yield f"{name} is stamped up to {edge.ahead_ns / NS_PER_S:.2f} s after its recording"
+    if ahead := [e for e in edges if not e.is_static and e.ahead_ns > _AHEAD_NS]:
+        names = listed([f"{edge.parent} -> {edge.child}" for edge in ahead])
+        one_is = "is" if len(ahead) == 1 else "are"
+        most_s = max(edge.ahead_ns for edge in ahead) / NS_PER_S
+        yield f"{names} {one_is} stamped up to {most_s:.2f} s after being recorded"
     if slashed:
         shown = ", ".join(sorted(slashed)[:5]) + (", ..." if len(slashed) > 5 else "")
         yield f"{len(slashed)} frame names begin with a slash, which is dropped: {shown}"

@@ -1,15 +1,19 @@
 """What a recording offers to a replay and what it lacks, for `are inspect`."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from are_ros.conventions import NS_PER_S
-from are_ros.errors import AreError, InputError
+from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.transforms import StampedTransform
+from are_ros.parameters.model import SensorsParameters
+from are_ros.replay.bag_clock import BagClock
 from are_ros.replay.bag_reader import BagReader, BagTopic
+from are_ros.replay.bag_times import RecordedTimes
 from are_ros.replay.frame_survey import FrameSurvey, FrameSurveyor
 from are_ros.replay.roles import ROLE_TYPES, RolesFound, find_roles
+from are_ros.replay.timeline import scan_waits, stretches_of, wait_sentence
 from are_ros.world.frame_tree import TransformSource
 
 _BASE_FRAMES = ("base_footprint", "base_link")
@@ -36,7 +40,8 @@ class Inspection:
 
     `base_frame` is "" where none was found. `missing` names what a replay needs, or could use, and
     the option that supplies it; it is empty for a recording that can be replayed as it is. `scans`
-    are the topics that are to be scans, where the user names them.
+    are the topics that are to be scans, where the user names them. `time` says what is to be known
+    of its clock, its gaps, and how late its transforms are.
     """
 
     start_ns: int
@@ -48,6 +53,7 @@ class Inspection:
     map_frame: str
     base_frame: str
     missing: tuple[str, ...]
+    time: tuple[str, ...] = ()
 
 
 def inspect_bag(
@@ -70,8 +76,11 @@ def inspect_bag(
     roles = find_roles(reader.topics, overrides or {})
     for topic in scans:
         find_roles(reader.topics, {"scan": topic})  # refuses what is no scan
+    given_edges = tuple(given_edges)
     frame_ids = _first_frames(reader)
-    survey = _survey(reader, roles, given_edges)
+    times = RecordedTimes.read(reader, _timed(reader, roles), reader.start_ns, reader.end_ns)
+    clock, trouble = _clock(times)
+    survey = _survey(reader, roles, given_edges, clock)
     duration_s = max(reader.end_ns - reader.start_ns, 1) / NS_PER_S
     topics = tuple(
         InspectedTopic(topic, topic.count / duration_s, frame_ids.get(topic.name, ""))
@@ -101,7 +110,44 @@ def inspect_bag(
         map_frame,
         base_frame,
         tuple(missing),
+        (
+            *stretches_of(times, clock, reader.start_ns, reader.end_ns, reader.files).sentences(
+                reader.start_ns
+            ),
+            *filter(None, (clock.sentence, clock.disagreement, trouble)),
+            *_waits(times, clock, map_frame, given_edges),
+        ),
     )
+
+
+def _timed(reader: BagReader, roles: RolesFound) -> dict[str, str]:
+    """Return the roles of the topics that tell the time; all scans where none is chosen."""
+    wanted = ("tf", "tf_static", "odom", "scan", "camera/camera_info")
+    named = ((roles.topic(role), role) for role in wanted)
+    found = {topic: role for topic, role in named if topic is not None}
+    if roles.topic("scan") is None:
+        types = ROLE_TYPES["scan"]
+        found |= {topic.name: "scan" for topic in reader.topics if topic.type_name in types}
+    return found
+
+
+def _clock(times: RecordedTimes) -> tuple[BagClock, str]:
+    """Return the clock of a recording, or that of the log and why there is none."""
+    try:
+        return BagClock.of(times), ""
+    except BagError as cause:
+        return BagClock.of(replace(times, sources=())), str(cause)
+
+
+def _waits(
+    times: RecordedTimes, clock: BagClock, map_frame: str, given_edges: Iterable[tuple[str, str]]
+) -> Iterable[str]:
+    """Say how long scans wait for their transforms, where anything joins them to the map."""
+    waits = scan_waits(times, clock, map_frame, given_edges)
+    for topic, waits_ns in waits.items():
+        if len(waits_ns):
+            scans = len(times.scans[topic].log_ns)
+            yield wait_sentence(topic, waits_ns, scans, SensorsParameters().tf_wait)
 
 
 def _first_frames(reader: BagReader) -> dict[str, str]:
@@ -127,7 +173,10 @@ def _first_message(reader: BagReader, topic: str) -> Any:
 
 
 def _survey(
-    reader: BagReader, roles: RolesFound, given_edges: Iterable[tuple[str, str]]
+    reader: BagReader,
+    roles: RolesFound,
+    given_edges: Iterable[tuple[str, str]],
+    clock: BagClock,
 ) -> FrameSurvey:
     """Survey both tf topics, the odometry's edge and those that were given."""
     surveyor = FrameSurveyor()
@@ -139,7 +188,8 @@ def _survey(
         except InputError:
             continue  # a replay counts it, and goes on
         is_static = message.topic == static_topic
-        surveyor.see(transforms, message.topic, message.log_time_ns, is_static=is_static)
+        received_ns = clock.at(message.log_time_ns)
+        surveyor.see(transforms, message.topic, received_ns, is_static=is_static)
     _survey_odometry(reader, roles.topic("odom"), surveyor)
     given = [_edge(parent, child, reader.start_ns) for parent, child in given_edges]
     source = TransformSource.PARAMETER

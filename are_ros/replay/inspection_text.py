@@ -19,6 +19,7 @@ def inspection_lines(inspection: Inspection) -> list[str]:
         *section("topics", aligned(topics, numbers=(2, 3))),
         *section("roles", [*aligned(roles), *inspection.roles.sentences()]),
         *section("frames", [*inspection.frames.tree_lines(), *inspection.frames.oddities]),
+        *section("time", list(inspection.time or ("stamps and times of recording agree",))),
         *section("missing", list(missing)),
     ]
 

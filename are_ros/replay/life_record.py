@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.replay.timeline import GAP_NS
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +31,14 @@ class Track:
     def __len__(self) -> int:
         """Count the poses."""
         return len(self.stamps_ns)
+
+    def drives(self) -> npt.NDArray[np.int64]:
+        """Return the number of the drive that each pose belongs to, int64 (N,), ascending from 0.
+
+        Between two drives is a gap of the recording: nobody knows which way led across.
+        """
+        steps_ns = np.diff(self.stamps_ns, prepend=self.stamps_ns[:1])
+        return np.cumsum(steps_ns >= GAP_NS)
 
 
 class Doing(NamedTuple):

@@ -13,9 +13,9 @@ class ReplayOptions:
     """The options of `are replay`; times are seconds from the beginning of the recording.
 
     `parameters` are the effective ones. `map_file` and `octomap_file` replace what the recording
-    lacks or holds; `is_wait_given` says whether the user has set `sensors.tf_wait`, which a replay
-    else takes as long as the recording needs it; `topics` are the user's choices by role. With `out` None nothing is written,
-    but for what happened, as a scenario, into `save_scenario` if that is given.
+    lacks or holds; `topics` are the user's choices by role. With `out` None nothing is written,
+    but for what happened, as a scenario, into `save_scenario` if that is given. `is_wait_given`:
+    the user has set `sensors.tf_wait`; else it is as long as the recording needs.
     """
 
     bags: tuple[Path, ...]

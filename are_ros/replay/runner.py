@@ -128,7 +128,7 @@ class Replay:
         return tuple(topic for topic, role in roles if role == _SCAN_ROLE)
 
     def run(self, listener: Listener, progress: Progress) -> None:
-        """Run to the end; `progress` is told the time reached, `length_ns` after `start_ns` last."""
+        """Run to the end; `progress` is told the time reached, the gaps taken off."""
         before_ns = self._reader.start_ns
         for index, span in enumerate(self._spans):
             if index:

@@ -12,6 +12,7 @@ from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.outputs import ArtefactState, SceneMetrics
 from are_ros.builder.tick import Tick
 from are_ros.replay.life_record import Life, LifeRecorder, Track, track_of
+from are_ros.replay.timeline import GAP_NS
 from are_ros.world.footprint import Footprint
 from are_ros.world.observer import Camera
 from are_ros.world.rigid_transform import RigidTransform
@@ -33,6 +34,11 @@ class TickSeries:
     perceived: npt.NDArray[np.int64]
     clutter_ratio: Floats
     blind_ticks: int
+
+    def passed_ns(self) -> Stamps:
+        """Return the time since the first tick at each tick, int64 (ticks,), gaps left out."""
+        steps_ns = np.diff(self.stamps_ns, prepend=self.stamps_ns[:1])
+        return np.cumsum(np.where(steps_ns < GAP_NS, steps_ns, 0))
 
     def __post_init__(self) -> None:
         for values in (self.stamps_ns, self.alive, self.perceived, self.clutter_ratio):
@@ -60,9 +66,8 @@ class SceneRecord:
 
     @property
     def duration_ns(self) -> int:
-        """From the first tick to the last."""
-        stamps = self.series.stamps_ns
-        return int(stamps[-1] - stamps[0]) if len(stamps) else 0
+        """From the first tick to the last, without the gaps of the recording."""
+        return int(self.series.passed_ns()[-1]) if len(self.series.stamps_ns) else 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ knows what happened in it, so a replay leaves it out, and begins anew after it.
 from collections import defaultdict, deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -85,8 +86,8 @@ def stretches_of(
 ) -> Stretches:
     """Return the stretches of the window [start_ns, stop_ns) of the log that are to be replayed.
 
-    Gaps are measured by the clock. A stray message between two gaps belongs to them. `files` are the
-    (name, start, stop) of those that make up the recording.
+    Gaps are measured by the clock. A stray message between two gaps belongs to them. `files` are
+    the (name, start, stop) of those that make up the recording.
     """
     log_ns = times.moving_log_ns
     if not len(log_ns):
@@ -112,7 +113,7 @@ def stretches_of(
     begin_ns, end_ns = spans[0][0], spans[-1][1]
     return Stretches(
         spans=tuple(spans),
-        gaps=tuple(gap(one[1], other[0]) for one, other in zip(spans, spans[1:], strict=False)),
+        gaps=tuple(gap(one[1], other[0]) for one, other in pairwise(spans)),
         ahead=gap(start_ns, begin_ns) if begin_ns > start_ns else None,
         behind=gap(end_ns, stop_ns) if end_ns < stop_ns else None,
     )
@@ -184,9 +185,28 @@ def needed_wait_s(waits: Mapping[str, Ints]) -> float:
 
     It is longer than the longest wait by up to a hundredth of a second; 0 where none waits.
     """
-    longest_ns = 0
-    for waits_ns in waits.values():
-        in_reach_ns = waits_ns[waits_ns < _LONGEST_WAIT_NS]
-        longest_ns = max(longest_ns, int(in_reach_ns.max(initial=0)))
+    longest_ns = max((int(_in_reach(one).max(initial=0)) for one in waits.values()), default=0)
     steps = longest_ns // _WAIT_STEP_NS + 1 if longest_ns else 0
     return round(steps * _WAIT_STEP_NS / NS_PER_S, 2)
+
+
+def wait_sentence(topic: str, waits_ns: Ints, scans: int, tf_wait_s: float) -> str:
+    """Say how long the scans of a topic wait, and what that means for `sensors.tf_wait`."""
+    known_ns = _in_reach(waits_ns)
+    lost = scans - len(known_ns)
+    never = f"{lost} of {counted(scans, 'scan')} never get their transform" if lost else ""
+    if not len(known_ns):
+        return f"{topic}: {never}"
+    longest_s, needed_s = float(known_ns.max()) / NS_PER_S, needed_wait_s({topic: waits_ns})
+    said = f"{topic}: scans wait up to {longest_s:.3f} s for their transforms"
+    if needed_s > tf_wait_s:
+        most_s = float(np.percentile(known_ns, 99)) / NS_PER_S
+        said += (
+            f", 99 of 100 up to {most_s:.3f} s: a replay has sensors.tf_wait at {needed_s:g} "
+            f"unless it is set; set it on the robot, its default of {tf_wait_s:g} is too short"
+        )
+    return f"{said}; {never}" if never else said
+
+
+def _in_reach(waits_ns: Ints) -> Ints:
+    return waits_ns[waits_ns < _LONGEST_WAIT_NS]

@@ -86,7 +86,9 @@ def said_by(folder: Path) -> str:
 def replay_of(live: Path, folder: Path, duration_s: float | None) -> None:
     """Replay what was played live, in this process, by the parameters that the node had."""
     parameters = with_values(Parameters(), read_ros_parameters(live / "effective.yaml"))
-    options = ReplayOptions((SAMPLE,), parameters, folder, duration_s=duration_s)
+    options = ReplayOptions(
+        (SAMPLE,), parameters, folder, duration_s=duration_s, is_wait_given=True
+    )
     run_replay(options, lambda _: None, lambda *_: lambda _: None)
 
 
