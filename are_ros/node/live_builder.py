@@ -19,6 +19,7 @@ from are_ros.messages.feed import Decoding, Feed, RawMessage
 from are_ros.messages.goals import read_clicked_point
 from are_ros.messages.grid import read_grid
 from are_ros.messages.tick_encoding import TickEncoder, encode_scan, scan_outputs
+from are_ros.node.busy_watch import BusyWatch
 from are_ros.node.fault_watch import FaultWatch
 from are_ros.node.tick_watch import TickWatch
 from are_ros.parameters.choices import CostmapGate, SensorGate
@@ -89,6 +90,7 @@ class LiveBuilder:
         self.builder = ArBuilder(parameters, catalogue)
         self.requests = Requests(self.builder)
         self.faults = FaultWatch()
+        self.busy = BusyWatch()
         self.watch = TickWatch(round(NS_PER_S / parameters.builder.tick_rate))
         self.is_running = False
         self._events: list[ArtefactEvent] = []
@@ -147,6 +149,8 @@ class LiveBuilder:
         """Take what was stored, run the ticks that are due, release the scans that must go."""
         if now_ns <= 0:
             return
+        ticks, offered = self.watch.count, self._offered
+        has_map = any(self._roles[stored.message.topic] in _COSTLY for stored in self._stored)
         self._read_what_scans_wait_for(now_ns)
         self.builder.judges_until_ns = _NONE_NS
         while self._stored:
@@ -157,6 +161,12 @@ class LiveBuilder:
         if self.is_running:
             self.builder.advance(now_ns)
             self._send_scans()
+        if has_map:
+            self.busy.call_it("maps")
+        elif self._offered != offered:
+            self.busy.call_it("arrivals")
+        elif self.watch.count != ticks:
+            self.busy.call_it("ticks")
 
     def next_due_ns(self) -> int | None:
         """Return when `work` has something to do unless an input comes, None if never."""
@@ -203,6 +213,12 @@ class LiveBuilder:
     def new_viewer(self) -> None:
         """Let the next markers be all of them."""
         self.builder.show_everything()
+
+    @property
+    def _offered(self) -> int:
+        """How many have arrived so far, or have found no place."""
+        counts = self.builder.lives.population.counts
+        return counts.arrived + counts.blocked
 
     def _read_what_scans_wait_for(self, now_ns: int) -> None:
         """Store the transforms that came before `now_ns`, if a scan's deadline has passed by it.
