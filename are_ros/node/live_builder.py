@@ -238,8 +238,7 @@ class LiveBuilder:
         Simulated time comes as messages come, after those that were sent before it.
         """
         deadline_ns, look_ns = self.builder.next_deadline_ns(), self._look_ns
-        is_passed = deadline_ns is not None and deadline_ns <= now_ns
-        if not is_passed or self._inbox.is_time_simulated():
+        if deadline_ns is None or deadline_ns > now_ns or self._inbox.is_time_simulated():
             self._look_ns = None
             return now_ns
         if look_ns is not None and now_ns < look_ns <= now_ns + _LISTENS_NS:
