@@ -98,6 +98,7 @@ def test_version_is_the_package_s() -> None:
         (("record", "a", "b"), ("(b)", "(see `are record --help`)")),
         (("demo", "--rate", "x"), ("'--rate'", "(see `are demo --help`)")),
         (("node", "--params"), ("Option '--params' requires an argument",)),
+        (("node", "--set", "x"), ("'--set': 'x' must be NAME:=VALUE, as population.arrival",)),
     ],
 )
 def test_wrong_usage_is_one_sentence(
@@ -249,7 +250,6 @@ def test_live_commands_need_ros(
         (("--set", "population.mean_life:=-1"), "'population.mean_life': -1.0 is below 0.001 s"),
         (("--set", "nix:=1"), "parameter 'nix': there is no such parameter"),
         (("--params", "none.yaml"), "none.yaml"),
-        (("--set", "nonsense"), "nonsense"),
     ],
 )
 def test_the_node_ends_at_a_bad_parameter(

@@ -9,7 +9,15 @@ from typing import Any
 
 import click
 
-from are_ros.cli.options import FILE, SECONDS, Amount, animate_option, parameter_options, say
+from are_ros.cli.options import (
+    FILE,
+    PARAMETER,
+    SECONDS,
+    Amount,
+    animate_option,
+    parameter_options,
+    say,
+)
 from are_ros.cli.status import IMPERFECT
 from are_ros.errors import NodeError
 
@@ -19,7 +27,14 @@ _RATE = Amount("factor", 0.001, 1e6)
 
 @click.command(short_help="Run the live node.", context_settings=_PASSED_ON)
 @click.option("--params", "files", metavar="FILE", type=FILE, multiple=True, help="As in replay.")
-@click.option("--set", "values", metavar="NAME:=VALUE", multiple=True, help="As in replay.")
+@click.option(
+    "--set",
+    "values",
+    metavar="NAME:=VALUE",
+    type=PARAMETER,
+    multiple=True,
+    help="As in replay.",
+)
 @click.option("--namespace", metavar="NAME", help="Namespace of the node and of its topics.")
 @click.option("--use-sim-time", is_flag=True, help="Go by /clock.")
 @click.argument("ros_args", metavar="[ROS ARGUMENTS]", nargs=-1, type=click.UNPROCESSED)

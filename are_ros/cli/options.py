@@ -62,6 +62,9 @@ class Assignment(click.types.StringParamType):
 TOPIC: Final = Assignment("ROLE:=/TOPIC", "scan:=/front/scan")
 """A topic for a role."""
 
+PARAMETER: Final = Assignment("NAME:=VALUE", "population.arrival_rate:=0.001")
+"""A value for a parameter."""
+
 
 class Film(click.Path):
     """The file of an animation; a recording that was taken for one is told so."""
@@ -98,7 +101,7 @@ def parameter_options(command: _Command) -> _Command:
             "--set",
             "assignments",
             metavar="NAME:=VALUE",
-            type=Assignment("NAME:=VALUE", "population.arrival_rate:=0.001"),
+            type=PARAMETER,
             multiple=True,
             help="Set one parameter, as population.arrival_rate:=0.001. Repeatable.",
         ),

@@ -1,6 +1,8 @@
 """`ar_builder`: the AR-builder as a lifecycle node beside a robot's navigation stack."""
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from time import monotonic_ns
 from traceback import format_exc
 from typing import Any, Final
@@ -13,10 +15,13 @@ from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.mixture import mixture_of
 from are_ros.builder.assembly import catalogue_of
 from are_ros.builder.warm_up import warm_up
+from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, NodeError
+from are_ros.node.busy_watch import BusyWatch
 from are_ros.node.camera_watch import CameraWatch
 from are_ros.node.decoding import WireDecoding, WireMessage
 from are_ros.node.guard import offer_heartbeat
+from are_ros.node.hang_watch import HangWatch
 from are_ros.node.inlets import Inlets
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.outlets import Outlets
@@ -59,10 +64,15 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self.bridge = ParameterBridge(
             self, lambda: self.live is not None, self._check, self._reconfigure
         )
-        self._requests = Services(self, self._active_live, self.now_ns, self._set_paused)
+        self._requests = Services(
+            self, self._active_live, self.now_ns, self._set_paused, self._turn
+        )
         self._reporter = Reporter(self)
         self._camera_watch, self._stand_in = CameraWatch(), ""
-        self._timer = self.create_timer(_REPORT_S, self._work)
+        self._busy = BusyWatch()
+        self._hangs: HangWatch | None = None
+        self._wakes_ns: int | None = None
+        self._timer = self.create_timer(_REPORT_S, self._wake)
         self._timer.cancel()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._alarm = self.create_timer(0.0, self._leapt, clock=steady)
@@ -80,7 +90,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         """Read the parameters, compile the kernels, and begin to listen and to relay."""
         del state
         try:
-            self._configure(for_a_live_robot(self.bridge.values))
+            with self._turn("transitions"):
+                self._configure(for_a_live_robot(self.bridge.values))
         except AreError as cause:
             self.get_logger().error(str(cause))
             self._close()
@@ -95,7 +106,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         del state
         self._is_active, self._is_paused = True, False
         self._reporter.activated(monotonic_ns())
-        self._resume()
+        with self._turn("transitions"):
+            self._resume()
         self.get_logger().info("active: artefacts arrive")
         return _DONE
 
@@ -128,7 +140,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
     def retire(self) -> None:
         """Delete every marker, leave the real map behind, and rest; at any moment."""
         if self.live is not None and self.live.is_running:
-            self.live.pause(self.now_ns())
+            with self._turn("transitions"):
+                self.live.pause(self.now_ns())
         self._is_active = self._is_paused = False
         self._reporter.deactivated()
         self._timer.cancel()
@@ -152,6 +165,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self.live = LiveBuilder(
             parameters, catalogue, decoding, inlets.roles, inlets, outlets, self._refused
         )
+        self.live.busy = self._busy
+        self._hangs = HangWatch(self._busy, self._cry)
         inlets.follow_publishers()
         self.get_logger().info("configured: the real map is relayed")
 
@@ -165,15 +180,51 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         for part in (self._inlets, self._outlets):
             if part is not None:
                 part.close()
-        self.live = self._inlets = self._outlets = self._catalogue = None
+        if self._hangs is not None:
+            self._hangs.close()
+        self.live = self._inlets = self._outlets = self._catalogue = self._hangs = None
 
     def _resume(self) -> None:
         if self.live is not None:
             self.live.resume(self.now_ns())
             self._work()
 
+    @contextmanager
+    def _turn(self, what: str) -> Iterator[None]:
+        """Measure for how long nobody else is answered, and say whom that was waited for."""
+        self._busy.begin(monotonic_ns(), what)
+        try:
+            yield
+        finally:
+            ended_ns = monotonic_ns()
+            self._busy.end(ended_ns)
+            hung = self._hangs.take() if self._hangs and not self._busy.turn else None
+            if hung is not None:
+                turn, who = hung
+                lasted_s = (ended_ns - turn.began_ns) / NS_PER_S
+                self._tell_hang(f"{who} did not return: for {lasted_s:.1f} s the node stood still")
+
+    def _tell_hang(self, sentence: str) -> None:
+        self.get_logger().error(sentence)
+        if self.live is not None:
+            self.live.faults.hung = sentence
+
+    def _cry(self, sentence: str) -> None:
+        """Log at once, from any thread: the logger would publish on /rosout, which deadlocks."""
+        now_s = self.now_ns() / NS_PER_S
+        sys.stderr.write(f"[ERROR] [{now_s:.9f}] [{self.get_name()}]: {sentence}\n")
+        sys.stderr.flush()
+
     def _store(self, message: WireMessage) -> None:
-        if self.live is not None and self.live.store(message, self.now_ns()):
+        with self._turn("inputs"):
+            if self.live is not None and self.live.store(message, self.now_ns()):
+                self._work()
+
+    def _wake(self) -> None:
+        """Do what is due by the timer."""
+        if self._wakes_ns is not None:
+            self._busy.woke(monotonic_ns(), self._wakes_ns)
+        with self._turn("ticks"):
             self._work()
 
     def _work(self) -> None:
@@ -188,27 +239,37 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         for sentence in live.faults.sentences(monotonic_ns()):
             self.get_logger().error(sentence)
         self._reporter.happened(live.take_events(), monotonic_ns())
-        due_ns = live.next_due_ns()
+        due_ns, self._wakes_ns = live.next_due_ns(), None
         if due_ns is None:
             self._timer.cancel()
-        else:
-            self._timer.timer_period_ns = max(due_ns - self.now_ns(), 1)
-            self._timer.reset()
+            return
+        period_ns = max(due_ns - self.now_ns(), 1)
+        self._timer.timer_period_ns = period_ns
+        self._timer.reset()
+        if not self.get_clock().ros_time_is_active:
+            self._wakes_ns = monotonic_ns() + period_ns
 
     def _leapt(self) -> None:
         """Do what is due after a leap of the clock, once."""
         self._alarm.cancel()
-        self._work()
+        with self._turn("ticks"):
+            self._work()
 
     def _report(self) -> None:
         """Once a second: follow the publishers, drain what waits, say how the node does."""
+        with self._turn("diagnostics"):
+            self._look_and_report()
+
+    def _look_and_report(self) -> None:
         if self.live is not None and self._inlets is not None:
             self._inlets.follow_publishers()
             self._look_for_camera(self.live, self._inlets)
             self._work()
             for notice in self.live.take_notices():
                 self._say(notice)
-        self._reporter.report(self.live, self._inlets, monotonic_ns(), is_paused=self._is_paused)
+        now_ns = monotonic_ns()
+        busy = self._busy.figures(now_ns)
+        self._reporter.report(self.live, self._inlets, busy, now_ns, is_paused=self._is_paused)
 
     def _look_for_camera(self, live: LiveBuilder, inlets: Inlets) -> None:
         """Let the default camera stand in where nobody offers to tell another, and say so later."""
@@ -243,8 +304,9 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
 
     def _reconfigure(self, values: Parameters) -> None:
         if self.live is not None:
-            self.live.reconfigure(for_a_live_robot(values), self.now_ns())
-            self._work()
+            with self._turn("parameters"):
+                self.live.reconfigure(for_a_live_robot(values), self.now_ns())
+                self._work()
 
     def _refused(self, topic: str, sentence: str) -> None:
         if self._inlets is not None:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable
+from operator import itemgetter
 from typing import Any, Final
 
 from are_ros.messages.factory import MessageFactory
@@ -14,6 +15,8 @@ from are_ros.wording import counted
 _CONTACT_S: Final = 5.0
 _TICK_STOP_S: Final = 1.0
 _TICK_STOP_PERIODS: Final = 5.0
+_RARE: Final = frozenset({"maps", "transitions"})
+"""What may take longer than a tick's period, and is no reason to warn."""
 _BLOCKED_SHARE: Final = 0.5
 _FEWEST_ARRIVALS: Final = 4
 """Of fewer arrivals in a minute no share is worth a warning."""
@@ -35,7 +38,13 @@ def statuses(snapshot: NodeSnapshot) -> list[Status]:
     if snapshot.state is not NodeState.ACTIVE:
         return found
     found += [_robot(snapshot), _camera(snapshot), _cloud(snapshot)]
-    found += [_ticks(snapshot), _population(snapshot), _behaviours(snapshot), _contacts(snapshot)]
+    found += [
+        _ticks(snapshot),
+        _answers(snapshot),
+        _population(snapshot),
+        _behaviours(snapshot),
+        _contacts(snapshot),
+    ]
     return found + [_scan(scan) for scan in snapshot.scans]
 
 
@@ -122,10 +131,25 @@ def _ticks(snapshot: NodeSnapshot) -> Status:
         message = f"the last tick was {ticks.age_s:.1f} s ago: the time stands still, or one hangs"
         return Status(Level.STALE, "ticks", message, values)
     durations = f"p50 {figure(ticks.p50_ms, 'ms')}, p99 {figure(ticks.p99_ms, 'ms')}"
-    if ticks.p99_ms is not None and ticks.p99_ms > 1e3 * ticks.period_s:
+    if ticks.over > 1 and ticks.p99_ms is not None and ticks.p99_ms > 1e3 * ticks.period_s:
         message = f"ticks take longer than their period, {values['period']}: {durations}"
         return Status(Level.WARN, "ticks", message, values)
     return Status(Level.OK, "ticks", durations, values)
+
+
+def _answers(snapshot: NodeSnapshot) -> Status:
+    longest_ms = snapshot.busy.longest_ms
+    values = {what: figure(duration_ms, "ms") for what, duration_ms in longest_ms.items()}
+    if not longest_ms:
+        return Status(Level.OK, "answers", "nothing was asked", values)
+    period_ms = 1e3 * snapshot.ticks.period_s if snapshot.ticks else math.inf
+    usual_ms = {what: took for what, took in longest_ms.items() if what not in _RARE}
+    what, took_ms = max((usual_ms or longest_ms).items(), key=itemgetter(1))
+    message = f"none took longer than {figure(took_ms, 'ms')} ({what}) in the last minute"
+    if usual_ms and took_ms > period_ms:
+        message = f"for {figure(took_ms, 'ms')} the node did not answer: {what}"
+        return Status(Level.WARN, "answers", message, values)
+    return Status(Level.OK, "answers", message, values)
 
 
 def _population(snapshot: NodeSnapshot) -> Status:
@@ -152,6 +176,8 @@ def _population(snapshot: NodeSnapshot) -> Status:
 def _behaviours(snapshot: NodeSnapshot) -> Status:
     faults = snapshot.faults
     values = {name: f"{count} failed" for name, count in faults.counts.items()}
+    if faults.hung:
+        return Status(Level.WARN, "behaviours", faults.hung, values)
     if not faults.counts:
         return Status(Level.OK, "behaviours", "none failed", values)
     who = counted(sum(faults.counts.values()), "artefact")

@@ -14,10 +14,14 @@ _REST_NS: Final = 60 * NS_PER_S
 
 @dataclass(frozen=True)
 class FaultSnapshot:
-    """How many artefacts have lost their behaviour since the start, by its name, and the last."""
+    """How many artefacts have lost their behaviour since the start, by its name, and the last.
+
+    `hung` says which has not returned for long at last, and for how long.
+    """
 
     counts: dict[str, int] = field(default_factory=dict)
     last: str = ""
+    hung: str = ""
 
 
 @dataclass
@@ -34,6 +38,7 @@ class FaultWatch:
         self._counts: Counter[str] = Counter()
         self._faults: dict[str, _Fault] = {}
         self._last = ""
+        self.hung = ""
 
     def take(self, fault: BehaviourError) -> None:
         """Take a fault."""
@@ -52,7 +57,7 @@ class FaultWatch:
 
     def snapshot(self) -> FaultSnapshot:
         """Return what there is to say for the diagnostics."""
-        return FaultSnapshot(dict(sorted(self._counts.items())), self._last)
+        return FaultSnapshot(dict(sorted(self._counts.items())), self._last, self.hung)
 
 
 def _is_due(fault: _Fault, now_ns: int) -> bool:

@@ -75,7 +75,9 @@ class Inlets:
             subscription = self._subscriptions.get(topic) if role in roles else None
             while subscription is not None:
                 with subscription.handle:
-                    taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+                    taken = subscription.handle.take_message(
+                        subscription.msg_type, subscription.raw
+                    )
                 if taken is None:
                     break
                 self.watches[topic].received(monotonic_ns())

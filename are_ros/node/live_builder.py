@@ -21,6 +21,7 @@ from are_ros.messages.goals import read_clicked_point
 from are_ros.messages.grid import read_grid
 from are_ros.messages.grid_encoding import encode_grid
 from are_ros.messages.tick_encoding import TickEncoder, encode_scan, scan_outputs
+from are_ros.node.busy_watch import BusyWatch
 from are_ros.node.fault_watch import FaultWatch
 from are_ros.node.tick_watch import TickWatch
 from are_ros.parameters.choices import CostmapGate, SensorGate
@@ -91,6 +92,7 @@ class LiveBuilder:
         self.builder = ArBuilder(parameters, catalogue)
         self.requests = Requests(self.builder)
         self.faults = FaultWatch()
+        self.busy = BusyWatch()
         self.watch = TickWatch(round(NS_PER_S / parameters.builder.tick_rate))
         self.is_running = False
         self._events: list[ArtefactEvent] = []
@@ -149,6 +151,8 @@ class LiveBuilder:
         """Take what was stored, run the ticks that are due, release the scans that must go."""
         if now_ns <= 0:
             return
+        ticks, offered = self.watch.count, self._offered
+        has_map = any(self._roles[stored.message.topic] in _COSTLY for stored in self._stored)
         self._read_what_scans_wait_for(now_ns)
         self.builder.judges_until_ns = _NONE_NS
         while self._stored:
@@ -159,6 +163,12 @@ class LiveBuilder:
         if self.is_running:
             self.builder.advance(now_ns)
             self._send_scans()
+        if has_map:
+            self.busy.call_it("maps")
+        elif self._offered != offered:
+            self.busy.call_it("arrivals")
+        elif self.watch.count != ticks:
+            self.busy.call_it("ticks")
 
     def next_due_ns(self) -> int | None:
         """Return when `work` has something to do unless an input comes, None if never."""
@@ -206,6 +216,12 @@ class LiveBuilder:
         """Let the next markers be all of them."""
         self.builder.show_everything()
 
+    @property
+    def _offered(self) -> int:
+        """How many have arrived so far, or have found no place."""
+        counts = self.builder.lives.population.counts
+        return counts.arrived + counts.blocked
+
     def _read_what_scans_wait_for(self, now_ns: int) -> None:
         """Store the transforms that came before `now_ns`, if a scan's deadline has passed by it.
 
@@ -224,8 +240,7 @@ class LiveBuilder:
         Simulated time comes as messages come, after those that were sent before it.
         """
         deadline_ns, look_ns = self.builder.next_deadline_ns(), self._look_ns
-        is_passed = deadline_ns is not None and deadline_ns <= now_ns
-        if not is_passed or self._inbox.is_time_simulated():
+        if deadline_ns is None or deadline_ns > now_ns or self._inbox.is_time_simulated():
             self._look_ns = None
             return now_ns
         if look_ns is not None and now_ns < look_ns <= now_ns + _LISTENS_NS:

@@ -1,6 +1,7 @@
 """The diagnostics of the node, gathered from its parts once a second."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 from rclpy.node import Node
@@ -8,6 +9,7 @@ from rclpy.node import Node
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.conventions import NS_PER_S
+from are_ros.node.busy_watch import BusyFigures
 from are_ros.node.count_watch import CountWatch
 from are_ros.node.diagnostics import make_diagnostics, statuses
 from are_ros.node.inlets import Inlets
@@ -59,10 +61,17 @@ class Reporter:
                 self._last_contact = (last, now_ns)
 
     def report(
-        self, live: LiveBuilder | None, inlets: Inlets | None, now_ns: int, *, is_paused: bool
+        self,
+        live: LiveBuilder | None,
+        inlets: Inlets | None,
+        busy: BusyFigures,
+        now_ns: int,
+        *,
+        is_paused: bool,
     ) -> None:
         """Publish how the node does."""
         snapshot = self._snapshot(live, inlets, now_ns, is_paused=is_paused)
+        snapshot = replace(snapshot, busy=busy)
         stamp_ns = int(self._node.get_clock().now().nanoseconds)
         name = self._node.get_fully_qualified_name().lstrip("/")
         message = make_diagnostics(self._factory, stamp_ns, statuses(snapshot), name)

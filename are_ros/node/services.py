@@ -1,6 +1,7 @@
 """The services of the node: requests are carried out at once, or refused with the reason."""
 
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from typing import Any, Final
 
 from rclpy.node import Node
@@ -26,7 +27,8 @@ _NOT_ACTIVE: Final = "the node is not active: configure and activate it first"
 class Services:
     """Offers the services; `live()` is what runs, None while nothing does, `now_ns()` the time.
 
-    `pause(is_paused)` pauses and resumes the node, and returns what is to be said.
+    `pause(is_paused)` pauses and resumes the node, and returns what is to be said. All is done
+    within a `turn("services")`.
     """
 
     def __init__(
@@ -35,11 +37,13 @@ class Services:
         live: Callable[[], LiveBuilder | None],
         now_ns: Callable[[], int],
         pause: Callable[[bool], str],
+        turn: Callable[[str], AbstractContextManager[None]],
     ) -> None:
         """Raise NodeError where the packages of the services are not installed."""
         self._live = live
         self._now_ns = now_ns
         self._pause = pause
+        self._turn = turn
         handlers: Mapping[str, Callable[[Any, Any, LiveBuilder], str]] = {
             "spawn": self._spawn,
             "remove": self._remove,
@@ -60,8 +64,9 @@ class Services:
                 response.message = _NOT_ACTIVE
                 return response
             try:
-                live.work(self._now_ns())
-                response.message = handler(request, response, live)
+                with self._turn("services"):
+                    live.work(self._now_ns())
+                    response.message = handler(request, response, live)
                 response.success = True
             except AreError as cause:
                 response.message = str(cause)

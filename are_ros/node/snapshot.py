@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from enum import Enum
 
+from are_ros.node.busy_watch import BusyFigures
 from are_ros.node.fault_watch import FaultSnapshot
 from are_ros.node.input_watch import InputFigures
 from are_ros.node.tick_watch import TickFigures
@@ -89,6 +90,7 @@ class NodeSnapshot:
     cloud_problem: str = ""
     """Why the cloud of voxels that was received is not used yet."""
     ticks: TickFigures | None = None
+    busy: BusyFigures = field(default_factory=BusyFigures)
     population: PopulationSnapshot = field(default_factory=PopulationSnapshot)
     contacts: ContactSnapshot = field(default_factory=ContactSnapshot)
     scans: tuple[ScanSnapshot, ...] = ()

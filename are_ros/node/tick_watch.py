@@ -26,6 +26,8 @@ class TickFigures:
     p50_ms: float | None = None
     p99_ms: float | None = None
     max_ms: float | None = None
+    over: int = 0
+    """Those of the last minute that took longer than a period."""
 
 
 class TickWatch:
@@ -64,6 +66,7 @@ class TickWatch:
             p50_ms=_percentile_ms(durations, 50),
             p99_ms=_percentile_ms(durations, 99),
             max_ms=_percentile_ms(durations, 100),
+            over=sum(duration_ns > self.period_ns for duration_ns in durations),
         )
 
     def _forget_before(self, begin_ns: int) -> None:

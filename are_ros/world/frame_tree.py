@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
+from are_ros.errors import FrameError
 from are_ros.world._claims import Claim, checked_pose
 from are_ros.world._edge_kernels import NO_LIMIT
 from are_ros.world._edge_list import FrameEdge, listed_edges
@@ -183,7 +184,12 @@ class FrameTree:
         """
         held_ns = self.latest_before(target, fixed, stamp_ns)
         target_from_fixed = self.lookup(target, fixed, held_ns)
-        return target_from_fixed @ self.lookup(fixed, source, stamp_ns)
+        try:
+            return target_from_fixed @ self.lookup(fixed, source, stamp_ns)
+        except FrameError:
+            # In tf2's order an edge above `fixed` would be named, which is held: look from below.
+            self.lookup(source, fixed, stamp_ns)
+            raise
 
     def latest_common_time(self, target: str, source: str) -> int:
         """Return the newest stamp [ns] at which the whole chain is known; `STATIC` if all static.

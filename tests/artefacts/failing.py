@@ -1,6 +1,7 @@
 """Behaviours that fail, each in a way of its own, named in catalogues as `module:Class`."""
 
 import math
+import time
 from typing import Any, ClassVar
 
 from are_ros.artefacts.behaviours.intent import Intent, Steady, stand
@@ -48,6 +49,21 @@ class Returns:
     def decide(self, situation: Situation) -> Any:  # noqa: ARG002 - it never changes its mind
         """Return that."""
         return self.what
+
+
+class Sleeps:
+    """Takes a second and a half for its first decision."""
+
+    name: ClassVar[str] = "sleeps"
+
+    def __init__(self) -> None:
+        self._rest_s = 1.5
+
+    def decide(self, situation: Situation) -> Intent:  # noqa: ARG002 - it never changes its mind
+        """Stand, after a while."""
+        time.sleep(self._rest_s)
+        self._rest_s = 0.0
+        return stand("rested")
 
 
 class Helpless:

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from are_ros.node.busy_watch import BusyFigures
 from are_ros.node.diagnostics import make_diagnostics, statuses
 from are_ros.node.fault_watch import FaultSnapshot
 from are_ros.node.input_watch import InputFigures
@@ -28,6 +29,7 @@ MAP = InputSnapshot(
     "map", "/map", InputFigures(count=1, age_s=70.0), is_required=True, is_latched=True
 )
 SCAN = InputSnapshot("scan", "/scan", InputFigures(count=90, age_s=0.02, period_s=0.1))
+SLOW = TickFigures(0.1, count=9, age_s=0.1, p50_ms=80.0, p99_ms=100.5, max_ms=120.0)
 WELL = NodeSnapshot(
     NodeState.ACTIVE,
     active_s=60.0,
@@ -56,7 +58,7 @@ def test_all_is_well() -> None:
     assert {status.level for status in found} == {Level.OK}
     assert [status.name for status in found] == [
         "state", "clock", "inputs/map", "inputs/scan", "frames/robot", "frames/camera", "cloud",
-        "ticks", "population", "behaviours", "robot contact", "scans/scan",
+        "ticks", "answers", "population", "behaviours", "robot contact", "scans/scan",
     ]  # fmt: skip
     assert {status.name: status.message for status in found}["inputs/scan"] == "10.0 Hz"
 
@@ -184,10 +186,22 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         "the last tick was 1.2 s ago: the time stands still, or one hangs",
     ),
     (
-        {"ticks": TickFigures(0.1, count=9, age_s=0.1, p50_ms=80.0, p99_ms=100.5, max_ms=120.0)},
+        {"ticks": replace(SLOW, over=2)},
         "ticks",
         Level.WARN,
         "ticks take longer than their period, 100.0 ms: p50 80.0 ms, p99 100.5 ms",
+    ),
+    (
+        {"busy": BusyFigures({"inputs": 3.0, "machine": 130.0, "maps": 400.0})},
+        "answers",
+        Level.WARN,
+        "for 130.0 ms the node did not answer: machine",
+    ),
+    (
+        {"faults": FaultSnapshot(hung="the behaviour a:A of artefact 7 (guest) did not return")},
+        "behaviours",
+        Level.WARN,
+        "the behaviour a:A of artefact 7 (guest) did not return",
     ),
     (
         {"population": PopulationSnapshot(arrivals_lately=2, blocked_lately=3)},
@@ -231,6 +245,9 @@ def test_trouble_is_told_by_the_part_that_has_it(
         {"ticks": None},
         {"ticks": TickFigures(0.1, count=9, age_s=1.0, p99_ms=100.0)},
         {"ticks": TickFigures(2.0, count=9, age_s=9.0)},
+        {"ticks": replace(SLOW, over=1)},  # the first of all takes long
+        {"busy": BusyFigures({"ticks": 100.0, "maps": 400.0, "transitions": 9000.0})},
+        {"busy": BusyFigures({"maps": 400.0})},
         {"population": PopulationSnapshot(arrivals_lately=1, blocked_lately=2)},
         {"population": PopulationSnapshot(arrivals_lately=5, blocked_lately=5)},
         {"contacts": ContactSnapshot(2, "person_adult 7", 5.1)},

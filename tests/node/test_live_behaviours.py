@@ -22,6 +22,7 @@ rows:
   - {label: late, class: person, size_m: [0.3, 0.4, 1.7], behaviours: {"FAILING:Late": 1}}
   - {label: unmade, class: person, size_m: [0.3, 0.4, 1.6], behaviours: {"FAILING:Unmade": 1}}
   - {label: nothing, class: person, size_m: [0.3, 0.4, 1.5], behaviours: {"FAILING:Returns": 1}}
+  - {label: sleeper, class: person, size_m: [0.3, 0.4, 1.4], behaviours: {"FAILING:Sleeps": 1}}
   - {label: walker, class: person, size_m: [0.3, 0.4, 1.8], behaviours: {walking: 1}}
 """
 PLACES = {"late": (2.5, 1.0), "unmade": (3.3, 1.0), "nothing": (3.3, 2.0), "walker": (2.5, 3.0)}
@@ -76,3 +77,24 @@ def test_the_node_lives_on_and_who_has_failed_stands(bench: Bench) -> None:
     assert status.message.startswith("the behaviour of 4 artefacts has failed, who stood")
     counts = {value.key.partition(":")[2]: value.value for value in status.values}
     assert counts == {"Late": "1 failed", "Returns": "1 failed", "Unmade": "2 failed"}
+
+
+def test_who_does_not_return_is_told_while_the_node_stands_still_and_afterwards(
+    bench: Bench,
+) -> None:
+    """In the log at once, with the place; then with the time it took, in the diagnostics too."""
+    sleeper = bench.spawn(pose_at(2.5, 2.0), label="sleeper").id
+    for tick in range(2, 14):
+        step(bench, 1000.0 + 0.1 * tick)
+    who = f"the behaviour tests.artefacts.failing:Sleeps of artefact {sleeper} (sleeper)"
+    said = [line for line in bench.warnings() if line.startswith(who)]
+    at_once, afterwards = said
+    assert "failing.py, line " in at_once
+    assert at_once.endswith(") has not returned for a second; the node stands still")
+    took_s = float(afterwards.partition("did not return: for ")[2].partition(" s ")[0])
+    assert 1.5 <= took_s < 10.0
+    status = bench.report()["behaviours"]
+    assert (status.level, status.message) == (b"\1", afterwards)
+    status = bench.report()["answers"]
+    assert status.level == b"\1"
+    assert bench.state() == "active"

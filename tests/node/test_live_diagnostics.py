@@ -31,7 +31,7 @@ def later(running_clock: None, monkeypatch: pytest.MonkeyPatch) -> Later:  # noq
         nonlocal ahead_ns
         ahead_ns += ns(seconds)
 
-    for module in ("ar_builder_node", "live_builder"):
+    for module in ("ar_builder_node", "inlets", "live_builder"):
         monkeypatch.setattr(f"are_ros.node.{module}.monotonic_ns", now_ns)
     return put_forward
 
@@ -72,7 +72,7 @@ def test_each_state_has_its_lines(make_bench: MakeBench) -> None:
     bench.change_state("activate")
     assert said(bench, "state") == (OK, "active")
     lines = {"frames/robot", "frames/camera", "cloud", "ticks", "population", "behaviours"}
-    lines |= {"robot contact"}
+    lines |= {"answers", "robot contact"}
     assert {*bench.report()} == {"state", "clock"} | inactive | lines
 
 

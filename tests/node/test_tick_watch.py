@@ -47,6 +47,14 @@ def test_late_is_more_than_half_a_period(late_ms: int, expected: int) -> None:
     assert watch.figures(0).late == expected
 
 
+def test_those_over_a_period_are_counted_for_a_minute() -> None:
+    """One alone is no slow node: the first tick takes long."""
+    watch = TickWatch(PERIOD_NS)
+    for index, duration_ms in enumerate((300, 100, 101)):
+        watch.ran(index * NS_PER_S, duration_ms * MS)
+    assert [watch.figures(t_s * NS_PER_S).over for t_s in (3, 60, 70)] == [2, 1, 0]
+
+
 def test_skipped_ticks_are_counted() -> None:
     """As many as there were."""
     watch = TickWatch(PERIOD_NS)

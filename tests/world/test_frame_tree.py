@@ -149,6 +149,13 @@ def test_a_slow_correction_is_held() -> None:
         tree.lookup_held("map", "odom", "laser", round(2.5 * S))
 
 
+def test_the_edge_that_is_late_is_named_not_the_one_that_is_held() -> None:
+    """Both end before the stamp."""
+    tree = moving()
+    with pytest.raises(ExtrapolationToFutureError, match=r"odom -> base ends at 2\.0"):
+        tree.lookup_held("map", "odom", "laser", round(2.5 * S))
+
+
 def test_a_clock_that_jumps_back_forgets_the_future() -> None:
     """Samples after now go, those up to now and static ones stay; then time goes on from there."""
     tree = moving()

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 from traceback import walk_tb
+from types import FrameType
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -93,6 +94,24 @@ def steady_of(behaviour: Behaviour, asked: Asked) -> Steady | None:
     return steady
 
 
+def who_is_asked(frame: FrameType | None) -> str:
+    """Return which behaviour of the user's own a thread is in, and where, by its newest frame.
+
+    Empty where it is in none. The thread may go on meanwhile.
+    """
+    lines: dict[str, str] = {}
+    while frame is not None:
+        code = frame.f_code
+        if code in _QUESTIONS:
+            kind, asked = (frame.f_locals.get(name) for name in ("kind", "asked"))
+            if isinstance(kind, type) and isinstance(asked, Asked) and _is_own(kind):
+                where = lines.get(_file_of(kind) or "", "")
+                return _named(kind, asked) + (f" ({where})" if where else "")
+        lines.setdefault(code.co_filename, f"{code.co_filename}, line {frame.f_lineno}")
+        frame = frame.f_back
+    return ""
+
+
 @lru_cache
 def _is_own(kind: type) -> bool:
     """Tell whether a class is the user's."""
@@ -160,12 +179,20 @@ def _raised(kind: type, asked: Asked, cause: Exception, method: str) -> Behaviou
 
 
 def _failure(kind: type, asked: Asked, what: str, place: str) -> BehaviourError:
-    name = f"{kind.__module__}:{kind.__qualname__}"
-    who, time_s = f"artefact {asked.artefact_id} ({asked.label})", asked.now_ns / NS_PER_S
     where = f" ({place})" if place else ""
+    time_s = asked.now_ns / NS_PER_S
     return BehaviourError(
-        f"the behaviour {name} of {who} failed at {time_s:.3f} s: {what}{where}", name
+        f"{_named(kind, asked)} failed at {time_s:.3f} s: {what}{where}", _name_of(kind)
     )
+
+
+def _named(kind: type, asked: Asked) -> str:
+    """Return a behaviour and whose it is, in words."""
+    return f"the behaviour {_name_of(kind)} of artefact {asked.artefact_id} ({asked.label})"
+
+
+def _name_of(kind: type) -> str:
+    return f"{kind.__module__}:{kind.__qualname__}"
 
 
 def _place_in(kind: type, cause: Exception) -> str:
@@ -194,3 +221,7 @@ def _file_of(kind: type) -> str | None:
         return inspect.getsourcefile(kind)
     except TypeError:  # of a class without a file
         return None
+
+
+_QUESTIONS: Final = {function.__code__ for function in (made, intent_of, steady_of)}
+"""The code that calls the user's; each has `kind` and `asked`."""
