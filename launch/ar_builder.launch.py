@@ -25,10 +25,11 @@ ARGUMENTS = {
     "autostart": "false: others configure and activate the node; empty: what params_file says",
     "log_level": "debug, info, warn, error or fatal",
     "respawn": "true: start it again when it has ended",
+    "guard": "true: start `are guard`, too, which publishes the real map if the node is killed",
 }
 """The arguments and their meaning."""
 
-DEFAULTS = {"log_level": "info", "respawn": "false"}
+DEFAULTS = {"log_level": "info", "respawn": "false", "guard": "false"}
 FLAGS = ("use_sim_time", "autostart")
 
 
@@ -49,7 +50,7 @@ def generate_launch_description() -> Any:
 
 
 def start(context: Any) -> list[Any]:
-    """Return the node, its arguments as the context has them."""
+    """Return the node, and the guard if it is wanted, with the arguments of the context."""
     from launch.substitutions import LaunchConfiguration
     from launch_ros.actions import Node
 
@@ -65,7 +66,16 @@ def start(context: Any) -> list[Any]:
         respawn_delay=2.0,
         output="screen",
     )
-    return [node]
+    guard = Node(
+        package="are_ros",
+        executable="are",
+        arguments=["guard"],
+        name="ar_guard",
+        namespace=given["namespace"] or None,
+        ros_arguments=["--log-level", given["log_level"]],
+        output="screen",
+    )
+    return [node, guard] if is_true(given["guard"]) else [node]
 
 
 def parameters(given: dict[str, str]) -> list[Any]:

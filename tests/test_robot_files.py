@@ -3,15 +3,19 @@
 import fnmatch
 import py_compile
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
 import yaml
 
 from are_ros.messages.tick_encoding import OUTPUTS
+from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import read_ros_parameters
 
 PROJECT = Path(__file__).resolve().parents[1]
@@ -52,6 +56,28 @@ def test_the_launch_file_describes_a_node() -> None:
     assert {item.name for item in description.get_launch_arguments()} == set(
         loaded(LAUNCH).ARGUMENTS
     )
+
+
+def test_the_guard_is_started_where_it_is_wanted(
+    launch_file: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside the node, and in its namespace."""
+    (tmp_path / "mine.yaml").write_text("ar_builder:\n  ros__parameters: {}\n")
+    given = dict.fromkeys(launch_file.ARGUMENTS, "") | launch_file.DEFAULTS
+    given |= {"params_file": str(tmp_path / "mine.yaml"), "namespace": "robot1"}
+    substitutions, actions = ModuleType("launch.substitutions"), ModuleType("launch_ros.actions")
+    vars(substitutions)["LaunchConfiguration"] = lambda name: SimpleNamespace(
+        perform=lambda context: context[name]
+    )
+    vars(actions)["Node"] = SimpleNamespace
+    for name in ("launch", "launch_ros"):
+        monkeypatch.setitem(sys.modules, name, ModuleType(name))
+    monkeypatch.setitem(sys.modules, "launch.substitutions", substitutions)
+    monkeypatch.setitem(sys.modules, "launch_ros.actions", actions)
+    (node,) = launch_file.start(given)
+    node, guard = launch_file.start(given | {"guard": "true"})
+    assert (guard.executable, guard.arguments, guard.namespace) == ("are", ["guard"], "robot1")
+    assert guard.namespace == node.namespace
 
 
 def test_arguments_come_after_the_file(launch_file: Any, tmp_path: Path) -> None:
@@ -118,18 +144,28 @@ def nav2_lines() -> tuple[Any, Any]:
     return yaml.safe_load(text), yaml.safe_load(re.sub(r"^# ?", "", block, flags=re.MULTILINE))
 
 
-def test_nav2_takes_the_augmented_map_into_both_costmaps() -> None:
-    """As static layers; locally the first, for it overwrites."""
+def test_nav2_takes_the_artefacts_into_both_costmaps() -> None:
+    """As static layers; locally without the walls, and the first, for it overwrites."""
     by_map, _ = nav2_lines()
     local = costmap(by_map, "local_costmap")
     layers = (costmap(by_map, "global_costmap")["static_layer"], local["are_layer"])
-    for layer in layers:
+    for layer, name in zip(layers, ("augmented_map", "artefact_map"), strict=True):
         assert layer["plugin"] == "nav2_costmap_2d::StaticLayer"
-        assert layer["map_topic"] == PREFIX + "augmented_map"
+        assert layer["map_topic"] == PREFIX + name
         assert layer["map_subscribe_transient_local"] is True
         assert layer["subscribe_to_updates"] is False
     assert (local["plugins"][0], local["plugins"][-1]) == ("are_layer", "inflation_layer")
-    assert costmap(by_map, "global_costmap")["update_frequency"] == 5.0
+    for name in ("global_costmap", "local_costmap"):
+        assert costmap(by_map, name)["update_frequency"] == 5.0
+    assert local["use_maximum"] is False
+    assert local["track_unknown_space"] is False
+
+
+def test_the_file_for_nav2_is_a_preset_for_the_node() -> None:
+    """With a memory of some seconds; what is for Nav2 in it is left alone."""
+    values = read_ros_parameters(PROJECT / "config" / "nav2_are.yaml")
+    assert values.keys() == {"costmap.memory"}
+    assert 2.0 <= with_values(Parameters(), values).costmap.memory <= 30.0
 
 
 def test_nav2_takes_the_augmented_scan_instead() -> None:

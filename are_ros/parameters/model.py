@@ -281,7 +281,7 @@ class AugmentedMapParameters:
 
     max_rate: float = parameter(
         5.0,
-        "Grids are published on change, at most this often.",
+        "Moves reach the grids at most this often; who appears or goes does so at once.",
         unit="Hz",
         low=0.01,
         high=100.0,

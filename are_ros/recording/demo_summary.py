@@ -7,10 +7,17 @@ from pathlib import Path
 from typing import Any, Final
 
 from are_ros.builder.events import EventKind
+from are_ros.conventions import OCCUPIED
+from are_ros.messages.grid import read_grid
+from are_ros.messages.times import read_time
 from are_ros.replay.bag_reader import BagReader
+from are_ros.world.occupancy_grid import OccupancyGrid
 
 _PREFIX: Final = "/ar_builder/"
-_TOPICS: Final = ("artefacts", "perceived", "events", "scan", "markers", "augmented_map")
+_TOPICS: Final = (
+    *("artefacts", "perceived", "events", "scan", "markers"),
+    *("augmented_map", "artefact_map"),
+)
 
 
 @dataclass
@@ -21,6 +28,10 @@ class _Tally:
     perceived: set[int] = field(default_factory=set)
     events: Counter[EventKind] = field(default_factory=Counter)
     messages: Counter[str] = field(default_factory=Counter)
+    in_the_maps: dict[int, set[int]] = field(default_factory=dict)
+    """Ids by tick: who stands where the last artefact map has an artefact."""
+    in_sight: dict[int, set[int]] = field(default_factory=dict)
+    _map: OccupancyGrid | None = None
 
     def take(self, name: str, message: Any) -> None:
         """Count one message of an output."""
@@ -29,10 +40,23 @@ class _Tally:
             self.ticks += 1
             self.alive.append(len(message.artefacts))
             self.labels.update({one.id: one.class_name for one in message.artefacts})
+            shown = {one.id for one in message.artefacts if self._is_in_the_map(one)}
+            self.in_the_maps[read_time(message.header.stamp)] = shown
+        elif name == "artefact_map":
+            self._map = read_grid(message)
         elif name == "perceived":
-            self.perceived.update(one.id for one in message.artefacts)
+            seen = {one.id for one in message.artefacts}
+            self.in_sight[read_time(message.header.stamp)] = seen
+            self.perceived |= seen
         elif name == "events":
             self.events[EventKind(message.kind)] += 1
+
+    def _is_in_the_map(self, artefact: Any) -> bool:
+        if self._map is None:
+            return False
+        place = artefact.ground_pose.position
+        cell = self._map.cell_at(place.x, place.y)
+        return cell is not None and int(self._map.cells[cell]) == OCCUPIED
 
 
 def summary_of(path: Path) -> list[str]:
@@ -54,6 +78,13 @@ def _lines(tally: _Tally) -> Iterator[str]:
     yield f"perceived    {len(tally.perceived)} of {len(tally.labels)} at some time"
     contacts = events[EventKind.ROBOT_CONTACT]
     yield f"robot        {contacts} {'contact' if contacts == 1 else 'contacts'} with artefacts"
+    shown = sum(map(len, tally.in_the_maps.values()))
+    hidden = sum(len(ids - tally.in_sight.get(t, set())) for t, ids in tally.in_the_maps.items())
+    ticks = max(tally.ticks, 1)
+    yield (
+        f"in the maps  {shown / ticks:.1f} on average, {hidden / ticks:.1f} of them out of sight "
+        "(costmap.memory, costmap.gate)"
+    )
     sent = tally.messages
     yield f"ticks        {tally.ticks}"
     yield (

@@ -373,6 +373,44 @@ def test_memory_keeps_in_the_grid_what_is_out_of_sight(make_scene: Make) -> None
     assert still == [None, None, None, 0, None]
 
 
+def remembered(make_scene: Make, life_s: float, max_rate_hz: float) -> Scene:
+    """Return a scene in which the robot has seen an artefact, and turned away from it."""
+    values = {"costmap.memory": 5.0, "augmented_map.max_rate": max_rate_hz}
+    scene = make_scene(values | {"collisions.on_robot_contact": "displace"})
+    scene.map(0.0)
+    scene.robot(0.0, 1.0, 2.0)
+    scene.place(0, (2.5, 2.0), 0.0, life_s=life_s)
+    assert seen(scene.tick(0.1)) == [10**9]
+    scene.robot(0.15, 1.0, 2.0, yaw=np.pi)
+    tick = scene.tick(0.2)
+    assert (seen(tick), tick.grids.artefact_map) == ([], None)
+    return scene
+
+
+def test_a_remembered_artefact_that_moved_is_where_it_is(make_scene: Make) -> None:
+    """Not where it was seen: nothing stays there, and its cells are those of its box now."""
+    scene = remembered(make_scene, 1000.0, 100.0)
+    scene.robot(0.25, 2.2, 2.0, yaw=np.pi)  # backwards into it
+    tick = scene.tick(0.3)
+    assert seen(tick) == []
+    (state,) = tick.artefacts
+    x_m, y_m = state.ground_pose.x_m, state.ground_pose.y_m
+    assert np.hypot(x_m - 2.5, y_m - 2.0) > 0.05, "it was moved aside"
+    rows, cols = np.nonzero(tick.grids.artefact_map.cells)
+    centres_m = 0.1 * (np.column_stack((cols, rows)) + 0.5)
+    assert np.abs(centres_m.mean(axis=0) - (x_m, y_m)).max() < 0.1
+    assert np.hypot(*(centres_m - (x_m, y_m)).T).max() < 0.4
+
+
+def test_a_remembered_artefact_that_left_is_gone_at_once(make_scene: Make) -> None:
+    """At the tick of its departure, though nobody looks, and long before its memory ends."""
+    scene = remembered(make_scene, 0.55, 0.5)
+    assert scene.tick(0.5).grids.artefact_map is None
+    tick = scene.tick(0.6)
+    assert not tick.grids.artefact_map.cells.any()
+    assert added_cells(tick, scene) == 0
+
+
 INNER = np.pad(np.ones((38, 38), dtype=np.bool_), 1)
 
 

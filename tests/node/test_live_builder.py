@@ -398,13 +398,15 @@ def test_a_scan_that_waits_leaves_before_the_pause(rig: Rig) -> None:
 def test_maps_and_scans_are_relayed_at_once_while_nothing_runs(
     make_rig: MakeRig, t_s: float
 ) -> None:
-    """To the byte; beside them there is only the costmap of the map, once the time is known."""
+    """To the byte; beside them an empty artefact map, and the costmap once the time is known."""
     rig = make_rig()
     real = {role: serialize_message(m) for role, m in (("map", room()), ("scan", scan(9.9)))}
     for role, data in real.items():
         assert not rig.store(role, data, t_s)
     rig.store("tf", robot_at(9.9), t_s)
     rig.work(t_s)
+    (empty,) = rig.outlet.take("artefact_map")
+    assert (empty.info.width, set(empty.data.tolist())) == (40, {0})
     assert rig.outlet.sent[:2] == [(MAP, real["map"]), ("scan", real["scan"])]
     costmaps = [
         costmap.data.tolist().count(100) for costmap in rig.outlet.take("augmented_costmap")
@@ -419,7 +421,7 @@ def test_they_are_relayed_while_the_time_is_not_known(make_rig: MakeRig) -> None
     rig.live.resume(0)
     rig.store("map", room(), 0.0)
     rig.store("scan", scan(9.9), 0.0)
-    assert rig.outlet.take_names() == [MAP, "scan"]
+    assert rig.outlet.take_names() == [MAP, "artefact_map", "scan"]
     rig.work(10.0)
     rig.work(10.1)
     (grid,) = rig.outlet.take(MAP)

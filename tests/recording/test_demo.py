@@ -81,7 +81,7 @@ def test_it_says_what_happened(lockstep_run: Path) -> None:
     summary = summary_of(lockstep_run / "augmented.mcap")
     first = said.index(summary[0])
     assert said[first : first + len(summary)] == summary
-    assert re.fullmatch(r"ticks +152", summary[3])
+    assert re.fullmatch(r"ticks +152", summary[4])
     pictures = f"{lockstep_run / 'rviz.png'}, {lockstep_run / 'overview.png'}"
     assert f"pictures     {pictures}" in said
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from are_ros.builder.events import EventKind
@@ -46,9 +47,33 @@ def test_it_counts(tmp_path: Path) -> None:
         "artefacts    3 arrived, 1 departed; alive 1.7 on average, 3 at most",
         "perceived    1 of 3 at some time",
         "robot        1 contact with artefacts",
+        "in the maps  0.0 on average, 0.0 of them out of sight (costmap.memory, costmap.gate)",
         "ticks        3",
         "published    0 augmented maps, 0 augmented scans, 1 marker messages",
     ]
+
+
+def test_it_tells_what_the_memory_keeps(tmp_path: Path) -> None:
+    """Who stands in the artefact map, and who of them is not perceived."""
+    tick = artefacts(1, 2, 3)
+    for one, x_m in zip(tick.artefacts, (0.5, 1.5, 2.5), strict=True):
+        one.ground_pose.position.x = x_m
+        one.ground_pose.position.y = 0.5
+    cells = np.array([100, 100, 0], np.int8)
+    turn = FACTORY.make("geometry_msgs/msg/Quaternion", w=1.0)
+    origin = FACTORY.make("geometry_msgs/msg/Pose", orientation=turn)
+    info = FACTORY.make(
+        "nav_msgs/msg/MapMetaData", resolution=1.0, width=3, height=1, origin=origin
+    )
+    header = FACTORY.make("std_msgs/msg/Header", frame_id="map")
+    grid = FACTORY.make("nav_msgs/msg/OccupancyGrid", header=header, info=info, data=cells)
+    records = [
+        ("/ar_builder/artefact_map", 0.0, grid),
+        ("/ar_builder/artefacts", 0.1, tick),
+        ("/ar_builder/perceived", 0.1, artefacts(1)),
+    ]
+    lines = summary_of(write_messages(tmp_path / "live.mcap", records))
+    assert lines[3].startswith("in the maps  2.0 on average, 1.0 of them out of sight")
 
 
 def test_without_outputs_there_is_nothing_to_count(tmp_path: Path) -> None:
@@ -56,7 +81,7 @@ def test_without_outputs_there_is_nothing_to_count(tmp_path: Path) -> None:
     grid = FACTORY.make("nav_msgs/msg/OccupancyGrid")
     lines = summary_of(write_messages(tmp_path / "inputs.mcap", [("/map", 0.0, grid)]))
     assert lines[0] == "artefacts    0 arrived, 0 departed; alive 0.0 on average, 0 at most"
-    assert lines[2:4] == ["robot        0 contacts with artefacts", "ticks        0"]
+    assert [lines[2], lines[4]] == ["robot        0 contacts with artefacts", "ticks        0"]
 
 
 def test_what_is_no_recording_is_an_error(tmp_path: Path) -> None:
