@@ -129,9 +129,11 @@ CASES = (
     Case("tum-desk", "tum-desk-rgbd/tum-desk-rgbd.mcap", arrival_rate=0.2, mean_life_s=2.0),
     Case("redwood", "redwood-rgbd/redwood-rgbd.mcap", arrival_rate=0.2, mean_life_s=2.0),
 )
+WHOLE = "as-is"
+"""Of this all rates and shapes are run, over the whole recording; of the others two each."""
 SHIFTS_S = (-12.0, -7.6, -3.0, -0.8, 0.8, 3.0, 7.6, 12.0)
 VARIANTS = {
-    "as-is": Changes(),
+    WHOLE: Changes(),
     "infinite": Changes(infinite=0.3),
     **{f"shift{s:+g}": Changes(shift_s=s, infinite=0.15) for s in SHIFTS_S},
     **{
@@ -144,8 +146,6 @@ VARIANTS = {
     "gap": Changes(gaps=((7.0, 300.0),), infinite=0.15),
 }
 RATES, SHAPES = (20, 5, 10), ("box", "mesh")
-WHOLE = ("as-is", "infinite")
-"""Of these all rates and shapes are run, over the whole recording; of the others two each."""
 
 
 @dataclass(frozen=True)
@@ -170,11 +170,11 @@ def matrix(duration_s: float) -> Iterator[Run]:
     for turn in range(len(pairs)):
         for v, variant in enumerate(VARIANTS):
             for c, case in enumerate(CASES):
-                if (turn > 1 and variant not in WHOLE) or (not case.scan and variant != "as-is"):
+                if (turn > 1 and variant != WHOLE) or (not case.scan and variant != WHOLE):
                     continue
-                shift = v + c + 3 * turn if variant not in WHOLE else turn
+                shift = turn if variant == WHOLE else v + c + 3 * turn
                 rate, shape = pairs[shift % len(pairs)]
-                length = None if variant in WHOLE else duration_s
+                length = None if variant == WHOLE else duration_s
                 yield Run(case, variant, rate, shape, length)
 
 
@@ -207,7 +207,9 @@ class Bench:
             ways.update(counts)
         line |= {"speed": timing["real_time_factor"], "ways": dict(ways), "said": said[-1500:]}
         status, said = self._are("check", str(out))
-        failed = [row for row in said.splitlines() if ": passed" not in row and "skipped" not in row]
+        failed = [
+            row for row in said.splitlines() if ": passed" not in row and "skipped" not in row
+        ]
         line["check"] = "passed" if status == 0 else " | ".join(failed)[:600]
         replay_s = time.monotonic() - begun
         if run.case.scan:
@@ -261,7 +263,7 @@ class Bench:
             return lattices.of_octomap_file(self.data / case.octomap)
         if case.map_file:
             return lattices.of_map_file(self.data / case.map_file)
-        inputs = self.inputs(case, "as-is")
+        inputs = self.inputs(case, WHOLE)
         return lattices.of_cloud(inputs.cloud) if inputs.cloud else lattices.of_grid(inputs.grid)
 
     def _meshes(self) -> dict[int, Any]:
@@ -338,19 +340,23 @@ def report(lines: Sequence[dict[str, Any]]) -> None:
         wrong.update(line["wrong"])
     failed = sum(line["check"] != "passed" for line in lines)
     print(f"\n{len(lines)} runs, {total['scans']} scans, {total['beams']} beams")
-    print(f"{total['changed']} changed, of them {total['changed without a return']} without a return")
+    print(
+        f"{total['changed']} changed, of them {total['changed without a return']} without a return"
+    )
     print(f"checks that failed: {failed}; wrong: {dict(wrong) or 'nothing'}")
     print(f"scans not judged: {total['scans not judged']}; bare scans: {total['bare scans']}")
 
 
 def options() -> argparse.Namespace:
     """Return the options of the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data")
     parser.add_argument("--work", type=Path, default=ROOT / "out" / "judged")
     parser.add_argument("--code", type=Path, default=ROOT)
     parser.add_argument("--select", default="", help="regular expression on the names of runs")
-    parser.add_argument("--duration", type=float, default=20.0, help="of the made recordings [s]")
+    parser.add_argument("--duration", type=float, default=15.0, help="of the made recordings [s]")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--set", action="append", default=[], help="for are replay; repeatable")
     parser.add_argument("--minutes", type=float, default=1e9, help="begin no run after these")
@@ -367,12 +373,16 @@ def main() -> None:
         print(*(run.key for run in runs), sep="\n")
         return
     results = given.work / "results.jsonl"
-    lines = [json.loads(text) for text in results.read_text().splitlines()] if results.exists() else []
+    lines = (
+        [json.loads(text) for text in results.read_text().splitlines()] if results.exists() else []
+    )
     known = {line["key"] for line in lines}
     todo = [] if given.table else [run for run in runs if run.key not in known]
     if todo:
         extra = [word for one in given.set for word in ("--set", one)]
-        bench = Bench(given.code.resolve(), given.data.resolve(), given.work.resolve(), given.seed, extra)
+        bench = Bench(
+            given.code.resolve(), given.data.resolve(), given.work.resolve(), given.seed, extra
+        )
         begun = time.monotonic()
         for number, run in enumerate(todo, 1):
             if time.monotonic() - begun > 60 * given.minutes:

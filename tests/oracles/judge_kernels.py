@@ -29,15 +29,11 @@ def _box_hits(origin: Floats, ways: Floats, half: Floats) -> Floats:
     return hits
 
 
-def _mesh_hits(origin: Floats, ways: Floats, triangles: Floats, radius: float) -> Floats:
-    """Return the first hits of rays (N, 3) on triangles (T, 3, 3) within `radius` of 0, else inf."""
+def _mesh_hits(origin: Floats, ways: Floats, triangles: Floats) -> Floats:
+    """Return the first hits of rays (N, 3) from `origin` on triangles (T, 3, 3), else inf."""
     hits = np.full(len(ways), np.inf)
     for ray in range(len(ways)):
         x, y, z = ways[ray]
-        along = -(origin[0] * x + origin[1] * y + origin[2] * z)
-        apart2 = origin[0] ** 2 + origin[1] ** 2 + origin[2] ** 2 - along * along
-        if apart2 > radius * radius:
-            continue
         for corner in triangles:
             ax, ay, az = corner[1] - corner[0]
             bx, by, bz = corner[2] - corner[0]
@@ -128,7 +124,7 @@ def _first_solid(
         for axis in range(3):
             way = ways[ray, axis]
             at = origins[ray, axis] + begin * way - corner[axis]
-            index = int(math.floor(at / size[axis]))
+            index = math.floor(at / size[axis])
             cell[axis] = min(max(index, 0), solid.shape[axis] - 1)
             step[axis] = 1 if way > 0.0 else -1
             each[axis] = abs(size[axis] / way) if way != 0.0 else np.inf

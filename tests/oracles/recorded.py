@@ -1,4 +1,4 @@
-"""What a recording says, for the judge of scans: scans, frames, truth; shares no code with are_ros."""
+"""What a recording says, for the judge of scans: scans, frames, truth; no code of are_ros."""
 
 import math
 from collections import defaultdict, deque
@@ -93,9 +93,7 @@ class Frames:
         shift = (1.0 - share) * values[after - 1, :3] + share * values[after, :3]
         return slerp((stamp_ns - stamps[0]) / NS_PER_S).as_matrix(), shift
 
-    def _sorted(
-        self, edge: tuple[str, str]
-    ) -> tuple[npt.NDArray[np.int64], Floats, Slerp | None]:
+    def _sorted(self, edge: tuple[str, str]) -> tuple[npt.NDArray[np.int64], Floats, Slerp | None]:
         stamps, last = np.unique(np.array(self._stamps[edge])[::-1], return_index=True)
         values = np.array(self._samples[edge])[::-1][last]
         if len(stamps) < 2:
@@ -163,10 +161,7 @@ def read_inputs(
     """
     found, moves = Inputs(), []
     for line in static:
-        *numbers, parent, child = line.split()
-        x, y, z, *angles = map(float, numbers)
-        turn = Rotation.from_euler("ZYX", angles).as_matrix()
-        found.frames.add_static(parent, child, (turn, np.array((x, y, z))))
+        _take_line(found.frames, line)
     for topic, kind, log_ns, message in _messages(recording):
         if kind == TRANSFORMS:
             for one in message.transforms:
@@ -181,11 +176,9 @@ def read_inputs(
             found.cloud = message
     known = found.frames.children()
     for message in moves:
-        child = message.child_frame_id or base
+        child, pose = message.child_frame_id or base, message.pose.pose
         if child not in known:
-            pose = message.pose.pose
-            parent = message.header.frame_id
-            stamp_ns = stamp_of(message)
+            stamp_ns, parent = stamp_of(message), message.header.frame_id
             found.frames.add(parent, child, stamp_ns, pose.position, pose.orientation)
     return found
 
@@ -228,6 +221,13 @@ def _tick(message: Any, kinds: dict[int, Any]) -> Tick:
     return Tick(stamp_of(message), poses)
 
 
+def _take_line(frames: Frames, line: str) -> None:
+    *numbers, parent, child = line.split()
+    x, y, z, *angles = map(float, numbers)
+    turn = Rotation.from_euler("ZYX", angles).as_matrix()
+    frames.add_static(parent, child, (turn, np.array((x, y, z))))
+
+
 def _take_transform(frames: Frames, one: Any, *, is_static: bool) -> None:
     shift, turn = one.transform.translation, one.transform.rotation
     parent, child = one.header.frame_id, one.child_frame_id
@@ -247,9 +247,7 @@ def _messages(recording: Path, prefix: str = "") -> Iterable[tuple[str, str, int
     if prefix:
         read = {SCAN, "are_msgs/msg/ArtefactArray", "are_msgs/msg/ArtefactEvent"}
     with AnyReader([recording], default_typestore=types) as reader:
-        wanted = [
-            c for c in reader.connections if c.msgtype in read and c.topic.startswith(prefix)
-        ]
+        wanted = [c for c in reader.connections if c.msgtype in read and c.topic.startswith(prefix)]
         for connection, log_ns, data in reader.messages(connections=wanted):
             message = reader.deserialize(data, connection.msgtype)
             yield connection.topic, connection.msgtype, log_ns, message

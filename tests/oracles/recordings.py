@@ -1,6 +1,6 @@
 """Recordings made of others: stamps shifted, scans late, beams without a return, gaps.
 
-Shares no code with are_ros: it reads ROS 1 bags and rosbag2 with rosbags, and writes rosbag2 (mcap).
+Shares no code with are_ros: rosbags reads ROS 1 bags and rosbag2, and writes rosbag2 (mcap).
 """
 
 from collections.abc import Iterator, Sequence
@@ -70,8 +70,8 @@ def change_recording(
     with AnyReader([source], default_typestore=types) as reader:
         wanted = [c for c in reader.connections if c.msgtype in KEPT]
         wanted = [c for c in wanted if topics is None or c.topic in topics]
-        for connection, log_ns, data in reader.messages(connections=wanted):
-            message = _as_ros2(reader.deserialize(data, connection.msgtype), types)
+        for connection, log_ns, raw in reader.messages(connections=wanted):
+            message = _as_ros2(reader.deserialize(raw, connection.msgtype), types)
             gap_ns = _gap_ns(log_ns - reader.start_time, changes)
             for stamp in _stamps(message):
                 _move(stamp, gap_ns + round(changes.shift_s * NS_PER_S))

@@ -39,7 +39,7 @@ TOLERANCE_M = 0.005
 THROUGH_M = 0.02
 """How much nearer an artefact must be to count as passed through, or as missed."""
 WIGGLE_M = 0.01
-"""A beam counts as passed through or missed only if its neighbours this far aside meet it, too."""
+"""A beam counts as passed through or missed only if those this far aside, above, below meet it."""
 SUB_STEP_NS = 50_000_000
 WRONG = (
     "ghost",
@@ -106,18 +106,33 @@ class Body:
         found = np.full(len(ways), np.inf)
         if near.any():
             rays = np.ascontiguousarray(own[near])
-            found[near] = (
-                box_hits(start - self.box_centre, rays, self.half)
-                if self.triangles is None
-                else mesh_hits(start, rays, self.triangles, radius)
-            )
+            slack = 0.0 if self.triangles is None else 1e-6
+            found[near] = box_hits(start - self.box_centre, rays, self.half + slack)
+        if self.triangles is None:
+            return found
+        near = np.isfinite(found)
+        if near.any():
+            rays = np.ascontiguousarray(own[near])
+            found[near] = mesh_hits(start, rays, self._at_height(start, rays, radius))
         return found
+
+    def _at_height(self, start: Floats, rays: Floats, radius: float) -> Floats:
+        """Return the triangles between the lowest and the highest point of rays near it."""
+        assert self.triangles is not None
+        reach = float(np.linalg.norm(start)) + radius
+        low = start[2] + reach * min(float(rays[:, 2].min()), 0.0) - 1e-6
+        high = start[2] + reach * max(float(rays[:, 2].max()), 0.0) + 1e-6
+        heights = self.triangles[:, :, 2]
+        return self.triangles[(heights.max(axis=1) >= low) & (heights.min(axis=1) <= high)]
 
     def _distances(self, pose: Floats, points: Floats) -> Floats:
         own = np.ascontiguousarray((points - pose[:3]) @ _turn(pose))
-        if self.triangles is None:
-            return np.asarray(box_distances(own - self.box_centre, self.half))
-        return np.asarray(mesh_distances(own, self.triangles))
+        found = np.asarray(box_distances(own - self.box_centre, self.half))
+        inside = (np.abs(own - self.box_centre) <= self.half).all(axis=1)
+        near = inside | (found < 0.1)  # of what is farther from the box that is bound enough
+        if self.triangles is not None and near.any():
+            found[near] = mesh_distances(own[near], self.triangles)
+        return found
 
 
 class Truth:
@@ -314,10 +329,10 @@ class _Look:
         values = real.ranges
         self.valid = (values >= self.limits[0]) & (values <= self.limits[1])
         hits = [body.hits(self.origin, self.ways) for body in self.bodies]
-        empty = np.full((0, len(values)), np.inf)
-        self.nearest = np.min([h.min(axis=0) for h in hits] + [np.full(len(values), np.inf)], axis=0)
+        none, empty = np.full(len(values), np.inf), np.full((0, len(values)), np.inf)
+        self.nearest = np.min(np.stack([none, *(h.min(axis=0) for h in hits)]), axis=0)
         sure = [h.max(axis=0) for h, b in zip(hits, self.bodies, strict=True) if b.is_sure]
-        self.sure = np.min(np.stack([*sure, np.full(len(values), np.inf)]), axis=0)
+        self.sure = np.min(np.stack([none, *sure]), axis=0)
         self.all_hits = np.concatenate([*hits, empty])
 
     def judge(self) -> None:
@@ -343,8 +358,8 @@ class _Look:
         if len(self.all_hits):
             errors = np.abs(self.all_hits[:, beams] - ranges).min(axis=0)
         points = self.origin + ranges[:, None] * self.ways[beams]
-        loose = errors > TOLERANCE_M
         for body in self.bodies:
+            loose = errors > TOLERANCE_M
             if loose.any():
                 errors[loose] = np.minimum(errors[loose], body.distances(points[loose]))
         self.verdict.errors_m.append(errors)
@@ -366,7 +381,7 @@ class _Look:
         return said
 
     def _close(self, beams: npt.NDArray[np.int64]) -> None:
-        """What became -inf meets an artefact nearer than range_min."""
+        """Judge what became -inf: it meets an artefact nearer than range_min."""
         wrong = self.nearest[beams] > float(self.limits[0]) + TOLERANCE_M
         self._say("too near", beams[wrong])
 
@@ -416,20 +431,23 @@ class _Look:
     def _met_well_before(self, beams: npt.NDArray[np.int64], limit: Floats) -> Bools:
         """Return which beams, and their neighbours, meet who is sure nearer than `limit`."""
         met = self.sure[beams] < limit
-        for side in (-1.0, 1.0) if met.any() else ():
+        for aside, up in ((-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0)) if met.any() else ():
             chosen = np.flatnonzero(met)
-            aside = side * np.minimum(0.02, WIGGLE_M / np.maximum(self.sure[beams[chosen]], 0.1))
-            ways = np.ascontiguousarray(self._turned(beams[chosen], aside))
+            turn = np.minimum(0.02, WIGGLE_M / np.maximum(self.sure[beams[chosen]], 0.1))
+            ways = self._turned(beams[chosen], aside * turn, up * turn)
             hits = [b.hits(self.origin, ways).max(axis=0) for b in self.bodies if b.is_sure]
             met[chosen] = np.min(hits, axis=0) < limit[chosen]
         return met
 
-    def _turned(self, beams: npt.NDArray[np.int64], by_rad: Floats) -> Floats:
-        """Return the ways of beams that are turned a little in the laser's plane."""
+    def _turned(
+        self, beams: npt.NDArray[np.int64], by_rad: Floats, up_rad: Floats | float = 0.0
+    ) -> Floats:
+        """Return the ways of beams, turned a little in the laser's plane and out of it."""
         message = self.real.message
         turns = message.angle_min + message.angle_increment * beams + by_rad
-        flat = np.stack((np.cos(turns), np.sin(turns), np.zeros(len(turns))), axis=1)
-        return np.ascontiguousarray(flat @ self.turn.T)
+        level, height = np.cos(up_rad), np.sin(up_rad) * np.ones(len(turns))
+        own = np.stack((level * np.cos(turns), level * np.sin(turns), height), axis=1)
+        return np.ascontiguousarray(own @ self.turn.T)
 
     def _say(
         self,
