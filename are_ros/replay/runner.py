@@ -56,7 +56,7 @@ class Replay:
         stopwatch: Stopwatch,
     ) -> None:
         """Raise BagError where the window holds nothing, or a scan topic is absent."""
-        self.role_of_topic = _topics_to_read(reader, options, roles)
+        self.role_of_topic = topics_to_read(reader, options, roles)
         begin_ns, self.sentence = _beginning(reader, self.role_of_topic)
         self._first_log_ns = begin_ns + seconds_to_ns(options.start_s)
         self._last_log_ns = _end_ns(reader, self._first_log_ns, options)
@@ -141,7 +141,7 @@ def _end_ns(reader: BagReader, start_ns: int, options: ReplayOptions) -> int:
     return end_ns
 
 
-def _topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound) -> dict[str, str]:
+def topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound) -> dict[str, str]:
     """Return the role of each topic that the builder needs."""
     chosen: dict[str, str] = {}
     for role in _READ_ROLES:
