@@ -62,7 +62,7 @@ class Timeline:
 
         Raises BagError where the window holds nothing, or a scan topic is absent.
         """
-        role_of_topic = _topics_to_read(reader, options, roles)
+        role_of_topic = topics_to_read(reader, options, roles)
         begin_ns = _beginning(reader, role_of_topic)
         start_ns = begin_ns + seconds_to_ns(options.start_s)
         stop_ns = _end_ns(reader, start_ns, options)
@@ -203,7 +203,7 @@ def _end_ns(reader: BagReader, start_ns: int, options: ReplayOptions) -> int:
     return end_ns
 
 
-def _topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound) -> dict[str, str]:
+def topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound) -> dict[str, str]:
     """Return the role of each topic that the builder needs."""
     chosen: dict[str, str] = {}
     for role in _READ_ROLES:

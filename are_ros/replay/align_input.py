@@ -1,0 +1,320 @@
+"""The scans of a recording as one cloud, in the frame at the root of the tree they hang in."""
+
+import math
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.errors import BagError, FrameError, InputError
+from are_ros.messages.grid import read_grid
+from are_ros.messages.scan import read_scan
+from are_ros.replay._recorded_frames import RecordedFrames
+from are_ros.replay.bag_reader import BagMessage, BagReader
+from are_ros.replay.options import ReplayOptions
+from are_ros.replay.roles import RolesFound
+from are_ros.replay.runner import Progress, topics_to_read
+from are_ros.world.frame_tree import FrameTree
+from are_ros.world.laser_scan import LaserScan
+from are_ros.world.map_file import read_map_file
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.scan_matching import ScanCloud
+
+Floats = npt.NDArray[np.float64]
+
+_FRAME_ROLES: Final = ("tf", "tf_static", "odom")
+_CANDIDATES: Final = 600
+_MOST_SCANS: Final = 90
+_FEWEST_SCANS: Final = 10
+_APART_M: Final = 0.4
+_APART_RAD: Final = 0.3
+_MOST_TILT_RAD: Final = 0.1
+_RETRY_NS: Final = NS_PER_S // 5
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedScan:
+    """One scan in the root frame: where its returns end and its beams begin, (N, 2) each [m].
+
+    `place` is x, y, yaw of the laser at its first beam.
+    """
+
+    stamp_ns: int
+    topic: str
+    place: tuple[float, float, float]
+    endpoints_m: Floats
+    origins_m: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class AlignInput:
+    """What a recording offers: its scans in `root`, and what became of the others, in sentences."""
+
+    root: str
+    topics: tuple[str, ...]
+    scans: tuple[PlacedScan, ...]
+    notices: tuple[str, ...]
+
+    def cloud(self) -> ScanCloud:
+        """Return all endpoints."""
+        counts = [len(scan.endpoints_m) for scan in self.scans]
+        return ScanCloud(
+            np.concatenate([scan.endpoints_m for scan in self.scans]),
+            np.concatenate([scan.origins_m for scan in self.scans]),
+            np.repeat(np.arange(len(counts)), counts),
+        )
+
+    def driven_m(self) -> Floats:
+        """Return how far the laser had moved at each scan, float64 (N,)."""
+        places = np.array([scan.place[:2] for scan in self.scans])
+        steps = np.hypot(*np.diff(places, axis=0).T)
+        return np.concatenate(((0.0,), np.cumsum(steps)))
+
+
+def map_of(reader: BagReader, roles: RolesFound, options: ReplayOptions) -> OccupancyGrid:
+    """Return the map of the file, else the last of the recording; AreError where there is none."""
+    if options.map_file is not None:
+        return read_map_file(options.map_file, options.parameters.frames.map)
+    topic = roles.topic("map")
+    if topic is None:
+        raise BagError(
+            "the recording has no map (nav_msgs/OccupancyGrid): give one with --map FILE.yaml"
+        )
+    *_, last = reader.messages((topic,))
+    return read_grid(reader.deserialize(last), topic)
+
+
+def gather(
+    reader: BagReader, roles: RolesFound, options: ReplayOptions, progress: Progress
+) -> AlignInput:
+    """Read scans that are spread over the way of the robot. BagError where there is none of use.
+
+    `progress` is told the log time reached.
+    """
+    role_of_topic = topics_to_read(reader, options, roles)
+    topics = tuple(topic for topic, role in role_of_topic.items() if role == "scan")
+    if not topics:
+        raise BagError(_no_scan(roles))
+    frames = {topic: role for topic, role in role_of_topic.items() if role in _FRAME_ROLES}
+    begin_ns, end_ns = _window(reader, {*frames, *topics}, options)
+    first = next(reader.messages(topics, begin_ns, end_ns), None)
+    if first is None:
+        raise BagError(f"{', '.join(topics)}: no scan lies in the time that is to be read")
+    laser = read_scan(reader.deserialize(first), first.topic).frame_id.lstrip("/")
+    root = _root(_frames_of(reader, options, frames, begin_ns, end_ns), laser, options)
+    collector = _Collector(root)
+    recorded = RecordedFrames(options.parameters)
+    base = options.parameters.frames.base
+    wanted = _spread_scans(reader, topics, begin_ns, end_ns)
+    for message in _all_messages(reader, frames, topics, begin_ns, end_ns):
+        if message.topic in topics:
+            if (message.topic, message.log_time_ns) in wanted:
+                collector.take(reader, message)
+        else:
+            _feed(reader, recorded, message, frames[message.topic], base)
+        collector.place(recorded.tree, message.log_time_ns)
+        progress(message.log_time_ns)
+    collector.place(recorded.tree, None)
+    progress(end_ns)
+    if not collector.placed:
+        raise BagError(f"{', '.join(topics)}: none of the scans can be used: {collector.reason()}")
+    placed = sorted(collector.placed, key=lambda scan: scan.stamp_ns)
+    return AlignInput(root, topics, tuple(_telling(placed)), tuple(collector.notices()))
+
+
+class _Collector:
+    """Keeps scans until their transforms have come."""
+
+    def __init__(self, root: str) -> None:
+        self.placed: list[PlacedScan] = []
+        self._root = root
+        self._waiting: list[tuple[str, LaserScan]] = []
+        self._tried_ns = 0
+        self._taken = self._tilted = self._refused = 0
+        self._why_refused = self._why_lost = ""
+
+    def take(self, reader: BagReader, message: BagMessage) -> None:
+        """Take a scan; one that is malformed is counted."""
+        self._taken += 1
+        try:
+            scan = read_scan(reader.deserialize(message), message.topic)
+        except InputError as error:
+            self._refused += 1
+            self._why_refused = self._why_refused or str(error)
+        else:
+            self._waiting.append((message.topic, scan))
+
+    def place(self, tree: FrameTree, log_time_ns: int | None) -> None:
+        """Place those whose transforms are there; at the end (None) the others are given up."""
+        if log_time_ns is not None:
+            if not self._waiting or log_time_ns < self._tried_ns + _RETRY_NS:
+                return
+            self._tried_ns = log_time_ns
+        waiting, self._waiting = self._waiting, []
+        for topic, scan in waiting:
+            try:
+                placed = _placed(tree, self._root, topic, scan)
+            except FrameError as error:
+                self._why_lost = str(error)
+                self._waiting.append((topic, scan))
+                continue
+            if placed is None:
+                self._tilted += 1
+            elif len(placed.endpoints_m):
+                self.placed.append(placed)
+
+    def reason(self) -> str:
+        """Return why no scan is of use."""
+        return "; ".join(self.notices()) or "no beam has a return"
+
+    def notices(self) -> list[str]:
+        """Return what is to be said of scans that are not used."""
+        of = f"of {self._taken} scans"
+        notices = []
+        if self._refused:
+            notices.append(f"{self._refused} {of} are refused ({self._why_refused})")
+        if self._waiting:
+            notices.append(f"{len(self._waiting)} {of} have no transform ({self._why_lost})")
+        if self._tilted:
+            notices.append(f"{self._tilted} {of} are not level, and a map tells nothing of them")
+        return notices
+
+
+def _placed(tree: FrameTree, root: str, topic: str, scan: LaserScan) -> PlacedScan | None:
+    """Return a scan in the root frame, as of its stamp; None if it is tilted.
+
+    Beams are not moved to where the laser was at each: a NAV350 corrects that itself, and nothing
+    in a message tells. Raises FrameError while a transform is missing.
+    """
+    root_from_laser = tree.lookup(root, scan.frame_id, scan.stamp_ns)
+    # Of a laser upside down z points down, and its beams are in the plane all the same.
+    tilt_rad = math.acos(min(1.0, abs(float(root_from_laser.rotation_matrix()[2, 2]))))
+    if tilt_rad > _MOST_TILT_RAD:
+        return None
+    ranges = scan.ranges.astype(np.float64)
+    good = np.isfinite(ranges) & (ranges >= scan.range_min_m) & (ranges <= scan.range_max_m)
+    rays = scan.directions()[good] * ranges[good, np.newaxis]
+    endpoints = root_from_laser.apply(rays)[:, :2]
+    x, y, _ = root_from_laser.translation_m.tolist()
+    place = (x, y, root_from_laser.yaw_rad())
+    return PlacedScan(scan.stamp_ns, topic, place, endpoints, np.tile((x, y), (len(endpoints), 1)))
+
+
+def _telling(placed: list[PlacedScan]) -> list[PlacedScan]:
+    """Return scans from places that are apart, or evenly over the time where there are few."""
+    kept: dict[str, list[int]] = {}
+    for number, scan in enumerate(placed):
+        before = kept.setdefault(scan.topic, [])
+        if not before or _is_apart(placed[before[-1]], scan):
+            before.append(number)
+    chosen = {number for numbers in kept.values() for number in numbers}
+    if len(chosen) < _FEWEST_SCANS:
+        chosen.update(_evenly(len(placed), _FEWEST_SCANS))
+    numbers = sorted(chosen)
+    return [placed[numbers[k]] for k in _evenly(len(numbers), _MOST_SCANS)]
+
+
+def _is_apart(one: PlacedScan, other: PlacedScan) -> bool:
+    (x, y, yaw), (x1, y1, yaw1) = one.place, other.place
+    turned = abs((yaw1 - yaw + math.pi) % (2.0 * math.pi) - math.pi)
+    return math.hypot(x1 - x, y1 - y) > _APART_M or turned > _APART_RAD
+
+
+def _evenly(count: int, most: int) -> list[int]:
+    """Return `most` of the numbers below `count`, evenly spread; all where there are fewer."""
+    if count <= most:
+        return list(range(count))
+    return np.unique(np.linspace(0, count - 1, most).round().astype(int)).tolist()
+
+
+def _spread_scans(
+    reader: BagReader, topics: Collection[str], begin_ns: int, end_ns: int
+) -> frozenset[tuple[str, int]]:
+    """Return which scans are read (topic, log time): all, or of a long recording some of them."""
+    found = [(m.topic, m.log_time_ns) for m in reader.messages(topics, begin_ns, end_ns)]
+    return frozenset(found[k] for k in _evenly(len(found), _CANDIDATES))
+
+
+def _window(
+    reader: BagReader, topics: Collection[str], options: ReplayOptions
+) -> tuple[int, int]:
+    """Return the log times [begin, end) that are read, counted from the first that moves."""
+    moving = [topic for topic in topics if topic not in {"/tf_static", "tf_static"}]
+    first = next(reader.messages(moving), None)
+    begin_ns = (first.log_time_ns if first else reader.start_ns) + seconds_to_ns(options.start_s)
+    if options.duration_s is None:
+        return begin_ns, reader.end_ns
+    return begin_ns, min(reader.end_ns, begin_ns + seconds_to_ns(options.duration_s))
+
+
+def _all_messages(
+    reader: BagReader,
+    frames: Mapping[str, str],
+    topics: Collection[str],
+    begin_ns: int,
+    end_ns: int,
+) -> Iterator[BagMessage]:
+    """Yield the static transforms of the whole recording, then frames and scans of the window."""
+    static = [topic for topic, role in frames.items() if role == "tf_static"]
+    if static:
+        yield from reader.messages(static)
+    moving = [topic for topic in (*frames, *topics) if topic not in static]
+    yield from reader.messages(moving, begin_ns, end_ns)
+
+
+def _feed(
+    reader: BagReader, recorded: RecordedFrames, message: BagMessage, role: str, base: str
+) -> None:
+    """Take a message of transforms or of odometry; what is malformed is left out."""
+    try:
+        if role == "odom":
+            recorded.take_odometry(reader.odometry(message), base)
+            return
+        for transform in reader.transforms(message):
+            recorded.take_transform(transform, is_static=role == "tf_static")
+    except InputError:
+        return  # a replay counts it, and goes on
+
+
+def _frames_of(
+    reader: BagReader,
+    options: ReplayOptions,
+    frames: Mapping[str, str],
+    begin_ns: int,
+    end_ns: int,
+) -> FrameTree:
+    """Return the tree as it is at the end."""
+    recorded = RecordedFrames(options.parameters)
+    for message in _all_messages(reader, frames, (), begin_ns, end_ns):
+        _feed(reader, recorded, message, frames[message.topic], options.parameters.frames.base)
+    return recorded.tree
+
+
+def _root(tree: FrameTree, laser: str, options: ReplayOptions) -> str:
+    """Return the frame that the map is to be joined to; BagError where it is joined already."""
+    edges = tree.edges()
+    parents = {edge.child: edge.parent for edge in edges}
+    map_frame = options.parameters.frames.map
+    root = laser
+    while root in parents:
+        root = parents[root]
+    joined, last = {laser}, 0
+    while len(joined) > last:
+        last = len(joined)
+        ends = [{edge.parent, edge.child} for edge in edges]
+        joined = joined.union(*(pair for pair in ends if pair & joined))
+    if map_frame in joined:
+        raise BagError(
+            f"{map_frame} and {laser} hang together already: to find where another map lies, name"
+            f" its frame, as with --map-frame site; the transform is then that of site -> {root}"
+        )
+    return root
+
+
+def _no_scan(roles: RolesFound) -> str:
+    """Return what keeps the scans from being found."""
+    said = [sentence for sentence in roles.sentences() if sentence.startswith("scan:")]
+    return said[0] if said else "the recording has no laser scan, and a map can be matched with none"

@@ -1,0 +1,440 @@
+"""Where on a map laser scans were taken: a correlative search over the whole map and all headings.
+
+The cloud of scan endpoints is laid onto the map at every pose of a fine lattice; the pose at which
+most endpoints lie on walls, and no beam passes through one, is the answer. Branch and bound (Hess
+et al. 2016, after Olson 2009) finds the best pose of the lattice without trying them all; a
+local search then refines it below a cell.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.world._matching_kernels import (
+    FREE_CELL,
+    FULL,
+    UNKNOWN_CELL,
+    WALL_CELL,
+    judge_points,
+    likelihood,
+    search_nodes,
+    top_bounds,
+)
+from are_ros.world.occupancy_grid import CellClasses, OccupancyGrid
+
+Floats = npt.NDArray[np.float64]
+
+NEAR_M: Final = 0.1
+"""An endpoint within this of an occupied cell fits."""
+DISTINCT_M: Final = 0.5
+DISTINCT_RAD: Final = math.radians(10.0)
+"""Two poses farther apart than one of these are two answers."""
+AMBIGUOUS: Final = 0.95
+"""A rival with this share of the best score fits as well: a few people or chairs, who are not on
+the map, or who were when it was made, change the score of the right pose by as much."""
+POOR_SHARE: Final = 0.5
+"""With a smaller share of endpoints on walls, map and recording do not belong together."""
+
+_SEARCH_CELL_M: Final = 0.05
+_MOST_CELLS: Final = 2**24
+_SEARCH_POINTS: Final = 800
+_FINE_POINTS: Final = 4000
+_SEARCH_SIGMA_M: Final = 0.15
+_FINE_SIGMA_M: Final = 0.05
+_SCORE_SIGMA_M: Final = 0.1
+_MARGIN_M: Final = 0.3
+_TOP_LEVEL: Final = 5
+_UNKNOWN: Final = 25
+"""What an endpoint in an unknown place counts, of `FULL`: about as much as one at random."""
+_RIVAL_FLOOR: Final = 0.88
+"""Of the best score on the lattice: on its lattice a rival may lose more than the best did."""
+_MOST_RIVALS: Final = 3
+_BATCH: Final = 4096
+_SEED: Final = 20
+
+Progress = Callable[[float], None]
+
+
+class PlanarPose(NamedTuple):
+    """map_from_cloud in the plane [m, rad], the yaw in [-pi, pi)."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+    def apply(self, points_m: Floats) -> Floats:
+        """Return points (N, 2) of the cloud's frame in the map's."""
+        cosine, sine = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        moved: Floats = points_m @ np.array(((cosine, sine), (-sine, cosine)))
+        moved += (self.x_m, self.y_m)
+        return moved
+
+    def after(self, other: "PlanarPose") -> "PlanarPose":
+        """Return the composition: first `other`, then this."""
+        ((x_m, y_m),) = self.apply(np.array([[other.x_m, other.y_m]])).tolist()
+        return PlanarPose(x_m, y_m, wrapped(self.yaw_rad + other.yaw_rad))
+
+    def inverse(self) -> "PlanarPose":
+        """Return cloud_from_map."""
+        back = PlanarPose(0.0, 0.0, -self.yaw_rad)
+        ((x_m, y_m),) = back.apply(np.array([[self.x_m, self.y_m]])).tolist()
+        return PlanarPose(-x_m, -y_m, wrapped(-self.yaw_rad))
+
+
+def wrapped(angle_rad: float) -> float:
+    """Return the angle in [-pi, pi)."""
+    return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
+
+
+@dataclass(frozen=True, eq=False)
+class ScanCloud:
+    """Endpoints of planar scans in one level frame, float64 (N, 2) [m], N > 0.
+
+    `origins_m` (N, 2) is where the laser was for each, `scans` int64 (N,) the number of its scan.
+    """
+
+    endpoints_m: Floats
+    origins_m: Floats
+    scans: npt.NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.scans)
+
+    def part(self, chosen: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> "ScanCloud":
+        """Return the endpoints that a mask or indices choose."""
+        return ScanCloud(self.endpoints_m[chosen], self.origins_m[chosen], self.scans[chosen])
+
+    def thinned(self, cell_m: float, most: int) -> "ScanCloud":
+        """Return one endpoint of each scan per square of this side, in random order.
+
+        At most `most` of them; the same cloud gives the same endpoints. So the wall right beside
+        the laser, which takes most of its beams, does not outweigh the rest.
+        """
+        dice = np.random.Generator(np.random.PCG64(_SEED))
+        squares = np.floor(self.endpoints_m / cell_m).astype(np.int64)
+        squares = np.column_stack((self.scans, squares))
+        _, firsts = np.unique(squares, axis=0, return_index=True)
+        return self.part(dice.permutation(firsts)[:most])
+
+
+@dataclass(frozen=True)
+class Match:
+    """A pose, and how well the cloud fits there.
+
+    `score` is the mean over endpoints (thinned, see `ScanCloud.thinned`) of how near a wall each
+    lies, in 0..1, and of -1 for each whose beam passes through a wall. `near` is the share of all endpoints within `NEAR_M` of an occupied cell,
+    `unknown` that of those which lie in unknown cells or beyond the map, `through` that of beams
+    that pass through a wall on their way.
+    """
+
+    pose: PlanarPose
+    score: float
+    near: float
+    unknown: float
+    through: float
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """The best match, and rivals that fit as well, best first.
+
+    `slides_rad` is the direction in the map along which the cloud can be moved without loss (a
+    corridor), None where there is none.
+    """
+
+    best: Match
+    rivals: tuple[Match, ...]
+    slides_rad: float | None
+
+    @property
+    def is_ambiguous(self) -> bool:
+        """Whether another pose fits as well."""
+        return any(rival.score >= AMBIGUOUS * self.best.score for rival in self.rivals)
+
+    @property
+    def is_poor(self) -> bool:
+        """Whether even the best fits badly: the map seems to be of another place."""
+        return self.best.near < POOR_SHARE
+
+
+class ScanMatcher:
+    """Finds clouds on one map."""
+
+    def __init__(self, grid: OccupancyGrid, classes: CellClasses) -> None:
+        """Take a grid and the classes of its cells, with an occupied cell at least."""
+        known = classes.occupied | classes.free
+        rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+        part = np.s_[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
+        kinds = _kinds(classes.occupied[part], classes.free[part])
+        corner = grid.cells_to_points([[rows[0] - 0.5, cols[0] - 0.5]])[0]
+        self._map_from_part = PlanarPose(corner[0], corner[1], grid.origin.yaw_rad())
+        coarse = math.ceil(math.sqrt(kinds.size / _MOST_CELLS))
+        self._fine_m = grid.resolution_m * coarse
+        self._fine = _pooled(kinds, coarse)
+        self._distances = _distance_m(self._fine, self._fine_m)
+        factor = max(1, math.floor(_SEARCH_CELL_M / self._fine_m + 1e-6))
+        self._cell_m = self._fine_m * factor
+        self._fields = _Fields.of(_pooled(self._fine, factor), self._cell_m)
+
+    def align(self, cloud: ScanCloud, progress: Progress = lambda _: None) -> Alignment:
+        """Return the pose at which the cloud fits the map best, anywhere on it, and its rivals.
+
+        The place of the laser that is nearest to the middle of the cloud lies within the map's
+        known part. `progress` is told the fraction done.
+        """
+        search = _Search(self._fields, cloud)
+        first = search.best((), 0, lambda done: progress(0.7 * done))
+        best = self._refined(cloud, self._map_from_part.after(search.pose(first.leaf)))
+        found, rivals = [first], []
+        floor = int(_RIVAL_FLOOR * first.score)
+        for k in range(_MOST_RIVALS):
+            rival = search.best(found, floor, lambda _: None)
+            progress(0.7 + 0.1 * (k + 1))
+            if rival.score <= floor:
+                break
+            found.append(rival)
+            pose = self._map_from_part.after(search.pose(rival.leaf))
+            rivals.append(self._refined(cloud, pose))
+        matches = sorted([best, *rivals], key=lambda match: -match.score)
+        progress(1.0)
+        return Alignment(matches[0], tuple(matches[1:]), self._slide(cloud, matches))
+
+    def refined(self, cloud: ScanCloud, pose: PlanarPose, reach_m: float) -> Match:
+        """Return the best match near a pose, at most about `reach_m` away in each step."""
+        return self._refined(cloud, pose, reach_m)
+
+    def judged(self, cloud: ScanCloud, pose: PlanarPose) -> tuple[Floats, npt.NDArray[np.uint8]]:
+        """Return how far each endpoint lies from an occupied cell [m] (N,), and its flag (N,).
+
+        Infinite beyond the map; the flags are those of `judge_points`.
+        """
+        x_m, y_m, yaw = self._map_from_part.inverse().after(pose)
+        away_m, flags = np.empty(len(cloud)), np.empty(len(cloud), np.uint8)
+        judge_points(
+            self._distances, self._fine, self._fine_m, cloud.endpoints_m, cloud.origins_m,
+            x_m, y_m, yaw, _MARGIN_M, away_m, flags,
+        )  # fmt: skip
+        return away_m, flags
+
+    def match(self, cloud: ScanCloud, pose: PlanarPose) -> Match:
+        """Return how well a cloud fits at a pose."""
+        thin = cloud.thinned(NEAR_M, _FINE_POINTS)
+        away_m, flags = self.judged(thin, pose)
+        values = np.exp(-0.5 * (np.minimum(away_m, 1.0) / self._sigma(_SCORE_SIGMA_M)) ** 2)
+        values = np.where(flags == UNKNOWN_CELL, np.maximum(values, _UNKNOWN / FULL), values)
+        score = float(np.where(flags == WALL_CELL, -1.0, values).mean())
+        away_m, flags = self.judged(cloud, pose)
+        near = float((away_m <= NEAR_M).mean())
+        unknown = float(((flags == UNKNOWN_CELL) & (away_m > NEAR_M)).mean())
+        return Match(pose, score, near, unknown, float((flags == WALL_CELL).mean()))
+
+    def _sigma(self, sigma_m: float) -> float:
+        return max(sigma_m, self._fine_m)
+
+    def _refined(self, cloud: ScanCloud, pose: PlanarPose, reach_m: float = 0.0) -> Match:
+        """Climb from a pose by ever smaller steps along x, y and yaw, about the cloud's middle."""
+        thin = cloud.thinned(0.5 * NEAR_M, _FINE_POINTS)
+        middle = thin.endpoints_m.mean(axis=0)
+        about = PlanarPose(*middle.tolist(), 0.0)
+        points = thin.endpoints_m - middle
+        radius_m = max(float(np.hypot(*points.T).mean()), self._cell_m)
+        at = np.array(self._map_from_part.inverse().after(pose).after(about))
+        step_m = max(0.5 * self._cell_m, reach_m)
+        sigma_m = max(_SEARCH_SIGMA_M, reach_m)
+
+        def value(x_m: float, y_m: float, yaw: float) -> float:
+            sigma = self._sigma(sigma_m)
+            return likelihood(self._distances, self._fine_m, points, x_m, y_m, yaw, sigma)
+
+        units = np.diag((1.0, 1.0, 1.0 / radius_m))
+        score = value(*at)
+        while step_m > 0.0005:
+            tried = [at + sign * step_m * unit for unit in units for sign in (-1.0, 1.0)]
+            values = [value(*one) for one in tried]
+            k = int(np.argmax(values))
+            if values[k] > score:
+                at, score = tried[k], values[k]
+            else:
+                step_m *= 0.5
+                sigma_m = max(_FINE_SIGMA_M, min(sigma_m, 6.0 * step_m))
+                score = value(*at)
+        found = self._map_from_part.after(PlanarPose(*at.tolist())).after(about.inverse())
+        return self.match(cloud, found)
+
+    def _slide(self, cloud: ScanCloud, matches: Sequence[Match]) -> float | None:
+        """Return the direction from the best to a rival beside it, if what lies between fits."""
+        best, *rivals = matches
+        middle = cloud.origins_m.mean(axis=0)[np.newaxis]
+        for rival in rivals:
+            turned = abs(wrapped(rival.pose.yaw_rad - best.pose.yaw_rad))
+            dx, dy = (rival.pose.apply(middle) - best.pose.apply(middle))[0].tolist()
+            if turned > DISTINCT_RAD or rival.score < AMBIGUOUS * best.score:
+                continue
+            between = [_between(best.pose, rival.pose, part) for part in (0.25, 0.5, 0.75)]
+            scores = [self.match(cloud, pose).score for pose in between]
+            if min(scores) >= AMBIGUOUS * rival.score and math.hypot(dx, dy) > DISTINCT_M / 2:
+                return math.atan2(dy, dx)
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class _Fields:
+    """The map as the search sees it; `kinds` without, `levels` with `pad` cells around."""
+
+    kinds: npt.NDArray[np.uint8]
+    levels: npt.NDArray[np.uint8]
+    pad: int
+    cell_m: float
+
+    @classmethod
+    def of(cls, kinds: npt.NDArray[np.uint8], cell_m: float) -> "_Fields":
+        """Return the fields of uint8 (levels, h + 2 pad, w + 2 pad) for kinds (h, w).
+
+        Level 0 is the likelihood of an endpoint in each cell; level n the highest of the cells
+        within 2^n - 1 rows and columns.
+        """
+        pad = (1 << _TOP_LEVEL) - 1
+        sigma_m = max(_SEARCH_SIGMA_M, 1.5 * cell_m)
+        away = _distance_m(kinds, cell_m) / sigma_m
+        values = np.rint(FULL * np.exp(-0.5 * away**2)).astype(np.uint8)
+        unknown = kinds == UNKNOWN_CELL
+        values[unknown] = np.maximum(values[unknown], _UNKNOWN)
+        sides = (side + 2 * pad for side in kinds.shape)
+        levels = np.empty((_TOP_LEVEL + 1, *sides), dtype=np.uint8)
+        levels[0] = np.pad(values, pad, constant_values=_UNKNOWN)
+        for level in range(1, _TOP_LEVEL + 1):
+            shift = 1 << (level - 1)
+            levels[level] = _spread(_spread(levels[level - 1], shift).T, shift).T
+        return cls(kinds, levels, pad, cell_m)
+
+
+class _Found(NamedTuple):
+    """A leaf (x, y, yaw) of the search, and its score there."""
+
+    leaf: tuple[int, int, int]
+    score: int
+
+
+class _Search:
+    """The search for one cloud: a lattice of poses, coarse nodes above it, and their bounds.
+
+    The lattice is that of the cells of the search, and so fine in yaw that no endpoint moves by
+    more than a cell from one yaw to the next. Its poses are those of `reference`, a place of the
+    laser near the middle of the cloud.
+    """
+
+    def __init__(self, fields: _Fields, cloud: ScanCloud) -> None:
+        thin = cloud.thinned(2.0 * _SEARCH_CELL_M, _SEARCH_POINTS)
+        middle = 0.5 * (thin.endpoints_m.min(axis=0) + thin.endpoints_m.max(axis=0))
+        nearest = np.argmin(np.hypot(*(cloud.origins_m - middle).T))
+        self.reference_m = cloud.origins_m[nearest]
+        self.fields = fields
+        self.points = (thin.endpoints_m - self.reference_m) / fields.cell_m
+        self.origins = (thin.origins_m - self.reference_m) / fields.cell_m
+        height, width = fields.kinds.shape
+        self.level = min(_TOP_LEVEL, max(1, int(math.log2(max(height, width))) - 1))
+        reach = max(float(np.hypot(*self.points.T).max()), 1.0)
+        yaws = math.ceil(2.0 * math.pi * reach / (1 << self.level)) << self.level
+        self.yaw_step = 2.0 * math.pi / yaws
+        self.sides = np.array((width, height, yaws), dtype=np.int64)
+
+    def at(self, leaf: tuple[int, int, int]) -> tuple[float, float, float]:
+        """Return the pose [cells, rad] of the reference point at a leaf."""
+        x, y, yaw = leaf
+        return x + 0.5, y + 0.5, (yaw + 0.5) * self.yaw_step
+
+    def pose(self, leaf: tuple[int, int, int]) -> PlanarPose:
+        """Return the pose of the cloud's frame in that of the fields."""
+        x, y, yaw = self.at(leaf)
+        cell_m = self.fields.cell_m
+        back = PlanarPose(-self.reference_m[0], -self.reference_m[1], 0.0)
+        return PlanarPose(x * cell_m, y * cell_m, wrapped(yaw)).after(back)
+
+    def best(self, excluded: Sequence[_Found], floor: int, progress: Progress) -> _Found:
+        """Return the best leaf with a score above `floor` that is far from the excluded ones.
+
+        Where there is none, the score is `floor`.
+        """
+        fields = self.fields
+        away = np.array([self.at(found.leaf) for found in excluded]).reshape(-1, 3)
+        nodes, bounds = self._top(floor)
+        leaf, best = np.zeros(3, dtype=np.int64), floor
+        for begin in range(0, len(nodes), _BATCH):
+            batch = np.s_[begin : begin + _BATCH]
+            if bounds[batch][0] <= best:
+                break
+            best = search_nodes(
+                fields.levels, fields.pad, _UNKNOWN, fields.kinds, self.points, self.origins,
+                _MARGIN_M / fields.cell_m, self.level, nodes[batch], bounds[batch], self.sides,
+                self.yaw_step, away, DISTINCT_M / fields.cell_m, DISTINCT_RAD, best, leaf,
+            )  # fmt: skip
+            progress(min(1.0, (begin + _BATCH) / len(nodes)))
+        x, y, yaw = leaf.tolist()
+        return _Found((x, y, yaw), int(best))
+
+    def _top(self, floor: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]]:
+        """Return the nodes (N, 3) of the coarsest level with bounds above `floor`, best first."""
+        fields, size = self.fields, 1 << self.level
+        counts = -(-self.sides[:2] // size)
+        yaws = int(self.sides[2]) // size
+        bounds = np.empty((yaws, counts[1], counts[0]), dtype=np.int32)
+        top_bounds(
+            fields.levels[self.level], fields.pad, _UNKNOWN, self.points, self.level,
+            self.yaw_step, floor, bounds,
+        )  # fmt: skip
+        order = np.argsort(-bounds, axis=None, kind="stable")
+        order = order[bounds.ravel()[order] > floor]
+        yaw, y, x = np.unravel_index(order, bounds.shape)
+        return np.column_stack((x, y, yaw)).astype(np.int64), bounds.ravel()[order]
+
+
+def _between(a: PlanarPose, b: PlanarPose, part: float) -> PlanarPose:
+    x_m, y_m = a.x_m + part * (b.x_m - a.x_m), a.y_m + part * (b.y_m - a.y_m)
+    return PlanarPose(x_m, y_m, wrapped(a.yaw_rad + part * wrapped(b.yaw_rad - a.yaw_rad)))
+
+
+def _kinds(occupied: npt.NDArray[np.bool_], free: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint8]:
+    kinds = np.full(occupied.shape, UNKNOWN_CELL, dtype=np.uint8)
+    kinds[free] = FREE_CELL
+    kinds[occupied] = WALL_CELL
+    return kinds
+
+
+def _pooled(kinds: npt.NDArray[np.uint8], factor: int) -> npt.NDArray[np.uint8]:
+    """Return coarser cells: a wall where any is one, else free where any is."""
+    if factor == 1:
+        return kinds
+    sides = tuple(-(-side // factor) for side in kinds.shape)
+    padded = np.full((sides[0] * factor, sides[1] * factor), UNKNOWN_CELL, dtype=np.uint8)
+    padded[: kinds.shape[0], : kinds.shape[1]] = kinds
+    blocks = padded.reshape(sides[0], factor, sides[1], factor)
+    return _kinds((blocks == WALL_CELL).any(axis=(1, 3)), (blocks == FREE_CELL).any(axis=(1, 3)))
+
+
+def _distance_m(kinds: npt.NDArray[np.uint8], cell_m: float) -> npt.NDArray[np.float32]:
+    """Return the distance to the surface of the walls, float32 of the same shape [m].
+
+    The surface is the occupied cells beside one that is not: within a thick wall an endpoint fits
+    no better than before it.
+    """
+    import cv2
+
+    walls = (kinds == WALL_CELL).astype(np.uint8)
+    cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+    inner = cv2.erode(walls, cross, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    surface = walls & ~inner
+    distances = cv2.distanceTransform(1 - surface, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    metres: npt.NDArray[np.float32] = np.asarray(distances, dtype=np.float32) * np.float32(cell_m)
+    return metres
+
+
+def _spread(field: npt.NDArray[np.uint8], shift: int) -> npt.NDArray[np.uint8]:
+    """Return the highest of each value and those `shift` rows before and after it."""
+    spread = field.copy()
+    np.maximum(spread[shift:], field[:-shift], out=spread[shift:])
+    np.maximum(spread[:-shift], field[shift:], out=spread[:-shift])
+    return spread
