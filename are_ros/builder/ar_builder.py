@@ -57,6 +57,7 @@ class ArBuilder(Reality):
         environment.prepare()
         if self.demand.perception:
             self._watch.prepare(environment)
+        self._scans.prepare(environment)
         if self.demand.grids:
             self._grids.prepare(environment)
 
