@@ -2,7 +2,7 @@
 
 import math
 import struct
-from bisect import bisect_left, bisect_right
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -13,25 +13,32 @@ from are_ros.conventions import NS_PER_S
 
 _Floats = npt.NDArray[np.float64]
 _Ints = npt.NDArray[np.int64]
-_Entry = tuple[int, GroundPose]
 _POSE = struct.Struct("4d")
 
 
 class PoseTape:
-    """Frames, one a sub-step: an instant, who lived then and where.
+    """Frames, one a sub-step: who lives from an instant on, where, and where each will be next.
 
-    `times_ns` ascends; `ids` are int64 (N,), ascending, and `poses` float64 (N, 4), x, y, z, yaw in
-    the map frame; nobody writes into them later, so a frame costs the same however many live.
+    Frame k holds from `times_ns[k]` until frame k + 1 begins: those of `ids` int64 (N,), ascending,
+    go straight from the poses `starts` to `ends`, where they are at `until_ns[k]`, and stay there.
+    Poses are float64 (N, 4), x, y, z, yaw in the map frame. Nobody writes into the arrays later, so
+    a frame costs the same however many live. A frame is recorded when it begins, and never changes:
+    who is somewhere else when the next one begins has jumped at that instant.
+
     Frames older than `history_ns` before the newest are forgotten, but for the one that is needed
-    to interpolate there. `first` is the number of the oldest kept, `end` that of the next to come.
+    there. `first` is the number of the oldest kept, `end` that of the next to come. From
+    `still_since_ns` on, as far as it is known, nobody moves.
     """
 
     def __init__(self, history_ns: int = 2 * NS_PER_S) -> None:
         self.history_ns = history_ns
+        self.still_since_ns = 0
         self.first = 0
         self.times_ns: list[int] = []
+        self.until_ns: list[int] = []
         self.ids: list[_Ints] = []
-        self.poses: list[_Floats] = []
+        self.starts: list[_Floats] = []
+        self.ends: list[_Floats] = []
         self._open: dict[int, TapeHistory] = {}
 
     @property
@@ -39,9 +46,21 @@ class PoseTape:
         """The number of the next frame."""
         return self.first + len(self.times_ns)
 
-    def begin(self, artefact_id: int, t_ns: int, pose: GroundPose) -> "TapeHistory":
-        """Return the history of one who has come at `t_ns`; all frames from now on are its own."""
-        history = self._open[artefact_id] = TapeHistory(self, artefact_id, t_ns, pose)
+    def begin(
+        self,
+        artefact_id: int,
+        t_ns: int,
+        pose: GroundPose,
+        goes_to: tuple[int, GroundPose] | None = None,
+    ) -> "TapeHistory":
+        """Return the history of one who has come at `t_ns`; all frames from now on are its own.
+
+        Until the first of them it stands, or goes straight to a pose, at which it is at an instant.
+        """
+        first = (t_ns, pose, *(goes_to or (t_ns, pose)))
+        if first[3] != pose:
+            self.still_since_ns = max(self.still_since_ns, first[2])
+        history = self._open[artefact_id] = TapeHistory(self, artefact_id, first)
         return history
 
     def stop(self, artefact_id: int) -> None:
@@ -50,16 +69,20 @@ class PoseTape:
         if history is not None:
             history.close()
 
-    def record(self, since_ns: int, t_ns: int, ids: _Ints, before: _Floats, poses: _Floats) -> None:
-        """Add the sub-step in which those of `ids` went from poses `before` to `poses`.
-
-        It lasted from `since_ns` to `t_ns`; where nothing was recorded for longer, all had stood.
-        """
-        if not self.times_ns or self.times_ns[-1] < since_ns:
-            self._add(since_ns, ids, before)
-        self._add(t_ns, ids, poses)
+    def record(self, t_ns: int, until_ns: int, ids: _Ints, starts: _Floats, ends: _Floats) -> None:
+        """Add the frame of a sub-step that begins at `t_ns`; `until_ns` is when it will end."""
+        if ends is not starts:
+            self.still_since_ns = until_ns
+        elif not self.ends or self.ends[-1] is not starts:
+            self.still_since_ns = max(self.still_since_ns, t_ns)
+        self.times_ns.append(t_ns)
+        self.until_ns.append(until_ns)
+        self.ids.append(ids)
+        self.starts.append(starts)
+        self.ends.append(ends)
         while len(self.times_ns) > 1 and self.times_ns[1] <= t_ns - self.history_ns:
-            del self.times_ns[0], self.ids[0], self.poses[0]
+            for kept in (self.times_ns, self.until_ns, self.ids, self.starts, self.ends):
+                del kept[0]
             self.first += 1
 
     def clear(self) -> None:
@@ -67,56 +90,43 @@ class PoseTape:
         for artefact_id in list(self._open):
             self.stop(artefact_id)
         self.first = self.end
-        for kept in (self.times_ns, self.ids, self.poses):
+        for kept in (self.times_ns, self.until_ns, self.ids, self.starts, self.ends):
             kept.clear()
-
-    def _add(self, t_ns: int, ids: _Ints, poses: _Floats) -> None:
-        self.times_ns.append(t_ns)
-        self.ids.append(ids)
-        self.poses.append(poses)
 
 
 class TapeHistory(PoseHistory):
-    """The history of one artefact on a tape: what was appended to it, and its frames in between.
+    """The history of one artefact on a tape: how it came, and its frames since."""
 
-    Appended are its arrival, and where it was before it jumped. Of two poses at one instant, that
-    of the frame counts.
-    """
-
-    def __init__(self, tape: PoseTape, artefact_id: int, t_ns: int, pose: GroundPose) -> None:
-        super().__init__(t_ns, pose, tape.history_ns)
+    def __init__(
+        self, tape: PoseTape, artefact_id: int, first: tuple[int, GroundPose, int, GroundPose]
+    ) -> None:
+        """Take from when and where until when and whither it goes before its first frame."""
+        super().__init__(first[0], first[1], tape.history_ns)
         self._tape = tape
         self.artefact_id = artefact_id
-        self._arrival_ns = t_ns
+        self._came = first
         self._first = tape.end
         self._end: int | None = None
-        self._seen: _Floats | None = None
-        self._raw = _POSE.pack(*pose)
-        self._latest = pose
+        self._last = self._kept = first[3]
+        self._raw = _POSE.pack(*self._kept)
 
     @property
     def latest_ns(self) -> int:
-        """Time of the newest pose, be it the one before again."""
+        """The time at which it is at the newest pose: as far as it is known where it will be."""
         low, high = self._frames()
-        return self._tape.times_ns[high - 1] if low < high else self._times_ns[-1]
+        return self._tape.until_ns[high - 1] if low < high else self._came[2]
 
     @property
     def latest(self) -> GroundPose:
-        """The newest pose; the same object until there is another one."""
+        """The newest pose, that of `latest_ns`; the same object until there is another one."""
         low, high = self._frames()
-        if low < high and self._tape.poses[high - 1] is not self._seen:
-            self._seen = self._tape.poses[high - 1]
-            self.see(self._raw_at(high - 1), is_newest=True)
-        return self._latest
+        return self._seen(self._tape.ends, high - 1) if low < high else self._last
 
-    def see(self, raw: bytes, *, is_newest: bool) -> GroundPose:
-        """Return the pose of these bytes, four float64; the same object as the newest if equal."""
-        if raw == self._raw:  # by their bits: -0.0 is not 0.0 in the bytes of a message
-            return self._latest
-        pose = GroundPose._make(_POSE.unpack(raw))
-        if is_newest:
-            self._raw, self._latest = raw, pose
-        return pose
+    def see(self, raw: bytes) -> GroundPose:
+        """Return the pose of these bytes, four float64; the same object as the last if equal."""
+        if raw != self._raw:  # by their bits: -0.0 is not 0.0 in the bytes of a message
+            self._raw, self._kept = raw, GroundPose._make(_POSE.unpack(raw))
+        return self._kept
 
     @property
     def tape(self) -> PoseTape:
@@ -125,104 +135,91 @@ class TapeHistory(PoseHistory):
 
     def close(self) -> None:
         """Have no frames but those of now."""
-        _ = self.latest
+        self._last = self.latest
         self._end = self._tape.end
 
-    def has_only_frames_from(self, index: int) -> bool:
-        """Say whether frame `index` of those kept and all later ones, and they alone, are its."""
-        tape = self._tape
-        is_in = self._end is None and self._first - tape.first <= index
-        return is_in and self._times_ns[-1] <= tape.times_ns[index]
+    def is_in(self, index: int) -> bool:
+        """Say whether frame `index` of those kept is its own."""
+        number = self._tape.first + index
+        return self._first <= number and (self._end is None or number < self._end)
 
     def pose_at(self, t_ns: int) -> GroundPose:
         """Return the pose at `t_ns`: yaw by the shorter arc, in [-pi, pi] where interpolated."""
-        start, end = self._around(t_ns)
-        if end is None:
-            return self.latest
-        if start is None:
-            return end[1]
-        fraction = (t_ns - start[0]) / (end[0] - start[0])
-        if fraction == 0.0 or start[1] == end[1]:
-            return start[1]
-        return between(start[1], end[1], fraction)
+        start_ns, start, until_ns, end = self._leg(t_ns)
+        if t_ns >= until_ns:
+            return end
+        if t_ns <= start_ns or start == end:
+            return start
+        return between(start, end, (t_ns - start_ns) / (until_ns - start_ns))
 
     def velocity_at(self, t_ns: int) -> tuple[float, float, float]:
-        """Return the rates of x, y [m/s] and yaw [rad/s] in the map frame as of `t_ns`.
+        """Return the rates of x, y [m/s] and yaw [rad/s] in the map frame from `t_ns` on.
 
-        At an instant where two motions meet it is that of the earlier one. A jump (two poses
-        within a millisecond) is no motion, and outside the poses there is none.
+        At an instant where two motions meet it is that of the later one: where an artefact is
+        bound for is known. A jump is no motion, and outside the poses there is none.
         """
-        start, end = self._around(t_ns - 1)
-        if start is None or end is None:
+        start_ns, start, until_ns, end = self._leg(t_ns)
+        if not start_ns <= t_ns < until_ns:
             return 0.0, 0.0, 0.0
-        return rates_between(*start, *end)
+        return rates_between(start_ns, start, until_ns, end)
 
     def _frames(self) -> tuple[int, int]:
-        """Return the bounds [low, high) of its frames on the tape."""
+        """Return the bounds [low, high) of its frames among those kept."""
         tape = self._tape
         high = len(tape.times_ns) if self._end is None else max(self._end - tape.first, 0)
-        low = min(max(self._first - tape.first, 0), high)
-        # One who came after a pause is not in the frame that says how long the others stood.
-        return bisect_left(tape.times_ns, self._arrival_ns, low, high), high
+        return min(max(self._first - tape.first, 0), high), high
 
-    def _around(self, t_ns: int) -> tuple[_Entry | None, _Entry | None]:
-        """Return the last pose up to `t_ns` and the first one after it, None where there is none.
+    def _leg(self, t_ns: int) -> tuple[int, GroundPose, int, GroundPose]:
+        """Return from when and where to when and where it goes as of `t_ns`.
 
-        Where earlier frames are forgotten, there is none before the first.
+        Where earlier frames are forgotten it stands before the first.
         """
-        times_ns, own_ns = self._tape.times_ns, self._times_ns
-        low, high = self._frames()
-        frame, own = bisect_right(times_ns, t_ns, low, high), bisect_right(own_ns, t_ns)
-        before = after = None
-        if frame > low and (own == 0 or times_ns[frame - 1] >= own_ns[own - 1]):
-            before = times_ns[frame - 1], self._pose_in(frame - 1)
-        elif own > 0 and (frame > low or self._first >= self._tape.first):
-            before = own_ns[own - 1], self._poses[own - 1]
-        if frame < high and (own == len(own_ns) or times_ns[frame] <= own_ns[own]):
-            after = times_ns[frame], self._pose_in(frame)
-        elif own < len(own_ns):
-            after = own_ns[own], self._poses[own]
-        return before, after
+        tape, (low, high) = self._tape, self._frames()
+        frame = bisect_right(tape.times_ns, t_ns, low, high) - 1
+        if frame >= low:
+            times_ns = tape.times_ns[frame], tape.until_ns[frame]
+            start = self._seen(tape.starts, frame)
+            return times_ns[0], start, times_ns[1], self._seen(tape.ends, frame)
+        if self._first >= tape.first:
+            return self._came
+        pose = self._seen(tape.starts, low) if low < high else self._last
+        return t_ns, pose, t_ns, pose
 
-    def _raw_at(self, index: int) -> bytes:
+    def _seen(self, poses: list[_Floats], index: int) -> GroundPose:
         row = self._tape.ids[index].searchsorted(self.artefact_id)
-        raw: bytes = self._tape.poses[index][row].tobytes()
-        return raw
-
-    def _pose_in(self, index: int) -> GroundPose:
-        return self.see(self._raw_at(index), is_newest=False)
+        return self.see(poses[index][row].tobytes())
 
 
 def poses_at(histories: Sequence[PoseHistory], t_ns: int) -> list[GroundPose]:
     """Return the poses of many at `t_ns` at once, each as its `pose_at` gives it."""
     tape = next((one.tape for one in histories if isinstance(one, TapeHistory)), None)
-    start = -1 if tape is None else bisect_right(tape.times_ns, t_ns) - 1
-    if tape is None or start < 0:
+    frame = -1 if tape is None else bisect_right(tape.times_ns, t_ns) - 1
+    if tape is None or frame < 0:
         return [one.pose_at(t_ns) for one in histories]
     together = [
         one
         for one in histories
-        if isinstance(one, TapeHistory) and one.tape is tape and one.has_only_frames_from(start)
+        if isinstance(one, TapeHistory) and one.tape is tape and one.is_in(frame)
     ]
-    poses = dict(zip(map(id, together), _read(tape, start, together, t_ns), strict=True))
+    poses = dict(zip(map(id, together), _read(tape, frame, together, t_ns), strict=True))
     return [poses.get(id(one)) or one.pose_at(t_ns) for one in histories]
 
 
 def _read(
-    tape: PoseTape, start: int, histories: Sequence[TapeHistory], t_ns: int
+    tape: PoseTape, frame: int, histories: Sequence[TapeHistory], t_ns: int
 ) -> Iterator[GroundPose]:
-    """Yield the poses of those who are in all frames from `start`, the last up to `t_ns`, on."""
+    """Yield the poses at `t_ns` of those who are in a frame that holds then."""
     wanted = np.array([one.artefact_id for one in histories], np.int64)
-    poses, is_newest = tape.poses[start][tape.ids[start].searchsorted(wanted)], True
-    if start + 1 < len(tape.times_ns):
-        start_ns, end_ns = tape.times_ns[start : start + 2]
-        ends = tape.poses[start + 1][tape.ids[start + 1].searchsorted(wanted)]
-        if t_ns > start_ns:
-            poses = _all_between(poses, ends, (t_ns - start_ns) / (end_ns - start_ns))
-        is_newest = False
+    rows = tape.ids[frame].searchsorted(wanted)
+    start_ns, until_ns = tape.times_ns[frame], tape.until_ns[frame]
+    starts, ends = tape.starts[frame], tape.ends[frame]
+    if starts is ends or t_ns == start_ns or t_ns >= until_ns:
+        poses = (starts if t_ns == start_ns else ends)[rows]
+    else:
+        poses = _all_between(starts[rows], ends[rows], (t_ns - start_ns) / (until_ns - start_ns))
     raw = poses.tobytes()
     for k, one in enumerate(histories):
-        yield one.see(raw[32 * k : 32 * k + 32], is_newest=is_newest)
+        yield one.see(raw[32 * k : 32 * k + 32])
 
 
 def _all_between(starts: _Floats, ends: _Floats, fraction: float) -> _Floats:

@@ -79,11 +79,15 @@ class Track:
         between.append(int(self.times_ns[after]), self.pose(after))
         return between.pose_at(t_ns)
 
-    def jumps_within(self, after_ns: int, until_ns: int) -> bool:
-        """Say whether it jumps in (after, until]: two poses within a microsecond."""
+    def jump_within(self, after_ns: int, until_ns: int) -> int | None:
+        """Return the number of the first pose in (after, until] to which it jumps, None if none.
+
+        A jump is two poses within a microsecond.
+        """
         first, end = np.searchsorted(self.times_ns, (after_ns, until_ns), side="right").tolist()
-        times_ns = self.times_ns[max(first - 1, 0) : end]
-        return bool((np.diff(times_ns) < _JUMP_NS).any())
+        first = max(first, 1)
+        jumps = np.flatnonzero(np.diff(self.times_ns[first - 1 : end]) < _JUMP_NS)
+        return first + int(jumps[0]) if len(jumps) else None
 
     def poses_at(self, times_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
         """Return x, y, yaw at many instants: float64 (N, 3), within rounding as `pose_at`."""

@@ -1,6 +1,5 @@
 """Artefacts that go by a track: their poses and doings as given, whatever happens around them."""
 
-import struct
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,11 +11,12 @@ from are_ros.artefacts.scenario import Doing, Track
 
 @dataclass(eq=False, slots=True)
 class _Part:
-    """One artefact on its track; the next of its doings."""
+    """One artefact on its track, since when it is on the leg that it is on; its next doing."""
 
     artefact: Artefact
     track: Track
     start_ns: int
+    since_ns: int
     next_doing: int = 0
 
     def doing_ns(self) -> int | None:
@@ -29,8 +29,9 @@ class _Part:
 class TrackPlayer:
     """Takes artefacts along their tracks, in the order of their ids; instants are nanoseconds.
 
-    They are where their tracks are at the sub-steps, and between these on the straight line, but
-    where a track jumps.
+    They are where their tracks are at the sub-steps, and between these on the straight line: the
+    leg that they are on. Where a track jumps they do so at the next sub-step: until then they go on
+    if the jump is at its very instant, else they stand.
     """
 
     def __init__(self, period_ns: int) -> None:
@@ -46,11 +47,17 @@ class TrackPlayer:
         """Who goes by a track, ascending."""
         return tuple(self._parts)
 
-    def add(self, artefact: Artefact, track: Track, start_ns: int) -> None:
-        """Let an artefact that has just arrived go by a track that counts from `start_ns`."""
-        self._parts[artefact.id] = _Part(artefact, track, start_ns)
+    def add(self, artefact: Artefact, track: Track, start_ns: int) -> tuple[int, GroundPose]:
+        """Let an artefact that has just arrived go by a track that counts from `start_ns`.
+
+        Returns the instant of the next sub-step, and where it will be then.
+        """
+        arrival_ns = artefact.arrival_ns
+        part = self._parts[artefact.id] = _Part(artefact, track, start_ns, arrival_ns)
         self._parts = dict(sorted(self._parts.items()))
-        self.tell(artefact.arrival_ns)
+        self.tell(arrival_ns)
+        step_ns = -(-arrival_ns // self._period_ns) * self._period_ns
+        return step_ns, _bound_for(part, artefact.ground_pose_at(arrival_ns), step_ns)
 
     def ends_with_step(self, artefact_id: int, end_ns: int) -> bool:
         """Say whether one, known or not, whose life is over at `end_ns` lives through the sub-step.
@@ -80,6 +87,7 @@ class TrackPlayer:
         """Let all that is still to come be so much later: time stood still."""
         for part in self._parts.values():
             part.start_ns += by_ns
+            part.since_ns += by_ns
 
     def next_ns(self) -> int | None:
         """Return when somebody does something else next, None if never."""
@@ -93,21 +101,31 @@ class TrackPlayer:
                 _do(part.artefact, part.track.doings[part.next_doing], part.start_ns)
                 part.next_doing += 1
 
-    def move(self, step_ns: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
-        """Take all to where they are in the sub-step that ends at `step_ns`.
+    def jumps(self, step_ns: int) -> dict[int, GroundPose]:
+        """Return who has jumped by the sub-step at `step_ns`, ascending, and where each is then."""
+        return {
+            artefact_id: part.track.pose_at(step_ns - part.start_ns)
+            for artefact_id, part in self._parts.items()
+            if part.track.jump_within(part.since_ns - part.start_ns, step_ns - part.start_ns)
+            is not None
+        }
 
-        Returns, in the order of `ids`, the poses, float64 (M, 4), and bool (M,) who has moved
-        there; another whose pose is a new one has jumped.
+    def set_out(self, step_ns: int, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Let all be on their next leg, from `poses` (M, 4), in the order of `ids`, at `step_ns`.
+
+        Returns where they will be when the next sub-step begins, float64 (M, 4).
         """
-        parts = list(self._parts.values())
-        moved = np.array([_move(part, step_ns, self._period_ns) for part in parts], dtype=np.bool_)
-        poses = np.array([part.artefact.history.latest for part in parts], dtype=np.float64)
-        return poses.reshape(-1, 4), moved
+        ends = np.empty((len(self._parts), 4))
+        for k, part in enumerate(self._parts.values()):
+            part.since_ns = step_ns
+            pose = GroundPose(*poses[k].tolist())
+            ends[k] = _bound_for(part, pose, step_ns + self._period_ns)
+        return ends
 
     def ahead(self, artefact_id: int, step_ns: int, count: int) -> npt.NDArray[np.float64]:
         """Return where one will be in the `count` sub-steps after `step_ns`, float64 (count, 3).
 
-        The columns are x, y, yaw. Good to plan by; the poses to be are those of `move`.
+        The columns are x, y, yaw. Good to plan by; the poses to be are those of `set_out`.
         """
         part = self._parts[artefact_id]
         steps = np.arange(1, count + 1, dtype=np.int64)
@@ -120,24 +138,10 @@ def _do(artefact: Artefact, doing: Doing, start_ns: int) -> None:
     artefact.departure_ns = None if ends_ns is None else start_ns + ends_ns
 
 
-def _move(part: _Part, step_ns: int, period_ns: int) -> bool:
-    """Write the pose of a sub-step into the history; return whether the artefact moved there.
-
-    A history is written here as it is for those who move by themselves, so that a track that was
-    saved from histories gives the same ones.
-    """
-    history, since_ns = part.artefact.history, step_ns - part.start_ns
-    pose, was = part.track.pose_at(since_ns), history.latest
-    if _bits(pose) == _bits(was):
-        return False
-    jumps = part.track.jumps_within(since_ns - period_ns, since_ns)
-    stood_until_ns = step_ns - (1 if jumps else period_ns)
-    if jumps or history.latest_ns < stood_until_ns:
-        history.append(stood_until_ns, was)
-    history.append(step_ns, pose)
-    return not jumps
-
-
-def _bits(pose: GroundPose) -> bytes:
-    """Return what tells poses apart: -0.0 is not 0.0 in the bytes of a message."""
-    return struct.pack("4d", *pose)
+def _bound_for(part: _Part, pose: GroundPose, until_ns: int) -> GroundPose:
+    """Return where one that is at a pose goes until an instant, before it jumps there."""
+    until_ns -= part.start_ns
+    jump = part.track.jump_within(part.since_ns - part.start_ns, until_ns)
+    if jump is None:
+        return part.track.pose_at(until_ns)
+    return part.track.pose(jump - 1) if part.track.times_ns[jump] == until_ns else pose

@@ -57,6 +57,7 @@ class ArBuilder(Reality):
         environment.prepare()
         if self.demand.perception:
             self._watch.prepare(environment)
+        self._scans.prepare(environment)
         if self.demand.grids:
             self._grids.prepare(environment)
 
@@ -117,7 +118,7 @@ class ArBuilder(Reality):
         """Run one tick: register, occlude, gate, augment (section 3.3)."""
         self.advance(now_ns)
         scene = self.lives.scene_at(now_ns)
-        states = self._states.states(scene.artefacts, now_ns)
+        states = self._states.states(scene, now_ns)
         observation = self._observe(now_ns, scene)
         patches = self._register(scene)
         grids = self._augment(now_ns, observation, patches)

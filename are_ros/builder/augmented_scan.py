@@ -9,6 +9,7 @@ import numpy.typing as npt
 from are_ros._compiled import compiled
 from are_ros.builder._mesh_kernels import Tree, cast, enters, inverse
 from are_ros.builder.mesh_casting import MeshSelection
+from are_ros.builder.ray_casting import VoxelField
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
@@ -21,15 +22,19 @@ def augment_scan(
     map_from_laser: RigidTransform,
     boxes: OrientedBoxes,
     shapes: MeshSelection | None = None,
+    surface: VoxelField | None = None,
 ) -> LaserScan:
     """Return the scan with virtual returns where an artefact is nearer than what was measured.
 
     The scan is `checked`; `boxes` are the artefacts' in the map frame, `shapes` their meshes
-    (None: the boxes themselves). The laser's plane may have any orientation. Per beam, with the
-    first hit on any artefact, Euclidean [m]:
+    (None: the boxes themselves), `surface` is that of the environment (None: there is none). The
+    laser's plane may have any orientation. Per beam, with the first hit on any artefact, Euclidean
+    [m]:
 
-    - within [range_min, range_max] it replaces a farther real return, and also +inf, NaN, a range
-      above range_max or below range_min (many drivers write 0.0 where nothing came back);
+    - within [range_min, range_max] it replaces a farther real return, wherever the environment has
+      a wall: the return is the evidence that the way there is free;
+    - it replaces +inf, NaN, a range above range_max or below range_min (many drivers write 0.0
+      where nothing came back) where the environment's surface is not in front of it;
     - nearer than range_min it becomes -inf (REP 117: too close), unless the return is nearer still;
     - beyond range_max, or not nearer than a valid return, it changes nothing, and -inf stays.
 
@@ -52,7 +57,7 @@ def augment_scan(
     )
     if hits.min() == np.inf:
         return scan
-    ranges, replaced = _merged(scan, hits.astype(np.float32))
+    ranges, replaced = _merged(scan, hits.astype(np.float32), map_from_laser, surface)
     if not replaced.any():
         return scan
     dimmed = (
@@ -62,7 +67,10 @@ def augment_scan(
 
 
 def _merged(
-    scan: LaserScan, hits: npt.NDArray[np.float32]
+    scan: LaserScan,
+    hits: npt.NDArray[np.float32],
+    map_from_laser: RigidTransform,
+    surface: VoxelField | None,
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
     """Return the ranges with the hits in them, and which were replaced; the rules above."""
     real = scan.ranges
@@ -72,8 +80,29 @@ def _merged(
     too_close = np.isneginf(real)
     nearer = np.where(returned, hits < real, hits <= farthest)
     replaced = nearer & ~too_close
+    if surface is not None:
+        doubtful = np.flatnonzero(replaced & ~returned)
+        replaced[doubtful] = ~_are_hidden(scan, doubtful, hits[doubtful], map_from_laser, surface)
     virtual = np.where(hits < nearest, np.float32(-np.inf), hits)
     return np.where(replaced, virtual, real), replaced
+
+
+def _are_hidden(
+    scan: LaserScan,
+    beams: npt.NDArray[np.int64],
+    hits_m: npt.NDArray[np.float32],
+    map_from_laser: RigidTransform,
+    surface: VoxelField,
+) -> npt.NDArray[np.bool_]:
+    """Tell at which of some beams (K,) the environment is met before the hit (K,), bool (K,)."""
+    if not len(beams):
+        return np.empty(0, np.bool_)
+    angles = scan.angle_min_rad + beams * scan.angle_increment_rad
+    planar = np.stack((np.cos(angles), np.sin(angles)), axis=1)
+    directions = planar @ map_from_laser.rotation_matrix()[:, :2].T
+    origin_m, farthest_m = map_from_laser.translation_m, float(hits_m.max())
+    hidden: npt.NDArray[np.bool_] = surface.first_hits(origin_m, directions, farthest_m) < hits_m
+    return hidden
 
 
 @compiled

@@ -2,8 +2,8 @@
 
 Kept are the poses that changed, and of whom, not who stood where: an hour of twenty artefacts that
 walk all the time takes 70 MB. The scenario's tracks are the histories that the run had, so that a
-replay of it has them again, bit by bit. Who left with a sub-step, not before it, has a pose at that
-very instant.
+replay of it has them again, bit by bit. Only who left with a sub-step, not before it, has a pose at
+that very instant.
 """
 
 from collections.abc import Mapping
@@ -103,12 +103,15 @@ class LifeKeeper:
         """Keep one who has just come to live."""
         if self._is_full(artefact.arrival_ns):
             return
-        row, arrival_ns, pose = artefact.row, artefact.arrival_ns, artefact.history.latest
+        row, arrival_ns, end = artefact.row, artefact.arrival_ns, artefact.history.latest
+        pose = artefact.ground_pose_at(arrival_ns)
         self._kept[artefact.id] = _Kept(row, artefact.origin, arrival_ns, pose)
         self._note(arrival_ns, artefact)
         at = int(np.searchsorted(self._ids, artefact.id))
         self._ids = np.insert(self._ids, at, artefact.id)
-        self._poses = np.insert(self._poses, at, pose, axis=0)
+        self._poses = np.insert(self._poses, at, end, axis=0)
+        if end is not pose:
+            self._add(artefact.history.latest_ns, self._ids[[at]], np.array([end]), jumped=False)
 
     def refused(self, artefact_id: int, row: CatalogueRow, t_ns: int, why: str) -> None:
         """Keep one who could not come."""
@@ -130,25 +133,26 @@ class LifeKeeper:
         self._ids = np.delete(self._ids, at)
         self._poses = np.delete(self._poses, at, axis=0)
 
-    def step(self, t_ns: int, ids: _Ints, poses: _Floats, moved: _Mask) -> None:
-        """Keep the sub-step that ended at `t_ns`.
-
-        `ids` (N,) are all who live, ascending; `poses` (N, 4) x, y, z, yaw, not written into
-        later; `moved` (N,) tells who moved there by itself: another whose pose is a new one has
-        jumped. Raises ValueError where `ids` are not those who arrived and have not departed.
-        """
+    def begin_step(self, t_ns: int) -> None:
+        """Say that a sub-step begins at `t_ns`: who departs at this instant leaves with it."""
         self._stepped_ns = t_ns
-        if poses is self._poses or self._is_full(t_ns):
+
+    def step(self, t_ns: int, ids: _Ints, starts: _Floats, ends: _Floats) -> None:
+        """Keep the sub-step that began at `t_ns`.
+
+        `ids` (N,) are all who live, ascending; `starts` (N, 4) are x, y, z, yaw then, and `ends`
+        (N, 4) where they will be when the next one begins; nobody writes into them later. Who was
+        bound for somewhere else than where it starts has jumped. Raises ValueError where `ids` are
+        not those who arrived and have not departed.
+        """
+        if (starts is self._poses and ends is starts) or self._is_full(t_ns):
             return
         if not np.array_equal(ids, self._ids):
             raise ValueError("the ids are not those who arrived and have not departed")
-        # By their bits: -0.0 is not 0.0 in the bytes of a message.
-        changed = (poses.view(np.int64) != self._poses.view(np.int64)).any(axis=1)
-        self._poses = poses
-        changes = np.empty(int(np.count_nonzero(changed)), _CHANGE)
-        changes["t_ns"], changes["id"] = t_ns, ids[changed]
-        changes["pose"], changes["jumped"] = poses[changed], ~moved[changed]
-        self._changes += changes.tobytes()
+        jumped, goes = _differ(self._poses, starts), _differ(starts, ends)
+        self._add(t_ns, ids[jumped], starts[jumped], jumped=True)
+        self._add(t_ns + self._period_ns, ids[goes], ends[goes], jumped=False)
+        self._poses = ends
 
     def look(self, t_ns: int, living: Mapping[int, Artefact]) -> None:
         """Keep what each does from `t_ns` on, where that is something else than before.
@@ -172,6 +176,12 @@ class LifeKeeper:
         in_order.sort(key=lambda one: one.arrives_ns)
         return Scenario(tuple(in_order), random=False, name=name)
 
+    def _add(self, t_ns: int, ids: _Ints, poses: _Floats, *, jumped: bool) -> None:
+        changes = np.empty(len(ids), _CHANGE)
+        changes["t_ns"], changes["id"], changes["pose"] = t_ns, ids, poses
+        changes["jumped"] = jumped
+        self._changes += changes.tobytes()
+
     def _is_full(self, t_ns: int) -> bool:
         if self._full_ns is None and len(self) >= self._most:
             self._full_ns = t_ns
@@ -192,7 +202,9 @@ class LifeKeeper:
     ) -> ScriptedArtefact:
         ends_ns, arrives_ns = self._end_ns(kept), kept.arrival_ns - self._start_ns
         times_ns, poses = _history(kept.arrival_ns, kept.pose, changes, self._period_ns)
-        if kept.left_with_step and times_ns[-1] != kept.departed_ns:
+        if not kept.left_with_step:
+            times_ns = times_ns - (times_ns == kept.departed_ns)
+        elif times_ns[-1] != kept.departed_ns:
             times_ns = np.append(times_ns, kept.departed_ns or 0)
             poses = np.concatenate((poses, poses[-1:]))
         doings = _worth_saying(kept.doings, ends_ns)
@@ -231,12 +243,13 @@ def _history(
 ) -> tuple[_Ints, _Floats]:
     """Return instants (K,) and poses (K, 4) as the artefact's history had them.
 
-    Who set off stood until a sub-step before, who jumped until a nanosecond before. Of two poses
-    at one instant the later counts.
+    Who set off stood until a sub-step before, who jumped was until a nanosecond before where it had
+    been bound for. Of two poses at one instant the later counts.
     """
     times_ns = np.concatenate(([arrival_ns], changes["t_ns"]))
     poses = np.concatenate(([pose], changes["pose"]))
     stood_until_ns = changes["t_ns"] - np.where(changes["jumped"], 1, period_ns)
+    times_ns[1:-1] -= changes["jumped"][1:] & (changes["t_ns"][1:] == changes["t_ns"][:-1])
     stood = stood_until_ns > times_ns[:-1]
     times_ns = np.concatenate((times_ns, stood_until_ns[stood]))
     poses = np.concatenate((poses, poses[:-1][stood]))
@@ -244,3 +257,11 @@ def _history(
     times_ns, poses = times_ns[order], poses[order]
     is_last = np.append(times_ns[1:] != times_ns[:-1], np.True_)
     return times_ns[is_last], poses[is_last]
+
+
+def _differ(poses: _Floats, others: _Floats) -> _Mask:
+    """Tell whose poses differ, by their bits: -0.0 is not 0.0 in the bytes of a message."""
+    if poses is others:
+        return np.zeros(len(poses), np.bool_)
+    different: _Mask = (poses.view(np.int64) != others.view(np.int64)).any(axis=1)
+    return different

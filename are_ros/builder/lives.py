@@ -2,9 +2,11 @@
 
 `Lives.advance` lets happen what is due, in order: the events of the population at their exact
 times, and the sub-steps at multiples of `motion.step` since the epoch. A sub-step looks at what
-was received before it: the environment, the robot, its goal. Events between two sub-steps go by
-what the first of them saw. So what happens depends on the seed and on what was received before
-which sub-step, never on how often `advance` is called, nor on the instant of reception itself.
+was received before it: the environment, the robot, its goal; and it fixes where everybody will be
+until the next one. Events between two sub-steps go by what the first of them saw. So what happens
+depends on the seed and on what was received before which sub-step, never on how often `advance` is
+called, nor on the instant of reception itself; and where an artefact is at an instant is known as
+soon as that has come, and does not change any more.
 """
 
 from collections.abc import Callable, Sequence
@@ -81,6 +83,7 @@ class Lives:
         self._events: list[ArtefactEvent] = []
         self._environment: Environment | None = None
         self._scene = Scene.of((), 0)
+        self._scene_ns = 0
 
     @property
     def area_m2(self) -> float:
@@ -121,11 +124,17 @@ class Lives:
         """The environment that the last sub-step saw; before one, the newest."""
         return self._environment or self._world.environment
 
-    def scene_at(self, t_ns: int) -> Scene:
-        """Return who is, or was, there at `t_ns`, and where; the same object while all stand."""
+    def scene_at(self, t_ns: int, arrived_by_ns: int | None = None) -> Scene:
+        """Return who is, or was, there at `t_ns`, and where; the same object while all stand.
+
+        Only of those who had arrived by another instant where there is one.
+        """
         artefacts = self.population.present_at(t_ns)
-        if not self._scene.holds_for(artefacts, t_ns):
-            self._scene = Scene.of(artefacts, t_ns)
+        if arrived_by_ns is not None:
+            artefacts = [one for one in artefacts if one.arrival_ns <= arrived_by_ns]
+        all_stood = self._motions.still_since_ns <= min(t_ns, self._scene_ns)
+        if not all_stood or self._scene.artefacts != tuple(artefacts):
+            self._scene, self._scene_ns = Scene.of(artefacts, t_ns), t_ns
         return self._scene
 
     def take_events(self) -> list[ArtefactEvent]:
@@ -280,7 +289,7 @@ class Lives:
         environment = self._environment
         if environment is None:
             return "there is no map yet"
-        pose, others = offer.pose, self._motions.crowd.boxes
+        pose, others = offer.pose, self._motions.crowd.taken
         if not offer.has_height:
             pose = on_ground(offer.row, pose, environment)
         box, robot = boxes_of([offer.row], [pose]), self._robot
@@ -299,7 +308,7 @@ class Lives:
         near: tuple[float, float] | None,
     ) -> GroundPose | Cause:
         motions, spawning = self._motions, self._spawning
-        boxes, is_clear = motions.crowd.boxes, motions.traffic.is_clear
+        boxes, is_clear = motions.crowd.taken, motions.traffic.is_clear
         pose = spawning.place(row, generator, boxes, self._robot, near, is_clear)
         return pose or spawning.cause
 
@@ -307,11 +316,11 @@ class Lives:
         environment = self._world.environment
         if environment is None:
             return "there is no map yet"
-        others = self._motions.crowd.boxes
+        others = self._motions.crowd.taken
         return self._spawning.why_not(boxes_of([row], [pose]), environment, others, robot)
 
     def _sub_step(self, step_ns: int) -> None:
-        """Look at the environment, the robot and its goal; resolve collisions."""
+        """Look at the environment, the robot and its goal; resolve collisions; go on."""
         self._world.retry_cloud()
         # Unless the robot's pose is known now, it is where the last sub-step saw it. What ticks
         # saw in between does not count: nothing may depend on when they run.
@@ -326,11 +335,14 @@ class Lives:
         if spawning.refresh(self._environment, self._robot, self._viewpoints):
             self._set_rates(step_ns)
         self.population.scripted.open(step_ns)
-        if not self.is_paused and not self._steps.is_idle and self.population.living:
-            self._move(step_ns, self._environment)
-            self._look_at_doings(step_ns)
+        goes_on = bool(self.population.living) and not (self.is_paused or self._steps.is_idle)
+        if goes_on:
+            self._settle(step_ns, self._environment)
         for artefact_id in self._motions.player.leaving:
             self.remove(artefact_id, step_ns, self.population.cause_of(artefact_id))
+        if goes_on:
+            self._motions.set_out(step_ns, self._steps.period_ns, self._environment)
+            self._look_at_doings(step_ns)
 
     def _set_rates(self, now_ns: int) -> None:
         """Let the rates of the parameters hold; nobody arrives before the region is known."""
@@ -342,16 +354,16 @@ class Lives:
             rate, mean_life_s = 0.0, float("inf")
         self.population.set_rates(rate, area_m2, mean_life_s, now_ns)
 
-    def _move(self, step_ns: int, environment: Environment) -> None:
-        """Let the living decide, move and keep apart; let those go who are out, or have to."""
-        motions, spawning, period_ns = self._motions, self._spawning, self._steps.period_ns
+    def _settle(self, step_ns: int, environment: Environment) -> None:
+        """Keep the living apart, let them decide; let those go who are out, or have to."""
+        motions, spawning, living = self._motions, self._spawning, self.population.living
         motions.enter(environment, spawning.region, spawning.zones)
-        happened = motions.step(
-            step_ns, period_ns, self.population.living, environment, self._robot, self.plan_m
-        )
+        happened = motions.settle(step_ns, living, environment, self._robot)
         self._events += happened.events
         for artefact_id, cause in happened.leavers:
             self.remove(artefact_id, step_ns, cause)
+        for artefact_id in motions.decide(step_ns, self._steps.period_ns, living, self.plan_m):
+            self.remove(artefact_id, step_ns, Cause.LIFE_OVER)
         exits_m = motions.navigation.places.exits_m
         for artefact_id in self._farewells.due(
             step_ns, motions.crowd, exits_m, spawning.out_of_view

@@ -1,7 +1,9 @@
-"""What happens to the living in a sub-step: minds decide, traffic plans, collisions are resolved.
+"""What happens to the living in a sub-step: collisions are resolved, minds decide, traffic plans.
 
-Positions belong to the sub-steps: who is KEPT is where the traffic has planned it to be; the others
-are where the resolver has left them (section 3.3), and the traffic is told.
+A sub-step begins where the one before has taken everybody: who is KEPT is there, the others are
+where the resolver puts them (section 3.3), and the traffic is told. Then minds decide and the
+traffic plans where all will be when the next sub-step begins. From then on that is certain: until
+the next sub-step all go straight there, whatever comes in, and who arrives in between stands.
 """
 
 import math
@@ -37,7 +39,7 @@ from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.region import SpawnRegion
 from are_ros.world.zones import Zones
 
-_NO_INDICES = np.empty(0, np.intp)
+_Floats = npt.NDArray[np.float64]
 _STEPS_AHEAD = 30
 """So many sub-steps of a track the others know in advance."""
 
@@ -48,22 +50,6 @@ class Happened:
 
     events: list[ArtefactEvent] = field(default_factory=list)
     leavers: list[tuple[int, Cause]] = field(default_factory=list)
-
-
-@dataclass(frozen=True, eq=False)
-class _Wish:
-    """Where N artefacts want to be at the end of a sub-step, in the order of their ids.
-
-    `poses` float64 (N, 4) x, y, z, yaw, and the boxes there; `moved` bool (N,): who goes there by
-    itself; `tracked` int64 (M,): the indices of those who go by a track, `jumping` of those of them
-    whose track puts them elsewhere on the ground.
-    """
-
-    poses: npt.NDArray[np.float64]
-    boxes: OrientedBoxes
-    moved: npt.NDArray[np.bool_]
-    tracked: npt.NDArray[np.intp]
-    jumping: npt.NDArray[np.intp]
 
 
 class Motions:
@@ -92,18 +78,20 @@ class Motions:
         self.counts = MotionCounts()
         self.contacts = ContactLog(robot)
         self._robot_watch = RobotWatch()
+        self._robot: RobotMotion | None = None
         self._entered: tuple[Environment, SpawnRegion] | None = None
 
     def begin(self, artefact: Artefact, script: ScriptedOffer | None) -> None:
         """Let an artefact that has just arrived be there; it has a track, or a mind of its own."""
-        pose = artefact.history.latest
-        body = Body.of(artefact.row)
-        self.crowd.add(artefact.id, artefact.row, pose)
-        self.traffic.add(artefact.id, pose, body)
+        pose = end = artefact.history.latest
+        body, goes_to = Body.of(artefact.row), None
         if script is not None and script.track is not None:
-            self.player.add(artefact, script.track, script.start_ns)
-        else:
-            artefact.history = self._tape.begin(artefact.id, artefact.arrival_ns, pose)
+            goes_to = self.player.add(artefact, script.track, script.start_ns)
+            end = goes_to[1]
+        artefact.history = self._tape.begin(artefact.id, artefact.arrival_ns, pose, goes_to)
+        self.crowd.add(artefact.id, artefact.row, pose, end)
+        self.traffic.add(artefact.id, end, body)
+        if goes_to is None:
             self.minds.admit(artefact, body)
         if self.keeper is not None:
             self.keeper.arrived(artefact)
@@ -135,119 +123,125 @@ class Motions:
         self._tape.clear()
         self.contacts.forget()
         self._robot_watch.forget()
+        self._robot = None
 
-    def step(
+    @property
+    def still_since_ns(self) -> int:
+        """The instant from which on, as far as it is known, nobody moves."""
+        return self._tape.still_since_ns
+
+    def settle(
         self,
         step_ns: int,
-        period_ns: int,
         living: Mapping[int, Artefact],
         environment: Environment,
         robot: RobotPose | None,
-        plan_m: npt.NDArray[np.float64],
     ) -> Happened:
-        """Run the sub-step that ends at `step_ns`, a multiple of `period_ns` since the epoch."""
-        index = step_ns // period_ns
-        motion = self._robot_watch.see(robot, step_ns) if robot else None
-        gone = self._decide(index, step_ns, living, motion, plan_m)
-        before, last_safe = self.crowd.poses, self.crowd.boxes
-        wish = self._wish(index, step_ns, period_ns, environment, motion)
-        resolution = self.resolver.resolve(
-            self.crowd.ids, wish.boxes, last_safe, environment, [robot.footprint] if robot else []
-        )
-        if len(wish.tracked):
-            resolution = resolution.letting_pass(wish.tracked)
-        begun = self.contacts.begun(step_ns, resolution.contacts, living)
-        happened = Happened(begun, [(artefact_id, Cause.LIFE_OVER) for artefact_id in gone])
-        self.counts.add(wish.moved, resolution)
-        self.counts.displaced += len(wish.jumping)
-        for i in wish.jumping.tolist():
-            artefact = living[int(self.crowd.ids[i])]
-            happened.events.append(_displaced(step_ns, artefact, before[i], wish.poses[i]))
-        moved = wish.moved
-        if resolution.is_all_kept:
-            self.crowd.move(wish.poses, wish.boxes)
-        else:
-            moved = self._correct(step_ns, wish, resolution, living, happened)
-        self._tape.record(step_ns - period_ns, step_ns, self.crowd.ids, before, self.crowd.poses)
+        """Begin the sub-step at `step_ns`: all are where they were bound for, or are put elsewhere.
+
+        Who has to leave is to be ended before `set_out`.
+        """
         if self.keeper is not None:
-            self.keeper.step(step_ns, self.crowd.ids, self.crowd.poses, moved)
+            self.keeper.begin_step(step_ns)
+        self._robot = self._robot_watch.see(robot, step_ns) if robot else None
+        crowd = self.crowd
+        was, wish, boxes = crowd.poses, crowd.ends, crowd.end_boxes
+        moved: npt.NDArray[np.bool_] = np.zeros(len(wish), np.bool_)
+        if wish is not was:
+            moved = (wish != was).any(axis=1)
+        happened, tracked = Happened(), np.searchsorted(crowd.ids, self.player.ids)
+        jumps = self.player.jumps(step_ns)
+        if jumps:
+            wish, boxes = self._jump(step_ns, jumps, living, happened)
+        resolution = self.resolver.resolve(
+            crowd.ids, boxes, crowd.boxes, environment, [robot.footprint] if robot else []
+        )
+        if len(tracked):
+            resolution = resolution.letting_pass(tracked)
+        happened.events[:0] = self.contacts.begun(step_ns, resolution.contacts, living)
+        self.counts.add(moved, resolution)
+        if resolution.is_all_kept:
+            crowd.move(wish, boxes)
+        else:
+            self._correct(step_ns, wish, resolution, living, happened)
         return happened
 
-    def _wish(
-        self,
-        index: int,
-        step_ns: int,
-        period_ns: int,
-        environment: Environment,
-        robot: RobotMotion | None,
-    ) -> _Wish:
-        """Let the traffic go on, and the tracks."""
-        crowd, traffic, player = self.crowd, self.traffic, self.player
-        for artefact_id in player.ids:
-            ahead = player.ahead(artefact_id, step_ns - period_ns, _STEPS_AHEAD)
-            traffic.prescribe(artefact_id, ahead)
-        traffic.step(index, environment, robot)
-        moved = traffic.moved
-        poses, boxes = crowd.proposed(traffic.poses, moved, environment)
-        if not player.ids:
-            return _Wish(poses, boxes, moved, _NO_INDICES, _NO_INDICES)
-        tracked = np.searchsorted(crowd.ids, player.ids)
-        on_track, goes = player.move(step_ns)
-        is_elsewhere = (on_track[:, :2] != crowd.poses[tracked, :2]).any(axis=1)
-        poses, boxes = crowd.with_poses(poses, tracked, on_track)
-        moved = moved.copy()
-        moved[tracked] = goes
-        return _Wish(poses, boxes, moved, tracked, tracked[is_elsewhere & ~goes])
-
-    def _decide(
-        self,
-        index: int,
-        step_ns: int,
-        living: Mapping[int, Artefact],
-        robot: RobotMotion | None,
-        plan_m: npt.NDArray[np.float64],
+    def decide(
+        self, step_ns: int, period_ns: int, living: Mapping[int, Artefact], plan_m: _Floats
     ) -> list[int]:
         """Let those decide whose turn it is; return who has left by an exit."""
         view = view_of(living, self.crowd, self.traffic, self.minds, self.player)
-        seen = robot_view(robot, plan_m) if robot else None
-        return self.minds.decide(index, step_ns, view, self.traffic, seen)
+        seen = robot_view(self._robot, plan_m) if self._robot else None
+        return self.minds.decide(step_ns // period_ns, step_ns, view, self.traffic, seen)
+
+    def set_out(self, step_ns: int, period_ns: int, environment: Environment) -> None:
+        """Fix where all go until the next sub-step, `period_ns` after the one at `step_ns`."""
+        crowd, traffic, player = self.crowd, self.traffic, self.player
+        for artefact_id in player.ids:
+            ahead = player.ahead(artefact_id, step_ns, _STEPS_AHEAD)
+            traffic.prescribe(artefact_id, ahead)
+        traffic.step(step_ns // period_ns, environment, self._robot)
+        ends, boxes = crowd.proposed(traffic.poses, traffic.moved, environment)
+        if player.ids:
+            tracked = np.searchsorted(crowd.ids, player.ids)
+            legs = player.set_out(step_ns, crowd.poses[tracked])
+            if not np.array_equal(legs, ends[tracked]):
+                ends, boxes = crowd.with_poses(ends, tracked, legs)
+        crowd.set_out(ends, boxes)
+        self._tape.record(step_ns, step_ns + period_ns, crowd.ids, crowd.poses, ends)
+        if self.keeper is not None:
+            self.keeper.step(step_ns, crowd.ids, crowd.poses, ends)
+
+    def _jump(
+        self,
+        step_ns: int,
+        jumps: Mapping[int, GroundPose],
+        living: Mapping[int, Artefact],
+        happened: Happened,
+    ) -> tuple[_Floats, OrientedBoxes]:
+        """Return where all are when those have jumped whose tracks do."""
+        crowd = self.crowd
+        which, poses = np.searchsorted(crowd.ids, list(jumps)), list(jumps.values())
+        for i, (artefact_id, pose) in zip(which.tolist(), jumps.items(), strict=True):
+            end = crowd.ends[i].tolist()
+            is_back = pose == tuple(crowd.poses[i].tolist())
+            if list(pose[:2]) != end[:2] and not is_back:
+                happened.events.append(_displaced(step_ns, living[artefact_id], end, pose))
+                self.counts.displaced += 1
+        return crowd.with_poses(crowd.ends, which, np.array(poses))
 
     def _correct(
         self,
         step_ns: int,
-        wish: _Wish,
+        wish: _Floats,
         resolution: Resolution,
         living: Mapping[int, Artefact],
         happened: Happened,
-    ) -> npt.NDArray[np.bool_]:
-        """Put those where they are who could not be kept; return who has moved by itself."""
+    ) -> None:
+        """Put those where they are who could not be kept."""
+        crowd = self.crowd
         corrected = np.flatnonzero(resolution.outcomes != Outcome.KEPT)
-        settled = wish.poses.copy()
-        settled[corrected] = self.crowd.poses[corrected]
-        moved: npt.NDArray[np.bool_] = wish.moved.copy()
-        moved[corrected] = False
+        settled = wish.copy()
+        settled[corrected] = crowd.poses[corrected]
         for i in corrected.tolist():
-            artefact = living[int(self.crowd.ids[i])]
-            outcome = Outcome(int(resolution.outcomes[i]))
+            artefact = living[int(crowd.ids[i])]
+            outcome, end = Outcome(int(resolution.outcomes[i])), wish[i].tolist()
             if outcome is Outcome.DISPLACED_TO_SAFE:
-                was, pose = artefact.history.latest, _pose_found(artefact, resolution, i)
-                artefact.history.append(step_ns - 1, was)
-                happened.events.append(_displaced(step_ns, artefact, was, pose))
-                settled[i] = pose
+                settled[i] = pose = _pose_found(crowd.poses[i].tolist(), resolution, i)
+                happened.events.append(_displaced(step_ns, artefact, end, pose))
             elif outcome is Outcome.LEAVES:
                 happened.leavers.append((artefact.id, Cause.DISPLACED))
             elif outcome is Outcome.LEAVES_ON_CONTACT:
                 happened.leavers.append((artefact.id, Cause.ROBOT_CONTACT))
             self.traffic.put(artefact.id, GroundPose(*settled[i].tolist()))
-        self.crowd.move(settled)
-        return moved
+        crowd.move(settled)
 
 
-def _pose_found(artefact: Artefact, resolution: Resolution, i: int) -> GroundPose:
-    """Return the pose that the search has found for an artefact."""
-    was, (dx_m, dy_m) = artefact.history.latest, resolution.shifts_m[i].tolist()
+def _pose_found(was: Sequence[float], resolution: Resolution, i: int) -> GroundPose:
+    """Return the pose that the search has found for an artefact, from its last safe one."""
+    dx_m, dy_m = resolution.shifts_m[i].tolist()
     bottom_m = resolution.boxes.centres_m[i, 2] - resolution.boxes.half_sizes_m[i, 2]
-    return GroundPose(was.x_m + dx_m, was.y_m + dy_m, float(bottom_m), was.yaw_rad)
+    return GroundPose(was[0] + dx_m, was[1] + dy_m, float(bottom_m), was[3])
 
 
 def _displaced(

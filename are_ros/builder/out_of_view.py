@@ -41,7 +41,6 @@ class OutOfView:
         self._max_range_m = max_range_m
         self._environment: Environment | None = None
         self._viewpoints: tuple[Viewpoint, ...] = ()
-        self._fields: list[tuple[Environment, VoxelField]] = []
         self._pyramids: list[tuple[ViewModel, ViewPyramid]] = []
         self._outlooks: list[tuple[ViewPyramid, Outlook]] | None = None
 
@@ -66,7 +65,7 @@ class OutOfView:
     def _prepared(self) -> list[tuple[ViewPyramid, Outlook]]:
         if self._environment is None or not self._viewpoints:
             return []
-        field = self._field_of(self._environment)
+        field = VoxelField.of(self._environment.voxels)
         known, self._pyramids = self._pyramids, []
         for viewpoint in self._viewpoints:
             self._pyramids.append((viewpoint.view, _pyramid_among(known, viewpoint.view)))
@@ -74,14 +73,6 @@ class OutOfView:
             (pyramid, _outlook(pyramid, viewpoint, field, self._max_range_m))
             for (_, pyramid), viewpoint in zip(self._pyramids, self._viewpoints, strict=True)
         ]
-
-    def _field_of(self, environment: Environment) -> VoxelField:
-        """Return the environment made ready for rays; the last one is kept."""
-        if not self._fields or self._fields[0][0] is not environment:
-            voxels = environment.voxels
-            field = VoxelField.empty() if voxels is None else VoxelField.of(voxels)
-            self._fields = [(environment, field)]
-        return self._fields[0][1]
 
 
 def _pyramid_among(known: list[tuple[ViewModel, ViewPyramid]], view: ViewModel) -> ViewPyramid:

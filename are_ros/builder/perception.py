@@ -67,8 +67,7 @@ class Perception:
         """Make the rays ready for an environment, if it is another one than before."""
         if self._environment is not environment:
             self._environment = environment
-            voxels = environment.voxels
-            self._field = VoxelField.empty() if voxels is None else VoxelField.of(voxels)
+            self._field = VoxelField.of(environment.voxels)
 
 
 def _sighting(seen: Visibility, index: int) -> Sighting:

@@ -2,6 +2,8 @@
 
 import math
 from dataclasses import dataclass
+from typing import Final
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +16,7 @@ from are_ros.world.voxel_map import VoxelMap
 
 @dataclass(frozen=True, eq=False)
 class VoxelField:
-    """A voxel map made ready for rays; build it once per map with `of` and share it.
+    """A voxel map made ready for rays; `of` builds it once per map, and all share it.
 
     `distances` is uint8 (nz, nx, ny), read-only: the chessboard distance to the nearest occupied
     voxel. `map_from_lattice` has its origin at the low corner of voxel (0, 0, 0) and turns about z;
@@ -29,12 +31,16 @@ class VoxelField:
         self.distances.flags.writeable = False
 
     @classmethod
-    def of(cls, voxels: VoxelMap) -> "VoxelField":
-        """Return the field of a map: about 3 ns per voxel of the lattice."""
-        if not voxels.occupied.size:
+    def of(cls, voxels: VoxelMap | None) -> "VoxelField":
+        """Return the field of a map (None: of nothing): about 3 ns per voxel, the first time."""
+        if voxels is None or not voxels.occupied.size:
             return cls.empty()
-        distances = chessboard_distance(voxels.occupied)
-        return cls(voxels.map_from_lattice, voxels.voxel_size_m, distances)
+        field = _FIELDS.get(voxels)
+        if field is None:
+            distances = chessboard_distance(voxels.occupied)
+            field = cls(voxels.map_from_lattice, voxels.voxel_size_m, distances)
+            _FIELDS[voxels] = field
+        return field
 
     @classmethod
     def empty(cls) -> "VoxelField":
@@ -80,3 +86,7 @@ class VoxelField:
         hits = np.empty(rays.shape[1], dtype=np.float32)
         trace(self.distances, origin, ignored, rays, np.float32(0.0), limits, hits)
         return hits
+
+
+_FIELDS: Final = WeakKeyDictionary[VoxelMap, VoxelField]()
+"""The fields of the maps that are in use."""

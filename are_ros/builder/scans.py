@@ -5,10 +5,13 @@ from operator import attrgetter
 from are_ros.builder.augmented_scan import augment_scan
 from are_ros.builder.lives import Lives
 from are_ros.builder.mesh_bank import MeshBank
+from are_ros.builder.ray_casting import VoxelField
+from are_ros.builder.schedule import tick_period_ns
 from are_ros.builder.sensor_path import ReleasedScan, SensorPath, SensorPathCounts
 from are_ros.conventions import seconds_to_ns
 from are_ros.parameters.choices import SensorGate, Shape
 from are_ros.parameters.model import Parameters, SensorsParameters
+from are_ros.world.environment import Environment
 from are_ros.world.frame_tree import FrameTree
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.rigid_transform import RigidTransform
@@ -17,7 +20,9 @@ from are_ros.world.rigid_transform import RigidTransform
 class ScanAugmentation:
     """Augments each scan at its own stamp with the artefacts that were there at that stamp.
 
-    `perceived` are the ids that `sensors.gate: perceived` lets through.
+    Of these, with those that a tick could have shown by then: an artefact is visible from the first
+    tick not before its arrival, in all outputs alike. `perceived` are the ids that `sensors.gate:
+    perceived` lets through.
     """
 
     def __init__(
@@ -25,6 +30,7 @@ class ScanAugmentation:
     ) -> None:
         self.perceived: frozenset[int] = frozenset()
         self._settings = parameters.sensors
+        self._tick_ns = tick_period_ns(parameters.builder.tick_rate)
         self._frame_names = parameters.frames
         self._frames = frames
         self._lives = lives
@@ -36,6 +42,11 @@ class ScanAugmentation:
         self._settings = settings
         for path in self._paths.values():
             path.wait_ns = seconds_to_ns(settings.tf_wait)
+
+    def prepare(self, environment: Environment) -> None:
+        """Make an environment ready to be scanned, if scans come."""
+        if self._paths:
+            VoxelField.of(environment.voxels)
 
     def push(self, topic: str, scan: LaserScan, received_ns: int) -> None:
         """Take a scan in; topics do not wait for each other."""
@@ -94,10 +105,13 @@ class ScanAugmentation:
         return {topic: path.late_ns for topic, path in self._paths.items()}
 
     def _augmented(self, scan: LaserScan, map_from_laser: RigidTransform) -> LaserScan:
-        scene = self._lives.scene_at(scan.stamp_ns)
+        last_tick_ns = scan.stamp_ns // self._tick_ns * self._tick_ns
+        scene = self._lives.scene_at(scan.stamp_ns, arrived_by_ns=last_tick_ns)
         if self._settings.gate is SensorGate.PERCEIVED:
             scene = scene.only(self.perceived)
         if not len(scene):
             return scan
         shapes = self._meshes.selection(scene.rows) if self._settings.shape is Shape.MESH else None
-        return augment_scan(scan, map_from_laser, scene.boxes, shapes)
+        environment = self._lives.environment
+        surface = VoxelField.of(environment.voxels) if environment else None
+        return augment_scan(scan, map_from_laser, scene.boxes, shapes, surface)

@@ -1,4 +1,4 @@
-"""The artefacts of one instant, with their boxes; kept while nobody comes, goes or moves."""
+"""The artefacts of one instant, with their boxes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -41,13 +41,6 @@ class Scene:
     def __len__(self) -> int:
         """Count the artefacts."""
         return len(self.artefacts)
-
-    def holds_for(self, artefacts: Sequence[Artefact], t_ns: int) -> bool:
-        """Say whether this is also the scene of these artefacts at `t_ns`: all of them stand."""
-        return len(artefacts) == len(self.artefacts) and all(
-            now is kept and now.history.latest_ns <= t_ns and now.history.latest is pose
-            for now, kept, pose in zip(artefacts, self.artefacts, self.poses, strict=True)
-        )
 
     def only(self, ids: frozenset[int]) -> "Scene":
         """Return the scene of the artefacts with these ids."""

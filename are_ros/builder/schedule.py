@@ -18,7 +18,7 @@ class TickSchedule:
     @classmethod
     def of(cls, rate_hz: float, start_ns: int) -> "TickSchedule":
         """Return the schedule of a rate from an instant on."""
-        period_ns = round(NS_PER_S / rate_hz)
+        period_ns = tick_period_ns(rate_hz)
         return cls(period_ns, -(-start_ns // period_ns) * period_ns)
 
     def pop(self, until_ns: int) -> int | None:
@@ -38,3 +38,8 @@ class TickSchedule:
         skipped = max(0, behind)
         self.next_ns += skipped * self.period_ns
         return skipped
+
+
+def tick_period_ns(rate_hz: float) -> int:
+    """Return the time from tick to tick [ns]; tick k is at exactly k of them since the epoch."""
+    return round(NS_PER_S / rate_hz)

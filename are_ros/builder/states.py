@@ -1,11 +1,12 @@
 """The artefacts as what goes out: ground truth, and what is perceived of it."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
-from are_ros.artefacts.artefact import Artefact, map_from_artefact
+from are_ros.artefacts.artefact import Artefact, GroundPose, map_from_artefact
 from are_ros.builder.outputs import ArtefactState, PerceivedArtefact, Vector3
 from are_ros.builder.perception import Sighting
+from are_ros.builder.scene import Scene
 
 _CERTAIN = (0.0,) * 36
 
@@ -16,26 +17,25 @@ class StateKeeper:
     def __init__(self) -> None:
         self._kept: dict[int, ArtefactState] = {}
 
-    def states(self, living: Sequence[Artefact], now_ns: int) -> list[ArtefactState]:
-        """Return the ground truth of all at `now_ns`, in their order."""
-        states = [self._state(artefact, now_ns) for artefact in living]
+    def states(self, scene: Scene, now_ns: int) -> list[ArtefactState]:
+        """Return the ground truth of all of the scene of `now_ns`, in their order."""
+        pairs = zip(scene.artefacts, scene.poses, strict=True)
+        states = [self._state(artefact, pose, now_ns) for artefact, pose in pairs]
         self._kept = {state.artefact_id: state for state in states}
         return states
 
-    def _state(self, artefact: Artefact, now_ns: int) -> ArtefactState:
-        kept = self._kept.get(artefact.id)
-        if kept is not None and _still_holds(kept, artefact, now_ns):
+    def _state(self, artefact: Artefact, pose: GroundPose, now_ns: int) -> ArtefactState:
+        kept, velocity = self._kept.get(artefact.id), artefact.history.velocity_at(now_ns)
+        if kept is not None and not any(velocity) and _still_holds(kept, artefact, pose):
             return kept
-        return artefact_state(artefact, now_ns)
+        return _state_of(artefact, pose, velocity)
 
 
-def _still_holds(state: ArtefactState, artefact: Artefact, now_ns: int) -> bool:
+def _still_holds(state: ArtefactState, artefact: Artefact, pose: GroundPose) -> bool:
+    """Tell whether a state is also that of one who stands at a pose."""
     return (
-        artefact.history.latest_ns <= now_ns
-        and state.ground_pose is artefact.history.latest
+        state.ground_pose is pose
         and not any((*state.linear_velocity_m_s, *state.angular_velocity_rad_s))
-        # who went away and came back between two ticks is where it was, and moves
-        and not any(artefact.history.velocity_at(now_ns))
         and state.departure_ns == (artefact.departure_ns or 0)
         and state.behaviour == artefact.behaviour
         and state.activity == artefact.activity
@@ -44,8 +44,14 @@ def _still_holds(state: ArtefactState, artefact: Artefact, now_ns: int) -> bool:
 
 def artefact_state(artefact: Artefact, now_ns: int) -> ArtefactState:
     """Return the ground truth of an artefact at `now_ns`, in the map's frame."""
-    row, pose = artefact.row, artefact.ground_pose_at(now_ns)
-    linear_m_s, angular_rad_s = _twist(artefact, now_ns)
+    history = artefact.history
+    return _state_of(artefact, history.pose_at(now_ns), history.velocity_at(now_ns))
+
+
+def _state_of(artefact: Artefact, pose: GroundPose, velocity: Vector3) -> ArtefactState:
+    """Return the ground truth of an artefact at a pose; rates of x, y, yaw in the map's frame."""
+    row = artefact.row
+    linear_m_s, angular_rad_s = _twist(pose.yaw_rad, velocity)
     return ArtefactState(
         artefact_id=artefact.id,
         row=row.index,
@@ -94,10 +100,9 @@ def perceived_artefact(state: ArtefactState, sighting: Sighting, seen_ns: int) -
     )
 
 
-def _twist(artefact: Artefact, now_ns: int) -> tuple[Vector3, Vector3]:
-    """Return the velocities in F_A, linear and angular."""
-    vx_m_s, vy_m_s, turn_rad_s = artefact.history.velocity_at(now_ns)
-    yaw_rad = artefact.ground_pose_at(now_ns).yaw_rad
+def _twist(yaw_rad: float, velocity: Vector3) -> tuple[Vector3, Vector3]:
+    """Return the velocities in F_A, linear and angular, of the rates of x, y and yaw."""
+    vx_m_s, vy_m_s, turn_rad_s = velocity
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     forward_m_s, left_m_s = cos * vx_m_s + sin * vy_m_s, cos * vy_m_s - sin * vx_m_s
     return (forward_m_s, left_m_s, 0.0), (0.0, 0.0, turn_rad_s)

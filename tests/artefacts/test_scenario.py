@@ -50,9 +50,9 @@ def test_a_track_is_a_history_of_poses(times_ns: list[int], t_ns: int) -> None:
 def test_two_poses_within_a_microsecond_are_a_jump() -> None:
     """It counts for the interval in which the second pose lies, open before and closed after."""
     track = _track([0, 100_000, 199_999, 200_000, 300_000])
-    assert track.jumps_within(150_000, 200_000)
-    assert not track.jumps_within(200_000, 300_000)
-    assert not track.jumps_within(0, 199_000)
+    assert track.jump_within(150_000, 200_000) == 3
+    assert track.jump_within(200_000, 300_000) is None
+    assert track.jump_within(0, 199_000) is None
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from are_ros.artefacts.artefact import Artefact, Origin, PoseHistory
+from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.artefacts.scenario import Doing, Track
 from are_ros.artefacts.track_player import TrackPlayer
@@ -30,51 +30,55 @@ def _artefact(track: Track, arrives_ns: int, artefact_id: int = 4) -> Artefact:
     return Artefact(artefact_id, ROW, Origin.SCRIPTED, arrives_ns, history)
 
 
-def _history(player: TrackPlayer) -> PoseHistory:
-    return player._parts[4].artefact.history
+def _ways(player: TrackPlayer, first_ns: int, x_m: float, count: int) -> list[tuple[float, float]]:
+    """Return the x of both ends of the legs of the next sub-steps of one that is at x."""
+    found, period_ns = [], player._period_ns
+    for step_ns in range(first_ns, first_ns + count * period_ns, period_ns):
+        x_m = player.jumps(step_ns).get(4, GroundPose(x_m, 0.0, 0.0, 0.0)).x_m
+        (end,) = player.set_out(step_ns, np.array([[x_m, 1.0, 0.0, 0.0]])).tolist()
+        found.append((x_m, end[0]))
+        x_m = end[0]
+    return found
 
 
 def test_poses_are_those_of_the_track_at_the_sub_steps() -> None:
     """It stands, moves between two poses however these lie between sub-steps, and stands again."""
     period_ns = 50_000_000
     track = _track((0, 0.0), (2 * period_ns, 0.0), (9 * period_ns // 2, 5.0))
-    player, artefact = TrackPlayer(period_ns), _artefact(track, START_NS)
-    player.add(artefact, track, START_NS)
-    found = []
-    for k in range(1, 7):
-        poses, moved = player.move(START_NS + k * period_ns)
-        found.append((float(poses[0, 0]), bool(moved[0])))
-    assert [x_m for x_m, _ in found] == [0.0, 0.0, 2.0, 4.0, 5.0, 5.0]
-    assert [is_moving for _, is_moving in found] == [False, False, True, True, True, False]
-    assert artefact.history.pose_at(START_NS + 2 * period_ns).x_m == 0.0
-    assert artefact.history.pose_at(START_NS + 5 * period_ns // 2).x_m == pytest.approx(1.0)
-    assert artefact.history.velocity_at(START_NS + 3 * period_ns)[0] == pytest.approx(40.0)
-    assert artefact.history.velocity_at(START_NS + 6 * period_ns) == (0.0, 0.0, 0.0)
-
-
-def test_a_jump_is_no_motion() -> None:
-    """It stays until a nanosecond before, and has jumped, not moved."""
-    period_ns = 50_000_000
-    track = _track((0, 0.0), (2 * period_ns - 1, 0.0), (2 * period_ns, 3.0))
     player = TrackPlayer(period_ns)
-    artefact = _artefact(track, START_NS)
-    player.add(artefact, track, START_NS)
-    player.move(START_NS + period_ns)
-    poses, moved = player.move(START_NS + 2 * period_ns)
-    assert poses.tolist() == [[3.0, 1.0, 0.0, 0.0]]
-    assert not moved[0]
-    assert artefact.history.pose_at(START_NS + 2 * period_ns - 1).x_m == 0.0
-    assert artefact.history.velocity_at(START_NS + 2 * period_ns) == (0.0, 0.0, 0.0)
+    player.add(_artefact(track, START_NS), track, START_NS)
+    ways = _ways(player, START_NS, 0.0, 6)
+    assert ways == [(0.0, 0.0), (0.0, 0.0), (0.0, 2.0), (2.0, 4.0), (4.0, 5.0), (5.0, 5.0)]
+
+
+def test_a_jump_with_a_sub_step_is_no_motion() -> None:
+    """It goes on where it was bound for until then, and begins where it has jumped to."""
+    period_ns = 50_000_000
+    jump = (2 * period_ns - 1, 1.0), (2 * period_ns, 3.0)
+    track, player = _track((0, 0.0), *jump, (3 * period_ns, 4.0)), TrackPlayer(period_ns)
+    player.add(_artefact(track, START_NS), track, START_NS)
+    first, second, third = _ways(player, START_NS, 0.0, 3)
+    assert first[1] == second[0] == pytest.approx(0.5)
+    assert second[1] == 1.0
+    assert third == (3.0, 4.0)
+
+
+def test_a_jump_between_two_sub_steps_waits_for_the_later() -> None:
+    """Until then it stands, wherever within the sub-step the jump is."""
+    period_ns = 50_000_000
+    for at_ns in (period_ns + 2, 3 * period_ns // 2, 2 * period_ns - 1):
+        track = _track((0, 0.0), (at_ns - 1, 0.0), (at_ns, 3.0))
+        player = TrackPlayer(period_ns)
+        player.add(_artefact(track, START_NS), track, START_NS)
+        assert _ways(player, START_NS, 0.0, 3) == [(0.0, 0.0), (0.0, 0.0), (3.0, 3.0)]
 
 
 def test_who_comes_late_is_where_the_track_is() -> None:
-    """What the track had before its arrival does not count."""
-    player = _player(_track((0, 0.0), (100, 4.0)), START_NS + 30)
-    assert _history(player).latest.x_m == pytest.approx(1.2)
-    poses, moved = player.move(START_NS + 50)
-    assert poses[0, 0] == 2.0
-    assert moved[0]
-    assert _history(player).pose_at(START_NS + 40).x_m == pytest.approx(1.6)
+    """What the track had before its arrival does not count; the way to the next sub-step does."""
+    track, player = _track((0, 0.0), (100, 4.0)), TrackPlayer(PERIOD_NS)
+    artefact = _artefact(track, START_NS + 30)
+    assert artefact.history.latest.x_m == pytest.approx(1.2)
+    assert player.add(artefact, track, START_NS) == (START_NS + 50, GroundPose(2.0, 1.0, 0.0, 0.0))
 
 
 def test_doings_are_told_at_their_times() -> None:
@@ -98,8 +102,7 @@ def test_a_pause_shifts_all_that_is_to_come() -> None:
     player = _player(_track((0, 0.0), (100, 4.0), doings=(Doing(60, "walking"),)))
     player.postpone(1000)
     assert player.next_ns() == START_NS + 1060
-    poses, _ = player.move(START_NS + 1050)
-    assert poses[0, 0] == 2.0
+    assert _ways(player, START_NS + 1000, 0.0, 1) == [(0.0, 2.0)]
 
 
 def test_others_know_where_it_will_be() -> None:
@@ -130,8 +133,7 @@ def test_all_are_in_the_order_of_their_ids() -> None:
     track = _track((0, 7.0))
     player.add(_artefact(track, START_NS, 2), track, START_NS)
     assert player.ids == (2, 9)
-    poses, moved = player.move(START_NS + 50)
-    assert poses[:, 0].tolist() == [7.0, 0.0]
-    assert not moved.any()
+    poses = np.array([[7.0, 1.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
+    assert np.array_equal(player.set_out(START_NS + 50, poses), poses)
     player.clear()
-    assert player.move(START_NS + 100)[0].shape == (0, 4)
+    assert player.set_out(START_NS + 100, np.empty((0, 4))).shape == (0, 4)

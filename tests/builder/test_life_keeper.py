@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.artefacts.population_events import Cause
+from are_ros.artefacts.pose_tape import PoseTape
 from are_ros.artefacts.scenario import Scenario
 from are_ros.artefacts.scenario_file import read_scenario, write_scenario
 from are_ros.artefacts.scripted import ScriptedOffer, ScriptedSource
@@ -51,10 +52,15 @@ def _truth(artefact: Artefact, now_ns: int) -> Truth:
 
 @dataclass
 class Stage:
-    """Who lives, and the record of ticks; what happens between them is for those who derive."""
+    """Who lives, and the record of ticks; what happens between them is for those who derive.
 
+    `bound_for` is where each will be at the next sub-step.
+    """
+
+    tape: PoseTape = field(default_factory=PoseTape)
     living: dict[int, Artefact] = field(default_factory=dict)
     gone: list[Artefact] = field(default_factory=list)
+    bound_for: dict[int, GroundPose] = field(default_factory=dict)
     record: Record = field(default_factory=list)
     past: Record = field(default_factory=list)
 
@@ -86,6 +92,7 @@ class Stage:
     def end(self, artefact_id: int, t_ns: int) -> None:
         """Let an artefact go."""
         artefact = self.living.pop(artefact_id)
+        self.tape.stop(artefact_id)
         artefact.departure_ns = t_ns
         self.gone.append(artefact)
 
@@ -131,17 +138,19 @@ class Original(Stage):
             self.keeper.look(t_ns, self.living)
 
     def sub_step(self, step_ns: int) -> None:
-        """Let everybody stand, move, turn up elsewhere, think of something else, or leave."""
-        ids, leavers = list(self.living), []
-        moved, poses = np.zeros(len(ids), np.bool_), np.empty((len(ids), 4))
-        for k, artefact in enumerate(self.living.values()):
-            moved[k] = self._move(artefact, step_ns)
-            poses[k] = artefact.history.latest
+        """Let some jump and some leave; then let everybody stand, or move and do something else."""
+        self.keeper.begin_step(step_ns)
+        starts = {i: self._start(step_ns, i) for i in self.living}
+        for artefact_id in list(self.living):
             if self.random.random() < 0.03:
-                leavers.append(artefact.id)
-        self.keeper.step(step_ns, np.array(ids, np.int64), poses, moved)
-        for artefact_id in leavers:
-            self._depart(artefact_id, step_ns, Cause.DISPLACED)
+                self._depart(artefact_id, step_ns, Cause.DISPLACED)
+        ids = np.array(list(self.living), np.int64)
+        self.bound_for = {i: self._end(artefact, starts[i]) for i, artefact in self.living.items()}
+        befores, afters = (
+            _rows([poses[i] for i in self.living]) for poses in (starts, self.bound_for)
+        )
+        self.tape.record(step_ns, step_ns + PERIOD_NS, ids, befores, afters)
+        self.keeper.step(step_ns, ids, befores, afters)
         self.keeper.look(step_ns, self.living)
 
     def _events(self) -> Iterator[tuple[int, int]]:
@@ -153,9 +162,12 @@ class Original(Stage):
     def _arrive(self, t_ns: int) -> None:
         self._arrivals.pop(0)
         artefact_id, row = self._ids.pop(), CATALOGUE.rows[int(self.random.integers(40))]
-        history = PoseHistory(t_ns, GroundPose(*self.random.normal(size=4).tolist()))
+        pose = self.bound_for[artefact_id] = GroundPose(*self.random.normal(size=4).tolist())
+        history = self.tape.begin(artefact_id, t_ns, pose)
         known = self.random.random() < 0.7
         end_ns = t_ns + int(self.random.integers(3 * NS_PER_S)) if known else None
+        if end_ns is not None and self.random.random() < 0.3:
+            end_ns = -(-end_ns // PERIOD_NS) * PERIOD_NS  # with a sub-step, and before it
         origin = Origin(int(self.random.integers(3)))
         artefact = Artefact(artefact_id, row, origin, t_ns, history, end_ns, "walking")
         self.begin(artefact)
@@ -165,24 +177,29 @@ class Original(Stage):
         self.end(artefact_id, t_ns)
         self.keeper.departed(artefact_id, t_ns, cause)
 
-    def _move(self, artefact: Artefact, step_ns: int) -> bool:
-        """Do as the builder does: append what it appends, and tell who has moved by itself."""
+    def _start(self, step_ns: int, artefact_id: int) -> GroundPose:
+        """Return where one is, that may have been moved back or to somewhere else."""
+        pose, what = self.bound_for[artefact_id], self.random.random()
+        if what < 0.05 and step_ns - self.living[artefact_id].arrival_ns > PERIOD_NS:
+            return self.living[artefact_id].ground_pose_at(step_ns - PERIOD_NS)
+        return self._near(pose) if what > 0.95 else pose
+
+    def _end(self, artefact: Artefact, pose: GroundPose) -> GroundPose:
+        """Return where one will be."""
         artefact.activity = ("", "pausing", "-", "--", 'waiting for "artefact 12", long')[
             int(self.random.choice(5, p=(0.8, 0.05, 0.05, 0.05, 0.05)))
         ]
-        history, what = artefact.history, self.random.random()
-        was = history.latest
-        pose = GroundPose(*(np.array(was) + 0.1 * self.random.normal(size=4)).tolist())
+        what = self.random.random()
         if what < 0.4:
-            return False
-        if what < 0.5:
-            history.append(step_ns - 1, was)
-            history.append(step_ns, pose)
-            return False
-        if history.latest_ns < step_ns - PERIOD_NS:
-            history.append(step_ns - PERIOD_NS, was)
-        history.append(step_ns, was._replace(y_m=-0.0) if what > 0.9 else pose)
-        return True
+            return pose
+        return pose._replace(y_m=-0.0) if what > 0.9 else self._near(pose)
+
+    def _near(self, pose: GroundPose) -> GroundPose:
+        return GroundPose(*(np.array(pose) + 0.1 * self.random.normal(size=4)).tolist())
+
+
+def _rows(poses: list[GroundPose]) -> npt.NDArray[np.float64]:
+    return np.array(poses, np.float64).reshape(-1, 4)
 
 
 class Repeated(Stage):
@@ -217,13 +234,20 @@ class Repeated(Stage):
 
     def sub_step(self, step_ns: int) -> None:
         """Let the tracks go on."""
-        poses, moved = self._player.move(step_ns)
         if self._keeper is not None:
-            ids = np.array(self._player.ids, np.int64)
-            self._keeper.step(step_ns, ids, poses, moved)
+            self._keeper.begin_step(step_ns)
+        starts = self.bound_for | self._player.jumps(step_ns)
         for artefact_id in self._player.leaving:
             self._depart(artefact_id, step_ns)
+        ids = np.array(self._player.ids, np.int64)
+        befores = _rows([starts[i] for i in ids.tolist()])
+        afters = self._player.set_out(step_ns, befores)
+        self.bound_for = {
+            i: GroundPose(*pose) for i, pose in zip(self._player.ids, afters.tolist(), strict=True)
+        }
+        self.tape.record(step_ns, step_ns + PERIOD_NS, ids, befores, afters)
         if self._keeper is not None:
+            self._keeper.step(step_ns, ids, befores, afters)
             self._keeper.look(step_ns, self.living)
 
     def _events(self) -> Iterator[tuple[int, int, int]]:
@@ -245,7 +269,9 @@ class Repeated(Stage):
         if end_ns is not None:
             self._ends[artefact_id] = end_ns, offer.cause
         self.begin(artefact)
-        self._player.add(artefact, offer.track, offer.start_ns)
+        leg = self._player.add(artefact, offer.track, offer.start_ns)
+        self.bound_for[artefact_id] = leg[1]
+        artefact.history = self.tape.begin(artefact_id, t_ns, offer.pose, leg)
         if self._keeper is not None:
             self._keeper.arrived(artefact)
 
@@ -313,10 +339,10 @@ def _artefact(artefact_id: int, t_ns: int, end_ns: int | None = None) -> Artefac
     return Artefact(artefact_id, row, Origin.RANDOM, t_ns, history, end_ns, "walking")
 
 
-def _step(keeper: LifeKeeper, t_ns: int, ids: list[int], x_m: float) -> npt.NDArray[np.float64]:
-    poses = np.full((len(ids), 4), x_m)
-    keeper.step(t_ns, np.array(ids, np.int64), poses, np.ones(len(ids), np.bool_))
-    return poses
+def _step(keeper: LifeKeeper, t_ns: int, ids: list[int], x_m: float) -> None:
+    """Let all walk on a metre from x."""
+    before, after = (np.tile((x_m + k, 2.0, 0.0, 0.5), (len(ids), 1)) for k in (0.0, 1.0))
+    keeper.step(t_ns, np.array(ids, np.int64), before, after)
 
 
 def test_who_could_not_come_is_kept_in_order() -> None:
@@ -339,7 +365,7 @@ def test_who_stands_takes_one_pose() -> None:
     keeper.arrived(_artefact(7, 5))
     poses = np.array([[1.0, 2.0, 0.0, 0.5]])
     for k in range(1, 1001):
-        keeper.step(k * PERIOD_NS, np.array([7]), poses.copy(), np.zeros(1, np.bool_))
+        keeper.step(k * PERIOD_NS, np.array([7]), poses.copy(), poses.copy())
     assert len(keeper) == 1
     (one,) = keeper.scenario().artefacts
     assert one.track is not None
@@ -359,7 +385,7 @@ def test_a_run_that_is_too_long_ends_where_it_is_full() -> None:
     (one,) = keeper.scenario().artefacts
     assert one.stays_ns == 3 * PERIOD_NS
     assert one.track is not None
-    assert one.track.times_ns.tolist() == [0, PERIOD_NS, 2 * PERIOD_NS]
+    assert one.track.times_ns.tolist() == [k * PERIOD_NS for k in range(4)]
     assert keeper.notice.startswith("the scenario ends after 0.150 s, where all go: more than 3 ")
 
 

@@ -238,7 +238,7 @@ def test_a_robot_that_drives_into_a_walker(policy: str) -> None:
 
 
 def test_a_displaced_walker_jumps_and_walks_on() -> None:
-    """A map with a block where it walks: until a nanosecond before it is where it was."""
+    """A map with a block where it walks: until then it goes on as if there were none."""
     town = Town.of()
     walkers = [town.place(WALKER, 3.0 + 0.7 * k, 4.0) for k in range(6)]
     town.run(0.0, 2.0)
@@ -254,7 +254,7 @@ def test_a_displaced_walker_jumps_and_walks_on() -> None:
         before, after = one.ground_pose_at(at_ns - 1), one.ground_pose_at(at_ns)
         assert math.dist(before[:2], after[:2]) == pytest.approx(jump.value)
         assert one.ground_pose_at(at_ns - STEP_NS // 2)[:2] == pytest.approx(before[:2], abs=0.05)
-        assert one.history.velocity_at(at_ns) == (0.0, 0.0, 0.0)
+        assert np.hypot(*one.history.velocity_at(at_ns)[:2]) < 1.8 * 1.3 * 0.05
     town.robot(2.06, 0.5, 0.5)
     record = town.run(2.05, 8.0)
     assert_apart(town, record)

@@ -1,7 +1,6 @@
 """The sub-step of all: counts, causes, histories, and what the resolver changes."""
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -85,8 +84,12 @@ class Stage:
 
     def step(self, index: int) -> Happened:
         """Run the sub-step of a number."""
-        living: Mapping[int, Artefact] = self.living
-        return self.motions.step(index * STEP_NS, STEP_NS, living, self.environment, None, NO_PLAN)
+        motions, now_ns = self.motions, index * STEP_NS
+        happened = motions.settle(now_ns, self.living, self.environment, None)
+        if not happened.leavers:
+            motions.decide(now_ns, STEP_NS, self.living, NO_PLAN)
+            motions.set_out(now_ns, STEP_NS, self.environment)
+        return happened
 
 
 def test_only_what_can_move_has_a_mind_and_all_are_in_the_traffic() -> None:
@@ -109,9 +112,9 @@ def test_sub_steps_are_counted_by_artefact() -> None:
     stage.add(2, WALKER, 5.0, 4.0)
     moved = 0
     for index in range(1, 61):
-        before = stage.living[2].history.latest
         stage.step(index)
-        moved += stage.living[2].history.latest != before
+        start = stage.living[2].ground_pose_at(index * STEP_NS)
+        moved += index < 60 and stage.living[2].history.latest != start
     counts = stage.motions.counts
     assert counts.artefact_steps == 120
     assert counts.moving_steps == moved > 20
@@ -119,19 +122,20 @@ def test_sub_steps_are_counted_by_artefact() -> None:
 
 
 def test_poses_of_crowd_traffic_and_history_are_one() -> None:
-    """At the end of every sub-step, to the bit."""
+    """When a sub-step begins, and as planned for the next one, to the bit."""
     stage = Stage()
     for k in range(5):
         stage.add(k, WALKER, 2.0 + k, 4.0)
     for index in range(1, 81):
         stage.step(index)
-        crowd = stage.motions.crowd.poses
-        assert np.array_equal(crowd[:, [0, 1, 3]], stage.motions.traffic.poses)
-        latest = [one.ground_pose_at(index * STEP_NS) for one in stage.living.values()]
-        assert np.array_equal(crowd, np.array(latest))
+        crowd = stage.motions.crowd
+        assert np.array_equal(crowd.ends[:, [0, 1, 3]], stage.motions.traffic.poses)
+        for k, poses in ((0, crowd.poses), (1, crowd.ends)):
+            now = [one.ground_pose_at((index + k) * STEP_NS) for one in stage.living.values()]
+            assert np.array_equal(poses, np.array(now))
 
 
-def test_a_history_begins_a_step_before_it_sets_off() -> None:
+def test_it_is_known_when_one_sets_off_and_where_to() -> None:
     """Before that it is one pose: nobody drifts from the arrival on."""
     stage = Stage()
     one = stage.add(1, WALKER, 5.0, 4.0)
@@ -140,10 +144,27 @@ def test_a_history_begins_a_step_before_it_sets_off() -> None:
         stage.step(index)
         if one.history.latest != start:
             break
-    assert one.history.latest_ns == index * STEP_NS
-    assert one.ground_pose_at((index - 1) * STEP_NS) == start
-    assert one.ground_pose_at((index - 1) * STEP_NS - 1) == start
-    assert one.history.velocity_at((index - 1) * STEP_NS) == (0.0, 0.0, 0.0)
+    now_ns = index * STEP_NS
+    assert one.history.latest_ns == now_ns + STEP_NS
+    assert one.ground_pose_at(now_ns) == start
+    assert one.ground_pose_at(now_ns - 1) == start
+    assert one.history.velocity_at(now_ns - 1) == (0.0, 0.0, 0.0)
+    assert any(one.history.velocity_at(now_ns))
+    assert one.ground_pose_at(now_ns + STEP_NS // 2) != start
+
+
+def test_what_is_known_of_an_instant_does_not_change() -> None:
+    """Where one will be until the next sub-step is where it was, whatever became of it there."""
+    for outcome in (Outcome.KEPT, Outcome.MOVED_BACK, Outcome.DISPLACED_TO_SAFE, Outcome.LEAVES):
+        verdicts = Verdicts()
+        stage, index = walking(verdicts)
+        instants = [index * STEP_NS + k * STEP_NS // 7 for k in range(7)]
+        one = stage.living[1]
+        known = [one.ground_pose_at(t_ns) for t_ns in instants]
+        verdicts.outcomes = {0: outcome}
+        stage.step(index + 1)
+        assert [one.ground_pose_at(t_ns) for t_ns in instants] == known
+        assert len(set(known)) == 7
 
 
 def walking(verdicts: Verdicts) -> tuple[Stage, int]:
@@ -158,36 +179,39 @@ def walking(verdicts: Verdicts) -> tuple[Stage, int]:
 
 
 def test_who_is_moved_back_stands_where_it_was() -> None:
-    """Its history ends there; the traffic lets it set off from a stand."""
+    """A sub-step ago, from the instant on; the traffic lets it set off from a stand."""
     verdicts = Verdicts()
     stage, index = walking(verdicts)
-    before = stage.living[1].history.latest
+    one, now_ns = stage.living[1], (index + 1) * STEP_NS
+    before = one.ground_pose_at(now_ns - STEP_NS)
     verdicts.outcomes = {0: Outcome.MOVED_BACK}
-    happened = stage.step(index + 1)
+    happened = stage.motions.settle(now_ns, stage.living, stage.environment, None)
     assert (happened.events, happened.leavers) == ([], [])
-    assert stage.living[1].history.latest == before
+    assert stage.motions.crowd.poses[0].tolist() == list(before)
     assert stage.motions.traffic.speeds[0] == 0.0
     assert stage.motions.counts.moved_back == 1
-    verdicts.outcomes = {}
-    stage.step(index + 2)
-    after = stage.living[1].history.latest
+    stage.motions.set_out(now_ns, STEP_NS, stage.environment)
+    after = one.ground_pose_at(now_ns + STEP_NS)
+    assert one.ground_pose_at(now_ns) == before
     assert math.dist(before[:2], after[:2]) <= 1.5 * 0.05 * 0.05 + 1e-9
 
 
-def test_who_is_displaced_jumps_within_a_nanosecond() -> None:
-    """The event tells how far; until then it was where it had been, and it goes on from there."""
+def test_who_is_displaced_jumps_at_the_instant() -> None:
+    """The event tells how far; until then it went where it was bound for."""
     verdicts = Verdicts()
     stage, index = walking(verdicts)
-    before, now_ns = stage.living[1].history.latest, (index + 1) * STEP_NS
+    one, now_ns = stage.living[1], (index + 1) * STEP_NS
+    before, bound_for = one.ground_pose_at(now_ns - STEP_NS), one.history.latest
     verdicts.outcomes = {0: Outcome.DISPLACED_TO_SAFE}
-    (event,) = stage.step(index + 1).events
-    history = stage.living[1].history
-    assert (event.kind, event.artefact_id, event.stamp_ns) == (EventKind.DISPLACED, 1, now_ns)
-    assert event.value == 1.0
-    assert history.pose_at(now_ns - 1) == before
-    assert history.pose_at(now_ns) == before._replace(x_m=before.x_m + 1.0)
-    assert history.velocity_at(now_ns) == (0.0, 0.0, 0.0)
+    (event,) = stage.motions.settle(now_ns, stage.living, stage.environment, None).events
     assert stage.motions.traffic.poses[0, 0] == before.x_m + 1.0
+    stage.motions.set_out(now_ns, STEP_NS, stage.environment)
+    assert (event.kind, event.artefact_id, event.stamp_ns) == (EventKind.DISPLACED, 1, now_ns)
+    landed = before._replace(x_m=before.x_m + 1.0)
+    assert event.value == math.dist(landed[:2], bound_for[:2])
+    assert one.ground_pose_at(now_ns - 1)[:2] == pytest.approx(bound_for[:2], abs=1e-8)
+    assert one.ground_pose_at(now_ns) == landed
+    assert max(map(abs, one.history.velocity_at(now_ns)[:2])) <= 1.5 * 0.05 + 1e-9
     assert stage.motions.counts.displaced == 1
 
 
@@ -196,7 +220,7 @@ def test_who_is_displaced_jumps_within_a_nanosecond() -> None:
     [(Outcome.LEAVES, Cause.DISPLACED), (Outcome.LEAVES_ON_CONTACT, Cause.ROBOT_CONTACT)],
 )
 def test_who_has_to_leave_is_told_with_the_cause(outcome: Outcome, cause: Cause) -> None:
-    """The caller lets it go; until then it stands."""
+    """The caller lets it go before the others set out."""
     verdicts = Verdicts()
     stage, index = walking(verdicts)
     verdicts.outcomes = {0: outcome}

@@ -12,7 +12,9 @@ from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.pose_tape import PoseTape
 from are_ros.builder.mesh_bank import MeshBank
+from are_ros.builder.outputs import ArtefactState
 from are_ros.builder.perception import Sighting
+from are_ros.builder.scene import Scene
 from are_ros.builder.states import StateKeeper, artefact_state, perceived_artefact
 from are_ros.conventions import NS_PER_S
 
@@ -29,6 +31,11 @@ def row(make_scene: Callable[..., Any]) -> CatalogueRow:
 def an_artefact(row: CatalogueRow, departure_ns: int | None = 900) -> Artefact:
     """Return an artefact that stands since 0."""
     return Artefact(7, row, Origin.SCRIPTED, 100, PoseHistory(100, HERE), departure_ns)
+
+
+def states(keeper: StateKeeper, now_ns: int, *artefacts: Artefact) -> list[ArtefactState]:
+    """Return what a keeper gives of some."""
+    return keeper.states(Scene.of(artefacts, now_ns), now_ns)
 
 
 def test_the_ground_truth_of_one_that_stands(row: CatalogueRow) -> None:
@@ -68,33 +75,35 @@ def test_the_twist_of_one_that_moves_is_in_its_own_frame(row: CatalogueRow) -> N
 def test_the_state_of_one_that_stands_is_the_same_object_again(row: CatalogueRow) -> None:
     """Until it moves, or its end or its behaviour changes; then it says what is now."""
     keeper, artefact = StateKeeper(), an_artefact(row)
-    (first,) = keeper.states([artefact], 200)
-    assert keeper.states([artefact], 300)[0] is first
+    (first,) = states(keeper, 200, artefact)
+    assert states(keeper, 300, artefact)[0] is first
     artefact.departure_ns = 800
-    (second,) = keeper.states([artefact], 300)
+    (second,) = states(keeper, 300, artefact)
     assert second.departure_ns == 800
     artefact.behaviour = "stopping"
-    assert keeper.states([artefact], 300)[0].behaviour == "stopping"
+    assert states(keeper, 300, artefact)[0].behaviour == "stopping"
     artefact.history.append(399, HERE)
     artefact.history.append(400, GroundPose(1.5, 2.0, 0.5, 0.0))
-    assert keeper.states([artefact], 400)[0].ground_pose.x_m == 1.5
-    assert keeper.states([], 500) == []
+    assert states(keeper, 400, artefact)[0].ground_pose.x_m == 1.5
+    assert states(keeper, 500) == []
 
 
-def test_who_turned_away_and_back_since_the_last_tick_moves(row: CatalogueRow) -> None:
-    """The same pose again, in the second of two sub-steps, is not the same velocity."""
+def test_who_turns_away_and_back_moves_where_it_is_as_before(row: CatalogueRow) -> None:
+    """The same pose again is not the same velocity: that of the motion to come."""
     step_ns = NS_PER_S // 20
     tape, ids = PoseTape(), np.array([7])
     artefact = replace(an_artefact(row), history=tape.begin(7, 0, HERE))
     keeper = StateKeeper()
-    (standing,) = keeper.states([artefact], 0)
+    (standing,) = states(keeper, 100, artefact)
     here, away = np.array([HERE]), np.array([HERE._replace(yaw_rad=HERE.yaw_rad + 0.1)])
-    tape.record(0, step_ns, ids, here, away)
-    tape.record(step_ns, 2 * step_ns, ids, away, here)
-    (back,) = keeper.states([artefact], 2 * step_ns)
-    assert back.ground_pose == standing.ground_pose
-    assert standing.angular_velocity_rad_s == (0.0, 0.0, 0.0)
-    assert back.angular_velocity_rad_s == pytest.approx((0.0, 0.0, -2.0))
+    tape.record(step_ns, 2 * step_ns, ids, here, away)
+    tape.record(2 * step_ns, 3 * step_ns, ids, away, here)
+    tape.record(3 * step_ns, 4 * step_ns, ids, here, away)
+    found = [states(keeper, k * step_ns, artefact)[0] for k in (1, 3)]
+    found.append(states(keeper, 4 * step_ns, artefact)[0])
+    assert found[0].ground_pose == found[1].ground_pose == standing.ground_pose
+    turns = [state.angular_velocity_rad_s[2] for state in (standing, *found)]
+    assert turns == pytest.approx([0.0, 2.0, 2.0, 0.0])
 
 
 def test_what_is_perceived_holds_no_uncertainty_of_its_own(row: CatalogueRow) -> None:
