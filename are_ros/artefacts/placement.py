@@ -144,10 +144,11 @@ class Placer:
         allowed = self._allowed_by_map(sought, boxes, poses)
         start, size = 0, 1
         while start < allowed.size:
-            piece = sought.leading_out(poses, allowed[start : start + size])
-            free = np.flatnonzero(sought.around.leave_room_for(boxes.take(piece)))
+            piece = allowed[start : start + size]
+            piece = piece[sought.around.leave_room_for(boxes.take(piece))]
+            free = sought.leading_out(poses, piece)  # last, as it takes the most time
             if free.size:
-                first = piece[free[0]]
+                first = free[0]
                 return _ground_pose(poses[first], heights_m[first])
             start, size = start + size, 4 * size
         return None
@@ -162,9 +163,11 @@ class Placer:
         return np.flatnonzero(allowed)
 
     def _feasible(self, sought: Sought, poses: _Floats) -> tuple[_Poses, _Floats]:
-        """Return the indices of the feasible poses, and the ground's height (N,) under all."""
+        """Return which of poses that the map allows are feasible, and the ground's height (N,)."""
         boxes, heights_m = self._standing(sought.row, poses)
-        allowed = self._allowed_by_map(sought, boxes, poses)
+        allowed = np.arange(len(poses))
+        if sought.within is not None:
+            allowed = np.flatnonzero(sought.within.contains(poses))
         return allowed[sought.around.leave_room_for(boxes.take(allowed))], heights_m
 
     def _standing(self, row: CatalogueRow, poses: _Floats) -> tuple[OrientedBoxes, _Floats]:
