@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -30,12 +30,25 @@ from are_ros.world.region import SpawnRegion
 _BATCHES: Final = (32, 256, 1024, 4096)
 _FEW: Final = 4
 """So many of a batch are looked at first: mostly one of them is feasible."""
-_CHUNK_CELLS: Final = 1 << 14
+_CHUNK_CELLS: Final = 1 << 11
+_CHUNK_POSES: Final = 1 << 14
 _KEPT_POSES: Final = LATTICE_CELLS * HEADINGS
 
 _Floats = npt.NDArray[np.float64]
 _Poses = npt.NDArray[np.int64]
 _Cells = npt.NDArray[np.int32]
+
+
+class _Static(NamedTuple):
+    """The lattice poses of a footprint that the static map allows, and those it may allow."""
+
+    allowed: _Poses
+    unchecked: _Poses
+
+    @property
+    def size(self) -> int:
+        """How many there are of both."""
+        return self.allowed.size + self.unchecked.size
 
 
 class Placer:
@@ -55,7 +68,7 @@ class Placer:
     centres of cells times `HEADINGS` headings. (Where more than 2**17 cells have room, it takes
     every n-th row and column, 5 cm apart, or so many that at most about 2**18 remain.) The pose
     is uniform, or by weight, over those that are feasible; None only if none is. What the static
-    map alone decides there is remembered per footprint.
+    map alone decides there is remembered per footprint, some thousand poses more at each search.
     """
 
     def __init__(
@@ -68,7 +81,7 @@ class Placer:
         resolution_m = environment.grid.resolution_m
         self._lattice = lattice_row(environment.grid.origin, resolution_m, resolution_m)
         self._poses = PoseLattice(environment.grid)
-        self._static: dict[tuple[float, ...], _Poses] = {}
+        self._static: dict[tuple[float, ...], _Static] = {}
         self._leeways: dict[CatalogueRow, Leeway | None] = {}
         self._roomy: dict[float, CandidateCells] = {}
 
@@ -144,10 +157,11 @@ class Placer:
         allowed = self._allowed_by_map(sought, boxes, poses)
         start, size = 0, 1
         while start < allowed.size:
-            piece = sought.leading_out(poses, allowed[start : start + size])
-            free = np.flatnonzero(sought.around.leave_room_for(boxes.take(piece)))
+            piece = allowed[start : start + size]
+            piece = piece[sought.around.leave_room_for(boxes.take(piece))]
+            free = sought.leading_out(poses, piece)  # last, as it takes the most time
             if free.size:
-                first = piece[free[0]]
+                first = free[0]
                 return _ground_pose(poses[first], heights_m[first])
             start, size = start + size, 4 * size
         return None
@@ -160,12 +174,6 @@ class Placer:
         if sought.within is not None:
             allowed &= sought.within.contains(poses)
         return np.flatnonzero(allowed)
-
-    def _feasible(self, sought: Sought, poses: _Floats) -> tuple[_Poses, _Floats]:
-        """Return the indices of the feasible poses, and the ground's height (N,) under all."""
-        boxes, heights_m = self._standing(sought.row, poses)
-        allowed = self._allowed_by_map(sought, boxes, poses)
-        return allowed[sought.around.leave_room_for(boxes.take(allowed))], heights_m
 
     def _standing(self, row: CatalogueRow, poses: _Floats) -> tuple[OrientedBoxes, _Floats]:
         """Return the boxes at poses (N, 4), x, y, 0, yaw, on the ground, and its heights (N,)."""
@@ -183,41 +191,70 @@ class Placer:
     ) -> GroundPose | None:
         """Visit the whole lattice; the feasible pose with the least exponential clock wins."""
         best: tuple[float, _Floats, float] | None = None
-        for lattice_poses in self._static_poses(sought, cells):
-            if not lattice_poses.size:
-                continue
-            poses = self._poses.poses(lattice_poses)
-            found, heights_m = self._feasible(sought, poses)
-            weights = self._weights(lattice_poses[found] // HEADINGS)
+        for piece, is_checked in self._lattice_poses(sought, cells):
+            poses = self._poses.poses(piece)
+            found, heights_m = self._feasible(sought, poses, is_checked=is_checked)
+            weights = self._weights(piece[found] // HEADINGS)
             clocks = generator.standard_exponential(found.size) / weights
             first = int(np.argmin(clocks)) if found.size else -1
             if first >= 0 and (best is None or clocks[first] < best[0]):
                 best = (float(clocks[first]), poses[found[first]], heights_m[found[first]])
         return None if best is None else _ground_pose(best[1], best[2])
 
-    def _static_poses(self, sought: Sought, cells: CandidateCells) -> Iterator[_Poses]:
-        """Yield, in pieces, the lattice poses that the static map allows; kept if not too many."""
-        keep = sought.within is None
-        known = self._static.get(sought.key) if keep else None
-        if known is not None:
-            yield from np.array_split(known, 1 + known.size // _CHUNK_CELLS)
+    def _feasible(
+        self, sought: Sought, poses: _Floats, *, is_checked: bool
+    ) -> tuple[_Poses, _Floats]:
+        """Return the indices of the feasible poses, and the ground's height (N,) under all.
+
+        The map is asked about those only that the others leave, and not of poses that are checked:
+        where the lattice is searched it is crowded.
+        """
+        boxes, heights_m = self._standing(sought.row, poses)
+        left = sought.around.are_clear(boxes)
+        if sought.within is not None:
+            left &= sought.within.contains(poses)
+        found = np.flatnonzero(left)
+        if not is_checked:
+            found = found[self._environment.is_placeable(boxes.take(found))]
+        return found[sought.around.are_allowed(boxes.take(found))], heights_m
+
+    def _lattice_poses(
+        self, sought: Sought, cells: CandidateCells
+    ) -> Iterator[tuple[_Poses, bool]]:
+        """Yield, in pieces, lattice poses, all that the map allows among them; whether all are."""
+        if sought.within is not None:
+            yield from ((piece, False) for piece in self._scan(sought, cells))
             return
-        pieces = [np.empty(0, np.int64)]
-        for piece in self._scan(sought, self._poses.thinned(cells.flat)):
-            pieces.append(piece)
-            yield piece
-        if keep:
-            self._remember(sought.key, np.concatenate(pieces))
+        known = self._static.get(sought.key)
+        if known is None:
+            pieces = [np.empty(0, np.int64), *self._scan(sought, cells)]
+            known = _Static(np.empty(0, np.int64), np.concatenate(pieces))
+        known = self._checked_on(sought, known)
+        self._remember(sought.key, known)
+        for poses, is_checked in ((known.allowed, True), (known.unchecked, False)):
+            for start in range(0, poses.size, _CHUNK_POSES):
+                yield poses[start : start + _CHUNK_POSES], is_checked
 
-    def _remember(self, key: tuple[float, ...], poses: _Poses) -> None:
+    def _checked_on(self, sought: Sought, known: "_Static") -> "_Static":
+        """Return what is known of a footprint's poses once the map is asked about some more.
+
+        All at once would take longer than the search itself.
+        """
+        piece = known.unchecked[:_CHUNK_POSES]
+        boxes, _ = self._standing(sought.row, self._poses.poses(piece))
+        allowed = piece[self._environment.is_placeable(boxes)]
+        allowed = np.concatenate((known.allowed, allowed))
+        return _Static(allowed, known.unchecked[_CHUNK_POSES:])
+
+    def _remember(self, key: tuple[float, ...], static: "_Static") -> None:
         """Keep the poses; of others only that there are none, if all together are too many."""
-        if poses.size + sum(known.size for known in self._static.values()) > _KEPT_POSES:
+        if static.size + sum(known.size for known in self._static.values()) > _KEPT_POSES:
             self._static = {none: known for none, known in self._static.items() if not known.size}
-        self._static[key] = poses
+        self._static[key] = static
 
-    def _scan(self, sought: Sought, flat: _Cells) -> Iterator[_Poses]:
-        """Yield the lattice poses over some cells that the static map allows."""
-        row, leeway = sought.row, sought.leeway
+    def _scan(self, sought: Sought, cells: CandidateCells) -> Iterator[_Poses]:
+        """Yield the lattice poses over some cells that the static map may allow."""
+        row, leeway, flat = sought.row, sought.leeway, self._poses.thinned(cells.flat)
         resolution_m = self._grid.resolution_m
         half_m = (0.5 * row.size_m[0], 0.5 * row.size_m[1])
         spine_m, radius_m = spine_of(*half_m, row.box_centre_in_artefact_m[:2])
@@ -228,12 +265,9 @@ class Placer:
             piece = flat[start : start + _CHUNK_CELLS]
             if leeway is not None:
                 piece = piece[leeway.is_free_at(self._poses.centres_m(piece))]
-            poses = spines_are_clear(
+            yield spines_are_clear(
                 piece, self._clearance_cells, spine_m / resolution_m, turns, least
             )
-            if poses.size:
-                boxes, _ = self._standing(row, self._poses.poses(poses))
-                yield poses[self._environment.is_placeable(boxes)]
 
     def _weights(self, flat: _Poses) -> _Floats:
         if self._region.weight is None:

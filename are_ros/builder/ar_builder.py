@@ -50,13 +50,13 @@ class ArBuilder(Reality):
         return self._watch.looks
 
     def prepare(self) -> None:
-        """Make ready what a new map costs, so that the next tick need not."""
+        """Make ready what a new map or camera costs, so that the next tick need not."""
         environment = self.world.environment
         if environment is None:
             return
         environment.prepare()
         if self.demand.perception:
-            self._watch.prepare(environment)
+            self._watch.prepare(environment, self.camera, self.parameters.occlusion)
         self._scans.prepare(environment)
         if self.demand.grids:
             self._grids.prepare(environment)

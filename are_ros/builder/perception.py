@@ -47,7 +47,7 @@ class Perception:
             return {}
         self.use_environment(environment)
         shapes = self._meshes.selection(scene.rows) if settings.shape is Shape.MESH else None
-        buffer = self._buffer_of(camera, settings.max_range)
+        buffer = self.buffer_of(camera, settings.max_range)
         seen = buffer.visibility(map_from_camera, scene.boxes, self._field, shapes, settings.mutual)
         return {
             artefact.id: _sighting(seen, i)
@@ -55,7 +55,7 @@ class Perception:
             if seen.visible_pixels[i] > settings.tau
         }
 
-    def _buffer_of(self, camera: Camera, max_range_m: float) -> ZBuffer:
+    def buffer_of(self, camera: Camera, max_range_m: float) -> ZBuffer:
         """Return the buffer of a view model; made anew only when the model or the range changes."""
         known = self._camera is not None and self._camera.view == camera.view
         if self._buffer is None or not known or self._max_range_m != max_range_m:

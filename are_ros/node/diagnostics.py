@@ -15,7 +15,7 @@ from are_ros.wording import counted
 _CONTACT_S: Final = 5.0
 _TICK_STOP_S: Final = 1.0
 _TICK_STOP_PERIODS: Final = 5.0
-_RARE: Final = frozenset({"maps", "transitions"})
+_RARE: Final = frozenset({"preparing", "transitions"})
 """What may take longer than a tick's period, and is no reason to warn."""
 _BLOCKED_SHARE: Final = 0.5
 _FEWEST_ARRIVALS: Final = 4

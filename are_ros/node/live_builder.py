@@ -28,6 +28,7 @@ from are_ros.parameters.choices import CostmapGate, SensorGate
 from are_ros.parameters.model import Parameters
 from are_ros.world.environment import Environment
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.view_models import ViewModel
 
 _BACKLOG_NS: Final = NS_PER_S
 """Ticks that are later than this are left out: the machine cannot keep up, or time leapt."""
@@ -107,6 +108,7 @@ class LiveBuilder:
         self._schedule: TickSchedule | None = None
         self._now_ns = 0
         self._look_ns: int | None = None
+        self._has_prepared = False
         self._shown: Environment | None = None
         scans = [topic for topic, role in roles.items() if role == "scan"]
         self._scan_outputs = scan_outputs(scans)
@@ -152,7 +154,7 @@ class LiveBuilder:
         if now_ns <= 0:
             return
         ticks, offered = self.watch.count, self._offered
-        has_map = any(self._roles[stored.message.topic] in _COSTLY for stored in self._stored)
+        self._has_prepared = False
         self._read_what_scans_wait_for(now_ns)
         self.builder.judges_until_ns = _NONE_NS
         while self._stored:
@@ -163,8 +165,8 @@ class LiveBuilder:
         if self.is_running:
             self.builder.advance(now_ns)
             self._send_scans()
-        if has_map:
-            self.busy.call_it("maps")
+        if self._has_prepared:
+            self.busy.call_it("preparing")
         elif self._offered != offered:
             self.busy.call_it("arrivals")
         elif self.watch.count != ticks:
@@ -255,21 +257,32 @@ class LiveBuilder:
     def _take(self, message: RawMessage, received_ns: int) -> None:
         self._run_ticks(received_ns)
         self._follow_clock(received_ns)
+        view = self._view()
         if self._roles[message.topic] == "clicked_point":
             self._click(message, received_ns)
         elif sentence := self._feed.take(message, received_ns):
             self._refused(message.topic, sentence)
         if self._roles[message.topic] in _COSTLY:
             self._took_map(received_ns)
+        elif self._view() is not view:
+            self._prepare()
         self._send_scans()
 
     def _took_map(self, now_ns: int) -> None:
         """Do what a new environment costs; a costmap is latched, so it is never an old one."""
-        self.builder.prepare()
+        self._prepare()
         environment = self.builder.world.environment
         if not self.is_running and environment is not self._shown:
             self._shown = environment
             self._send_tick(self.builder.farewell(now_ns), ("augmented_costmap",))
+
+    def _view(self) -> ViewModel | None:
+        camera = self.builder.camera
+        return None if camera is None else camera.view
+
+    def _prepare(self) -> None:
+        self._has_prepared = True
+        self.builder.prepare()
 
     def _click(self, message: RawMessage, received_ns: int) -> None:
         """Place an artefact where somebody clicked, or refuse it with the reason."""

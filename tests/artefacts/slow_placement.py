@@ -69,9 +69,9 @@ def region_of(mask: Mask, weight: npt.NDArray[np.float32] | None = None) -> Spaw
     return SpawnRegion(mask.copy(), weight, float(mask.sum()))
 
 
-def placer_of(free: Mask) -> Placer:
-    """Return what places on a map of 1 m cells, wherever it is free."""
-    return Placer(environment_of(free), region_of(free))
+def placer_of(free: Mask, resolution_m: float = 1.0) -> Placer:
+    """Return what places on a map, wherever it is free."""
+    return Placer(environment_of(free, resolution_m), region_of(free))
 
 
 def stream(number: int) -> np.random.Generator:

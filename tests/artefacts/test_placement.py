@@ -236,9 +236,28 @@ def test_nobody_who_walks_arrives_in_a_pocket() -> None:
 
 def _lattice_poses(placer: Placer, row: CatalogueRow, leeway: Leeway | None) -> int:
     """Count what the static map allows of the lattice."""
-    nearby = Surroundings(), Disc(0.0, 0.0, math.inf)
-    pieces = placer._static_poses(Sought(row, *nearby, leeway), placer._cells)
-    return sum(piece.size for piece in pieces)
+    sought = Sought(row, Surroundings(), Disc(0.0, 0.0, math.inf), leeway)
+    return sum(
+        placer._feasible(sought, placer._poses.poses(piece), is_checked=is_checked)[0].size
+        for piece, is_checked in placer._lattice_poses(sought, placer._cells)
+    )
+
+
+def test_a_search_gives_the_same_however_much_is_known() -> None:
+    """The map is asked about some thousand poses at a time; what is known changes no pose."""
+    free, row = np.ones((80, 80), np.bool_), row_of(0.9, 0.4)
+    spot = np.array([4.05, 3.05])  # the centre of a cell, too small a spot for draws
+
+    def at_the_spot(boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
+        return np.hypot(*(boxes.centres_m[:, :2] - spot).T) < 1e-3
+
+    around = Surroundings(allowed=at_the_spot)
+    placer = placer_of(free, 0.1)
+    found = [placer.place(row, stream(1), around) for _ in range(12)]
+    (static,) = placer._static.values()
+    assert not static.unchecked.size
+    assert static.allowed.size == _lattice_poses(placer, row, None) > 60_000
+    assert {*found} == {placer_of(free, 0.1).place(row, stream(1), around)} != {None}
 
 
 def test_nothing_ever_overlaps() -> None:

@@ -17,6 +17,7 @@ from are_ros.builder.events import EventKind
 from are_ros.builder.requests import SpawnRequest
 from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.messages.tick_encoding import OUTPUTS
+from are_ros.node.busy_watch import BusyWatch
 from are_ros.node.decoding import WireDecoding, WireMessage
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import message_class
@@ -27,6 +28,7 @@ from are_ros.world.rigid_transform import RigidTransform
 from tests.node.live_bench import DELETE_ALL
 from tests.node.live_scene import (
     QUIET,
+    camera_info,
     click_at,
     laser_mount,
     ns,
@@ -95,7 +97,7 @@ class Rig:
         self.outlet = Outlet()
         self.inbox = Inbox()
         self.refused: list[tuple[str, str]] = []
-        roles = {f"/{role}": role for role in (*ROLES, "clicked_point")}
+        roles = {f"/{role}": role for role in (*ROLES, "camera/camera_info", "clicked_point")}
         self.live = LiveBuilder(
             parameters,
             catalogue_of(parameters),
@@ -215,6 +217,38 @@ def test_late_ticks_are_run_up_to_a_second_and_then_skipped(rig: Rig) -> None:
     assert rig.live.watch.skipped_count == 80
     assert rig.live.watch.count == 1 + 10 + 10
     assert rig.live.watch.late_count == 9 + 9
+
+
+def test_a_turn_is_named_after_what_was_done_in_it(make_rig: MakeRig) -> None:
+    """A map and a camera are made ready, before a tick needs them; the rest has its own names."""
+    rig = make_rig(camera__model="auto", population__arrival_rate=0.2, robot__clearance=0.0)
+    rig.live.resume(ns(10.0))
+
+    def name_of_turn(t_s: float) -> str:
+        rig.live.busy = BusyWatch()
+        rig.live.busy.begin(0, "inputs")
+        rig.work(t_s)
+        rig.live.busy.end(1)
+        return next(iter(rig.live.busy.figures(1).longest_ms))
+
+    def buffer() -> object:
+        return rig.live.builder._watch._perception._buffer
+
+    rig.store("tf", robot_at(10.0), 10.01)
+    assert name_of_turn(10.01) == "inputs"
+    rig.store("map", room(), 10.02)
+    assert name_of_turn(10.02) == "preparing"
+    assert buffer() is None
+    rig.store("camera/camera_info", camera_info(10.0, frame_id="base_link"), 10.03)
+    assert name_of_turn(10.03) == "preparing"
+    ready = buffer()
+    assert ready is not None
+    rig.store("camera/camera_info", camera_info(10.03, frame_id="base_link"), 10.04)
+    assert name_of_turn(10.04) == "inputs"
+    names = [name_of_turn(10.05 + 0.05 * k) for k in range(1, 60)]
+    assert {*names} == {"inputs", "ticks", "arrivals"}
+    assert len(rig.live.builder.lives.population.living) > 0
+    assert buffer() is ready
 
 
 def test_a_clock_that_jumps_back_begins_the_ticks_anew(rig: Rig) -> None:
