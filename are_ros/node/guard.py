@@ -82,7 +82,7 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
 
     @property
     def _guarded(self) -> str:
-        return self.resolve_topic_name(_GUARDED)
+        return str(self.resolve_topic_name(_GUARDED))
 
     def _advertise(self) -> dict[str, Any]:
         """Offer the node's maps before they are needed: who listens is known by then."""
