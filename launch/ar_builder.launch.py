@@ -25,7 +25,7 @@ ARGUMENTS = {
     "autostart": "false: others configure and activate the node; empty: what params_file says",
     "log_level": "debug, info, warn, error or fatal",
     "respawn": "true: start it again when it has ended",
-    "guard": "true: start `are guard`, too, which publishes the real map if the node is killed",
+    "guard": "true: start ar_guard, too, which publishes the real map if the node is killed",
 }
 """The arguments and their meaning."""
 
@@ -68,8 +68,7 @@ def start(context: Any) -> list[Any]:
     )
     guard = Node(
         package="are_ros",
-        executable="are",
-        arguments=["guard"],
+        executable="ar_guard",
         name="ar_guard",
         namespace=given["namespace"] or None,
         ros_arguments=["--log-level", given["log_level"]],

@@ -21,7 +21,7 @@ from pathlib import Path
 from types import ModuleType
 
 PACKAGES = ("are_msgs", "are_ros")
-EXECUTABLES = ("ar_builder", "are")
+EXECUTABLES = ("ar_builder", "ar_guard", "are")
 SHARED = ("ar_builder.launch.py", "are.yaml", "nav2_are.yaml", "are.rviz")
 START_S, END_S = 300.0, 15.0
 APART = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": str(30 + os.getpid() % 11)}

@@ -76,8 +76,9 @@ def test_the_guard_is_started_where_it_is_wanted(
     monkeypatch.setitem(sys.modules, "launch_ros.actions", actions)
     (node,) = launch_file.start(given)
     node, guard = launch_file.start(given | {"guard": "true"})
-    assert (guard.executable, guard.arguments, guard.namespace) == ("are", ["guard"], "robot1")
-    assert guard.namespace == node.namespace
+    assert (node.executable, node.namespace) == ("ar_builder", "robot1")
+    assert (guard.executable, guard.namespace) == ("ar_guard", "robot1")
+    assert f'{guard.executable} = "are_ros.node.guard:main"' in PYPROJECT
 
 
 def test_arguments_come_after_the_file(launch_file: Any, tmp_path: Path) -> None:

@@ -82,7 +82,7 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
 
     @property
     def _guarded(self) -> str:
-        return self.resolve_topic_name(_GUARDED)
+        return str(self.resolve_topic_name(_GUARDED))
 
     def _advertise(self) -> dict[str, Any]:
         """Offer the node's maps before they are needed: who listens is known by then."""
@@ -110,17 +110,16 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
         """Publish what is real, for the node is dead."""
         self._confirmation.cancel()
         self._is_standing_in = True
-        if self._map is None:
-            self.get_logger().error(f"{self._guarded} was killed; there is no real map to publish")
-        else:
+        self.get_logger().error(f"{self._guarded} was killed")
+        if self._map is not None:
             self._publish(self._map)
-            self.get_logger().error(f"{self._guarded} was killed: the real map is published")
 
     def _publish(self, real: bytes) -> None:
         self._publishers_of_maps["augmented_map"].publish(real)
         empty = deserialize_message(real, self._grid)
         empty.data = type(empty.data)("b", bytes(len(empty.data)))
         self._publishers_of_maps["artefact_map"].publish(empty)
+        self.get_logger().info("the real map is published, and an empty artefact map")
 
     def _step_back(self) -> None:
         """Withdraw what was published, for the node is there again."""
