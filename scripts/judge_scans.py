@@ -356,6 +356,9 @@ def options() -> argparse.Namespace:
     parser.add_argument("--work", type=Path, default=ROOT / "out" / "judged")
     parser.add_argument("--code", type=Path, default=ROOT)
     parser.add_argument("--select", default="", help="regular expression on the names of runs")
+    parser.add_argument(
+        "--keys", type=Path, help="a file of names of runs, in the order to do them"
+    )
     parser.add_argument("--duration", type=float, default=15.0, help="of the made recordings [s]")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--set", action="append", default=[], help="for are replay; repeatable")
@@ -369,6 +372,9 @@ def main() -> None:
     """Do what is not done yet, and print the table."""
     given = options()
     runs = [run for run in matrix(given.duration) if re.search(given.select, run.key)]
+    if given.keys:
+        named = {run.key: run for run in runs}
+        runs = [named[key] for key in given.keys.read_text().splitlines() if key in named]
     if given.list:
         print(*(run.key for run in runs), sep="\n")
         return

@@ -45,7 +45,7 @@ def side_returns(y_m: float, low_m: float, high_m: float) -> npt.NDArray[np.floa
 
 def real_ranges() -> npt.NDArray[np.float32]:
     """Return what the laser measures: the wall, and nothing in the blind beams."""
-    ranges = (WALL_M / np.cos(TURNS)).astype(np.float32)
+    ranges = np.asarray(WALL_M / np.cos(TURNS), dtype=np.float32)
     ranges[BLIND] = np.inf
     return ranges
 
@@ -54,7 +54,7 @@ def virtual_ranges(stamp_ns: int) -> npt.NDArray[np.float32]:
     """Return the same with the two boxes in it."""
     first = returns(near_face_m(stamp_ns), -0.5, 0.5)
     boxes = np.minimum(first, np.minimum(returns(4.5, 1.0, 2.0), side_returns(1.0, 4.5, 5.5)))
-    return np.where(boxes < real_ranges(), boxes, real_ranges()).astype(np.float32)
+    return np.asarray(np.minimum(boxes, real_ranges()), dtype=np.float32)
 
 
 def scan(stamp_ns: int, ranges: npt.NDArray[np.float32]) -> Scan:

@@ -174,13 +174,18 @@ def read_inputs(
             found.grid = message
         elif kind == CLOUD:
             found.cloud = message
-    known = found.frames.children()
-    for message in moves:
+    _take_odometry(found.frames, moves, base)
+    return found
+
+
+def _take_odometry(frames: Frames, messages: Iterable[Any], base: str) -> None:
+    """Take the edges to children that have no parent in tf."""
+    known = frames.children()
+    for message in messages:
         child, pose = message.child_frame_id or base, message.pose.pose
         if child not in known:
             stamp_ns, parent = stamp_of(message), message.header.frame_id
-            found.frames.add(parent, child, stamp_ns, pose.position, pose.orientation)
-    return found
+            frames.add(parent, child, stamp_ns, pose.position, pose.orientation)
 
 
 def read_outputs(results: Path) -> Outputs:

@@ -95,7 +95,8 @@ class Body:
 
     def distances(self, points: Floats) -> Floats:
         """Return how far points (N, 3) are from its surface at the best of its poses."""
-        return np.min([self._distances(pose, points) for pose in self.poses], axis=0)
+        found = [self._distances(pose, points) for pose in self.poses]
+        return np.asarray(np.min(found, axis=0))
 
     def _hits(self, pose: Floats, origin: Floats, ways: Floats) -> Floats:
         turn = _turn(pose)
@@ -118,12 +119,13 @@ class Body:
 
     def _at_height(self, start: Floats, rays: Floats, radius: float) -> Floats:
         """Return the triangles between the lowest and the highest point of rays near it."""
-        assert self.triangles is not None
+        triangles = np.asarray(self.triangles)
         reach = float(np.linalg.norm(start)) + radius
         low = start[2] + reach * min(float(rays[:, 2].min()), 0.0) - 1e-6
         high = start[2] + reach * max(float(rays[:, 2].max()), 0.0) + 1e-6
-        heights = self.triangles[:, :, 2]
-        return self.triangles[(heights.max(axis=1) >= low) & (heights.min(axis=1) <= high)]
+        heights = triangles[:, :, 2]
+        chosen = (heights.max(axis=1) >= low) & (heights.min(axis=1) <= high)
+        return np.asarray(triangles[chosen])
 
     def _distances(self, pose: Floats, points: Floats) -> Floats:
         own = np.ascontiguousarray((points - pose[:3]) @ _turn(pose))
@@ -264,7 +266,9 @@ def judge(
     verdict.counts["poses of ticks"] = compared
     verdict.say("lives", wrong, example)
     augmented = {scan.stamp_ns: scan for scan in run.scans.get(topic, ())}
-    for scan in _replayed(real, run):
+    replayed = _replayed(real, run)
+    verdict.counts["scans outside"] = len(real) - len(replayed)
+    for scan in replayed:
         other = augmented.get(scan.stamp_ns)
         if other is None:
             verdict.say("lost scan", 1, f"the scan at {scan.stamp_ns}")
@@ -274,7 +278,7 @@ def judge(
 
 
 def _replayed(real: Sequence[Scan], run: Outputs) -> list[Scan]:
-    """Return the real scans that the run took, by their log times: from its first tick on."""
+    """Return the real scans from the first to the last stamp that came out."""
     stamps = [scan.stamp_ns for scans in run.scans.values() for scan in scans]
     if not stamps:
         return list(real)
@@ -430,7 +434,7 @@ class _Look:
 
     def _met_well_before(self, beams: npt.NDArray[np.int64], limit: Floats) -> Bools:
         """Return which beams, and their neighbours, meet who is sure nearer than `limit`."""
-        met = self.sure[beams] < limit
+        met: Bools = np.asarray(self.sure[beams] < limit)
         for aside, up in ((-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0)) if met.any() else ():
             chosen = np.flatnonzero(met)
             turn = np.minimum(0.02, WIGGLE_M / np.maximum(self.sure[beams[chosen]], 0.1))
