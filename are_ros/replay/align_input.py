@@ -32,6 +32,7 @@ _FEWEST_SCANS: Final = 10
 _APART_M: Final = 0.4
 _APART_RAD: Final = 0.3
 _MOST_TILT_RAD: Final = 0.1
+_RETURN_SHARE: Final = 0.995
 _RETRY_NS: Final = NS_PER_S // 5
 
 
@@ -195,7 +196,9 @@ def _placed(tree: FrameTree, root: str, topic: str, scan: LaserScan) -> PlacedSc
     if tilt_rad > _MOST_TILT_RAD:
         return None
     ranges = scan.ranges.astype(np.float64)
-    good = np.isfinite(ranges) & (ranges >= scan.range_min_m) & (ranges <= scan.range_max_m)
+    # Gazebo and some drivers write range_max, or a little less, where nothing is.
+    farthest_m = scan.range_max_m * _RETURN_SHARE
+    good = np.isfinite(ranges) & (ranges >= scan.range_min_m) & (ranges < farthest_m)
     rays = scan.directions()[good] * ranges[good, np.newaxis]
     endpoints = root_from_laser.apply(rays)[:, :2]
     x, y, _ = root_from_laser.translation_m.tolist()
@@ -238,9 +241,7 @@ def _spread_scans(
     return frozenset(found[k] for k in _evenly(len(found), _CANDIDATES))
 
 
-def _window(
-    reader: BagReader, topics: Collection[str], options: ReplayOptions
-) -> tuple[int, int]:
+def _window(reader: BagReader, topics: Collection[str], options: ReplayOptions) -> tuple[int, int]:
     """Return the log times [begin, end) that are read, counted from the first that moves."""
     moving = [topic for topic in topics if topic not in {"/tf_static", "tf_static"}]
     first = next(reader.messages(moving), None)
@@ -317,4 +318,6 @@ def _root(tree: FrameTree, laser: str, options: ReplayOptions) -> str:
 def _no_scan(roles: RolesFound) -> str:
     """Return what keeps the scans from being found."""
     said = [sentence for sentence in roles.sentences() if sentence.startswith("scan:")]
-    return said[0] if said else "the recording has no laser scan, and a map can be matched with none"
+    return (
+        said[0] if said else "the recording has no laser scan, and a map can be matched with none"
+    )

@@ -27,24 +27,26 @@ _STEP_CELLS: Final = 0.5
 
 @compiled
 def crosses_wall(
-    kinds: Bytes, x0: float, y0: float, x1: float, y1: float, margin_cells: float
+    clear: Bytes, x0: float, y0: float, x1: float, y1: float, margin_cells: float
 ) -> bool:
     """Tell whether a beam from (x0, y0) to (x1, y1) [cells] meets a wall before its last part.
 
-    The last `margin_cells` are left out: there the wall that the beam hits begins.
+    `clear` is how many cells away a wall may begin, 0 in a wall (`clearance`). The last
+    `margin_cells` are left out: there the wall that the beam hits begins.
     """
     dx, dy = x1 - x0, y1 - y0
     length = np.sqrt(dx * dx + dy * dy)
     reach = length - margin_cells
-    if reach <= 0.0:
-        return False
-    steps = int(reach / _STEP_CELLS)
-    dx, dy = dx / length * _STEP_CELLS, dy / length * _STEP_CELLS
-    for k in range(steps):
-        x, y = x0 + k * dx, y0 + k * dy
-        if 0.0 <= x < kinds.shape[1] and 0.0 <= y < kinds.shape[0]:
-            if kinds[int(y), int(x)] == WALL_CELL:
+    along = 0.0
+    while along < reach:
+        x, y = x0 + along / length * dx, y0 + along / length * dy
+        leap = _STEP_CELLS
+        if 0.0 <= x < clear.shape[1] and 0.0 <= y < clear.shape[0]:
+            cells = clear[int(y), int(x)]
+            if cells == 0:
                 return True
+            leap = max(_STEP_CELLS, cells - 1.5)
+        along += leap
     return False
 
 
@@ -77,7 +79,7 @@ def score_at(
     field: Bytes,
     pad: int,
     outside: int,
-    kinds: Bytes,
+    clear: Bytes,
     points: Floats,
     origins: Floats,
     margin_cells: float,
@@ -88,7 +90,7 @@ def score_at(
 ) -> int:
     """Return the score of a pose: as `bound_at`, but an endpoint behind a wall counts -`FULL`.
 
-    `kinds` is the map without the padding, `origins` (N, 2) are the beams' beginnings.
+    `clear` is the clearance without padding, `origins` (N, 2) are the beams' beginnings.
     """
     bound = bound_at(field, pad, outside, points, x, y, yaw, floor)
     if bound < 0:
@@ -99,7 +101,7 @@ def score_at(
         row = sine * points[k, 0] + cosine * points[k, 1] + y
         x0 = cosine * origins[k, 0] - sine * origins[k, 1] + x
         y0 = sine * origins[k, 0] + cosine * origins[k, 1] + y
-        if crosses_wall(kinds, x0, y0, col, row, margin_cells):
+        if crosses_wall(clear, x0, y0, col, row, margin_cells):
             value = outside
             if -pad <= col < field.shape[1] - pad and -pad <= row < field.shape[0] - pad:
                 value = int(field[int(row + pad), int(col + pad)])
@@ -152,7 +154,7 @@ def search_nodes(
     fields: npt.NDArray[np.uint8],
     pad: int,
     outside: int,
-    kinds: Bytes,
+    clear: Bytes,
     points: Floats,
     origins: Floats,
     margin_cells: float,
@@ -206,7 +208,7 @@ def search_nodes(
                     if is_within(x, y, yaw, excluded, radius, turn, 0.0):
                         continue
                     value = score_at(
-                        fields[0], pad, outside, kinds, points, origins, margin_cells, x, y, yaw,
+                        fields[0], pad, outside, clear, points, origins, margin_cells, x, y, yaw,
                         best,
                     )  # fmt: skip
                 else:
@@ -270,6 +272,7 @@ def likelihood(
 def judge_points(
     distances: npt.NDArray[np.float32],
     kinds: Bytes,
+    clear: Bytes,
     resolution_m: float,
     points_m: Floats,
     origins_m: Floats,
@@ -299,5 +302,5 @@ def judge_points(
             else:
                 away_m[k] = distances[int(row), int(col)]
             flags[k] = FREE_CELL if kind == WALL_CELL else kind
-        if crosses_wall(kinds, x0, y0, col, row, margin_m / resolution_m):
+        if crosses_wall(clear, x0, y0, col, row, margin_m / resolution_m):
             flags[k] = WALL_CELL

@@ -41,7 +41,7 @@ POOR_SHARE: Final = 0.5
 
 _SEARCH_CELL_M: Final = 0.05
 _MOST_CELLS: Final = 2**24
-_SEARCH_POINTS: Final = 800
+_SEARCH_POINTS: Final = 500
 _FINE_POINTS: Final = 4000
 _SEARCH_SIGMA_M: Final = 0.15
 _FINE_SIGMA_M: Final = 0.05
@@ -53,6 +53,8 @@ _UNKNOWN: Final = 25
 _RIVAL_FLOOR: Final = 0.88
 """Of the best score on the lattice: on its lattice a rival may lose more than the best did."""
 _MOST_RIVALS: Final = 3
+_LEAST_SCORE: Final = 0.25
+"""With less, the search takes long, and what it finds tells nothing."""
 _BATCH: Final = 4096
 _SEED: Final = 20
 
@@ -137,6 +139,11 @@ class Match:
     unknown: float
     through: float
 
+    @property
+    def is_poor(self) -> bool:
+        """Whether it is no match: the map seems to be of another place."""
+        return self.near < POOR_SHARE
+
 
 @dataclass(frozen=True)
 class Alignment:
@@ -155,11 +162,6 @@ class Alignment:
         """Whether another pose fits as well."""
         return any(rival.score >= AMBIGUOUS * self.best.score for rival in self.rivals)
 
-    @property
-    def is_poor(self) -> bool:
-        """Whether even the best fits badly: the map seems to be of another place."""
-        return self.best.near < POOR_SHARE
-
 
 class ScanMatcher:
     """Finds clouds on one map."""
@@ -176,36 +178,44 @@ class ScanMatcher:
         self._fine_m = grid.resolution_m * coarse
         self._fine = _pooled(kinds, coarse)
         self._distances = _distance_m(self._fine, self._fine_m)
+        self._clear = _clearance(self._fine)
         factor = max(1, math.floor(_SEARCH_CELL_M / self._fine_m + 1e-6))
         self._cell_m = self._fine_m * factor
         self._fields = _Fields.of(_pooled(self._fine, factor), self._cell_m)
 
-    def align(self, cloud: ScanCloud, progress: Progress = lambda _: None) -> Alignment:
+    def align(self, cloud: ScanCloud, progress: Progress = lambda _: None) -> Alignment | None:
         """Return the pose at which the cloud fits the map best, anywhere on it, and its rivals.
 
         The place of the laser that is nearest to the middle of the cloud lies within the map's
-        known part. `progress` is told the fraction done.
+        known part. None where no pose has a score worth a word; a poor best has no rivals.
+        `progress` is told the fraction done.
         """
         search = _Search(self._fields, cloud)
-        first = search.best((), 0, lambda done: progress(0.7 * done))
-        best = self._refined(cloud, self._map_from_part.after(search.pose(first.leaf)))
-        found, rivals = [first], []
-        floor = int(_RIVAL_FLOOR * first.score)
-        for k in range(_MOST_RIVALS):
+        floor = int(_LEAST_SCORE * FULL * len(search.points))
+        found = [search.best((), floor, lambda done: progress(0.7 * done))]
+        if found[0].score <= floor:
+            return None
+        matches = [self._climbed(cloud, self._map_from_part.after(search.pose(found[0].leaf)))]
+        floor = int(_RIVAL_FLOOR * found[0].score)
+        while len(matches) <= _MOST_RIVALS and not matches[0].is_poor:
+            progress(0.7 + 0.1 * (len(matches) - 1))
             rival = search.best(found, floor, lambda _: None)
-            progress(0.7 + 0.1 * (k + 1))
             if rival.score <= floor:
                 break
             found.append(rival)
             pose = self._map_from_part.after(search.pose(rival.leaf))
-            rivals.append(self._refined(cloud, pose))
-        matches = sorted([best, *rivals], key=lambda match: -match.score)
+            climbed = self._climbed(cloud, pose)
+            middle = cloud.origins_m.mean(axis=0)
+            is_new = all(_are_distinct(climbed.pose, match.pose, middle) for match in matches)
+            # From a ridge the climb may end where another did; the ridge is there all the same.
+            matches.append(climbed if is_new else self.match(cloud, pose))
+        matches.sort(key=lambda match: -match.score)
         progress(1.0)
         return Alignment(matches[0], tuple(matches[1:]), self._slide(cloud, matches))
 
     def refined(self, cloud: ScanCloud, pose: PlanarPose, reach_m: float) -> Match:
-        """Return the best match near a pose, at most about `reach_m` away in each step."""
-        return self._refined(cloud, pose, reach_m)
+        """Return the best match near a pose, which may be off by about `reach_m`."""
+        return self._climbed(cloud, pose, reach_m)
 
     def judged(self, cloud: ScanCloud, pose: PlanarPose) -> tuple[Floats, npt.NDArray[np.uint8]]:
         """Return how far each endpoint lies from an occupied cell [m] (N,), and its flag (N,).
@@ -215,8 +225,8 @@ class ScanMatcher:
         x_m, y_m, yaw = self._map_from_part.inverse().after(pose)
         away_m, flags = np.empty(len(cloud)), np.empty(len(cloud), np.uint8)
         judge_points(
-            self._distances, self._fine, self._fine_m, cloud.endpoints_m, cloud.origins_m,
-            x_m, y_m, yaw, _MARGIN_M, away_m, flags,
+            self._distances, self._fine, self._clear, self._fine_m, cloud.endpoints_m,
+            cloud.origins_m, x_m, y_m, yaw, _MARGIN_M, away_m, flags,
         )  # fmt: skip
         return away_m, flags
 
@@ -235,7 +245,7 @@ class ScanMatcher:
     def _sigma(self, sigma_m: float) -> float:
         return max(sigma_m, self._fine_m)
 
-    def _refined(self, cloud: ScanCloud, pose: PlanarPose, reach_m: float = 0.0) -> Match:
+    def _climbed(self, cloud: ScanCloud, pose: PlanarPose, reach_m: float = 0.0) -> Match:
         """Climb from a pose by ever smaller steps along x, y and yaw, about the cloud's middle."""
         thin = cloud.thinned(0.5 * NEAR_M, _FINE_POINTS)
         middle = thin.endpoints_m.mean(axis=0)
@@ -283,9 +293,9 @@ class ScanMatcher:
 
 @dataclass(frozen=True, eq=False)
 class _Fields:
-    """The map as the search sees it; `kinds` without, `levels` with `pad` cells around."""
+    """The map as the search sees it; `clear` without, `levels` with `pad` cells around."""
 
-    kinds: npt.NDArray[np.uint8]
+    clear: npt.NDArray[np.uint8]
     levels: npt.NDArray[np.uint8]
     pad: int
     cell_m: float
@@ -309,7 +319,7 @@ class _Fields:
         for level in range(1, _TOP_LEVEL + 1):
             shift = 1 << (level - 1)
             levels[level] = _spread(_spread(levels[level - 1], shift).T, shift).T
-        return cls(kinds, levels, pad, cell_m)
+        return cls(_clearance(kinds), levels, pad, cell_m)
 
 
 class _Found(NamedTuple):
@@ -335,7 +345,7 @@ class _Search:
         self.fields = fields
         self.points = (thin.endpoints_m - self.reference_m) / fields.cell_m
         self.origins = (thin.origins_m - self.reference_m) / fields.cell_m
-        height, width = fields.kinds.shape
+        height, width = fields.clear.shape
         self.level = min(_TOP_LEVEL, max(1, int(math.log2(max(height, width))) - 1))
         reach = max(float(np.hypot(*self.points.T).max()), 1.0)
         yaws = math.ceil(2.0 * math.pi * reach / (1 << self.level)) << self.level
@@ -368,7 +378,7 @@ class _Search:
             if bounds[batch][0] <= best:
                 break
             best = search_nodes(
-                fields.levels, fields.pad, _UNKNOWN, fields.kinds, self.points, self.origins,
+                fields.levels, fields.pad, _UNKNOWN, fields.clear, self.points, self.origins,
                 _MARGIN_M / fields.cell_m, self.level, nodes[batch], bounds[batch], self.sides,
                 self.yaw_step, away, DISTINCT_M / fields.cell_m, DISTINCT_RAD, best, leaf,
             )  # fmt: skip
@@ -390,6 +400,13 @@ class _Search:
         order = order[bounds.ravel()[order] > floor]
         yaw, y, x = np.unravel_index(order, bounds.shape)
         return np.column_stack((x, y, yaw)).astype(np.int64), bounds.ravel()[order]
+
+
+def _are_distinct(a: PlanarPose, b: PlanarPose, at_m: Floats) -> bool:
+    """Tell whether two poses put a point of the cloud, or its heading, in different places."""
+    dx, dy = (a.apply(at_m[np.newaxis]) - b.apply(at_m[np.newaxis]))[0].tolist()
+    turned = abs(wrapped(a.yaw_rad - b.yaw_rad))
+    return math.hypot(dx, dy) > 0.5 * DISTINCT_M or turned > 0.5 * DISTINCT_RAD
 
 
 def _between(a: PlanarPose, b: PlanarPose, part: float) -> PlanarPose:
@@ -430,6 +447,16 @@ def _distance_m(kinds: npt.NDArray[np.uint8], cell_m: float) -> npt.NDArray[np.f
     distances = cv2.distanceTransform(1 - surface, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     metres: npt.NDArray[np.float32] = np.asarray(distances, dtype=np.float32) * np.float32(cell_m)
     return metres
+
+
+def _clearance(kinds: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    """Return the distance to the nearest wall's centre in whole cells, 0 in walls, 255 at most."""
+    import cv2
+
+    walls = (kinds == WALL_CELL).astype(np.uint8)
+    distances = cv2.distanceTransform(1 - walls, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    clear: npt.NDArray[np.uint8] = np.clip(np.asarray(distances), 0.0, 255.0).astype(np.uint8)
+    return clear
 
 
 def _spread(field: npt.NDArray[np.uint8], shift: int) -> npt.NDArray[np.uint8]:
