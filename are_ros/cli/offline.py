@@ -108,8 +108,9 @@ def align(**options: Any) -> None:
     """Find the transform that a replay lacks between a map and the robot, by matching scans.
 
     BAG is as in replay. It prints the --static-tf that joins the map's frame to the root of the
-    tree in which the laser hangs (odom, mostly), how well the scans fit there, and draws them. Where
-    several places fit as well it says so. The exit status is 3 unless there is one good answer.
+    tree in which the laser hangs (odom, mostly), how well the scans fit there, and draws them.
+    Where several places fit as well it says so. The exit status is 3 unless there is one good
+    answer.
     """
     from are_ros.replay.align_command import align_command
     from are_ros.replay.command import options_of

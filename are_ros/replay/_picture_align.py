@@ -7,7 +7,7 @@ import numpy as np
 
 from are_ros.replay._picture_frame import Sheet, draw_map, draw_surroundings
 from are_ros.replay._picture_map import known_part, window_of
-from are_ros.world.scan_matching import AMBIGUOUS, NEAR_M, Match, ScanCloud
+from are_ros.world.scan_matching import NEAR_M, Match, ScanCloud
 
 if TYPE_CHECKING:
     from are_ros.replay.align_command import AlignOutcome
@@ -42,8 +42,7 @@ def _figure(outcome: "AlignOutcome") -> Any:
     part = known_part(grid)
     matches: list[Match] = []
     if found is not None:
-        least = AMBIGUOUS * found.best.score
-        matches = [found.best, *(rival for rival in found.rivals if rival.score >= least)]
+        matches = [found.best, *found.equals]
     shown = [match.pose.apply(places) for match in matches]
     window = window_of(grid, part, np.concatenate((np.empty((0, 2)), *shown)))
     handles = _legend(matches)

@@ -1,14 +1,14 @@
-"""`are align` without the shell: where a map lies that nothing in a recording joins to the robot."""
+"""`are align` without the shell: where a map lies to which nothing joins the robot."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, MapError
 from are_ros.replay._picture_align import draw_alignment
 from are_ros.replay.align_input import AlignInput, gather, map_of
@@ -20,7 +20,6 @@ from are_ros.replay.stopwatch import said_if_slow
 from are_ros.wording import counted, why_refused
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.scan_matching import (
-    AMBIGUOUS,
     NEAR_M,
     POOR_SHARE,
     Alignment,
@@ -40,6 +39,11 @@ _DRIVEN_M: Final = 4.0
 _DRIFT_REACH_M: Final = 0.1
 _DRIFT_M: Final = 0.15
 _DRIFT_RAD: Final = math.radians(2.0)
+_WORTH_A_WORD: Final = 0.005
+_ADVICE: Final = (
+    "is the map of another place, or of another height than this laser? try another laser with"
+    " --topic scan:=/NAME, or, where odometry drifts, a part with --duration 20"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,65 +129,58 @@ def outcome_lines(outcome: AlignOutcome) -> list[str]:
     """Return what a person reads: the line first, then how sure it is."""
     found = outcome.alignment
     if found is None:
-        return [
-            "no fit: the scans fit nowhere on the map; is it of another place, or of another height"
-            " than this laser's?"
-        ]
+        return [f"no fit: the scans fit nowhere on the map much better than elsewhere; {_ADVICE}"]
     best = found.best
     if best.is_poor:
-        return [
-            f"no fit: at the best pose only {best.near:.0%} of the endpoints lie within {NEAR_M:g} m"
-            f" of an occupied cell, and {POOR_SHARE:.0%} is the least to be believed; is the map of"
-            " another place, or of another height than this laser's? Or does the odometry drift:"
-            " try --duration 20, or another laser with --topic scan:=",
-            *_fit_lines(outcome, best),
-            f"that pose    {_words(best.pose)} (not to be trusted)",
-        ]
-    if not found.is_ambiguous:
-        next_best = found.rivals[0] if found.rivals else None
-        return [
-            outcome.line(best),
-            *_fit_lines(outcome, best),
-            "next best    "
-            + (
-                f"{_words(next_best.pose)}: {next_best.score / best.score:.0%} of the score"
-                if next_best
-                else "no other place comes near"
-            ),
-            *([outcome.drift] if outcome.drift else []),
-        ]
-    rivals = [rival for rival in found.rivals if rival.score >= AMBIGUOUS * best.score]
-    lines = ["ambiguous: these fit as well as each other", outcome.line(best)]
-    lines += [outcome.line(rival) for rival in rivals]
+        return _poor_lines(outcome, best)
+    if found.is_ambiguous:
+        return _ambiguous_lines(outcome, found)
+    next_best = "no other place comes near"
+    if found.rivals:
+        rival = found.rivals[0]
+        next_best = f"{_words(rival.pose)}: {rival.score / best.score:.0%} of the score"
+    drift = [outcome.drift] if outcome.drift else []
+    return [outcome.line(best), *_fit_lines(outcome, best), f"next best    {next_best}", *drift]
+
+
+def _poor_lines(outcome: AlignOutcome, best: Match) -> list[str]:
+    sentence = (
+        f"no fit: at the best pose only {best.near:.0%} of the endpoints lie within {NEAR_M:g} m of"
+        f" an occupied cell, and less than {POOR_SHARE:.0%} is not to be believed; {_ADVICE}"
+    )
+    return [sentence, *_fit_lines(outcome, best), f"that pose    {_words(best.pose)}"]
+
+
+def _ambiguous_lines(outcome: AlignOutcome, found: Alignment) -> list[str]:
+    best = found.best
+    lines = ["ambiguous: these fit about as well as each other", outcome.line(best)]
+    lines += [outcome.line(rival) for rival in found.equals]
     if found.slides_rad is not None:
-        degrees = math.degrees(found.slides_rad)
         lines.append(
-            f"the scans can be moved along {degrees:.0f} degrees of the map without loss, as in a"
-            " corridor: a part of the drive that sees its end would tell"
+            f"the scans can be moved along {math.degrees(found.slides_rad) % 180.0:.0f} degrees of"
+            " the map without loss, as in a corridor: a drive that sees its end would tell"
         )
     return [*lines, *_fit_lines(outcome, best)]
 
 
 def _fit_lines(outcome: AlignOutcome, best: Match) -> list[str]:
     """Return how well it fits, and what it was found by."""
-    given = outcome.given
-    numbers = np.unique(outcome.cloud.scans)
-    scans = [given.scans[k] for k in numbers]
-    seconds = (scans[-1].stamp_ns - scans[0].stamp_ns) / 1e9
-    way_m = float(given.driven_m()[numbers[-1]])
-    beside = f", {best.unknown:.0%} lie where the map is unknown" if best.unknown >= 0.005 else ""
-    through = f", {best.through:.0%} behind a wall" if best.through >= 0.005 else ""
-    return [
-        f"fit          {best.near:.0%} of {len(outcome.cloud):,} endpoints within {NEAR_M:g} m of an"
-        f" occupied cell{beside}{through}",
-        f"scans        {counted(len(scans), 'scan')} of {', '.join(given.topics)}, over"
-        f" {seconds:.0f} s and {way_m:.1f} m"
-        + (f"; the way goes on for {given.driven_m()[-1]:.0f} m" if _is_part(outcome) else ""),
-    ]
-
-
-def _is_part(outcome: AlignOutcome) -> bool:
-    return len(outcome.cloud) < len(outcome.whole)
+    given, cloud = outcome.given, outcome.cloud
+    numbers = np.unique(cloud.scans)
+    driven_m = given.driven_m()
+    first_ns, last_ns = (given.scans[k].stamp_ns for k in (numbers[0], numbers[-1]))
+    fit = f"{best.near:.0%} of {len(cloud):,} endpoints within {NEAR_M:g} m of an occupied cell"
+    for share, where in (
+        (best.unknown, "where the map is unknown"),
+        (best.through, "behind walls"),
+    ):
+        if share >= _WORTH_A_WORD:
+            fit += f", {share:.0%} {where}"
+    scans = f"{counted(len(numbers), 'scan')} of {', '.join(given.topics)}, over"
+    scans += f" {(last_ns - first_ns) / NS_PER_S:.0f} s and {driven_m[numbers[-1]]:.1f} m"
+    if len(cloud) < len(outcome.whole):
+        scans += f" (the first of {driven_m[-1]:.0f} m)"
+    return [f"fit          {fit}", f"scans        {scans}"]
 
 
 def _words(pose: PlanarPose) -> str:

@@ -14,6 +14,7 @@ from are_ros.messages.grid import read_grid
 from are_ros.messages.scan import read_scan
 from are_ros.replay._recorded_frames import RecordedFrames
 from are_ros.replay.bag_reader import BagMessage, BagReader
+from are_ros.replay.frame_survey import root_above
 from are_ros.replay.options import ReplayOptions
 from are_ros.replay.roles import RolesFound
 from are_ros.replay.runner import Progress, topics_to_read
@@ -33,6 +34,7 @@ _APART_M: Final = 0.4
 _APART_RAD: Final = 0.3
 _MOST_TILT_RAD: Final = 0.1
 _RETURN_SHARE: Final = 0.995
+_ENOUGH_SHARE: Final = 0.95
 _RETRY_NS: Final = NS_PER_S // 5
 
 
@@ -174,7 +176,9 @@ class _Collector:
     def notices(self) -> list[str]:
         """Return what is to be said of scans that are not used."""
         of = f"of {self._taken} scans"
-        notices = []
+        notices: list[str] = []
+        if self.placed and len(self.placed) > _ENOUGH_SHARE * self._taken:
+            return notices
         if self._refused:
             notices.append(f"{self._refused} {of} are refused ({self._why_refused})")
         if self._waiting:
@@ -299,14 +303,14 @@ def _root(tree: FrameTree, laser: str, options: ReplayOptions) -> str:
     edges = tree.edges()
     parents = {edge.child: edge.parent for edge in edges}
     map_frame = options.parameters.frames.map
-    root = laser
-    while root in parents:
-        root = parents[root]
-    joined, last = {laser}, 0
-    while len(joined) > last:
-        last = len(joined)
-        ends = [{edge.parent, edge.child} for edge in edges]
-        joined = joined.union(*(pair for pair in ends if pair & joined))
+    root = root_above(laser, parents)
+    joined, waiting = {laser}, [laser]
+    while waiting:
+        frame = waiting.pop()
+        beside = {parents[frame]} if frame in parents else set()
+        beside |= {edge.child for edge in edges if edge.parent == frame}
+        waiting += beside - joined
+        joined |= beside
     if map_frame in joined:
         raise BagError(
             f"{map_frame} and {laser} hang together already: to find where another map lies, name"

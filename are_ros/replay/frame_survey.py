@@ -1,7 +1,7 @@
 """How the frames of a recording hang together, for a person to read."""
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from are_ros.conventions import NS_PER_S
@@ -68,6 +68,10 @@ class FrameSurvey:
             reached |= new
             waiting.extend(new)
         return frozenset(reached)
+
+    def root_of(self, frame: str) -> str:
+        """Return the frame at the top of the tree that holds `frame`."""
+        return root_above(frame, {edge.child: edge.parent for edge in self.edges})
 
     def tree_lines(self) -> tuple[str, ...]:
         """Return the tree as indented lines, roots first; each edge stands once."""
@@ -144,6 +148,20 @@ class FrameSurveyor:
             for (parent, child), tally in sorted(self._tallies.items())
         )
         return FrameSurvey(edges, tuple(_oddities(edges, self._slashed)))
+
+
+def root_above(frame: str, parents: Mapping[str, str]) -> str:
+    """Return the last of the parents above a frame, `parents` by child; in a ring any of it."""
+    passed = {frame}
+    while (above := parents.get(frame)) is not None and above not in passed:
+        passed.add(above)
+        frame = above
+    return frame
+
+
+def static_tf_option(parent: str, child: str) -> str:
+    """Return the option that joins two frames, with words in place of the numbers."""
+    return f'--static-tf "X Y Z YAW PITCH ROLL {parent} {child}"'
 
 
 def _oddities(edges: tuple[SurveyedEdge, ...], slashed: set[str]) -> Iterable[str]:

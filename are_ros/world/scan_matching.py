@@ -55,6 +55,8 @@ _RIVAL_FLOOR: Final = 0.88
 _MOST_RIVALS: Final = 3
 _LEAST_SCORE: Final = 0.25
 """With less, the search takes long, and what it finds tells nothing."""
+_MOST_EFFORT: Final = 10**7
+"""Nodes that a search may look at: some ten seconds."""
 _BATCH: Final = 4096
 _SEED: Final = 20
 
@@ -128,9 +130,9 @@ class Match:
     """A pose, and how well the cloud fits there.
 
     `score` is the mean over endpoints (thinned, see `ScanCloud.thinned`) of how near a wall each
-    lies, in 0..1, and of -1 for each whose beam passes through a wall. `near` is the share of all endpoints within `NEAR_M` of an occupied cell,
-    `unknown` that of those which lie in unknown cells or beyond the map, `through` that of beams
-    that pass through a wall on their way.
+    lies, in 0..1, and of -1 for each whose beam passes through a wall. `near` is the share of all
+    endpoints within `NEAR_M` of an occupied cell, `unknown` that of those which lie in unknown
+    cells or beyond the map, `through` that of beams that pass through a wall on their way.
     """
 
     pose: PlanarPose
@@ -158,9 +160,15 @@ class Alignment:
     slides_rad: float | None
 
     @property
+    def equals(self) -> tuple[Match, ...]:
+        """The rivals that fit about as well."""
+        least = AMBIGUOUS * self.best.score
+        return tuple(rival for rival in self.rivals if rival.score >= least)
+
+    @property
     def is_ambiguous(self) -> bool:
         """Whether another pose fits as well."""
-        return any(rival.score >= AMBIGUOUS * self.best.score for rival in self.rivals)
+        return bool(self.equals)
 
 
 class ScanMatcher:
@@ -187,25 +195,28 @@ class ScanMatcher:
         """Return the pose at which the cloud fits the map best, anywhere on it, and its rivals.
 
         The place of the laser that is nearest to the middle of the cloud lies within the map's
-        known part. None where no pose has a score worth a word; a poor best has no rivals.
+        known part. None where no pose has a score worth a word, or too many have about the same; a
+        poor best has no rivals.
         `progress` is told the fraction done.
         """
         search = _Search(self._fields, cloud)
         floor = int(_LEAST_SCORE * FULL * len(search.points))
-        found = [search.best((), floor, lambda done: progress(0.7 * done))]
-        if found[0].score <= floor:
+        first = search.best((), floor, lambda done: progress(0.7 * done))
+        if first is None or first.score <= floor:
             return None
-        matches = [self._climbed(cloud, self._map_from_part.after(search.pose(found[0].leaf)))]
-        floor = int(_RIVAL_FLOOR * found[0].score)
+        found, middle = [first], cloud.origins_m.mean(axis=0)
+        matches = [self._climbed(cloud, self._map_from_part.after(search.pose(first.leaf)))]
+        floor = int(_RIVAL_FLOOR * first.score)
         while len(matches) <= _MOST_RIVALS and not matches[0].is_poor:
             progress(0.7 + 0.1 * (len(matches) - 1))
-            rival = search.best(found, floor, lambda _: None)
+            rival = search.best(found, floor)
+            if rival is None:
+                return None
             if rival.score <= floor:
                 break
             found.append(rival)
             pose = self._map_from_part.after(search.pose(rival.leaf))
             climbed = self._climbed(cloud, pose)
-            middle = cloud.origins_m.mean(axis=0)
             is_new = all(_are_distinct(climbed.pose, match.pose, middle) for match in matches)
             # From a ridge the climb may end where another did; the ridge is there all the same.
             matches.append(climbed if is_new else self.match(cloud, pose))
@@ -339,6 +350,9 @@ class _Search:
 
     def __init__(self, fields: _Fields, cloud: ScanCloud) -> None:
         thin = cloud.thinned(2.0 * _SEARCH_CELL_M, _SEARCH_POINTS)
+        # Long beams first: they are the likeliest to pass through a wall where a pose is wrong.
+        lengths = np.hypot(*(thin.endpoints_m - thin.origins_m).T)
+        thin = thin.part(np.argsort(-lengths, kind="stable"))
         middle = 0.5 * (thin.endpoints_m.min(axis=0) + thin.endpoints_m.max(axis=0))
         nearest = np.argmin(np.hypot(*(cloud.origins_m - middle).T))
         self.reference_m = cloud.origins_m[nearest]
@@ -364,15 +378,19 @@ class _Search:
         back = PlanarPose(-self.reference_m[0], -self.reference_m[1], 0.0)
         return PlanarPose(x * cell_m, y * cell_m, wrapped(yaw)).after(back)
 
-    def best(self, excluded: Sequence[_Found], floor: int, progress: Progress) -> _Found:
+    def best(
+        self, excluded: Sequence[_Found], floor: int, progress: Progress = lambda _: None
+    ) -> _Found | None:
         """Return the best leaf with a score above `floor` that is far from the excluded ones.
 
-        Where there is none, the score is `floor`.
+        Where there is none, the score is `floor`; None where the search is given up, for too many
+        poses are about as good.
         """
         fields = self.fields
         away = np.array([self.at(found.leaf) for found in excluded]).reshape(-1, 3)
         nodes, bounds = self._top(floor)
         leaf, best = np.zeros(3, dtype=np.int64), floor
+        left = np.array((_MOST_EFFORT,), dtype=np.int64)
         for begin in range(0, len(nodes), _BATCH):
             batch = np.s_[begin : begin + _BATCH]
             if bounds[batch][0] <= best:
@@ -380,9 +398,11 @@ class _Search:
             best = search_nodes(
                 fields.levels, fields.pad, _UNKNOWN, fields.clear, self.points, self.origins,
                 _MARGIN_M / fields.cell_m, self.level, nodes[batch], bounds[batch], self.sides,
-                self.yaw_step, away, DISTINCT_M / fields.cell_m, DISTINCT_RAD, best, leaf,
+                self.yaw_step, away, DISTINCT_M / fields.cell_m, DISTINCT_RAD, best, leaf, left,
             )  # fmt: skip
             progress(min(1.0, (begin + _BATCH) / len(nodes)))
+        if left[0] <= 0:
+            return None
         x, y, yaw = leaf.tolist()
         return _Found((x, y, yaw), int(best))
 
