@@ -87,6 +87,40 @@ def inspect(**options: Any) -> None:
     inspect_command(click.echo, **options)
 
 
+@click.command(short_help="Find where a map lies, by the scans of a recording.")
+@click.argument("bags", metavar="BAG...", nargs=-1, required=True, type=FILE)
+@click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="Map of map_server.")
+@click.option("--map-frame", metavar="NAME", help="Frame of the map, as in replay. [map]")
+@click.option("--static-tf", "static_transforms", metavar="TF", multiple=True, help="As in replay.")
+@_topic_option(help="As in replay.")
+@click.option("--start", "start_s", type=SECONDS, default=0.0, help="Begin here.")
+@click.option("--duration", "duration_s", type=SECONDS, help="Length to read.")
+@click.option(
+    "--out",
+    metavar="FILE.png",
+    type=FILE,
+    default=Path("align.png"),
+    show_default=True,
+    help="Picture.",
+)
+@parameter_options
+def align(**options: Any) -> None:
+    """Find the transform that a replay lacks between a map and the robot, by matching scans.
+
+    BAG is as in replay. It prints the --static-tf that joins the map's frame to the root of the
+    tree in which the laser hangs (odom, mostly), how well the scans fit there, and draws them.
+    Where several places fit as well it says so. The exit status is 3 unless there is one good
+    answer.
+    """
+    from are_ros.replay.align_command import align_command
+    from are_ros.replay.command import options_of
+
+    unused = {"octomap_file": None, "scenario_file": None, "save_scenario": None}
+    wanted = options_of(skip=(), with_inputs=False, **unused, **options)
+    if not align_command(click.echo, say, wanted):
+        sys.exit(IMPERFECT)
+
+
 @click.command(short_help="Say what a configuration means.")
 @click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="Map, for its region.")
 @click.option(
@@ -165,4 +199,4 @@ def view(recording: Path, at_s: float | None, out: Path | None, animate: Path | 
         say(without_robot(scene.robot_problem))
 
 
-COMMANDS = (replay, inspect, describe, check, view)
+COMMANDS = (replay, inspect, align, describe, check, view)

@@ -14,6 +14,7 @@ from are_ros.messages.grid import read_grid
 from are_ros.messages.scan import read_scan
 from are_ros.replay._recorded_frames import RecordedFrames
 from are_ros.replay.bag_reader import BagMessage, BagReader
+from are_ros.replay.frame_survey import root_above
 from are_ros.replay.options import ReplayOptions
 from are_ros.replay.roles import RolesFound
 from are_ros.replay.runner import Progress, topics_to_read
@@ -32,6 +33,8 @@ _FEWEST_SCANS: Final = 10
 _APART_M: Final = 0.4
 _APART_RAD: Final = 0.3
 _MOST_TILT_RAD: Final = 0.1
+_RETURN_SHARE: Final = 0.995
+_ENOUGH_SHARE: Final = 0.95
 _RETRY_NS: Final = NS_PER_S // 5
 
 
@@ -173,7 +176,9 @@ class _Collector:
     def notices(self) -> list[str]:
         """Return what is to be said of scans that are not used."""
         of = f"of {self._taken} scans"
-        notices = []
+        notices: list[str] = []
+        if self.placed and len(self.placed) > _ENOUGH_SHARE * self._taken:
+            return notices
         if self._refused:
             notices.append(f"{self._refused} {of} are refused ({self._why_refused})")
         if self._waiting:
@@ -195,7 +200,9 @@ def _placed(tree: FrameTree, root: str, topic: str, scan: LaserScan) -> PlacedSc
     if tilt_rad > _MOST_TILT_RAD:
         return None
     ranges = scan.ranges.astype(np.float64)
-    good = np.isfinite(ranges) & (ranges >= scan.range_min_m) & (ranges <= scan.range_max_m)
+    # Gazebo and some drivers write range_max, or a little less, where nothing is.
+    farthest_m = scan.range_max_m * _RETURN_SHARE
+    good = np.isfinite(ranges) & (ranges >= scan.range_min_m) & (ranges < farthest_m)
     rays = scan.directions()[good] * ranges[good, np.newaxis]
     endpoints = root_from_laser.apply(rays)[:, :2]
     x, y, _ = root_from_laser.translation_m.tolist()
@@ -238,9 +245,7 @@ def _spread_scans(
     return frozenset(found[k] for k in _evenly(len(found), _CANDIDATES))
 
 
-def _window(
-    reader: BagReader, topics: Collection[str], options: ReplayOptions
-) -> tuple[int, int]:
+def _window(reader: BagReader, topics: Collection[str], options: ReplayOptions) -> tuple[int, int]:
     """Return the log times [begin, end) that are read, counted from the first that moves."""
     moving = [topic for topic in topics if topic not in {"/tf_static", "tf_static"}]
     first = next(reader.messages(moving), None)
@@ -298,14 +303,14 @@ def _root(tree: FrameTree, laser: str, options: ReplayOptions) -> str:
     edges = tree.edges()
     parents = {edge.child: edge.parent for edge in edges}
     map_frame = options.parameters.frames.map
-    root = laser
-    while root in parents:
-        root = parents[root]
-    joined, last = {laser}, 0
-    while len(joined) > last:
-        last = len(joined)
-        ends = [{edge.parent, edge.child} for edge in edges]
-        joined = joined.union(*(pair for pair in ends if pair & joined))
+    root = root_above(laser, parents)
+    joined, waiting = {laser}, [laser]
+    while waiting:
+        frame = waiting.pop()
+        beside = {parents[frame]} if frame in parents else set()
+        beside |= {edge.child for edge in edges if edge.parent == frame}
+        waiting += beside - joined
+        joined |= beside
     if map_frame in joined:
         raise BagError(
             f"{map_frame} and {laser} hang together already: to find where another map lies, name"
@@ -317,4 +322,6 @@ def _root(tree: FrameTree, laser: str, options: ReplayOptions) -> str:
 def _no_scan(roles: RolesFound) -> str:
     """Return what keeps the scans from being found."""
     said = [sentence for sentence in roles.sentences() if sentence.startswith("scan:")]
-    return said[0] if said else "the recording has no laser scan, and a map can be matched with none"
+    return (
+        said[0] if said else "the recording has no laser scan, and a map can be matched with none"
+    )

@@ -82,6 +82,10 @@ class FrameSurvey:
             waiting.extend(new)
         return frozenset(reached)
 
+    def root_of(self, frame: str) -> str:
+        """Return the frame at the top of the tree that holds `frame`."""
+        return root_above(frame, {edge.child: edge.parent for edge in self.edges})
+
     def tree_lines(self) -> tuple[str, ...]:
         """Return the tree as indented lines, roots first; each edge stands once."""
         children: dict[str, list[SurveyedEdge]] = defaultdict(list)
@@ -177,6 +181,20 @@ class FrameSurveyor:
         oddities = [*_oddities(edges, sources, self._slashed), *in_part]
         refused = [_said_of(k, r) for k, r in refusals if k[:2] not in self._tallies]
         return FrameSurvey(edges, tuple(oddities), tuple(refused))
+
+
+def root_above(frame: str, parents: Mapping[str, str]) -> str:
+    """Return the last of the parents above a frame, `parents` by child; in a ring any of it."""
+    passed = {frame}
+    while (above := parents.get(frame)) is not None and above not in passed:
+        passed.add(above)
+        frame = above
+    return frame
+
+
+def static_tf_option(parent: str, child: str) -> str:
+    """Return the option that joins two frames, with words in place of the numbers."""
+    return f'--static-tf "X Y Z YAW PITCH ROLL {parent} {child}"'
 
 
 def _said_of(key: tuple[str, str, str], refusal: _Refusal) -> str:

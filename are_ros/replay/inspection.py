@@ -11,7 +11,7 @@ from are_ros.parameters.model import SensorsParameters
 from are_ros.replay.bag_clock import BagClock
 from are_ros.replay.bag_reader import BagReader, BagTopic
 from are_ros.replay.bag_times import RecordedTimes
-from are_ros.replay.frame_survey import FrameSurvey, FrameSurveyor
+from are_ros.replay.frame_survey import FrameSurvey, FrameSurveyor, static_tf_option
 from are_ros.replay.roles import ROLE_TYPES, RolesFound, find_roles
 from are_ros.replay.timeline import scan_waits, stretches_of, wait_sentence
 from are_ros.world.frame_tree import TransformSource
@@ -237,9 +237,10 @@ def _missing_pose(survey: FrameSurvey, map_frame: str, base_frame: str) -> Itera
     elif map_frame not in survey.connected_to(base_frame):
         beside = ", ".join(sorted(survey.connected_to(base_frame) - {base_frame}))
         others = f", which hangs together with {beside}" if beside else ""
+        option = static_tf_option(map_frame, survey.root_of(base_frame))
         yield (
-            f"nothing joins {map_frame} to {base_frame}{others}:"
-            f" give the transform with --static-tf, or the map's frame with --map-frame"
+            f"nothing joins {map_frame} to {base_frame}{others}: give the transform with"
+            f" {option}, which `are align` finds by the scans, or the map's frame with --map-frame"
         )
 
 

@@ -21,6 +21,7 @@ from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.bag_writer import BagWriter
+from are_ros.replay.frame_survey import root_above, static_tf_option
 from are_ros.replay.input_copy import InputCopy
 from are_ros.replay.listeners import All, CameraWatch, InputWriter, OutputWriter, RecordKeeper
 from are_ros.replay.map_files import MapFiles
@@ -213,9 +214,22 @@ def _known_map(builder: ArBuilder, replay: Replay) -> OccupancyGrid:
     if builder.robots.last is None:
         raise BagError(
             f"the robot's pose in the map was never known ({_why_no_pose(builder, replay)}): "
-            "see `are inspect BAG`, and give what is missing with --static-tf or --map-frame"
+            f"{_what_joins(builder)}"
         )
     return grid
+
+
+def _what_joins(builder: ArBuilder) -> str:
+    """Return how a user gives what is missing between map and robot."""
+    map_frame, base = builder.parameters.frames.map, builder.robots.base_frame()
+    parents = {edge.child: edge.parent for edge in builder.frames.edges()}
+    root = root_above(base, parents)
+    if root == map_frame or not builder.frames.has_frame(base):
+        return "see `are inspect BAG`, and give what is missing with --static-tf or --map-frame"
+    return (
+        f"see `are inspect BAG`, and give {static_tf_option(map_frame, root)}, which `are align`"
+        " finds by the scans, or the map's frame with --map-frame"
+    )
 
 
 def _why_no_map(replay: Replay) -> str:

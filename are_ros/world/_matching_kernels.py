@@ -23,28 +23,32 @@ UNKNOWN_CELL: Final = 2
 
 _CHECK_EVERY: Final = 8
 _STEP_CELLS: Final = 0.5
+_LEAF_EFFORT: Final = 20
+"""What expanding a node to leaves costs, whose beams are followed, in nodes of other levels."""
 
 
 @compiled
 def crosses_wall(
-    kinds: Bytes, x0: float, y0: float, x1: float, y1: float, margin_cells: float
+    clear: Bytes, x0: float, y0: float, x1: float, y1: float, margin_cells: float
 ) -> bool:
     """Tell whether a beam from (x0, y0) to (x1, y1) [cells] meets a wall before its last part.
 
-    The last `margin_cells` are left out: there the wall that the beam hits begins.
+    `clear` is how many cells away a wall may begin, 0 in a wall (`clearance`). The last
+    `margin_cells` are left out: there the wall that the beam hits begins.
     """
     dx, dy = x1 - x0, y1 - y0
     length = np.sqrt(dx * dx + dy * dy)
     reach = length - margin_cells
-    if reach <= 0.0:
-        return False
-    steps = int(reach / _STEP_CELLS)
-    dx, dy = dx / length * _STEP_CELLS, dy / length * _STEP_CELLS
-    for k in range(steps):
-        x, y = x0 + k * dx, y0 + k * dy
-        if 0.0 <= x < kinds.shape[1] and 0.0 <= y < kinds.shape[0]:
-            if kinds[int(y), int(x)] == WALL_CELL:
+    along = 0.0
+    while along < reach:
+        x, y = x0 + along / length * dx, y0 + along / length * dy
+        leap = _STEP_CELLS
+        if 0.0 <= x < clear.shape[1] and 0.0 <= y < clear.shape[0]:
+            cells = clear[int(y), int(x)]
+            if cells == 0:
                 return True
+            leap = max(_STEP_CELLS, cells - 1.5)
+        along += leap
     return False
 
 
@@ -77,29 +81,27 @@ def score_at(
     field: Bytes,
     pad: int,
     outside: int,
-    kinds: Bytes,
+    clear: Bytes,
     points: Floats,
     origins: Floats,
     margin_cells: float,
     x: float,
     y: float,
     yaw: float,
+    bound: int,
     floor: int,
 ) -> int:
-    """Return the score of a pose: as `bound_at`, but an endpoint behind a wall counts -`FULL`.
+    """Return the score of a pose: its `bound_at`, but an endpoint behind a wall counts -`FULL`.
 
-    `kinds` is the map without the padding, `origins` (N, 2) are the beams' beginnings.
+    `clear` is the clearance without padding, `origins` (N, 2) are the beams' beginnings.
     """
-    bound = bound_at(field, pad, outside, points, x, y, yaw, floor)
-    if bound < 0:
-        return -1
     cosine, sine = np.cos(yaw), np.sin(yaw)
     for k in range(points.shape[0]):
         col = cosine * points[k, 0] - sine * points[k, 1] + x
         row = sine * points[k, 0] + cosine * points[k, 1] + y
         x0 = cosine * origins[k, 0] - sine * origins[k, 1] + x
         y0 = sine * origins[k, 0] + cosine * origins[k, 1] + y
-        if crosses_wall(kinds, x0, y0, col, row, margin_cells):
+        if crosses_wall(clear, x0, y0, col, row, margin_cells):
             value = outside
             if -pad <= col < field.shape[1] - pad and -pad <= row < field.shape[0] - pad:
                 value = int(field[int(row + pad), int(col + pad)])
@@ -148,11 +150,61 @@ def is_within(
 
 
 @compiled
-def search_nodes(
-    fields: npt.NDArray[np.uint8],
+def _push_children(
+    fields: Bytes,
     pad: int,
     outside: int,
-    kinds: Bytes,
+    clear: Bytes,
+    points: Floats,
+    origins: Floats,
+    margin_cells: float,
+    node: Ints,
+    sides: Ints,
+    yaw_step: float,
+    excluded: Floats,
+    radius: float,
+    turn: float,
+    best: int,
+    children: Ints,
+) -> int:
+    """Write the children of a node that may exceed `best`, the lowest first; return how many."""
+    below = node[0] - 1
+    size = float(1 << below)
+    # How far the poses of a child lie from its middle, the turn in the measure of the exclusion.
+    wide = max(0.71 * (size - 1.0), 0.5 * (size - 1.0) * yaw_step / turn * radius)
+    found = 0
+    for number in range(8):
+        ix, iy = 2 * node[1] + (number & 1), 2 * node[2] + ((number >> 1) & 1)
+        it = 2 * node[3] + (number >> 2)
+        x, y, yaw = (ix + 0.5) * size, (iy + 0.5) * size, (it + 0.5) * size * yaw_step
+        if (ix << below) >= sides[0] or (iy << below) >= sides[1]:
+            continue
+        if is_within(x, y, yaw, excluded, radius, turn, wide):
+            continue
+        value = bound_at(fields[below], pad, outside, points, x, y, yaw, best)
+        if below == 0 and value > best:
+            value = score_at(
+                fields[0], pad, outside, clear, points, origins, margin_cells, x, y, yaw, value,
+                best,
+            )  # fmt: skip
+        if value <= best:
+            continue
+        k = found
+        while k > 0 and children[k - 1, 4] > value:
+            children[k] = children[k - 1]
+            k -= 1
+        children[k, 0], children[k, 1], children[k, 2] = below, ix, iy
+        children[k, 3], children[k, 4] = it, value
+        found += 1
+    return found
+
+
+@compiled
+def search_nodes(
+    fields: Bytes,
+    pad: int,
+    outside: int,
+    clear: Bytes,
     points: Floats,
     origins: Floats,
     margin_cells: float,
@@ -166,16 +218,17 @@ def search_nodes(
     turn: float,
     best: int,
     best_leaf: Ints,
+    left: Ints,
 ) -> int:
     """Search below nodes (N, 3) of one level for the leaf with the highest score above `best`.
 
     Depth first, the child with the highest bound first. `fields` (levels, H, W) holds for each
     level the highest value within 2^level - 1 cells, padded; `sides` is the number of leaves along
     x, y and yaw. Leaves that lie near an `excluded` pose are left out. Writes the leaf (x, y, yaw)
-    and returns its score, or `best` where there is none.
+    and returns its score, or `best` where there is none. `left[0]` counts down the effort that may
+    be spent; where nothing is left, the search is given up.
     """
-    capacity = 8 * (level + 1) + 8
-    stack = np.empty((capacity, 5), np.int64)
+    stack = np.empty((8 * (level + 1) + 8, 5), np.int64)
     children = np.empty((8, 5), np.int64)
     for n in range(nodes.shape[0]):
         if bounds[n] <= best:
@@ -183,51 +236,22 @@ def search_nodes(
         stack[0, 0], stack[0, 4] = level, bounds[n]
         stack[0, 1], stack[0, 2], stack[0, 3] = nodes[n, 0], nodes[n, 1], nodes[n, 2]
         depth = 1
-        while depth > 0:
+        while depth > 0 and left[0] > 0:
             depth -= 1
-            at, ix, iy, it = stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3]
-            if stack[depth, 4] <= best:
+            node = stack[depth].copy()
+            if node[4] <= best:
                 continue
-            if at == 0:
-                best = stack[depth, 4]
-                best_leaf[0], best_leaf[1], best_leaf[2] = ix, iy, it
+            if node[0] == 0:
+                best = node[4]
+                best_leaf[:] = node[1:4]
                 continue
-            below = at - 1
-            size = float(1 << below)
-            reach = 0.71 * (size - 1.0)
-            found = 0
-            for child in range(8):
-                cx, cy = 2 * ix + (child & 1), 2 * iy + ((child >> 1) & 1)
-                ct = 2 * it + (child >> 2)
-                if (cx << below) >= sides[0] or (cy << below) >= sides[1]:
-                    continue
-                x, y, yaw = (cx + 0.5) * size, (cy + 0.5) * size, (ct + 0.5) * size * yaw_step
-                if below == 0:
-                    if is_within(x, y, yaw, excluded, radius, turn, 0.0):
-                        continue
-                    value = score_at(
-                        fields[0], pad, outside, kinds, points, origins, margin_cells, x, y, yaw,
-                        best,
-                    )  # fmt: skip
-                else:
-                    half_turn = 0.5 * (size - 1.0) * yaw_step
-                    wide = max(reach, half_turn / turn * radius)
-                    if is_within(x, y, yaw, excluded, radius, turn, wide):
-                        continue
-                    value = bound_at(fields[below], pad, outside, points, x, y, yaw, best)
-                if value <= best:
-                    continue
-                # Sorted as they come: the last one pushed, the highest, is taken first.
-                k = found
-                while k > 0 and children[k - 1, 4] > value:
-                    children[k] = children[k - 1]
-                    k -= 1
-                children[k, 0], children[k, 1], children[k, 2] = below, cx, cy
-                children[k, 3], children[k, 4] = ct, value
-                found += 1
-            for k in range(found):
-                stack[depth] = children[k]
-                depth += 1
+            left[0] -= _LEAF_EFFORT if node[0] == 1 else 1
+            found = _push_children(
+                fields, pad, outside, clear, points, origins, margin_cells, node, sides, yaw_step,
+                excluded, radius, turn, best, children,
+            )  # fmt: skip
+            stack[depth : depth + found] = children[:found]
+            depth += found
     return best
 
 
@@ -270,6 +294,7 @@ def likelihood(
 def judge_points(
     distances: npt.NDArray[np.float32],
     kinds: Bytes,
+    clear: Bytes,
     resolution_m: float,
     points_m: Floats,
     origins_m: Floats,
@@ -299,5 +324,5 @@ def judge_points(
             else:
                 away_m[k] = distances[int(row), int(col)]
             flags[k] = FREE_CELL if kind == WALL_CELL else kind
-        if crosses_wall(kinds, x0, y0, col, row, margin_m / resolution_m):
+        if crosses_wall(clear, x0, y0, col, row, margin_m / resolution_m):
             flags[k] = WALL_CELL

@@ -41,7 +41,7 @@ POOR_SHARE: Final = 0.5
 
 _SEARCH_CELL_M: Final = 0.05
 _MOST_CELLS: Final = 2**24
-_SEARCH_POINTS: Final = 800
+_SEARCH_POINTS: Final = 500
 _FINE_POINTS: Final = 4000
 _SEARCH_SIGMA_M: Final = 0.15
 _FINE_SIGMA_M: Final = 0.05
@@ -53,6 +53,10 @@ _UNKNOWN: Final = 25
 _RIVAL_FLOOR: Final = 0.88
 """Of the best score on the lattice: on its lattice a rival may lose more than the best did."""
 _MOST_RIVALS: Final = 3
+_LEAST_SCORE: Final = 0.25
+"""With less, the search takes long, and what it finds tells nothing."""
+_MOST_EFFORT: Final = 10**7
+"""Nodes that a search may look at: some ten seconds."""
 _BATCH: Final = 4096
 _SEED: Final = 20
 
@@ -126,9 +130,9 @@ class Match:
     """A pose, and how well the cloud fits there.
 
     `score` is the mean over endpoints (thinned, see `ScanCloud.thinned`) of how near a wall each
-    lies, in 0..1, and of -1 for each whose beam passes through a wall. `near` is the share of all endpoints within `NEAR_M` of an occupied cell,
-    `unknown` that of those which lie in unknown cells or beyond the map, `through` that of beams
-    that pass through a wall on their way.
+    lies, in 0..1, and of -1 for each whose beam passes through a wall. `near` is the share of all
+    endpoints within `NEAR_M` of an occupied cell, `unknown` that of those which lie in unknown
+    cells or beyond the map, `through` that of beams that pass through a wall on their way.
     """
 
     pose: PlanarPose
@@ -136,6 +140,11 @@ class Match:
     near: float
     unknown: float
     through: float
+
+    @property
+    def is_poor(self) -> bool:
+        """Whether it is no match: the map seems to be of another place."""
+        return self.near < POOR_SHARE
 
 
 @dataclass(frozen=True)
@@ -151,14 +160,15 @@ class Alignment:
     slides_rad: float | None
 
     @property
-    def is_ambiguous(self) -> bool:
-        """Whether another pose fits as well."""
-        return any(rival.score >= AMBIGUOUS * self.best.score for rival in self.rivals)
+    def equals(self) -> tuple[Match, ...]:
+        """The rivals that fit about as well."""
+        least = AMBIGUOUS * self.best.score
+        return tuple(rival for rival in self.rivals if rival.score >= least)
 
     @property
-    def is_poor(self) -> bool:
-        """Whether even the best fits badly: the map seems to be of another place."""
-        return self.best.near < POOR_SHARE
+    def is_ambiguous(self) -> bool:
+        """Whether another pose fits as well."""
+        return bool(self.equals)
 
 
 class ScanMatcher:
@@ -176,36 +186,47 @@ class ScanMatcher:
         self._fine_m = grid.resolution_m * coarse
         self._fine = _pooled(kinds, coarse)
         self._distances = _distance_m(self._fine, self._fine_m)
+        self._clear = _clearance(self._fine)
         factor = max(1, math.floor(_SEARCH_CELL_M / self._fine_m + 1e-6))
         self._cell_m = self._fine_m * factor
         self._fields = _Fields.of(_pooled(self._fine, factor), self._cell_m)
 
-    def align(self, cloud: ScanCloud, progress: Progress = lambda _: None) -> Alignment:
+    def align(self, cloud: ScanCloud, progress: Progress = lambda _: None) -> Alignment | None:
         """Return the pose at which the cloud fits the map best, anywhere on it, and its rivals.
 
         The place of the laser that is nearest to the middle of the cloud lies within the map's
-        known part. `progress` is told the fraction done.
+        known part. None where no pose has a score worth a word, or too many have about the same; a
+        poor best has no rivals.
+        `progress` is told the fraction done.
         """
         search = _Search(self._fields, cloud)
-        first = search.best((), 0, lambda done: progress(0.7 * done))
-        best = self._refined(cloud, self._map_from_part.after(search.pose(first.leaf)))
-        found, rivals = [first], []
+        floor = int(_LEAST_SCORE * FULL * len(search.points))
+        first = search.best((), floor, lambda done: progress(0.7 * done))
+        if first is None or first.score <= floor:
+            return None
+        found, middle = [first], cloud.origins_m.mean(axis=0)
+        matches = [self._climbed(cloud, self._map_from_part.after(search.pose(first.leaf)))]
         floor = int(_RIVAL_FLOOR * first.score)
-        for k in range(_MOST_RIVALS):
-            rival = search.best(found, floor, lambda _: None)
-            progress(0.7 + 0.1 * (k + 1))
+        while len(matches) <= _MOST_RIVALS and not matches[0].is_poor:
+            progress(0.7 + 0.1 * (len(matches) - 1))
+            rival = search.best(found, floor)
+            if rival is None:
+                return None
             if rival.score <= floor:
                 break
             found.append(rival)
             pose = self._map_from_part.after(search.pose(rival.leaf))
-            rivals.append(self._refined(cloud, pose))
-        matches = sorted([best, *rivals], key=lambda match: -match.score)
+            climbed = self._climbed(cloud, pose)
+            is_new = all(_are_distinct(climbed.pose, match.pose, middle) for match in matches)
+            # From a ridge the climb may end where another did; the ridge is there all the same.
+            matches.append(climbed if is_new else self.match(cloud, pose))
+        matches.sort(key=lambda match: -match.score)
         progress(1.0)
         return Alignment(matches[0], tuple(matches[1:]), self._slide(cloud, matches))
 
     def refined(self, cloud: ScanCloud, pose: PlanarPose, reach_m: float) -> Match:
-        """Return the best match near a pose, at most about `reach_m` away in each step."""
-        return self._refined(cloud, pose, reach_m)
+        """Return the best match near a pose, which may be off by about `reach_m`."""
+        return self._climbed(cloud, pose, reach_m)
 
     def judged(self, cloud: ScanCloud, pose: PlanarPose) -> tuple[Floats, npt.NDArray[np.uint8]]:
         """Return how far each endpoint lies from an occupied cell [m] (N,), and its flag (N,).
@@ -215,8 +236,8 @@ class ScanMatcher:
         x_m, y_m, yaw = self._map_from_part.inverse().after(pose)
         away_m, flags = np.empty(len(cloud)), np.empty(len(cloud), np.uint8)
         judge_points(
-            self._distances, self._fine, self._fine_m, cloud.endpoints_m, cloud.origins_m,
-            x_m, y_m, yaw, _MARGIN_M, away_m, flags,
+            self._distances, self._fine, self._clear, self._fine_m, cloud.endpoints_m,
+            cloud.origins_m, x_m, y_m, yaw, _MARGIN_M, away_m, flags,
         )  # fmt: skip
         return away_m, flags
 
@@ -235,7 +256,7 @@ class ScanMatcher:
     def _sigma(self, sigma_m: float) -> float:
         return max(sigma_m, self._fine_m)
 
-    def _refined(self, cloud: ScanCloud, pose: PlanarPose, reach_m: float = 0.0) -> Match:
+    def _climbed(self, cloud: ScanCloud, pose: PlanarPose, reach_m: float = 0.0) -> Match:
         """Climb from a pose by ever smaller steps along x, y and yaw, about the cloud's middle."""
         thin = cloud.thinned(0.5 * NEAR_M, _FINE_POINTS)
         middle = thin.endpoints_m.mean(axis=0)
@@ -283,9 +304,9 @@ class ScanMatcher:
 
 @dataclass(frozen=True, eq=False)
 class _Fields:
-    """The map as the search sees it; `kinds` without, `levels` with `pad` cells around."""
+    """The map as the search sees it; `clear` without, `levels` with `pad` cells around."""
 
-    kinds: npt.NDArray[np.uint8]
+    clear: npt.NDArray[np.uint8]
     levels: npt.NDArray[np.uint8]
     pad: int
     cell_m: float
@@ -309,7 +330,7 @@ class _Fields:
         for level in range(1, _TOP_LEVEL + 1):
             shift = 1 << (level - 1)
             levels[level] = _spread(_spread(levels[level - 1], shift).T, shift).T
-        return cls(kinds, levels, pad, cell_m)
+        return cls(_clearance(kinds), levels, pad, cell_m)
 
 
 class _Found(NamedTuple):
@@ -329,13 +350,16 @@ class _Search:
 
     def __init__(self, fields: _Fields, cloud: ScanCloud) -> None:
         thin = cloud.thinned(2.0 * _SEARCH_CELL_M, _SEARCH_POINTS)
+        # Long beams first: they are the likeliest to pass through a wall where a pose is wrong.
+        lengths = np.hypot(*(thin.endpoints_m - thin.origins_m).T)
+        thin = thin.part(np.argsort(-lengths, kind="stable"))
         middle = 0.5 * (thin.endpoints_m.min(axis=0) + thin.endpoints_m.max(axis=0))
         nearest = np.argmin(np.hypot(*(cloud.origins_m - middle).T))
         self.reference_m = cloud.origins_m[nearest]
         self.fields = fields
         self.points = (thin.endpoints_m - self.reference_m) / fields.cell_m
         self.origins = (thin.origins_m - self.reference_m) / fields.cell_m
-        height, width = fields.kinds.shape
+        height, width = fields.clear.shape
         self.level = min(_TOP_LEVEL, max(1, int(math.log2(max(height, width))) - 1))
         reach = max(float(np.hypot(*self.points.T).max()), 1.0)
         yaws = math.ceil(2.0 * math.pi * reach / (1 << self.level)) << self.level
@@ -354,25 +378,31 @@ class _Search:
         back = PlanarPose(-self.reference_m[0], -self.reference_m[1], 0.0)
         return PlanarPose(x * cell_m, y * cell_m, wrapped(yaw)).after(back)
 
-    def best(self, excluded: Sequence[_Found], floor: int, progress: Progress) -> _Found:
+    def best(
+        self, excluded: Sequence[_Found], floor: int, progress: Progress = lambda _: None
+    ) -> _Found | None:
         """Return the best leaf with a score above `floor` that is far from the excluded ones.
 
-        Where there is none, the score is `floor`.
+        Where there is none, the score is `floor`; None where the search is given up, for too many
+        poses are about as good.
         """
         fields = self.fields
         away = np.array([self.at(found.leaf) for found in excluded]).reshape(-1, 3)
         nodes, bounds = self._top(floor)
         leaf, best = np.zeros(3, dtype=np.int64), floor
+        left = np.array((_MOST_EFFORT,), dtype=np.int64)
         for begin in range(0, len(nodes), _BATCH):
             batch = np.s_[begin : begin + _BATCH]
             if bounds[batch][0] <= best:
                 break
             best = search_nodes(
-                fields.levels, fields.pad, _UNKNOWN, fields.kinds, self.points, self.origins,
+                fields.levels, fields.pad, _UNKNOWN, fields.clear, self.points, self.origins,
                 _MARGIN_M / fields.cell_m, self.level, nodes[batch], bounds[batch], self.sides,
-                self.yaw_step, away, DISTINCT_M / fields.cell_m, DISTINCT_RAD, best, leaf,
+                self.yaw_step, away, DISTINCT_M / fields.cell_m, DISTINCT_RAD, best, leaf, left,
             )  # fmt: skip
             progress(min(1.0, (begin + _BATCH) / len(nodes)))
+        if left[0] <= 0:
+            return None
         x, y, yaw = leaf.tolist()
         return _Found((x, y, yaw), int(best))
 
@@ -390,6 +420,13 @@ class _Search:
         order = order[bounds.ravel()[order] > floor]
         yaw, y, x = np.unravel_index(order, bounds.shape)
         return np.column_stack((x, y, yaw)).astype(np.int64), bounds.ravel()[order]
+
+
+def _are_distinct(a: PlanarPose, b: PlanarPose, at_m: Floats) -> bool:
+    """Tell whether two poses put a point of the cloud, or its heading, in different places."""
+    dx, dy = (a.apply(at_m[np.newaxis]) - b.apply(at_m[np.newaxis]))[0].tolist()
+    turned = abs(wrapped(a.yaw_rad - b.yaw_rad))
+    return math.hypot(dx, dy) > 0.5 * DISTINCT_M or turned > 0.5 * DISTINCT_RAD
 
 
 def _between(a: PlanarPose, b: PlanarPose, part: float) -> PlanarPose:
@@ -430,6 +467,16 @@ def _distance_m(kinds: npt.NDArray[np.uint8], cell_m: float) -> npt.NDArray[np.f
     distances = cv2.distanceTransform(1 - surface, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     metres: npt.NDArray[np.float32] = np.asarray(distances, dtype=np.float32) * np.float32(cell_m)
     return metres
+
+
+def _clearance(kinds: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    """Return the distance to the nearest wall's centre in whole cells, 0 in walls, 255 at most."""
+    import cv2
+
+    walls = (kinds == WALL_CELL).astype(np.uint8)
+    distances = cv2.distanceTransform(1 - walls, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    clear: npt.NDArray[np.uint8] = np.clip(np.asarray(distances), 0.0, 255.0).astype(np.uint8)
+    return clear
 
 
 def _spread(field: npt.NDArray[np.uint8], shift: int) -> npt.NDArray[np.uint8]:
