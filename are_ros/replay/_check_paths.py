@@ -1,5 +1,6 @@
 """Which files make up a recording of ~/ar_builder, and whether a replay or a live node wrote it."""
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -48,6 +49,15 @@ def find_recording(path: Path) -> RecordingFiles:
         raise BagError(f"{path}: no recording of ROS 2; .mcap and .db3 files are")
     is_replay = path.name == RECORDING and (path.parent / _METRICS).is_file()
     return RecordingFiles(path, (path,), _parameters_in(path.parent), is_replay)
+
+
+def has_walls_of_map(recording: Path) -> bool:
+    """Tell whether the metrics beside a recording say that its walls are those of the map."""
+    try:
+        content = json.loads((recording.parent / _METRICS).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(content, dict) and content.get("walls") == "map"
 
 
 def _in_folder(folder: Path) -> RecordingFiles:

@@ -38,12 +38,14 @@ class Record:
     `parameters` are those of effective.yaml, None where there is none. `camera_sizes` are time,
     width and height of each CameraInfo. The times are log times in a replay. Live, they are those
     of the ticks: the stamps of what a tick gives out, for inputs the tick after which they came;
+    `is_extruded` says that the walls are those of the map, not of an octomap.
     `farewells_ns` is when a node let everything vanish, and `last_words` are the lists of the
     perceived and the metrics that it gave out then.
     """
 
     parameters: Parameters | None
     is_live: bool = False
+    is_extruded: bool = False
     scenes: list[Scene] = field(default_factory=list)
     events: list[tuple[int, Any]] = field(default_factory=list)
     perceived: list[tuple[int, Any]] = field(default_factory=list)
