@@ -51,7 +51,8 @@ def check_scans(record: Record) -> list[CheckResult]:
         ends.note("no scan was changed")
     if doubt:
         return [beams.result(), ends.result(), skipped(walls.name, doubt)]
-    walls.note("" if walls.looked_at else "no beam without a return was changed")
+    if not walls.looked_at:
+        walls.note("no beam without a return was changed")
     return [beams.result(), ends.result(), walls.result()]
 
 
