@@ -1,6 +1,5 @@
 """The real map as the checks see it, and the cells that a box covers, by separating axes."""
 
-import math
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -152,45 +151,3 @@ def layer(covers: list[Cover], real: RealMap) -> NDArray[np.int8]:
 def are_same(ours: list[Cover], theirs: list[Cover]) -> bool:
     """Tell whether these are the covers of the very boxes of another tick."""
     return len(ours) == len(theirs) and all(a is b for a, b in zip(ours, theirs, strict=True))
-
-
-def beyond_walls(
-    real: RealMap,
-    start_m: Floats,
-    ends_m: Floats,
-    occupied_from: int,
-    heights_m: tuple[float, float],
-) -> Floats:
-    """Return where ways from a start (3,) to ends (M, 3) cross an occupied cell, (M, 3), else nan.
-
-    Walls are between two heights. A way crosses a cell that it is in by more than a millimetre;
-    that of the start does not count, nor may a corner that is cut by less than an eighth of a cell.
-    """
-    found = np.full(ends_m.shape, np.nan)
-    longest_m = float(np.linalg.norm(ends_m - start_m, axis=1).max(initial=0.0))
-    steps = np.arange(1, max(1, math.ceil(8.0 * longest_m / real.resolution_m)))
-    x0, y0, turn = real.corner
-    cos, sin = math.cos(turn), math.sin(turn)
-
-    def cells_of(points_m: Floats) -> Floats:
-        dx, dy = points_m[..., 0] - x0, points_m[..., 1] - y0
-        cells: Floats = np.stack((cos * dx + sin * dy, cos * dy - sin * dx), axis=-1)
-        return cells / real.resolution_m
-
-    own, margin = np.floor(cells_of(start_m)), 1e-3 / real.resolution_m
-    height, width = real.cells.shape
-    for i, end_m in enumerate(ends_m):
-        length_m = float(np.linalg.norm(end_m - start_m))
-        shares = steps * real.resolution_m / (8.0 * max(length_m, 1e-9))
-        points = start_m + shares[shares < 1.0, None] * (end_m - start_m)
-        cells = cells_of(points)
-        which = np.floor(cells)
-        inside = ((cells - which > margin) & (cells - which < 1.0 - margin)).all(axis=1)
-        inside &= (which >= 0).all(axis=1) & (which[:, 0] < width) & (which[:, 1] < height)
-        inside &= (which != own).any(axis=1)
-        inside &= (points[:, 2] > heights_m[0]) & (points[:, 2] < heights_m[1])
-        cols, rows = which[inside].astype(np.int64).T
-        hit = np.flatnonzero(real.cells[rows, cols] >= occupied_from)
-        if len(hit):
-            found[i] = points[inside][hit[0]]
-    return found

@@ -51,13 +51,13 @@ def find_recording(path: Path) -> RecordingFiles:
     return RecordingFiles(path, (path,), _parameters_in(path.parent), is_replay)
 
 
-def has_walls_of_map(recording: Path) -> bool:
-    """Tell whether the metrics beside a recording say that its walls are those of the map."""
+def walls_of(recording: Path) -> str:
+    """Return what the metrics beside a recording say of its walls: "map", "octomap" or nothing."""
     try:
         content = json.loads((recording.parent / _METRICS).read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return False
-    return isinstance(content, dict) and content.get("walls") == "map"
+        return ""
+    return str(content.get("walls", "")) if isinstance(content, dict) else ""
 
 
 def _in_folder(folder: Path) -> RecordingFiles:

@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.parameters.model import FramesParameters
-from are_ros.replay._check_cells import beyond_walls
 from are_ros.replay._check_frames import EVER, Pose
 from are_ros.replay._check_geometry import distances_m
 from are_ros.replay._check_places import Box, Places
 from are_ros.replay._check_record import Record
 from are_ros.replay._check_result import CheckResult, Tally, at_s, skipped
 from are_ros.replay._check_scan_pairs import ChangedScan
+from are_ros.replay._check_walls import Cloud, Walls
 from are_ros.wording import counted
 
 Floats = NDArray[np.float64]
@@ -39,18 +39,19 @@ def check_scans(record: Record) -> list[CheckResult]:
             continue
         beams.look()
         beams.fail(f"{topic} {at_s(stamp_ns)} has no scan of this stamp that came in")
-    places, doubt = Places(record), _why_no_walls(record)
+    places, surface = Places(record), _Surface(record)
     for scan in record.scans.changed:
         if scan.fault:
             beams.fail(f"{scan.topic} {at_s(scan.stamp_ns)} {scan.fault}")
         else:
             _check_ends(ends, record, places, scan)
-            if not doubt:
-                _check_walls(walls, record, scan)
+            known = None if surface.doubt else surface.at(scan.released_ns)
+            if known is not None:
+                _check_walls(walls, known, record, scan)
     if not record.scans.changed:
         ends.note("no scan was changed")
-    if doubt:
-        return [beams.result(), ends.result(), skipped(walls.name, doubt)]
+    if surface.doubt:
+        return [beams.result(), ends.result(), skipped(walls.name, surface.doubt)]
     if not walls.looked_at:
         walls.note("no beam without a return was changed")
     return [beams.result(), ends.result(), walls.result()]
@@ -85,39 +86,65 @@ def _seen_ns(record: Record, scan: ChangedScan) -> int:
     return min(scan.stamp_ns, (scan.released_ns // step_ns + 1) * step_ns)
 
 
-def _why_no_walls(record: Record) -> str:
-    """Return why it is not known what hides artefacts from beams without a return; else empty."""
-    if record.is_live:
-        return "a live recording does not tell which map a scan was augmented with"
-    if not record.is_extruded:
-        return "the walls are those of an octomap, or it is not known that they are the map's"
-    return "" if record.maps else record.why_no_map()
-
-
-def _check_walls(tally: Tally, record: Record, scan: ChangedScan) -> None:
-    """No beam that had no return ends behind an occupied cell."""
+def _check_walls(tally: Tally, walls: Walls, record: Record, scan: ChangedScan) -> None:
+    """No beam that had no return ends behind what was occupied."""
     which = np.flatnonzero(scan.unreturned & ~scan.too_close)
     frames, stamp_ns = record.frames, scan.stamp_ns
     pose = frames.lookup(record.settings.frames.map, scan.frame_id, stamp_ns, scan.released_ns)
-    now, before = (
-        record.real_map_at(t_ns) for t_ns in (scan.released_ns, scan.released_ns - NS_PER_S)
-    )
-    has_changed = before is not None and before is not now
-    if pose is None or now is None or has_changed or not len(which):
+    if pose is None or not len(which):
         return
     tally.look(len(which))
-    world, points = record.settings.world, scan.points_m[which]
-    crossed = beyond_walls(
-        now,
-        pose.translation_m,
-        points @ pose.rotation.T + pose.translation_m,
-        world.occupied_threshold,
-        (world.ground_height, world.ground_height + world.wall_height),
-    )
-    for i in np.flatnonzero(np.isfinite(crossed).all(axis=1)).tolist():
-        end = points[i] @ pose.rotation.T + pose.translation_m
-        where = f"ends at {_place(end)}, behind the occupied cell at {_place(crossed[i])}"
+    ends = scan.points_m[which] @ pose.rotation.T + pose.translation_m
+    crossed = walls.crossed(pose.translation_m, ends)
+    for i in np.flatnonzero(np.isfinite(crossed[:, 0])).tolist():
+        where = f"ends at {_place(ends[i])}, behind what is occupied at {_place(crossed[i])}"
         tally.fail(f"{scan.topic} {at_s(stamp_ns)} a beam without a return of its own {where}")
+
+
+class _Surface:
+    """What hides artefacts from beams without a return, as it was known at a time.
+
+    `doubt` is why that is not known, else empty.
+    """
+
+    def __init__(self, record: Record) -> None:
+        self._record = record
+        self._known: dict[int, Walls | None] = {}
+        self.doubt = ""
+        if record.is_live:
+            self.doubt = "a live recording does not tell what a scan was augmented with"
+        elif record.walls not in {"map", "octomap"}:
+            self.doubt = "it is not known whether the walls are those of the map or an octomap's"
+        elif record.walls == "octomap" and len(record.clouds) != 1:
+            self.doubt = "the walls are those of an octomap that is not in the recording"
+        elif record.walls == "octomap" and self._of_cloud(record.clouds[0]) is None:
+            self.doubt = "the octomap has leaves of several sizes, or is in another frame"
+        elif record.walls == "map" and not record.maps:
+            self.doubt = record.why_no_map()
+
+    def at(self, time_ns: int) -> Walls | None:
+        """Return the walls; None where they are not known for sure, as they have just changed."""
+        record = self._record
+        if record.walls == "octomap":
+            cloud = record.clouds[0]
+            return self._of_cloud(cloud) if cloud.since_ns + NS_PER_S < time_ns else None
+        now, before = (record.real_map_at(t_ns) for t_ns in (time_ns, time_ns - NS_PER_S))
+        if now is None or (before is not None and before is not now):
+            return None
+        if id(now) not in self._known:
+            world = record.settings.world
+            low_m, high_m = world.ground_height, world.ground_height + world.wall_height
+            walls = Walls.of_map(now, world.occupied_threshold, low_m, high_m)
+            self._known[id(now)] = walls
+        return self._known[id(now)]
+
+    def _of_cloud(self, cloud: Cloud) -> Walls | None:
+        if cloud.frame_id != self._record.settings.frames.map:
+            return None
+        if id(cloud) not in self._known:
+            size_m = self._record.settings.world.voxel_size
+            self._known[id(cloud)] = Walls.of_cloud(cloud.centres_m, size_m)
+        return self._known[id(cloud)]
 
 
 def _place(point: Floats) -> str:

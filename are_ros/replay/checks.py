@@ -29,7 +29,7 @@ from are_ros.replay._check_paths import (
     RECORDING,
     RecordingFiles,
     find_recording,
-    has_walls_of_map,
+    walls_of,
 )
 from are_ros.replay._check_perceived import check_perceived, check_sight_events
 from are_ros.replay._check_reading import Reading
@@ -100,7 +100,7 @@ def _check_replay(
     progress: Callable[[float], None] | None,
 ) -> tuple[CheckResult, ...]:
     meter = _Meter(progress)
-    record = Record(parameters, is_extruded=has_walls_of_map(path))
+    record = Record(parameters, walls=walls_of(path))
     results = check_file(path)
     meter.expect(results[0].looked_at)
     real = None if map_file is None else _read_map(map_file, record.world_frame)

@@ -751,7 +751,7 @@ BROKEN: dict[str, tuple[str, Break, str]] = {
     "beam behind a wall": (
         "walls before changed beams",
         _put("scan", 1, "ranges.2", 0.6),
-        "behind the occupied cell at (-0.9",
+        "behind what is occupied at (-0.9",
     ),
     "beam at the unseen": (
         "ends of changed beams",
