@@ -48,7 +48,7 @@ def make_boxes(count: int, seed: int) -> tuple[OrientedBoxes, Scene]:
 def test_walls_are_crossed_where_rays_hit_them(is_cloud: bool) -> None:
     """Random voxels or cells, from free places, rays as long as may be: but for corners cut."""
     generator = np.random.default_rng(7)
-    occupied = generator.uniform(size=(30, 24, 8 if is_cloud else 1)) < 0.02
+    occupied = generator.uniform(size=(30, 24, 8 if is_cloud else 1)) < 0.04
     if is_cloud:
         centres = (np.argwhere(occupied) + 0.5) * 0.1 + (1.0, -2.0, 0.3)
         voxels = VoxelMap.from_centres(centres, None, RigidTransform.identity())
@@ -73,8 +73,8 @@ def test_walls_are_crossed_where_rays_hit_them(is_cloud: bool) -> None:
         missed += (~is_found & (rays < lengths - 0.02)).tolist()
     assert len(late) > 100
     assert min(late) > 0.0
-    assert np.quantile(late, 0.9) < 0.02  # of the others a corner was cut before
-    assert np.mean(missed) < 0.02
+    assert np.quantile(late, 0.85) < 0.02  # of the others a corner was cut before
+    assert np.mean(missed) < 0.05
 
 
 def test_no_check_imports_what_it_checks() -> None:
