@@ -133,10 +133,18 @@ BREAKAGES = (
     ),
     Breakage(
         RETURNS,
+        "walls hide nothing from beams without a return",
+        "are_ros/builder/augmented_scan.py",
+        "    if surface is not None:\n",
+        "    if surface is None:\n",
+        (_SCAN_TEST,),
+    ),
+    Breakage(
+        RETURNS,
         "a scan meets the artefacts of a second ago",
         "are_ros/builder/scans.py",
-        "self._lives.scene_at(scan.stamp_ns)",
-        "self._lives.scene_at(scan.stamp_ns - 1_000_000_000)",
+        "self._lives.scene_at(scan.stamp_ns,",
+        "self._lives.scene_at(scan.stamp_ns - 1_000_000_000,",
         (_SCAN_TEST, _BUILDER + "test_a_scan_meets_the_artefacts_of_its_own_stamp"),
     ),
     Breakage(

@@ -53,13 +53,21 @@ class Motion:
         return math.hypot(self.along_m, self.across_m)
 
 
+def excess(speed_mps: float, turn_rate: float, limits: Limits) -> str:
+    """Return which of a speed and a turn rate [rad/s] is too high; empty if none is."""
+    if speed_mps > limits.speed_mps * _FASTER + 1e-6:
+        return f"speed {speed_mps:.3f} m/s, at most {limits.speed_mps:g}"
+    if turn_rate > limits.turn_rate_radps * _FASTER + 1e-6:
+        return f"turns at {turn_rate:.3f} rad/s, at most {limits.turn_rate_radps:g}"
+    return ""
+
+
 def breach(motion: Motion, before_mps: float, limits: Limits) -> str:
     """Return how a motion, after a speed (NaN: unknown), breaks the limits; empty if not."""
     speed_mps, turn_rate = motion.speed_mps, abs(motion.turn_rad) / motion.step_s
-    if motion.length_m / motion.step_s > limits.speed_mps * _FASTER + 1e-6:
-        return f"speed {motion.length_m / motion.step_s:.3f} m/s, at most {limits.speed_mps:g}"
-    if turn_rate > limits.turn_rate_radps * _FASTER + 1e-6:
-        return f"turns at {turn_rate:.3f} rad/s, at most {limits.turn_rate_radps:g}"
+    too_fast = excess(motion.length_m / motion.step_s, turn_rate, limits)
+    if too_fast:
+        return too_fast
     gain = (speed_mps - before_mps) / motion.step_s
     if abs(speed_mps) > abs(before_mps) and _is_beyond(gain, limits):
         return f"gains {gain:.3f} m/s^2, at most {limits.acceleration_mps2:g}"

@@ -10,10 +10,18 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from are_ros.builder.outputs import ArtefactState
 from are_ros.experiments._judge_boxes import Walls, boxes_of, met_by_disc, overlapping
-from are_ros.experiments._judge_limits import Limits, Motion, breach, hard_braking_mps2, is_standing
+from are_ros.experiments._judge_limits import (
+    Limits,
+    Motion,
+    breach,
+    excess,
+    hard_braking_mps2,
+    is_standing,
+)
 from are_ros.experiments._judge_patience import Patience
 from are_ros.experiments.verdict import Verdict
 
@@ -31,8 +39,9 @@ _Pose = tuple[float, float, float]
 
 @dataclass(slots=True)
 class _Last:
-    """An artefact a sub-step ago; its speed is NaN where it is not known, as after its arrival."""
+    """An artefact a sub-step ago, or at its arrival; its speed is NaN where it is not known."""
 
+    t_s: float
     pose: _Pose
     speed_mps: float
     activity: str
@@ -57,17 +66,21 @@ class MotionJudge:
         jumped: frozenset[int] = frozenset(),
         robot: tuple[float, float, float] | None = None,
         excused: frozenset[int] = frozenset(),
+        arrived: Mapping[int, tuple[float, _Pose]] = MappingProxyType({}),
     ) -> None:
         """Judge the sub-step that ends at `t_s`.
 
         `jumped` are those that an event says were displaced, `excused` those in a contact with the
-        robot (x, y, radius) that was reported.
+        robot (x, y, radius) that was reported, `arrived` when and where some came since the last.
         """
         self._judge_overlaps(t_s, states, robot, excused)
         before, self._last = self._last, {}
+        for artefact_id, (came_s, pose) in arrived.items():
+            before[artefact_id] = _Last(came_s, pose, math.nan, "")
         for state in states:
             last = None if state.artefact_id in jumped else before.get(state.artefact_id)
             self._last[state.artefact_id] = self._follow(t_s, state, last)
+            self._judge_twist(t_s, state)
         self._patience.see(t_s, states)
         for state in states:
             if match := _FOLLOWS.fullmatch(state.activity or state.behaviour):
@@ -96,13 +109,13 @@ class MotionJudge:
         pose = (state.ground_pose.x_m, state.ground_pose.y_m, state.ground_pose.yaw_rad)
         verdict.artefact_s += self._step_s
         verdict.lived_s[name] = verdict.lived_s.get(name, 0.0) + self._step_s
-        if last is None:
-            return _Last(pose, math.nan, state.activity)
+        if last is None or last.t_s >= t_s:
+            return _Last(t_s, pose, math.nan, state.activity)
         if state.activity in _STOPS and last.activity not in _STOPS:
             verdict.arrivals[name] += 1
-        motion = Motion.between(last.pose, pose, self._step_s)
+        motion = Motion.between(last.pose, pose, t_s - last.t_s)
         verdict.travelled_m[name] = verdict.travelled_m.get(name, 0.0) + motion.length_m
-        verdict.moving_s += self._step_s * (motion.length_m > 1e-3 * self._step_s)
+        verdict.moving_s += motion.step_s * (motion.length_m > 1e-3 * motion.step_s)
         limits = self._limits[state.label]
         reason = breach(motion, last.speed_mps, limits)
         if reason:
@@ -110,7 +123,19 @@ class MotionJudge:
         braking_mps2 = hard_braking_mps2(motion, last.speed_mps, limits)
         if braking_mps2:
             verdict.note_braking(braking_mps2, is_dead_stop=is_standing(motion))
-        return _Last(pose, motion.speed_mps, state.activity)
+        return _Last(t_s, pose, motion.speed_mps, state.activity)
+
+    def _judge_twist(self, t_s: float, state: ArtefactState) -> None:
+        """Judge the velocities that one is said to have."""
+        reason = excess(
+            math.hypot(*state.linear_velocity_m_s),
+            abs(state.angular_velocity_rad_s[2]),
+            self._limits[state.label],
+        )
+        if reason:
+            self.verdict.note(
+                "limits", t_s, f"{state.label} {state.artefact_id}: its twist {reason}"
+            )
 
     def _judge_company(
         self, state: ArtefactState, leader: str | None, states: Sequence[ArtefactState]

@@ -163,7 +163,8 @@ class _Run:
         self._touching |= _named(tick, EventKind.ROBOT_CONTACT)
         robot = self._robot
         here = (robot.x_m, robot.y_m, self._radius_m) if self._is_robot_seen else None
-        self.judge.judge(self.now_s, tick.artefacts, jumped, here, frozenset(self._touching))
+        excused, arrived = frozenset(self._touching), self._arrived(tick)
+        self.judge.judge(self.now_s, tick.artefacts, jumped, here, excused, arrived)
         self._touching &= _near(tick, robot, self._radius_m)
         self._remember(tick.artefacts, jumped)
         robot.drive(self._step_s, tick.artefacts)
@@ -186,6 +187,18 @@ class _Run:
             self._ways,
             self._robot_way_m,
         )
+
+    def _arrived(self, tick: Tick) -> dict[int, tuple[float, tuple[float, float, float]]]:
+        """Return when [s] and where (x, y, yaw) those came who did since the last tick."""
+        arrived = {}
+        for event in tick.events:
+            if event.kind is EventKind.ARRIVED:
+                scene = self._builder.lives.scene_at(event.stamp_ns)
+                for artefact_id, pose in zip(scene.ids.tolist(), scene.poses, strict=True):
+                    if artefact_id == event.artefact_id:
+                        there = (pose.x_m, pose.y_m, pose.yaw_rad)
+                        arrived[artefact_id] = (event.stamp_ns / NS_PER_S, there)
+        return arrived
 
     def _remember(self, states: tuple[ArtefactState, ...], jumped: frozenset[int]) -> None:
         """Keep the ways, at the instants of a coarser clock and about jumps."""

@@ -13,6 +13,7 @@ from are_ros.replay._check_marker_rules import change_of
 from are_ros.replay._check_record import MarkerShow, Record
 from are_ros.replay._check_result import Tally, at_s
 from are_ros.replay._check_scene import read_scene, time_ns
+from are_ros.replay._check_walls import Cloud
 
 MARKERS: Final = PREFIX + "markers"
 ARTEFACTS: Final = PREFIX + "artefacts"
@@ -51,6 +52,7 @@ class Intake:
             "nav_msgs/msg/Odometry": self._take_odometry,
             "sensor_msgs/msg/LaserScan": record.scans.add,
             "sensor_msgs/msg/CameraInfo": self._take_camera,
+            "sensor_msgs/msg/PointCloud2": self._take_cloud,
         }
         self._lists = MappingProxyType(
             {
@@ -88,6 +90,13 @@ class Intake:
     def _take_map(self, topic: str, log_ns: int, message: Any) -> None:
         real = RealMap.of_message(message, log_ns)
         self.record.maps_by_topic.setdefault(topic, []).append(real)
+
+    def _take_cloud(self, topic: str, log_ns: int, message: Any) -> None:
+        if topic.startswith(PREFIX):
+            return
+        cloud, known = Cloud.of_message(message, log_ns), self.record.clouds
+        if not known or not cloud.is_like(known[-1]):
+            known.append(cloud)
 
     def _take_transforms(self, topic: str, log_ns: int, message: Any) -> None:
         self.record.frames.add_message(message, log_ns, is_static="static" in topic)

@@ -1,5 +1,6 @@
 """Which files make up a recording of ~/ar_builder, and whether a replay or a live node wrote it."""
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -48,6 +49,15 @@ def find_recording(path: Path) -> RecordingFiles:
         raise BagError(f"{path}: no recording of ROS 2; .mcap and .db3 files are")
     is_replay = path.name == RECORDING and (path.parent / _METRICS).is_file()
     return RecordingFiles(path, (path,), _parameters_in(path.parent), is_replay)
+
+
+def walls_of(recording: Path) -> str:
+    """Return what the metrics beside a recording say of its walls: "map", "octomap" or nothing."""
+    try:
+        content = json.loads((recording.parent / _METRICS).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return ""
+    return str(content.get("walls", "")) if isinstance(content, dict) else ""
 
 
 def _in_folder(folder: Path) -> RecordingFiles:

@@ -16,6 +16,7 @@ from are_ros.replay._check_marker_rules import MarkerChange
 from are_ros.replay._check_runs import Runs
 from are_ros.replay._check_scan_pairs import ScanPairs
 from are_ros.replay._check_scene import Scene
+from are_ros.replay._check_walls import Cloud
 
 _USUAL_BASES: Final = ("base_footprint", "base_link")
 _REAL_MAP: Final = "/map"
@@ -39,11 +40,13 @@ class Record:
     width and height of each CameraInfo. The times are log times in a replay. Live, they are those
     of the ticks: the stamps of what a tick gives out, for inputs the tick after which they came;
     `farewells_ns` is when a node let everything vanish, and `last_words` are the lists of the
-    perceived and the metrics that it gave out then.
+    perceived and the metrics that it gave out then. `walls` is "map" or "octomap", whose they are,
+    or empty; `clouds` are the octomaps that came in.
     """
 
     parameters: Parameters | None
     is_live: bool = False
+    walls: str = ""
     scenes: list[Scene] = field(default_factory=list)
     events: list[tuple[int, Any]] = field(default_factory=list)
     perceived: list[tuple[int, Any]] = field(default_factory=list)
@@ -51,6 +54,7 @@ class Record:
     shows: list[MarkerShow] = field(default_factory=list)
     maps_by_topic: dict[str, list[RealMap]] = field(default_factory=dict)
     maps: list[RealMap] = field(default_factory=list)
+    clouds: list[Cloud] = field(default_factory=list)
     camera_sizes: list[tuple[int, int, int]] = field(default_factory=list)
     frames: Frames = field(default_factory=Frames)
     scans: ScanPairs = field(default_factory=ScanPairs)

@@ -41,6 +41,7 @@ class ChangedScan:
     range_min_m: float
     points_m: NDArray[np.float64]
     too_close: NDArray[np.bool_]
+    unreturned: NDArray[np.bool_]
     fault: str
 
 
@@ -114,8 +115,10 @@ class ScanPairs:
         angles = output.angle_min + which * float(output.angle_increment)
         points = np.column_stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))))
         points *= ranges[:, None]
+        unreturned = np.empty(0, np.bool_) if fault else ~_are_returns(real, real.ranges[which])
+        range_min_m = float(output.range_min)
         changed = ChangedScan(
-            topic, key[0], log_ns, key[1], float(output.range_min), points, too_close, fault
+            *(topic, key[0], log_ns, key[1], range_min_m, points, too_close, unreturned, fault)
         )
         self.changed.append(changed)
 
@@ -143,9 +146,8 @@ def _differing(real: NDArray[np.float32], output: NDArray[np.float32]) -> NDArra
 def _values_fault(real: Any, output: Any, which: NDArray[np.int64]) -> str:
     """Check what needs no geometry: only shorter, valid or too close; the rest bit for bit."""
     before, after = real.ranges[which], output.ranges[which]
-    low, high = np.float32(real.range_min), np.float32(real.range_max)
-    returned = (before >= low) & (before <= high)
-    valid = np.isneginf(after) | ((after >= low) & (after <= high))
+    returned = _are_returns(real, before)
+    valid = np.isneginf(after) | _are_returns(real, after)
     wrong = ~valid | (returned & ~(after < before)) | np.isneginf(before)
     if wrong.any():
         first = int(np.argmax(wrong))
@@ -157,3 +159,10 @@ def _values_fault(real: Any, output: Any, which: NDArray[np.int64]) -> str:
         if len(real.intensities) == len(real.ranges) and kept[dimmed].any():
             return f"changed the intensity of beam {dimmed[kept[dimmed]][0]}, but not its range"
     return ""
+
+
+def _are_returns(scan: Any, ranges: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Tell which ranges are returns that the laser measures."""
+    low, high = np.float32(scan.range_min), np.float32(scan.range_max)
+    returned: NDArray[np.bool_] = (ranges >= low) & (ranges <= high)
+    return returned

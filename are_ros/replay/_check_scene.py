@@ -1,6 +1,6 @@
 """The artefacts alive at one tick, as `~/artefacts` tells of them, as arrays."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,9 @@ class Scene:
 
     `ids`, `arrivals_ns`, `departures_ns` (0: unknown) int64 (N,); `centres_m`, `half_sizes_m`
     (N, 3), `yaws_rad` (N,) float64; `problems` say what is no upright box on its ground pose.
+    `labels` are N; `offsets_m` (N, 2) are from F_A to the boxes' centres along F_A's axes, `rates`
+    (N, 3) those of x, y [m/s] and yaw [rad/s] of F_A in the frame of the message; without them
+    nobody moves.
     """
 
     stamp_ns: int
@@ -29,6 +32,9 @@ class Scene:
     arrivals_ns: NDArray[np.int64]
     departures_ns: NDArray[np.int64]
     problems: tuple[str, ...]
+    labels: tuple[str, ...] = ()
+    offsets_m: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    rates: Floats = field(default_factory=lambda: np.empty((0, 3)))
 
     def is_like(self, other: "Scene | None") -> bool:
         """Tell whether the same boxes stand at the same places."""
@@ -57,6 +63,8 @@ def read_scene(message: Any, log_ns: int) -> Scene:
     grounds = np.array([_numbers(a.ground_pose) for a in artefacts], np.float64).reshape(-1, 7)
     offsets = np.array([_xyz(a.box_centre) for a in artefacts], np.float64).reshape(-1, 3)
     sizes = np.array([_xyz(a.size) for a in artefacts], np.float64).reshape(-1, 3)
+    twists = np.array([_planar(a.twist) for a in artefacts], np.float64).reshape(-1, 3)
+    along, across = twists[:, 0], twists[:, 1]
     yaws = 2.0 * np.arctan2(poses[:, 5], poses[:, 6])
     cos, sin = np.cos(yaws), np.sin(yaws)
     turned = np.column_stack(
@@ -80,6 +88,11 @@ def read_scene(message: Any, log_ns: int) -> Scene:
         arrivals_ns=np.array([time_ns(a.arrival) for a in artefacts], np.int64),
         departures_ns=np.array([time_ns(a.departure) for a in artefacts], np.int64),
         problems=tuple(f"artefact {i} {text}" for text, which in wrong for i in ids[which]),
+        labels=tuple(a.label for a in artefacts),
+        offsets_m=offsets[:, :2],
+        rates=np.column_stack(
+            (cos * along - sin * across, sin * along + cos * across, twists[:, 2])
+        ),
     )
 
 
@@ -106,6 +119,10 @@ def _wrong(
 
 def _numbers(pose: Any) -> tuple[float, ...]:
     return (*_xyz(pose.position), *_xyz(pose.orientation), pose.orientation.w)
+
+
+def _planar(twist: Any) -> tuple[float, float, float]:
+    return (twist.linear.x, twist.linear.y, twist.angular.z)
 
 
 def _xyz(vector: Any) -> tuple[float, float, float]:

@@ -24,7 +24,13 @@ from are_ros.replay._check_markers import (
     check_marker_state,
 )
 from are_ros.replay._check_overlaps import check_clutter, check_neighbours, check_walls
-from are_ros.replay._check_paths import PARAMETERS, RECORDING, RecordingFiles, find_recording
+from are_ros.replay._check_paths import (
+    PARAMETERS,
+    RECORDING,
+    RecordingFiles,
+    find_recording,
+    walls_of,
+)
 from are_ros.replay._check_perceived import check_perceived, check_sight_events
 from are_ros.replay._check_reading import Reading
 from are_ros.replay._check_record import Record
@@ -94,7 +100,7 @@ def _check_replay(
     progress: Callable[[float], None] | None,
 ) -> tuple[CheckResult, ...]:
     meter = _Meter(progress)
-    record = Record(parameters)
+    record = Record(parameters, walls=walls_of(path))
     results = check_file(path)
     meter.expect(results[0].looked_at)
     real = None if map_file is None else _read_map(map_file, record.world_frame)

@@ -49,6 +49,7 @@ Say = Callable[[str], None]
 
 _SHOWN_REFUSALS: Final = 5
 _WAIT: Final = "sensors.tf_wait"
+_OCTOMAP_ROLE: Final = "octomap_point_cloud_centers"
 
 
 def effective_parameters(
@@ -173,7 +174,9 @@ def _animate(outcome: Outcome, film: Path, say: Say) -> None:
 
 def _metrics(outcome: Outcome) -> Content:
     counts = ReplayCounts(outcome.scans, outcome.refusals.counts, outcome.messages_written)
-    return metrics_content(outcome.record, counts)
+    has_octomap = outcome.options.octomap_file or _OCTOMAP_ROLE in outcome.role_of_topic.values()
+    walls = "octomap" if has_octomap else "map"
+    return {**metrics_content(outcome.record, counts), "walls": walls}
 
 
 def _timing(outcome: Outcome) -> Content:

@@ -65,11 +65,11 @@ class Moment:
 
 @dataclass(eq=False)
 class Run:
-    """All moments, and each scan as it came with how it left and who stood there at its stamp."""
+    """All moments, and each scan: as it came and left, who stood there at its stamp, the map."""
 
     gate: str
     moments: list[Moment] = field(default_factory=list)
-    scans: list[tuple[LaserScan, ReleasedScan, tuple[ArtefactState, ...], float]] = field(
+    scans: list[tuple[LaserScan, ReleasedScan, tuple[ArtefactState, ...], Cells, float]] = field(
         default_factory=list
     )
     inputs: list[tuple[npt.NDArray[Any], bytes]] = field(default_factory=list)
@@ -155,7 +155,7 @@ class Driver:
         self._scene.builder.receive_scan("scan", scan, now_ns)
         for released in self._scene.builder.take_scans():
             given, states, t_s = self._scans[released.scan.stamp_ns]
-            self.run.scans.append((given, released, states, t_s))
+            self.run.scans.append((given, released, states, self._real.cells, t_s))
 
     def _note(self, array: npt.NDArray[Any]) -> None:
         self.run.inputs.append((array, array.tobytes()))
@@ -376,24 +376,50 @@ def hits_m(states: tuple[ArtefactState, ...], t_s: float) -> tuple[Floats, Float
     return nearest, graze
 
 
+def walls_m(cells: Cells, t_s: float, margin_m: float) -> Floats:
+    """Return how far each beam gets before it is in an occupied cell, grown by a margin."""
+    x, y, yaw = robot_pose(t_s)
+    angles = yaw - math.pi + np.arange(BEAMS) * (2.0 * math.pi / BEAMS)
+    along = np.arange(0.0, 8.0, 0.004)
+    points = np.stack(
+        (x + np.outer(np.cos(angles), along), y + np.outer(np.sin(angles), along)), -1
+    )
+    is_wall = np.zeros(points.shape[:2], np.bool_)
+    for dx, dy in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        cols, rows = np.floor((points + margin_m * np.array((dx, dy))) / RESOLUTION_M).astype(int).T
+        inside = (rows >= 0) & (rows < cells.shape[0]) & (cols >= 0) & (cols < cells.shape[1])
+        hit = inside & (cells[np.where(inside, rows, 0), np.where(inside, cols, 0)] >= 65)
+        is_wall = is_wall | hit.T if margin_m > 0.0 else hit.T & (is_wall | ((dx, dy) == (1, 1)))
+    walls: Floats = np.where(is_wall.any(axis=1), along[is_wall.argmax(axis=1)], np.inf)
+    return walls
+
+
 def test_no_real_return_leaves_a_scan_unless_a_virtual_surface_is_in_front(run: Run) -> None:
-    """Beam by beam, at the scan's own stamp: the input's bits, or the hit before it."""
-    replaced = 0
+    """Beam by beam, at the scan's own stamp: the input's bits, or the hit before it.
+
+    Where there was no return, the walls of the map hide what stands behind them.
+    """
+    replaced, hidden = 0, 0
     assert len(run.scans) > TICKS - 6
-    for given, released, states, t_s in run.scans:
+    for given, released, states, cells, t_s in run.scans:
         assert released.is_augmented
         hits, graze = hits_m(states, t_s)
+        at_least, at_most = walls_m(cells, t_s, 0.005), walls_m(cells, t_s, -0.005)
         real, out = given.ranges, released.scan.ranges
         changed = out.view(np.uint32) != real.view(np.uint32)
         is_return = (real >= given.range_min_m) & (real <= given.range_max_m)
         in_front = np.where(is_return, hits < real, hits <= given.range_max_m) & ~np.isneginf(real)
+        behind = ~is_return & (at_most < hits)
         with np.errstate(invalid="ignore"):
             clear = (graze > 0.0) & ~(np.abs(hits - real) < 1e-4)
-        assert np.array_equal(changed[clear], in_front[clear])
+            clear &= is_return | (at_most < hits - 0.005) | (at_least > hits + 0.005)
+        assert np.array_equal(changed[clear], (in_front & ~behind)[clear])
         virtual = changed & clear & (hits >= given.range_min_m)
         np.testing.assert_allclose(out[virtual], hits[virtual], atol=1e-4)
         replaced += int(changed.sum())
+        hidden += int((clear & in_front & behind).sum())
     assert replaced > 500
+    assert hidden > 20
 
 
 def test_inputs_are_never_written_to(run: Run) -> None:
@@ -420,11 +446,11 @@ def told(tick: Tick) -> tuple[Any, ...]:
 def test_the_same_inputs_and_seed_give_the_same_bytes(run: Run, make_scene: Make) -> None:
     """Another builder in the same process, tick by tick and scan by scan."""
     again = Driver(make_scene(VALUES | RUNS[run.gate]), run.gate).drive(40)
-    for one, other in zip(run.moments, again.moments, strict=False):
-        assert told(one.tick) == told(other.tick)
-    for (_, one_scan, _, _), (_, other_scan, _, _) in zip(run.scans, again.scans, strict=False):
-        assert one_scan.released_ns == other_scan.released_ns
-        assert one_scan.scan.ranges.tobytes() == other_scan.scan.ranges.tobytes()
+    for moment, twin in zip(run.moments, again.moments, strict=False):
+        assert told(moment.tick) == told(twin.tick)
+    for one, other in zip(run.scans, again.scans, strict=False):
+        assert one[1].released_ns == other[1].released_ns
+        assert one[1].scan.ranges.tobytes() == other[1].scan.ranges.tobytes()
 
 
 # --- the robot's own topics, and bad input

@@ -11,7 +11,8 @@ from are_ros.artefacts.catalogue import Catalogue
 from are_ros.builder.events import EventKind
 from are_ros.builder.requests import Requests, SpawnRequest
 from are_ros.errors import CatalogueError
-from are_ros.world.oriented_boxes import overlapping_pairs
+from are_ros.world.laser_scan import LaserScan
+from are_ros.world.oriented_boxes import any_overlap, overlapping_pairs
 from are_ros.world.rigid_transform import RigidTransform
 from tests.artefacts.diary import ENTRIES, MARCHER, STROLLER
 from tests.builder.town import (
@@ -20,6 +21,7 @@ from tests.builder.town import (
     GATHERER,
     POST,
     STEP_NS,
+    TYPES,
     WALKER,
     Record,
     Town,
@@ -372,3 +374,124 @@ def test_a_cart_does_not_slide() -> None:
     assert np.abs(along).sum() > 3.0
     assert np.abs(across).max() < 1e-4
     assert (np.abs(turn) * 1.3 <= np.abs(along) * 1.01 + 1e-4).all()
+
+
+# --- where they are at an instant is known then
+
+
+def a_busy_town(values: dict[str, Any] | None = None) -> Town:
+    """Return a town in which they come and go, where a map and the robot move some by force."""
+    busy = {
+        "population.arrival_rate": 0.05,
+        "population.mean_life": 6.0,
+        "mixture.weights": (0.8, 0.2),
+        "mixture.rates": (0.7, 3.0),
+        "collisions.on_robot_contact": "displace",
+        "poses.history": 5.0,
+        **(values or {}),
+    }
+    return Town.of(busy)
+
+
+def drive_about(town: Town, t_s: float) -> None:
+    """Let the robot be where it is at a time, which is in people's way, and the map change."""
+    town.robot(t_s, 5.0 + 3.0 * math.sin(0.9 * t_s), 4.0 + 2.0 * math.cos(0.7 * t_s))
+    if abs(t_s % 5.0 - 2.5) < 0.01:
+        at_m = 2.0 + 0.8 * t_s
+        town.map(t_s, hall(10.0, 8.0, (at_m, at_m + 0.5, 2.0, 6.0)))
+
+
+def test_what_was_at_an_instant_is_the_same_now_and_later() -> None:
+    """Who was there and where, between sub-steps, asked at once and a while later: to the bit.
+
+    Whoever came, went, or was moved by force meanwhile.
+    """
+    town, early = a_busy_town(), {}
+    forced, arrived = 0, 0
+    for k in range(1, 1500):
+        t_ns = town.ns(0.0) + k * 13_700_001
+        if k % 7 == 0:
+            drive_about(town, (t_ns - town.ns(0.0)) / 1e9)
+        town.builder.advance(t_ns)
+        scene = town.lives.scene_at(t_ns)
+        early[t_ns] = list(zip(scene.ids.tolist(), scene.poses, strict=True))
+        late_ns = t_ns - 29 * 13_700_001
+        if late_ns in early:
+            scene = town.lives.scene_at(late_ns)
+            assert list(zip(scene.ids.tolist(), scene.poses, strict=True)) == early.pop(late_ns)
+        events = town.lives.take_events()
+        forced += sum(event.kind is EventKind.DISPLACED for event in events)
+        arrived += sum(event.kind is EventKind.ARRIVED for event in events)
+    assert forced > 5
+    assert arrived > 20
+
+
+def test_nobody_turns_or_goes_faster_than_it_can_at_any_instant() -> None:
+    """From the very arrival on, in the twist and in the poses a millisecond apart."""
+    town, limits = a_busy_town(), {row.label: row.motion for row in TYPES.rows}
+    fastest, looked_at = 0.0, 0
+    for k in range(1, 2500):
+        t_ns = town.ns(0.0) + k * 7_300_001
+        town.builder.advance(t_ns)
+        for one in town.lives.scene_at(t_ns).artefacts:
+            vx_mps, vy_mps, turn_radps = one.history.velocity_at(t_ns)
+            motion = limits[one.row.label]
+            assert math.hypot(vx_mps, vy_mps) <= motion.top_speed_mps * 1.001 + 1e-6
+            assert abs(turn_radps) <= motion.turn_rate_radps * 1.001 + 1e-6
+            if t_ns - one.arrival_ns < STEP_NS:
+                here, there = (one.ground_pose_at(t_ns + n * 1_000_000) for n in (0, 1))
+                turn_rad = abs(math.remainder(there.yaw_rad - here.yaw_rad, math.tau))
+                assert turn_rad <= 0.001 * motion.turn_rate_radps * 1.001 + 1e-6
+                looked_at += 1
+            fastest = max(fastest, abs(turn_radps))
+    assert looked_at > 100
+    assert fastest > 2.0
+
+
+def test_who_arrives_stands_until_the_next_sub_step() -> None:
+    """And is not where others are bound for."""
+    town = a_busy_town()
+    for k in range(1, 1200):
+        t_ns = town.ns(0.0) + k * 13_700_001
+        town.builder.advance(t_ns)
+        for event in town.lives.take_events():
+            is_there = event.artefact_id in town.lives.population.living
+            step_ns = -(-event.stamp_ns // STEP_NS) * STEP_NS
+            if event.kind is EventKind.ARRIVED and is_there and t_ns < step_ns:
+                one = town.one(event.artefact_id)
+                assert one.ground_pose_at(step_ns) == one.ground_pose_at(event.stamp_ns)
+                crowd = town.lives._motions.crowd
+                there = crowd.end_boxes.packed[crowd.index_of(one.id)]
+                assert np.array_equal(there, crowd.boxes.packed[crowd.index_of(one.id)])
+                assert not any_overlap(crowd.end_boxes)
+
+
+def scanned(late_s: float) -> list[tuple[int, bytes]]:
+    """Return stamps and ranges of the scans of a drive that come late by so much, or at once."""
+    town = a_busy_town({"sensors.shape": "box"})
+    builder, rng = town.builder, np.random.default_rng(4)
+    builder.receive_transform(
+        "base_link", "laser", 0, (0.0, 0.0, 0.4), (0.0, 0.0, 0.0, 1.0), town.ns(0.0), is_static=True
+    )
+    none, found = np.empty(0, np.float32), []
+    inputs = [(0.021 * k, "robot", k) for k in range(1, 500)]
+    inputs += [(0.0610001 * k + late_s, "scan", k) for k in range(1, 160)]
+    ranges = [rng.choice([np.inf, 3.0, 6.0], 180).astype(np.float32) for _ in range(160)]
+    for t_s, what, k in sorted(inputs):
+        if what == "robot":
+            town.robot(t_s, 5.0 + math.sin(0.5 * t_s), 4.0 + math.cos(0.5 * t_s), 0.3 * t_s)
+        else:
+            stamp_ns = town.ns(0.0610001 * k)
+            angles, spans = (-3.14, 3.14, 6.28 / 179), (0.0, 0.1, 0.1, 8.0)
+            scan = LaserScan("laser", stamp_ns, *angles, *spans, ranges[k], none)
+            builder.receive_scan("scan", scan, town.ns(t_s))
+        found += [(one.scan.stamp_ns, one.scan.ranges.tobytes()) for one in builder.take_scans()]
+    return found
+
+
+def test_a_scan_is_the_same_whether_it_comes_at_once_or_late() -> None:
+    """Byte for byte: what stands at the stamp is what it shows, however late it is released."""
+    at_once, late = dict(scanned(0.0)), dict(scanned(0.4))
+    shared = at_once.keys() & late.keys()
+    assert len(shared) > 140
+    assert [stamp_ns for stamp_ns in sorted(shared) if at_once[stamp_ns] != late[stamp_ns]] == []

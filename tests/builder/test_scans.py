@@ -263,3 +263,121 @@ def test_one_that_is_stuck_does_not_spoil_those_behind_it() -> None:
     path.queue.deadline_passed(60)
     assert path.out() == [(900, 5.0, 60, False), (30, 30.25, 60, True)]
     assert path.counts() == (1, 0, 1)
+
+
+# --- what an artefact has to do with the stamp, and what walls hide
+
+
+def released(scene: Any) -> Any:
+    """Return the one scan that has left."""
+    (one,) = scene.builder.take_scans()
+    return one.scan
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 5.0, 3.0])
+def test_a_scan_shows_nobody_before_the_first_tick_of_its_life(
+    make_scene: Callable[..., Any], rate_hz: float
+) -> None:
+    """An artefact is visible from the first tick not before its arrival, in all outputs alike."""
+    scene, period_ns = make_scene({"builder.tick_rate": rate_hz}), round(1e9 / rate_hz)
+    scene.map(0.0)
+    scene.laser(0.0)
+    scene.robot(0.0, 2.0, 2.0)
+    arrival_ns = scene.ns(0.0) // period_ns * period_ns + 2 * period_ns - period_ns // 3
+    scene.place(0, (3.0, 2.0), (arrival_ns - scene.ns(0.0)) / 1e9)
+    first_tick_ns = -(-arrival_ns // period_ns) * period_ns
+    for stamp_ns, is_shown in (
+        (arrival_ns, False),
+        (first_tick_ns - 1, False),
+        (first_tick_ns, True),
+        (first_tick_ns + period_ns // 2, True),
+    ):
+        t_s = (stamp_ns - scene.ns(0.0)) / 1e9
+        scene.robot(t_s, 2.0, 2.0)
+        scene.scan(t_s)
+        assert (released(scene).ranges[180] < 1.0) == is_shown
+    assert len(scene.builder.step(first_tick_ns + period_ns).artefacts) == 1
+
+
+def test_nobody_is_in_a_scan_from_its_departure_on(make_scene: Callable[..., Any]) -> None:
+    """Not even between the departure and the next tick; a nanosecond before it still is."""
+    scene = make_scene()
+    scene.map(0.0)
+    scene.laser(0.0)
+    scene.robot(0.0, 2.0, 2.0)
+    scene.place(0, (3.0, 2.0), 0.05, life_s=0.4)
+    for t_s, is_shown in ((0.45 - 1e-9, True), (0.45, False), (0.46, False)):
+        scene.robot(t_s, 2.0, 2.0)
+        scene.scan(t_s)
+        assert (released(scene).ranges[180] < 1.0) == is_shown
+
+
+@pytest.mark.parametrize(
+    ("real", "expected"),
+    [
+        (np.inf, np.inf),
+        (np.nan, np.nan),
+        (0.0, 0.0),
+        (0.02, 0.02),
+        (30.0, 30.0),
+        (-np.inf, -np.inf),
+        (3.0, 1.1),
+        (1.05, 1.05),
+    ],
+)
+def test_walls_hide_artefacts_where_nothing_says_that_they_are_gone(
+    make_scene: Callable[..., Any], real: float, expected: float
+) -> None:
+    """A beam without a return ends before the wall of the map; one that has passed it does not."""
+    scene = make_scene()
+    scene.map(0.0, (10, 30, 26, 27))
+    scene.laser(0.0)
+    scene.robot(0.0, 2.0, 2.0)
+    scene.robot(0.2, 2.0, 2.0)
+    scene.place(0, (3.3, 2.0), 0.1)
+    scene.scan(0.2, ranges=(real,) * 360)
+    assert released(scene).ranges[180] == pytest.approx(expected, nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("blocks", "values", "is_met"),
+    [
+        ((), {}, True),
+        (((10, 30, 36, 37),), {}, True),  # a wall behind it
+        (((10, 30, 26, 27),), {"world.wall_height": 0.29}, True),  # the laser looks over it
+        (((10, 30, 26, 27),), {"world.wall_height": 0.31}, False),
+        (((19, 21, 20, 21),), {}, True),  # the laser stands in that very cell
+        (((20, 21, 20, 22),), {}, False),  # and in this one, but the next is occupied, too
+    ],
+)
+def test_the_surface_of_the_environment_is_what_hides(
+    make_scene: Callable[..., Any],
+    blocks: Any,
+    values: dict[str, float],
+    is_met: bool,
+) -> None:
+    """Walls before the hit alone, as high as they are; the laser looks out of its own voxel."""
+    scene = make_scene(values)
+    scene.map(0.0, *blocks)
+    scene.laser(0.0)
+    for t_s in (0.0, 0.2):
+        scene.robot(t_s, 2.05, 2.05)
+    scene.place(0, (3.3, 2.05), 0.1)
+    scene.scan(0.2, ranges=(np.inf,) * 360)
+    assert np.isfinite(released(scene).ranges[180]) == is_met
+
+
+def test_a_cloud_hides_as_the_camera_sees_it(make_scene: Callable[..., Any]) -> None:
+    """Where there are voxels, they are the surface, and not the walls of the map."""
+    for heights_m, is_met in (((0.25, 0.35), False), ((0.05, 1.05), True)):
+        scene = make_scene()
+        scene.map(0.0, (10, 30, 26, 27))
+        y, z = np.meshgrid(np.arange(1.05, 3.0, 0.1), heights_m)
+        wall = np.stack((np.full(y.size, 2.65), y.ravel(), z.ravel()), axis=1)
+        scene.builder.receive_cloud(wall, "map", scene.ns(0.0), 0.1)
+        scene.laser(0.0)
+        for t_s in (0.0, 0.2):
+            scene.robot(t_s, 2.05, 2.05)
+        scene.place(0, (3.3, 2.05), 0.1)
+        scene.scan(0.2, ranges=(np.inf,) * 360)
+        assert np.isfinite(released(scene).ranges[180]) == is_met

@@ -111,6 +111,30 @@ def test_motion_within_the_limits_is_clean(label: str, sign: float) -> None:
     assert verdict.moving_s == pytest.approx(STEP_S * sum(v != 0.0 for v in speeds))
 
 
+def test_whoever_moves_at_once_after_its_arrival_is_caught() -> None:
+    """What is left of the sub-step counts, by the exact time, not the whole of it."""
+    turned, arrival = (1.0, 1.0, 0.14), (0.0, (1.0, 1.0, 0.0))
+    for came_s, faults in ((0.0, {}), (0.0485, {"limits": 1})):
+        judge = MotionJudge(NO_WALLS, LIMITS, STEP_S)
+        judge.judge(STEP_S, [state(turned)], arrived={1: (came_s, arrival[1])})
+        assert dict(judge.verdict.found) == faults
+    judge = MotionJudge(NO_WALLS, LIMITS, STEP_S)
+    judge.judge(STEP_S, [state(turned)], arrived={1: (STEP_S, turned)})
+    assert judge.verdict.is_clean
+
+
+@pytest.mark.parametrize("twist", [((0.0, 0.0, 0.0), 94.0), ((1.9, 0.9, 0.0), 0.0)])
+def test_a_twist_that_the_type_cannot_have_is_caught(twist: tuple[Pose, float]) -> None:
+    """Whatever the poses say."""
+    linear_mps, turn_radps = twist
+    one = replace(
+        state((1.0, 1.0, 0.0)),
+        linear_velocity_m_s=linear_mps,
+        angular_velocity_rad_s=(0.0, 0.0, turn_radps),
+    )
+    assert found([[one], [one]]) == {"limits": 2}
+
+
 def test_turning_back_within_the_limits_is_clean() -> None:
     """From forwards through the stand into reverse, and round through pi."""
     speeds = [0.075 * k for k in range(10)]

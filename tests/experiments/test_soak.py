@@ -12,6 +12,7 @@ import pytest
 
 from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.errors import InputError, MapError, ParameterError
+from are_ros.experiments.motion_judge import MotionJudge
 from are_ros.experiments.roving_robot import RovingRobot
 from are_ros.experiments.soak import SoakResult, soak
 from are_ros.experiments.soak_picture import figure_of
@@ -96,6 +97,22 @@ def test_a_short_soak_is_clean_and_counts() -> None:
     assert told[-1] == pytest.approx(verdict.artefact_s / 60.0)
     assert 0.0 < result.simulated_s < 60.0
     assert len(result.ways) == sum(len(way.points_m) > 0 for way in result.ways.values()) > 3
+
+
+def test_the_judge_is_told_when_and_where_each_arrived(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the exact instant, which is hardly ever that of a sub-step."""
+    told: dict[int, tuple[float, float]] = {}
+    judge = MotionJudge.judge
+
+    def noted(self: MotionJudge, t_s: float, *rest: Any) -> None:
+        told.update({i: (came_s, t_s) for i, (came_s, _) in rest[-1].items()})
+        judge(self, t_s, *rest)
+
+    monkeypatch.setattr(MotionJudge, "judge", noted)
+    result = soak(room(), parameters(0.05, **PEOPLE), CATALOGUE, longest_s=6.0)
+    assert told.keys() >= result.ways.keys()
+    assert len(told) > 5
+    assert all(t_s - 0.05 < came_s < t_s for came_s, t_s in told.values())
 
 
 def test_the_same_seed_gives_the_same_soak() -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 import are_ros.replay.checks
 from are_ros.builder.marker_batch import DELETE_ALL
 from are_ros.builder.markers import MarkerAction, MarkerBatch, MarkerKind, MarkerLook
+from are_ros.builder.ray_casting import VoxelField
 from are_ros.builder.registration import covered_cells
 from are_ros.errors import FrameError
 from are_ros.messages.marker_encoding import MarkerEncoder
@@ -20,11 +21,13 @@ from are_ros.replay._check_geometry import Outline, distances_m, overlap_depths_
 from are_ros.replay._check_marker_decoding import decode_markers
 from are_ros.replay._check_marker_rules import change_of
 from are_ros.replay._check_scene import Scene
+from are_ros.replay._check_walls import Walls
 from are_ros.world.footprint import Footprint, penetration_m
 from are_ros.world.frame_tree import FrameTree
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.oriented_boxes import OrientedBoxes, overlaps
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.voxel_map import VoxelMap
 
 MS = 1_000_000
 KNOWN = 10**15
@@ -39,6 +42,39 @@ def make_boxes(count: int, seed: int) -> tuple[OrientedBoxes, Scene]:
     ids, zeros = np.arange(count), np.zeros(count, np.int64)
     scene = Scene(0, 0, "map", ids, centres, yaws, halves, zeros, zeros, ())
     return OrientedBoxes(centres, yaws, halves), scene
+
+
+@pytest.mark.parametrize("is_cloud", [True, False])
+def test_walls_are_crossed_where_rays_hit_them(is_cloud: bool) -> None:
+    """Random voxels or cells, from free places, rays as long as may be: but for corners cut."""
+    generator = np.random.default_rng(7)
+    occupied = generator.uniform(size=(30, 24, 8 if is_cloud else 1)) < 0.04
+    if is_cloud:
+        centres = (np.argwhere(occupied) + 0.5) * 0.1 + (1.0, -2.0, 0.3)
+        voxels = VoxelMap.from_centres(centres, None, RigidTransform.identity())
+        walls = Walls.of_cloud(centres, 0.0)
+    else:
+        cells = np.where(occupied[:, :, 0].T, np.int8(100), np.int8(0))
+        grid = OccupancyGrid(cells, 0.1, RigidTransform.planar(1.0, -2.0, 0.4), "map")
+        voxels = VoxelMap.extruded(grid, cells == 100, 2.0, -0.5)
+        walls = Walls.of_map(RealMap.of_grid(grid), 65, -0.5, 1.5)
+    assert walls is not None
+    field, corner = VoxelField.of(voxels), np.array((1.0, -2.0, 0.3))
+    late, missed = [], []
+    for _ in range(60):
+        points = corner + generator.uniform(0.0, 1.0, (21, 3)) * (3.0, 2.4, 0.8)
+        start, ways = points[0], points[1:] - points[0]
+        lengths = np.linalg.norm(ways, axis=1)
+        rays = field.first_hits(start, ways / lengths[:, None], 10.0)
+        found = np.linalg.norm(walls.crossed(start, points[1:]) - start, axis=1)
+        is_found = np.isfinite(found)
+        assert (rays[is_found] < lengths[is_found]).all()
+        late += (found[is_found] - rays[is_found]).tolist()
+        missed += (~is_found & (rays < lengths - 0.02)).tolist()
+    assert len(late) > 100
+    assert min(late) > 0.0
+    assert np.quantile(late, 0.85) < 0.02  # of the others a corner was cut before
+    assert np.mean(missed) < 0.05
 
 
 def test_no_check_imports_what_it_checks() -> None:

@@ -81,7 +81,7 @@ class Draft:
         return self.messages[OUT + name]
 
     def write(self, folder: Path) -> Path:
-        """Write augmented.mcap and effective.yaml."""
+        """Write augmented.mcap, effective.yaml and what of metrics.json matters."""
         folder.mkdir(exist_ok=True)
         with BagWriter(folder / "augmented.mcap") as writer:
             for topic, type_name in self.types.items():
@@ -99,6 +99,7 @@ class Draft:
                     writer.write(topic, log_ns, message)
         parameters = with_values(Parameters(), self.values)
         (folder / "effective.yaml").write_text(write_ros_parameters(parameters))
+        (folder / "metrics.json").write_text('{"walls": "map"}')
         return folder
 
 
@@ -265,6 +266,11 @@ def _add_scans(draft: Draft) -> None:
     augmented = make_scan((distance - 0.1, 2.0, math.inf, 1.0))
     augmented.intensities[0] = 0.0
     draft.of("scan").append((SCAN_NS + 5 * MS, augmented))
+    without, seen = make_scan((math.inf, 2.0, math.inf, 1.0)), copy.deepcopy(augmented)
+    for message in (without, seen):
+        message.header.stamp = make_time(SCAN_NS + 20 * MS)
+    draft.messages["/scan"].append((SCAN_NS + 21 * MS, without))
+    draft.of("scan").append((SCAN_NS + 25 * MS, seen))
 
 
 def _add_ticks(draft: Draft, real: NDArray[np.int8]) -> None:
@@ -400,7 +406,7 @@ def test_a_right_replay_passes_every_check(right: Draft, tmp_path: Path) -> None
     results = check_replay(right.write(tmp_path), None, shares.append)
     assert [r.sentence() for r in results if r.outcome is not Outcome.PASSED] == []
     assert all(result.looked_at > 0 for result in results)
-    assert len({result.name for result in results}) == len(results) == 28
+    assert len({result.name for result in results}) == len(results) == 29
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
 
@@ -558,6 +564,32 @@ def _scan_after_departure(draft: Draft) -> None:
         log_ns, message = draft.messages[topic][0]
         message.header.stamp = make_time(START_NS + 380 * MS)
         draft.messages[topic][0] = (log_ns + 160 * MS, message)
+
+
+def _scan_before_first_sight(draft: Draft) -> None:
+    """Let artefact 1 be one that arrived a moment before the scan, after the tick before it."""
+    arrival_ns = SCAN_NS - 5 * MS
+    for name, kept in (("artefacts", slice(3, None)), ("perceived", slice(3, None))):
+        for index, (_, message) in enumerate(draft.of(name)):
+            if index < 3:
+                message.artefacts = [one for one in message.artefacts if one.id != 1]
+        for _, message in draft.of(name)[kept]:
+            for one in message.artefacts:
+                if one.id == 1 and name == "artefacts":
+                    one.arrival = make_time(arrival_ns)
+    for k, (_, event) in enumerate(draft.of("events")):
+        if event.kind == 0 and event.id == 1:
+            event.header.stamp = make_time(arrival_ns)
+            draft.of("events")[k] = (TICKS_NS[3], event)
+    draft.of("events").sort(key=lambda entry: entry[0])
+
+
+def _walk_away(draft: Draft) -> None:
+    """Let artefact 1 be on its way at the tick before the scan: 5 cm in 20 ms."""
+    for artefact in draft.of("artefacts")[2][1].artefacts:
+        if artefact.id == 1:
+            artefact.twist.linear.x = 2.5
+            artefact.twist.linear.y = 2.5
 
 
 def _too_close(beam: int) -> Break:
@@ -776,6 +808,17 @@ BROKEN: dict[str, tuple[str, Break, str]] = {
         _put("scan", 0, "ranges.0", 0.6),
         "where no artefact is",
     ),
+    "beam behind a wall": (
+        "walls before changed beams",
+        _put("scan", 1, "ranges.2", 0.6),
+        "behind what is occupied at (-0.9",
+    ),
+    "beam at the unseen": (
+        "ends of changed beams",
+        _scan_before_first_sight,
+        "where no artefact is",
+    ),
+    "beam at yesterday": ("ends of changed beams", _walk_away, "where no artefact is"),
     "beam at the dead": ("ends of changed beams", _scan_after_departure, "where no artefact is"),
     "nothing too close": ("ends of changed beams", _too_close(1), "where no artefact is"),
 }
@@ -813,6 +856,32 @@ def test_who_comes_and_goes_waits_for_no_rate(right: Draft, tmp_path: Path) -> N
     draft.values["augmented_map.max_rate"] = 1.0
     results = results_of(draft, tmp_path)
     assert [r.sentence() for r in results.values() if r.outcome is Outcome.FAILED] == []
+
+
+def test_an_artefact_between_two_ticks_is_where_its_twist_takes_it(
+    right: Draft, tmp_path: Path
+) -> None:
+    """Until the next sub-step exactly, then on the line to where the next tick has it."""
+    for stamp_ns, twist_mps in ((220, 2.0), (240, 2.0), (275, 1.0)):
+        draft = copy.deepcopy(right)
+        went_m = twist_mps * min(stamp_ns - 200, 50) / 1000.0
+        left = 0.0 if stamp_ns < 250 else (stamp_ns - 250) / 50
+        ahead_m = went_m * (1.0 - left)  # it is back at the next tick
+        for topic in ("/scan", "/ar_builder/scan"):
+            log_ns, message = draft.messages[topic][0]
+            message.header.stamp = make_time(START_NS + stamp_ns * MS)
+            draft.messages[topic] = [(log_ns + 80 * MS, message)]
+        (one,) = [a for a in draft.of("artefacts")[2][1].artefacts if a.id == 1]
+        x, y, yaw = PLACES[1]
+        toward = math.atan2(y - ROBOT[1], x - ROBOT[0])
+        one.twist.linear.x = twist_mps * math.cos(toward - yaw)
+        one.twist.linear.y = twist_mps * math.sin(toward - yaw)
+        ranges = draft.of("scan")[0][1].ranges
+        distance = float(ranges[0])
+        for off_m, outcome in ((0.0, Outcome.PASSED), (-0.1, Outcome.FAILED)):
+            ranges[0] = distance + ahead_m + off_m
+            ends = results_of(draft, tmp_path)["ends of changed beams"]
+            assert ends.outcome is outcome, (stamp_ns, ends.sentence())
 
 
 def test_an_artefact_may_be_too_close_to_measure(right: Draft, tmp_path: Path) -> None:
@@ -864,7 +933,6 @@ def test_what_cannot_be_checked_is_skipped_with_the_reason(right: Draft, tmp_pat
     skipped = {name for name, result in results.items() if result.outcome is Outcome.SKIPPED}
     assert {"overlaps with the robot", "scans", "costmap", "augmented map", "walls"} <= skipped
     assert skipped == {name for name, result in results.items() if result.needs_inputs}
-    (tmp_path / "metrics.json").touch()  # which a replay's folder has
     said: list[str] = []
     assert check_command(said.append, tmp_path, None, None)
     assert said[-1].startswith(f"{len(skipped)} skipped checks need the inputs")
@@ -878,7 +946,6 @@ def test_what_cannot_be_checked_is_skipped_with_the_reason(right: Draft, tmp_pat
     assert not results["walls"].needs_inputs  # they alone would not do
     whole: list[str] = []
     folder = right.write(tmp_path / "whole")
-    (folder / "metrics.json").touch()
     assert check_command(whole.append, folder, None, None)
     assert ": passed" in whole[-1]
 
