@@ -137,6 +137,7 @@ def write_results(outcome: Outcome, folder: Path) -> None:
             outcome.grid,
             folder / "overview.png",
             occupied_threshold=parameters.world.occupied_threshold,
+            voxels=outcome.voxels,
         )
     (folder / "effective.yaml").write_text(write_ros_parameters(parameters), encoding="utf-8")
     write_json(folder / METRICS, _metrics(outcome))

@@ -13,6 +13,7 @@ from are_ros.replay.rviz_grids import MAP_ALPHA, Palette, costmap_palette, map_p
 from are_ros.replay.rviz_scene import PlacedMarker, RvizScene
 from are_ros.replay.rviz_shapes import axes_of, ribbon, triangles_of
 from are_ros.replay.rviz_text import draw_text
+from are_ros.replay.rviz_voxels import draw_voxels
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -85,7 +86,10 @@ def _orbit(scene: RvizScene, size: Size) -> RvizCamera:
 
 
 def _points_of_interest(scene: RvizScene) -> Floats:
-    """Return corners of the robot and of the opaque bodies near it; without a robot, all bodies."""
+    """Return corners of the robot and of the opaque bodies near it; without a robot, all bodies.
+
+    Where none is near, the nearest opaque one: a view of nothing but floor tells nothing.
+    """
     bodies = [marker for marker in scene.markers if marker.fields.kind != kinds.TEXT]
     opaque = [marker for marker in bodies if _alpha(marker) > 0.9]
     shapes = [shape for shape in map(triangles_of, opaque or bodies) if shape is not None]
@@ -93,7 +97,9 @@ def _points_of_interest(scene: RvizScene) -> Floats:
     robot = scene.robot
     if robot is not None:
         place = robot.translation_m
-        boxes = [box for box in boxes if np.hypot(*(box.mean(axis=0) - place)[:2]) < _REACH_M]
+        away_m = [float(np.hypot(*(box.mean(axis=0) - place)[:2])) for box in boxes]
+        reach_m = max(_REACH_M, min(away_m, default=0.0)) if opaque else _REACH_M
+        boxes = [box for box, so_far_m in zip(boxes, away_m, strict=True) if so_far_m <= reach_m]
         boxes.append(np.stack((place, place + _ahead(scene, 2.0))))
     if boxes:
         return np.concatenate(boxes)
@@ -179,7 +185,9 @@ def _lay(
 
 
 def _draw_solids(canvas: Canvas, scene: RvizScene) -> None:
-    """Draw bodies, arrows, axes and the robot: what is opaque first, the rest from afar to near."""
+    """Draw voxels, bodies, arrows, axes and the robot: first the opaque, the rest afar to near."""
+    if scene.voxels is not None:
+        draw_voxels(canvas, scene.voxels)
     shapes = [shape for shape in map(triangles_of, scene.markers) if shape is not None]
     for shape in shapes:
         if shape.is_opaque:

@@ -15,6 +15,7 @@ from are_ros.replay import _check_marker_decoding as kinds
 from are_ros.replay.rviz_canvas import Rgb
 from are_ros.replay.rviz_scene import PlacedMarker, RvizScene
 from are_ros.replay.rviz_views import GRID_LINE, OUTLINE, SCAN_COLOURS
+from are_ros.replay.rviz_voxels import HIGHEST_M, LOWEST_M
 from are_ros.wording import counted
 
 Picture = npt.NDArray[np.uint8]
@@ -157,6 +158,8 @@ def _draw_legend(window: Window, scene: RvizScene) -> None:
         lines.append("number: the id, where labels are close")
     if len(scene.scans) > 1:
         lines.append("red points: beams that ARE changed")
+    if scene.voxels is not None:
+        lines.append(f"octomap: from {LOWEST_M:g} to {HIGHEST_M:g} m above the floor")
     top = DISPLAYS.top + DISPLAYS.height - 14 - _LINE_PX * (len(lines) - 1)
     for number, line in enumerate(lines):
         window.words(DISPLAYS.left + 12, top + number * _LINE_PX, line, color=_FAINT)
@@ -190,6 +193,9 @@ def display_rows(scene: RvizScene) -> Iterator[Row]:
         if topic and grid:
             yield Row(text, f"{grid[0].width} x {grid[0].height} cells", is_head=True)
             yield Row(topic)
+    if scene.voxels is not None:
+        yield Row("PointCloud2", counted(scene.voxels.occupied_count, "box"), is_head=True)
+        yield Row(scene.topics.cloud or "")
     for (topic, points), colour in zip(scene.scans, SCAN_COLOURS, strict=False):
         yield Row("LaserScan", counted(len(points), "point"), colour, is_head=True)
         yield Row(topic)
