@@ -164,9 +164,9 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         "clock",
         Level.ERROR,
         (
-            "transforms are stamped 53.9 years earlier than the time of this machine: for a simulated "
-            "robot or one that is played from a recording, start the node with --use-sim-time "
-            "(use_sim_time:=true)"
+            "transforms are stamped 53.9 years earlier than the time of this machine: for a "
+            "simulated robot or one that is played from a recording, start the node with "
+            "--use-sim-time (use_sim_time:=true)"
         ),
     ),
     (
@@ -174,8 +174,8 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         "clock",
         Level.ERROR,
         (
-            "transforms are stamped 10.0 years later than the time of /clock: is use_sim_time set by "
-            "mistake, or does another recording give the clock?"
+            "transforms are stamped 10.0 years later than the time of /clock: is use_sim_time "
+            "set by mistake, or does another recording give the clock?"
         ),
     ),
     (

@@ -162,3 +162,17 @@ def test_a_map_in_another_frame_names_the_option(
     said = done.stdout + done.stderr
     for part in ("'earth'" if command == "replay" else "earth", "--map-frame", "rolling"):
         assert part in said
+
+
+def test_results_without_the_animation_end_with_status_3(
+    run_are: RunAre, sample_bag: Path, tmp_path: Path
+) -> None:
+    """The results stay, all is said of them, and the sentence names the file that could not be."""
+    (tmp_path / "out" / "a.gif").mkdir(parents=True)
+    words = ("--duration", 1, "--animate", "a.gif", "--out", tmp_path / "out")
+    done = run_are("replay", sample_bag, *words)
+    assert done.returncode == 3
+    lines = done.stderr.splitlines()
+    (at,) = (i for i, line in enumerate(lines) if line.startswith("results in"))
+    assert "a.gif" in lines[at + 1]
+    assert (tmp_path / "out" / "metrics.json").is_file()
