@@ -46,7 +46,8 @@ def _covered(
     """
     base_m, size_m = float(voxels.map_from_lattice.translation_m[2]), voxels.voxel_size_m
     middles_m = base_m + (np.arange(voxels.occupied.shape[2]) + 0.5) * size_m[2]
-    columns = voxels.occupied[:, :, (middles_m > low_m) & (middles_m <= high_m)].any(axis=2)
+    layers = (middles_m > low_m) & (middles_m <= high_m)
+    columns = np.asarray(voxels.occupied[:, :, layers].any(axis=2))
     covered = np.zeros(part.cells.shape, dtype=np.bool_)
     held = np.argwhere(columns) + 0.5
     points = np.column_stack((held * np.array(size_m[:2]), np.zeros(len(held))))

@@ -125,11 +125,11 @@ def replay_command(say: Say, **options: Any) -> bool:
     except AreError as cause:
         is_filmed = False
         said.append(str(cause))
-    for line in [*summary(outcome, options["out"]), *said, *complaints(outcome)]:
-        say(line)
-    return is_filmed and not (
-        outcome.refusals.counts or outcome.camera_problem or outcome.cloud_problem
-    )
+    finally:
+        for line in [*summary(outcome, options["out"]), *said, *complaints(outcome)]:
+            say(line)
+    problems = outcome.refusals.counts, outcome.camera_problem, outcome.cloud_problem
+    return is_filmed and not any(problems)
 
 
 def write_results(outcome: Outcome, folder: Path) -> None:

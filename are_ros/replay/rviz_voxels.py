@@ -108,4 +108,5 @@ def _colours(voxels: VoxelMap, points_m: Floats) -> npt.NDArray[np.float32]:
     span_m = max(voxels.occupied.shape[2] * voxels.voxel_size_m[2], 1e-9)
     share = np.clip((points_m[:, 2] - low_m) / span_m, 0.0, 1.0)[:, np.newaxis]
     colours = (_LOW_RGB + share * (_HIGH_RGB - _LOW_RGB)) * _SHINES[face][:, np.newaxis]
-    return colours.astype(np.float32)
+    shown: npt.NDArray[np.float32] = colours.astype(np.float32)
+    return shown
