@@ -108,6 +108,7 @@ def test_a_camera_that_comes_late_is_the_reason(
     assert done.returncode == 0, done.stderr
     assert "nothing was perceived in the first 3." in done.stderr
     assert f"no CameraInfo came on {CAMERA} before; --set camera.model:=pinhole" in done.stderr
+    assert f"{CAMERA} begins 3.0 s after what moves" in run_are("inspect", bag).stdout
     bag = write_bag(tmp_path / "never.mcap", _camera_comes(sample_records, 60.0))
     done = run_are("replay", bag, "--out", tmp_path / "never")
     assert done.returncode == 3
@@ -128,6 +129,8 @@ def test_a_camera_that_is_refused_is_the_reason(
     done = run_are("replay", write_bag(tmp_path / "a.mcap", records), "--out", tmp_path / "out")
     assert done.returncode == 3
     assert f"no usable CameraInfo was received ({CAMERA}: k is all zeros" in done.stderr
+    inspected = run_are("inspect", tmp_path / "a" / "a.mcap").stdout
+    assert f"the first CameraInfo is of no use: {CAMERA}: k is all zeros" in inspected
 
 
 def test_transforms_that_are_all_refused_are_the_reason(
