@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.replay import _check_marker_decoding as kinds
+from are_ros.replay._check_file import PREFIX
 from are_ros.replay.rviz_camera import RvizCamera
 from are_ros.replay.rviz_canvas import Canvas, Rgb, Triangles
 from are_ros.replay.rviz_grids import MAP_ALPHA, Palette, costmap_palette, map_palette
@@ -25,8 +26,8 @@ OVERSAMPLING: Final = 2
 BACKGROUND: Final[Rgb] = (48 / 255, 48 / 255, 48 / 255)
 GRID_LINE: Final[Rgb] = (160 / 255, 160 / 255, 164 / 255)
 OUTLINE: Final[Rgb] = (25 / 255, 1.0, 0.0)
-SCAN_COLOURS: Final[tuple[Rgb, ...]] = ((1.0, 0.16, 0.1), (0.95, 0.93, 0.72))
-"""Of the scan that ARE gives out, and, drawn over it, of the one that came in."""
+_OUR_SCAN: Final[Rgb] = (1.0, 0.16, 0.1)
+_REAL_SCAN: Final[Rgb] = (0.95, 0.93, 0.72)
 
 _GRID_ALPHA: Final = 0.35
 _POINT_M: Final = 0.045
@@ -38,6 +39,11 @@ _ASIDE_RAD: Final = 0.4
 _REACH_M: Final = 9.0
 _INNER_SHARES: Final = (0.45, 0.42)
 """How far from the middle what matters may be, as shares of width and height."""
+
+
+def scan_colour(topic: str) -> Rgb:
+    """Return the colour of a scan that ARE gives out, or, drawn over it, of one that came in."""
+    return _OUR_SCAN if topic.startswith(PREFIX) else _REAL_SCAN
 
 
 def draw_perspective(scene: RvizScene, size: Size) -> Picture:
@@ -219,8 +225,8 @@ def _draw_robot(canvas: Canvas, scene: RvizScene) -> None:
 
 def _draw_scans(canvas: Canvas, scene: RvizScene) -> None:
     """Draw the ends of the beams as flat squares: red is left where ARE gave another end."""
-    for number, (_, points) in enumerate(scene.scans[: len(SCAN_COLOURS)]):
-        _draw_points(canvas, points, SCAN_COLOURS[number])
+    for topic, points in scene.scans:
+        _draw_points(canvas, points, scan_colour(topic))
 
 
 def _draw_points(canvas: Canvas, points_m: Floats, colour: Rgb) -> None:

@@ -14,7 +14,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.replay import _check_marker_decoding as kinds
 from are_ros.replay.rviz_canvas import Rgb
 from are_ros.replay.rviz_scene import PlacedMarker, RvizScene
-from are_ros.replay.rviz_views import GRID_LINE, OUTLINE, SCAN_COLOURS
+from are_ros.replay.rviz_views import GRID_LINE, OUTLINE, scan_colour
 from are_ros.replay.rviz_voxels import HIGHEST_M, LOWEST_M
 from are_ros.wording import counted
 
@@ -34,6 +34,8 @@ _STATUS_LETTERS: Final = 185
 """Of a line of the status beside the time, at its size; widest letters may take half as much more,
 and none is cut off at the edge then."""
 _STATUS_PX: Final = 15
+_TOPIC_LETTERS: Final = 130
+"""Of the topics beside the title; the list of displays has all of them."""
 
 
 class Place(NamedTuple):
@@ -196,8 +198,8 @@ def display_rows(scene: RvizScene) -> Iterator[Row]:
     if scene.voxels is not None:
         yield Row("PointCloud2", counted(scene.voxels.occupied_count, "box"), is_head=True)
         yield Row(scene.topics.cloud or "")
-    for (topic, points), colour in zip(scene.scans, SCAN_COLOURS, strict=False):
-        yield Row("LaserScan", counted(len(points), "point"), colour, is_head=True)
+    for topic, points in scene.scans:
+        yield Row("LaserScan", counted(len(points), "point"), scan_colour(topic), is_head=True)
         yield Row(topic)
     for topic in scene.topics.markers:
         yield Row("MarkerArray", counted(len(scene.markers), "marker"), is_head=True)
@@ -217,6 +219,8 @@ def _namespaces(scene: RvizScene) -> Counter[str]:
 def _counts_text(scene: RvizScene) -> str:
     topics = (scene.topics.grid, scene.topics.costmap, *scene.topics.markers)
     shown = [topic for topic in (*topics, *(topic for topic, _ in scene.scans)) if topic]
+    while sum(map(len, shown)) > _TOPIC_LETTERS:
+        shown = [*shown[:-2], "..."]
     return f"{counted(len(scene.markers), 'marker')}   ·   {'   '.join(shown)}"
 
 

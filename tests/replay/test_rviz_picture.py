@@ -76,6 +76,19 @@ def test_beams_that_are_changed_are_red(sample_replay: Path) -> None:
     assert (reds[changed == 0] == 0).all()
 
 
+def test_two_lasers_are_drawn_each_with_what_came_in(drawn: tuple[RvizScene, Path]) -> None:
+    """Beams of the second that are as they came in cover ARE's: nothing more is red than before."""
+    scene, _ = drawn
+    (_, ours), (_, real) = sorted(scene.scans, key=lambda scan: scan[0] == "/scan")
+    size = (450, 400)
+    one = draw_perspective(replace(scene, scans=(("/ar_builder/a", ours), ("/a", real))), size)
+    names = ("/ar_builder/a", "/ar_builder/b", "/a", "/b")
+    four = tuple(zip(names, (ours, ours, real, real), strict=True))
+    assert np.array_equal(draw_perspective(replace(scene, scans=four), size), one)
+    rows = {row.text: row for row in display_rows(replace(scene, scans=four))}
+    assert set(names) <= set(rows)
+
+
 def changed_beams(scene: RvizScene) -> int:
     """Return how many points of ARE's scan are not those of the one that came in."""
     (_, ours), (_, real) = sorted(scene.scans, key=lambda scan: scan[0] == "/scan")
