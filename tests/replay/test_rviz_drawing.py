@@ -120,8 +120,8 @@ def test_voxels_in_perspective_are_where_a_solid_of_their_shape_is() -> None:
     assert expected.sum() > 500
     assert np.count_nonzero(seen != expected) < 0.05 * expected.sum()
     before = canvas.colours.copy()
-    behind = camera.place_m + 20.0 * camera.rotation[2]
-    canvas.solid(square(*behind.tolist(), 0.5, (1.0, 1.0, 1.0, 1.0)))
+    x, y, z = (camera.place_m + 20.0 * camera.rotation[2]).tolist()
+    canvas.solid(square(x, y, z, 0.5, (1.0, 1.0, 1.0, 1.0)))
     assert np.array_equal(canvas.colours, before)
 
 
