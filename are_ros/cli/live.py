@@ -51,11 +51,10 @@ def node(
     """
     _require_ros()
     from are_ros.node.main import main as run_node
-    from are_ros.parameters.ros_yaml import in_any_namespace, parse_assignment
+    from are_ros.parameters.ros_yaml import assignment_for_ros, in_any_namespace
 
     _check_ros_args(ros_args)
-    for value in values:
-        parse_assignment(value)
+    values = tuple(map(assignment_for_ros, values))
     with TemporaryDirectory(prefix="ar_builder_") as folder:
         copies = [Path(folder, f"{number}.yaml") for number in range(len(files))]
         for path, copy in zip(files, copies, strict=True):

@@ -1,7 +1,8 @@
 """`are`: the group of its commands, and what becomes of errors.
 
 Exit status: 0 all well; 1 an error, said in a sentence; 2 wrong usage; 3 finished, but some input
-was refused, or a check failed; 130 interrupted.
+was refused or left out, a part of the results could not be made, or a check failed; 130
+interrupted.
 """
 
 import sys

@@ -270,6 +270,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         now_ns = monotonic_ns()
         busy = self._busy.figures(now_ns)
         self._reporter.report(self.live, self._inlets, busy, now_ns, is_paused=self._is_paused)
+        if self._reporter.clock_doubt:
+            self._say(self._reporter.clock_doubt)
 
     def _look_for_camera(self, live: LiveBuilder, inlets: Inlets) -> None:
         """Let the default camera stand in where nobody offers to tell another, and say so later."""

@@ -17,6 +17,9 @@ _TICK_STOP_S: Final = 1.0
 _TICK_STOP_PERIODS: Final = 5.0
 _RARE: Final = frozenset({"preparing", "transitions"})
 """What may take longer than a tick's period, and is no reason to warn."""
+_OTHER_TIMES_S: Final = 30 * 86_400.0
+"""Clocks of machines that are set wrongly are less apart; simulated time is by decades."""
+_YEAR_S: Final = 365.25 * 86_400.0
 _BLOCKED_SHARE: Final = 0.5
 _FEWEST_ARRIVALS: Final = 4
 """Of fewer arrivals in a minute no share is worth a warning."""
@@ -86,8 +89,28 @@ def _clock(snapshot: NodeSnapshot) -> Status:
     if snapshot.uses_sim_time and snapshot.is_without_clock:
         message = "use_sim_time is true, but nothing came on /clock: the time stands still"
         return Status(Level.ERROR, "clock", message, values)
+    if doubt := clock_doubt(snapshot):
+        return Status(Level.ERROR, "clock", doubt, values)
     message = "the time of /clock" if snapshot.uses_sim_time else "the time of this machine"
     return Status(Level.OK, "clock", message, values)
+
+
+def clock_doubt(snapshot: NodeSnapshot) -> str:
+    """Return what is to be said where stamps and the node's clock are of different times."""
+    ahead_s = snapshot.stamps_ahead_s
+    if ahead_s is None or abs(ahead_s) < _OTHER_TIMES_S:
+        return ""
+    side = "later" if ahead_s > 0.0 else "earlier"
+    apart = f"{abs(ahead_s) / _YEAR_S:.1f} years {side} than the time of"
+    if snapshot.uses_sim_time:
+        return (
+            f"transforms are stamped {apart} /clock: is use_sim_time set by mistake, "
+            "or does another recording give the clock?"
+        )
+    return (
+        f"transforms are stamped {apart} this machine: for a simulated robot or one that is "
+        "played from a recording, start the node with --use-sim-time (use_sim_time:=true)"
+    )
 
 
 def _robot(snapshot: NodeSnapshot) -> Status:

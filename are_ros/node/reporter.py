@@ -11,7 +11,7 @@ from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.node.busy_watch import BusyFigures
 from are_ros.node.count_watch import CountWatch
-from are_ros.node.diagnostics import make_diagnostics, statuses
+from are_ros.node.diagnostics import clock_doubt, make_diagnostics, statuses
 from are_ros.node.inlets import Inlets
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import RclpyFactory
@@ -40,6 +40,8 @@ class Reporter:
         self._blocked, self._arrived = CountWatch(_MINUTE_NS), CountWatch(_MINUTE_NS)
         self._passed: dict[str, CountWatch] = {}
         self._last_contact: tuple[str, int] | None = None
+        self.clock_doubt = ""
+        """What the log should say of the clock after the last report, empty if nothing."""
 
     def activated(self, now_ns: int) -> None:
         """Say that the node is active from now on."""
@@ -72,6 +74,7 @@ class Reporter:
         """Publish how the node does."""
         snapshot = self._snapshot(live, inlets, now_ns, is_paused=is_paused)
         snapshot = replace(snapshot, busy=busy)
+        self.clock_doubt = clock_doubt(snapshot)
         stamp_ns = int(self._node.get_clock().now().nanoseconds)
         name = self._node.get_fully_qualified_name().lstrip("/")
         message = make_diagnostics(self._factory, stamp_ns, statuses(snapshot), name)
@@ -104,6 +107,7 @@ class Reporter:
         builder = live.builder
         frame = builder.world.missing_frame()
         return {
+            "stamps_ahead_s": self._stamps_ahead_s(builder),
             "robot_problem": builder.robots.missing,
             "camera_problem": _camera_problem(builder),
             "cloud_problem": f"nothing joins its frame '{frame}' to the map" if frame else "",
@@ -113,6 +117,12 @@ class Reporter:
             "faults": live.faults.snapshot(),
             "scans": tuple(self._scans(builder, now_ns)),
         }
+
+    def _stamps_ahead_s(self, builder: ArBuilder) -> float | None:
+        """Return how much later than the node's time the newest transform is stamped."""
+        clock_ns = int(self._node.get_clock().now().nanoseconds)
+        stamps_ns = [edge.last_ns for edge in builder.frames.edges() if not edge.is_static]
+        return (max(stamps_ns) - clock_ns) / NS_PER_S if stamps_ns and clock_ns else None
 
     def _population(self, builder: ArBuilder, now_ns: int) -> PopulationSnapshot:
         lives = builder.lives

@@ -84,6 +84,8 @@ class NodeSnapshot:
     uses_sim_time: bool = False
     is_without_clock: bool = False
     """It uses simulated time, and no /clock has come yet."""
+    stamps_ahead_s: float | None = None
+    """How much later than the node's time the newest transform is stamped; None without one."""
     inputs: tuple[InputSnapshot, ...] = ()
     robot_problem: str = ""
     camera_problem: str = ""

@@ -139,7 +139,11 @@ class WorldParameters:
         high=100.0,
     )
     voxel_size: float = parameter(
-        0.0, "Edge of a voxel of the cloud; 0: inferred from it.", unit="m", low=0.0, high=10.0
+        0.0,
+        "Edge of a voxel, the cloud's own or coarser; 0: the cloud's own, inferred from it.",
+        unit="m",
+        low=0.0,
+        high=10.0,
     )
     ground: GroundKind = parameter(
         GroundKind.PLANE,

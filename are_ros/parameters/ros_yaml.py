@@ -1,6 +1,7 @@
 """The `ros__parameters` file of node and replay, and `name:=value` of a command line."""
 
 import difflib
+import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -81,6 +82,16 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     read = parse_yaml(value, f"parameter '{name}': {value!r}", ParameterError)
     is_text = any(i.path == name and isinstance(i.default, str) for i in describe(Parameters()))
     return name, value.strip() if is_text and isinstance(read, list) else read
+
+
+def assignment_for_ros(text: str) -> str:
+    """Return `name:=value` as rcl takes it: a text that would be a list to it stands in quotes.
+
+    Raises ParameterError as `parse_assignment`.
+    """
+    name, value = parse_assignment(text)
+    is_like_a_list = isinstance(value, str) and value.startswith("[")
+    return f"{name}:={json.dumps(value)}" if is_like_a_list else text
 
 
 def write_ros_parameters(parameters: Parameters) -> str:

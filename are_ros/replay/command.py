@@ -11,6 +11,7 @@ from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.tick import Demand
 from are_ros.description.configuration import describe_lines
 from are_ros.description.site import Site, surveyed
+from are_ros.errors import AreError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters, SensorsParameters
 from are_ros.parameters.ros_yaml import (
@@ -119,7 +120,7 @@ def options_of(skip: Sequence[str], **options: Any) -> ReplayOptions:
 
 
 def replay_command(say: Say, **options: Any) -> bool:
-    """Run `are replay`; return whether all input was good.
+    """Run `are replay`; return whether all input was good, and all that was asked for was made.
 
     Raises AreError where there is no result.
     """
@@ -131,15 +132,18 @@ def replay_command(say: Say, **options: Any) -> bool:
     said: list[str] = []
     with all_or_nothing(options["out"]):
         write_results(outcome, options["out"])
+    is_filmed = True
     try:
         if film is not None:
             _animate(outcome, film, said.append)
+    except AreError as cause:
+        is_filmed = False
+        said.append(str(cause))
     finally:
-        for line in [*summary(outcome, options["out"]), *said]:
+        for line in [*summary(outcome, options["out"]), *said, *complaints(outcome)]:
             say(line)
-    for line in complaints(outcome):
-        say(line)
-    return not (outcome.refusals.counts or outcome.camera_problem or outcome.cloud_problem)
+    problems = outcome.refusals.counts, outcome.camera_problem, outcome.cloud_problem
+    return is_filmed and not any(problems)
 
 
 def write_results(outcome: Outcome, folder: Path) -> None:
@@ -151,6 +155,7 @@ def write_results(outcome: Outcome, folder: Path) -> None:
             outcome.grid,
             folder / "overview.png",
             occupied_threshold=parameters.world.occupied_threshold,
+            voxels=outcome.voxels,
         )
     (folder / "effective.yaml").write_text(write_ros_parameters(parameters), encoding="utf-8")
     write_json(folder / METRICS, _metrics(outcome))

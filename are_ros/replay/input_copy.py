@@ -6,6 +6,7 @@ from struct import error as StructError  # noqa: N812
 from typing import Any
 
 from are_ros.errors import AreError
+from are_ros.messages.cloud import Points, make_cloud
 from are_ros.messages.factory import MessageFactory
 from are_ros.messages.grid import make_grid
 from are_ros.messages.transform_encoding import encode_transforms_cdr
@@ -74,6 +75,13 @@ class InputCopy:
             self._types[topic] = "nav_msgs/msg/OccupancyGrid"
             self._writer.add_topic(topic, self._types[topic], is_latched=True, depth=1)
         self._writer.write(topic, now_ns, make_grid(self._factory, grid))
+
+    def write_cloud(self, centres_m: Points, frame_id: str, now_ns: int) -> None:
+        """Append the voxels (N, 3) [m] that came from a file, once."""
+        topic = "/octomap_point_cloud_centers"
+        self._types[topic] = "sensor_msgs/msg/PointCloud2"
+        self._writer.add_topic(topic, self._types[topic], is_latched=True, depth=1)
+        self._writer.write(topic, now_ns, make_cloud(self._factory, frame_id, now_ns, centres_m))
 
     def write_static(self, transforms: list[StampedTransform], now_ns: int) -> None:
         """Append the static transforms that were given as parameters."""

@@ -6,6 +6,7 @@ from typing import Any
 
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
+from are_ros.messages.camera_info import read_camera_info
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import SensorsParameters
 from are_ros.replay.bag_clock import BagClock
@@ -19,6 +20,8 @@ from are_ros.world.frame_tree import TransformSource
 _BASE_FRAMES = ("base_footprint", "base_link")
 _SENSOR_ROLES = ("scan", "camera/camera_info")
 _CLOUD = "octomap_point_cloud_centers"
+_MOVING_ROLES = ("tf", "odom", "scan")
+_LATE_CAMERA_NS = NS_PER_S
 _GIVEN = "given"
 
 
@@ -99,6 +102,7 @@ def inspect_bag(
         *_turned_round(survey),
         *_missing_mounts(survey, (*sensors, *scans), frame_ids, base_frame),
         *_missing_cloud_frame(survey, roles.topic(_CLOUD), frame_ids, map_frame),
+        *_missing_camera(reader, roles),
     ]
     return Inspection(
         reader.start_ns,
@@ -281,4 +285,24 @@ def _missing_cloud_frame(
         yield (
             f"nothing joins {frame}, the frame of {topic}, to {map_frame}:"
             f" give the transform with --static-tf, or the walls of the map are extruded instead"
+        )
+
+
+def _missing_camera(reader: BagReader, roles: RolesFound) -> Iterable[str]:
+    """Say if the first CameraInfo is of no use, or comes late."""
+    topic = roles.topic("camera/camera_info")
+    first = None if topic is None else next(reader.messages((topic,)), None)
+    if topic is None or first is None:
+        return
+    try:
+        read_camera_info(reader.deserialize(first), topic).view(rectified=False)
+    except AreError as cause:
+        yield f"the first CameraInfo is of no use: {cause}"
+    moving = [name for name in map(roles.topic, _MOVING_ROLES) if name is not None]
+    begin = next(reader.messages(moving), None) if moving else None
+    late_ns = 0 if begin is None else first.log_time_ns - begin.log_time_ns
+    if late_ns > _LATE_CAMERA_NS:
+        yield (
+            f"{topic} begins {late_ns / NS_PER_S:.1f} s after what moves, and nothing is perceived"
+            " before: --set camera.model:=pinhole takes the camera of the parameters instead"
         )

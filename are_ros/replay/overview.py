@@ -35,9 +35,11 @@ from are_ros.replay._picture_robot import (
     tag_rectangles,
 )
 from are_ros.replay._picture_view import Fan, Sight, fan_at, spread_indices, telling_indices
+from are_ros.replay._picture_voxels import hiding_part, with_furniture
 from are_ros.replay.output_folder import METRICS
 from are_ros.replay.scene_record import SceneRecord
 from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.voxel_map import VoxelMap
 
 Floats = npt.NDArray[np.float64]
 
@@ -54,20 +56,22 @@ def draw_overview(
     *,
     occupied_threshold: int,
     ids_as_in: str = METRICS,
+    voxels: VoxelMap | None = None,
 ) -> None:
     """Write the picture of a run over its map, as PNG; the same input gives the same bytes.
 
-    It shows the known part of the map, the robot's path, some of its fields of view as far as the
-    walls of the map and taller artefacts let them reach, and each artefact where it ended, with the
-    way that it went there. `ids_as_in` names where a reader finds the ids again. Settings of
-    matplotlib in force change nothing.
+    It shows the known part of the map, what stands there by the octomap (`voxels`, if there is
+    one), the robot's path, some of its fields of view as far as the octomap at the camera's height,
+    or else the walls of the map, and taller artefacts let them reach, and each artefact where it
+    ended, with the way that it went there. `ids_as_in` names where a reader finds the ids again.
+    Settings of matplotlib in force change nothing.
     """
     import matplotlib as mpl
 
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update({"hatch.linewidth": 0.7, "font.family": "DejaVu Sans"})
-        figure = _figure(record, grid, occupied_threshold, ids_as_in)
+        figure = _figure(record, grid, occupied_threshold, ids_as_in, voxels)
         figure.savefig(path, format="png", metadata={"Software": None})
 
 
@@ -76,8 +80,14 @@ def _figure(
     grid: OccupancyGrid,
     occupied_threshold: int,
     ids_as_in: str = METRICS,
+    voxels: VoxelMap | None = None,
 ) -> Any:
     part, end_ns = known_part(grid), _end_ns(record)
+    hiding, shown_cells = part, part
+    if voxels is not None and len(record.camera):
+        camera_m = float(np.median(record.camera.poses[:, 2]))
+        hiding = hiding_part(grid, part, voxels, camera_m)
+        shown_cells = with_furniture(grid, part, voxels)
     drawn = drawn_lives(record.lives, end_ns)
     colours = class_colours([life.row.class_name for life in record.lives])
     marks = behaviour_marks([*behaviour_counts(record.lives)])
@@ -88,8 +98,8 @@ def _figure(
     window = window_of(grid, part, np.concatenate((record.robot.poses[:, :2], *outlines)))
     handles = legends(record, colours, marks, has_companies=bool(found))
     sheet = Sheet.of(window, handles)
-    swept, shown = _fans(record, Sight(grid, part, occupied_threshold))
-    draw_map(sheet, grid, part)
+    swept, shown = _fans(record, Sight(grid, hiding, occupied_threshold))
+    draw_map(sheet, grid, shown_cells)
     draw_fans(sheet.axes, record, swept, shown, window)
     tags = tag_rectangles(record, sheet.points_per_m, window, bounding_boxes(drawn))
     draw_path(sheet.axes, record, shown, sheet.points_per_m, tags)

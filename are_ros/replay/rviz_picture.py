@@ -14,9 +14,9 @@ def draw_rviz(path: Path, png_path: Path, at_s: float | None = None) -> RvizScen
 
     `path` is a replay's output folder, that of a live recording, a rosbag2 folder, or an .mcap or
     .db3 file; `at_s` the time since its beginning, None for the moment when most artefacts are
-    perceived. BagError where there is no such recording or time, or the picture cannot be written.
-    The same recording gives the same bytes. Meshes are lit, for the sake of their shape: rviz
-    shows the colours of faces unlit.
+    perceived near the camera. BagError where there is no such recording or time, or the picture
+    cannot be written. The same recording gives the same bytes. Meshes are lit, for the sake of
+    their shape: rviz shows the colours of faces unlit.
     """
     import matplotlib as mpl
 

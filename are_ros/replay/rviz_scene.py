@@ -10,6 +10,8 @@ import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
+from are_ros.messages.cloud import read_points
+from are_ros.messages.headers import read_header
 from are_ros.messages.scan import read_scan
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
@@ -21,8 +23,10 @@ from are_ros.replay.rviz_frames import RvizFrames
 from are_ros.replay.rviz_grids import MapDisplay
 from are_ros.replay.rviz_markers import MarkerDisplay
 from are_ros.replay.rviz_topics import ShownTopics, moment_ns
+from are_ros.replay.rviz_voxels import standing_part
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.voxel_map import VoxelMap
 
 Floats = npt.NDArray[np.float64]
 
@@ -59,6 +63,8 @@ class RvizScene:
     axes: dict[str, RigidTransform]
     outline_m: Floats | None
     complaints: tuple[str, ...]
+    voxels: VoxelMap | None = None
+    """What is drawn of the octomap, in the fixed frame; None where there is none."""
     robot_problem: str = ""
     """Why the robot's pose is not known; empty where it is, or where nothing could tell it."""
 
@@ -71,9 +77,9 @@ class RvizScene:
 def read_scene(path: Path, at_s: float | None = None) -> RvizScene:
     """Return what rviz would show, `at_s` seconds after the beginning of a recording.
 
-    With None at the moment when most artefacts are perceived. `path` is as for `find_recording`;
-    the fixed frame is `frames.map` of an effective.yaml beside it, else the map's. BagError where
-    there is no recording, ParameterError for a bad effective.yaml.
+    With None at the moment when most artefacts are perceived near the camera. `path` is as for
+    `find_recording`; the fixed frame is `frames.map` of an effective.yaml beside it, else the
+    map's. BagError where there is no recording, ParameterError for a bad effective.yaml.
     """
     found = find_recording(path)
     parameters = _read_parameters(found.parameters)
@@ -101,6 +107,7 @@ class _Displays:
         self._grids: dict[str, list[BagMessage]] = {}
         self._markers = {topic: MarkerDisplay() for topic in topics.markers}
         self._scans = {topic: deque[BagMessage](maxlen=_SCANS_KEPT) for topic in topics.scans}
+        self._cloud: BagMessage | None = None
         self._complaints: list[str] = []
         for message in reader.messages(topics.all(), stop_ns=now_ns + 1):
             self._take(message)
@@ -126,6 +133,7 @@ class _Displays:
             scans=tuple((topic, self._scan_points(fixed, topic)) for topic in self._scans),
             axes=axes,
             outline_m=None if parameters is None else _outline(parameters),
+            voxels=self._voxels(fixed, parameters or Parameters()),
             complaints=tuple(dict.fromkeys((*self._complaints, *self._frames.complaints))),
             robot_problem=problem if self._topics.tell_poses else "",
         )
@@ -140,6 +148,8 @@ class _Displays:
             self._take_transforms(message)
         elif topic == self._topics.odometry:
             self._take_odometry(message)
+        elif topic == self._topics.cloud:
+            self._cloud = message
         elif topic.endswith("_updates"):
             self._grids.setdefault(topic.removesuffix("_updates"), []).append(message)
         else:
@@ -170,6 +180,23 @@ class _Displays:
         if display.complaint:
             self._complaints.append(display.complaint)
         return display.grid
+
+    def _voxels(self, fixed: str, parameters: Parameters) -> VoxelMap | None:
+        """Return what is drawn of the newest cloud of voxels whose place is known."""
+        if self._cloud is None:
+            return None
+        try:
+            message = self._reader.deserialize(self._cloud)
+            points_m = read_points(message, self._cloud.topic)
+            pose = self._frames.newest(fixed, read_header(message, self._cloud.topic).frame_id)
+            if pose is None:
+                return None
+            wanted_m = parameters.world.voxel_size or None
+            voxels = VoxelMap.from_centres(points_m, None, pose, self._cloud.topic, wanted_m)
+        except InputError as error:
+            self._complaints.append(str(error))
+            return None
+        return standing_part(voxels, parameters.world.ground_height)
 
     def _placed_grid(
         self, fixed: str, grid: OccupancyGrid | None

@@ -1,12 +1,13 @@
 """Which topics of a recording the picture shows, and at which moment."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from struct import error as StructError  # noqa: N812
 from typing import Final
 
 from are_ros.conventions import NS_PER_S
-from are_ros.errors import BagError
+from are_ros.errors import AreError, BagError
 from are_ros.replay._check_file import PREFIX
 from are_ros.replay._check_marker_decoding import CdrCursor
 from are_ros.replay.bag_reader import BagReader, BagTopic
@@ -17,6 +18,8 @@ _GRID: Final = "nav_msgs/msg/OccupancyGrid"
 _MARKERS: Final = "visualization_msgs/msg/MarkerArray"
 _SCAN: Final = "sensor_msgs/msg/LaserScan"
 _TRANSFORMS: Final = ("/tf", "/tf_static")
+NEAR_M: Final = 7.0
+"""Whom the view from behind the robot shows, for certain, is at most so far from the camera."""
 _SETTLE_NS: Final = NS_PER_S // 20
 """So long after a list of the perceived the picture is taken: live, markers come a little later."""
 
@@ -34,6 +37,7 @@ class ShownTopics:
     scans: tuple[str, ...]
     odometry: str | None = None
     has_tf: bool = False
+    cloud: str | None = None
 
     @classmethod
     def of(cls, topics: Sequence[BagTopic]) -> "ShownTopics":
@@ -43,13 +47,15 @@ class ShownTopics:
         scans = [t.name for t in topics if t.type_name == _SCAN]
         ours = [name for name in arrays if name.startswith(PREFIX)]
         wanted = (PREFIX + "augmented_map", "/map", *grids)
+        roles = find_roles(topics, {})
         return cls(
             next((name for name in wanted if name in grids), None),
             next((name for name in (PREFIX + "augmented_costmap",) if name in grids), None),
             tuple(ours or arrays),
             tuple(sorted(scans, key=lambda name: (not name.startswith(PREFIX), name))),
-            find_roles(topics, {}).topic("odom"),
+            roles.topic("odom"),
             any(topic.name in _TRANSFORMS for topic in topics),
+            roles.topic("octomap_point_cloud_centers"),
         )
 
     @property
@@ -61,15 +67,16 @@ class ShownTopics:
         """Return all of them, with the updates of the grid, odometry and the transforms."""
         grids = {name for name in (self.grid, self.costmap) if name}
         updates = {f"{name}_updates" for name in grids}
-        moving = (self.odometry,) if self.odometry else ()
-        return {*grids, *updates, *self.markers, *self.scans, *moving, *_TRANSFORMS}
+        others = {name for name in (self.odometry, self.cloud) if name}
+        return {*grids, *updates, *self.markers, *self.scans, *others, *_TRANSFORMS}
 
 
 def moment_ns(reader: BagReader, topics: ShownTopics, at_s: float | None) -> int:
     """Return the time of the picture: `at_s` after the beginning, else the most telling one.
 
-    That is when most artefacts are perceived and, of several such, most are alive; where nothing
-    tells who is perceived, when most markers are shown. BagError for a time beyond the recording.
+    That is when most artefacts are perceived within `NEAR_M` of the camera, where the views look;
+    of several such, when most are perceived, and then when most are alive. Where nothing tells who
+    is perceived, it is when most markers are shown. BagError for a time beyond the recording.
     """
     if at_s is None:
         return _fullest_ns(reader, topics)
@@ -81,12 +88,12 @@ def moment_ns(reader: BagReader, topics: ShownTopics, at_s: float | None) -> int
 
 
 def _fullest_ns(reader: BagReader, topics: ShownTopics) -> int:
-    perceived = _lengths(reader, PREFIX + "perceived", texts=1)
+    perceived = _perceived(reader)
     # While a looping recording was played, the log times stood still: then all is past.
     moving = [entry for entry in perceived if entry[0] < reader.end_ns - 1]
     if perceived := moving or perceived:
         alive = dict(_lengths(reader, PREFIX + "artefacts", texts=0))
-        best = max(perceived, key=lambda entry: (entry[1], alive.get(entry[0], 0)))
+        best = max(perceived, key=lambda entry: (*entry[1:], alive.get(entry[0], 0)))
         return min(best[0] + _SETTLE_NS, reader.end_ns - 1)
     display, best_count, best_ns = MarkerDisplay(), 0, reader.end_ns - 1
     for message in reader.messages(set(topics.markers)) if topics.markers else ():
@@ -95,6 +102,20 @@ def _fullest_ns(reader: BagReader, topics: ShownTopics) -> int:
         if count > best_count:
             best_count, best_ns = count, message.log_time_ns
     return best_ns
+
+
+def _perceived(reader: BagReader) -> list[tuple[int, int, int]]:
+    """Return log time of each list of the perceived, how many are near in it, and how many in all.
+
+    A list that cannot be understood is the checks' business.
+    """
+    found = []
+    for message in reader.messages({PREFIX + "perceived"}):
+        with suppress(AreError):
+            ranges_m = [one.range for one in reader.deserialize(message).artefacts]
+            near = sum(range_m <= NEAR_M for range_m in ranges_m)
+            found.append((message.log_time_ns, near, len(ranges_m)))
+    return found
 
 
 def _lengths(reader: BagReader, topic: str, texts: int) -> list[tuple[int, int]]:

@@ -7,12 +7,14 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.replay import _check_marker_decoding as kinds
+from are_ros.replay._check_file import PREFIX
 from are_ros.replay.rviz_camera import RvizCamera
 from are_ros.replay.rviz_canvas import Canvas, Rgb, Triangles
 from are_ros.replay.rviz_grids import MAP_ALPHA, Palette, costmap_palette, map_palette
 from are_ros.replay.rviz_scene import PlacedMarker, RvizScene
 from are_ros.replay.rviz_shapes import axes_of, ribbon, triangles_of
 from are_ros.replay.rviz_text import draw_text
+from are_ros.replay.rviz_voxels import draw_voxels
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -24,8 +26,8 @@ OVERSAMPLING: Final = 2
 BACKGROUND: Final[Rgb] = (48 / 255, 48 / 255, 48 / 255)
 GRID_LINE: Final[Rgb] = (160 / 255, 160 / 255, 164 / 255)
 OUTLINE: Final[Rgb] = (25 / 255, 1.0, 0.0)
-SCAN_COLOURS: Final[tuple[Rgb, ...]] = ((1.0, 0.16, 0.1), (0.95, 0.93, 0.72))
-"""Of the scan that ARE gives out, and, drawn over it, of the one that came in."""
+_OUR_SCAN: Final[Rgb] = (1.0, 0.16, 0.1)
+_REAL_SCAN: Final[Rgb] = (0.95, 0.93, 0.72)
 
 _GRID_ALPHA: Final = 0.35
 _POINT_M: Final = 0.045
@@ -37,6 +39,11 @@ _ASIDE_RAD: Final = 0.4
 _REACH_M: Final = 9.0
 _INNER_SHARES: Final = (0.45, 0.42)
 """How far from the middle what matters may be, as shares of width and height."""
+
+
+def scan_colour(topic: str) -> Rgb:
+    """Return the colour of a scan that ARE gives out, or, drawn over it, of one that came in."""
+    return _OUR_SCAN if topic.startswith(PREFIX) else _REAL_SCAN
 
 
 def draw_perspective(scene: RvizScene, size: Size) -> Picture:
@@ -85,7 +92,10 @@ def _orbit(scene: RvizScene, size: Size) -> RvizCamera:
 
 
 def _points_of_interest(scene: RvizScene) -> Floats:
-    """Return corners of the robot and of the opaque bodies near it; without a robot, all bodies."""
+    """Return corners of the robot and of the opaque bodies near it; without a robot, all bodies.
+
+    Where none is near, the nearest opaque one: a view of nothing but floor tells nothing.
+    """
     bodies = [marker for marker in scene.markers if marker.fields.kind != kinds.TEXT]
     opaque = [marker for marker in bodies if _alpha(marker) > 0.9]
     shapes = [shape for shape in map(triangles_of, opaque or bodies) if shape is not None]
@@ -93,7 +103,9 @@ def _points_of_interest(scene: RvizScene) -> Floats:
     robot = scene.robot
     if robot is not None:
         place = robot.translation_m
-        boxes = [box for box in boxes if np.hypot(*(box.mean(axis=0) - place)[:2]) < _REACH_M]
+        away_m = [float(np.hypot(*(box.mean(axis=0) - place)[:2])) for box in boxes]
+        reach_m = max(_REACH_M, min(away_m, default=0.0)) if opaque else _REACH_M
+        boxes = [box for box, so_far_m in zip(boxes, away_m, strict=True) if so_far_m <= reach_m]
         boxes.append(np.stack((place, place + _ahead(scene, 2.0))))
     if boxes:
         return np.concatenate(boxes)
@@ -179,7 +191,9 @@ def _lay(
 
 
 def _draw_solids(canvas: Canvas, scene: RvizScene) -> None:
-    """Draw bodies, arrows, axes and the robot: what is opaque first, the rest from afar to near."""
+    """Draw voxels, bodies, arrows, axes and the robot: first the opaque, the rest afar to near."""
+    if scene.voxels is not None:
+        draw_voxels(canvas, scene.voxels)
     shapes = [shape for shape in map(triangles_of, scene.markers) if shape is not None]
     for shape in shapes:
         if shape.is_opaque:
@@ -211,8 +225,8 @@ def _draw_robot(canvas: Canvas, scene: RvizScene) -> None:
 
 def _draw_scans(canvas: Canvas, scene: RvizScene) -> None:
     """Draw the ends of the beams as flat squares: red is left where ARE gave another end."""
-    for number, (_, points) in enumerate(scene.scans[: len(SCAN_COLOURS)]):
-        _draw_points(canvas, points, SCAN_COLOURS[number])
+    for topic, points in scene.scans:
+        _draw_points(canvas, points, scan_colour(topic))
 
 
 def _draw_points(canvas: Canvas, points_m: Floats, colour: Rgb) -> None:

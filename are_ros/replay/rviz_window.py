@@ -14,7 +14,8 @@ from are_ros.conventions import NS_PER_S
 from are_ros.replay import _check_marker_decoding as kinds
 from are_ros.replay.rviz_canvas import Rgb
 from are_ros.replay.rviz_scene import PlacedMarker, RvizScene
-from are_ros.replay.rviz_views import GRID_LINE, OUTLINE, SCAN_COLOURS
+from are_ros.replay.rviz_views import GRID_LINE, OUTLINE, scan_colour
+from are_ros.replay.rviz_voxels import HIGHEST_M, LOWEST_M
 from are_ros.wording import counted
 
 Picture = npt.NDArray[np.uint8]
@@ -33,6 +34,8 @@ _STATUS_LETTERS: Final = 185
 """Of a line of the status beside the time, at its size; widest letters may take half as much more,
 and none is cut off at the edge then."""
 _STATUS_PX: Final = 15
+_TOPIC_LETTERS: Final = 130
+"""Of the topics beside the title; the list of displays has all of them."""
 
 
 class Place(NamedTuple):
@@ -157,6 +160,8 @@ def _draw_legend(window: Window, scene: RvizScene) -> None:
         lines.append("number: the id, where labels are close")
     if len(scene.scans) > 1:
         lines.append("red points: beams that ARE changed")
+    if scene.voxels is not None:
+        lines.append(f"octomap: from {LOWEST_M:g} to {HIGHEST_M:g} m above the floor")
     top = DISPLAYS.top + DISPLAYS.height - 14 - _LINE_PX * (len(lines) - 1)
     for number, line in enumerate(lines):
         window.words(DISPLAYS.left + 12, top + number * _LINE_PX, line, color=_FAINT)
@@ -190,8 +195,11 @@ def display_rows(scene: RvizScene) -> Iterator[Row]:
         if topic and grid:
             yield Row(text, f"{grid[0].width} x {grid[0].height} cells", is_head=True)
             yield Row(topic)
-    for (topic, points), colour in zip(scene.scans, SCAN_COLOURS, strict=False):
-        yield Row("LaserScan", counted(len(points), "point"), colour, is_head=True)
+    if scene.voxels is not None:
+        yield Row("PointCloud2", counted(scene.voxels.occupied_count, "box"), is_head=True)
+        yield Row(scene.topics.cloud or "")
+    for topic, points in scene.scans:
+        yield Row("LaserScan", counted(len(points), "point"), scan_colour(topic), is_head=True)
         yield Row(topic)
     for topic in scene.topics.markers:
         yield Row("MarkerArray", counted(len(scene.markers), "marker"), is_head=True)
@@ -211,6 +219,8 @@ def _namespaces(scene: RvizScene) -> Counter[str]:
 def _counts_text(scene: RvizScene) -> str:
     topics = (scene.topics.grid, scene.topics.costmap, *scene.topics.markers)
     shown = [topic for topic in (*topics, *(topic for topic, _ in scene.scans)) if topic]
+    while sum(map(len, shown)) > _TOPIC_LETTERS:
+        shown = [*shown[:-2], "..."]
     return f"{counted(len(scene.markers), 'marker')}   ·   {'   '.join(shown)}"
 
 

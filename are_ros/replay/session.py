@@ -38,6 +38,7 @@ from are_ros.replay.tick_writer import TickWriter
 from are_ros.replay.timeline import needed_wait_s
 from are_ros.wording import counted
 from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.voxel_map import VoxelMap
 
 _CAMERA_ROLE: Final = "camera/camera_info"
 _TRANSFORM_ROLES: Final = ("tf", "tf_static", "odom")
@@ -60,6 +61,7 @@ class Outcome:
     role_of_topic: Mapping[str, str]
     record: SceneRecord
     grid: OccupancyGrid
+    voxels: VoxelMap | None
     scans: Mapping[str, SensorPathCounts]
     scan_problems: Mapping[str, str]
     camera_problem: str
@@ -107,7 +109,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         keeper, standing = RecordKeeper(recorder, builder), StandingWatch(builder)
         camera = CameraWatch(builder)
         with ExitStack() as stack:
-            writers, counts = _open_writers(stack, options, reader, replay, builder)
+            writers, counts = _open_writers(stack, options, reader, replay, builder, files)
             with stopwatch.phase(REPLAY_PHASE):
                 progress = open_progress(replay.start_ns, replay.start_ns + replay.length_ns)
                 replay.run(All([keeper, standing, camera, *writers]), progress)
@@ -179,6 +181,7 @@ def _open_writers(
     reader: BagReader,
     replay: Replay,
     builder: ArBuilder,
+    files: MapFiles,
 ) -> tuple[Sequence[Listener], Callable[[], Mapping[str, int]]]:
     """Return what writes the recording, and what tells how much it wrote."""
     if options.out is None:
@@ -191,6 +194,8 @@ def _open_writers(
     copy = InputCopy(reader, writer, factory, replay.role_of_topic)
     if options.map_file is not None and builder.world.grid is not None:
         copy.write_map("/map", builder.world.grid, replay.start_ns)
+    if files.cloud is not None:
+        copy.write_cloud(files.cloud[0], options.parameters.frames.map, replay.start_ns)
     if statics := _static_transforms(options.parameters, replay.start_ns):
         copy.write_static(statics, replay.start_ns)
     return (outputs, InputWriter(copy)), writer.counts
@@ -294,6 +299,13 @@ def _camera_topic(replay: Replay) -> str:
     return next((topic for topic, role in roles if role == _CAMERA_ROLE), _CAMERA_ROLE)
 
 
+def _octomap(builder: ArBuilder) -> VoxelMap | None:
+    """Return the voxels of a cloud; None where the walls of the map are extruded instead."""
+    environment = builder.world.environment
+    voxels = None if environment is None else environment.voxels
+    return None if voxels is None or voxels.is_extruded else voxels
+
+
 def _cloud_problem(builder: ArBuilder) -> str:
     """Return why a cloud of voxels was not used though it came, empty if none was left out."""
     if frame := builder.world.missing_frame():
@@ -323,6 +335,7 @@ def _outcome(
         replay.role_of_topic,
         recorder.record(),
         grid,
+        _octomap(builder),
         builder.scan_counts(),
         builder.scan_problems(),
         camera_problem,

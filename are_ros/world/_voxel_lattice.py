@@ -275,7 +275,8 @@ def _leaf(
 @compiled
 def _coarser(index: int, share: float) -> int:
     """Return which voxel, of which one of the lattice is a `share`, holds the middle of one."""
-    return np.int64(np.floor((index + 0.5) * share))
+    coarser: int = np.int64(np.floor((index + 0.5) * share))
+    return coarser
 
 
 @compiled

@@ -162,6 +162,25 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         "use_sim_time is true, but nothing came on /clock: the time stands still",
     ),
     (
+        {"stamps_ahead_s": -3.15e7 * 54},
+        "clock",
+        Level.ERROR,
+        (
+            "transforms are stamped 53.9 years earlier than the time of this machine: for a "
+            "simulated robot or one that is played from a recording, start the node with "
+            "--use-sim-time (use_sim_time:=true)"
+        ),
+    ),
+    (
+        {"uses_sim_time": True, "stamps_ahead_s": 3.15e8},
+        "clock",
+        Level.ERROR,
+        (
+            "transforms are stamped 10.0 years later than the time of /clock: is use_sim_time "
+            "set by mistake, or does another recording give the clock?"
+        ),
+    ),
+    (
         {"robot_problem": "frame 'odom' was never seen"},
         "frames/robot",
         Level.ERROR,
@@ -253,6 +272,7 @@ def test_trouble_is_told_by_the_part_that_has_it(
         {"contacts": ContactSnapshot(2, "person_adult 7", 5.1)},
         {"scans": (ScanSnapshot("/a", passed_through=9, last_problem="no frame 'x'"),)},
         {"uses_sim_time": True},
+        {"stamps_ahead_s": -86_400.0},
     ],
 )
 def test_what_is_no_trouble(change: dict[str, Any]) -> None:

@@ -128,7 +128,8 @@ def test_a_map_of_which_none_is_of_use_is_an_error(make_bench: MakeBench) -> Non
     level, message = said(bench, "inputs/map")
     assert level == ERROR
     assert message == (
-        "1 message, none of use; the last: /map: its frame is 'odom', but frames.map is 'map'"
+        "1 message, none of use; the last: /map: its frame is 'odom', but frames.map is 'map'; "
+        "a map that moves with the robot (a local, rolling one) cannot be the real map"
     )
 
 
@@ -139,6 +140,18 @@ def test_without_a_clock_that_is_said(make_bench: MakeBench) -> None:
         ERROR,
         "use_sim_time is true, but nothing came on /clock: the time stands still",
     )
+
+
+def test_a_forgotten_simulated_time_is_the_cause(make_bench: MakeBench) -> None:
+    """Stamps of 1970 beside the time of the wall: the option is named, here and in the log."""
+    bench = make_bench({"use_sim_time": False}, "configure", "activate")
+    assert said(bench, "clock") == (OK, "the time of this machine")
+    bench.send("tf", robot_at(1000.0))
+    bench.until(lambda: said(bench, "clock")[0] == ERROR)
+    message = said(bench, "clock")[1]
+    assert "years earlier than the time of this machine" in message
+    assert "--use-sim-time" in message
+    assert message in bench.warnings()
 
 
 def test_transforms_that_stop_and_come_back(bench: Bench, later: Later) -> None:

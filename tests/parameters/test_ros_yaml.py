@@ -11,6 +11,7 @@ from are_ros.errors import ParameterError
 from are_ros.parameters.declaration import Description, describe, flatten, with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import (
+    assignment_for_ros,
     in_any_namespace,
     parse_assignment,
     read_ros_parameters,
@@ -157,6 +158,17 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
 def test_assignments(text: str, expected: tuple[str, Any]) -> None:
     """The value is read as YAML."""
     assert parse_assignment(text) == expected
+
+
+def test_an_assignment_for_ros_has_its_quotes() -> None:
+    """Rcl refuses a list of lists: a footprint is a text for it, however it was given."""
+    expected = 'robot.footprint:="[[0, 1], [2, 3], [4, 0]]"'
+    for text in ("[[0, 1], [2, 3], [4, 0]]", "'[[0, 1], [2, 3], [4, 0]]'"):
+        assert assignment_for_ros(f"robot.footprint:={text}") == expected
+    for text in ("sensors.scans:=[a, b]", "seed:=4", "catalogue:=", "frames.map:=world"):
+        assert assignment_for_ros(text) == text
+    with pytest.raises(ParameterError):
+        assignment_for_ros("seed")
 
 
 @pytest.mark.parametrize("text", ["seed=4", "seed", ":=4", "seed:=[1"])

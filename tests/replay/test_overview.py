@@ -14,6 +14,7 @@ from are_ros.artefacts.shapes import Shape
 from are_ros.builder.outputs import SceneMetrics
 from are_ros.replay._picture_map import known_part, shaded, window_of
 from are_ros.replay._picture_view import Sight, fan_at, spread_indices, telling_indices
+from are_ros.replay._picture_voxels import hiding_part
 from are_ros.replay.life_record import Life, Track
 from are_ros.replay.overview import draw_overview
 from are_ros.replay.scene_record import SceneRecord, TickSeries
@@ -23,6 +24,7 @@ from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.omnidirectional_view import OmnidirectionalView
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.view_models import PinholeView, ViewModel
+from are_ros.world.voxel_map import VoxelMap
 
 PERSON_BGR = (0x5B, 0x49, 0xD1)
 PINHOLE = PinholeView.from_field_of_view(64, 48, math.pi / 2)
@@ -93,6 +95,43 @@ def test_same_bytes(tmp_path: Path) -> None:
     for name in ("a.png", "b.png"):
         draw_overview(record, _room(), tmp_path / name, occupied_threshold=65)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_the_octomap_is_drawn_and_hides_at_the_height_of_the_camera(tmp_path: Path) -> None:
+    """A shelf of 1.5 m cuts a fan off, a bench of 0.5 m does not; both are in the picture."""
+    grid = _room()
+    record = _record((), ((0.5, 0.5, 0.0),))
+    for height_m, is_hiding in ((1.5, True), (0.5, False)):
+        occupied = np.zeros((60, 60, 20), np.uint8)
+        occupied[25:28, 10:50, : round(10 * height_m)] = 1
+        voxels = VoxelMap(grid.origin, (0.1, 0.1, 0.1), occupied)
+        part = hiding_part(grid, known_part(grid), voxels, 1.0)
+        fan = fan_at(record, Sight(grid, part, 65), 0)
+        assert fan is not None
+        assert (fan.outline_m[:, 0].max() < 1.9) == is_hiding
+        draw_overview(record, grid, tmp_path / "a.png", occupied_threshold=65, voxels=voxels)
+        draw_overview(record, grid, tmp_path / "b.png", occupied_threshold=65)
+        one, other = (cv2.imread(str(tmp_path / name)) for name in ("a.png", "b.png"))
+        assert one is not None
+        assert other is not None
+        share = 0.3 * 4.0 / (5.0 * 5.0)
+        assert (one != other).any(axis=2).mean() > 0.3 * share
+
+
+def test_fine_and_coarse_voxels_cover_their_cells() -> None:
+    """Neither do fine ones get lost between the middles of cells nor have coarse ones holes."""
+    grid = _room()
+    part = known_part(grid)
+    for size_m, count in ((0.02, 50), (0.25, 4)):
+        occupied = np.zeros((count, 1, 1), np.uint8)
+        occupied[:] = 1
+        corner = grid.origin.apply(np.array((1.03, 1.03, 0.5)))
+        pose = RigidTransform(corner, grid.origin.rotation_xyzw)
+        hiding = hiding_part(grid, part, VoxelMap(pose, (size_m,) * 3, occupied), 0.501)
+        cols = np.flatnonzero((hiding.cells > 0).any(axis=0)) + part.col0
+        assert cols[0] == 10
+        assert np.array_equal(np.diff(cols), np.ones(len(cols) - 1))
+        assert len(cols) in {10, 11}
 
 
 def test_settings_of_the_user_change_nothing(tmp_path: Path) -> None:

@@ -11,7 +11,9 @@ from are_ros.replay.rviz_canvas import Canvas, Triangles
 from are_ros.replay.rviz_scene import PlacedMarker
 from are_ros.replay.rviz_shapes import axes_of, ribbon, triangles_of
 from are_ros.replay.rviz_text import draw_text
+from are_ros.replay.rviz_voxels import draw_voxels
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.voxel_map import VoxelMap
 
 Floats = NDArray[np.float64]
 
@@ -87,6 +89,40 @@ def test_a_translucent_body_is_laid_once_over_what_is_behind() -> None:
     np.testing.assert_allclose(canvas.colours[40, 50], (0.75, 0.25, 0.0), atol=1e-6)
     canvas.solid(square(0, 0, 0.5, 2.0, (0, 0, 1, 1)))
     np.testing.assert_allclose(canvas.colours[40, 50], (0.0, 0.0, 1.0), atol=1e-6)
+
+
+def block(low: tuple[int, int, int], size: tuple[int, int, int]) -> VoxelMap:
+    """Return voxels of a metre, all occupied, from a corner on."""
+    corner = RigidTransform(np.array(low, dtype=np.float64), np.array((0.0, 0.0, 0.0, 1.0)))
+    return VoxelMap(corner, (1.0, 1.0, 1.0), np.ones(size, np.uint8))
+
+
+def test_voxels_from_above_cover_their_cells_and_hide_what_is_below() -> None:
+    """Two by three metres are as many pixels; a square below is hidden, one above is not."""
+    canvas = Canvas(ABOVE, BLACK)
+    draw_voxels(canvas, block((-1, -2, 0), (2, 3, 1)))
+    assert area_px(canvas, 0) == 20 * 30
+    canvas.solid(square(0.0, -0.5, -1.0, 1.0, (1.0, 0.0, 0.0, 1.0)))
+    canvas.solid(square(3.0, 0.0, -1.0, 1.0, (0.0, 0.0, 1.0, 1.0)))
+    assert np.count_nonzero(canvas.colours[..., 0] == 1.0) == 0
+    assert np.count_nonzero(canvas.colours[..., 2] == 1.0) == 100
+    canvas.solid(square(0.0, -0.5, 2.0, 1.0, (1.0, 0.0, 0.0, 1.0)))
+    assert np.count_nonzero(canvas.colours[..., 0] == 1.0) == 100
+
+
+def test_voxels_in_perspective_are_where_a_solid_of_their_shape_is() -> None:
+    """The same pixels as triangles of the same box; a body behind them is hidden."""
+    camera = RvizCamera.orbit(np.zeros(3), 12.0, 0.3, 0.5, (160, 120))
+    canvas, drawn = Canvas(camera, BLACK), Canvas(camera, BLACK)
+    draw_voxels(canvas, block((-1, -1, -1), (2, 2, 2)))
+    drawn.solid(solid_of(kinds.CUBE, scale=(2.0, 2.0, 2.0)))
+    seen, expected = canvas.colours.sum(axis=2) > 0.0, drawn.colours.sum(axis=2) > 0.0
+    assert expected.sum() > 500
+    assert np.count_nonzero(seen != expected) < 0.05 * expected.sum()
+    before = canvas.colours.copy()
+    x, y, z = (camera.place_m + 20.0 * camera.rotation[2]).tolist()
+    canvas.solid(square(x, y, z, 0.5, (1.0, 1.0, 1.0, 1.0)))
+    assert np.array_equal(canvas.colours, before)
 
 
 def test_a_translucent_body_behind_a_wall_is_not_seen() -> None:

@@ -48,12 +48,15 @@ def over(
 
 
 def test_the_views_show_map_scan_robot_and_costmap(drawn: tuple[RvizScene, Path]) -> None:
-    """Each by rviz's own colours: free, occupied and unknown cells, cyan and purple costs."""
+    """Each by rviz's own colours: free, occupied and unknown cells, cyan and purple costs.
+
+    What the furniture of the octomap hides from the side, unknown cells, is seen from above only.
+    """
     _, path = drawn
     main, above, costs = (part(path, place) for place in (MAIN, TOP_DOWN, COSTMAP))
     free, wall, unknown = over((255, 255, 255)), over((0, 0, 0)), over((0x70, 0x89, 0x86))
-    for view in (main, above):
-        for colour in (free, wall, unknown):
+    for view, colours in ((main, (free, wall)), (above, (free, wall, unknown))):
+        for colour in colours:
             assert count(view, *colour) > 0.005 * view[..., 0].size, colour
         assert count(view, 25, 255, 0) > 5  # the robot's outline
     assert count(main, 242, 237, 184) > 100  # the scan that came in
@@ -71,6 +74,19 @@ def test_beams_that_are_changed_are_red(sample_replay: Path) -> None:
     reds = np.array(seen)
     assert reds[changed > 0].max() > 10
     assert (reds[changed == 0] == 0).all()
+
+
+def test_two_lasers_are_drawn_each_with_what_came_in(drawn: tuple[RvizScene, Path]) -> None:
+    """Beams of the second that are as they came in cover ARE's: nothing more is red than before."""
+    scene, _ = drawn
+    (_, ours), (_, real) = sorted(scene.scans, key=lambda scan: scan[0] == "/scan")
+    size = (450, 400)
+    one = draw_perspective(replace(scene, scans=(("/ar_builder/a", ours), ("/a", real))), size)
+    names = ("/ar_builder/a", "/ar_builder/b", "/a", "/b")
+    four = tuple(zip(names, (ours, ours, real, real), strict=True))
+    assert np.array_equal(draw_perspective(replace(scene, scans=four), size), one)
+    rows = {row.text: row for row in display_rows(replace(scene, scans=four))}
+    assert set(names) <= set(rows)
 
 
 def changed_beams(scene: RvizScene) -> int:

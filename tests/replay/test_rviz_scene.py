@@ -10,11 +10,13 @@ import pytest
 
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
+from are_ros.messages.cloud import make_cloud
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.bag_writer import BagWriter
 from are_ros.replay.film_command import without_robot
 from are_ros.replay.message_types import RosbagsFactory
 from are_ros.replay.rviz_scene import RvizScene, read_scene
+from are_ros.replay.rviz_topics import NEAR_M
 from are_ros.replay.rviz_window import status_lines
 
 MAKE = RosbagsFactory().make
@@ -122,11 +124,12 @@ def sample_scene(sample_replay: Path) -> RvizScene:
 
 
 def test_the_fullest_moment_is_chosen(sample_scene: RvizScene, sample_replay: Path) -> None:
-    """At no tick are more artefacts perceived."""
+    """At no tick are more artefacts perceived near the camera."""
     counts = {}
     with BagReader([sample_replay / "augmented.mcap"]) as reader:
         for message in reader.messages({OUT + "perceived"}):
-            counts[message.log_time_ns] = len(reader.deserialize(message).artefacts)
+            perceived = reader.deserialize(message).artefacts
+            counts[message.log_time_ns] = sum(one.range <= NEAR_M for one in perceived)
     tick_ns = max(t for t in counts if t <= sample_scene.now_ns)
     assert counts[tick_ns] == max(counts.values()) > 0
     assert sample_scene.now_ns - tick_ns <= NS_PER_S // 20
@@ -271,6 +274,42 @@ def test_a_patched_map_is_shown_patched(tmp_path: Path) -> None:
         if shown.grid
     ]
     assert cells == [[[1, 2], [3, 4]], [[1, 50], [3, 60]]]
+
+
+def perceived(second: float, *ranges_m: float) -> Entry:
+    """Return a list of the perceived at these distances from the camera."""
+    artefacts = [MAKE("are_msgs/msg/PerceivedArtefact", range=range_m) for range_m in ranges_m]
+    name = "are_msgs/msg/PerceivedArtefactArray"
+    return OUT + "perceived", second, MAKE(name, header=header(second), artefacts=artefacts)
+
+
+def test_one_near_the_camera_goes_before_many_far_away(tmp_path: Path) -> None:
+    """The view from behind the robot would show them nothing but floor."""
+    lists = [perceived(1.0, 30.0, 31.0, 32.0), perceived(2.0, 3.0, 40.0), perceived(3.0, 3.0)]
+    assert read_scene(write(tmp_path, [*FRAMES, *lists])).elapsed_s == pytest.approx(2.05)
+    far = [perceived(1.0, 30.0), perceived(2.0, 30.0, 31.0), perceived(3.0)]
+    assert read_scene(write(tmp_path, [*FRAMES, *far])).elapsed_s == pytest.approx(2.05)
+
+
+def test_the_octomap_is_shown_where_it_is(tmp_path: Path) -> None:
+    """The newest cloud, at the place of its frame, between floor and hips; a bad one is said."""
+    z_m = (0.05, 0.45, 2.45)
+    points = np.array([(0.05, 0.05, z) for z in z_m] + [(0.15, 0.05, z) for z in z_m], np.float32)
+    cloud = make_cloud(RosbagsFactory(), "odom", START_NS, points)
+    path = write(tmp_path, [*FRAMES, ("/octomap_point_cloud_centers", 1.0, cloud)])
+    shown = read_scene(path, 2.0).voxels
+    assert shown is not None
+    assert shown.centres_m() == pytest.approx(np.array([(0.05, 0.05, 0.45), (0.15, 0.05, 0.45)]))
+    shown = read_scene(path).voxels
+    assert shown is not None
+    expected = np.array([(3.95, 0.05, 0.45), (3.95, 0.15, 0.45)])
+    assert sorted(map(tuple, shown.centres_m().round(6).tolist())) == sorted(
+        map(tuple, expected.tolist())
+    )
+    cloud.row_step = 1
+    bad = read_scene(write(tmp_path, [*FRAMES, ("/octomap_point_cloud_centers", 1.0, cloud)]))
+    assert bad.voxels is None
+    assert "/octomap_point_cloud_centers: row_step 1" in bad.complaints[0]
 
 
 def test_without_lists_the_most_markers_are_the_fullest_moment(tmp_path: Path) -> None:

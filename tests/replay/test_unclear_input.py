@@ -7,10 +7,15 @@ from pathlib import Path
 from subprocess import CompletedProcess
 from typing import Any, Protocol
 
+import numpy as np
+import numpy.typing as npt
 import pytest
 import yaml
 
 from are_ros.conventions import NS_PER_S
+from are_ros.messages.cloud import read_points
+from are_ros.replay.bag_reader import BagReader
+from are_ros.replay.rviz_scene import read_scene
 
 CAMERA = "/camera/camera_info"
 Records = Sequence[tuple[str, int, Any]]
@@ -103,6 +108,7 @@ def test_a_camera_that_comes_late_is_the_reason(
     assert done.returncode == 0, done.stderr
     assert "nothing was perceived in the first 3." in done.stderr
     assert f"no CameraInfo came on {CAMERA} before; --set camera.model:=pinhole" in done.stderr
+    assert f"{CAMERA} begins 3.0 s after what moves" in run_are("inspect", bag).stdout
     bag = write_bag(tmp_path / "never.mcap", _camera_comes(sample_records, 60.0))
     done = run_are("replay", bag, "--out", tmp_path / "never")
     assert done.returncode == 3
@@ -123,6 +129,8 @@ def test_a_camera_that_is_refused_is_the_reason(
     done = run_are("replay", write_bag(tmp_path / "a.mcap", records), "--out", tmp_path / "out")
     assert done.returncode == 3
     assert f"no usable CameraInfo was received ({CAMERA}: k is all zeros" in done.stderr
+    inspected = run_are("inspect", tmp_path / "a" / "a.mcap").stdout
+    assert f"the first CameraInfo is of no use: {CAMERA}: k is all zeros" in inspected
 
 
 def test_transforms_that_are_all_refused_are_the_reason(
@@ -162,3 +170,76 @@ def test_a_map_in_another_frame_names_the_option(
     said = done.stdout + done.stderr
     for part in ("'earth'" if command == "replay" else "earth", "--map-frame", "rolling"):
         assert part in said
+
+
+def test_results_without_the_animation_end_with_status_3(
+    run_are: RunAre, sample_bag: Path, tmp_path: Path
+) -> None:
+    """The results stay, all is said of them, and the sentence names the file that could not be."""
+    (tmp_path / "out" / "a.gif").mkdir(parents=True)
+    words = ("--duration", 1, "--animate", "a.gif", "--out", tmp_path / "out")
+    done = run_are("replay", sample_bag, *words)
+    assert done.returncode == 3
+    lines = done.stderr.splitlines()
+    (at,) = (i for i, line in enumerate(lines) if line.startswith("results in"))
+    assert "a.gif" in lines[at + 1]
+    assert (tmp_path / "out" / "metrics.json").is_file()
+
+
+def _write_octomap(path: Path, voxels: npt.NDArray[np.int64], size_m: float) -> None:
+    """Write voxels (N, 3) as a binary octree without pruned leaves."""
+
+    def encoded(keys: npt.NDArray[np.int64], level: int) -> tuple[bytes, int]:
+        children = ((keys >> level & 1) * (1, 2, 4)).sum(axis=1)
+        word, data, nodes = 0, b"", 1
+        for child in np.unique(children).tolist():
+            word |= (3 if level else 2) << (2 * child)
+            part = encoded(keys[children == child], level - 1) if level else (b"", 1)
+            data, nodes = data + part[0], nodes + part[1]
+        return word.to_bytes(2, "little") + data, nodes
+
+    data, nodes = encoded(voxels + 2**15, 15)
+    head = f"# Octomap OcTree binary file\nid OcTree\nsize {nodes}\nres {size_m}\ndata\n"
+    path.write_bytes(head.encode() + data)
+
+
+def test_an_octomap_of_a_file_is_used_coarser_and_kept_beside_the_outputs(
+    run_are: RunAre, sample_bag: Path, tmp_path: Path
+) -> None:
+    """Both sizes are said; the inputs that are written hold its voxels, and the picture them."""
+    octomap, out = tmp_path / "wall.bt", tmp_path / "out"
+    wall = np.argwhere(np.ones((4, 40, 20))) + np.array((30, -20, 0))
+    _write_octomap(octomap, wall, 0.05)
+    words = ("--octomap", octomap, "--duration", 1, "--with-inputs", "--out", out)
+    done = run_are("replay", sample_bag, "--set", "world.voxel_size:=0.1", *words)
+    assert done.returncode == 0, done.stderr
+    assert "the cloud's voxels of 0.05 m become 400 of 0.1 m" in done.stderr
+    with BagReader([out / "augmented.mcap"]) as reader:
+        (message,) = reader.messages(["/octomap_point_cloud_centers"])
+        points_m = read_points(reader.deserialize(message))
+    assert sorted(map(tuple, np.floor(points_m / 0.05).astype(int).tolist())) == sorted(
+        map(tuple, wall.tolist())
+    )
+    shown = read_scene(out).voxels
+    assert shown is not None
+    assert shown.voxel_size_m == pytest.approx((0.1, 0.1, 0.1))
+    assert shown.occupied_count == 2 * 20 * 9
+
+
+def test_an_octomap_that_cannot_be_used_names_its_file(
+    run_are: RunAre, sample_bag: Path, tmp_path: Path
+) -> None:
+    """Finer voxels than it has are refused; of too large a box the size is named that would do."""
+    octomap = tmp_path / "a.bt"
+    block = np.argwhere(np.ones((5, 5, 5)))
+    _write_octomap(octomap, block, 0.05)
+    words = ("--octomap", octomap, "--duration", 1, "--out", tmp_path / "out")
+    done = run_are("replay", sample_bag, "--set", "world.voxel_size:=0.02", *words)
+    assert done.returncode == 1
+    assert f"{octomap}: its voxels are 0.05 m wide, finer ones" in done.stderr
+    corners = np.array([(x, y, z) for x in (0, 2735) for y in (0, 2415) for z in (0, 170)])
+    _write_octomap(octomap, (block + corners[:, np.newaxis]).reshape(-1, 3), 0.05)
+    done = run_are("replay", sample_bag, *words)
+    assert done.returncode == 1
+    assert f"{octomap}: 2740 x 2420 x 175 voxels of 0.05 m are more than 1073741824" in done.stderr
+    assert "set world.voxel_size to 0.1 m" in done.stderr

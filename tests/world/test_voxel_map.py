@@ -139,7 +139,7 @@ def solid_room() -> npt.NDArray[np.float64]:
     """Return the centres of the voxels of 0.1 m of a hollow box, 1,016 of them."""
     inside = np.zeros((14, 12, 10), dtype=bool)
     inside[1:-1, 1:-1, 1:-1] = True
-    centres: npt.NDArray[np.float64] = (np.argwhere(~inside) + 0.5) * 0.1
+    centres: npt.NDArray[np.float64] = 0.1 * (np.argwhere(~inside).astype(np.float64) + 0.5)
     return centres
 
 
