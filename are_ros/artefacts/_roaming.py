@@ -19,9 +19,7 @@ class Roaming:
     a cell of `region`, bool (H, W).
     """
 
-    def __init__(
-        self, terrain: Terrain, radius_m: float, region: _Mask, extent_m: float
-    ) -> None:
+    def __init__(self, terrain: Terrain, radius_m: float, region: _Mask, extent_m: float) -> None:
         self.radius_m = radius_m
         self._terrain = terrain
         self._region = region

@@ -168,14 +168,13 @@ def find_step(
     state = _state(ground, worth, me)
     if state[0] < 0:
         return NO_WAY, 0, 0.0, 0.0, False
-    weights = worth.weights
-    if state[0] == weights[7] and state[1] == weights[8]:
-        way_m[0, 0], way_m[0, 1] = goal_m
-        return GOES, 1, goal_m[0], goal_m[1], True
     others = _find_others(crowd, minded, me[0], me[1], me[3], scratch)
     action = _action(ground, worth, scratch.moving[:others], epochs_left, state, scratch.brings)
-    here_m = (me[0], me[1])
-    if action > 0 and rolls(ground.clearance_m, ground.lattice, here_m, goal_m, me[3]):
+    here_m, weights = (me[0], me[1]), worth.weights
+    is_there = state[0] == weights[7] and state[1] == weights[8]
+    if is_there or (
+        action > 0 and rolls(ground.clearance_m, ground.lattice, here_m, goal_m, me[3])
+    ):
         way_m[0, 0], way_m[0, 1] = goal_m
         return GOES, 1, goal_m[0], goal_m[1], True
     count = _way(ground, worth, state, action, goal_m, way_m, scratch)

@@ -191,10 +191,11 @@ def farthest(
     way_m: npt.NDArray[np.float64],
     radius: float,
 ) -> int:
-    """Return a point of a way that a disc can roll straight to, but not to the next; else the first.
+    """Return a point of a way that a disc can roll straight to, but not to the next.
 
     It is looked along the way in leaps, each twice as far as the last, until a point is not seen,
-    and back by halving: what is seen again beyond that is not found.
+    and back by halving: what is seen again beyond that is not found. The end if all is seen, the
+    first point if none is.
     """
     last, seen, unseen = way_m.shape[0] - 1, 0, 0
     leap = min(FIRST_LEAP, last)

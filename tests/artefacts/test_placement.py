@@ -249,7 +249,7 @@ def test_who_walks_arrives_in_pockets_as_often_as_their_area_is_large() -> None:
 
 
 def test_a_vehicle_does_not_arrive_where_no_way_leads_on() -> None:
-    """In a part that is too short for a trip it would stand; in one that is small, but long, not."""
+    """In a part too short for a trip it would stand; in a small one that is long it does not."""
     free = free_cells(POCKET)
     row = row_of(0.6, 0.4, motion=MotionLimits(speed_mps=1.0, turn_radius_m=0.5))
     placer = placer_of(free)
