@@ -35,10 +35,10 @@ class Leeway(Protocol):
 
     @property
     def is_anywhere(self) -> bool:
-        """Whether there is a part of the map at all where one would not be shut in."""
+        """Whether there is any place on the map where one could set out."""
 
     def is_free_at(self, points_m: _Floats) -> _Mask:
-        """Tell at which points (N, >= 2) the disc is free, and not shut in: bool (N,)."""
+        """Tell at which points (N, >= 2) the disc is free, and can leave: bool (N,)."""
 
     def leads_out(self, poses: _Floats) -> _Mask:
         """Tell of poses (N, 4), x, y, 0, yaw, at such points which lead out of it: bool (N,)."""
@@ -49,7 +49,7 @@ def leeway_of(
 ) -> Leeway | None:
     """Return what a row's artefacts need to set out; None if they only stand.
 
-    `region` bool (H, W) are the cells that count when parts of the map are compared.
+    `region` bool (H, W) are the cells that they may be in.
     """
     if row.motion.speed_mps <= 0.0 or set(row.behaviours) <= {Standing.name}:
         return None

@@ -36,7 +36,7 @@ _Floats = npt.NDArray[np.float64]
 class SettingOut:
     """The disc of a vehicle's coarse way, which is narrower than the box is long, and its arcs.
 
-    `region` bool (H, W) are the cells that count when parts of the map are compared. Poses are
+    `region` bool (H, W) are the cells that it may be in. Poses are
     drawn only: where vehicles fit and can nowhere set out, to ask all of a lattice takes seconds.
     """
 

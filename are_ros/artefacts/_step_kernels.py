@@ -168,20 +168,23 @@ def find_step(
     state = _state(ground, worth, me)
     if state[0] < 0:
         return NO_WAY, 0, 0.0, 0.0, False
-    weights = worth.weights
-    if state[0] == weights[7] and state[1] == weights[8]:
-        way_m[0, 0], way_m[0, 1] = goal_m
-        return GOES, 1, goal_m[0], goal_m[1], True
     others = _find_others(crowd, minded, me[0], me[1], me[3], scratch)
     action = _action(ground, worth, scratch.moving[:others], epochs_left, state, scratch.brings)
+    here_m, weights = (me[0], me[1]), worth.weights
+    is_there = state[0] == weights[7] and state[1] == weights[8]
+    if is_there or (
+        action > 0 and rolls(ground.clearance_m, ground.lattice, here_m, goal_m, me[3])
+    ):
+        way_m[0, 0], way_m[0, 1] = goal_m
+        return GOES, 1, goal_m[0], goal_m[1], True
     count = _way(ground, worth, state, action, goal_m, way_m, scratch)
     if count == 0:
         return NO_WAY, 0, 0.0, 0.0, False
     if action == 0:
         return WAITS, count, 0.0, 0.0, False
-    aim = farthest(ground.clearance_m, ground.lattice, (me[0], me[1]), way_m[:count], me[3])
+    aim = farthest(ground.clearance_m, ground.lattice, here_m, way_m[:count], me[3])
     if aim == 0 and not _is_seen(ground, me, way_m[:count]):
-        x_m, y_m, _ = way_round(ground, (me[0], me[1]), way_m[:count], me[3])
+        x_m, y_m, _ = way_round(ground, here_m, way_m[:count], me[3])
         return GOES, count, x_m, y_m, x_m == goal_m[0] and y_m == goal_m[1]
     is_end = way_m[aim, 0] == goal_m[0] and way_m[aim, 1] == goal_m[1]
     return GOES, count, way_m[aim, 0], way_m[aim, 1], is_end

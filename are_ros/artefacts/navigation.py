@@ -29,7 +29,7 @@ from are_ros.artefacts.value_tables import ValueTables
 from are_ros.parameters.model import BehaviourParameters
 from are_ros.world.environment import Environment
 
-_MOST_POINTS = 16
+_MOST_POINTS = 128
 """So many coarse cells of the way are looked along for a sub-goal."""
 
 _NO_WAY = np.empty((0, 2))

@@ -58,11 +58,11 @@ class Placer:
     only and hits no wall, and the surroundings leave room for it. Poses are uniform over the
     feasible ones (position continuous, heading in [-pi, pi)), or by the region's weights.
 
-    What moves could hardly leave a pocket of the map; what turns on the spot not a place where the
-    disc that it sweeps meets a closed cell, and a vehicle none where its first metres do, straight
-    or at full lock. It is placed, by the same law, among the feasible poses from which it can set
-    out (`Leeway`); only if what is said below finds none of these, for vehicles without the
-    lattice, among all feasible ones.
+    What turns on the spot could hardly leave a place where the disc that it sweeps meets a closed
+    cell, and a vehicle none where its first metres do, straight or at full lock, or no way leads
+    on. It is placed, by the same law, among the feasible poses from which it can set out
+    (`Leeway`); only if what is said below finds none of these, for vehicles without the lattice,
+    among all feasible ones.
 
     Poses are drawn until one is feasible, some thousands at most. Then a lattice decides: the
     centres of cells times `HEADINGS` headings. (Where more than 2**17 cells have room, it takes

@@ -13,6 +13,8 @@ AREA_OF_ONE_M2: Final = 25.0
 FEWEST: Final = 4
 MOST: Final = 400
 _BLOCK_M: Final = 1.0
+_DRAWN: Final = 40
+_SPREAD_SEED: Final = 0
 _ROUNDING: Final = 1e-3
 
 _Mask = npt.NDArray[np.bool_]
@@ -46,7 +48,7 @@ def places_in(
 
     `region` bool and `clearance_m` [m] from what is not free are (height, width). Destinations are
     the cells of most clearance of one block each of about a square metre, spread by
-    farthest-point sampling: one per 25 m^2 of where the body fits, at least 4 and at most 400, as
+    best-candidate sampling: one per 25 m^2 of where the body fits, at least 4 and at most 400, as
     far as there are so many blocks. The same map gives the same places; its origin moves and turns
     them only. `exits_m` (E, 2) are taken as they are, None: there are none.
     """
@@ -80,13 +82,20 @@ def _block_maxima(
 def _spread(
     cells: npt.NDArray[np.int64], room_m: npt.NDArray[np.float32], count: int
 ) -> npt.NDArray[np.int64]:
-    """Return indices of `count` cells: the roomiest, then each time the one farthest from all."""
+    """Return indices of `count` cells: the roomiest, then each time one that is far from all.
+
+    It is the farthest of some that are drawn, always alike: the farthest of all would make a
+    lattice on open ground, and trips along its axes.
+    """
+    random = np.random.default_rng(_SPREAD_SEED)
     chosen = np.zeros(count, np.int64)
     if not count:
         return chosen
     chosen[0] = room_m.argmax()
     nearest = ((cells - cells[chosen[0]]) ** 2).sum(axis=1)
     for number in range(1, count):
-        chosen[number] = nearest.argmax()
+        drawn = random.integers(len(cells), size=_DRAWN)
+        best = drawn[nearest[drawn].argmax()]
+        chosen[number] = best if nearest[best] else nearest.argmax()
         np.minimum(nearest, ((cells - cells[chosen[number]]) ** 2).sum(axis=1), out=nearest)
     return chosen

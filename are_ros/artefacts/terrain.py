@@ -16,6 +16,9 @@ from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes
 
 HEIGHT_STEP_M: Final = 0.25
+FIRST_LEAP: Final = 16
+"""So many points of a way are leaped over first, to see how far it can be rolled straight."""
+
 _SURELY_MET: Final = 0.25
 """A point is at most this much farther, in cells, from a closed cell than the centre of its own
 cell from that one's: half a diagonal, less half a side."""
@@ -188,8 +191,23 @@ def farthest(
     way_m: npt.NDArray[np.float64],
     radius: float,
 ) -> int:
-    """Return the last point of a way that a disc can roll straight to; the first if to none."""
-    for k in range(way_m.shape[0] - 1, 0, -1):
+    """Return a point of a way that a disc can roll straight to, but not to the next.
+
+    It is looked along the way in leaps, each twice as far as the last, until a point is not seen,
+    and back by halving: what is seen again beyond that is not found. The end if all is seen, the
+    first point if none is.
+    """
+    last, seen, unseen = way_m.shape[0] - 1, 0, 0
+    leap = min(FIRST_LEAP, last)
+    while leap > seen:
+        if not rolls(field, lattice, from_m, (way_m[leap, 0], way_m[leap, 1]), radius):
+            unseen = leap
+            break
+        seen, leap = leap, min(2 * leap, last)
+    while unseen - seen > 1:
+        k = (seen + unseen) // 2
         if rolls(field, lattice, from_m, (way_m[k, 0], way_m[k, 1]), radius):
-            return k
-    return 0
+            seen = k
+        else:
+            unseen = k
+    return seen

@@ -31,7 +31,8 @@ class RealWorld:
 
     The environment is in the map's frame F_E. Without a cloud the walls of the map are extruded.
     `notices` takes a sentence where a cloud that waited for its pose turns out to be useless, and
-    `dropped` is the last such sentence, empty if there was none.
+    where a map has no free cell, once until another has. `dropped` is the last sentence about a
+    cloud that was useless, empty if there was none.
     """
 
     def __init__(
@@ -59,11 +60,26 @@ class RealWorld:
         """The newest map, None before the first."""
         return self._grid
 
+    @property
+    def has_free_cells(self) -> bool:
+        """Whether there is a map with a free cell: without one nobody can arrive."""
+        return self.environment is not None and bool(self.environment.classes.free.any())
+
     def set_grid(self, grid: OccupancyGrid) -> None:
         """Take a map; one equal to the last changes nothing but its stamp."""
         if self._grid is None or not _same_map(self._grid, grid):
+            had_room = self.has_free_cells
             self.environment = self._built(grid, self._voxels)
+            if not self.has_free_cells and (had_room or self._grid is None):
+                self.notices.append(self._no_free_cell(grid))
         self._grid = grid
+
+    def _no_free_cell(self, grid: OccupancyGrid) -> str:
+        unknown = np.count_nonzero(grid.cells < 0)
+        return (
+            f"the map has no free cell, so nobody can arrive: of {grid.cells.size} cells {unknown} "
+            f"are unknown, the others above world.free_threshold, {self._parameters.free_threshold}"
+        )
 
     def set_cloud(
         self,

@@ -73,9 +73,10 @@ def site_rows(
     kind = parameters.population.region
     if site.survey is None:
         return [("region", f"{kind.value} space, {rate}")]
+    region = _region_text(site.survey, kind, site.area_m2)
     rows = [
         ("map", _map_text(site.survey.environment)),
-        ("region", f"{_region_text(site.survey, kind, site.area_m2)}, {rate}"),
+        ("region", f"{region}, {rate}" if site.area_m2 else f"{region}: nobody can arrive"),
     ]
     if site.misfits:
         rows.append(("too large", _misfit_text(site, catalogue, probabilities)))

@@ -187,6 +187,9 @@ def _population(snapshot: NodeSnapshot) -> Status:
         "displaced": str(counts.displaced),
         "blocked in the last minute": figure(None if share is None else 100 * share, "%", 0),
     }
+    if counts.is_map_closed:
+        message = "the map has no free cell: nobody can arrive"
+        return Status(Level.WARN, "population", message, values)
     if share is not None and share > _BLOCKED_SHARE and offered >= _FEWEST_ARRIVALS:
         message = (
             f"{counts.blocked_lately} of {offered} that were to arrive in the last minute found "

@@ -137,6 +137,7 @@ class Reporter:
             displaced=lives.displaced,
             arrivals_lately=self._arrived.growth(now_ns),
             blocked_lately=self._blocked.growth(now_ns),
+            is_map_closed=builder.world.grid is not None and not builder.world.has_free_cells,
         )
 
     def _contacts(self, builder: ArBuilder, now_ns: int) -> ContactSnapshot:

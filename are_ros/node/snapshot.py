@@ -58,6 +58,8 @@ class PopulationSnapshot:
     arrivals_lately: int = 0
     blocked_lately: int = 0
     """Artefacts that found no place; `arrivals` holds none of them."""
+    is_map_closed: bool = False
+    """There is a map, but no free cell in it."""
 
 
 @dataclass(frozen=True)

@@ -146,15 +146,14 @@ def turns_free(row: CatalogueRow, points_m: Floats, free: Mask, slack_m: float =
 
 
 def roomy_cells(row: CatalogueRow, free: Mask, slack_m: float = 1e-9) -> Mask:
-    """Return the cells of parts that discs roam, and beside; the large ones, and for cars long."""
+    """Return the cells of parts that discs roam and that are long enough for a car, and beside."""
     centres_m = (np.argwhere(np.ones_like(free))[:, ::-1] + 0.5).astype(np.float64)
     labels, count = ndimage.label(turns_free(row, centres_m, free, slack_m).reshape(free.shape))
     sizes = np.bincount(labels[free], minlength=count + 1)
     sizes[0] = 0
-    if row.motion.turn_radius_m > 0.0:
-        for number, slices in enumerate(ndimage.find_objects(labels), 1):
-            sizes[number] *= max(side.stop - side.start for side in slices) >= 2.6
-    large = np.isin(labels, np.flatnonzero((sizes > 0) & (sizes >= 0.25 * sizes.max())))
+    for number, slices in enumerate(ndimage.find_objects(labels), 1):
+        sizes[number] *= max(side.stop - side.start for side in slices) >= 2.6
+    large = np.isin(labels, np.flatnonzero(sizes))
     return np.asarray(ndimage.binary_dilation(large, np.ones((3, 3))), np.bool_)
 
 
@@ -179,10 +178,10 @@ def drives_off(row: CatalogueRow, poses: Floats, free: Mask, slack_m: float = 1e
 
 
 def sets_out(row: CatalogueRow, poses: Floats, free: Mask, slack_m: float = 1e-9) -> Mask:
-    """Test that one at poses (N, 3) has room for its disc, is not shut in, and gets off."""
-    cols, rows = np.floor(poses[:, :2]).astype(np.int64).T
+    """Test that one at poses (N, 3) has room for its disc; a car, that it is not shut in, too."""
     out = turns_free(row, poses[:, :2], free, slack_m)
-    out &= roomy_cells(row, free, slack_m)[rows, cols]
     if row.motion.turn_radius_m > 0.0:
+        cols, rows = np.floor(poses[:, :2]).astype(np.int64).T
+        out &= roomy_cells(row, free, slack_m)[rows, cols]
         out[out] = drives_off(row, poses[out], free, slack_m)
     return np.asarray(out, np.bool_)

@@ -222,16 +222,41 @@ def test_what_drives_is_placed_where_it_fits_and_sets_out_from_there_if_it_can(
         assert sets_out(row, _array([pose]), free, 1e-6).all()
 
 
-def test_nobody_who_walks_arrives_in_a_pocket() -> None:
-    """A nook that a body of its size cannot leave is left out, a room of some size is not."""
-    free = free_cells("#" * 16 + (" #" + "." * 9 + "#" + "." * 4 + "#") * 2 + " " + "#" * 16)
-    nook = free_cells("#" * 16 + (" #" + "." * 11 + "#" + "." * 2 + "#") * 2 + " " + "#" * 16)
-    walker = row_of(0.6, 0.6, motion=TURNS)
-    for plan, is_used in ((free, True), (nook, False)):
-        wall = 1 + int(np.flatnonzero(~plan[1, 1:-1])[0])
-        placer = placer_of(plan)
-        poses = _array([placer.place(walker, stream(number)) for number in range(100)])
-        assert bool((poses[:, 0] > wall).any()) == is_used
+POCKET = """
+################
+#........#..#..#
+#........#..####
+#........#..#..#
+#........#..#..#
+################
+"""
+
+
+def test_who_walks_arrives_in_pockets_as_often_as_their_area_is_large() -> None:
+    """A hall, a nook and two cells beside it: by the area that the disc has, level 1/1,000."""
+    free, row, radius_m = free_cells(POCKET), row_of(0.48, 0.36, motion=TURNS), 0.3
+    placer = placer_of(free)
+    poses = _array([placer.place(row, stream(number)) for number in range(3000)])
+    parts_m = ((1, 9, 1, 5), (10, 12, 1, 5), (13, 15, 1, 2), (13, 15, 3, 5))
+    areas, counts = [], []
+    for x0, x1, y0, y1 in parts_m:
+        inside = (poses[:, 0] > x0) & (poses[:, 0] < x1) & (poses[:, 1] > y0) & (poses[:, 1] < y1)
+        areas.append((x1 - x0 - 2.0 * radius_m) * (y1 - y0 - 2.0 * radius_m))
+        counts.append(np.count_nonzero(inside))
+    assert sum(counts) == len(poses)
+    expected = len(poses) * np.array(areas) / sum(areas)
+    assert stats.chisquare(counts, expected).pvalue > 1e-3
+
+
+def test_a_vehicle_does_not_arrive_where_no_way_leads_on() -> None:
+    """In a part too short for a trip it would stand; in a small one that is long it does not."""
+    free = free_cells(POCKET)
+    row = row_of(0.6, 0.4, motion=MotionLimits(speed_mps=1.0, turn_radius_m=0.5))
+    placer = placer_of(free)
+    poses = _array([placer.place(row, stream(number)) for number in range(600)])
+    assert (poses[:, 0] < 12.0).all()
+    # discs of 0.26 m: 7.48 x 3.48 m of the hall, 1.48 x 3.48 m of the nook, less at the walls
+    assert 40 < np.count_nonzero(poses[:, 0] > 10.0) < 130
 
 
 def _lattice_poses(placer: Placer, row: CatalogueRow, leeway: Leeway | None) -> int:

@@ -86,6 +86,19 @@ def test_a_large_map_has_400_at_most() -> None:
     assert len(places.destinations_m) == 400
 
 
+@pytest.mark.parametrize("side_m", [30, 60, 300])
+def test_trips_between_destinations_on_open_ground_go_in_all_directions(side_m: int) -> None:
+    """Of the metres of trips of 3 to 40 m about 1/9 are within 5 degrees of an axis."""
+    _, places = places_of(np.ones((2 * side_m, 2 * side_m), np.bool_), 0.5)
+    offsets_m = places.destinations_m[:, None] - places.destinations_m[None]
+    lengths_m = np.hypot(offsets_m[..., 0], offsets_m[..., 1])
+    is_trip = (lengths_m >= 3.0) & (lengths_m <= 40.0)
+    metres = np.where(is_trip, lengths_m, 0.0) / is_trip.sum(axis=1, keepdims=True)
+    turned = np.degrees(np.arctan2(offsets_m[..., 1], offsets_m[..., 0])) % 90.0
+    near = np.minimum(turned, 90.0 - turned) < 5.0
+    assert abs((metres * near).sum() / metres.sum() - 1.0 / 9.0) < 0.03
+
+
 def test_only_the_region_counts() -> None:
     """A free cell that is outside of the region is no destination."""
     free = hall()

@@ -138,13 +138,17 @@ def test_who_is_seen_on_the_spot_covers_nothing_closed(
     assert seen == (least >= 0.0) or abs(least) < 1e-6
 
 
-def test_the_farthest_seen_is_the_last_that_is_seen() -> None:
-    """Points of a way are tried from its end, as one by one; without any it is the first."""
-    walls = np.zeros((60, 60), np.bool_)
-    walls[30:32, :40] = True
-    terrain = terrain_of(walls)
-    way_m = np.array([(0.5, 0.5), (1.0, 1.0), (2.5, 1.0), (2.6, 1.6), (1.0, 2.5)])
-    for start_m in ((0.3, 0.3), (1.5, 1.0), (2.5, 2.5), (0.5, 2.7)):
-        seen = [k for k in range(1, 5) if terrain.sees(start_m, tuple(way_m[k]), 0.2)]
-        found = farthest(terrain.clearance_m, terrain.lattice, start_m, way_m, 0.2)
-        assert found == max(seen, default=0)
+@given(st.integers(0, 10**6), st.integers(1, 90))
+def test_what_is_aimed_at_on_a_way_is_seen_and_the_next_point_is_not(seed: int, count: int) -> None:
+    """Of random ways among random walls; the end if all is seen, the first point if none is."""
+    random = np.random.default_rng(seed)
+    terrain = terrain_of(random.random((60, 60)) < 0.003 * random.random())
+    start_m, angle = np.array((1.5, 1.5)), random.uniform(0.0, math.tau)
+    turns = angle + np.cumsum(random.normal(0.0, 0.1, count))
+    way_m = start_m + 0.02 * np.cumsum(np.column_stack((np.cos(turns), np.sin(turns))), axis=0)
+    here_m = (start_m[0], start_m[1])
+    seen = [terrain.sees(here_m, (x_m, y_m), 0.1) for x_m, y_m in way_m.tolist()]
+    found = farthest(terrain.clearance_m, terrain.lattice, here_m, way_m, 0.1)
+    assert seen[found] or found == 0
+    assert found == count - 1 or not seen[found + 1]
+    assert found == count - 1 or not all(seen)

@@ -1,6 +1,7 @@
 """The real environment as it arrives: maps and clouds, good and bad, in any frame and order."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -83,6 +84,22 @@ def test_an_equal_map_changes_nothing_and_another_one_all(room: Room) -> None:
     real.set_grid(room((5, 6, 5, 6)))
     assert first is not None
     assert now(real).version > first.version
+
+
+def test_a_map_without_free_space_is_said_until_there_is_some(room: Room) -> None:
+    """Nobody can arrive on it: one sentence, also for the next such map; again after a good one."""
+    real, _ = world()
+    assert not real.has_free_cells
+    closed = [replace(room(), cells=np.full_like(room().cells, value)) for value in (100, -1)]
+    for grid in (*closed, room(), closed[0]):
+        real.set_grid(grid)
+    count = closed[0].cells.size
+    why = "the map has no free cell, so nobody can arrive: of"
+    rest = "are unknown, the others above world.free_threshold"
+    assert [notice.rsplit(",", 1)[0] for notice in real.notices] == [
+        f"{why} {count} cells 0 {rest}"
+    ] * 2
+    assert not real.has_free_cells
 
 
 def test_thresholds_that_contradict_refuse_every_map(room: Room) -> None:

@@ -52,6 +52,15 @@ def test_one_part_is_not_called_the_largest(
     assert "region         reachable space, 1.5 m^2, " in text
 
 
+def test_a_map_without_free_space_is_said(
+    grid_of: GridOf, parameters_of: ParametersOf, catalogue: Catalogue
+) -> None:
+    """All of it is wall: nobody can arrive."""
+    parameters = parameters_of(population__region="free")
+    text = _text(parameters, catalogue, surveyed(grid_of("##\n##"), parameters, catalogue))
+    assert "all free space, 0 m^2: nobody can arrive" in text
+
+
 def test_a_robot_that_fits_nowhere_has_no_region(
     grid_of: GridOf, parameters_of: ParametersOf, catalogue: Catalogue
 ) -> None:
@@ -60,7 +69,7 @@ def test_a_robot_that_fits_nowhere_has_no_region(
     site = surveyed(grid_of("....\n....\n....\n...."), parameters, catalogue)
     text = _text(parameters, catalogue, site)
     assert site.area_m2 == 0.0
-    assert "reachable space: the robot fits nowhere" in text
+    assert "reachable space: the robot fits nowhere: nobody can arrive" in text
     assert "arrivals       none" in text
 
 

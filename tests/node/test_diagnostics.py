@@ -229,6 +229,12 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         BLOCKED,
     ),
     (
+        {"population": PopulationSnapshot(is_map_closed=True)},
+        "population",
+        Level.WARN,
+        "the map has no free cell: nobody can arrive",
+    ),
+    (
         {"contacts": ContactSnapshot(2, "person_adult 7, 0.05 m deep", 5.0)},
         "robot contact",
         Level.WARN,
