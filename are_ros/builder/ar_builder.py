@@ -50,16 +50,21 @@ class ArBuilder(Reality):
         return self._watch.looks
 
     def prepare(self) -> None:
-        """Make ready what a new map or camera costs, so that the next tick need not."""
+        """Make ready what a new map costs, so that the next tick need not."""
         environment = self.world.environment
         if environment is None:
             return
         environment.prepare()
         if self.demand.perception:
-            self._watch.prepare(environment, self.camera, self.parameters.occlusion)
+            self._watch.prepare(environment)
         self._scans.prepare(environment)
         if self.demand.grids:
             self._grids.prepare(environment)
+
+    def prepare_camera(self) -> None:
+        """Make ready what another camera costs, so that the first tick that looks need not."""
+        if self.camera is not None and self.demand.perception:
+            self._watch.prepare_camera(self.camera, self.parameters.occlusion)
 
     def show_everything(self) -> None:
         """Let the next tick's markers be all of them, after a DELETEALL: there is a new viewer."""

@@ -65,13 +65,13 @@ class Watch:
         self._last = Observation(map_from_base, map_from_camera, sightings, now_ns)
         return self._last
 
-    def prepare(
-        self, environment: Environment, camera: Camera | None, settings: OcclusionParameters
-    ) -> None:
-        """Make an environment ready to be looked at, and the camera to look."""
+    def prepare(self, environment: Environment) -> None:
+        """Make an environment ready to be looked at."""
         self._perception.use_environment(environment)
-        if camera is not None:
-            self._perception.buffer_of(camera, settings.max_range)
+
+    def prepare_camera(self, camera: Camera, settings: OcclusionParameters) -> None:
+        """Make a camera ready to look."""
+        self._perception.buffer_of(camera, settings.max_range)
 
     def stand_by(self, now_ns: int) -> Observation:
         """Return where the observer is, without a look."""

@@ -281,8 +281,6 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self._stand_in = ""
         if self._camera_watch.is_to_stand_in(now_ns, is_missing=is_missing):
             self._stand_in = live.builder.use_default_camera()
-            self._busy.call_it("preparing")
-            live.builder.prepare()
         is_only_map_offered = self._is_active and not is_offered and inlets.is_offered("map")
         is_late = self._camera_watch.is_to_be_said(now_ns, is_only_map_offered=is_only_map_offered)
         if is_late and self._stand_in:

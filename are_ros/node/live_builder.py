@@ -109,6 +109,7 @@ class LiveBuilder:
         self._now_ns = 0
         self._look_ns: int | None = None
         self._has_prepared = False
+        self._view: ViewModel | None = None
         self._shown: Environment | None = None
         scans = [topic for topic, role in roles.items() if role == "scan"]
         self._scan_outputs = scan_outputs(scans)
@@ -165,6 +166,7 @@ class LiveBuilder:
         if self.is_running:
             self.builder.advance(now_ns)
             self._send_scans()
+            self._prepare_camera()
         if self._has_prepared:
             self.busy.call_it("preparing")
         elif self._offered != offered:
@@ -257,32 +259,32 @@ class LiveBuilder:
     def _take(self, message: RawMessage, received_ns: int) -> None:
         self._run_ticks(received_ns)
         self._follow_clock(received_ns)
-        view = self._view()
         if self._roles[message.topic] == "clicked_point":
             self._click(message, received_ns)
         elif sentence := self._feed.take(message, received_ns):
             self._refused(message.topic, sentence)
         if self._roles[message.topic] in _COSTLY:
             self._took_map(received_ns)
-        elif self._view() is not view:
-            self._prepare()
         self._send_scans()
 
     def _took_map(self, now_ns: int) -> None:
         """Do what a new environment costs; a costmap is latched, so it is never an old one."""
-        self._prepare()
+        self._has_prepared = True
+        self.builder.prepare()
         environment = self.builder.world.environment
         if not self.is_running and environment is not self._shown:
             self._shown = environment
             self._send_tick(self.builder.farewell(now_ns), ("augmented_costmap",))
 
-    def _view(self) -> ViewModel | None:
-        camera = self.builder.camera
-        return None if camera is None else camera.view
+    def _prepare_camera(self) -> None:
+        """Make another camera ready, once lives have begun, which would begin later otherwise.
 
-    def _prepare(self) -> None:
-        self._has_prepared = True
-        self.builder.prepare()
+        What comes meanwhile is received late, the first pose of the robot, too.
+        """
+        camera, area_m2 = self.builder.camera, self.builder.lives.area_m2
+        if camera is not None and camera.view is not self._view and area_m2 > 0.0:
+            self._view, self._has_prepared = camera.view, True
+            self.builder.prepare_camera()
 
     def _click(self, message: RawMessage, received_ns: int) -> None:
         """Place an artefact where somebody clicked, or refuse it with the reason."""

@@ -274,7 +274,8 @@ def test_a_search_gives_the_same_however_much_is_known() -> None:
     spot = np.array([4.05, 3.05])  # the centre of a cell, too small a spot for draws
 
     def at_the_spot(boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
-        return np.hypot(*(boxes.centres_m[:, :2] - spot).T) < 1e-3
+        is_there: npt.NDArray[np.bool_] = np.hypot(*(boxes.centres_m[:, :2] - spot).T) < 1e-3
+        return is_there
 
     around = Surroundings(allowed=at_the_spot)
     placer = placer_of(free, 0.1)
