@@ -131,18 +131,20 @@ CASES = (
 )
 WHOLE = "as-is"
 """Of this all rates and shapes are run, over the whole recording; of the others two each."""
+LATER = ((0.0, 1000.0),)
+"""One recording begins at 0, and no stamp may be negative: all of it is moved on."""
 SHIFTS_S = (-12.0, -7.6, -3.0, -0.8, 0.8, 3.0, 7.6, 12.0)
 VARIANTS = {
     WHOLE: Changes(),
     "infinite": Changes(infinite=0.3),
-    **{f"shift{s:+g}": Changes(shift_s=s, infinite=0.15) for s in SHIFTS_S},
+    **{f"shift{s:+g}": Changes(shift_s=s, infinite=0.15, gaps=LATER) for s in SHIFTS_S},
     **{
         f"late{round(1e3 * late)}": Changes(late_s=late, jitter_s=0.03, infinite=0.15)
         for late in (0.1, 0.25, 0.4)
     },
     "late0-400": Changes(late_s=0.0, jitter_s=0.4, infinite=0.15),
     "shift+7.6-late250": Changes(shift_s=7.6, late_s=0.25, jitter_s=0.03, infinite=0.15),
-    "shift-3-late400": Changes(shift_s=-3.0, late_s=0.4, jitter_s=0.03, infinite=0.15),
+    "shift-3-late400": Changes(shift_s=-3.0, late_s=0.4, jitter_s=0.03, infinite=0.15, gaps=LATER),
     "gap": Changes(gaps=((7.0, 300.0),), infinite=0.15),
 }
 RATES, SHAPES = (20, 5, 10), ("box", "mesh")
@@ -174,7 +176,7 @@ def matrix(duration_s: float) -> Iterator[Run]:
                     continue
                 shift = turn if variant == WHOLE else v + c + 3 * turn
                 rate, shape = pairs[shift % len(pairs)]
-                length = None if variant == WHOLE else duration_s
+                length = None if variant in {WHOLE, "gap"} else duration_s
                 yield Run(case, variant, rate, shape, length)
 
 
