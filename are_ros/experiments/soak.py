@@ -27,6 +27,7 @@ from are_ros.world.occupancy_grid import OccupancyGrid
 _NOTHING_SHOWN = Demand(perception=False, grids=False, markers=False)
 _WAY_STEP_S = 0.5
 _LONGEST_EMPTY_S = 60.0
+_ALONG_AXIS_RAD = math.radians(5.0)
 
 
 @dataclass(eq=False)
@@ -54,12 +55,28 @@ class SoakResult:
     seed: int
     ways: dict[int, Way]
     robot_way_m: list[tuple[float, float]]
+    map_yaw_rad: float = 0.0
 
     @property
     def resolved_share(self) -> float:
         """The share of artefact-seconds in which a collision was resolved, not avoided."""
         steps = max(self.counts.artefact_steps, 1)
         return (self.counts.moved_back + self.counts.displaced) / steps
+
+    @property
+    def along_axes_share(self) -> float:
+        """The share of metres gone within 5 degrees of an axis of the map's grid; 1/9 by chance."""
+        along_m = total_m = 0.0
+        for way in self.ways.values():
+            for k in range(1, len(way.points_m)):
+                (x0_m, y0_m), (x_m, y_m) = way.points_m[k - 1 : k + 1]
+                if k in way.jumps:
+                    continue
+                turn = (math.atan2(y_m - y0_m, x_m - x0_m) - self.map_yaw_rad) % (0.5 * math.pi)
+                step_m = math.hypot(x_m - x0_m, y_m - y0_m)
+                total_m += step_m
+                along_m += step_m * (min(turn, 0.5 * math.pi - turn) < _ALONG_AXIS_RAD)
+        return along_m / total_m if total_m else 0.0
 
     @property
     def unexplained_brakes(self) -> int:
@@ -80,6 +97,7 @@ class SoakResult:
             f"simulated {self.simulated_s:.0f} s, {counted(self.blocked, 'arrival')} blocked",
             f"collisions resolved: {resolved}",
             f"contacts with the robot: {self.contacts}",
+            f"along the grid's axes: {100.0 * self.along_axes_share:.0f} % of the metres gone",
             "",
             *self.verdict.table(),
         ]
@@ -96,6 +114,7 @@ class SoakResult:
             "displaced": self.counts.displaced,
             "resolved_share": self.resolved_share,
             "unexplained_brakes": self.unexplained_brakes,
+            "along_axes_share": self.along_axes_share,
             **self.verdict.as_json(),
         }
 
@@ -138,6 +157,8 @@ class _Run:
         limits = {row.label: _limits(row.motion) for row in catalogue.rows}
         walls = walls_of(grid, parameters.world.occupied_threshold)
         self.judge = MotionJudge(walls, limits, self._step_s)
+        _, _, z, w = grid.origin.rotation_xyzw.tolist()
+        self._map_yaw_rad = 2.0 * math.atan2(z, w)
         self._robot = RovingRobot(environment, self._radius_m, parameters.seed)
         self._is_robot_seen = False
         self._touching: set[int] = set()
@@ -186,6 +207,7 @@ class _Run:
             self._builder.parameters.seed,
             self._ways,
             self._robot_way_m,
+            self._map_yaw_rad,
         )
 
     def _arrived(self, tick: Tick) -> dict[int, tuple[float, tuple[float, float, float]]]:

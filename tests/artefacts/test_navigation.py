@@ -237,7 +237,7 @@ def test_on_open_ground_ways_go_at_any_angle() -> None:
     axis, 1/9 in the mean: it is below 19 % but for once in 1,000 (binomial, 150).
     """
     random, ways = np.random.default_rng(11), navigation(hall())
-    angles_rad = []
+    angles_rad: list[float] = []
     while len(angles_rad) < 150:
         ends_m = random.uniform(2.0, 38.0, (2, 2))
         if (np.hypot(*(ends_m - 20.0).T) > 18.0).any() or math.dist(*ends_m) < 4.0:
@@ -262,7 +262,7 @@ def test_a_way_round_a_box_is_a_taut_one(start_m: Point, goal_m: Point) -> None:
     points_m = walked_m(ways, start_m, goal_m)
     corners = [(14.5, 13.5), (25.5, 13.5), (25.5, 26.5), (14.5, 26.5)]
     assert not ways.sees(traveller(), start_m, goal_m)
-    strings = [(corner,) for corner in corners]
+    strings: list[tuple[Point, ...]] = [(corner,) for corner in corners]
     strings += [pair for k in range(4) for pair in permutations((corners[k - 1], corners[k]))]
     shortest_m = min(
         length_m([start_m, *string, goal_m])

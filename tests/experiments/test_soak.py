@@ -14,7 +14,7 @@ from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.errors import InputError, MapError, ParameterError
 from are_ros.experiments.motion_judge import MotionJudge
 from are_ros.experiments.roving_robot import RovingRobot
-from are_ros.experiments.soak import SoakResult, soak
+from are_ros.experiments.soak import SoakResult, Way, soak
 from are_ros.experiments.soak_picture import figure_of
 from are_ros.experiments.soak_report import write_soak
 from are_ros.parameters.declaration import with_values
@@ -124,6 +124,22 @@ def test_the_same_seed_gives_the_same_soak() -> None:
     assert one.as_json() == same.as_json()
     assert [way.points_m for way in one.ways.values()] == [w.points_m for w in same.ways.values()]
     assert one.as_json() != other.as_json()
+
+
+def test_a_population_on_open_ground_does_not_keep_to_the_grid() -> None:
+    """Half an hour of lives on 40 x 40 m, turned: all angles alike would be 11 % along the axes.
+
+    Over seeds it is 12 % with a standard deviation of 4 %, so above 25 % is less than 1 in 1,000.
+    """
+    turned = RigidTransform.planar(3.0, -2.0, 0.4)
+    grid = OccupancyGrid(room(40.0).cells, 0.1, turned, "map")
+    result = soaked(grid, 30.0, parameters(4e-4, **PEOPLE))
+    assert result.is_clean, result.table()
+    assert result.along_axes_share < 0.25
+    straight = {1: Way(CATALOGUE.rows[0], "", [(0.0, 0.0), (3.0, 0.1), (3.0, 9.0), (4.0, 10.0)])}
+    straight[1].jumps.add(2)
+    share = replace(result, ways=straight, map_yaw_rad=0.0).along_axes_share
+    assert share == pytest.approx(3.0 / (3.0 + math.sqrt(2.0)), abs=1e-3)
 
 
 def test_it_ends_when_the_time_is_over() -> None:
