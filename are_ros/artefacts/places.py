@@ -87,7 +87,7 @@ def _spread(
     It is the farthest of some that are drawn, always alike: the farthest of all would make a
     lattice on open ground, and trips along its axes.
     """
-    random = np.random.default_rng(_SPREAD_SEED)
+    random = np.random.Generator(np.random.PCG64(_SPREAD_SEED))
     chosen = np.zeros(count, np.int64)
     if not count:
         return chosen

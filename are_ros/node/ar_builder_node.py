@@ -1,6 +1,6 @@
 """`ar_builder`: the AR-builder as a lifecycle node beside a robot's navigation stack."""
 
-import sys
+import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import monotonic_ns
@@ -212,8 +212,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
     def _cry(self, sentence: str) -> None:
         """Log at once, from any thread: the logger would publish on /rosout, which deadlocks."""
         now_s = self.now_ns() / NS_PER_S
-        sys.stderr.write(f"[ERROR] [{now_s:.9f}] [{self.get_name()}]: {sentence}\n")
-        sys.stderr.flush()
+        name = self.get_name()
+        logging.getLogger(name).error("[ERROR] [%.9f] [%s]: %s", now_s, name, sentence)
 
     def _store(self, message: WireMessage) -> None:
         with self._turn("inputs"):

@@ -364,9 +364,10 @@ def test_what_came_in_a_stall_counts_for_the_scans_of_before_it(
     rig.inbox.is_simulated = is_simulated
     rig.store("tf_static", laser_mount(), 10.05)
     rig.place(3.0, 2.0, 10.05)
-    rig.store("scan", scan(10.08), 10.08)
-    rig.work(10.08)
-    rig.inbox.held = [("tf", robot_at(10.1)), ("plan", path_to(3.0, 2.0))]
+    rig.work(10.1)
+    rig.store("scan", scan(10.13), 10.13)
+    rig.work(10.13)
+    rig.inbox.held = [("tf", robot_at(10.15)), ("plan", path_to(3.0, 2.0))]
     rig.work(10.5)
     (message,) = rig.outlet.take("scan")
     assert min(message.ranges) == pytest.approx(1.8, abs=0.01)

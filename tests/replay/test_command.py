@@ -14,6 +14,7 @@ from are_ros.builder.tick import Demand
 from are_ros.errors import ParameterError
 from are_ros.messages.feed import Refusals
 from are_ros.messages.transforms import StampedTransform, make_transforms
+from are_ros.parameters.model import Parameters
 from are_ros.replay._bag_files import recording_in
 from are_ros.replay.bag_writer import BagWriter
 from are_ros.replay.command import complaints, effective_parameters, options_of, refused_by_script
@@ -96,6 +97,8 @@ def test_complaints_name_topics_and_numbers() -> None:
         scans={"/scan": SimpleNamespace(passed_through=7)},
         record=SimpleNamespace(events=()),
         map_doubts=["the robot stood in a wall"],
+        options=SimpleNamespace(parameters=Parameters(), is_wait_given=True),
+        needed_wait_s=0.0,
     )
     assert complaints(outcome) == [
         "refused: /a: too long",
