@@ -94,7 +94,7 @@ def test_complaints_name_topics_and_numbers() -> None:
         scan_problems={"/scan": "no frame"},
         camera_problem="no CameraInfo",
         cloud_problem="the voxel cloud was not used",
-        scans={"/scan": SimpleNamespace(passed_through=7)},
+        scans={"/scan": SimpleNamespace(passed_through=7, held=0)},
         record=SimpleNamespace(events=()),
         map_doubts=["the robot stood in a wall"],
         options=SimpleNamespace(parameters=Parameters(), is_wait_given=True),
