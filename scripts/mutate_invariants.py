@@ -175,7 +175,7 @@ BREAKAGES = (
         OTHERS,
         "members of a group do not see each other",
         "are_ros/builder/crowd.py",
-        "        self._boxes = self._end_boxes = None  # the next of a group keeps clear of this one\n",
+        "        self._boxes = self._end_boxes = None  # the next of a group sees this one\n",
         "",
         (_LIVES + "test_arrivals_overlap_nothing_at_the_instant_they_come[4.0]",),
     ),

@@ -58,7 +58,7 @@ class Crowd:
         self._shapes = with_row(self._shapes, at, shape)
         box = OrientedBoxes.standing(np.array([pose]), np.array([shape]))
         self._packed = with_row(self._packed, at, box.packed)
-        self._boxes = self._end_boxes = None  # the next of a group keeps clear of this one
+        self._boxes = self._end_boxes = None  # the next of a group sees this one
 
     def remove(self, artefact_id: int) -> None:
         """Let one be gone."""

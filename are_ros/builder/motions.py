@@ -149,16 +149,18 @@ class Motions:
         moved: npt.NDArray[np.bool_] = np.zeros(len(wish), np.bool_)
         if wish is not was:
             moved = (wish != was).any(axis=1)
-        happened, tracked = Happened(), np.searchsorted(crowd.ids, self.player.ids)
+        jumped: list[ArtefactEvent] = []
+        tracked = np.searchsorted(crowd.ids, self.player.ids)
         jumps = self.player.jumps(step_ns)
         if jumps:
-            wish, boxes = self._jump(step_ns, jumps, living, happened)
+            wish, boxes = self._jump(step_ns, jumps, living, jumped)
         resolution = self.resolver.resolve(
             crowd.ids, boxes, crowd.boxes, environment, [robot.footprint] if robot else []
         )
         if len(tracked):
             resolution = resolution.letting_pass(tracked)
-        happened.events[:0] = self.contacts.begun(step_ns, resolution.contacts, living)
+        begun = self.contacts.begun(step_ns, resolution.contacts, living)
+        happened = Happened([*begun, *jumped])
         self.counts.add(moved, resolution)
         if resolution.is_all_kept:
             crowd.move(wish, boxes)
@@ -197,16 +199,16 @@ class Motions:
         step_ns: int,
         jumps: Mapping[int, GroundPose],
         living: Mapping[int, Artefact],
-        happened: Happened,
+        events: list[ArtefactEvent],
     ) -> tuple[_Floats, OrientedBoxes]:
-        """Return where all are when those have jumped whose tracks do."""
+        """Return where all are when those have jumped whose tracks do, and add the events of it."""
         crowd = self.crowd
         which, poses = np.searchsorted(crowd.ids, list(jumps)), list(jumps.values())
         for i, (artefact_id, pose) in zip(which.tolist(), jumps.items(), strict=True):
             end = crowd.ends[i].tolist()
             is_back = pose == tuple(crowd.poses[i].tolist())
             if list(pose[:2]) != end[:2] and not is_back:
-                happened.events.append(_displaced(step_ns, living[artefact_id], end, pose))
+                events.append(_displaced(step_ns, living[artefact_id], end, pose))
                 self.counts.displaced += 1
         return crowd.with_poses(crowd.ends, which, np.array(poses))
 

@@ -168,5 +168,6 @@ def _lens() -> Camera:
 
 def _scan(stamp_ns: int) -> LaserScan:
     ranges = np.full(36, 2.5, dtype=np.float32)
+    ranges[::2] = np.inf
     none = np.empty(0, dtype=np.float32)
     return LaserScan("base_link", stamp_ns, -3.1, 3.1, 6.2 / 35, 0.0, 0.1, 0.05, 8.0, ranges, none)
