@@ -1,6 +1,5 @@
 """`ar_builder`: the AR-builder as a lifecycle node beside a robot's navigation stack."""
 
-import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import monotonic_ns
@@ -10,6 +9,7 @@ from typing import Any, Final
 from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.logging import get_logger
 
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.mixture import mixture_of
@@ -210,10 +210,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self.live.faults.hung = sentence
 
     def _cry(self, sentence: str) -> None:
-        """Log at once, from any thread: the logger would publish on /rosout, which deadlocks."""
-        now_s = self.now_ns() / NS_PER_S
-        name = self.get_name()
-        logging.getLogger(name).error("[ERROR] [%.9f] [%s]: %s", now_s, name, sentence)
+        """Log from another thread: by a logger that is no node's, so that /rosout has no part."""
+        get_logger(f"watch.{self.get_name()}").error(sentence)
 
     def _store(self, message: WireMessage) -> None:
         with self._turn("inputs"):
