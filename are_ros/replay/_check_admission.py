@@ -9,7 +9,7 @@ from are_ros.parameters.model import CostmapParameters
 from are_ros.replay._check_cells import Cover, RealMap
 from are_ros.replay._check_overlaps import covers_by_tick
 from are_ros.replay._check_record import Record
-from are_ros.replay._check_scene import Scene
+from are_ros.replay._check_scene import Scene, time_ns
 
 _NEVER = -(2**63)
 
@@ -32,7 +32,7 @@ class AdmittedTick:
 def admitted_by_tick(record: Record, settings: CostmapParameters) -> Iterator[AdmittedTick]:
     """Yield every tick: all alive, or those perceived at most `costmap.memory` before."""
     seen_ns: dict[int, int] = {}
-    perceived = record.perceived_ids()
+    perceived = _last_seen_ns(record)
     memory_ns = seconds_to_ns(settings.memory)
     unsure_until_ns = _NEVER
     for scene, real, covers in covers_by_tick(record):
@@ -43,13 +43,25 @@ def admitted_by_tick(record: Record, settings: CostmapParameters) -> Iterator[Ad
         if record.is_live:
             end_ns = _unsure_until_ns(record, scene, perceived.keys(), memory_ns)
             unsure_until_ns = max(unsure_until_ns, end_ns)
-        seen_ns |= dict.fromkeys(perceived.get(scene.log_ns, ()), scene.stamp_ns)
+        now_seen = perceived.get(scene.log_ns, {})
+        seen_ns |= now_seen
         seen_ns = {number: seen_ns[number] for number in ids if number in seen_ns}
         limit_ns = scene.stamp_ns - memory_ns
-        shown = frozenset(number for number, since_ns in seen_ns.items() if since_ns >= limit_ns)
+        shown = frozenset(i for i, at_ns in seen_ns.items() if i in now_seen or at_ns >= limit_ns)
         both = zip(ids, covers, strict=False)  # without a map there are no covers
         chosen = [cover for number, cover in both if number in shown]
         yield AdmittedTick(scene, real, chosen, shown, scene.stamp_ns >= unsure_until_ns)
+
+
+def _last_seen_ns(record: Record) -> dict[int, dict[int, int]]:
+    """Return when the perceived were looked at, by the tick's time and by id.
+
+    With a camera that is slower than the ticks that was before the tick.
+    """
+    return {
+        log_ns: {int(one.id): time_ns(one.last_seen) for one in message.artefacts}
+        for log_ns, message in record.perceived
+    }
 
 
 def _unsure_until_ns(

@@ -904,6 +904,15 @@ def test_memory_and_gate_decide_what_the_map_shows(right: Draft, tmp_path: Path)
         assert results["costmap"].outcome is Outcome.FAILED
 
 
+def test_the_memory_begins_with_the_last_look(right: Draft, tmp_path: Path) -> None:
+    """With a camera slower than the ticks that is before the tick that still tells of it."""
+    draft = copy.deepcopy(right)
+    draft.values["costmap.memory"] = 0.15
+    draft.of("perceived")[2][1].artefacts[0].last_seen = make_time(TICKS_NS[1])
+    results = results_of(draft, tmp_path)
+    assert [r.sentence() for r in results.values() if r.outcome is Outcome.FAILED] == []
+
+
 def test_a_damaged_file_is_a_result(right: Draft, tmp_path: Path) -> None:
     """A flipped byte or a missing end fails both readers, and raises nothing."""
     path = right.write(tmp_path) / "augmented.mcap"
