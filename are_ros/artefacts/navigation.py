@@ -1,7 +1,7 @@
 """How an artefact gets where it wants: the values of the decision process, and the way they give.
 
 The process decides the next move among the others (one step of lookahead); its best policy gives
-the way from there, of which the farthest point that can be gone to straight is the sub-goal.
+the way from there. The sub-goal is the goal if that is seen, else a far point of the way that is.
 """
 
 import math

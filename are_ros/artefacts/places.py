@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 AREA_OF_ONE_M2: Final = 25.0
@@ -14,7 +15,8 @@ FEWEST: Final = 4
 MOST: Final = 400
 _BLOCK_M: Final = 1.0
 _DRAWN: Final = 40
-_SPREAD_SEED: Final = 0
+"""The next place is the farthest of so many."""
+
 _ROUNDING: Final = 1e-3
 
 _Mask = npt.NDArray[np.bool_]
@@ -87,7 +89,7 @@ def _spread(
     It is the farthest of some that are drawn, always alike: the farthest of all would make a
     lattice on open ground, and trips along its axes.
     """
-    random = np.random.Generator(np.random.PCG64(_SPREAD_SEED))
+    random = generator(0, Purpose.GOAL, 0)  # of no artefact: their ids count from 1
     chosen = np.zeros(count, np.int64)
     if not count:
         return chosen
