@@ -13,7 +13,6 @@ from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import collision_resolver
-from are_ros.builder.ray_casting import VoxelField
 from are_ros.conventions import FREE, NS_PER_S, OCCUPIED
 from are_ros.errors import PlacementError
 from are_ros.parameters.declaration import with_values
@@ -96,7 +95,6 @@ def _run(catalogue: Catalogue, is_wanted: Callable[[], bool]) -> bool:
         builder.step(now_ns)
         builder.take_scans()
     _let_collide(builder)
-    _let_walls_hide(builder)
     return True
 
 
@@ -136,13 +134,6 @@ def _let_collide(builder: ArBuilder) -> None:
     )
     resolver = collision_resolver(builder.parameters)
     resolver.resolve(np.array([1, 2]), together, apart, environment, ())
-
-
-def _let_walls_hide(builder: ArBuilder) -> None:
-    """Cast what a scan casts for beams without a return that end on an artefact."""
-    environment = builder.lives.environment
-    if environment is not None:
-        VoxelField.of(environment.voxels).first_hits(np.zeros(3), np.eye(3), 1.0)
 
 
 def _room() -> OccupancyGrid:
