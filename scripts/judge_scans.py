@@ -235,7 +235,7 @@ class Bench:
         return folder
 
     def _judged(self, run: Run, out: Path) -> Verdict:
-        inputs = self.inputs(run.case, run.variant)
+        inputs = self.inputs(run.case, run.variant, run.duration_s)
         return judge(
             inputs.scans[run.case.scan],
             read_outputs(out / "augmented.mcap"),
@@ -246,8 +246,9 @@ class Bench:
             self.meshes if run.shape == "mesh" else None,
         )
 
-    def _inputs(self, case: Case, variant: str) -> Inputs:
-        return read_inputs(self.recording(case, variant), case.static, case.odometry)
+    def _inputs(self, case: Case, variant: str, duration_s: float | None) -> Inputs:
+        recording = self.recording(case, variant)
+        return read_inputs(recording, case.static, case.odometry, duration_s=duration_s)
 
     def _truth(self, case: Case, variant: str, duration_s: float | None) -> Outputs:
         """Return the truth at every sub-step: a run of the same recording at 20 Hz."""
@@ -265,7 +266,7 @@ class Bench:
             return lattices.of_octomap_file(self.data / case.octomap)
         if case.map_file:
             return lattices.of_map_file(self.data / case.map_file)
-        inputs = self.inputs(case, WHOLE)
+        inputs = self.inputs(case, WHOLE, None)
         return lattices.of_cloud(inputs.cloud) if inputs.cloud else lattices.of_grid(inputs.grid)
 
     def _meshes(self) -> dict[int, Any]:

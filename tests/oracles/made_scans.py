@@ -97,6 +97,7 @@ def outputs(late_by_ns: int = 0) -> Outputs:
                 1: np.array((near_face_m(stamp_ns - late_by_ns) + 0.5, 0.0, 0.5, 0.0)),
                 2: np.array((5.0, 1.5, 0.5, 0.0)),
             },
+            {1: np.array((1.0, 0.0, 0.0)), 2: np.zeros(3)},
         )
         for stamp_ns in range(0, 3_000_000_000, TICK_NS)
     ]

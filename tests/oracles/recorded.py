@@ -64,26 +64,32 @@ class Frames:
         """Return the frames that have a parent."""
         return {child for _, child in (*self._stamps, *self._static)}
 
-    def lookup(self, target: str, source: str, stamp_ns: int) -> Pose | None:
-        """Return the pose of `source` in `target` at a stamp, None where it is not known."""
+    def lookup(
+        self, target: str, source: str, stamp_ns: int, held: tuple[str, ...] = ()
+    ) -> Pose | None:
+        """Return the pose of `source` in `target` at a stamp, None where it is not known.
+
+        After its last sample the edge between the frames `held` stays what it was.
+        """
         path = self._path(target, source.lstrip("/"))
         if path is None:
             return None
         rotation, shift = np.eye(3), np.zeros(3)
         for parent, child, is_down in path:
-            pose = self._edge_at((parent, child), stamp_ns)
+            pose = self._edge_at((parent, child), stamp_ns, {parent, child} == {*held})
             if pose is None:
                 return None
             turn, move = pose if is_down else (pose[0].T, -pose[0].T @ pose[1])
             rotation, shift = rotation @ turn, rotation @ move + shift
         return rotation, shift
 
-    def _edge_at(self, edge: tuple[str, str], stamp_ns: int) -> Pose | None:
+    def _edge_at(self, edge: tuple[str, str], stamp_ns: int, is_held: bool) -> Pose | None:
         if edge in self._static:
             return self._static[edge]
         if edge not in self._edges:
             self._edges[edge] = self._sorted(edge)
         stamps, values, slerp = self._edges[edge]
+        stamp_ns = min(stamp_ns, int(stamps[-1])) if is_held else stamp_ns
         after = int(np.searchsorted(stamps, stamp_ns))
         if after < len(stamps) and stamps[after] == stamp_ns:
             return Rotation.from_quat(values[after, 3:]).as_matrix(), values[after, :3]
@@ -132,10 +138,11 @@ class Inputs:
 
 @dataclass(eq=False)
 class Tick:
-    """The artefacts' truth at a stamp: by id, (row, x, y, z, yaw) and the message."""
+    """The artefacts' truth at a stamp: by id, poses x, y, z, yaw and rates x, y, yaw in F_A."""
 
     stamp_ns: int
     poses: dict[int, Floats]
+    rates: dict[int, Floats]
 
 
 @dataclass(eq=False)
@@ -154,15 +161,17 @@ def read_inputs(
     static: Iterable[str] = (),
     odometry: Sequence[str] = (),
     base: str = "base_footprint",
+    duration_s: float | None = None,
 ) -> Inputs:
     """Read a recording; `static` are lines "X Y Z YAW PITCH ROLL PARENT CHILD".
 
-    `odometry` are topics that give an edge where tf gives its child no parent.
+    `odometry` are topics that give an edge where tf gives its child no parent. What was logged
+    after `duration_s` is not known.
     """
     found, moves = Inputs(), []
     for line in static:
         _take_line(found.frames, line)
-    for topic, kind, log_ns, message in _messages(recording):
+    for topic, kind, log_ns, message in _messages(recording, duration_s=duration_s):
         if kind == TRANSFORMS:
             for one in message.transforms:
                 _take_transform(found.frames, one, is_static=topic.endswith("tf_static"))
@@ -216,14 +225,16 @@ def _scan(log_ns: int, message: Any) -> Scan:
 
 
 def _tick(message: Any, kinds: dict[int, Any]) -> Tick:
-    poses = {}
+    poses, rates = {}, {}
     for one in message.artefacts:
         at, turn = one.pose.position, one.pose.orientation
         if max(abs(turn.x), abs(turn.y)) > 1e-9:
             raise AssertionError(f"artefact {one.id} is not upright")
         poses[one.id] = np.array((at.x, at.y, at.z, 2.0 * math.atan2(turn.z, turn.w)))
+        speed = one.twist.linear
+        rates[one.id] = np.array((speed.x, speed.y, one.twist.angular.z))
         kinds.setdefault(one.id, one)
-    return Tick(stamp_of(message), poses)
+    return Tick(stamp_of(message), poses, rates)
 
 
 def _take_line(frames: Frames, line: str) -> None:
@@ -243,7 +254,9 @@ def _take_transform(frames: Frames, one: Any, *, is_static: bool) -> None:
         frames.add(parent, child, stamp_of(one), shift, turn)
 
 
-def _messages(recording: Path, prefix: str = "") -> Iterable[tuple[str, str, int, Any]]:
+def _messages(
+    recording: Path, prefix: str = "", duration_s: float | None = None
+) -> Iterable[tuple[str, str, int, Any]]:
     """Yield (topic, type, log time, message) of the types that are read here."""
     types = store()
     for text in MESSAGES.glob("*.msg"):
@@ -253,6 +266,7 @@ def _messages(recording: Path, prefix: str = "") -> Iterable[tuple[str, str, int
         read = {SCAN, "are_msgs/msg/ArtefactArray", "are_msgs/msg/ArtefactEvent"}
     with AnyReader([recording], default_typestore=types) as reader:
         wanted = [c for c in reader.connections if c.msgtype in read and c.topic.startswith(prefix)]
-        for connection, log_ns, data in reader.messages(connections=wanted):
+        stop = None if duration_s is None else reader.start_time + round(duration_s * NS_PER_S)
+        for connection, log_ns, data in reader.messages(connections=wanted, stop=stop):
             message = reader.deserialize(data, connection.msgtype)
             yield connection.topic, connection.msgtype, log_ns, message

@@ -6,15 +6,16 @@ as a lattice, and the meshes of the catalogue's rows as triangles. For every bea
 scan it decides whether what the run wrote can be, by rays and transforms of its own:
 
 - A beam that was changed ends on the surface of an artefact that is there at the scan's stamp:
-  one that a tick of the run has shown by then, and that has not departed. Its pose is
-  the truth's, linear between two sub-steps.
+  one that a tick of the run has shown by then, and that has not departed. Its pose is that
+  of the truth's sub-step before, and goes on from there by the twist that the truth says.
 - No changed beam went through another such artefact, or is farther than a valid real return.
 - A changed beam without a real return (inf, NaN, outside the limits) gives no evidence that a
   wall is gone: it does not end behind the first solid cell.
 - A beam that was not changed meets no artefact nearer than its real return, or, where it has none,
   nearer than the first solid cell.
 - Every real scan has its augmented one, with the same header and angles; what did not change is
-  the same bit for bit; the run's own ticks show the poses of the truth.
+  the same bit for bit; the run's own ticks show the poses of the truth. From sub-step to
+  sub-step all are where their twists lead, unless they are displaced or cannot go on.
 """
 
 import math
@@ -52,8 +53,9 @@ WRONG = (
     "lost scan",
     "no pose",
     "lives",
+    "unsaid jump",
 )
-"""The kinds of what is wrong, each counted in beams but for `header`, `lost scan` and `lives`."""
+"""The kinds of what is wrong, each counted in beams but for those about scans and lives."""
 
 
 @dataclass(eq=False)
@@ -77,7 +79,7 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """An artefact that may be met at a stamp, at one pose or, if that is unsure, one of several.
+    """An artefact that may be met at a stamp, at a pose (x, y, z, yaw).
 
     `is_sure` where it must be met: ticks of the run before and after the stamp show it.
     """
@@ -86,21 +88,13 @@ class Body:
     box_centre: Floats
     half: Floats
     triangles: Floats | None
-    poses: tuple[Floats, ...]
+    pose: Floats
     is_sure: bool
 
     def hits(self, origin: Floats, ways: Floats) -> Floats:
-        """Return the first hits (P, N) of rays at each of its poses."""
-        return np.stack([self._hits(pose, origin, ways) for pose in self.poses])
-
-    def distances(self, points: Floats) -> Floats:
-        """Return how far points (N, 3) are from its surface at the best of its poses."""
-        found = [self._distances(pose, points) for pose in self.poses]
-        return np.asarray(np.min(found, axis=0))
-
-    def _hits(self, pose: Floats, origin: Floats, ways: Floats) -> Floats:
-        turn = _turn(pose)
-        start, own = turn.T @ (origin - pose[:3]), ways @ turn
+        """Return the first hits (N,) of rays, inf where there is none."""
+        turn = _turn(self.pose)
+        start, own = turn.T @ (origin - self.pose[:3]), ways @ turn
         radius = float(np.linalg.norm(self.half) + np.linalg.norm(self.box_centre))
         along = -(own @ start)
         near = (start @ start - along**2 <= radius**2) & (along >= -radius)
@@ -127,8 +121,9 @@ class Body:
         chosen = (heights.max(axis=1) >= low) & (heights.min(axis=1) <= high)
         return np.asarray(triangles[chosen])
 
-    def _distances(self, pose: Floats, points: Floats) -> Floats:
-        own = np.ascontiguousarray((points - pose[:3]) @ _turn(pose))
+    def distances(self, points: Floats) -> Floats:
+        """Return how far points (N, 3) are from its surface."""
+        own = np.ascontiguousarray((points - self.pose[:3]) @ _turn(self.pose))
         found = np.asarray(box_distances(own - self.box_centre, self.half))
         inside = (np.abs(own - self.box_centre) <= self.half).all(axis=1)
         near = inside | (found < 0.1)  # of what is farther from the box that is bound enough
@@ -149,10 +144,12 @@ class Truth:
         self._own = [tick.stamp_ns for tick in run.ticks]
         self._stamps: dict[int, list[int]] = {}
         self._poses: dict[int, list[Floats]] = {}
+        self._rates: dict[int, list[Floats]] = {}
         for tick in truth.ticks:
             for one, pose in tick.poses.items():
                 self._stamps.setdefault(one, []).append(tick.stamp_ns)
                 self._poses.setdefault(one, []).append(pose)
+                self._rates.setdefault(one, []).append(tick.rates[one])
         self._first: dict[int, int] = {}
         for tick in run.ticks:
             for one in tick.poses:
@@ -175,10 +172,10 @@ class Truth:
         for one, first_ns in self._first.items():
             if first_ns > stamp_ns or self._run.departed_ns.get(one, stamp_ns) < stamp_ns:
                 continue
-            poses = self._poses_at(one, stamp_ns)
-            if poses:
+            pose = self._pose_at(one, stamp_ns)
+            if pose is not None:
                 is_sure = all(one in ids for ids in shown)
-                bodies.append(self._body(one, poses, is_sure))
+                bodies.append(self._body(one, pose, is_sure))
         return bodies
 
     def others(self, stamp_ns: int) -> Iterator[tuple[str, Body]]:
@@ -189,10 +186,11 @@ class Truth:
             if not stamps:
                 continue
             if departed_ns < stamp_ns < departed_ns + 20 * SUB_STEP_NS:
-                yield "of one that has departed", self._body(one, (self._poses[one][-1],))
-            elif stamps[0] <= stamp_ns < first_ns or 0 < stamps[0] - stamp_ns < SUB_STEP_NS:
-                known = self._poses_at(one, max(stamp_ns, stamps[0]))
-                yield "of one that no tick has shown yet", self._body(one, known)
+                yield "of one that has departed", self._body(one, self._poses[one][-1])
+            elif stamps[0] - SUB_STEP_NS < stamp_ns < first_ns:
+                known = self._pose_at(one, max(stamp_ns, stamps[0]))
+                if known is not None:
+                    yield "of one that no tick has shown yet", self._body(one, known)
 
     def differing_lives(self) -> tuple[int, int, str]:
         """Return how many poses of the run's ticks were compared, differ, and an example."""
@@ -215,35 +213,41 @@ class Truth:
                 example = f"artefact {apart[0]} in the tick at {tick.stamp_ns}"
         return compared, wrong, example
 
-    def _body(self, one: int, poses: tuple[Floats, ...], is_sure: bool = False) -> Body:
+    def jumps(self) -> tuple[int, int, str]:
+        """Return how many jumped between two sub-steps, how many of them unsaid, and an example.
+
+        Who was displaced has an event; who could not go on is back where it was a sub-step ago.
+        """
+        all_, unsaid, example = 0, 0, ""
+        for one, stamps in self._stamps.items():
+            said = set(self._truth.displaced_ns.get(one, ()))
+            for k in range(1, len(stamps)):
+                if stamps[k] - stamps[k - 1] != SUB_STEP_NS:
+                    continue
+                before, after = self._poses[one][k - 1], self._poses[one][k]
+                went = _gone(before, self._rates[one][k - 1], SUB_STEP_NS)
+                if _is_same(went, after):
+                    continue
+                all_ += 1
+                if stamps[k] not in said and not _is_same(before, after):
+                    unsaid += 1
+                    example = example or f"artefact {one} at {stamps[k]}"
+        return all_, unsaid, example
+
+    def _body(self, one: int, pose: Floats, is_sure: bool = False) -> Body:
         kind = self._truth.kinds[one]
         centre = np.array((kind.box_centre.x, kind.box_centre.y, kind.box_centre.z))
         half = 0.5 * np.array((kind.size.x, kind.size.y, kind.size.z))
         triangles = None if self._triangles is None else self._triangles[kind.row]
-        return Body(one, centre, half, triangles, poses, is_sure)
+        return Body(one, centre, half, triangles, pose, is_sure)
 
-    def _poses_at(self, one: int, stamp_ns: int) -> tuple[Floats, ...]:
-        """Return its pose at a stamp; several where a sub-step begins that it did not live to end.
-
-        One that was displaced meanwhile may also be where it was about to go.
-        """
-        stamps, poses = self._stamps.get(one, []), self._poses.get(one, [])
-        after = bisect_left(stamps, stamp_ns)
-        if after < len(stamps) and stamps[after] == stamp_ns:
-            return (poses[after],)
-        if after == 0 or stamp_ns - stamps[after - 1] > SUB_STEP_NS:
-            return ()
-        start = poses[after - 1]
-        share = (stamp_ns - stamps[after - 1]) / SUB_STEP_NS
-        going = _between(poses[after - 2], start, 1.0 + share) if after > 1 else start
-        if after == len(stamps):
-            return tuple(_between(start, going, part) for part in np.linspace(0.0, 1.0, 5))
-        share = (stamp_ns - stamps[after - 1]) / (stamps[after] - stamps[after - 1])
-        found = _between(start, poses[after], share)
-        moved = self._truth.displaced_ns.get(one, ())
-        if any(stamps[after - 1] < at <= stamps[after] for at in moved):
-            return (found, going)
-        return (found,)
+    def _pose_at(self, one: int, stamp_ns: int) -> Floats | None:
+        """Return its pose at a stamp: where the sub-step that began before has sent it."""
+        stamps = self._stamps.get(one, [])
+        k = bisect_right(stamps, stamp_ns) - 1
+        if k < 0 or stamp_ns - stamps[k] >= SUB_STEP_NS:
+            return None
+        return _gone(self._poses[one][k], self._rates[one][k], stamp_ns - stamps[k])
 
 
 def judge(
@@ -265,6 +269,8 @@ def judge(
     compared, wrong, example = here.differing_lives()
     verdict.counts["poses of ticks"] = compared
     verdict.say("lives", wrong, example)
+    verdict.counts["jumps"], unsaid, example = here.jumps()
+    verdict.say("unsaid jump", unsaid, example)
     augmented = {scan.stamp_ns: scan for scan in run.scans.get(topic, ())}
     replayed = _replayed(real, run)
     verdict.counts["scans outside"] = len(real) - len(replayed)
@@ -302,7 +308,11 @@ def _judge_scan(
     verdict.counts["scans"] += 1
     verdict.counts["beams"] += len(changed)
     verdict.counts["changed"] += int(changed.sum())
-    pose = lookup(map_frame, real.message.header.frame_id, real.stamp_ns)
+    frame = real.message.header.frame_id
+    pose = lookup(map_frame, frame, real.stamp_ns)
+    if pose is None:
+        pose = lookup(map_frame, frame, real.stamp_ns, held=("map", "odom"))
+        verdict.counts["scans with map -> odom held"] += pose is not None
     if pose is None or not truth.covers(real.stamp_ns):
         verdict.counts["scans not judged"] += 1
         verdict.say("no pose", int(changed.sum()), f"{at}: {'truth' if pose else 'transform'}")
@@ -333,11 +343,11 @@ class _Look:
         values = real.ranges
         self.valid = (values >= self.limits[0]) & (values <= self.limits[1])
         hits = [body.hits(self.origin, self.ways) for body in self.bodies]
-        none, empty = np.full(len(values), np.inf), np.full((0, len(values)), np.inf)
-        self.nearest = np.min(np.stack([none, *(h.min(axis=0) for h in hits)]), axis=0)
-        sure = [h.max(axis=0) for h, b in zip(hits, self.bodies, strict=True) if b.is_sure]
+        none = np.full(len(values), np.inf)
+        sure = [h for h, body in zip(hits, self.bodies, strict=True) if body.is_sure]
+        self.all_hits = np.stack([none, *hits])
+        self.nearest = self.all_hits.min(axis=0)
         self.sure = np.min(np.stack([none, *sure]), axis=0)
-        self.all_hits = np.concatenate([*hits, empty])
 
     def judge(self) -> None:
         """Judge every beam."""
@@ -358,9 +368,7 @@ class _Look:
             return
         farther = self.valid[beams] & (ranges > self.real.ranges[beams])
         self._say("farther", beams[farther])
-        errors = np.full(len(beams), np.inf)
-        if len(self.all_hits):
-            errors = np.abs(self.all_hits[:, beams] - ranges).min(axis=0)
+        errors = np.abs(self.all_hits[:, beams] - ranges).min(axis=0)
         points = self.origin + ranges[:, None] * self.ways[beams]
         for body in self.bodies:
             loose = errors > TOLERANCE_M
@@ -439,7 +447,7 @@ class _Look:
             chosen = np.flatnonzero(met)
             turn = np.minimum(0.02, WIGGLE_M / np.maximum(self.sure[beams[chosen]], 0.1))
             ways = self._turned(beams[chosen], aside * turn, up * turn)
-            hits = [b.hits(self.origin, ways).max(axis=0) for b in self.bodies if b.is_sure]
+            hits = [body.hits(self.origin, ways) for body in self.bodies if body.is_sure]
             met[chosen] = np.min(hits, axis=0) < limit[chosen]
         return met
 
@@ -483,11 +491,19 @@ def _same_bits(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]) -> Bools:
     return np.asarray((a.view(np.uint32) == b.view(np.uint32)) | (np.isnan(a) & np.isnan(b)))
 
 
-def _between(a: Floats, b: Floats, share: float) -> Floats:
-    """Return a pose (x, y, z, yaw) on the line from a to b, the yaw the short way round."""
-    step = b - a
-    step[3] = math.remainder(step[3], 2.0 * math.pi)
-    return np.asarray(a + share * step)
+def _gone(pose: Floats, rates: Floats, by_ns: int) -> Floats:
+    """Return a pose (x, y, z, yaw) some time later; rates (x, y, yaw) are in its own frame."""
+    seconds = 1e-9 * by_ns
+    moved = pose.copy()
+    moved[:2] += seconds * (_turn(pose)[:2, :2] @ rates[:2])
+    moved[3] += seconds * rates[2]
+    return np.asarray(moved)
+
+
+def _is_same(a: Floats, b: Floats) -> bool:
+    apart = np.abs(a - b)
+    apart[3] = abs(math.remainder(a[3] - b[3], 2.0 * math.pi))
+    return bool(apart.max() < 1e-6)
 
 
 def _turn(pose: Floats) -> Floats:
