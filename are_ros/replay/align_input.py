@@ -234,7 +234,7 @@ def _evenly(count: int, most: int) -> list[int]:
     """Return `most` of the numbers below `count`, evenly spread; all where there are fewer."""
     if count <= most:
         return list(range(count))
-    return np.unique(np.linspace(0, count - 1, most).round().astype(int)).tolist()
+    return [round(k) for k in np.linspace(0, count - 1, most).tolist()]
 
 
 def _spread_scans(

@@ -265,7 +265,7 @@ def distance_at(distances: npt.NDArray[np.float32], col: float, row: float) -> f
     fy, fx = row - i, col - j
     low = distances[i, j] * (1.0 - fx) + distances[i, j + 1] * fx
     high = distances[i + 1, j] * (1.0 - fx) + distances[i + 1, j + 1] * fx
-    return low * (1.0 - fy) + high * fy
+    return float(low * (1.0 - fy) + high * fy)
 
 
 @compiled
@@ -287,7 +287,7 @@ def likelihood(
         d = distance_at(distances, x / resolution_m, y / resolution_m)
         if d < 5.0 * sigma_m:
             total += np.exp(-0.5 * (d / sigma_m) ** 2)
-    return total / points_m.shape[0]
+    return float(total / points_m.shape[0])
 
 
 @compiled

@@ -260,7 +260,7 @@ class ScanMatcher:
         """Climb from a pose by ever smaller steps along x, y and yaw, about the cloud's middle."""
         thin = cloud.thinned(0.5 * NEAR_M, _FINE_POINTS)
         middle = thin.endpoints_m.mean(axis=0)
-        about = PlanarPose(*middle.tolist(), 0.0)
+        about = PlanarPose(float(middle[0]), float(middle[1]), 0.0)
         points = thin.endpoints_m - middle
         radius_m = max(float(np.hypot(*points.T).mean()), self._cell_m)
         at = np.array(self._map_from_part.inverse().after(pose).after(about))
@@ -481,7 +481,7 @@ def _clearance(kinds: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
 
 def _spread(field: npt.NDArray[np.uint8], shift: int) -> npt.NDArray[np.uint8]:
     """Return the highest of each value and those `shift` rows before and after it."""
-    spread = field.copy()
+    spread: npt.NDArray[np.uint8] = field.copy()
     np.maximum(spread[shift:], field[:-shift], out=spread[shift:])
     np.maximum(spread[:-shift], field[shift:], out=spread[:-shift])
     return spread
