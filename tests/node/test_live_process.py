@@ -464,7 +464,8 @@ def test_after_a_stall_no_scan_is_bare_whose_transform_came(
     """The process is stopped while scans, transforms and odometry go on: all show the post.
 
     That is 1.8 m before the laser, the walls are not nearer than 3.5 m. A scan is left out whose
-    transform was sent late, as this process or the whole machine stalled.
+    transform was sent late, or that was lost (scans are best effort), as this process or the whole
+    machine stalled.
     """
     values = {"catalogue": str(catalogue_file), "sensors.tf_wait": tf_wait_s}
     process = start({**QUIET, **values})
@@ -484,10 +485,14 @@ def test_after_a_stall_no_scan_is_bare_whose_transform_came(
         driver.drive_for(stall_s)
         process.signal(signal.SIGCONT)
     driver.drive(SCANS_PER_STALL)
-    stamps = {stamp for stamp in driver.followed_s if stamp > begun_ns}
-    wait_until(lambda: stamps <= {stamp_ns(message) for message in heard}, driver.turn)
-    late_s = {stamp: driver.followed_s[stamp] - driver.sent_s[stamp] for stamp in stamps}
-    in_time = {stamp for stamp in stamps if late_s[stamp] < tf_wait_s - 0.02}
+    ended_ns = max(driver.sent_s)
+    wait_until(lambda: stamp_ns(heard[-1]) > ended_ns, driver.turn)
+    nearest_m = {stamp_ns(message): min(message.ranges) for message in heard}
+    late_s = {stamp: driver.followed_s[stamp] - driver.sent_s[stamp] for stamp in driver.followed_s}
+    in_time = [
+        stamp
+        for stamp in nearest_m.keys() & late_s.keys()
+        if stamp > begun_ns and late_s[stamp] < tf_wait_s - 0.02
+    ]
     assert len(in_time) > 0.7 * len(STALLS_S) * ROUNDS * SCANS_PER_STALL
-    bare = [message for message in heard if min(message.ranges) > 3.0]
-    assert [late_s[stamp_ns(message)] for message in bare if stamp_ns(message) in in_time] == []
+    assert [late_s[stamp] for stamp in in_time if nearest_m[stamp] > 3.0] == []
