@@ -50,7 +50,8 @@ def test_walls_are_crossed_where_rays_hit_them(is_cloud: bool) -> None:
     generator = np.random.default_rng(7)
     occupied = generator.uniform(size=(30, 24, 8 if is_cloud else 1)) < 0.04
     if is_cloud:
-        centres = (np.argwhere(occupied) + 0.5) * 0.1 + (1.0, -2.0, 0.3)
+        centres = (np.argwhere(occupied) + 0.5).astype(np.float64) * 0.1
+        centres = centres + np.array((1.0, -2.0, 0.3))
         voxels = VoxelMap.from_centres(centres, None, RigidTransform.identity())
         walls = Walls.of_cloud(centres, 0.0)
     else:
