@@ -14,10 +14,12 @@ from are_ros.builder.tick import Demand
 from are_ros.errors import ParameterError
 from are_ros.messages.feed import Refusals
 from are_ros.messages.transforms import StampedTransform, make_transforms
+from are_ros.parameters.model import Parameters
 from are_ros.replay._bag_files import recording_in
 from are_ros.replay.bag_writer import BagWriter
 from are_ros.replay.command import complaints, effective_parameters, options_of, refused_by_script
 from are_ros.replay.message_types import RosbagsFactory
+from are_ros.replay.options import ReplayOptions
 
 WriteBag = Callable[[Path, Sequence[tuple[str, int, Any]]], Path]
 RunAre = Callable[..., CompletedProcess[str]]
@@ -92,7 +94,9 @@ def test_complaints_name_topics_and_numbers() -> None:
         refusals=refusals,
         scan_problems={"/scan": "no frame"},
         camera_problem="frame 'lens' was never seen",
-        scans={"/scan": SimpleNamespace(passed_through=7)},
+        options=ReplayOptions((), Parameters(), is_wait_given=True),
+        needed_wait_s=0.3,
+        scans={"/scan": SimpleNamespace(passed_through=7, held=0)},
         record=SimpleNamespace(events=()),
         map_doubts=["the robot stood in a wall"],
     )
@@ -100,6 +104,8 @@ def test_complaints_name_topics_and_numbers() -> None:
         "refused: /a: too long",
         "refused: /b: too short (3 messages)",
         "/scan: 7 scans passed through unaugmented, the last for: no frame",
+        "the transforms come late: sensors.tf_wait is 0.05 s, but this recording needs 0.3 s; "
+        "a replay for which it is not set waits as long",
         "nothing was perceived, the camera's pose is not known: frame 'lens' was never seen",
         "the robot stood in a wall",
     ]

@@ -89,7 +89,7 @@ def test_stamps_of_the_future_are_odd() -> None:
     surveyor = FrameSurveyor()
     surveyor.see([edge("base", "laser", S // 2)], "/tf", 0, is_static=False)
     assert surveyor.survey().oddities == (
-        "base -> laser is stamped up to 0.50 s after its recording",
+        "base -> laser is stamped up to 0.50 s after being recorded",
     )
 
 
