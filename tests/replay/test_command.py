@@ -104,8 +104,10 @@ def test_complaints_name_topics_and_numbers() -> None:
         "refused: /a: too long",
         "refused: /b: too short (3 messages)",
         "/scan: 7 scans passed through unaugmented, the last for: no frame",
-        "the transforms come late: sensors.tf_wait is 0.05 s, but this recording needs 0.3 s; "
-        "a replay for which it is not set waits as long",
+        (
+            "the transforms come late: sensors.tf_wait is 0.05 s, but this recording needs 0.3 s; "
+            "a replay for which it is not set waits as long"
+        ),
         "nothing was perceived, the camera's pose is not known: frame 'lens' was never seen",
         "the robot stood in a wall",
     ]

@@ -57,7 +57,7 @@ def test_gaps_strays_and_ends() -> None:
     ahead, gap, behind = found.sentences(DAY)
     assert ahead == "nothing moves in the first 24.0 h: the replay begins after them"
     assert "a gap in which nothing moves (24.0 h long, 19.90 s into it)" in gap
-    assert behind.startswith("nothing moves in the last 2.0 days")
+    assert behind.startswith("nothing moves in the last 48.0 h")
 
 
 def test_a_pause_of_less_than_a_minute_is_no_gap() -> None:
