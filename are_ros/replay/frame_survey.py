@@ -224,10 +224,10 @@ def _oddities(
         if len(edge.topics) > 1:
             yield f"{name} comes from several topics: {', '.join(edge.topics)}"
     if ahead := [e for e in edges if not e.is_static and e.ahead_ns > _AHEAD_NS]:
-        pairs_ahead = listed([f"{edge.parent} -> {edge.child}" for edge in ahead])
+        told = listed([f"{edge.parent} -> {edge.child}" for edge in ahead])
         one_is = "is" if len(ahead) == 1 else "are"
         most_s = max(edge.ahead_ns for edge in ahead) / NS_PER_S
-        yield f"{pairs_ahead} {one_is} stamped up to {most_s:.2f} s after being recorded"
+        yield f"{told} {one_is} stamped up to {most_s:.2f} s after being recorded"
     if slashed:
         shown = ", ".join(sorted(slashed)[:5]) + (", ..." if len(slashed) > 5 else "")
         yield f"{len(slashed)} frame names begin with a slash, which is dropped: {shown}"

@@ -56,6 +56,20 @@ class Path:
         return counts.exact, counts.held, counts.passed_through
 
 
+def test_how_late_the_transform_was_of_a_scan_that_left() -> None:
+    """A scan leaves after its wait; its transform comes 130 ns after it, and that is known."""
+    path = Path()
+    path.correction(0)
+    path.odom(0)
+    path.push(10, 20)
+    path.queue.deadline_passed(70)
+    assert path.queue.late_ns == 0
+    path.correction(200)
+    path.odom(200)
+    path.queue.transforms_came(150)
+    assert path.queue.late_ns == 130
+
+
 def test_a_scan_whose_transform_is_there_leaves_at_once() -> None:
     """At the pose of its own stamp, interpolated."""
     path = Path()

@@ -246,6 +246,15 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         Level.WARN,
         "1 scan without artefacts in the last 10 s: no frame 'x'",
     ),
+    (
+        {"scans": (ScanSnapshot("/a", passed_through_lately=2, last_problem="late", late_s=0.24),)},
+        "scans/a",
+        Level.WARN,
+        (
+            "2 scans without artefacts in the last 10 s: late; transforms come up to 0.240 s "
+            "after the scans: set sensors.tf_wait to 0.25"
+        ),
+    ),
 ]
 
 

@@ -19,6 +19,7 @@ from are_ros.replay._bag_files import recording_in
 from are_ros.replay.bag_writer import BagWriter
 from are_ros.replay.command import complaints, effective_parameters, options_of, refused_by_script
 from are_ros.replay.message_types import RosbagsFactory
+from are_ros.replay.options import ReplayOptions
 
 WriteBag = Callable[[Path, Sequence[tuple[str, int, Any]]], Path]
 RunAre = Callable[..., CompletedProcess[str]]
@@ -94,16 +95,20 @@ def test_complaints_name_topics_and_numbers() -> None:
         scan_problems={"/scan": "no frame"},
         camera_problem="no CameraInfo",
         cloud_problem="the voxel cloud was not used",
+        options=ReplayOptions((), Parameters(), is_wait_given=True),
+        needed_wait_s=0.3,
         scans={"/scan": SimpleNamespace(passed_through=7, held=0)},
         record=SimpleNamespace(events=()),
         map_doubts=["the robot stood in a wall"],
-        options=SimpleNamespace(parameters=Parameters(), is_wait_given=True),
-        needed_wait_s=0.0,
     )
     assert complaints(outcome) == [
         "refused: /a: too long",
         "refused: /b: too short (3 messages)",
         "/scan: 7 scans passed through unaugmented, the last for: no frame",
+        (
+            "the transforms come late: sensors.tf_wait is 0.2 s, but this recording needs 0.3 s; "
+            "a replay for which it is not set waits as long"
+        ),
         "nothing was perceived: no CameraInfo",
         "the voxel cloud was not used",
         "the robot stood in a wall",

@@ -54,7 +54,6 @@ RECORDINGS = {
             ("--map", Path("nav2-maps/tb3_sandbox.yaml")),
             ("--static-tf", "0 0 0 0 0 0 map odom"),
             ("--static-tf", "-0.032 0 0.172 0 0 0 base_footprint base_scan"),
-            ("--set", "sensors.tf_wait:=0.15"),
         ),
         0.008,
         30.0,
