@@ -30,6 +30,7 @@ class ScanAugmentation:
     ) -> None:
         self.perceived: frozenset[int] = frozenset()
         self._settings = parameters.sensors
+        self._history_ns = seconds_to_ns(parameters.poses.history)
         self._tick_ns = tick_period_ns(parameters.builder.tick_rate)
         self._frame_names = parameters.frames
         self._frames = frames
@@ -56,6 +57,7 @@ class ScanAugmentation:
                 self._frame_names.map,
                 self._frame_names.odom,
                 seconds_to_ns(self._settings.tf_wait),
+                self._history_ns,
                 self._augmented,
             )
         self._paths[topic].push(topic, scan, received_ns)

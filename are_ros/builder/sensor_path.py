@@ -2,7 +2,8 @@
 
 A scan waits up to `wait_ns` for the transform at its stamp. Then it takes the last map->odom with
 the interpolated odom->sensor (a slow correction may be held, odometry may not), else it passes
-through unaugmented and is counted.
+through unaugmented and is counted. So does a scan from before all poses that are kept: its stamps
+are those of another clock than the other inputs', or it was held up for long.
 """
 
 from collections import deque
@@ -55,9 +56,16 @@ class SensorPath:
     """The queue of scans that wait, in the order of arrival."""
 
     def __init__(
-        self, frames: FrameTree, map_frame: str, odom_frame: str, wait_ns: int, augment: Augment
+        self,
+        frames: FrameTree,
+        map_frame: str,
+        odom_frame: str,
+        wait_ns: int,
+        history_ns: int,
+        augment: Augment,
     ) -> None:
         self.wait_ns = wait_ns
+        self._history_ns = history_ns
         self.counts = SensorPathCounts()
         self.last_problem = ""
         self._frames = frames
@@ -90,6 +98,9 @@ class SensorPath:
         """Release the scans whose transform has become known; none overtakes another."""
         self._watch_too_early(now_ns)
         while self._waiting:
+            if self._is_too_old(self._waiting[0].scan, now_ns):
+                self._release(self._waiting.popleft(), now_ns, None)
+                continue
             pose = self._exact_pose(self._waiting[0].scan)
             if pose is None:
                 return
@@ -133,11 +144,26 @@ class SensorPath:
     def _release_head(self, now_ns: int) -> None:
         """Let the scan go that has waited longest, with the best pose that there is."""
         item = self._waiting.popleft()
+        if self._is_too_old(item.scan, now_ns):
+            self._release(item, now_ns, None)
+            return
         pose = self._exact_pose(item.scan)
         if pose is None:
             self._too_early.append(item)
             pose = self._held_pose(item.scan)
         self._release(item, now_ns, pose)
+
+    def _is_too_old(self, scan: LaserScan, now_ns: int) -> bool:
+        """Count a scan that is older than the poses of the artefacts."""
+        age_ns = now_ns - scan.stamp_ns
+        if age_ns <= self._history_ns:
+            return False
+        self.counts.passed_through += 1
+        self.last_problem = (
+            f"its stamp is {age_ns / NS_PER_S:.1f} s old, but the artefacts' poses are kept for "
+            f"{self._history_ns / NS_PER_S:g} s only (poses.history); most often clocks differ"
+        )
+        return True
 
     def _exact_pose(self, scan: LaserScan) -> RigidTransform | None:
         pose = self._frames.try_lookup(self._map_frame, scan.frame_id, scan.stamp_ns)

@@ -60,10 +60,11 @@ class Places:
         self._stamps = [scene.stamp_ns for scene in record.scenes]
         self._step_ns = seconds_to_ns(record.settings.motion.step)
         self._departures_ns = departures_ns(record)
-        self._displaced_ns: dict[int, list[int]] = defaultdict(list)
+        self._jumps: dict[int, list[tuple[int, float]]] = defaultdict(list)
         for _, event in record.events:
             if event.kind == DISPLACED:
-                self._displaced_ns[int(event.id)].append(time_ns(event.header.stamp))
+                jump = time_ns(event.header.stamp), float(event.value)
+                self._jumps[int(event.id)].append(jump)
         self._fastest = _fastest(record.scenes)
 
     def at(self, stamp_ns: int) -> list[Box] | None:
@@ -135,10 +136,13 @@ class Places:
             return [_box(earlier, i, start, _reach_m(earlier, i, speeds, since_ns))]
         end, left_ns = _spot(later, j), span_ns - since_ns
         slack_m = _HERE_M + speeds[0] * span_ns / NS_PER_S
-        if self._was_displaced(earlier, i, later.stamp_ns) or start.apart_m(end) > slack_m:
+        number = int(earlier.ids[i])
+        jumped_m = self._jumped_m(number, earlier.stamp_ns, stamp_ns)
+        jumps_m = self._jumped_m(number, stamp_ns, later.stamp_ns)
+        if jumped_m or jumps_m or start.apart_m(end) > slack_m:
             return [
-                _box(earlier, i, start, _reach_m(earlier, i, speeds, since_ns)),
-                _box(later, j, end, _reach_m(later, j, speeds, left_ns)),
+                _box(earlier, i, start, jumped_m + _reach_m(earlier, i, speeds, since_ns)),
+                _box(later, j, end, jumps_m + _reach_m(later, j, speeds, left_ns)),
             ]
         way = _way(start, end, since_ns / span_ns)
         if span_ns <= step_ns:
@@ -149,9 +153,10 @@ class Places:
         turned_m = _radius_m(earlier, i) * root_s * speeds[1]
         return [_box(earlier, i, way, aside_m + turned_m)]
 
-    def _was_displaced(self, earlier: Scene, i: int, until_ns: int) -> bool:
-        moved_ns = self._displaced_ns.get(int(earlier.ids[i]), ())
-        return any(earlier.stamp_ns < t_ns <= until_ns for t_ns in moved_ns)
+    def _jumped_m(self, number: int, after_ns: int, until_ns: int) -> float:
+        """Return how far one was put in all, after one instant and up to another."""
+        jumps = self._jumps.get(number, ())
+        return sum(apart_m for t_ns, apart_m in jumps if after_ns < t_ns <= until_ns)
 
 
 def _fastest(scenes: list[Scene]) -> dict[str, tuple[float, float]]:

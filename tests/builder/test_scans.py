@@ -13,6 +13,7 @@ from are_ros.world.laser_scan import LaserScan
 from are_ros.world.rigid_transform import RigidTransform
 
 WAIT_NS = 50
+HISTORY_NS = 1000
 NO_TURN = (0.0, 0.0, 0.0, 1.0)
 NONE = np.empty(0, dtype=np.float32)
 SCAN = LaserScan("laser", 0, 0.0, 1.0, 1.0, 0.0, 0.1, 0.1, 10.0, np.full(2, 5.0, np.float32), NONE)
@@ -24,7 +25,7 @@ class Path:
     def __init__(self) -> None:
         self.frames = FrameTree()
         self.frames.set_static("base", "laser", (0.25, 0.0, 0.0), NO_TURN)
-        self.queue = SensorPath(self.frames, "map", "odom", WAIT_NS, self._marked)
+        self.queue = SensorPath(self.frames, "map", "odom", WAIT_NS, HISTORY_NS, self._marked)
 
     @staticmethod
     def _marked(scan: LaserScan, pose: RigidTransform) -> LaserScan:
@@ -68,6 +69,19 @@ def test_how_late_the_transform_was_of_a_scan_that_left() -> None:
     path.odom(200)
     path.queue.transforms_came(150)
     assert path.queue.late_ns == 130
+
+
+def test_a_scan_older_than_the_kept_poses_passes_through() -> None:
+    """Nobody knows any more where the artefacts were, though the transform is known."""
+    path = Path()
+    for stamp_ns in (0, 2000):
+        path.correction(stamp_ns)
+        path.odom(stamp_ns)
+    path.push(1000, 2000)
+    path.push(999, 2000)
+    assert path.out() == [(1000, 1000.25, 2000, True), (999, 5.0, 2000, False)]
+    assert path.counts() == (1, 0, 1)
+    assert "poses.history" in path.queue.last_problem
 
 
 def test_a_scan_whose_transform_is_there_leaves_at_once() -> None:
