@@ -142,6 +142,8 @@ class Truth:
         self._truth = truth
         self._triangles = triangles
         self._own = [tick.stamp_ns for tick in run.ticks]
+        ends = [tick.stamp_ns for tick in truth.ticks[:1] + truth.ticks[-1:]]
+        self._length_ns = ends[-1] - ends[0] + SUB_STEP_NS if ends else 0
         self._stamps: dict[int, list[int]] = {}
         self._poses: dict[int, list[Floats]] = {}
         self._rates: dict[int, list[Floats]] = {}
@@ -158,7 +160,7 @@ class Truth:
     def covers(self, stamp_ns: int) -> bool:
         """Return whether the truth knows the stamp."""
         ticks = self._truth.ticks
-        return bool(ticks) and ticks[0].stamp_ns <= stamp_ns <= ticks[-1].stamp_ns
+        return bool(ticks) and 0 <= stamp_ns - ticks[0].stamp_ns < self._length_ns
 
     def bodies(self, stamp_ns: int) -> list[Body]:
         """Return who may be met at a stamp."""
