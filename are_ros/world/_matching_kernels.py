@@ -23,7 +23,7 @@ UNKNOWN_CELL: Final = 2
 
 _CHECK_EVERY: Final = 8
 _STEP_CELLS: Final = 0.5
-_LEAF_EFFORT: Final = 20
+_LEAF_EFFORT: Final = 60
 """What expanding a node to leaves costs, whose beams are followed, in nodes of other levels."""
 
 

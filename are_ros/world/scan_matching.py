@@ -53,8 +53,9 @@ _UNKNOWN: Final = 25
 _RIVAL_FLOOR: Final = 0.88
 """Of the best score on the lattice: on its lattice a rival may lose more than the best did."""
 _MOST_RIVALS: Final = 3
-_LEAST_SCORE: Final = 0.25
-"""With less, the search takes long, and what it finds tells nothing."""
+_FLOORS: Final = (0.8, 0.65, 0.5, 0.4, 0.32, 0.25)
+"""Scores above which the best pose is looked for in turn: a high floor makes a quick search. With
+less than the last the search takes long, and what it finds tells nothing."""
 _MOST_EFFORT: Final = 10**7
 """Nodes that a search may look at: some ten seconds."""
 _BATCH: Final = 4096
@@ -200,9 +201,8 @@ class ScanMatcher:
         `progress` is told the fraction done.
         """
         search = _Search(self._fields, cloud)
-        floor = int(_LEAST_SCORE * FULL * len(search.points))
-        first = search.best((), floor, lambda done: progress(0.7 * done))
-        if first is None or first.score <= floor:
+        first = search.first(lambda done: progress(0.7 * done))
+        if first is None:
             return None
         found, middle = [first], cloud.origins_m.mean(axis=0)
         matches = [self._climbed(cloud, self._map_from_part.after(search.pose(first.leaf)))]
@@ -378,9 +378,17 @@ class _Search:
         back = PlanarPose(-self.reference_m[0], -self.reference_m[1], 0.0)
         return PlanarPose(x * cell_m, y * cell_m, wrapped(yaw)).after(back)
 
-    def best(
-        self, excluded: Sequence[_Found], floor: int, progress: Progress = lambda _: None
-    ) -> _Found | None:
+    def first(self, progress: Progress) -> _Found | None:
+        """Return the best leaf of all, None if it is not worth a word or the search is given up."""
+        for number, share in enumerate(_FLOORS):
+            floor = int(share * FULL * len(self.points))
+            found = self.best((), floor)
+            if found is None or found.score > floor:
+                return found
+            progress((number + 1) / len(_FLOORS))
+        return None
+
+    def best(self, excluded: Sequence[_Found], floor: int) -> _Found | None:
         """Return the best leaf with a score above `floor` that is far from the excluded ones.
 
         Where there is none, the score is `floor`; None where the search is given up, for too many
@@ -400,7 +408,6 @@ class _Search:
                 _MARGIN_M / fields.cell_m, self.level, nodes[batch], bounds[batch], self.sides,
                 self.yaw_step, away, DISTINCT_M / fields.cell_m, DISTINCT_RAD, best, leaf, left,
             )  # fmt: skip
-            progress(min(1.0, (begin + _BATCH) / len(nodes)))
         if left[0] <= 0:
             return None
         x, y, yaw = leaf.tolist()

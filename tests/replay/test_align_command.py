@@ -13,6 +13,7 @@ import pytest
 from are_ros.messages.grid import make_grid
 from are_ros.messages.scan import make_scan
 from are_ros.messages.transforms import StampedTransform, make_transforms
+from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.replay.align_input import AlignInput, gather, map_of
 from are_ros.replay.bag_reader import BagReader
@@ -34,7 +35,9 @@ LEVEL = (0.0, 0.0, 0.0, 1.0)
 
 def line_of(done: CompletedProcess[str]) -> tuple[PlanarPose, str]:
     """Return pose and frames of the first line that `are align` printed."""
-    found = re.search(r'^--static-tf "(\S+) (\S+) 0 (\S+) 0 0 (\S+ \S+)"$', done.stdout, re.M)
+    found = re.search(
+        r'^--static-tf "(\S+) (\S+) 0 (\S+) 0 0 (\S+ \S+)"$', done.stdout, re.MULTILINE
+    )
     assert found, done.stdout + done.stderr
     x, y, yaw, frames = found.groups()
     return PlanarPose(float(x), float(y), float(yaw)), frames
@@ -106,15 +109,15 @@ def small_bag(tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag) -> C
 def test_map_to_odom_is_printed_ready_to_paste(
     run_are: RunAre, small_bag: Callable[..., Path], tmp_path: Path, mount: Any
 ) -> None:
-    """The map of the recording, a laser either way up: line, share and a picture; `replay` takes it."""
+    """The map of the recording, a laser either way up: line, share and picture."""
     bag, picture = small_bag(mount), tmp_path / "pictures" / "align.png"
     done = run_are("align", bag, "--out", picture)
     assert done.returncode == 0, done.stdout + done.stderr
     pose, frames = line_of(done)
     assert frames == "map odom"
     assert_near(pose, 2.0, 1.0, 0.5)
-    assert re.search(r"fit +(9\d|100)% of 3,[45]\d\d endpoints within 0.1 m", done.stdout)
-    assert "11 scans of /scan" in done.stdout
+    assert re.search(r"fit +(9\d|100)% of 3,\d\d\d endpoints within 0.1 m", done.stdout)
+    assert re.search(r"scans +10 scans of /scan, over \d+ s and 2", done.stdout)
     assert picture.read_bytes().startswith(b"\x89PNG")
     option = done.stdout.splitlines()[0].split('"')[1]
     again = run_are("align", bag, "--static-tf", option, "--out", picture)
@@ -141,9 +144,8 @@ def test_what_lacks_is_said_with_the_line_that_gives_it(
     replayed = run_are("replay", bag, *base, "--out", tmp_path / "out")
     assert replayed.returncode == 1
     line = '--static-tf "X Y Z YAW PITCH ROLL map odom"'
-    for text in (replayed.stderr,):
-        assert line in text
-        assert "`are align`" in text
+    assert line in replayed.stderr
+    assert "`are align`" in replayed.stderr
 
 
 def test_nothing_to_match_is_one_sentence(
@@ -162,7 +164,8 @@ def test_nothing_to_match_is_one_sentence(
 
 def gathered(bag: Path, **options: Any) -> tuple[AlignInput, OccupancyGrid]:
     """Return the scans and the map of a recording; the map's frame is another than any in it."""
-    replay = ReplayOptions(bags=(bag,), parameters=Parameters(), **options)
+    parameters = with_values(Parameters(), {"frames.map": "site"})
+    replay = ReplayOptions(bags=(bag,), parameters=parameters, **options)
     with BagReader([bag]) as reader:
         roles = find_roles(reader.topics, {})
         grid = map_of(reader, roles, replay)
@@ -183,11 +186,10 @@ def sample_without_map(
     return write_bag(tmp_path_factory.mktemp("sample") / "bag.mcap", list(kept()))
 
 
-def first_map_from_odom(bag: Path) -> PlanarPose:
-    """Return map -> odom in the middle of a recording that has it."""
+def map_from_odom(bag: Path, at_ns: int) -> PlanarPose:
+    """Return map -> odom so long after the beginning of a recording that has it."""
     with BagReader([bag]) as reader:
-        middle_ns = (reader.start_ns + reader.end_ns) // 2
-        for message in reader.messages(("/tf",), middle_ns):
+        for message in reader.messages(("/tf",), reader.start_ns + at_ns):
             for parent, _, _, place, turn in reader.transforms(message):
                 if parent == "map":
                     yaw = RigidTransform.checked(place, turn).yaw_rad()
@@ -198,26 +200,27 @@ def first_map_from_odom(bag: Path) -> PlanarPose:
 def test_map_to_odom_of_the_sample(
     run_are: RunAre, sample_bag: Path, sample_without_map: Path, tmp_path: Path
 ) -> None:
-    """By odometry alone, whose drift is the sample's own: as the recording's own localisation."""
-    done = run_are("align", sample_without_map, "--out", tmp_path / "align.png")
+    """By odometry alone, while it has not drifted much: as the recording's own localisation."""
+    part = ("--duration", 6, "--out", tmp_path / "align.png")
+    done = run_are("align", sample_without_map, *part)
     assert done.returncode == 0, done.stdout + done.stderr
     pose, frames = line_of(done)
     assert frames == "map odom"
-    assert_near(pose, *first_map_from_odom(sample_bag))
+    assert_near(pose, *map_from_odom(sample_bag, 3 * S))
 
 
-def test_the_sample_is_found_turned_and_shifted_at_random(sample_without_map: Path) -> None:
+def test_the_sample_is_found_turned_and_shifted_at_random(sample_bag: Path) -> None:
     """Twenty times another odom frame and another origin of the map: 5 cm, 1 degree, no doubt."""
-    given, grid = gathered(sample_without_map)
+    given, grid = gathered(sample_bag)
+    assert given.root == "map"
     cloud = given.cloud()
-    truth = ScanMatcher(grid, classify(grid, 65, 20)).align(cloud)
-    assert truth is not None
     dice = np.random.Generator(np.random.PCG64(11))
     for _ in range(20):
         moved = PlanarPose(*dice.uniform((-50.0, -50.0, -math.pi), (50.0, 50.0, math.pi)).tolist())
         origin = PlanarPose(*dice.uniform((-50.0, -50.0, -math.pi), (50.0, 50.0, math.pi)).tolist())
         ends, origins = moved.apply(cloud.endpoints_m), moved.apply(cloud.origins_m)
-        corner = origin.after(PlanarPose(*grid.origin.translation_m[:2].tolist(), 0.0))
+        x_m, y_m, _ = grid.origin.translation_m.tolist()
+        corner = origin.after(PlanarPose(x_m, y_m, 0.0))
         shifted = OccupancyGrid(
             grid.cells, grid.resolution_m, RigidTransform.planar(*corner), "map"
         )
@@ -225,7 +228,7 @@ def test_the_sample_is_found_turned_and_shifted_at_random(sample_without_map: Pa
         found = matcher.align(ScanCloud(ends, origins, cloud.scans))
         assert found is not None
         assert not found.is_ambiguous
-        expected = origin.after(truth.best.pose).after(moved.inverse())
+        expected = origin.after(moved.inverse())
         place = origins.mean(axis=0)[np.newaxis]
         apart_m = np.hypot(*(found.best.pose.apply(place) - expected.apply(place))[0])
         assert apart_m < 0.05

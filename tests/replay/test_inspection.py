@@ -113,6 +113,7 @@ def test_what_is_missing_is_said_with_its_option(
     no_map, no_pose, no_mount = inspected(path).missing
     assert "--map FILE.yaml" in no_map
     assert no_pose.startswith("nothing joins map to base_link, which hangs together with odom:")
+    assert '--static-tf "X Y Z YAW PITCH ROLL map odom", which `are align` finds' in no_pose
     assert no_mount.startswith("nothing joins laser, the frame of /scan, to base_link:")
     assert "--static-tf" in no_mount
     edges = [("map", "odom"), ("base_link", "laser")]

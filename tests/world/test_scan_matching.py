@@ -37,7 +37,10 @@ def put(cells: Cells, x_m: float, y_m: float, width_m: float, height_m: float) -
     cells[row : row + round(height_m / CELL_M), col : col + round(width_m / CELL_M)] = 100
 
 
-def grid_of(cells: Cells, origin: PlanarPose = PlanarPose(0.0, 0.0, 0.0)) -> OccupancyGrid:
+NOWHERE = PlanarPose(0.0, 0.0, 0.0)
+
+
+def grid_of(cells: Cells, origin: PlanarPose = NOWHERE) -> OccupancyGrid:
     """Return the grid of cells, its corner anywhere."""
     return OccupancyGrid(cells, CELL_M, RigidTransform.planar(*origin), "map")
 
@@ -101,7 +104,7 @@ def test_poses_compose_and_invert() -> None:
 
 @pytest.mark.parametrize("yaw", [-2.9, -0.7, 0.0, 1.6])
 def test_a_room_is_found_wherever_its_map_lies(furnished: Cells, yaw: float) -> None:
-    """Maps with a turned origin, clouds turned otherwise: there is one answer, and the right one."""
+    """Maps with a turned origin, clouds turned otherwise: one answer, and the right one."""
     origin = PlanarPose(3.0 * yaw, -2.0, 0.5 - yaw)
     grid_from_cloud = PlanarPose(2.0, 1.5, yaw)
     cloud = scanned(furnished, [(2.0, 1.8), (3.9, 3.0), (6.3, 3.6)], grid_from_cloud, 20.0)
@@ -156,7 +159,7 @@ def _leaf_scores(search: _Search, cells: Cells, at_least: int) -> list[int]:
         turned = search.points @ np.array(((cosine, sine), (-sine, cosine)))
         for iy in range(search.sides[1]):
             for ix in range(search.sides[0]):
-                at = np.floor(turned + (ix + 0.5, iy + 0.5)).astype(int) + pad
+                at = np.floor(turned + np.array((ix + 0.5, iy + 0.5))).astype(int) + pad
                 at = np.clip(at, 0, (field.shape[1] - 1, field.shape[0] - 1))
                 if field[at[:, 1], at[:, 0]].sum() >= at_least:
                     scores.append(_leaf_score(search, cells, (ix, iy, it)))
