@@ -7,7 +7,7 @@ local search then refines it below a cell.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -60,8 +60,6 @@ _MOST_EFFORT: Final = 10**7
 """Nodes that a search may look at: some ten seconds."""
 _BATCH: Final = 4096
 _SEED: Final = 20
-
-Progress = Callable[[float], None]
 
 
 class PlanarPose(NamedTuple):
@@ -192,23 +190,21 @@ class ScanMatcher:
         self._cell_m = self._fine_m * factor
         self._fields = _Fields.of(_pooled(self._fine, factor), self._cell_m)
 
-    def align(self, cloud: ScanCloud, progress: Progress = lambda _: None) -> Alignment | None:
+    def align(self, cloud: ScanCloud) -> Alignment | None:
         """Return the pose at which the cloud fits the map best, anywhere on it, and its rivals.
 
         The place of the laser that is nearest to the middle of the cloud lies within the map's
         known part. None where no pose has a score worth a word, or too many have about the same; a
         poor best has no rivals.
-        `progress` is told the fraction done.
         """
         search = _Search(self._fields, cloud)
-        first = search.first(lambda done: progress(0.7 * done))
+        first = search.first()
         if first is None:
             return None
         found, middle = [first], cloud.origins_m.mean(axis=0)
         matches = [self._climbed(cloud, self._map_from_part.after(search.pose(first.leaf)))]
         floor = int(_RIVAL_FLOOR * first.score)
         while len(matches) <= _MOST_RIVALS and not matches[0].is_poor:
-            progress(0.7 + 0.1 * (len(matches) - 1))
             rival = search.best(found, floor)
             if rival is None:
                 return None
@@ -221,7 +217,6 @@ class ScanMatcher:
             # From a ridge the climb may end where another did; the ridge is there all the same.
             matches.append(climbed if is_new else self.match(cloud, pose))
         matches.sort(key=lambda match: -match.score)
-        progress(1.0)
         return Alignment(matches[0], tuple(matches[1:]), self._slide(cloud, matches))
 
     def refined(self, cloud: ScanCloud, pose: PlanarPose, reach_m: float) -> Match:
@@ -378,14 +373,13 @@ class _Search:
         back = PlanarPose(-self.reference_m[0], -self.reference_m[1], 0.0)
         return PlanarPose(x * cell_m, y * cell_m, wrapped(yaw)).after(back)
 
-    def first(self, progress: Progress) -> _Found | None:
+    def first(self) -> _Found | None:
         """Return the best leaf of all, None if it is not worth a word or the search is given up."""
-        for number, share in enumerate(_FLOORS):
+        for share in _FLOORS:
             floor = int(share * FULL * len(self.points))
             found = self.best((), floor)
             if found is None or found.score > floor:
                 return found
-            progress((number + 1) / len(_FLOORS))
         return None
 
     def best(self, excluded: Sequence[_Found], floor: int) -> _Found | None:
