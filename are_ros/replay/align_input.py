@@ -32,6 +32,7 @@ _MOST_SCANS: Final = 90
 _FEWEST_SCANS: Final = 10
 _APART_M: Final = 0.4
 _APART_RAD: Final = 0.3
+_SLOW_RADPS: Final = 0.1
 _MOST_TILT_RAD: Final = 0.1
 _RETURN_SHARE: Final = 0.995
 _ENOUGH_SHARE: Final = 0.95
@@ -211,7 +212,11 @@ def _placed(tree: FrameTree, root: str, topic: str, scan: LaserScan) -> PlacedSc
 
 
 def _telling(placed: list[PlacedScan]) -> list[PlacedScan]:
-    """Return scans from places that are apart, or evenly over the time where there are few."""
+    """Return scans from places that are apart, or evenly over the time where there are few.
+
+    Of the scans those count in which the laser turned little: a turn shears a scan.
+    """
+    placed = _steady(placed)
     kept: dict[str, list[int]] = {}
     for number, scan in enumerate(placed):
         before = kept.setdefault(scan.topic, [])
@@ -224,10 +229,28 @@ def _telling(placed: list[PlacedScan]) -> list[PlacedScan]:
     return [placed[numbers[k]] for k in _evenly(len(numbers), _MOST_SCANS)]
 
 
+def _steady(placed: list[PlacedScan]) -> list[PlacedScan]:
+    """Return the slower half by the rate of turning, and all that hardly turn."""
+    rates_radps = np.zeros(len(placed))
+    last: dict[str, int] = {}
+    for number, scan in enumerate(placed):
+        before = last.setdefault(scan.topic, number)
+        last[scan.topic] = number
+        lasted_s = (scan.stamp_ns - placed[before].stamp_ns) / NS_PER_S
+        if lasted_s > 0.0:
+            rates_radps[number] = _turned(placed[before], scan) / lasted_s
+    most_radps = max(_SLOW_RADPS, float(np.median(rates_radps))) if placed else 0.0
+    return [placed[number] for number in np.flatnonzero(rates_radps <= most_radps).tolist()]
+
+
+def _turned(one: PlacedScan, other: PlacedScan) -> float:
+    """Return by how much the laser has turned [rad]."""
+    return abs(math.remainder(other.place[2] - one.place[2], math.tau))
+
+
 def _is_apart(one: PlacedScan, other: PlacedScan) -> bool:
-    (x, y, yaw), (x1, y1, yaw1) = one.place, other.place
-    turned = abs((yaw1 - yaw + math.pi) % (2.0 * math.pi) - math.pi)
-    return math.hypot(x1 - x, y1 - y) > _APART_M or turned > _APART_RAD
+    (x, y, _), (x1, y1, _) = one.place, other.place
+    return math.hypot(x1 - x, y1 - y) > _APART_M or _turned(one, other) > _APART_RAD
 
 
 def _evenly(count: int, most: int) -> list[int]:
