@@ -117,7 +117,7 @@ def test_map_to_odom_is_printed_ready_to_paste(
     assert frames == "map odom"
     assert_near(pose, 2.0, 1.0, 0.5)
     assert re.search(r"fit +(9\d|100)% of 2,\d\d\d endpoints within 0.1 m", done.stdout)
-    assert re.search(r"scans +10 scans of /scan, over \d+ s and 2", done.stdout)
+    assert re.search(r"scans +[78] scans of /scan, over \d+ s and [12]", done.stdout)
     assert picture.read_bytes().startswith(b"\x89PNG")
     option = done.stdout.splitlines()[0].split('"')[1]
     again = run_are("align", bag, "--static-tf", option, "--out", picture)
