@@ -7,7 +7,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 AREA_OF_ONE_M2: Final = 25.0
@@ -16,6 +15,7 @@ MOST: Final = 400
 _BLOCK_M: Final = 1.0
 _DRAWN: Final = 40
 """The next place is the farthest of so many."""
+_SPREAD_SEED: Final = 0
 
 _ROUNDING: Final = 1e-3
 
@@ -89,7 +89,7 @@ def _spread(
     It is the farthest of some that are drawn, always alike: the farthest of all would make a
     lattice on open ground, and trips along its axes.
     """
-    random = generator(0, Purpose.GOAL, 0)  # of no artefact: their ids count from 1
+    random = np.random.Generator(np.random.PCG64(_SPREAD_SEED))
     chosen = np.zeros(count, np.int64)
     if not count:
         return chosen
