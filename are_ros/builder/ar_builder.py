@@ -159,7 +159,7 @@ class ArBuilder(Reality):
 
     def _register(self, scene: Scene) -> dict[int, CellPatch]:
         """Registration: the cells that each artefact covers, by id."""
-        environment = self.world.environment
+        environment = self.lives.environment
         if environment is None:
             return {}
         if self._registered[:2] != (environment, scene):

@@ -3,7 +3,8 @@
 A sub-step begins where the one before has taken everybody: who is KEPT is there, the others are
 where the resolver puts them (section 3.3), and the traffic is told. Then minds decide and the
 traffic plans where all will be when the next sub-step begins. From then on that is certain: until
-the next sub-step all go straight there, whatever comes in, and who arrives in between stands.
+the next sub-step all go straight there, whatever comes in. Who arrives in between stands, unless
+it has a track.
 """
 
 import math

@@ -19,8 +19,6 @@ from are_ros.world.rigid_transform import RigidTransform
 
 _WATCHED: Final = 50
 """Of so many scans that left too early it is known how late their transforms came."""
-_LATEST_NS: Final = 2 * NS_PER_S
-"""A transform that is later than this never comes: the poses of artefacts are not kept longer."""
 
 Augment = Callable[[LaserScan, RigidTransform], LaserScan]
 
@@ -88,7 +86,7 @@ class SensorPath:
 
         It is 0 where none did: a longer wait would have helped nobody.
         """
-        return max(self._late_ns, default=0)
+        return max((late_ns for late_ns in self._late_ns if late_ns > self.wait_ns), default=0)
 
     def next_deadline_ns(self) -> int | None:
         """Return when the scan that waits longest must leave, None if none waits."""
@@ -129,6 +127,7 @@ class SensorPath:
         """Drop what waits: the clock jumped back."""
         self._waiting.clear()
         self._too_early.clear()
+        self._late_ns.clear()
 
     def _watch_too_early(self, now_ns: int) -> None:
         """Note how late the transforms are of scans that have left without them."""
@@ -137,7 +136,7 @@ class SensorPath:
             frames = self._map_frame, item.scan.frame_id
             if self._frames.try_lookup(*frames, item.scan.stamp_ns) is not None:
                 self._late_ns.append(age_ns)
-            elif age_ns < _LATEST_NS:
+            elif age_ns < self._history_ns:
                 return
             self._too_early.popleft()
 

@@ -11,6 +11,8 @@ from are_ros.conventions import NS_PER_S
 WINDOW_S: Final = 60
 MACHINE: Final = "machine"
 """The node had something to do, and was not run: others had the processor, or it was stopped."""
+_REQUESTED: Final = frozenset({"services", "parameters", "transitions", "diagnostics"})
+"""Turns that keep their names, though ticks may be run in them first."""
 _NS_PER_MS: Final = 1e6
 
 
@@ -51,8 +53,9 @@ class BusyWatch:
             self.turn = Turn(now_ns, threading.get_ident())
 
     def call_it(self, what: str) -> None:
-        """Name the turn that goes on after what takes the most time of it."""
-        self._what = what
+        """Name the turn after what is done in it, if it was none of a user's: inputs make ticks."""
+        if self._what not in _REQUESTED:
+            self._what = what
 
     def end(self, now_ns: int) -> None:
         """End the turn, or the part of it."""

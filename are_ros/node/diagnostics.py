@@ -202,13 +202,13 @@ def _population(snapshot: NodeSnapshot) -> Status:
 def _behaviours(snapshot: NodeSnapshot) -> Status:
     faults = snapshot.faults
     values = {name: f"{count} failed" for name, count in faults.counts.items()}
-    if faults.hung:
-        return Status(Level.WARN, "behaviours", faults.hung, values)
-    if not faults.counts:
+    said = [faults.hung] if faults.hung else []
+    if faults.counts:
+        who = counted(sum(faults.counts.values()), "artefact")
+        said.append(f"the behaviour of {who} has failed, and they stand; the last: {faults.last}")
+    if not said:
         return Status(Level.OK, "behaviours", "none failed", values)
-    who = counted(sum(faults.counts.values()), "artefact")
-    message = f"the behaviour of {who} has failed, who stood from then on; the last: {faults.last}"
-    return Status(Level.WARN, "behaviours", message, values)
+    return Status(Level.WARN, "behaviours", "; ".join(said), values)
 
 
 def _contacts(snapshot: NodeSnapshot) -> Status:

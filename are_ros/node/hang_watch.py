@@ -43,12 +43,19 @@ class HangWatch:
         self._thread.join()
 
     def _run(self) -> None:
+        asked: tuple[Turn | None, str] = None, ""
+        since_ns = 0
         while not self._is_over.wait(1.0 / _LOOKS_PER_S):
             turn, hung = self._busy.turn, self._hung
             is_known = hung is not None and hung[0] is turn
-            if turn is None or is_known or monotonic_ns() - turn.began_ns < PATIENCE_NS:
+            if turn is None or is_known:
                 continue
             who = who_is_asked(sys._current_frames().get(turn.thread))  # noqa: SLF001 - of Python
-            if who and self._busy.turn is turn:
+            if self._busy.turn is not turn:
+                continue
+            # Several that are slow, one after the other, are no hang.
+            if (turn, who) != asked:
+                asked, since_ns = (turn, who), monotonic_ns()
+            elif who and monotonic_ns() - since_ns >= PATIENCE_NS:
                 self._hung = turn, who
                 self._say(f"{who} has not returned for a second; the node stands still")

@@ -11,6 +11,7 @@ from are_ros.replay.bag_clock import BagClock
 from are_ros.replay.bag_reader import BagMessage, BagReader
 from are_ros.replay.bag_times import MOVING_ROLES, RecordedTimes
 from are_ros.replay.roles import find_roles
+from are_ros.replay.timeline import stretches_of
 
 _TF: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _RECENT_NS: Final = 10 * NS_PER_S
@@ -25,6 +26,7 @@ class PlayWindow:
     clock: BagClock
     first_log_ns: int
     last_log_ns: int
+    gaps_ns: int = 0
 
     @classmethod
     def of(cls, reader: BagReader, options: PlayOptions) -> "PlayWindow":
@@ -40,7 +42,9 @@ class PlayWindow:
         named = ((roles.topic(role), role) for role in MOVING_ROLES)
         role_of_topic = {topic: role for topic, role in named if topic is not None}
         times = RecordedTimes.read(reader, role_of_topic, first_ns, last_ns)
-        return cls(reader, BagClock.of(times), first_ns, last_ns)
+        clock = BagClock.of(times)
+        gaps = stretches_of(times, clock, first_ns, last_ns, reader.files).gaps
+        return cls(reader, clock, first_ns, last_ns, sum(gap.length_ns for gap in gaps))
 
     @property
     def start_ns(self) -> int:

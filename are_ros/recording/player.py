@@ -16,6 +16,7 @@ from are_ros.recording.ros_session import ros_session
 from are_ros.recording.subscribers import await_subscribers
 from are_ros.replay.bag_reader import BagMessage, BagReader
 from are_ros.replay.runner import Progress
+from are_ros.wording import duration_text
 
 __all__ = ("PlayOptions", "PlayOutcome", "play")
 
@@ -54,6 +55,11 @@ def play(
         recording = PlayWindow.of(reader, options)
         if recording.clock.sentence:
             say(recording.clock.sentence)
+        if recording.gaps_ns:
+            say(
+                f"nothing moves for {duration_text(recording.gaps_ns)} of the recording, which are "
+                "played too: --start and --duration choose a part"
+            )
         options.check_topics([topic.name for topic in reader.topics])
         outlets = PlayOutlets(node, reader, options, say)
         if not outlets.topics:

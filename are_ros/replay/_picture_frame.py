@@ -140,7 +140,7 @@ def _subtitle(record: SceneRecord, without_id: int, ids_as_in: str = METRICS) ->
     blocked = counts[EventKind.BLOCKED]
     ids = f"numbers are ids, as in {ids_as_in}"
     if without_id:
-        ids += f"; {without_id} have no room"
+        ids += f"; {counted(without_id, 'number')} left out for want of room"
     parts = [
         f"{record.duration_ns / NS_PER_S:.0f} s",
         f"robot drove {driven_m:.1f} m" if len(record.robot) else "no pose of the robot",

@@ -1,8 +1,10 @@
 """The scans of a recording as one cloud, in the frame at the root of the tree they hang in."""
 
 import math
+from collections import deque
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -17,7 +19,9 @@ from are_ros.replay.bag_reader import BagMessage, BagReader
 from are_ros.replay.frame_survey import root_above
 from are_ros.replay.options import ReplayOptions
 from are_ros.replay.roles import RolesFound
-from are_ros.replay.runner import Progress, topics_to_read
+from are_ros.replay.runner import Progress, beginning, topics_to_read
+from are_ros.replay.timeline import GAP_NS
+from are_ros.wording import counted
 from are_ros.world.frame_tree import FrameTree
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.map_file import read_map_file
@@ -72,10 +76,13 @@ class AlignInput:
         )
 
     def driven_m(self) -> Floats:
-        """Return how far the laser had moved at each scan, float64 (N,)."""
-        places = np.array([scan.place[:2] for scan in self.scans])
+        """Return how far the robot had driven at each scan, float64 (N,), by the first laser."""
+        way = [scan for scan in self.scans if scan.topic == self.scans[0].topic]
+        places = np.array([scan.place[:2] for scan in way])
         steps = np.hypot(*np.diff(places, axis=0).T)
-        return np.concatenate(((0.0,), np.cumsum(steps)))
+        driven_m = np.concatenate(((0.0,), np.cumsum(steps)))
+        stamps_ns = [scan.stamp_ns for scan in self.scans]
+        return np.interp(stamps_ns, [scan.stamp_ns for scan in way], driven_m)
 
 
 def map_of(reader: BagReader, roles: RolesFound, options: ReplayOptions) -> OccupancyGrid:
@@ -87,8 +94,16 @@ def map_of(reader: BagReader, roles: RolesFound, options: ReplayOptions) -> Occu
         raise BagError(
             "the recording has no map (nav_msgs/OccupancyGrid): give one with --map FILE.yaml"
         )
-    *_, last = reader.messages((topic,))
-    return read_grid(reader.deserialize(last), topic)
+    last = deque(reader.messages((topic,)), maxlen=1)
+    if not last:
+        raise BagError(f"{topic}: there is no map on it: give one with --map FILE.yaml")
+    grid, wanted = read_grid(reader.deserialize(last[0]), topic), options.parameters.frames.map
+    if grid.frame_id != wanted:
+        raise BagError(
+            f"{topic}: its frame is '{grid.frame_id}', but frames.map is '{wanted}': "
+            f"give --map-frame {grid.frame_id}"
+        )
+    return grid
 
 
 def gather(
@@ -103,7 +118,7 @@ def gather(
     if not topics:
         raise BagError(_no_scan(roles))
     frames = {topic: role for topic, role in role_of_topic.items() if role in _FRAME_ROLES}
-    begin_ns, end_ns = _window(reader, {*frames, *topics}, options)
+    begin_ns, end_ns = _window(reader, role_of_topic, options)
     first = next(reader.messages(topics, begin_ns, end_ns), None)
     if first is None:
         raise BagError(f"{', '.join(topics)}: no scan lies in the time that is to be read")
@@ -126,7 +141,22 @@ def gather(
     if not collector.placed:
         raise BagError(f"{', '.join(topics)}: none of the scans can be used: {collector.reason()}")
     placed = sorted(collector.placed, key=lambda scan: scan.stamp_ns)
-    return AlignInput(root, topics, tuple(_telling(placed)), tuple(collector.notices()))
+    drive, notices = _longest_drive(placed)
+    return AlignInput(root, topics, tuple(_telling(drive)), (*collector.notices(), *notices))
+
+
+def _longest_drive(placed: list[PlacedScan]) -> tuple[list[PlacedScan], list[str]]:
+    """Return the scans of the longest stretch without a gap, and what is said of the others.
+
+    Odometry begins anew after a gap: no one transform holds on both sides of it.
+    """
+    stamps_ns = np.array([scan.stamp_ns for scan in placed])
+    bounds = [0, *(np.flatnonzero(np.diff(stamps_ns) >= GAP_NS) + 1).tolist(), len(placed)]
+    begin, end = max(pairwise(bounds), key=lambda part: part[1] - part[0])
+    if end - begin == len(placed):
+        return placed, []
+    others = counted(len(placed) - (end - begin), "scan")
+    return placed[begin:end], [f"the recording has a gap: {others} beyond it left out"]
 
 
 class _Collector:
@@ -268,11 +298,11 @@ def _spread_scans(
     return frozenset(found[k] for k in _evenly(len(found), _CANDIDATES))
 
 
-def _window(reader: BagReader, topics: Collection[str], options: ReplayOptions) -> tuple[int, int]:
-    """Return the log times [begin, end) that are read, counted from the first that moves."""
-    moving = [topic for topic in topics if topic not in {"/tf_static", "tf_static"}]
-    first = next(reader.messages(moving), None)
-    begin_ns = (first.log_time_ns if first else reader.start_ns) + seconds_to_ns(options.start_s)
+def _window(
+    reader: BagReader, role_of_topic: Mapping[str, str], options: ReplayOptions
+) -> tuple[int, int]:
+    """Return the log times [begin, end) that are read, counted as a replay counts them."""
+    begin_ns = beginning(reader, role_of_topic) + seconds_to_ns(options.start_s)
     if options.duration_s is None:
         return begin_ns, reader.end_ns
     return begin_ns, min(reader.end_ns, begin_ns + seconds_to_ns(options.duration_s))

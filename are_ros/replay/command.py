@@ -8,6 +8,7 @@ from typing import Any, Final
 from are_ros.artefacts.population_events import Cause
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms, replaced_statics
 from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.builder.tick import Demand
 from are_ros.description.configuration import describe_lines
 from are_ros.description.site import Site, surveyed
@@ -143,7 +144,12 @@ def replay_command(say: Say, **options: Any) -> bool:
         for line in [*summary(outcome, options["out"]), *said, *complaints(outcome)]:
             say(line)
     problems = outcome.refusals.counts, outcome.camera_problem, outcome.cloud_problem
-    return is_filmed and not any(problems)
+    return is_filmed and not any(problems) and not any(map(_is_bare, outcome.scans.values()))
+
+
+def _is_bare(scans: SensorPathCounts) -> bool:
+    """Tell whether all scans of a topic went as they came."""
+    return scans.passed_through > 0 and not scans.exact + scans.held
 
 
 def write_results(outcome: Outcome, folder: Path) -> None:
@@ -204,6 +210,8 @@ def complaints(outcome: Outcome) -> list[str]:
     for topic, problem in sorted(outcome.scan_problems.items()):
         passed = counted(outcome.scans[topic].passed_through, "scan")
         lines.append(f"{topic}: {passed} passed through unaugmented, the last for: {problem}")
+        if _is_bare(outcome.scans[topic]):
+            lines[-1] += "; `are inspect` says which --static-tf or which wait is missing"
     lines += filter(None, [_about_waiting(outcome)])
     if outcome.camera_problem:
         lines.append(f"nothing was perceived: {outcome.camera_problem}")

@@ -8,7 +8,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.camera_info import read_camera_info
 from are_ros.messages.transforms import StampedTransform
-from are_ros.parameters.model import SensorsParameters
+from are_ros.parameters.model import PosesParameters, SensorsParameters
 from are_ros.replay.bag_clock import BagClock
 from are_ros.replay.bag_reader import BagReader, BagTopic
 from are_ros.replay.bag_times import RecordedTimes
@@ -81,7 +81,7 @@ def inspect_bag(
         find_roles(reader.topics, {"scan": topic})  # refuses what is no scan
     given_edges = tuple(given_edges)
     frame_ids = _first_frames(reader)
-    times = RecordedTimes.read(reader, _timed(reader, roles), reader.start_ns, reader.end_ns)
+    times = RecordedTimes.read(reader, _timed(reader, roles, scans), reader.start_ns, reader.end_ns)
     clock, trouble = _clock(times)
     survey = _survey(reader, roles, given_edges, clock)
     duration_s = max(reader.end_ns - reader.start_ns, 1) / NS_PER_S
@@ -124,12 +124,13 @@ def inspect_bag(
     )
 
 
-def _timed(reader: BagReader, roles: RolesFound) -> dict[str, str]:
+def _timed(reader: BagReader, roles: RolesFound, scans: Iterable[str]) -> dict[str, str]:
     """Return the roles of the topics that tell the time; all scans where none is chosen."""
     wanted = ("tf", "tf_static", "odom", "scan", "camera/camera_info")
     named = ((roles.topic(role), role) for role in wanted)
     found = {topic: role for topic, role in named if topic is not None}
-    if roles.topic("scan") is None:
+    found |= dict.fromkeys(scans, "scan")
+    if "scan" not in found.values():
         types = ROLE_TYPES["scan"]
         found |= {topic.name: "scan" for topic in reader.topics if topic.type_name in types}
     return found
@@ -151,7 +152,8 @@ def _waits(
     for topic, waits_ns in waits.items():
         if len(waits_ns):
             scans = len(times.scans[topic].log_ns)
-            yield wait_sentence(topic, waits_ns, scans, SensorsParameters().tf_wait)
+            wait_s, history_s = SensorsParameters().tf_wait, PosesParameters().history
+            yield wait_sentence(topic, waits_ns, scans, wait_s, history_s)
 
 
 def _first_frames(reader: BagReader) -> dict[str, str]:
@@ -272,7 +274,7 @@ def _missing_mounts(
         if frame and frame not in mounted:
             yield (
                 f"nothing joins {frame}, the frame of {topic}, to {base_frame}:"
-                f" give the transform with --static-tf"
+                f" give the transform with {static_tf_option(base_frame, frame)}"
             )
 
 

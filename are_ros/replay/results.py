@@ -217,7 +217,7 @@ def _robot_text(metrics: Content) -> str:
 def _scan_text(one: Content) -> str:
     texts = {
         "exact": "augmented at their stamp",
-        "held": "augmented with the latest map->odom (their own came too late)",
+        "held": "augmented with the latest map->odom (that of their stamp came too late)",
         "passed_through": "passed through unaugmented",
     }
     shown = [f"{one[name]} {text}" for name, text in texts.items() if one.get(name)]

@@ -63,7 +63,7 @@ class Timeline:
         Raises BagError where the window holds nothing, or a scan topic is absent.
         """
         role_of_topic = topics_to_read(reader, options, roles)
-        begin_ns = _beginning(reader, role_of_topic)
+        begin_ns = beginning(reader, role_of_topic)
         start_ns = begin_ns + seconds_to_ns(options.start_s)
         stop_ns = _end_ns(reader, start_ns, options)
         times = RecordedTimes.read(reader, role_of_topic, start_ns, stop_ns)
@@ -176,7 +176,7 @@ class Replay:
             listener.take_scans(scans)
 
 
-def _beginning(reader: BagReader, role_of_topic: Mapping[str, str]) -> int:
+def beginning(reader: BagReader, role_of_topic: Mapping[str, str]) -> int:
     """Return the log time at which the recording begins.
 
     What lies long before everything that moves (a latched map with the time of its making, or

@@ -86,7 +86,9 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             roles = find_roles(reader.topics, options.topics)
             _say_what_is_missing(options, roles, say)
             timeline = Timeline.of(reader, options, roles)
-            options = _with_wait(options, needed_wait_s(timeline.waits))
+            history_s = options.parameters.poses.history
+            needed_s = needed_wait_s(timeline.waits, history_s)
+            options = _with_wait(options, needed_s)
             catalogue = catalogue_of(options.parameters)
             builder = ArBuilder(options.parameters, catalogue, options.demand)
             lives_keeper = builder.lives.keep() if options.save_scenario else None
@@ -120,7 +122,6 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         say(notice)
     doubts = [*_late_camera(options, replay, camera), *standing.sentences()]
     problem = _camera_problem(options, builder, replay, camera)
-    needed_s = needed_wait_s(timeline.waits)
     return _outcome(
         options, replay, builder, grid, recorder, problem, doubts, needed_s, counts(), stopwatch
     )
@@ -240,10 +241,7 @@ def _what_joins(builder: ArBuilder) -> str:
 def _why_no_map(replay: Replay) -> str:
     """Return what became of the maps that the recording holds."""
     reason = _refused(replay, ("map",)) or "the recording has none before its end"
-    return (
-        f"no usable map was received ({reason}): give one with --map FILE.yaml, "
-        "or its frame with --map-frame"
-    )
+    return f"no usable map was received ({reason}): give one with --map FILE.yaml"
 
 
 def _why_no_pose(builder: ArBuilder, replay: Replay) -> str:

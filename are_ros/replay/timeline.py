@@ -24,8 +24,8 @@ GAP_NS: Final = IDLE_NS
 _STRAY_NS: Final = NS_PER_S
 """What moves for less than this, with a gap on either side, is no drive."""
 _SHOWN_GAPS: Final = 3
-_LONGEST_WAIT_NS: Final = 1_500_000_000
-"""Poses of artefacts are kept for two seconds, and a scan may be late by itself."""
+_REACH: Final = 0.75
+"""A scan may wait for so much of the time for which poses are kept: it may be late by itself."""
 _WAIT_STEP_NS: Final = NS_PER_S // 100
 
 Span = tuple[int, int]
@@ -180,24 +180,33 @@ def _chain(edges: Iterable[Edge], one: str, other: str) -> list[Edge] | None:
     return ways.get(other)
 
 
-def needed_wait_s(waits: Mapping[str, Ints]) -> float:
+def needed_wait_s(waits: Mapping[str, Ints], history_s: float) -> float:
     """Return the `sensors.tf_wait` [s] with which no scan leaves too early, as far as it may go.
+
+    Poses of artefacts are kept for `history_s`, the parameter `poses.history`.
 
     It is longer than the longest wait by up to a hundredth of a second; 0 where none waits.
     """
-    longest_ns = max((int(_in_reach(one).max(initial=0)) for one in waits.values()), default=0)
+    in_reach = (_in_reach(one, history_s) for one in waits.values())
+    longest_ns = max((int(one.max(initial=0)) for one in in_reach), default=0)
     steps = longest_ns // _WAIT_STEP_NS + 1 if longest_ns else 0
     return round(steps * _WAIT_STEP_NS / NS_PER_S, 2)
 
 
-def wait_sentence(topic: str, waits_ns: Ints, scans: int, tf_wait_s: float) -> str:
+def wait_sentence(
+    topic: str, waits_ns: Ints, scans: int, tf_wait_s: float, history_s: float
+) -> str:
     """Say how long the scans of a topic wait, and what that means for `sensors.tf_wait`."""
-    known_ns = _in_reach(waits_ns)
-    lost = scans - len(known_ns)
-    never = f"{lost} of {counted(scans, 'scan')} never get their transform" if lost else ""
+    known_ns = _in_reach(waits_ns, history_s)
+    late, lost = len(waits_ns) - len(known_ns), scans - len(waits_ns)
+    most = f"more than {_REACH * history_s:g} s, too late for any wait"
+    said_of = [f"{late} of {counted(scans, 'scan')} get their transform after {most}"] * (late > 0)
+    said_of += [f"{lost} of {counted(scans, 'scan')} never get their transform"] * (lost > 0)
+    never = "; ".join(said_of)
     if not len(known_ns):
         return f"{topic}: {never}"
-    longest_s, needed_s = float(known_ns.max()) / NS_PER_S, needed_wait_s({topic: waits_ns})
+    longest_s = float(known_ns.max()) / NS_PER_S
+    needed_s = needed_wait_s({topic: waits_ns}, history_s)
     said = f"{topic}: scans wait up to {longest_s:.3f} s for their transforms"
     if needed_s > tf_wait_s:
         most_s = float(np.percentile(known_ns, 99)) / NS_PER_S
@@ -208,5 +217,5 @@ def wait_sentence(topic: str, waits_ns: Ints, scans: int, tf_wait_s: float) -> s
     return f"{said}; {never}" if never else said
 
 
-def _in_reach(waits_ns: Ints) -> Ints:
-    return waits_ns[waits_ns < _LONGEST_WAIT_NS]
+def _in_reach(waits_ns: Ints, history_s: float) -> Ints:
+    return waits_ns[waits_ns < _REACH * history_s * NS_PER_S]

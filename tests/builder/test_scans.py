@@ -69,6 +69,8 @@ def test_how_late_the_transform_was_of_a_scan_that_left() -> None:
     path.odom(200)
     path.queue.transforms_came(150)
     assert path.queue.late_ns == 130
+    path.queue.wait_ns = 130
+    assert path.queue.late_ns == 0
 
 
 def test_a_scan_older_than_the_kept_poses_passes_through() -> None:

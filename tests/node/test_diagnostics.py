@@ -153,7 +153,7 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         {"faults": FaultSnapshot({"a:A": 2, "b:B": 1}, "b:B fell")},
         "behaviours",
         Level.WARN,
-        "the behaviour of 3 artefacts has failed, who stood from then on; the last: b:B fell",
+        "the behaviour of 3 artefacts has failed, and they stand; the last: b:B fell",
     ),
     (
         {"uses_sim_time": True, "is_without_clock": True},

@@ -74,7 +74,7 @@ def test_the_node_lives_on_and_who_has_failed_stands(bench: Bench) -> None:
         assert line.endswith("; it stands from now on")
     status = bench.report()["behaviours"]
     assert status.level == b"\1"
-    assert status.message.startswith("the behaviour of 4 artefacts has failed, who stood")
+    assert status.message.startswith("the behaviour of 4 artefacts has failed, and they stand")
     counts = {value.key.partition(":")[2]: value.value for value in status.values}
     assert counts == {"Late": "1 failed", "Returns": "1 failed", "Unmade": "2 failed"}
 

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from subprocess import CompletedProcess
 from typing import Any
@@ -10,12 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.errors import BagError
 from are_ros.messages.grid import make_grid
 from are_ros.messages.scan import make_scan
 from are_ros.messages.transforms import StampedTransform, make_transforms
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.replay.align_input import AlignInput, gather, map_of
+from are_ros.replay.align_input import (
+    AlignInput,
+    PlacedScan,
+    _longest_drive,
+    gather,
+    map_of,
+)
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.message_types import RosbagsFactory
 from are_ros.replay.options import ReplayOptions
@@ -168,7 +176,7 @@ def gathered(bag: Path, **options: Any) -> tuple[AlignInput, OccupancyGrid]:
     replay = ReplayOptions(bags=(bag,), parameters=parameters, **options)
     with BagReader([bag]) as reader:
         roles = find_roles(reader.topics, {})
-        grid = map_of(reader, roles, replay)
+        grid = map_of(reader, roles, replace(replay, parameters=Parameters()))
         return gather(reader, roles, replay, lambda _: None), grid
 
 
@@ -290,3 +298,40 @@ def test_a_low_laser_in_a_hall_mapped_high_gets_no_line(
     assert done.returncode == 3, done.stdout + done.stderr
     assert done.stdout.startswith("no fit: ")
     assert "--static-tf" not in done.stdout
+
+
+def test_the_way_of_two_lasers_is_that_of_one() -> None:
+    """From front to rear nobody drives."""
+    none = np.empty((0, 2))
+    scans = [
+        PlacedScan(k, f"/{k % 2}", (0.1 * (k // 2) - 1.5 * (k % 2), 0.0, 0.0), none, none)
+        for k in range(6)
+    ]
+    driven_m = AlignInput("odom", ("/0", "/1"), tuple(scans), ()).driven_m()
+    np.testing.assert_allclose(driven_m, (0.0, 0.05, 0.1, 0.15, 0.2, 0.2))
+
+
+def test_a_recorded_map_in_another_frame_is_refused_as_in_a_replay(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """Else the line that is printed would be of no use."""
+    message = make_grid(factory, replace(room(), frame_id="site"))
+    bag = write_bag(tmp_path / "bag.mcap", [("/map", 0, message)])
+    with BagReader((bag,)) as reader:
+        roles = find_roles(reader.topics, {})
+        with pytest.raises(BagError, match="--map-frame site"):
+            map_of(reader, roles, ReplayOptions((bag,), Parameters()))
+        there = with_values(Parameters(), {"frames.map": "site"})
+        assert map_of(reader, roles, ReplayOptions((bag,), there)).frame_id == "site"
+
+
+def test_only_one_side_of_a_gap_is_matched() -> None:
+    """The longer one; the others are counted."""
+    none = np.empty((0, 2))
+    placed = [
+        PlacedScan(at_s * S, "/scan", (0.0, 0.0, 0.0), none, none) for at_s in (0, 1, 100, 101, 102)
+    ]
+    drive, (notice,) = _longest_drive(placed)
+    assert [scan.stamp_ns // S for scan in drive] == [100, 101, 102]
+    assert "2 scans beyond it left out" in notice
+    assert _longest_drive(placed[2:]) == (placed[2:], [])

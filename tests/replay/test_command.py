@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.builder.tick import Demand
 from are_ros.errors import ParameterError
 from are_ros.messages.feed import Refusals
@@ -97,7 +98,7 @@ def test_complaints_name_topics_and_numbers() -> None:
         cloud_problem="the voxel cloud was not used",
         options=ReplayOptions((), Parameters(), is_wait_given=True),
         needed_wait_s=0.3,
-        scans={"/scan": SimpleNamespace(passed_through=7, held=0)},
+        scans={"/scan": SensorPathCounts(exact=1, passed_through=7)},
         record=SimpleNamespace(events=()),
         map_doubts=["the robot stood in a wall"],
     )

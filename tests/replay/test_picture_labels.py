@@ -114,7 +114,9 @@ def test_the_subtitle_says_how_many_have_no_room() -> None:
     """And nothing of it where all have."""
     record = run([walker(1, (2, 2), (8, 6))])
     assert _subtitle(record, 0).endswith("numbers are ids, as in metrics.json")
-    assert _subtitle(record, 3).endswith("numbers are ids, as in metrics.json; 3 have no room")
+    assert _subtitle(record, 3).endswith(
+        "numbers are ids, as in metrics.json; 3 numbers left out for want of room"
+    )
     assert _subtitle(record, 0, "/tags").endswith("numbers are ids, as in /tags")
 
 

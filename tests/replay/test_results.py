@@ -138,7 +138,10 @@ def test_summary() -> None:
     assert "2.0 s in 3 ticks, 4 times real time; 0.5 s in all" in text
     assert "2 arrived, 1 departed, 1 blocked; alive 1.0 on average, 2 at most" in text
     assert "1 of 2 at some time; 1 of 3 ticks without camera or its pose" in text
-    assert "7 augmented at their stamp, 2 augmented with the latest map->odom (their own" in text
+    assert (
+        "7 augmented at their stamp, 2 augmented with the latest map->odom (that of their stamp"
+        in text
+    )
     assert " came too late), 1 passed through unaugmented" in text
     assert "0 contacts with artefacts" in text
     assert "4 messages on 2 topics" in text

@@ -13,7 +13,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.replay.bag_clock import BagClock
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.bag_times import Ints, RecordedTimes, Times
-from are_ros.replay.timeline import needed_wait_s, scan_waits, stretches_of
+from are_ros.replay.timeline import needed_wait_s, scan_waits, stretches_of, wait_sentence
 from are_ros.world.frame_tree import FrameTree
 
 Records = Sequence[tuple[str, int, Any]]
@@ -146,7 +146,9 @@ def test_waits_are_those_of_the_frame_tree() -> None:
                 del waiting[key]
     assert not waiting
     assert waits["/scan"].tolist() == expected.tolist()
-    assert needed_wait_s(waits) * S > expected.max() >= needed_wait_s(waits) * S - S // 100
+    assert (
+        needed_wait_s(waits, 2.0) * S > expected.max() >= needed_wait_s(waits, 2.0) * S - S // 100
+    )
 
 
 def with_gap(records: Records, gap_ns: int) -> tuple[list[tuple[str, int, Any]], int, int]:
@@ -213,3 +215,13 @@ def test_late_transforms_are_waited_for(
     assert one == other
     done = run_are("replay", bag, "--set", "sensors.tf_wait:=0.05", "--out", tmp_path / "c")
     assert "sensors.tf_wait is 0.05 s, but this recording needs 0.3" in done.stderr
+
+
+def test_waits_that_no_scan_can_wait_for_are_told_apart() -> None:
+    """A transform that comes when the poses are forgotten is late, one that never comes is not."""
+    waits = np.array([0, S // 10, 2 * S])
+    assert needed_wait_s({"/scan": waits}, 2.0) == 0.11
+    assert needed_wait_s({"/scan": waits}, 4.0) == 2.01
+    said = wait_sentence("/scan", waits, 5, 0.2, 2.0)
+    assert "1 of 5 scans get their transform after more than 1.5 s" in said
+    assert "2 of 5 scans never get their transform" in said
