@@ -132,12 +132,12 @@ class Places:
             return [_box(earlier, i, start, 0.0)]
         speeds = self._fastest[earlier.labels[i]]
         since_ns, span_ns = stamp_ns - first_ns, later.stamp_ns - first_ns
-        if j is None:
-            return [_box(earlier, i, start, _reach_m(earlier, i, speeds, since_ns))]
-        end, left_ns = _spot(later, j), span_ns - since_ns
-        slack_m = _HERE_M + speeds[0] * span_ns / NS_PER_S
         number = int(earlier.ids[i])
         jumped_m = self._jumped_m(number, earlier.stamp_ns, stamp_ns)
+        if j is None:
+            return [_box(earlier, i, start, jumped_m + _reach_m(earlier, i, speeds, since_ns))]
+        end, left_ns = _spot(later, j), span_ns - since_ns
+        slack_m = _HERE_M + speeds[0] * span_ns / NS_PER_S
         jumps_m = self._jumped_m(number, stamp_ns, later.stamp_ns)
         if jumped_m or jumps_m or start.apart_m(end) > slack_m:
             return [
