@@ -11,13 +11,12 @@ from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import PosesParameters, SensorsParameters
 from are_ros.replay.bag_clock import BagClock
 from are_ros.replay.bag_reader import BagReader, BagTopic
-from are_ros.replay.bag_times import RecordedTimes
+from are_ros.replay.bag_times import BASE_FRAMES, RecordedTimes
 from are_ros.replay.frame_survey import FrameSurvey, FrameSurveyor, static_tf_option
 from are_ros.replay.roles import ROLE_TYPES, RolesFound, find_roles
 from are_ros.replay.timeline import scan_waits, stretches_of, wait_sentence
 from are_ros.world.frame_tree import TransformSource
 
-_BASE_FRAMES = ("base_footprint", "base_link")
 _SENSOR_ROLES = ("scan", "camera/camera_info")
 _CLOUD = "octomap_point_cloud_centers"
 _MOVING_ROLES = ("tf", "odom", "scan")
@@ -92,7 +91,7 @@ def inspect_bag(
     map_topic = roles.topic("map")
     of_map = "" if has_map_file else frame_ids.get(map_topic or "", "")
     world_frame, map_frame = map_frame, of_map or map_frame
-    base_frame = base_frame or next((f for f in _BASE_FRAMES if f in survey.frames()), "")
+    base_frame = base_frame or next((f for f in BASE_FRAMES if f in survey.frames()), "")
     sensors = [topic for topic in map(roles.topic, _SENSOR_ROLES) if topic is not None]
     missing = [
         *_missing_map(map_topic, has_map_file=has_map_file),
@@ -238,7 +237,7 @@ def _missing_pose(survey: FrameSurvey, map_frame: str, base_frame: str) -> Itera
     """Say what keeps the robot's pose on the map from being known."""
     known = ", ".join(survey.frames()) or "none"
     if not base_frame:
-        names = " nor ".join(_BASE_FRAMES)
+        names = " nor ".join(BASE_FRAMES)
         yield f"there is no frame of the base, neither {names}: set frames.base (frames: {known})"
     elif map_frame not in survey.connected_to(base_frame):
         beside = ", ".join(sorted(survey.connected_to(base_frame) - {base_frame}))
