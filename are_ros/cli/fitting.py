@@ -64,4 +64,3 @@ def fit(**options: Any) -> None:
     fit_command(click.echo, say, FitOptions(**options))
 
 
-COMMANDS = (fit,)

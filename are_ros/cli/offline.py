@@ -199,4 +199,4 @@ def view(recording: Path, at_s: float | None, out: Path | None, animate: Path | 
         say(without_robot(scene.robot_problem))
 
 
-COMMANDS = (replay, inspect, align, describe, check, view)
+COMMANDS = (replay, inspect, align, describe, check, view, fit)

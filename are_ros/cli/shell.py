@@ -11,7 +11,7 @@ from typing import NoReturn
 import click
 
 from are_ros._version import __version__
-from are_ros.cli import fitting, live, offline, soaking
+from are_ros.cli import live, offline, soaking
 from are_ros.cli.status import FAILED, INTERRUPTED
 from are_ros.errors import AreError
 
@@ -32,7 +32,7 @@ def are(context: click.Context) -> None:
         click.echo(context.get_help())
 
 
-for _command in (*offline.COMMANDS, *fitting.COMMANDS, *live.COMMANDS, *soaking.COMMANDS):
+for _command in (*offline.COMMANDS, *live.COMMANDS, *soaking.COMMANDS):
     are.add_command(_command)
 
 

@@ -5,7 +5,7 @@ from struct import Struct
 from are_ros.messages.transforms import StampedTransform
 
 _COUNT = Struct("<I")
-_STAMP = Struct("<iII")
+_STAMP_AND_LENGTH = Struct("<iII")
 _ROS1_HEADER = Struct("<IIII")
 _POSE = Struct("<7d")
 
@@ -27,7 +27,7 @@ def decode_transforms_cdr(data: bytes) -> list[StampedTransform]:
     transforms: list[StampedTransform] = []
     for _ in range(count):
         position = (position + 3) & ~3
-        seconds, nanoseconds, length = _STAMP.unpack_from(data, position)
+        seconds, nanoseconds, length = _STAMP_AND_LENGTH.unpack_from(data, position)
         position += 12
         parent = data[position : position + length - 1].decode()
         position = (position + length + 3) & ~3

@@ -7,7 +7,6 @@ from rclpy.serialization import deserialize_message
 
 from are_ros.errors import InputError
 from are_ros.messages.odometry import OdometryNumbers, read_odometry_numbers
-from are_ros.messages.odometry_decoding import decode_odometry_cdr
 from are_ros.messages.transform_decoding import decode_transforms_cdr, is_plain_cdr
 from are_ros.messages.transforms import StampedTransform, read_transforms
 from are_ros.node.message_classes import message_class
@@ -41,13 +40,8 @@ class WireDecoding:
             raise _malformed(message) from cause
 
     def odometry(self, message: WireMessage) -> OdometryNumbers:
-        """Return the numbers of an Odometry; as `deserialize`, quicker."""
-        if not is_plain_cdr(message.data):
-            return read_odometry_numbers(self.deserialize(message))
-        try:
-            return decode_odometry_cdr(message.data)
-        except (StructError, UnicodeDecodeError) as cause:
-            raise _malformed(message) from cause
+        """Return the numbers of an Odometry."""
+        return read_odometry_numbers(self.deserialize(message))
 
 
 def _malformed(message: WireMessage) -> InputError:

@@ -25,7 +25,7 @@ from are_ros.recording.ros_session import ros_session
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.output_folder import AUGMENTED
 from are_ros.replay.roles import find_roles
-from are_ros.replay.runner import Progress
+from are_ros.replay.stopwatch import Progress
 from are_ros.wording import why_refused
 
 NODE: Final = "/ar_builder"

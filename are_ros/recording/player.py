@@ -15,7 +15,7 @@ from are_ros.recording.play_window import PlayWindow
 from are_ros.recording.ros_session import ros_session
 from are_ros.recording.subscribers import await_subscribers
 from are_ros.replay.bag_reader import BagMessage, BagReader
-from are_ros.replay.runner import Progress
+from are_ros.replay.stopwatch import Progress
 from are_ros.wording import duration_text
 
 __all__ = ("PlayOptions", "PlayOutcome", "play")

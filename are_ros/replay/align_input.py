@@ -19,7 +19,8 @@ from are_ros.replay.bag_reader import BagMessage, BagReader
 from are_ros.replay.frame_survey import root_above
 from are_ros.replay.options import ReplayOptions
 from are_ros.replay.roles import RolesFound
-from are_ros.replay.runner import Progress, beginning, topics_to_read
+from are_ros.replay.runner import beginning, topics_to_read
+from are_ros.replay.stopwatch import Progress
 from are_ros.replay.timeline import GAP_NS
 from are_ros.wording import counted
 from are_ros.world.frame_tree import FrameTree

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
 from are_ros.messages.odometry import OdometryNumbers, read_odometry_numbers
-from are_ros.messages.odometry_decoding import decode_odometry_cdr, decode_odometry_ros1
 from are_ros.messages.transform_decoding import (
     decode_transforms_cdr,
     decode_transforms_ros1,
@@ -166,14 +165,7 @@ class BagReader:
         return read_transforms(self.deserialize(message))
 
     def odometry(self, message: BagMessage) -> OdometryNumbers:
-        """Return the numbers of an Odometry; as `deserialize` and `read_odometry_numbers`."""
-        try:
-            if self.is_ros1:
-                return decode_odometry_ros1(message.data)
-            if is_plain_cdr(message.data):
-                return decode_odometry_cdr(message.data)
-        except (StructError, UnicodeDecodeError) as cause:
-            raise _malformed(message, cause) from cause
+        """Return the numbers of an Odometry; errors as `deserialize`."""
         return read_odometry_numbers(self.deserialize(message))
 
     def _connections(self) -> Iterator[Any]:

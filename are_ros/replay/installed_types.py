@@ -11,7 +11,7 @@ from rosbags.typesys import get_types_from_msg
 from are_ros.errors import InputError
 from are_ros.replay.message_types import new_typestore
 
-_NAME = 2
+_MESSAGE_FIELD = 2
 """The node type of a nested message in rosbags' field descriptions; arrays are 3 and 4."""
 
 
@@ -66,6 +66,6 @@ def _ament_prefixes() -> tuple[Path, ...]:
 def _nested(definition: tuple[Any, Any]) -> Iterator[str]:
     """Yield the names of the messages that a message has as fields or in arrays."""
     for _, (kind, detail) in definition[1]:
-        element = (kind, detail) if int(kind) <= _NAME else detail[0]
-        if int(element[0]) == _NAME:
+        element = (kind, detail) if int(kind) <= _MESSAGE_FIELD else detail[0]
+        if int(element[0]) == _MESSAGE_FIELD:
             yield element[1]

@@ -6,7 +6,7 @@ from typing import NoReturn
 from tqdm import tqdm
 
 from are_ros.conventions import NS_PER_S
-from are_ros.replay.runner import Progress
+from are_ros.replay.stopwatch import Progress
 
 _STEP_NS = NS_PER_S // 2
 _LAYOUT = "{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} s [{elapsed}<{remaining}]"

@@ -23,7 +23,7 @@ from are_ros.replay._recorded_messages import event_of, metrics_of, row_of, stat
 from are_ros.replay._recorded_robot import RecordedRobot
 from are_ros.replay.bag_reader import BagMessage, BagReader
 from are_ros.replay.roles import find_roles
-from are_ros.replay.runner import Progress
+from are_ros.replay.stopwatch import Progress
 from are_ros.replay.scene_record import Moment, SceneRecord, SceneRecorder
 from are_ros.world.observer import Camera
 from are_ros.world.occupancy_grid import OccupancyGrid

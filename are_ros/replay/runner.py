@@ -1,6 +1,6 @@
 """A replay: the inputs of a recording through the builder, tick by tick."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -17,7 +17,7 @@ from are_ros.replay.bag_reader import BagMessage, BagReader
 from are_ros.replay.bag_times import MOVING_ROLES, Ints, RecordedTimes
 from are_ros.replay.options import ReplayOptions
 from are_ros.replay.roles import RolesFound
-from are_ros.replay.stopwatch import Stopwatch
+from are_ros.replay.stopwatch import Progress, Stopwatch
 from are_ros.replay.timeline import GAP_NS, Span, Stretches, scan_waits, stretches_of
 from are_ros.wording import duration_text
 
@@ -25,8 +25,6 @@ _FED_BEFORE_START = ("map", "octomap_point_cloud_centers", "camera/camera_info",
 _SCAN_ROLE = "scan"
 _DEFAULT_SCANS = ("scan",)
 _READ_ROLES = (*_FED_BEFORE_START, "odom", _SCAN_ROLE, "plan")
-
-Progress = Callable[[int], None]
 
 
 class Listener(Protocol):

@@ -30,7 +30,8 @@ from are_ros.replay.options import ReplayOptions
 from are_ros.replay.output_folder import AUGMENTED, prepare_folder, prepare_scenario
 from are_ros.replay.results import REPLAY_PHASE
 from are_ros.replay.roles import RolesFound, find_roles
-from are_ros.replay.runner import Listener, Progress, Replay, Timeline
+from are_ros.replay.runner import Listener, Replay, Timeline
+from are_ros.replay.stopwatch import Progress
 from are_ros.replay.scene_record import SceneRecord, SceneRecorder
 from are_ros.replay.standing import StandingWatch
 from are_ros.replay.stopwatch import Stopwatch, said_if_slow

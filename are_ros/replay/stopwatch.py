@@ -5,6 +5,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+Progress = Callable[[int], None]
+"""Takes the time reached [ns]."""
+
 _SLOW_S = 2.0
 
 

@@ -7,7 +7,7 @@ west to the lobby with its meeting table; rooms lie on both sides, the open-plan
 import math
 from typing import Final
 
-from are_ros.simulation import _office_plan as plan
+from are_ros.simulation._office_plan import CHAIRS, CHAIR_HEIGHT, CHAIR_RADIUS, COLUMNS, DOORWAYS, DOOR_LEAVES, FLOOR, FURNITURE, INNER_WALLS, OUTER_WALLS, TURNED_FURNITURE
 from are_ros.simulation.building import Building
 from are_ros.simulation.robot import DriveLimits, RobotState
 from are_ros.simulation.route import RouteFollower, Waypoint
@@ -23,7 +23,7 @@ _LEAF_SIZE_M: Final = (0.94, 0.06, 2.0)
 
 def office_building() -> Building:
     """Return the floor with its walls, doors and furniture."""
-    floor = Cuboid.between(*plan.FLOOR, 0.0)
+    floor = Cuboid.between(*FLOOR, 0.0)
     return Building(floor, (*_shell(), *_furniture()))
 
 
@@ -50,20 +50,20 @@ def office_driver(limits: DriveLimits) -> RouteFollower:
 
 def _shell() -> tuple[Solid, ...]:
     """Return walls, lintels over the doorways, and the open leaves of the doors."""
-    walls = (Cuboid.between(*wall, _WALL_M) for wall in (*plan.OUTER_WALLS, *plan.INNER_WALLS))
-    lintels = (Cuboid.between(*doorway, _WALL_M, _DOOR_M) for doorway in plan.DOORWAYS)
-    return (*walls, *lintels, *(_leaf(*leaf) for leaf in plan.DOOR_LEAVES))
+    walls = (Cuboid.between(*wall, _WALL_M) for wall in (*OUTER_WALLS, *INNER_WALLS))
+    lintels = (Cuboid.between(*doorway, _WALL_M, _DOOR_M) for doorway in DOORWAYS)
+    return (*walls, *lintels, *(_leaf(*leaf) for leaf in DOOR_LEAVES))
 
 
 def _furniture() -> tuple[Solid, ...]:
     """Return what stands in the rooms."""
-    aligned = (Cuboid.between(*rectangle, top_m) for rectangle, top_m in plan.FURNITURE)
+    aligned = (Cuboid.between(*rectangle, top_m) for rectangle, top_m in FURNITURE)
     turned = (
         Cuboid(x, y, length, width, top, yaw_rad=math.radians(heading))
-        for x, y, length, width, top, heading in plan.TURNED_FURNITURE
+        for x, y, length, width, top, heading in TURNED_FURNITURE
     )
-    chairs = (Cylinder(x, y, plan.CHAIR_RADIUS, plan.CHAIR_HEIGHT) for x, y in plan.CHAIRS)
-    return (*aligned, *turned, *chairs, *(Cylinder(*column) for column in plan.COLUMNS))
+    chairs = (Cylinder(x, y, CHAIR_RADIUS, CHAIR_HEIGHT) for x, y in CHAIRS)
+    return (*aligned, *turned, *chairs, *(Cylinder(*column) for column in COLUMNS))
 
 
 def _leaf(hinge_x_m: float, hinge_y_m: float, heading_deg: float) -> Cuboid:
