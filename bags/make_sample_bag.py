@@ -4,10 +4,10 @@ import argparse
 from pathlib import Path
 
 from are_ros.conventions import NS_PER_S
-from are_ros.replay.bag_writer import BagWriter
-from are_ros.replay.message_types import RosbagsFactory
+from are_ros.bag.writer import BagWriter
+from are_ros.bag.types import RosbagsFactory
 from are_ros.simulation.office import OFFICE_START, OFFICE_TOUR_S, office_building, office_driver
-from are_ros.simulation.recorder import record
+from are_ros.simulation.topics import record
 from are_ros.simulation.robot import DriveLimits
 from are_ros.simulation.simulator import Simulator
 

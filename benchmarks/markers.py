@@ -33,7 +33,7 @@ from are_ros.builder.display import Display
 from are_ros.builder.markers import MarkerBatch, MarkerBoard
 from are_ros.builder.outputs import ArtefactState
 from are_ros.conventions import NS_PER_S
-from are_ros.messages.marker_encoding import MarkerEncoder
+from are_ros.messages.markers import MarkerEncoder
 from are_ros.world.rigid_transform import RigidTransform
 
 COUNT = 1_000

@@ -20,8 +20,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from are_ros.cli.offline import replay as replay_options
 from are_ros.replay.command import options_of
-from are_ros.replay.options import ReplayOptions
 from are_ros.replay.session import run_replay
+from are_ros.replay.timeline import ReplayOptions
 
 SAMPLE = Path(__file__).resolve().parents[1] / "bags" / "sample_office.mcap"
 

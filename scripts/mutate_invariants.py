@@ -266,7 +266,7 @@ BREAKAGES = (
     Breakage(
         TOPICS,
         "outputs have the inputs' names",
-        "are_ros/replay/tick_writer.py",
+        "are_ros/replay/listeners.py",
         'PREFIX = "/ar_builder/"',
         'PREFIX = "/"',
         (_RUN + "test_nothing_is_written_on_a_topic_of_the_robot",),

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 import pytest
 
-from are_ros.node.transport import PROFILE, PROFILE_VARIABLE, has_room
+from are_ros.node.startup import PROFILE, PROFILE_VARIABLE, has_room
 
 Result = TypeVar("Result")
 _WITHOUT_ROS = Path(sys.prefix, "without-ros")

@@ -16,20 +16,21 @@ LAYERS = (
     ("builder",),
     ("messages",),
     ("description",),
+    ("bag",),
     ("node", "replay", "simulation"),
-    ("recording",),
+    ("record",),
     ("experiments",),
     ("cli",),
     ("__main__",),
 )
 """From the bottom up. `description` says what a configuration means; adapters may use it.
-`recording` joins the two adapters: it plays recordings to live nodes, and records them."""
+`record` joins the two adapters: it plays recordings to live nodes, and records them."""
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
 CORE = (*BASE, "world", "artefacts", "builder")
 ADAPTERS = {
-    "rclpy": ("node", "recording"),
-    "rosbags": ("replay",),
-    "mcap": ("replay",),
+    "rclpy": ("node", "record"),
+    "rosbags": ("bag", "replay"),
+    "mcap": ("bag", "replay"),
     "click": ("cli",),
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))
@@ -104,7 +105,7 @@ def test_the_core_knows_no_middleware() -> None:
 
 
 def test_each_middleware_stays_behind_its_adapter() -> None:
-    """Rclpy in node and recording, rosbags and mcap in replay, click in the command line only."""
+    """Rclpy in node and record, rosbags and mcap in bag and replay, click in cli only."""
     wrong = [
         f"{module} imports {name}"
         for part, module, name in imports()

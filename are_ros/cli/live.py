@@ -11,6 +11,7 @@ import click
 
 from are_ros.cli.options import (
     FILE,
+    IMPERFECT,
     PARAMETER,
     SECONDS,
     Amount,
@@ -18,7 +19,6 @@ from are_ros.cli.options import (
     parameter_options,
     say,
 )
-from are_ros.cli.status import IMPERFECT
 from are_ros.errors import NodeError
 
 _PASSED_ON = {"ignore_unknown_options": True, "allow_extra_args": True}
@@ -137,7 +137,7 @@ def play(**options: Any) -> None:
     Quality of service is as recorded; ROS 1 recordings are played as ROS 2.
     """
     _require_ros()
-    from are_ros.recording.commands import play_command
+    from are_ros.record.commands import play_command
 
     if not play_command(say, **options):
         sys.exit(IMPERFECT)
@@ -159,7 +159,7 @@ def play(**options: Any) -> None:
 def record(**options: Any) -> None:
     """Record live topics, until Ctrl-C, into OUT: an .mcap file, or a rosbag2 folder."""
     _require_ros()
-    from are_ros.recording.commands import record_command
+    from are_ros.record.commands import record_command
 
     if not record_command(say, **options):
         sys.exit(IMPERFECT)
@@ -180,7 +180,7 @@ def demo(**options: Any) -> None:
     rviz would show), overview.png (who went where), effective.yaml and the node's log.
     """
     _require_ros()
-    from are_ros.recording.commands import demo_command
+    from are_ros.record.commands import demo_command
 
     if not demo_command(say, **options):
         sys.exit(IMPERFECT)

@@ -121,3 +121,11 @@ def parameter_options(command: _Command) -> _Command:
 def say(sentence: str) -> None:
     """Tell the user something that is no result."""
     click.echo(sentence, err=True)
+
+
+# The exit status of `are`; 0 is all well, 2 wrong usage.
+
+
+FAILED: Final = 1
+IMPERFECT: Final = 3
+INTERRUPTED: Final = 130

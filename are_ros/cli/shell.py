@@ -12,7 +12,7 @@ import click
 
 from are_ros._version import __version__
 from are_ros.cli import live, offline, soaking
-from are_ros.cli.status import FAILED, INTERRUPTED
+from are_ros.cli.options import FAILED, INTERRUPTED
 from are_ros.errors import AreError
 
 

@@ -4,9 +4,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from are_ros.parameters.declaration import Description, describe
+from are_ros.parameters.declaration import Description, NodeParameters, describe
 from are_ros.parameters.model import Parameters
-from are_ros.parameters.node_parameters import NodeParameters
 from are_ros.parameters.ros_yaml import write_ros_parameters
 
 _INTRODUCTION: Final = """\

@@ -4,9 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from are_ros.messages.arrays import read_array
-from are_ros.messages.factory import MessageFactory
-from are_ros.messages.headers import Header, make_header
+from are_ros.messages.common import Header, MessageFactory, make_header, read_array
 from are_ros.world.camera_info import CameraInfo
 
 

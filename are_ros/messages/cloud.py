@@ -6,9 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.errors import InputError
-from are_ros.messages.arrays import read_array
-from are_ros.messages.factory import MessageFactory
-from are_ros.messages.headers import make_header
+from are_ros.messages.common import MessageFactory, make_header, read_array
 
 Points = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 

@@ -7,10 +7,15 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.errors import InputError
-from are_ros.messages.factory import MessageFactory
-from are_ros.messages.geometry import make_point, read_vector
-from are_ros.messages.headers import make_header, read_header
-from are_ros.messages.poses import make_pose, read_pose
+from are_ros.messages.common import (
+    MessageFactory,
+    make_header,
+    make_point,
+    make_pose,
+    read_header,
+    read_pose,
+    read_vector,
+)
 from are_ros.world.rigid_transform import RigidTransform
 
 

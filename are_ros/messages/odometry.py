@@ -5,11 +5,16 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from are_ros.errors import InputError
-from are_ros.messages.factory import MessageFactory
-from are_ros.messages.geometry import Vector3, make_twist, read_vector
-from are_ros.messages.headers import make_header
-from are_ros.messages.poses import make_pose, read_pose
-from are_ros.messages.times import read_time
+from are_ros.messages.common import (
+    MessageFactory,
+    Vector3,
+    make_header,
+    make_pose,
+    make_twist,
+    read_pose,
+    read_time,
+    read_vector,
+)
 from are_ros.world.rigid_transform import RigidTransform
 
 

@@ -1,13 +1,12 @@
 """sensor_msgs/LaserScan <-> the core's scan."""
 
-from typing import Any
+from struct import Struct
+from typing import Any, Final
 
 import numpy as np
 
-from are_ros.messages.arrays import read_array
-from are_ros.messages.factory import MessageFactory
-from are_ros.messages.headers import make_header
-from are_ros.messages.times import read_time
+from are_ros.messages.cdr import CdrWriter
+from are_ros.messages.common import MessageFactory, make_header, read_array, read_time
 from are_ros.world.laser_scan import LaserScan
 
 
@@ -46,3 +45,29 @@ def make_scan(factory: MessageFactory, scan: LaserScan) -> Any:
         ranges=scan.ranges,
         intensities=scan.intensities,
     )
+
+
+# Laser scans as bytes.
+
+
+_NUMBERS: Final = Struct("<7f")
+
+
+def encode_scan(scan: LaserScan) -> bytes:
+    """Return a sensor_msgs/LaserScan."""
+    writer = CdrWriter()
+    writer.header(scan.frame_id, scan.stamp_ns)
+    writer.pack(
+        _NUMBERS,
+        4,
+        scan.angle_min_rad,
+        scan.angle_max_rad,
+        scan.angle_increment_rad,
+        scan.time_increment_s,
+        scan.scan_time_s,
+        scan.range_min_m,
+        scan.range_max_m,
+    )
+    writer.numbers(scan.ranges, "<f4")
+    writer.numbers(scan.intensities, "<f4")
+    return writer.message()

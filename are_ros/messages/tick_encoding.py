@@ -6,11 +6,15 @@ from typing import Final, NamedTuple
 
 from are_ros.builder.grids import GridUpdate
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
-from are_ros.messages.artefact_encoding import ArtefactEncoder
-from are_ros.messages.grid_encoding import encode_grid, encode_grid_update
-from are_ros.messages.marker_encoding import MarkerEncoder
-from are_ros.messages.scan_encoding import encode_scan
-from are_ros.messages.scene_encoding import encode_event, encode_metrics, encode_perceived
+from are_ros.messages.artefacts import (
+    ArtefactEncoder,
+    encode_event,
+    encode_metrics,
+    encode_perceived,
+)
+from are_ros.messages.grid import encode_grid, encode_grid_update
+from are_ros.messages.markers import MarkerEncoder
+from are_ros.messages.scan import encode_scan
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 __all__ = (

@@ -17,17 +17,15 @@ from are_ros.builder.assembly import catalogue_of
 from are_ros.builder.warm_up import warm_up
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, NodeError
-from are_ros.node.busy_watch import BusyWatch
-from are_ros.node.camera_watch import CameraWatch
-from are_ros.node.decoding import WireDecoding, WireMessage
+from are_ros.node.diagnostics import CameraWatch
 from are_ros.node.guard import offer_heartbeat
-from are_ros.node.hang_watch import HangWatch
-from are_ros.node.inlets import Inlets
 from are_ros.node.live_builder import LiveBuilder
-from are_ros.node.outlets import Outlets
 from are_ros.node.parameters import ParameterBridge
+from are_ros.node.publishers import Outlets
 from are_ros.node.reporter import Reporter
 from are_ros.node.services import Services
+from are_ros.node.subscriptions import Inlets, WireDecoding, WireMessage
+from are_ros.node.watches import BusyWatch, HangWatch
 from are_ros.parameters.choices import OnRobotContact
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters

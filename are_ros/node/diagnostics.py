@@ -1,16 +1,203 @@
 """The diagnostics: what each part of the node says, and how urgently (docs/diagnostics.md)."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum, IntEnum
 from operator import itemgetter
 from typing import Any, Final
 
-from are_ros.messages.factory import MessageFactory
-from are_ros.messages.headers import make_header
-from are_ros.node.input_status import GRACE_S, input_status
-from are_ros.node.snapshot import NodeSnapshot, NodeState, ScanSnapshot
-from are_ros.node.status import Level, Status, figure
+from are_ros.conventions import NS_PER_S
+from are_ros.messages.common import MessageFactory, make_header
+from are_ros.node.watches import BusyFigures, FaultSnapshot, InputFigures, TickFigures
 from are_ros.wording import counted
+
+# A line of the diagnostics.
+
+
+class Level(IntEnum):
+    """The levels of diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True)
+class Status:
+    """What is said about one part of the node: a sentence, and the figures behind it."""
+
+    level: Level
+    name: str
+    message: str
+    values: Mapping[str, str] = field(default_factory=dict)
+
+
+def figure(value: float | None, unit: str = "", digits: int = 1) -> str:
+    """Return a number with its unit, "-" where there is none."""
+    if value is None:
+        return "-"
+    return f"{value:.{digits}f} {unit}".rstrip()
+
+
+# What there is to say about a node at one moment, as plain values.
+
+
+class NodeState(Enum):
+    """The states of a lifecycle node in which it rests."""
+
+    UNCONFIGURED = "unconfigured"
+    INACTIVE = "inactive"
+    ACTIVE = "active"
+    FINALIZED = "finalized"
+
+
+@dataclass(frozen=True)
+class InputSnapshot:
+    """An input: its role, the full name of its topic, and what came in."""
+
+    role: str
+    topic: str
+    figures: InputFigures = field(default_factory=InputFigures)
+    is_required: bool = False
+    is_latched: bool = False
+    """It comes once, or when it changes; so it never goes stale."""
+    publishers: int = 0
+
+
+@dataclass(frozen=True)
+class ScanSnapshot:
+    """How the scans of a topic left: in all, and as they came, without artefacts, of late."""
+
+    topic: str
+    exact: int = 0
+    held: int = 0
+    passed_through: int = 0
+    passed_through_lately: int = 0
+    """In the last 10 s."""
+    last_problem: str = ""
+    late_s: float = 0.0
+    """How long after a scan its transform came, at most, of those that came too late lately."""
+
+
+@dataclass(frozen=True)
+class PopulationSnapshot:
+    """The counts of the population since the start, and of arrivals in the last minute."""
+
+    alive: int = 0
+    arrivals: int = 0
+    departures: int = 0
+    blocked: int = 0
+    displaced: int = 0
+    arrivals_lately: int = 0
+    blocked_lately: int = 0
+    """Artefacts that found no place; `arrivals` holds none of them."""
+    is_map_closed: bool = False
+    """There is a map, but no free cell in it."""
+
+
+@dataclass(frozen=True)
+class ContactSnapshot:
+    """The robot's contacts with artefacts: how many, and how long ago which was the last."""
+
+    count: int = 0
+    last: str = ""
+    """As "person_adult 7, 0.05 m deep"."""
+    last_age_s: float | None = None
+
+
+@dataclass(frozen=True)
+class NodeSnapshot:
+    """The node at one moment. A problem is one sentence, empty where there is none.
+
+    `active_s` is for how long the node has been active, 0 while it is not. `robot_problem` and
+    `camera_problem` say why the pose of the robot or of its camera in the map is not known.
+    """
+
+    state: NodeState
+    is_paused: bool = False
+    active_s: float = 0.0
+    uses_sim_time: bool = False
+    is_without_clock: bool = False
+    """It uses simulated time, and no /clock has come yet."""
+    stamps_ahead_s: float | None = None
+    """How much later than the node's time the newest transform is stamped; None without one."""
+    inputs: tuple[InputSnapshot, ...] = ()
+    robot_problem: str = ""
+    camera_problem: str = ""
+    cloud_problem: str = ""
+    """Why the cloud of voxels that was received is not used yet."""
+    ticks: TickFigures | None = None
+    busy: BusyFigures = field(default_factory=BusyFigures)
+    population: PopulationSnapshot = field(default_factory=PopulationSnapshot)
+    contacts: ContactSnapshot = field(default_factory=ContactSnapshot)
+    scans: tuple[ScanSnapshot, ...] = ()
+    faults: FaultSnapshot = field(default_factory=FaultSnapshot)
+
+
+# What the diagnostics say of an input.
+
+
+GRACE_S: Final = 5.0
+"""For so long after activation nothing that is missing is an error."""
+_STALE_PERIODS: Final = 5.0
+_STALE_S: Final = 1.0
+
+
+def input_status(entry: InputSnapshot, active_s: float) -> Status:
+    """Return the status of an input of a node that has been active for `active_s`."""
+    level, message = _verdict(entry, active_s)
+    figures = entry.figures
+    values = {
+        "topic": entry.topic,
+        "publishers": str(entry.publishers),
+        "messages": str(figures.count),
+        "refused": str(figures.refused),
+        "rate": figure(figures.rate_hz, "Hz"),
+        "age": figure(figures.age_s, "s"),
+        "last refusal": figures.last_refusal or "-",
+    }
+    return Status(level, f"inputs/{entry.role}", message, values)
+
+
+def _verdict(entry: InputSnapshot, active_s: float) -> tuple[Level, str]:
+    figures = entry.figures
+    if figures.age_s is None:
+        return _nothing_yet(entry, active_s)
+    if _is_stale(entry):
+        rate = figure(figures.rate_hz, "Hz")
+        age = figure(figures.age_s, "s")
+        return Level.STALE, f"it has stopped: it came at {rate}, and the last one is {age} old"
+    if entry.is_required and figures.refused == figures.count:
+        refused = counted(figures.count, "message")
+        return Level.ERROR, f"{refused}, none of use; the last: {figures.last_refusal}"
+    if figures.refused_lately:
+        refused = counted(figures.refused_lately, "message")
+        return Level.WARN, f"{refused} refused in the last 10 s; the last: {figures.last_refusal}"
+    if entry.is_latched or figures.rate_hz is None:
+        received = counted(figures.count, "message")
+        return Level.OK, f"{received}, the last {figure(figures.age_s, 's')} ago"
+    return Level.OK, figure(figures.rate_hz, "Hz")
+
+
+def _nothing_yet(entry: InputSnapshot, active_s: float) -> tuple[Level, str]:
+    if not entry.is_required:
+        return Level.OK, "no message yet; the node works without"
+    if active_s < GRACE_S:
+        return Level.OK, "no message yet"
+    if not entry.publishers:
+        return Level.ERROR, f"no message for {active_s:.0f} s: nobody publishes {entry.topic}"
+    reason = f"{entry.topic} has {counted(entry.publishers, 'publisher')}; is its QoS compatible?"
+    return Level.ERROR, f"no message for {active_s:.0f} s, though {reason}"
+
+
+def _is_stale(entry: InputSnapshot) -> bool:
+    age_s, period_s = entry.figures.age_s, entry.figures.period_s
+    if entry.is_latched or age_s is None or period_s is None:
+        return False
+    return age_s > _STALE_S and age_s > _STALE_PERIODS * period_s
+
 
 _CONTACT_S: Final = 5.0
 _TICK_STOP_S: Final = 1.0
@@ -240,3 +427,43 @@ def _scan(scan: ScanSnapshot) -> Status:
             )
         return Status(Level.WARN, name, message, values)
     return Status(Level.OK, name, f"{counted(scan.exact + scan.held, 'scan')} augmented", values)
+
+
+# How long nobody has offered to tell of the camera, and when that is worth a word.
+
+
+_STAND_IN_S: Final = 3.0
+
+
+class CameraWatch:
+    """Tells when the default camera is to stand in, and when it is to be said that it does.
+
+    Times are those of a clock that never jumps. Publishers are discovered one after the other,
+    and a robot may be started after the node: so nothing is said before a map has been on offer
+    for the grace, all the while without a CameraInfo.
+    """
+
+    def __init__(self) -> None:
+        self._blind_since_ns: int | None = None
+        self._mapped_since_ns: int | None = None
+
+    def is_to_stand_in(self, now_ns: int, *, is_missing: bool) -> bool:
+        """Tell whether a camera has been missing, and no CameraInfo on offer, for some seconds."""
+        self._blind_since_ns = _since(self._blind_since_ns, now_ns, holds=is_missing)
+        return _has_lasted(self._blind_since_ns, now_ns, _STAND_IN_S)
+
+    def is_to_be_said(self, now_ns: int, *, is_only_map_offered: bool) -> bool:
+        """Tell whether there has been a map on offer, but no CameraInfo, for the grace."""
+        self._mapped_since_ns = _since(self._mapped_since_ns, now_ns, holds=is_only_map_offered)
+        return _has_lasted(self._mapped_since_ns, now_ns, GRACE_S)
+
+
+def _since(before_ns: int | None, now_ns: int, *, holds: bool) -> int | None:
+    """Return since when something has held without a break."""
+    if not holds:
+        return None
+    return now_ns if before_ns is None else before_ns
+
+
+def _has_lasted(since_ns: int | None, now_ns: int, least_s: float) -> bool:
+    return since_ns is not None and now_ns - since_ns >= least_s * NS_PER_S

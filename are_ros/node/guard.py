@@ -25,8 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from are_ros.errors import AreError, NodeError
 from are_ros.node.message_classes import message_class
-from are_ros.node.stop import Stop, stop_on_signals
-from are_ros.node.transport import make_room
+from are_ros.node.startup import Stop, make_room, stop_on_signals
 
 NAME: Final = "ar_guard"
 _GUARDED: Final = "ar_builder"

@@ -18,12 +18,9 @@ from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, InputError
 from are_ros.messages.feed import Decoding, Feed, RawMessage
 from are_ros.messages.goals import read_clicked_point
-from are_ros.messages.grid import read_grid
-from are_ros.messages.grid_encoding import encode_grid
+from are_ros.messages.grid import encode_grid, read_grid
 from are_ros.messages.tick_encoding import TickEncoder, encode_scan, scan_outputs
-from are_ros.node.busy_watch import BusyWatch
-from are_ros.node.fault_watch import FaultWatch
-from are_ros.node.tick_watch import TickWatch
+from are_ros.node.watches import BusyWatch, FaultWatch, TickWatch
 from are_ros.parameters.choices import CostmapGate, SensorGate
 from are_ros.parameters.model import Parameters
 from are_ros.world.environment import Environment

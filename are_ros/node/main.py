@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from are_ros.node.stop import stop_on_signals
+from are_ros.node.startup import stop_on_signals
 
 _OK = 0
 

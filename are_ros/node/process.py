@@ -14,8 +14,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from are_ros.errors import AreError, NodeError
 from are_ros.node.ar_builder_node import NAME, ArBuilderNode
-from are_ros.node.stop import Stop
-from are_ros.node.transport import make_room
+from are_ros.node.startup import Stop, make_room
 
 _OK, _FAILED = 0, 1
 _WAIT_S: Final = 0.1

@@ -9,20 +9,21 @@ from rclpy.node import Node
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.conventions import NS_PER_S
-from are_ros.node.busy_watch import BusyFigures
-from are_ros.node.count_watch import CountWatch
-from are_ros.node.diagnostics import clock_doubt, make_diagnostics, statuses
-from are_ros.node.inlets import Inlets
-from are_ros.node.live_builder import LiveBuilder
-from are_ros.node.message_classes import RclpyFactory
-from are_ros.node.qos import advertise
-from are_ros.node.snapshot import (
+from are_ros.node.diagnostics import (
     ContactSnapshot,
     NodeSnapshot,
     NodeState,
     PopulationSnapshot,
     ScanSnapshot,
+    clock_doubt,
+    make_diagnostics,
+    statuses,
 )
+from are_ros.node.live_builder import LiveBuilder
+from are_ros.node.message_classes import RclpyFactory
+from are_ros.node.qos import advertise
+from are_ros.node.subscriptions import Inlets
+from are_ros.node.watches import BusyFigures, CountWatch
 
 _MINUTE_NS: Final = 60 * NS_PER_S
 _LATELY_NS: Final = 10 * NS_PER_S

@@ -182,3 +182,17 @@ def _check_bounds(item: Description, value: Any) -> None:
 
 def _unit(item: Description) -> str:
     return f" {item.unit}" if item.unit else ""
+
+
+# The parameters of the node alone, which a replay has no use for.
+
+
+@dataclass(frozen=True)
+class NodeParameters:
+    """What the node reads once, when it starts; declared like all other parameters."""
+
+    autostart: bool = parameter(
+        True,
+        "The node configures and activates itself; false: it waits for a lifecycle manager "
+        "or for `ros2 lifecycle set`.",
+    )

@@ -10,9 +10,8 @@ from typing import Any
 import yaml
 
 from are_ros.errors import ParameterError
-from are_ros.parameters.declaration import Value, describe, flatten, with_values
+from are_ros.parameters.declaration import NodeParameters, Value, describe, flatten, with_values
 from are_ros.parameters.model import Parameters
-from are_ros.parameters.node_parameters import NodeParameters
 from are_ros.wording import listed
 from are_ros.yaml_text import parse_yaml, read_yaml
 

@@ -10,8 +10,8 @@ from zlib import crc32
 import yaml
 from mcap.reader import make_reader
 
+from are_ros.bag.reader import sentence_of
 from are_ros.conventions import NS_PER_S
-from are_ros.replay._bag_errors import sentence_of
 from are_ros.replay._check_result import CheckResult, Tally, at_s, merged, skipped
 from are_ros.wording import counted
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from rosbags.highlevel import AnyReader
 
-from are_ros.replay._bag_errors import sentence_of
+from are_ros.bag.reader import sentence_of
 from are_ros.replay._check_intake import GRID_TOPICS, MARKERS, Intake
 from are_ros.replay._check_record import Record
 from are_ros.replay._check_result import Tally, at_s

@@ -10,7 +10,7 @@ from are_ros.replay._picture_map import known_part, window_of
 from are_ros.world.scan_matching import NEAR_M, Match, ScanCloud
 
 if TYPE_CHECKING:
-    from are_ros.replay.align_command import AlignOutcome
+    from are_ros.replay.align import AlignOutcome
 
 _NEAR: Final = "#2b8a3e"
 _FAR: Final = "#e8590c"

@@ -7,7 +7,7 @@ from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.shapes import Shape
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.outputs import ArtefactState, SceneMetrics, Vector3
-from are_ros.messages.times import read_time
+from are_ros.messages.common import read_time
 from are_ros.world.rigid_transform import RigidTransform
 
 _ACTIVITY = "activity"

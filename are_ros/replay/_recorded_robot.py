@@ -4,7 +4,7 @@ from typing import Any
 
 from are_ros.builder.assembly import chosen_camera, default_camera, robot_tracker
 from are_ros.messages.camera_info import read_camera_info
-from are_ros.messages.headers import read_header
+from are_ros.messages.common import read_header
 from are_ros.messages.odometry import OdometryNumbers
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.choices import CameraModel

@@ -13,7 +13,7 @@ from are_ros.replay._film_palette import Palette, Picture
 from are_ros.replay._film_scene import FilmScene
 from are_ros.replay._film_writers import OpenFilm
 from are_ros.replay.film_path import why_no_film
-from are_ros.replay.stopwatch import Progress
+from are_ros.replay.progress import Progress
 from are_ros.replay.scene_record import SceneRecord
 from are_ros.wording import why_refused
 from are_ros.world.occupancy_grid import OccupancyGrid

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from are_ros.artefacts.population_events import Cause
+from are_ros.bag.reader import BagReader, recording_in
+from are_ros.bag.roles import read_overrides, scans_of
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms, replaced_statics
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.sensor_path import SensorPathCounts
@@ -22,17 +24,13 @@ from are_ros.parameters.ros_yaml import (
     write_ros_parameters,
 )
 from are_ros.parameters.validation import validated
-from are_ros.replay._bag_files import recording_in
-from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.film_command import animate
 from are_ros.replay.film_path import film_path
-from are_ros.replay.inspection import inspect_bag
-from are_ros.replay.inspection_text import inspection_lines
-from are_ros.replay.options import ReplayOptions
+from are_ros.replay.inspection import inspect_bag, inspection_lines
 from are_ros.replay.output_folder import METRICS, all_or_nothing
 from are_ros.replay.overview import draw_overview
 from are_ros.replay.population_picture import plot_population
-from are_ros.replay.progress_bar import ProgressBar
+from are_ros.replay.progress import ProgressBar
 from are_ros.replay.results import (
     Content,
     ReplayCounts,
@@ -42,8 +40,8 @@ from are_ros.replay.results import (
     timing_content,
     write_json,
 )
-from are_ros.replay.roles import read_overrides, scans_of
 from are_ros.replay.session import Outcome, run_replay
+from are_ros.replay.timeline import ReplayOptions
 from are_ros.wording import counted
 from are_ros.world.map_file import read_map_file
 

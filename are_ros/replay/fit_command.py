@@ -26,7 +26,7 @@ from are_ros.replay.fit_results import (
     write_parameters,
 )
 from are_ros.replay.output_folder import all_or_nothing
-from are_ros.replay.progress_bar import ProgressBar
+from are_ros.replay.progress import ProgressBar
 from are_ros.replay.results import write_json
 
 Say = Callable[[str], None]

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.replay.timeline import GAP_NS
+from are_ros.bag.stretches import GAP_NS
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,15 +1,164 @@
 """What takes the outputs of a replay: the record for the picture, the recording, the inputs."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from struct import error as StructError  # noqa: N812
+from typing import Any, Final
 
+from are_ros.bag.reader import BagMessage, BagReader
+from are_ros.bag.types import jazzy_typestore
+from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.sensor_path import ReleasedScan
-from are_ros.builder.tick import Tick
-from are_ros.replay.bag_reader import BagMessage
-from are_ros.replay.input_copy import InputCopy
+from are_ros.builder.tick import EVERYTHING, Demand, Tick
+from are_ros.errors import AreError
+from are_ros.messages.cloud import Points, make_cloud
+from are_ros.messages.common import MessageFactory
+from are_ros.messages.grid import make_grid
+from are_ros.messages.tick_encoding import OUTPUTS, TickEncoder, encode_scan, scan_outputs
+from are_ros.messages.transforms import StampedTransform, encode_transforms_cdr, make_transforms
+from are_ros.parameters.choices import Region
 from are_ros.replay.runner import Listener
 from are_ros.replay.scene_record import SceneRecorder
-from are_ros.replay.tick_writer import TickWriter
+from are_ros.world.environment import Environment
+from are_ros.world.occupancy_grid import OccupancyGrid
+
+# The outputs of the builder into a recording, under the names that they have live.
+
+
+PREFIX = "/ar_builder/"
+
+
+class TickWriter:
+    """Encodes ticks and released scans, and appends them."""
+
+    def __init__(
+        self, writer: BagWriter, scan_topics: Sequence[str], demand: Demand = EVERYTHING
+    ) -> None:
+        """Announce all output topics; `scan_topics` are the input topics of the scans."""
+        self._writer = writer
+        self._encoder = TickEncoder(demand)
+        self._scan_outputs = {t: PREFIX + name for t, name in scan_outputs(scan_topics).items()}
+        for name, (type_name, is_latched, depth) in OUTPUTS.items():
+            writer.add_topic(PREFIX + name, type_name, is_latched=is_latched, depth=depth)
+        for output in self._scan_outputs.values():
+            writer.add_topic(output, "sensor_msgs/msg/LaserScan")
+
+    def write_tick(self, tick: Tick) -> None:
+        """Append everything that a tick gives out, at its time."""
+        for name, stamp_ns, data in self._encoder.encode(tick):
+            self._writer.write_raw(PREFIX + name, stamp_ns, data)
+
+    def write_scans(self, scans: Sequence[ReleasedScan]) -> None:
+        """Append scans, each at the time when it was released."""
+        for released in scans:
+            output = self._scan_outputs[released.topic]
+            self._writer.write_raw(output, released.released_ns, encode_scan(released.scan))
+
+
+# The inputs of a replay beside its outputs: `--with-inputs`.
+
+
+_LATCHED_ROLES = ("map", "octomap_point_cloud_centers", "tf_static")
+_TRANSFORMS = "tf2_msgs/msg/TFMessage"
+_TYPES = {"tf/msg/tfMessage": _TRANSFORMS}
+_BASE_KIND, _MESSAGE_KIND, _ARRAY_KIND = 1, 2, 3
+
+
+class InputCopy:
+    """Writes the messages that the replay read under their own topics, as ROS 2 messages."""
+
+    def __init__(
+        self,
+        reader: BagReader,
+        writer: BagWriter,
+        factory: MessageFactory,
+        roles: Mapping[str, str],
+    ) -> None:
+        """Announce the topics; `roles` maps each topic that is read to its role."""
+        self._reader = reader
+        self._writer = writer
+        self._factory = factory
+        self._types: dict[str, str] = {}
+        for topic in reader.topics:
+            if topic.name in roles and topic.name not in self._types:
+                type_name = _TYPES.get(topic.type_name, topic.type_name)
+                self._types[topic.name] = type_name
+                is_latched = roles[topic.name] in _LATCHED_ROLES
+                writer.add_topic(topic.name, type_name, is_latched=is_latched, depth=100)
+
+    def write(self, message: BagMessage, received_ns: int) -> None:
+        """Append one input; one that cannot be understood is left out, as the builder did."""
+        if message.topic not in self._types:
+            return
+        if not self._reader.is_ros1:
+            self._writer.write_raw(message.topic, received_ns, message.data)
+            return
+        try:
+            data = self._as_ros2(message)
+        except AreError:
+            return
+        self._writer.write_raw(message.topic, received_ns, data)
+
+    def _as_ros2(self, message: BagMessage) -> bytes | memoryview:
+        """Return the bytes of a ROS 1 message as ROS 2 has them. Raises InputError, BagError."""
+        type_name = self._types[message.topic]
+        if type_name == _TRANSFORMS:
+            with suppress(StructError):  # a stamp that ROS 2 has not: let the general way complain
+                return encode_transforms_cdr(self._reader.transforms(message))
+        original = self._reader.deserialize(message)
+        data: memoryview = jazzy_typestore().serialize_cdr(
+            converted(self._factory, original, type_name), type_name
+        )
+        return data
+
+    def write_map(self, topic: str, grid: OccupancyGrid, now_ns: int) -> None:
+        """Append the map that came from a file, once."""
+        if topic not in self._types:
+            self._types[topic] = "nav_msgs/msg/OccupancyGrid"
+            self._writer.add_topic(topic, self._types[topic], is_latched=True, depth=1)
+        self._writer.write(topic, now_ns, make_grid(self._factory, grid))
+
+    def write_cloud(self, centres_m: Points, frame_id: str, now_ns: int) -> None:
+        """Append the voxels (N, 3) [m] that came from a file, once."""
+        topic = "/octomap_point_cloud_centers"
+        self._types[topic] = "sensor_msgs/msg/PointCloud2"
+        self._writer.add_topic(topic, self._types[topic], is_latched=True, depth=1)
+        self._writer.write(topic, now_ns, make_cloud(self._factory, frame_id, now_ns, centres_m))
+
+    def write_static(self, transforms: list[StampedTransform], now_ns: int) -> None:
+        """Append the static transforms that were given as parameters."""
+        topic = "/tf_static"
+        if topic not in self._types:
+            self._types[topic] = _TRANSFORMS
+            self._writer.add_topic(topic, self._types[topic], is_latched=True, depth=100)
+        self._writer.write(topic, now_ns, make_transforms(self._factory, transforms))
+
+
+def converted(factory: MessageFactory, original: Any, type_name: str) -> Any:
+    """Return a ROS 1 message object as the ROS 2 type of its name, field by field.
+
+    What ROS 2 left out (Header.seq) is dropped, what it added has its default, and the upper case
+    of CameraInfo's D, K, R, P is folded.
+    """
+    fields = {}
+    for name, description in jazzy_typestore().fielddefs[type_name][1]:
+        source = name if hasattr(original, name) else name.upper()
+        if hasattr(original, source):
+            fields[name] = _converted_field(factory, getattr(original, source), description)
+    return factory.make(type_name, **fields)
+
+
+def _converted_field(factory: MessageFactory, value: Any, description: Any) -> Any:
+    kind, detail = int(description[0]), description[1]
+    if kind == _BASE_KIND:
+        return value
+    if kind == _MESSAGE_KIND:
+        return converted(factory, value, detail)
+    element = detail[0]
+    if int(element[0]) == _MESSAGE_KIND:
+        return [converted(factory, one, element[1]) for one in value]
+    return value
 
 
 class Silence:
@@ -96,3 +245,61 @@ class All(Silence):
         """Tell of an input."""
         for listener in self._listeners:
             listener.take_input(message, received_ns)
+
+
+# Whether the robot of a recording stands where its map lets it: else the two do not fit.
+
+
+_SHARE: Final = 0.1
+"""A robot that grazes a wall for a while is not worth a word."""
+_LEAST_AREA_M2: Final = 3.0
+"""Who turns on the spot needs about as much: no place that a robot is driven in is smaller."""
+
+
+class StandingWatch(Silence):
+    """Looks at each tick whether the cell of the robot's base is free."""
+
+    def __init__(self, builder: ArBuilder) -> None:
+        self._builder = builder
+        self._ticks = 0
+        self._outside_m: list[tuple[float, float]] = []
+        self._area_m2 = 0.0
+
+    def take_tick(self, tick: Tick) -> None:
+        """Look where the robot stands, as soon as there are a map and its pose."""
+        environment = self._builder.world.environment
+        if environment is None or tick.map_from_base is None:
+            return
+        x_m, y_m, _ = tick.map_from_base.translation_m.tolist()
+        self._ticks += 1
+        self._area_m2 = max(self._area_m2, tick.metrics.area_m2)
+        if not _is_free(environment, (x_m, y_m)):
+            self._outside_m.append((x_m, y_m))
+
+    def sentences(self) -> list[str]:
+        """Return what a user should know: nothing where robot and map agree."""
+        doubts = []
+        outside = self._outside()
+        if outside > _SHARE * self._ticks:
+            doubts.append(
+                "the robot stood on occupied or unknown cells, or beyond the map, "
+                f"in {outside} of {self._ticks} ticks"
+            )
+        kind = self._builder.parameters.population.region
+        if self._ticks and kind is Region.REACHABLE and self._area_m2 < _LEAST_AREA_M2:
+            doubts.append(f"the robot can reach {self._area_m2:.1f} m^2 of the map at most")
+        question = "does the map belong to the recording, and is its frame right?"
+        return [f"{', and '.join(doubts)}: {question}"] if doubts else []
+
+    def _outside(self) -> int:
+        """Return how often the cell was not free, then and in the last map.
+
+        While a map is being made, the cells under the robot may come to be known only later.
+        """
+        last = self._builder.world.environment
+        return 0 if last is None else sum(not _is_free(last, at_m) for at_m in self._outside_m)
+
+
+def _is_free(environment: Environment, at_m: tuple[float, float]) -> bool:
+    cell = environment.grid.cell_at(*at_m)
+    return cell is not None and bool(environment.classes.free[cell])

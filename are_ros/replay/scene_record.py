@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
+from are_ros.bag.stretches import GAP_NS
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.outputs import ArtefactState, SceneMetrics
 from are_ros.builder.tick import Tick
 from are_ros.replay.life_record import Life, LifeRecorder, Track, track_of
-from are_ros.replay.timeline import GAP_NS
 from are_ros.world.footprint import Footprint
 from are_ros.world.observer import Camera
 from are_ros.world.rigid_transform import RigidTransform

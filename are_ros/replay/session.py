@@ -3,43 +3,96 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final
+
+import numpy as np
+import numpy.typing as npt
 
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.scenario_file import write_scenario
+from are_ros.bag.reader import BagReader
+from are_ros.bag.roles import RolesFound, find_roles
+from are_ros.bag.stretches import needed_wait_s
+from are_ros.bag.types import RosbagsFactory
+from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms, robot_footprint
 from are_ros.builder.life_keeper import LifeKeeper
 from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.builder.warm_up import warm_up
 from are_ros.conventions import NS_PER_S
-from are_ros.errors import BagError
+from are_ros.errors import BagError, InputError, MapError
 from are_ros.messages.feed import Refusals
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.choices import CameraModel, OnRobotContact
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.replay.bag_reader import BagReader
-from are_ros.replay.bag_writer import BagWriter
 from are_ros.replay.frame_survey import root_above, static_tf_option
-from are_ros.replay.input_copy import InputCopy
-from are_ros.replay.listeners import All, CameraWatch, InputWriter, OutputWriter, RecordKeeper
-from are_ros.replay.map_files import MapFiles
-from are_ros.replay.message_types import RosbagsFactory
-from are_ros.replay.options import ReplayOptions
+from are_ros.replay.listeners import (
+    All,
+    CameraWatch,
+    InputCopy,
+    InputWriter,
+    OutputWriter,
+    RecordKeeper,
+    StandingWatch,
+    TickWriter,
+)
 from are_ros.replay.output_folder import AUGMENTED, prepare_folder, prepare_scenario
+from are_ros.replay.progress import Progress, Stopwatch, said_if_slow
 from are_ros.replay.results import REPLAY_PHASE
-from are_ros.replay.roles import RolesFound, find_roles
-from are_ros.replay.runner import Listener, Replay, Timeline
-from are_ros.replay.stopwatch import Progress
+from are_ros.replay.runner import Listener, Replay
 from are_ros.replay.scene_record import SceneRecord, SceneRecorder
-from are_ros.replay.standing import StandingWatch
-from are_ros.replay.stopwatch import Stopwatch, said_if_slow
-from are_ros.replay.tick_writer import TickWriter
-from are_ros.replay.timeline import needed_wait_s
+from are_ros.replay.timeline import ReplayOptions, Timeline
 from are_ros.wording import counted
+from are_ros.world.map_file import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.octomap_file import read_octomap_file
 from are_ros.world.voxel_map import VoxelMap
+
+# The map and the octomap that come from files beside the recording.
+
+
+@dataclass(frozen=True, eq=False)
+class MapFiles:
+    """What was read of the files, None where there is none, both in the map's frame.
+
+    The cloud is the centres (N, 3) of the occupied voxels [m] and the size of a voxel [m], from
+    `octomap_file`.
+    """
+
+    grid: OccupancyGrid | None
+    cloud: tuple[npt.NDArray[np.floating], float] | None
+    octomap_file: Path | None = None
+
+    @classmethod
+    def read(cls, options: ReplayOptions) -> "MapFiles":
+        """Read the files that the options name; MapError if one cannot be."""
+        frame_id = options.parameters.frames.map
+        return cls(
+            None if options.map_file is None else read_map_file(options.map_file, frame_id),
+            None if options.octomap_file is None else read_octomap_file(options.octomap_file),
+            options.octomap_file,
+        )
+
+    def feed(self, builder: ArBuilder, now_ns: int) -> None:
+        """Give the builder what was read, as received at `now_ns`.
+
+        MapError, naming the file, where the voxels cannot be used.
+        """
+        if self.grid is not None:
+            builder.receive_map(self.grid, now_ns)
+        if self.cloud is not None:
+            centres_m, voxel_size_m = self.cloud
+            frame_id = builder.parameters.frames.map
+            try:
+                builder.receive_cloud(centres_m, frame_id, now_ns, voxel_size_m)
+            except InputError as cause:
+                reason = str(cause).removeprefix("voxel cloud: ")
+                raise MapError(f"{self.octomap_file}: {reason}") from cause
+        builder.prepare()
+
 
 _CAMERA_ROLE: Final = "camera/camera_info"
 _TRANSFORM_ROLES: Final = ("tf", "tf_static", "odom")

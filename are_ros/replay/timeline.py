@@ -1,221 +1,146 @@
-"""What a replay has to know of a recording's time before it begins: gaps, and how late tf is.
+"""What a replay is asked to do, and what it reads of a recording when."""
 
-A gap is a stretch of a minute or more in which nothing comes of what moves (`MOVING_ROLES`): two
-recordings of one day, a map that was recorded years before, a stray message an hour later. Nobody
-knows what happened in it, so a replay leaves it out, and begins anew after it.
-"""
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 
-from collections import defaultdict, deque
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
-from typing import Final
+from are_ros.bag.clock import MOVING_ROLES, BagClock, Ints, RecordedTimes
+from are_ros.bag.reader import BagReader
+from are_ros.bag.roles import RolesFound
+from are_ros.bag.stretches import GAP_NS, Stretches, scan_waits, stretches_of
+from are_ros.builder.assembly import parse_static_transform
+from are_ros.builder.tick import Demand
+from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.errors import BagError
+from are_ros.parameters.model import Parameters
+from are_ros.wording import duration_text
 
-import numpy as np
-
-from are_ros.builder.step_clock import IDLE_NS
-from are_ros.conventions import NS_PER_S
-from are_ros.replay.bag_clock import BagClock
-from are_ros.replay.bag_times import Edge, Ints, RecordedTimes
-from are_ros.wording import counted, duration_text
-
-GAP_NS: Final = IDLE_NS
-"""As long as the world waits for an input before it stands still."""
-_STRAY_NS: Final = NS_PER_S
-"""What moves for less than this, with a gap on either side, is no drive."""
-_SHOWN_GAPS: Final = 3
-_REACH: Final = 0.75
-"""A scan may wait for so much of the time for which poses are kept: it may be late by itself."""
-_WAIT_STEP_NS: Final = NS_PER_S // 100
-
-Span = tuple[int, int]
+FED_BEFORE_START = ("map", "octomap_point_cloud_centers", "camera/camera_info", "tf", "tf_static")
+SCAN_ROLE = "scan"
+_DEFAULT_SCANS = ("scan",)
+_READ_ROLES = (*FED_BEFORE_START, "odom", SCAN_ROLE, "plan")
 
 
 @dataclass(frozen=True)
-class Gap:
-    """Nothing moves in [start_ns, stop_ns) of the log; it lasts `length_ns` by the clock.
+class ReplayOptions:
+    """The options of `are replay`; times are seconds from the beginning of the recording.
 
-    `between` names the two files that it lies between, where it does.
+    `parameters` are the effective ones. `map_file` and `octomap_file` replace what the recording
+    lacks or holds; `topics` are the user's choices by role. With `out` None nothing is written,
+    but for what happened, as a scenario, into `save_scenario` if that is given. `is_wait_given`:
+    the user has set `sensors.tf_wait`; else it is as long as the recording needs.
     """
 
-    start_ns: int
-    stop_ns: int
-    length_ns: int
-    between: tuple[str, str] | None = None
+    bags: tuple[Path, ...]
+    parameters: Parameters
+    out: Path | None = None
+    map_file: Path | None = None
+    octomap_file: Path | None = None
+    topics: Mapping[str, str] = field(default_factory=dict)
+    start_s: float = 0.0
+    duration_s: float | None = None
+    with_inputs: bool = False
+    demand: Demand = field(default_factory=Demand)
+    save_scenario: Path | None = None
+    is_wait_given: bool = False
 
 
-@dataclass(frozen=True)
-class Stretches:
-    """The spans [start, stop) of the log [ns] that are replayed, in order, and the gaps.
+@dataclass(frozen=True, eq=False)
+class Timeline:
+    """What a replay reads of a recording, and when: known before the replay begins.
 
-    `ahead` and `behind` are the gaps before the first and after the last span, if any.
+    `spans` are [start, stop) of the log [ns]; nothing moves between them. Seconds of the options
+    count from `begin_ns`. `waits` tell how long scans wait for their transforms [ns], by topic.
     """
 
-    spans: tuple[Span, ...]
-    gaps: tuple[Gap, ...]
-    ahead: Gap | None = None
-    behind: Gap | None = None
+    role_of_topic: Mapping[str, str]
+    begin_ns: int
+    stretches: Stretches
+    clock: BagClock
+    waits: Mapping[str, Ints]
 
-    def sentences(self, begin_ns: int) -> list[str]:
-        """Say what a replay leaves out; `begin_ns` is the log time from which seconds count."""
-        said = []
-        if self.ahead is not None:
-            length = duration_text(self.ahead.length_ns)
-            said.append(f"nothing moves in the first {length}: the replay begins after them")
-        if self.gaps:
-            gaps = [_gap_text(gap, begin_ns) for gap in self.gaps]
-            more = [f"{len(gaps) - _SHOWN_GAPS} more"] if len(gaps) > _SHOWN_GAPS else []
-            listed = "; ".join([*gaps[:_SHOWN_GAPS], *more])
-            it, has = ("it", "a gap") if len(gaps) == 1 else ("them", counted(len(gaps), "gap"))
-            said.append(
-                f"the recording has {has} in which nothing moves ({listed}): the replay leaves "
-                f"{it} out, and all artefacts go before {it}"
-            )
-        if self.behind is not None:
-            length = duration_text(self.behind.length_ns)
-            said.append(f"nothing moves in the last {length}: the replay ends before them")
-        return said
+    @classmethod
+    def of(cls, reader: BagReader, options: ReplayOptions, roles: RolesFound) -> "Timeline":
+        """Read the times of the window that the options ask for.
 
-
-def stretches_of(
-    times: RecordedTimes,
-    clock: BagClock,
-    start_ns: int,
-    stop_ns: int,
-    files: Sequence[tuple[str, int, int]] = (),
-) -> Stretches:
-    """Return the stretches of the window [start_ns, stop_ns) of the log that are to be replayed.
-
-    Gaps are measured by the clock. A stray message between two gaps belongs to them. `files` are
-    the (name, start, stop) of those that make up the recording.
-    """
-    log_ns = times.moving_log_ns
-    if not len(log_ns):
-        return Stretches(((start_ns, stop_ns),), ())
-    edges_ns = np.concatenate(([start_ns], log_ns, [stop_ns]))
-    is_gap = np.diff(clock.at_many(edges_ns)) >= GAP_NS
-    first = np.flatnonzero(is_gap[:-1] | (np.arange(len(log_ns)) == 0))
-    last = np.append(first[1:], len(log_ns)) - 1
-    starts, stops = log_ns[first], log_ns[last] + 1
-    if not is_gap[0]:
-        starts[0] = start_ns
-    if not is_gap[-1]:
-        stops[-1] = stop_ns
-    is_drive = stops - starts >= _STRAY_NS
-    if is_drive.any():
-        starts, stops = starts[is_drive], stops[is_drive]
-
-    def gap(from_ns: int, to_ns: int) -> Gap:
-        length_ns = clock.at(to_ns) - clock.at(from_ns)
-        return Gap(from_ns, to_ns, length_ns, _between(files, from_ns, to_ns))
-
-    spans = list(zip(starts.tolist(), stops.tolist(), strict=True))
-    begin_ns, end_ns = spans[0][0], spans[-1][1]
-    return Stretches(
-        spans=tuple(spans),
-        gaps=tuple(gap(one[1], other[0]) for one, other in pairwise(spans)),
-        ahead=gap(start_ns, begin_ns) if begin_ns > start_ns else None,
-        behind=gap(end_ns, stop_ns) if end_ns < stop_ns else None,
-    )
-
-
-def _between(
-    files: Sequence[tuple[str, int, int]], from_ns: int, to_ns: int
-) -> tuple[str, str] | None:
-    """Return the names of the two files that end and begin around a gap, if there are such."""
-    before = [name for name, _, stop_ns in files if stop_ns <= to_ns]
-    after = [name for name, start_ns, _ in files if start_ns >= from_ns]
-    if len(before) + len(after) < len(files) or not (before and after):
-        return None
-    return before[-1], after[0]
-
-
-def _gap_text(gap: Gap, begin_ns: int) -> str:
-    at = duration_text(gap.start_ns - begin_ns)
-    where = f", between {gap.between[0]} and {gap.between[1]}" if gap.between else ""
-    return f"{duration_text(gap.length_ns)} long, {at} into it{where}"
-
-
-def scan_waits(
-    times: RecordedTimes, clock: BagClock, map_frame: str, given_edges: Iterable[Edge] = ()
-) -> dict[str, Ints]:
-    """Return how long the scans of each topic wait for their transforms: int64 (N,) [ns] each.
-
-    From the reception of a scan until its pose in the map's frame is known at its stamp, by the
-    clock. N counts the scans for which it comes to be known; those that are the first of the
-    recording, or whose frame nothing joins to the map's, never wait to an end. `given_edges` are
-    the (parent, child) of static transforms that come from elsewhere.
-    """
-    static = times.static_edges | set(given_edges)
-    waits: dict[str, Ints] = {}
-    for topic, scans in times.scans.items():
-        chain = _chain({*times.edges, *static}, map_frame, times.scan_frames[topic])
-        known_ns = received_ns = clock.at_many(scans.log_ns)
-        is_known = np.full(len(scans.log_ns), chain is not None)
-        for edge in set(chain or ()) - static:
-            samples = times.edges[edge]
-            newest_ns = np.maximum.accumulate(samples.stamps_ns)
-            at = np.searchsorted(newest_ns, scans.stamps_ns)
-            is_known &= (at < len(newest_ns)) & (scans.stamps_ns >= samples.stamps_ns.min())
-            came_ns = clock.at_many(samples.log_ns)[np.minimum(at, len(newest_ns) - 1)]
-            known_ns = np.maximum(known_ns, came_ns)
-        waits[topic] = (known_ns - received_ns)[is_known]
-    return waits
-
-
-def _chain(edges: Iterable[Edge], one: str, other: str) -> list[Edge] | None:
-    """Return the edges of a shortest way from one frame to another, None where there is none."""
-    joined: dict[str, list[tuple[str, Edge]]] = defaultdict(list)
-    for edge in sorted(edges):
-        joined[edge[0]].append((edge[1], edge))
-        joined[edge[1]].append((edge[0], edge))
-    ways: dict[str, list[Edge]] = {one: []}
-    waiting = deque([one])
-    while waiting:
-        frame = waiting.popleft()
-        for neighbour, edge in joined[frame]:
-            if neighbour not in ways:
-                ways[neighbour] = [*ways[frame], edge]
-                waiting.append(neighbour)
-    return ways.get(other)
-
-
-def needed_wait_s(waits: Mapping[str, Ints], history_s: float) -> float:
-    """Return the `sensors.tf_wait` [s] with which no scan leaves too early, as far as it may go.
-
-    Poses of artefacts are kept for `history_s`, the parameter `poses.history`.
-
-    It is longer than the longest wait by up to a hundredth of a second; 0 where none waits.
-    """
-    in_reach = (_in_reach(one, history_s) for one in waits.values())
-    longest_ns = max((int(one.max(initial=0)) for one in in_reach), default=0)
-    steps = longest_ns // _WAIT_STEP_NS + 1 if longest_ns else 0
-    return round(steps * _WAIT_STEP_NS / NS_PER_S, 2)
-
-
-def wait_sentence(
-    topic: str, waits_ns: Ints, scans: int, tf_wait_s: float, history_s: float
-) -> str:
-    """Say how long the scans of a topic wait, and what that means for `sensors.tf_wait`."""
-    known_ns = _in_reach(waits_ns, history_s)
-    late, lost = len(waits_ns) - len(known_ns), scans - len(waits_ns)
-    most = f"more than {_REACH * history_s:g} s, too late for any wait"
-    said_of = [f"{late} of {counted(scans, 'scan')} get their transform after {most}"] * (late > 0)
-    said_of += [f"{lost} of {counted(scans, 'scan')} never get their transform"] * (lost > 0)
-    never = "; ".join(said_of)
-    if not len(known_ns):
-        return f"{topic}: {never}"
-    longest_s = float(known_ns.max()) / NS_PER_S
-    needed_s = needed_wait_s({topic: waits_ns}, history_s)
-    said = f"{topic}: scans wait up to {longest_s:.3f} s for their transforms"
-    if needed_s > tf_wait_s:
-        most_s = float(np.percentile(known_ns, 99)) / NS_PER_S
-        said += (
-            f", 99 of 100 up to {most_s:.3f} s: a replay has sensors.tf_wait at {needed_s:g} "
-            f"unless it is set; set it on the robot, its default of {tf_wait_s:g} is too short"
+        Raises BagError where the window holds nothing, or a scan topic is absent.
+        """
+        role_of_topic = topics_to_read(reader, options, roles)
+        begin_ns = beginning(reader, role_of_topic)
+        start_ns = begin_ns + seconds_to_ns(options.start_s)
+        stop_ns = _end_ns(reader, start_ns, options)
+        times = RecordedTimes.read(reader, role_of_topic, start_ns, stop_ns)
+        clock = BagClock.of(times)
+        given = [parse_static_transform(text)[:2] for text in options.parameters.frames.static]
+        return cls(
+            role_of_topic=role_of_topic,
+            begin_ns=begin_ns,
+            stretches=stretches_of(times, clock, start_ns, stop_ns, reader.files),
+            clock=clock,
+            waits=scan_waits(times, clock, options.parameters.frames.map, given),
         )
-    return f"{said}; {never}" if never else said
+
+    def sentences(self, bag_start_ns: int) -> list[str]:
+        """Return what a user should know of it."""
+        said = self.stretches.sentences(self.begin_ns)
+        if self.begin_ns > bag_start_ns:
+            ahead = duration_text(self.begin_ns - bag_start_ns)
+            said.insert(0, f"nothing moves in the first {ahead}: the replay begins after them")
+        return [*said, *filter(None, (self.clock.sentence, self.clock.disagreement))]
 
 
-def _in_reach(waits_ns: Ints, history_s: float) -> Ints:
-    return waits_ns[waits_ns < _REACH * history_s * NS_PER_S]
+def beginning(reader: BagReader, role_of_topic: Mapping[str, str]) -> int:
+    """Return the log time at which the recording begins.
+
+    What lies long before everything that moves (a latched map with the time of its making, or
+    with none) does not count.
+    """
+    moving = [topic for topic, role in role_of_topic.items() if role in MOVING_ROLES]
+    firsts = (next(reader.messages((topic,)), None) for topic in moving)
+    begin_ns = min((first.log_time_ns for first in firsts if first), default=reader.start_ns)
+    return begin_ns if begin_ns - reader.start_ns >= GAP_NS else reader.start_ns
+
+
+def _end_ns(reader: BagReader, start_ns: int, options: ReplayOptions) -> int:
+    end_ns = reader.end_ns
+    if options.duration_s is not None:
+        end_ns = min(end_ns, start_ns + seconds_to_ns(options.duration_s))
+    if start_ns >= end_ns:
+        length_s = (reader.end_ns - reader.start_ns) / NS_PER_S
+        option = f"--start {options.start_s:g}"
+        if start_ns < reader.end_ns:
+            option = f"--duration {options.duration_s:g}"
+        raise BagError(
+            f"{option}: the recording is {length_s:.1f} s long, and nothing of it is to be replayed"
+        )
+    return end_ns
+
+
+def topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound) -> dict[str, str]:
+    """Return the role of each topic that the builder needs."""
+    chosen: dict[str, str] = {}
+    for role in _READ_ROLES:
+        topic = roles.topic(role)
+        if topic is not None and not _is_replaced(role, options):
+            chosen[topic] = role
+    if options.parameters.sensors.scans != _DEFAULT_SCANS:
+        chosen = {topic: role for topic, role in chosen.items() if role != SCAN_ROLE}
+        chosen |= dict.fromkeys(_named_scans(reader, options), SCAN_ROLE)
+    return chosen
+
+
+def _is_replaced(role: str, options: ReplayOptions) -> bool:
+    """Say whether a file stands in for a topic."""
+    by_file = {"map": options.map_file, "octomap_point_cloud_centers": options.octomap_file}
+    return by_file.get(role) is not None
+
+
+def _named_scans(reader: BagReader, options: ReplayOptions) -> list[str]:
+    """Return the topics that `sensors.scans` names; BagError where one is no scan there."""
+    names = [f"/{name.lstrip('/')}" for name in options.parameters.sensors.scans]
+    scans = {topic.name for topic in reader.topics if topic.type_name.endswith("/LaserScan")}
+    for name in names:
+        if name not in scans:
+            known = ", ".join(sorted(scans)) or "none"
+            raise BagError(f"sensors.scans: the recording has no scan '{name}'; its scans: {known}")
+    return names

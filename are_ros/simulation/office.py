@@ -7,11 +7,145 @@ west to the lobby with its meeting table; rooms lie on both sides, the open-plan
 import math
 from typing import Final
 
-from are_ros.simulation._office_plan import CHAIRS, CHAIR_HEIGHT, CHAIR_RADIUS, COLUMNS, DOORWAYS, DOOR_LEAVES, FLOOR, FURNITURE, INNER_WALLS, OUTER_WALLS, TURNED_FURNITURE
-from are_ros.simulation.building import Building
-from are_ros.simulation.robot import DriveLimits, RobotState
-from are_ros.simulation.route import RouteFollower, Waypoint
-from are_ros.simulation.solids import Cuboid, Cylinder, Solid
+from are_ros.simulation.building import Building, Cuboid, Cylinder, Solid
+from are_ros.simulation.robot import DriveLimits, RobotState, RouteFollower, Waypoint
+
+# The dimensions of the sample office [m]: rectangles are low x, low y, high x, high y.
+
+
+Rectangle = tuple[float, float, float, float]
+
+FLOOR: Final = (0.0, 0.0, 16.0, 11.0)
+
+OUTER_WALLS: Final = (
+    (0.0, 0.0, 16.0, 0.2),
+    (0.0, 10.8, 16.0, 11.0),
+    (0.0, 0.2, 0.2, 10.8),
+    (15.8, 0.2, 16.0, 10.8),
+)
+INNER_WALLS: Final = (
+    # south of the corridor: two offices and the kitchen
+    (0.2, 4.5, 2.5, 4.6),
+    (3.5, 4.5, 4.4, 4.6),
+    (5.4, 4.5, 9.4, 4.6),
+    (10.4, 4.5, 10.8, 4.6),
+    (3.9, 0.2, 4.0, 4.5),
+    (7.7, 0.2, 7.8, 4.5),
+    (10.7, 0.2, 10.8, 4.5),
+    # north of it: an office, the store, the open-plan office
+    (0.2, 6.4, 1.2, 6.5),
+    (2.2, 6.4, 5.7, 6.5),
+    (6.7, 6.4, 8.2, 6.5),
+    (9.4, 6.4, 12.8, 6.5),
+    (14.6, 6.4, 15.8, 6.5),
+    (4.9, 6.5, 5.0, 10.8),
+    (7.3, 6.5, 7.4, 10.8),
+)
+DOORWAYS: Final = (
+    (2.5, 4.5, 3.5, 4.6),
+    (4.4, 4.5, 5.4, 4.6),
+    (9.4, 4.5, 10.4, 4.6),
+    (1.2, 6.4, 2.2, 6.5),
+    (5.7, 6.4, 6.7, 6.5),
+    (8.2, 6.4, 9.4, 6.5),
+    (12.8, 6.4, 14.6, 6.5),
+)
+DOOR_LEAVES: Final = (
+    # x and y of the hinge, heading of the open leaf [degrees]
+    (3.47, 4.5, -85.0),
+    (5.36, 4.5, -95.0),
+    (9.43, 4.5, -110.0),
+    (1.24, 6.5, 95.0),
+    (5.73, 6.5, 95.0),
+)
+
+FURNITURE: Final = (
+    # rectangle and height: office in the south-west
+    ((0.2, 0.6, 1.0, 2.2), 0.75),
+    ((0.2, 2.6, 1.0, 4.2), 0.75),
+    ((3.5, 0.4, 3.9, 2.8), 1.8),
+    ((1.9, 0.2, 3.1, 0.6), 0.9),
+    # office in the south
+    ((5.8, 1.2, 7.4, 2.0), 0.75),
+    ((5.8, 2.0, 7.4, 2.8), 0.75),
+    ((4.0, 0.4, 4.4, 2.4), 1.2),
+    ((7.3, 3.6, 7.7, 4.5), 1.8),
+    # kitchen: counter, refrigerator
+    ((8.4, 0.2, 10.7, 0.8), 0.9),
+    ((7.8, 0.2, 8.4, 0.8), 1.9),
+    # office in the north-west: bookshelf, sofa
+    ((0.2, 7.6, 0.5, 10.4), 2.0),
+    ((4.1, 6.9, 4.9, 8.6), 0.7),
+    ((1.4, 10.4, 3.0, 10.8), 1.0),
+    # store: shelves, copier
+    ((5.0, 7.6, 5.5, 10.8), 2.0),
+    ((6.8, 6.9, 7.3, 9.9), 2.0),
+    ((6.5, 10.1, 7.2, 10.8), 1.1),
+    # open-plan office: two islands of desks with screens between, low cupboards
+    ((8.6, 8.1, 11.8, 8.9), 0.75),
+    ((8.6, 8.9, 11.8, 9.7), 0.75),
+    ((8.7, 8.85, 11.7, 8.95), 1.3),
+    ((13.0, 8.1, 15.8, 8.9), 0.75),
+    ((13.0, 8.9, 15.8, 9.7), 0.75),
+    ((13.1, 8.85, 15.8, 8.95), 1.3),
+    ((11.6, 10.4, 13.2, 10.8), 1.0),
+    ((7.4, 9.2, 7.8, 10.8), 1.8),
+    # lobby: meeting table, its partition, whiteboard, sofa
+    ((12.4, 1.2, 14.8, 2.3), 0.75),
+    ((13.6, 3.7, 15.8, 3.8), 1.4),
+    ((15.7, 1.0, 15.8, 2.6), 1.9),
+    ((10.8, 0.9, 11.6, 2.9), 0.7),
+    ((14.2, 5.9, 15.8, 6.4), 1.1),
+)
+TURNED_FURNITURE: Final = (
+    # x and y of the centre, length, width, height, heading [degrees]
+    (2.75, 9.1, 1.6, 0.8, 0.75, 25.0),
+    (9.1, 2.5, 0.8, 0.8, 0.75, 40.0),
+    (14.7, 4.8, 1.6, 0.6, 1.1, 75.0),
+)
+
+CHAIR_RADIUS: Final = 0.24
+CHAIR_HEIGHT: Final = 0.85
+CHAIRS: Final = (
+    (1.35, 1.3),
+    (1.3, 3.5),
+    (6.4, 0.85),
+    (6.7, 3.15),
+    (2.5, 9.75),
+    (2.75, 8.2),
+    (3.5, 8.5),
+    (9.3, 7.75),
+    (11.1, 7.85),
+    (9.5, 10.0),
+    (10.9, 10.1),
+    (13.7, 10.0),
+    (15.1, 10.1),
+    (14.9, 7.7),
+    (8.45, 2.85),
+    (9.75, 2.9),
+    (9.0, 1.75),
+    (12.8, 0.85),
+    (13.6, 0.8),
+    (14.4, 0.9),
+    (12.8, 2.7),
+    (13.6, 2.65),
+    (14.5, 2.75),
+    (12.05, 1.75),
+    (15.35, 4.85),
+)
+
+COLUMNS: Final = (
+    # x and y of the centre, radius, height: two pillars, then plants
+    (12.4, 9.0, 0.22, 2.4),
+    (11.9, 5.5, 0.22, 2.4),
+    (0.5, 4.9, 0.2, 1.4),
+    (4.4, 10.3, 0.25, 1.5),
+    (7.75, 6.85, 0.2, 1.3),
+    (11.15, 0.55, 0.25, 1.6),
+    (15.45, 3.4, 0.22, 1.4),
+    (15.45, 6.85, 0.22, 1.4),
+)
+
 
 OFFICE_START: Final = RobotState(1.2, 5.5, 0.0)
 OFFICE_TOUR_S: Final = 60.0

@@ -18,6 +18,7 @@ import pytest
 from scipy.ndimage import distance_transform_edt
 
 from are_ros.artefacts.artefact import GroundPose
+from are_ros.bag.reader import BagMessage
 from are_ros.builder.events import EventKind
 from are_ros.builder.markers import MarkerAction
 from are_ros.builder.outputs import ArtefactState
@@ -25,8 +26,7 @@ from are_ros.builder.sensor_path import ReleasedScan
 from are_ros.builder.tick import Tick
 from are_ros.errors import InputError
 from are_ros.messages.feed import Feed
-from are_ros.replay.bag_reader import BagMessage
-from are_ros.replay.tick_writer import TickWriter
+from are_ros.replay.listeners import TickWriter
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform

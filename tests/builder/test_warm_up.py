@@ -26,7 +26,7 @@ def compiled():
         for name, module in sys.modules.items() if name.startswith("are_ros.")
         for kernel, value in vars(module).items()
         for signature in getattr(value, "signatures", ())
-        if getattr(value, "__module__", "") == name != "are_ros.messages._marker_kernels"
+        if getattr(value, "__module__", "") == name != "are_ros.messages.markers"
     }
 
 warm_up(read_catalogue(SHIPPED_CATALOGUE))

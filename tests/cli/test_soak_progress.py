@@ -5,7 +5,7 @@ from contextlib import closing
 
 import pytest
 
-from are_ros.cli.soak_progress import SoakProgress
+from are_ros.cli.soaking import SoakProgress
 
 
 def test_in_a_log_there_is_a_line_a_minute(capsys: pytest.CaptureFixture[str]) -> None:

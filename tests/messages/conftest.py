@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.types import RosbagsFactory, jazzy_typestore
 
 
 @pytest.fixture(scope="session")

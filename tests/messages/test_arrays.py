@@ -5,7 +5,7 @@ from array import array
 import numpy as np
 import pytest
 
-from are_ros.messages.arrays import read_array
+from are_ros.messages.common import read_array
 
 
 def test_an_array_of_rclpy_is_viewed() -> None:

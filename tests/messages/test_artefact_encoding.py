@@ -10,14 +10,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from are_ros.artefacts.artefact import GroundPose, Origin
+from are_ros.bag.types import RosbagsFactory, jazzy_typestore
 from are_ros.builder.outputs import ArtefactState
-from are_ros.messages import artefact_encoding
-from are_ros.messages.artefact_encoding import ArtefactEncoder
-from are_ros.messages.geometry import make_point, make_quaternion, make_twist, make_vector
-from are_ros.messages.headers import make_header
-from are_ros.messages.poses import make_pose
-from are_ros.messages.times import make_time
-from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
+from are_ros.messages import artefacts as artefact_encoding
+from are_ros.messages.artefacts import ArtefactEncoder
+from are_ros.messages.common import (
+    make_header,
+    make_point,
+    make_pose,
+    make_quaternion,
+    make_time,
+    make_twist,
+    make_vector,
+)
 from are_ros.world.rigid_transform import RigidTransform
 
 ARRAY = "are_msgs/msg/ArtefactArray"

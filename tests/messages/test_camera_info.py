@@ -4,9 +4,9 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
+from are_ros.bag.types import RosbagsFactory
 from are_ros.messages.camera_info import make_camera_info, read_camera_info
-from are_ros.messages.headers import Header, read_header
-from are_ros.replay.message_types import RosbagsFactory
+from are_ros.messages.common import Header, read_header
 from are_ros.world.camera_info import CameraInfo
 
 INFO = CameraInfo(

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
 from are_ros.messages.cloud import make_cloud, read_points, replace_points
-from are_ros.replay.message_types import RosbagsFactory
 
 FACTORY = RosbagsFactory()
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from are_ros import __version__
+from are_ros.bag.types import definitions_folder, message_texts
 from are_ros.errors import InputError
-from are_ros.messages.definitions import definitions_folder, message_texts
 
 MSG_DEFS = Path(__file__).resolve().parents[2] / "msg_defs"
 PACKAGES = ("are_msgs", "compat/tf2_msgs", "compat/map_msgs")

@@ -1,7 +1,7 @@
 """Vectors and velocities of messages."""
 
-from are_ros.messages.geometry import make_twist, read_vector
-from are_ros.replay.message_types import RosbagsFactory
+from are_ros.bag.types import RosbagsFactory
+from are_ros.messages.common import make_twist, read_vector
 
 
 def test_a_twist_holds_both_velocities(factory: RosbagsFactory) -> None:

@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
+from are_ros.messages.common import make_header, make_pose
 from are_ros.messages.goals import (
     StampedPoints,
     make_clicked_point,
@@ -15,9 +17,6 @@ from are_ros.messages.goals import (
     read_path,
     read_stamped_pose,
 )
-from are_ros.messages.headers import make_header
-from are_ros.messages.poses import make_pose
-from are_ros.replay.message_types import RosbagsFactory
 from are_ros.world.rigid_transform import RigidTransform
 
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
 from are_ros.messages.grid import make_grid, read_grid
-from are_ros.replay.message_types import RosbagsFactory
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

@@ -9,12 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.augmented_map import ChangedRectangle
 from are_ros.builder.grids import GridUpdate
-from are_ros.messages.grid import make_grid
-from are_ros.messages.grid_encoding import encode_grid, encode_grid_update
-from are_ros.messages.headers import make_header
-from are_ros.replay.message_types import RosbagsFactory
+from are_ros.messages.common import make_header
+from are_ros.messages.grid import encode_grid, encode_grid_update, make_grid
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
-from are_ros.messages.headers import make_header, read_header
-from are_ros.replay.message_types import RosbagsFactory
+from are_ros.messages.common import make_header, read_header
 
 
 def test_a_header_comes_back(factory: RosbagsFactory) -> None:

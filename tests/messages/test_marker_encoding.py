@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.marker_batch import (
     DELETE_ALL,
     NO_COLOURS,
@@ -20,11 +21,9 @@ from are_ros.builder.marker_batch import (
     MarkerLook,
 )
 from are_ros.errors import InputError
-from are_ros.messages import marker_encoding
-from are_ros.messages.geometry import make_point, make_quaternion, make_vector
-from are_ros.messages.headers import make_header
-from are_ros.messages.marker_encoding import MarkerEncoder
-from are_ros.replay.message_types import RosbagsFactory
+from are_ros.messages import markers as marker_encoding
+from are_ros.messages.common import make_header, make_point, make_quaternion, make_vector
+from are_ros.messages.markers import MarkerEncoder
 
 ARRAY = "visualization_msgs/msg/MarkerArray"
 NOW_NS = 1_700_000_000_123_456_789

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
 from are_ros.messages.odometry import OdometryReading, make_odometry, read_odometry
-from are_ros.replay.message_types import RosbagsFactory
 from are_ros.world.rigid_transform import RigidTransform
 
 READING = OdometryReading(

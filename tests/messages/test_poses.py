@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
-from are_ros.messages.poses import make_pose, read_pose
-from are_ros.replay.message_types import RosbagsFactory
+from are_ros.messages.common import make_pose, read_pose
 from are_ros.world.rigid_transform import RigidTransform
 
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
 from are_ros.messages.scan import make_scan, read_scan
-from are_ros.replay.message_types import RosbagsFactory
 from are_ros.world.laser_scan import LaserScan
 
 SCAN = LaserScan(

@@ -7,9 +7,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.messages.scan import make_scan
-from are_ros.messages.scan_encoding import encode_scan
-from are_ros.replay.message_types import RosbagsFactory
+from are_ros.bag.types import RosbagsFactory
+from are_ros.messages.scan import encode_scan, make_scan
 from are_ros.world.laser_scan import LaserScan
 
 FLOATS = st.floats(width=32)

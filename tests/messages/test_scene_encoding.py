@@ -8,14 +8,11 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from are_ros.bag.types import RosbagsFactory, jazzy_typestore
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.outputs import PerceivedArtefact, SceneMetrics
-from are_ros.messages.geometry import make_twist, make_vector
-from are_ros.messages.headers import make_header
-from are_ros.messages.poses import make_pose
-from are_ros.messages.scene_encoding import encode_event, encode_metrics, encode_perceived
-from are_ros.messages.times import make_time
-from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
+from are_ros.messages.artefacts import encode_event, encode_metrics, encode_perceived
+from are_ros.messages.common import make_header, make_pose, make_time, make_twist, make_vector
 from are_ros.world.rigid_transform import RigidTransform
 
 Wire = Callable[[Any], bytes]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from are_ros.artefacts.artefact import GroundPose, Origin
+from are_ros.bag.types import jazzy_typestore
 from are_ros.builder.augmented_map import ChangedRectangle
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.grids import Grids, GridUpdate
@@ -20,7 +21,6 @@ from are_ros.messages.tick_encoding import (
     TickEncoder,
     scan_outputs,
 )
-from are_ros.replay.message_types import jazzy_typestore
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

@@ -7,10 +7,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from are_ros.messages.transform_decoding import decode_transforms_cdr, decode_transforms_ros1
-from are_ros.messages.transforms import StampedTransform, make_transforms, read_transforms
-from are_ros.replay.bag_reader import BagReader
-from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.reader import BagReader
+from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.messages.transforms import (
+    StampedTransform,
+    decode_transforms_cdr,
+    decode_transforms_ros1,
+    make_transforms,
+    read_transforms,
+)
 
 TYPE = "tf2_msgs/msg/TFMessage"
 FACTORY = RosbagsFactory()

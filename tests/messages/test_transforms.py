@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
+from are_ros.bag.types import RosbagsFactory
 from are_ros.messages.transforms import StampedTransform, make_transforms, read_transforms
-from are_ros.replay.message_types import RosbagsFactory
 
 
 def test_transforms_come_back(factory: RosbagsFactory, over_the_wire: Callable[[Any], Any]) -> None:

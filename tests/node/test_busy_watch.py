@@ -3,7 +3,7 @@
 import pytest
 
 from are_ros.conventions import NS_PER_S
-from are_ros.node.busy_watch import BusyWatch
+from are_ros.node.watches import BusyWatch
 
 MS = NS_PER_S // 1000
 

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.node.count_watch import CountWatch
+from are_ros.node.watches import CountWatch
 
 
 def test_no_count_no_growth() -> None:

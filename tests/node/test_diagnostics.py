@@ -8,21 +8,20 @@ from typing import Any
 
 import pytest
 
-from are_ros.node.busy_watch import BusyFigures
-from are_ros.node.diagnostics import make_diagnostics, statuses
-from are_ros.node.fault_watch import FaultSnapshot
-from are_ros.node.input_watch import InputFigures
-from are_ros.node.snapshot import (
+from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.node.diagnostics import (
     ContactSnapshot,
     InputSnapshot,
+    Level,
     NodeSnapshot,
     NodeState,
     PopulationSnapshot,
     ScanSnapshot,
+    Status,
+    make_diagnostics,
+    statuses,
 )
-from are_ros.node.status import Level, Status
-from are_ros.node.tick_watch import TickFigures
-from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
+from are_ros.node.watches import BusyFigures, FaultSnapshot, InputFigures, TickFigures
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "diagnostics.md"
 MAP = InputSnapshot(

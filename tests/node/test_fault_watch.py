@@ -2,7 +2,7 @@
 
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BehaviourError
-from are_ros.node.fault_watch import FaultWatch
+from are_ros.node.watches import FaultWatch
 
 
 def test_each_behaviour_is_told_of_at_once_and_then_once_a_minute() -> None:

@@ -5,9 +5,8 @@ from time import monotonic_ns, sleep
 
 import pytest
 
-from are_ros.node import hang_watch
-from are_ros.node.busy_watch import BusyWatch
-from are_ros.node.hang_watch import HangWatch
+from are_ros.node import watches as hang_watch
+from are_ros.node.watches import BusyWatch, HangWatch
 
 PATIENCE_S = 0.4
 

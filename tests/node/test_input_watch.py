@@ -1,7 +1,7 @@
 """What is known of an input: its counts, its rate, its age."""
 
 from are_ros.conventions import NS_PER_S
-from are_ros.node.input_watch import InputFigures, InputWatch
+from are_ros.node.watches import InputFigures, InputWatch
 
 MS = NS_PER_S // 1000
 

@@ -17,11 +17,11 @@ from are_ros.builder.events import EventKind
 from are_ros.builder.requests import SpawnRequest
 from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.messages.tick_encoding import OUTPUTS
-from are_ros.node.busy_watch import BusyWatch
-from are_ros.node.decoding import WireDecoding, WireMessage
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import message_class
 from are_ros.node.qos import INPUTS
+from are_ros.node.subscriptions import WireDecoding, WireMessage
+from are_ros.node.watches import BusyWatch
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.world.rigid_transform import RigidTransform

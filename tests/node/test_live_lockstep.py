@@ -7,17 +7,17 @@ from pathlib import Path
 
 import pytest
 
+from are_ros.bag.reader import BagReader
+from are_ros.bag.roles import RolesFound, find_roles
 from are_ros.builder.assembly import catalogue_of
 from are_ros.messages.feed import RawMessage
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import read_ros_parameters
-from are_ros.replay.bag_reader import BagReader
-from are_ros.replay.options import ReplayOptions
 from are_ros.replay.output_folder import AUGMENTED
-from are_ros.replay.roles import RolesFound, find_roles
 from are_ros.replay.session import run_replay
+from are_ros.replay.timeline import ReplayOptions
 
 BAGS = Path(__file__).resolve().parents[2] / "bags"
 ROLES = (

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from are_ros.artefacts.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
+from are_ros.bag.types import RosbagsFactory, jazzy_typestore
 from are_ros.errors import InputError
 from are_ros.messages.grid import make_grid
 from are_ros.node.live_builder import Inbox, LiveBuilder
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

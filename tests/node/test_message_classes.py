@@ -9,12 +9,11 @@ from tests.ros import NOT_SET_UP
 
 pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
+from are_ros.bag.types import RosbagsFactory, jazzy_typestore, message_texts
 from are_ros.errors import NodeError
-from are_ros.messages.definitions import message_texts
-from are_ros.messages.headers import make_header
+from are_ros.messages.common import make_header
 from are_ros.node.message_classes import RclpyFactory, message_class, service_class
 from are_ros.node.qos import INPUTS
-from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
 
 
 @pytest.mark.parametrize(

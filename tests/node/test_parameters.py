@@ -17,9 +17,15 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from are_ros.errors import CatalogueError, ParameterError
 from are_ros.node.parameters import ParameterBridge
 from are_ros.parameters.choices import Departures
-from are_ros.parameters.declaration import Description, describe, flatten, plain, value_at
+from are_ros.parameters.declaration import (
+    Description,
+    NodeParameters,
+    describe,
+    flatten,
+    plain,
+    value_at,
+)
 from are_ros.parameters.model import Parameters
-from are_ros.parameters.node_parameters import NodeParameters
 
 ITEMS = describe(Parameters())
 Bridged = Callable[..., "Bench"]

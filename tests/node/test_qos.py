@@ -11,6 +11,7 @@ pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
+from are_ros.bag.roles import ROLE_TYPES
 from are_ros.errors import ParameterError
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.message_classes import message_class
@@ -22,7 +23,6 @@ from are_ros.node.qos import (
     output_qos,
     subscribe,
 )
-from are_ros.replay.roles import ROLE_TYPES
 
 LATCHED = DurabilityPolicy.TRANSIENT_LOCAL
 GRID = "nav_msgs/msg/OccupancyGrid"

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from are_ros.node.stop import stop_on_signals
+from are_ros.node.startup import stop_on_signals
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM)
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from are_ros.conventions import NS_PER_S
-from are_ros.node.tick_watch import TickFigures, TickWatch
+from are_ros.node.watches import TickFigures, TickWatch
 
 MS = NS_PER_S // 1000
 PERIOD_NS = 100 * MS

@@ -8,18 +8,18 @@ from pathlib import Path
 
 import pytest
 
-from are_ros.node import transport
-from are_ros.node.transport import PROFILE, PROFILE_VARIABLE, has_room, make_room
+from are_ros.node import startup as transport
+from are_ros.node.startup import PROFILE, PROFILE_VARIABLE, has_room, make_room
 
 BIGGEST_TICK_BYTES = 1 << 20
 _SESSION = """
-from are_ros.recording.ros_session import ros_session
+from are_ros.record.session import ros_session
 with ros_session("one"):
     pass
 """
 _NODE = """
 from are_ros.node.process import run
-from are_ros.node.stop import stop_on_signals
+from are_ros.node.startup import stop_on_signals
 with stop_on_signals() as stop:
     stop.is_set = True
     run([], stop)

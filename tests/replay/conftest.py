@@ -14,10 +14,10 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from are_ros.bag.reader import BagReader
+from are_ros.bag.types import RosbagsFactory, jazzy_typestore
 from are_ros.cli import main
 from are_ros.conventions import NS_PER_S
-from are_ros.replay.bag_reader import BagReader
-from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
 
 Records = Sequence[tuple[str, int, Any]]
 WriteBag = Callable[[Path, Records], Path]

@@ -11,23 +11,23 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.bag.reader import BagReader
+from are_ros.bag.roles import find_roles
+from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import BagError
 from are_ros.messages.grid import make_grid
 from are_ros.messages.scan import make_scan
 from are_ros.messages.transforms import StampedTransform, make_transforms
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.replay.align_input import (
+from are_ros.replay.align import (
     AlignInput,
     PlacedScan,
     _longest_drive,
     gather,
     map_of,
 )
-from are_ros.replay.bag_reader import BagReader
-from are_ros.replay.message_types import RosbagsFactory
-from are_ros.replay.options import ReplayOptions
-from are_ros.replay.roles import find_roles
+from are_ros.replay.timeline import ReplayOptions
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform

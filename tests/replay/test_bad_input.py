@@ -403,8 +403,8 @@ def test_messages_of_damaged_bytes_are_refused(
     run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
 ) -> None:
     """A message whose bytes are no message of its type is refused like a malformed one."""
-    from are_ros.replay.bag_reader import BagReader
-    from are_ros.replay.bag_writer import BagWriter
+    from are_ros.bag.reader import BagReader
+    from are_ros.bag.writer import BagWriter
 
     source = write_bag(tmp_path / "good.mcap", sample_records)
     damaged: set[str] = set()

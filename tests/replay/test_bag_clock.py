@@ -11,11 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from are_ros.bag.clock import BagClock, RecordedTimes
+from are_ros.bag.reader import BagReader
+from are_ros.bag.types import RosbagsFactory
 from are_ros.conventions import NS_PER_S
-from are_ros.replay.bag_clock import BagClock
-from are_ros.replay.bag_reader import BagReader
-from are_ros.replay.bag_times import RecordedTimes
-from are_ros.replay.message_types import RosbagsFactory
 
 Records = Sequence[tuple[str, int, Any]]
 WriteBag = Callable[[Path, Records], Path]

@@ -5,10 +5,9 @@ from pathlib import Path
 import yaml
 from rosbags.rosbag2 import Reader as Ros2Reader
 
-from are_ros.replay.bag_folder import describe_folder
-from are_ros.replay.bag_reader import BagReader, BagTopic
-from are_ros.replay.bag_writer import BagWriter
-from are_ros.replay.offered_qos import OfferedQos
+from are_ros.bag.qos import OfferedQos
+from are_ros.bag.reader import BagReader, BagTopic
+from are_ros.bag.writer import BagWriter, describe_folder
 
 STRING = "std_msgs/msg/String"
 DATA = b"\x00\x01\x00\x00\x02\x00\x00\x00x\x00"

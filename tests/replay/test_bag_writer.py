@@ -8,13 +8,13 @@ from mcap.reader import make_reader
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 from rosbags.rosbag2 import Reader as Ros2Reader
 
+from are_ros.bag.reader import BagReader, BagTopic
+from are_ros.bag.types import RosbagsFactory
+from are_ros.bag.writer import BagWriter
 from are_ros.builder.marker_batch import DELETE_ALL
 from are_ros.errors import BagError
 from are_ros.messages.grid import make_grid, read_grid
-from are_ros.messages.marker_encoding import MarkerEncoder
-from are_ros.replay.bag_reader import BagReader, BagTopic
-from are_ros.replay.bag_writer import BagWriter
-from are_ros.replay.message_types import RosbagsFactory
+from are_ros.messages.markers import MarkerEncoder
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

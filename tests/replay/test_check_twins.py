@@ -14,7 +14,7 @@ from are_ros.builder.markers import MarkerAction, MarkerBatch, MarkerKind, Marke
 from are_ros.builder.ray_casting import VoxelField
 from are_ros.builder.registration import covered_cells
 from are_ros.errors import FrameError
-from are_ros.messages.marker_encoding import MarkerEncoder
+from are_ros.messages.markers import MarkerEncoder
 from are_ros.replay._check_cells import Covers, RealMap
 from are_ros.replay._check_frames import TF, Frames
 from are_ros.replay._check_geometry import Outline, distances_m, overlap_depths_m

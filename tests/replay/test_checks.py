@@ -15,6 +15,8 @@ import pytest
 from mcap.reader import make_reader
 from numpy.typing import NDArray
 
+from are_ros.bag.types import RosbagsFactory
+from are_ros.bag.writer import BagWriter
 from are_ros.builder.costmap import InflatedCostmap
 from are_ros.builder.registration import CellPatch, covered_cells
 from are_ros.conventions import NS_PER_S
@@ -22,10 +24,8 @@ from are_ros.errors import BagError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import write_ros_parameters
-from are_ros.replay.bag_writer import BagWriter
 from are_ros.replay.checks import CheckResult, Outcome, check_replay
 from are_ros.replay.command import check_command
-from are_ros.replay.message_types import RosbagsFactory
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform

@@ -9,6 +9,9 @@ from typing import Any
 
 import pytest
 
+from are_ros.bag.reader import recording_in
+from are_ros.bag.types import RosbagsFactory
+from are_ros.bag.writer import BagWriter
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.builder.tick import Demand
@@ -16,11 +19,8 @@ from are_ros.errors import ParameterError
 from are_ros.messages.feed import Refusals
 from are_ros.messages.transforms import StampedTransform, make_transforms
 from are_ros.parameters.model import Parameters
-from are_ros.replay._bag_files import recording_in
-from are_ros.replay.bag_writer import BagWriter
 from are_ros.replay.command import complaints, effective_parameters, options_of, refused_by_script
-from are_ros.replay.message_types import RosbagsFactory
-from are_ros.replay.options import ReplayOptions
+from are_ros.replay.timeline import ReplayOptions
 
 WriteBag = Callable[[Path, Sequence[tuple[str, int, Any]]], Path]
 RunAre = Callable[..., CompletedProcess[str]]

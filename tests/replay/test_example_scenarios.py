@@ -10,11 +10,11 @@ from are_ros.artefacts.artefact import GroundPose, boxes_of
 from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.artefacts.scenario import Scenario, ScriptedArtefact
 from are_ros.artefacts.scenario_file import read_scenario
+from are_ros.bag.reader import BagReader
 from are_ros.builder.real_world import RealWorld
 from are_ros.messages.cloud import read_points
 from are_ros.messages.grid import read_grid
 from are_ros.parameters.model import Parameters
-from are_ros.replay.bag_reader import BagReader
 from are_ros.world.environment import Environment
 from are_ros.world.frame_tree import FrameTree
 from are_ros.world.oriented_boxes import OrientedBoxes, overlaps_any

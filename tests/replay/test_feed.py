@@ -11,6 +11,8 @@ from typing import Any
 
 import pytest
 
+from are_ros.bag.reader import BagReader
+from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of
 from are_ros.errors import InputError, InvalidTransformError
@@ -18,8 +20,6 @@ from are_ros.messages.feed import Feed, Refusals
 from are_ros.messages.transforms import StampedTransform, make_transforms
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.replay.bag_reader import BagReader
-from are_ros.replay.message_types import RosbagsFactory
 from are_ros.world.frame_tree import FrameTree
 
 Records = Sequence[tuple[str, int, Any]]

@@ -10,13 +10,12 @@ import pytest
 from are_ros.artefacts.artefact import Origin
 from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.artefacts.scenario import FIRST_ADMITTED_ID
+from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.events import EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
-from are_ros.messages.headers import make_header
-from are_ros.messages.times import make_time
+from are_ros.messages.common import make_header, make_time
 from are_ros.replay.fit_input import ObservedRows, RowSpace, read_observed
-from are_ros.replay.message_types import RosbagsFactory
 
 CATALOGUE = read_catalogue()
 SPACE = RowSpace.of(CATALOGUE)

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.bag.reader import BagReader
+from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.writer import BagWriter
 from are_ros.messages.transforms import StampedTransform
-from are_ros.replay.bag_reader import BagReader
-from are_ros.replay.bag_writer import BagWriter
-from are_ros.replay.input_copy import InputCopy, converted
-from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
+from are_ros.replay.listeners import InputCopy, converted
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

@@ -7,15 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.bag.reader import BagReader
+from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import BagError
+from are_ros.messages.common import make_header
 from are_ros.messages.grid import make_grid
-from are_ros.messages.headers import make_header
 from are_ros.messages.odometry import OdometryReading, make_odometry
 from are_ros.messages.transforms import StampedTransform, make_transforms
-from are_ros.replay.bag_reader import BagReader
-from are_ros.replay.inspection import Inspection, inspect_bag
-from are_ros.replay.inspection_text import inspection_lines
-from are_ros.replay.message_types import RosbagsFactory
+from are_ros.replay.inspection import Inspection, inspect_bag, inspection_lines
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

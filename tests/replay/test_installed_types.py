@@ -4,9 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from are_ros.bag.types import InstalledTypes, jazzy_typestore
 from are_ros.errors import InputError
-from are_ros.replay.installed_types import InstalledTypes
-from are_ros.replay.message_types import jazzy_typestore
 
 THING = "my_msgs/msg/Thing"
 

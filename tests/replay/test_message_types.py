@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from are_ros.messages.definitions import message_texts
-from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.types import RosbagsFactory, jazzy_typestore, message_texts
 
 
 def test_all_our_types_are_known() -> None:

@@ -5,7 +5,7 @@ import sys
 import pytest
 
 from are_ros.conventions import NS_PER_S
-from are_ros.replay.progress_bar import ProgressBar
+from are_ros.replay.progress import ProgressBar
 
 Terminal = pytest.CaptureFixture[str]
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from are_ros.replay.bag_reader import BagReader
+from are_ros.bag.reader import BagReader
 from are_ros.world.rigid_transform import RigidTransform
 
 RunAre = Callable[..., CompletedProcess[str]]

@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
+from are_ros.bag.reader import BagReader
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import read_ros_parameters
-from are_ros.replay.bag_reader import BagReader
-from are_ros.replay.options import ReplayOptions
 from are_ros.replay.output_folder import AUGMENTED
 from are_ros.replay.session import run_replay
+from are_ros.replay.timeline import ReplayOptions
 
 BAGS = Path(__file__).parents[2] / "bags"
 PREFIX = "/ar_builder/"

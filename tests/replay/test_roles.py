@@ -2,9 +2,9 @@
 
 import pytest
 
+from are_ros.bag.reader import BagTopic
+from are_ros.bag.roles import ROLE_TYPES, find_roles, read_overrides, scans_of
 from are_ros.errors import BagError
-from are_ros.replay.bag_reader import BagTopic
-from are_ros.replay.roles import ROLE_TYPES, find_roles, read_overrides, scans_of
 
 SCAN, CLOUD = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"
 TF = "tf2_msgs/msg/TFMessage"

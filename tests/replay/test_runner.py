@@ -6,6 +6,8 @@ from typing import Any
 
 import pytest
 
+from are_ros.bag.reader import BagMessage, BagReader
+from are_ros.bag.roles import find_roles
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of
 from are_ros.builder.sensor_path import ReleasedScan
@@ -14,11 +16,9 @@ from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.replay.bag_reader import BagMessage, BagReader
-from are_ros.replay.options import ReplayOptions
-from are_ros.replay.roles import find_roles
-from are_ros.replay.runner import Replay, Timeline
-from are_ros.replay.stopwatch import Stopwatch
+from are_ros.replay.progress import Stopwatch
+from are_ros.replay.runner import Replay
+from are_ros.replay.timeline import ReplayOptions, Timeline
 
 Records = Sequence[tuple[str, int, Any]]
 WriteBag = Callable[[Path, Records], Path]

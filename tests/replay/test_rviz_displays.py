@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.bag.types import RosbagsFactory, jazzy_typestore
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
 from are_ros.replay.rviz_frames import RvizFrames
 from are_ros.replay.rviz_grids import MapDisplay, costmap_palette, map_palette
 from are_ros.replay.rviz_markers import MarkerDisplay

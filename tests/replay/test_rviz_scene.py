@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.bag.reader import BagReader
+from are_ros.bag.types import RosbagsFactory
+from are_ros.bag.writer import BagWriter
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.messages.cloud import make_cloud
-from are_ros.replay.bag_reader import BagReader
-from are_ros.replay.bag_writer import BagWriter
 from are_ros.replay.film_command import without_robot
-from are_ros.replay.message_types import RosbagsFactory
 from are_ros.replay.rviz_scene import RvizScene, read_scene
 from are_ros.replay.rviz_topics import NEAR_M
 from are_ros.replay.rviz_window import status_lines

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.bag.reader import BagReader
 from are_ros.builder.events import EventKind
 from are_ros.conventions import NS_PER_S, OCCUPIED
-from are_ros.replay.bag_reader import BagReader
 
 Records = Sequence[tuple[str, int, Any]]
 WriteBag = Callable[[Path, Records], Path]

@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 
 from are_ros.artefacts.artefact import GroundPose, Origin
+from are_ros.bag.reader import BagReader
+from are_ros.bag.writer import BagWriter
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.grids import Grids
 from are_ros.builder.marker_batch import NO_MARKERS
@@ -13,9 +15,7 @@ from are_ros.builder.outputs import ArtefactState, SceneMetrics
 from are_ros.builder.sensor_path import ReleasedScan
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
 from are_ros.messages.tick_encoding import OUTPUTS
-from are_ros.replay.bag_reader import BagReader
-from are_ros.replay.bag_writer import BagWriter
-from are_ros.replay.tick_writer import PREFIX, TickWriter
+from are_ros.replay.listeners import PREFIX, TickWriter
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.bag.clock import BagClock, Ints, RecordedTimes, Times
+from are_ros.bag.reader import BagReader
+from are_ros.bag.stretches import needed_wait_s, scan_waits, stretches_of, wait_sentence
 from are_ros.conventions import NS_PER_S
-from are_ros.replay.bag_clock import BagClock
-from are_ros.replay.bag_reader import BagReader
-from are_ros.replay.bag_times import Ints, RecordedTimes, Times
-from are_ros.replay.timeline import needed_wait_s, scan_waits, stretches_of, wait_sentence
 from are_ros.world.frame_tree import FrameTree
 
 Records = Sequence[tuple[str, int, Any]]

@@ -12,9 +12,9 @@ import numpy.typing as npt
 import pytest
 import yaml
 
+from are_ros.bag.reader import BagReader
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.cloud import read_points
-from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.rviz_scene import read_scene
 
 CAMERA = "/camera/camera_info"

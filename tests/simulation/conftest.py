@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from are_ros.replay.message_types import RosbagsFactory
+from are_ros.bag.types import RosbagsFactory
 from are_ros.simulation.building import Building
 from are_ros.simulation.office import OFFICE_START, office_building, office_driver
-from are_ros.simulation.recorder import record
 from are_ros.simulation.robot import DriveLimits
 from are_ros.simulation.simulator import Simulator
+from are_ros.simulation.topics import record
 
 
 @dataclass(eq=False)

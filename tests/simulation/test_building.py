@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 
 from are_ros.conventions import FREE, OCCUPIED, UNKNOWN
-from are_ros.simulation.building import CELL_M, VOXEL_M, Building, surface_centres_m
-from are_ros.simulation.solids import Cuboid, Cylinder
+from are_ros.simulation.building import (
+    CELL_M,
+    VOXEL_M,
+    Building,
+    Cuboid,
+    Cylinder,
+    surface_centres_m,
+)
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
 

@@ -5,8 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from are_ros.simulation.frames import BASE_FRAME, CAMERA_FRAME, SCAN_FRAME
-from are_ros.simulation.mounts import BASE_FROM_SCAN, CAMERA_INFO, fixed_joints
+from are_ros.simulation.frames import (
+    BASE_FRAME,
+    BASE_FROM_SCAN,
+    CAMERA_FRAME,
+    CAMERA_INFO,
+    SCAN_FRAME,
+    fixed_joints,
+)
 from are_ros.world.frame_tree import FrameTree
 
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from are_ros.simulation.odometry import OdometryErrors, WheelOdometry, correction
-from are_ros.simulation.robot import RobotState
+from are_ros.simulation.robot import OdometryErrors, RobotState, WheelOdometry, correction
 from are_ros.world.rigid_transform import RigidTransform
 
 

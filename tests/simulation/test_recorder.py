@@ -10,14 +10,20 @@ import pytest
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.camera_info import read_camera_info
 from are_ros.messages.cloud import read_points
+from are_ros.messages.common import read_time
 from are_ros.messages.grid import read_grid
 from are_ros.messages.odometry import read_odometry
 from are_ros.messages.scan import read_scan
-from are_ros.messages.times import read_time
 from are_ros.messages.transforms import read_transforms
 from are_ros.simulation.building import Building
-from are_ros.simulation.frames import BASE_FRAME, CAMERA_FRAME, MAP_FRAME, ODOM_FRAME, SCAN_FRAME
-from are_ros.simulation.mounts import CAMERA_INFO
+from are_ros.simulation.frames import (
+    BASE_FRAME,
+    CAMERA_FRAME,
+    CAMERA_INFO,
+    MAP_FRAME,
+    ODOM_FRAME,
+    SCAN_FRAME,
+)
 from are_ros.simulation.office import OFFICE_START
 from are_ros.simulation.topics import MAX_LATENCY_NS
 from are_ros.world.frame_tree import FrameTree

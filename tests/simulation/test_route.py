@@ -4,8 +4,14 @@ import math
 
 import pytest
 
-from are_ros.simulation.robot import Command, DriveLimits, RobotState, drive
-from are_ros.simulation.route import RouteFollower, Waypoint
+from are_ros.simulation.robot import (
+    Command,
+    DriveLimits,
+    RobotState,
+    RouteFollower,
+    Waypoint,
+    drive,
+)
 
 LIMITS = DriveLimits()
 

@@ -1,0 +1,391 @@
+"""The time that a replay goes by: that of the recording, or of the stamps where they disagree.
+
+A recording made under simulated time, from another recording, or on another machine than the
+robot's has stamps that lie seconds, hours or years from the times at which its messages were
+written. Poses would be too old or still to come; so the clock of the stamps is recovered: from
+/clock where it was recorded, else from the stamps of odometry, transforms and scans.
+"""
+
+from array import array
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from struct import Struct
+from struct import error as StructError  # noqa: N812
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.bag.reader import BagMessage, BagReader
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import AreError, BagError, InputError
+from are_ros.wording import duration_text, listed
+
+# When the messages of a recording were stamped, and when they were recorded, source by source.
+#
+# One pass over the messages that move (transforms, odometry, scans, CameraInfo) tells what a replay
+# has to know before it begins: whether stamps and times of recording go by one clock, where the
+# recording has gaps, and how long scans have to wait for their transforms.
+
+
+MOVING_ROLES = ("tf", "odom", "scan", "camera/camera_info")
+"""The roles whose messages come all the time while a robot is recorded."""
+
+BASE_FRAMES = ("base_footprint", "base_link")
+"""The usual names of the robot's base, the preferred one first."""
+
+Ints = npt.NDArray[np.int64]
+Edge = tuple[str, str]
+
+_NONE = np.empty(0, np.int64)
+_FEWEST_STAMPS = 5
+"""A source of fewer stamps tells no clock, unless there is no better one."""
+
+_CLOCK = "/clock"
+_CLOCK_SAMPLES = 50
+_CLOCK_AGREES_NS = NS_PER_S // 5
+_STAMP_AT = 4
+"""Where the stamp of a message with a header lies, in CDR and in ROS 1 alike."""
+_STAMP = {True: Struct("<iI"), False: Struct(">iI")}
+
+
+@dataclass(frozen=True, eq=False)
+class Times:
+    """What a source stamped: times of recording and stamps, int64 (N,) [ns], in order of the log.
+
+    `name` is how a sentence calls the source. `is_edge`: it is an edge of the transforms, which
+    may be dated ahead on purpose, so that it can be used until the next one comes. `is_clock`:
+    it is /clock.
+    """
+
+    name: str
+    log_ns: Ints
+    stamps_ns: Ints
+    is_edge: bool = False
+    is_clock: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedTimes:
+    """The times of one window of a recording that begins at `bag_start_ns`.
+
+    `sources` are those that tell a clock, the most telling first: /clock (only where it disagrees
+    with the times of recording), odometry, edges that move, scans. A fixed joint tells none: it is
+    often dated far ahead. `edges` are all edges
+    (parent, child) of odometry and /tf, `static_edges` those of /tf_static. `scans` are the topics
+    of the scans, by name, and `scan_frames` their frames. `moving_log_ns`, int64 (N,) ascending,
+    are the times of recording of all messages that move.
+    """
+
+    bag_start_ns: int
+    sources: tuple[Times, ...]
+    edges: Mapping[Edge, Times]
+    static_edges: frozenset[Edge]
+    scans: Mapping[str, Times]
+    scan_frames: Mapping[str, str]
+    moving_log_ns: Ints
+
+    @classmethod
+    def read(
+        cls,
+        reader: BagReader,
+        role_of_topic: Mapping[str, str],
+        start_ns: int,
+        stop_ns: int,
+    ) -> "RecordedTimes":
+        """Read the window [start_ns, stop_ns) of the log; what is malformed is left out.
+
+        BagError where the recording is damaged.
+        """
+        moving = {t: role for t, role in role_of_topic.items() if role in MOVING_ROLES}
+        logs: dict[str, array[int]] = {topic: array("q") for topic in moving}
+        stamps: dict[str, array[int]] = {topic: array("q") for topic in moving}
+        transforms = _Transforms()
+        messages = reader.messages(list(moving), start_ns, stop_ns) if moving else ()
+        for message in messages:
+            logs[message.topic].append(message.log_time_ns)
+            if moving[message.topic] == "tf":
+                transforms.take(reader, message)
+            else:
+                stamps[message.topic].append(_stamp_ns(message, is_ros1=reader.is_ros1))
+
+        def topics(wanted: str) -> dict[str, Times]:
+            names = (topic for topic, role in moving.items() if role == wanted)
+            return {name: _times(name, logs[name], stamps[name]) for name in names}
+
+        odometry, scans, edges = topics("odom"), topics("scan"), transforms.edges()
+        moved = [times for edge, times in edges.items() if edge in transforms.moving]
+        found = [*odometry.values(), *moved, *scans.values()] or list(edges.values())
+        for name, times in odometry.items():
+            if (edge := _odometry_edge(reader, name, edges)) is not None:
+                edges.setdefault(edge, times)
+        return cls(
+            bag_start_ns=reader.start_ns,
+            sources=(*_clock(reader, start_ns, stop_ns), *_telling(found)),
+            edges=edges,
+            static_edges=frozenset(_static_edges(reader, role_of_topic, stop_ns)),
+            scans=scans,
+            scan_frames={topic: _frame_of(reader, topic) for topic in scans},
+            moving_log_ns=np.sort(np.concatenate([_ints(log) for log in logs.values()] or [_NONE])),
+        )
+
+
+class _Transforms:
+    """The times of each edge of /tf, and the edges (`moving`) whose pose ever changed."""
+
+    def __init__(self) -> None:
+        self.moving: set[Edge] = set()
+        self._edge_of: dict[Edge, Edge] = {}
+        self._times: dict[Edge, tuple[array[int], array[int]]] = {}
+        self._first: dict[Edge, Any] = {}
+
+    def take(self, reader: BagReader, message: BagMessage) -> None:
+        """Take the transforms of a message."""
+        try:
+            transforms = reader.transforms(message)
+        except InputError:
+            return
+        for parent, child, stamp_ns, *pose in transforms:
+            edge = self._edge_of.get((parent, child))
+            if edge is None:
+                edge = parent.lstrip("/"), child.lstrip("/")
+                self._edge_of[parent, child] = edge
+                self._times.setdefault(edge, (array("q"), array("q")))
+                self._first.setdefault(edge, pose)
+            log, stamps = self._times[edge]
+            log.append(message.log_time_ns)
+            stamps.append(stamp_ns)
+            if edge not in self.moving and pose != self._first[edge]:
+                self.moving.add(edge)
+
+    def edges(self) -> dict[Edge, Times]:
+        """Return the times of each edge; the names have no leading slash."""
+        return {
+            edge: _times(f"{edge[0]} -> {edge[1]}", *times, is_edge=True)
+            for edge, times in self._times.items()
+        }
+
+
+def _times(name: str, log: "array[int]", stamps: "array[int]", *, is_edge: bool = False) -> Times:
+    return Times(name, _ints(log), _ints(stamps), is_edge)
+
+
+def _ints(values: "array[int]") -> Ints:
+    return np.array(values, dtype=np.int64)
+
+
+def _telling(found: Sequence[Times]) -> list[Times]:
+    """Return the sources without the messages that have no stamp, and without rare sources."""
+    stamped = []
+    for one in found:
+        has_stamp = one.stamps_ns > 0
+        stamped.append(
+            Times(one.name, one.log_ns[has_stamp], one.stamps_ns[has_stamp], one.is_edge)
+        )
+    frequent = [one for one in stamped if len(one.log_ns) >= _FEWEST_STAMPS]
+    return frequent or [one for one in stamped if len(one.log_ns)]
+
+
+def _stamp_ns(message: BagMessage, *, is_ros1: bool, at: int = _STAMP_AT) -> int:
+    """Return the stamp in the bytes of a message, 0 where they are too short."""
+    data = message.data
+    try:
+        seconds, nanoseconds = _STAMP[is_ros1 or bool(data[1] & 1)].unpack_from(data, at)
+    except (StructError, IndexError):
+        return 0
+    return int(seconds) * NS_PER_S + int(nanoseconds)
+
+
+def _clock(reader: BagReader, start_ns: int, stop_ns: int) -> list[Times]:
+    """Return the times of /clock where it was recorded and is not that of the log."""
+    if not any(topic.name == _CLOCK and topic.count for topic in reader.topics):
+        return []
+    at = 0 if reader.is_ros1 else _STAMP_AT
+
+    def instants() -> Iterable[tuple[int, int]]:
+        for message in reader.messages((_CLOCK,), start_ns, stop_ns):
+            stamp_ns = _stamp_ns(message, is_ros1=reader.is_ros1, at=at)
+            yield message.log_time_ns, stamp_ns
+
+    first = [stamp_ns - log_ns for log_ns, stamp_ns in islice(instants(), _CLOCK_SAMPLES)]
+    if not first or abs(float(np.median(first))) < _CLOCK_AGREES_NS:
+        return []
+    log_ns, stamps_ns = np.array(list(instants()), dtype=np.int64).T
+    return [Times(_CLOCK, log_ns, stamps_ns, is_clock=True)]
+
+
+def _odometry_edge(reader: BagReader, topic: str, known: Iterable[Edge]) -> Edge | None:
+    """Return (frame, child frame) of the odometry; an empty child means the base."""
+    first = next(reader.messages((topic,)), None)
+    try:
+        numbers = None if first is None else reader.odometry(first)
+    except AreError:
+        return None
+    if numbers is None or not numbers.frame_id:
+        return None
+    frames = {frame for edge in known for frame in edge}
+    base = next((name for name in BASE_FRAMES if name in frames), BASE_FRAMES[0])
+    return numbers.frame_id.lstrip("/"), numbers.child_frame_id.lstrip("/") or base
+
+
+def _static_edges(
+    reader: BagReader, role_of_topic: Mapping[str, str], stop_ns: int
+) -> Iterable[Edge]:
+    topics = [topic for topic, role in role_of_topic.items() if role == "tf_static"]
+    for message in reader.messages(topics, stop_ns=stop_ns) if topics else ():
+        try:
+            transforms = reader.transforms(message)
+        except InputError:
+            continue
+        yield from ((one.parent.lstrip("/"), one.child.lstrip("/")) for one in transforms)
+
+
+def _frame_of(reader: BagReader, topic: str) -> str:
+    first = next(reader.messages((topic,)), None)
+    try:
+        return "" if first is None else str(reader.deserialize(first).header.frame_id).lstrip("/")
+    except AreError:
+        return ""
+
+
+_AHEAD_NS = NS_PER_S // 5
+_BEHIND_NS = NS_PER_S // 2
+"""Stamps go by another clock where they lie later than the recording by more than the first, or
+earlier by more than the second: a message may be under way for some tenths of a second, but none
+comes before it was stamped."""
+_STEADY_NS = 3 * NS_PER_S // 10
+"""An offset that varies by less than this is a constant, and the rest is delay."""
+_TOPIC_APART_NS = 3 * NS_PER_S // 4
+_EDGE_APART_NS = 3 * NS_PER_S // 2
+"""Sources whose stamps are further apart have no common clock. A transform may be dated a second
+ahead on purpose (transform_tolerance)."""
+_LOOP_NS = NS_PER_S
+
+
+@dataclass(frozen=True, eq=False)
+class BagClock:
+    """Turns log times [ns] into the times that the replay goes by; never decreasing.
+
+    Between the instants known (int64 (N,) each, N of 0 for the identity) the clock goes evenly,
+    outside them as fast as the log. `sentence` says what was done, empty for the identity;
+    `disagreement` which sources of stamps have no clock in common with the others.
+    """
+
+    log_ns: Ints
+    clock_ns: Ints
+    sentence: str = ""
+    disagreement: str = ""
+
+    @classmethod
+    def of(cls, times: RecordedTimes) -> "BagClock":
+        """Return the clock of a recording's window.
+
+        It is the clock of most sources of stamps, unless that is the log's. Raises BagError where
+        the stamps jump back, as they do in a recording that looped.
+        """
+        source = _reference(times.sources)
+        if source is None:
+            return cls(np.empty(0, np.int64), np.empty(0, np.int64))
+        log_ns, clock_ns, sentence = _instants(source, times.bag_start_ns)
+        clock = cls(log_ns, clock_ns, sentence)
+        return cls(log_ns, clock_ns, sentence, _disagreement(clock, source, times.sources))
+
+    def at(self, log_time_ns: int) -> int:
+        """Return the time that belongs to a log time."""
+        if not len(self.log_ns):
+            return log_time_ns
+        index = int(np.searchsorted(self.log_ns, log_time_ns, side="right"))
+        if index == 0:
+            return max(0, int(self.clock_ns[0] - self.log_ns[0]) + log_time_ns)
+        since_ns = log_time_ns - int(self.log_ns[index - 1])
+        if index == len(self.log_ns):
+            return int(self.clock_ns[-1]) + since_ns
+        log_step_ns = int(self.log_ns[index] - self.log_ns[index - 1])
+        clock_step_ns = int(self.clock_ns[index] - self.clock_ns[index - 1])
+        return int(self.clock_ns[index - 1]) + since_ns * clock_step_ns // log_step_ns
+
+    def at_many(self, log_times_ns: Ints) -> Ints:
+        """Return the times that belong to log times, int64 (N,): `at`, to a microsecond or so."""
+        if not len(self.log_ns):
+            return log_times_ns
+        index = np.searchsorted(self.log_ns, log_times_ns, side="right")
+        before = np.maximum(index - 1, 0)
+        after = np.minimum(before + 1, len(self.log_ns) - 1)
+        log_steps = (self.log_ns[after] - self.log_ns[before]).astype(np.float64)
+        clock_steps = (self.clock_ns[after] - self.clock_ns[before]).astype(np.float64)
+        is_inside = (index > 0) & (index < len(self.log_ns))
+        paces = np.where(is_inside, clock_steps / np.maximum(log_steps, 1.0), 1.0)
+        since_ns = (log_times_ns - self.log_ns[before]) * paces
+        return np.maximum(0, self.clock_ns[before] + since_ns.astype(np.int64))
+
+
+def _reference(sources: Sequence[Times]) -> Times | None:
+    """Return the source whose clock most others share, the first of several; /clock if there."""
+    if not sources:
+        return None
+    offsets = np.array([_offset_ns(one) for one in sources])
+    if sources[0].is_clock:
+        return sources[0]
+    company = np.abs(offsets[:, np.newaxis] - offsets) <= _TOPIC_APART_NS
+    return sources[int(company.sum(axis=1).argmax())]
+
+
+def _offset_ns(source: Times) -> float:
+    return float(np.median(source.stamps_ns - source.log_ns))
+
+
+def _instants(source: Times, bag_start_ns: int) -> tuple[Ints, Ints, str]:
+    """Return log times, the clock's times at them, and what is to be said; none for the log's."""
+    offsets_ns = source.stamps_ns - source.log_ns
+    low_ns, middle_ns, high_ns = np.percentile(offsets_ns, (10, 50, 90)).tolist()
+    if low_ns >= -_BEHIND_NS and high_ns <= _AHEAD_NS:
+        return np.empty(0, np.int64), np.empty(0, np.int64), ""
+    order = "ahead of" if middle_ns > 0 else "behind"
+    sentence = (
+        f"the stamps lie {duration_text(abs(round(middle_ns)))} {order} the times of recording "
+        f"(another machine's clock, simulated time, or a recording of a recording): the replay "
+        f"goes by the stamps of {source.name}"
+    )
+    if high_ns - low_ns <= _STEADY_NS:
+        first_ns = source.log_ns[:1]
+        return first_ns, first_ns + int(np.median(offsets_ns)), sentence
+    instants = np.stack([source.log_ns, source.stamps_ns], axis=1)
+    _check_no_loop(source.name, instants, bag_start_ns)
+    return source.log_ns, np.maximum.accumulate(source.stamps_ns), sentence
+
+
+def _check_no_loop(topic: str, instants: Ints, bag_start_ns: int) -> None:
+    back_ns = -np.diff(instants[:, 1])
+    if len(back_ns) and back_ns.max() > _LOOP_NS:
+        worst = int(back_ns.argmax())
+        at_s = (int(instants[worst + 1, 0]) - bag_start_ns) / NS_PER_S
+        raise BagError(
+            f"{topic}: the stamps jump back by {back_ns[worst] / NS_PER_S:.1f} s, {at_s:.1f} s "
+            "into the recording (it looped): replay one pass of it with --start and --duration"
+        )
+
+
+def _disagreement(clock: BagClock, reference: Times, sources: Sequence[Times]) -> str:
+    """Say which sources go by another clock than the reference; empty where none does."""
+
+    def offset_ns(source: Times) -> float:
+        return float(np.median(source.stamps_ns - clock.at_many(source.log_ns)))
+
+    apart = {one.name: offset_ns(one) - offset_ns(reference) for one in sources}
+    limits = {one.name: _EDGE_APART_NS if one.is_edge else _TOPIC_APART_NS for one in sources}
+    parts = []
+    for word, sign in (("later", 1), ("earlier", -1)):
+        names = [name for name, by_ns in apart.items() if sign * by_ns > limits[name]]
+        if names:
+            most = duration_text(max(round(abs(apart[name])) for name in names))
+            are = "are" if len(names) > 1 else "is"
+            parts.append(f"{listed(names)} {are} stamped up to {most} {word} than {reference.name}")
+    if not parts:
+        return ""
+    return (
+        f"{listed(parts)} when they are recorded: there is no common clock. The replay goes by "
+        f"{reference.name}; wherever it needs both, in scans above all, it errs by that time. "
+        "Set the machines' clocks (NTP, chrony) and record anew, or leave those scans out "
+        "(sensors.scans)"
+    )

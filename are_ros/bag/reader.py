@@ -1,0 +1,440 @@
+"""Recordings of ROS 1 and ROS 2: their topics, and their messages in order of time."""
+
+import heapq
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from operator import itemgetter
+from pathlib import Path
+from struct import error as StructError  # noqa: N812
+from types import TracebackType
+from typing import Any, NamedTuple
+
+from rosbags.interfaces import MessageDefinitionFormat
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+from are_ros.bag.types import jazzy_typestore
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import AreError, BagError, InputError
+from are_ros.messages.odometry import OdometryNumbers, read_odometry_numbers
+from are_ros.messages.transforms import (
+    StampedTransform,
+    decode_transforms_cdr,
+    decode_transforms_ros1,
+    is_plain_cdr,
+    read_transforms,
+)
+
+# What a reader of recordings raised, as one sentence a user can act on.
+
+
+_REINDEX = "it ends too early or is damaged; `rosbag reindex` may repair it"
+_RECOVER = "it ends too early (an interrupted recording?); `mcap recover` may repair it"
+_DATABASE = "it is no rosbag2 database, or a damaged one"
+
+_SENTENCES = (
+    ("not indexed", "it has no index; `rosbag reindex` makes one"),
+    ("index looks damaged", _REINDEX),
+    ("Header could not be read", _REINDEX),
+    ("of requested", _REINDEX),
+    ("File end magic", _RECOVER),
+    ("Truncated record", _RECOVER),
+    ("Invalid MCAP", _RECOVER),
+    ("File magic is invalid", "its first bytes are not those of a bag of this kind"),
+    ("seems to be empty", "the file is empty"),
+    ("Profile is not ros2", "it is an MCAP file of another kind than ROS 2"),
+    ("Could not load YAML", "its metadata.yaml is malformed"),
+    ("files are missing", "files that its metadata.yaml names are missing"),
+    ("database", _DATABASE),
+)
+
+_PLAIN_SPOKEN = ("ReaderError", "SerdeError", "TypesysError", "FileNotFoundError")
+"""Errors whose own text says what is wrong with the data; others speak of the code that failed."""
+
+
+@contextmanager
+def as_bag_errors(what: str) -> Iterator[None]:
+    """Turn whatever is raised inside into a BagError that begins with `what`; ours pass."""
+    try:
+        yield
+    except AreError:
+        raise
+    except Exception as cause:  # rosbags, its codecs and SQLite raise all kinds on bad bytes
+        message = f"{what}: {sentence_of(cause)}"
+        raise BagError(message) from cause
+
+
+def sentence_of(error: Exception) -> str:
+    """Return in plain words what is wrong with the recording, without a full stop."""
+    text = " ".join(" ".join(str(part) for part in error.args).split()).rstrip(".")
+    for part, sentence in _SENTENCES:
+        if part in text:
+            return sentence
+    name = type(error).__name__
+    if isinstance(error, PermissionError):
+        return "there is no permission to read it"
+    return f"it cannot be read: {text}" if name in _PLAIN_SPOKEN else f"it is damaged ({name})"
+
+
+# Which files are recordings, and who reads them.
+
+
+_ROS2_SUFFIXES = (".mcap", ".db3")
+_METADATA = "metadata.yaml"
+_RESULT = "augmented.mcap"
+"""What replay and demo leave in their folder."""
+
+
+def check_paths(paths: Sequence[Path]) -> bool:
+    """Return whether these are recordings of ROS 1 (else of ROS 2).
+
+    BagError if there is none, one does not exist, is no recording or is given twice, or if they
+    are mixed.
+    """
+    if not paths:
+        raise BagError("no recording was given")
+    kinds = {_is_ros1(path) for path in paths}
+    _check_once(paths)
+    if len(kinds) > 1:
+        raise BagError("recordings of ROS 1 and of ROS 2 cannot be read together")
+    return kinds.pop()
+
+
+@contextmanager
+def open_reader(path: Path) -> Iterator[Any]:
+    """Open one recording with rosbags' reader of its kind; BagError if it cannot be read."""
+    from rosbags.rosbag1 import Reader as Ros1Reader
+    from rosbags.rosbag2 import Reader as Ros2Reader
+
+    with as_bag_errors(str(path)):
+        reader: Any = Ros1Reader(path) if path.suffix == ".bag" else Ros2Reader(path)
+        reader.open()
+    try:
+        yield reader
+    finally:
+        reader.close()
+
+
+def recording_in(path: Path) -> Path:
+    """Return the recording in a folder that is none itself: a result's, or the only one there.
+
+    Anything else is returned as it is.
+    """
+    if not path.is_dir() or (path / _METADATA).is_file():
+        return path
+    inside = [path / _RESULT] if (path / _RESULT).is_file() else _recordings_in(path)
+    return inside[0] if len(inside) == 1 else path
+
+
+def _is_ros1(path: Path) -> bool:
+    """Tell the kind of a recording by its name; BagError if it is none."""
+    if not path.exists():
+        raise BagError(f"{path}: there is no such file or folder")
+    if path.is_dir():
+        _check_folder(path)
+        return False
+    if path.suffix == ".active":
+        message = f"{path}: the recording was not ended; `rosbag reindex` makes a .bag of it"
+        raise BagError(message)
+    if path.suffix not in (".bag", *_ROS2_SUFFIXES):
+        message = f"{path}: no recording; rosbag2 folders, .mcap, .db3 and .bag files are"
+        raise BagError(message)
+    return path.suffix == ".bag"
+
+
+def _check_once(paths: Sequence[Path]) -> None:
+    """Refuse a recording that is given twice, whether as a folder or as the file in it."""
+    seen: dict[Path, Path] = {}
+    for path in paths:
+        for file in _recordings_in(path) if path.is_dir() else [path]:
+            if file.resolve() in seen:
+                raise BagError(f"{path}: this recording is given twice")
+            seen[file.resolve()] = path
+
+
+def _check_folder(path: Path) -> None:
+    if (path / _METADATA).is_file():
+        return
+    inside = [file.name for file in _recordings_in(path)]
+    message = f"{path}: a folder without metadata.yaml is no rosbag2 recording"
+    hint = f"; give the files in it themselves: {', '.join(inside)}" if inside else ""
+    raise BagError(message + hint)
+
+
+def _recordings_in(folder: Path) -> list[Path]:
+    return sorted(file for file in folder.iterdir() if file.suffix in (".bag", *_ROS2_SUFFIXES))
+
+
+# The message types that a recording itself describes, learnt when they are first needed.
+
+
+_IDL_SEPARATOR = "=" * 80 + "\n"
+
+
+class BagTypes:
+    """Typestores by connection: one odd type in a recording does not spoil the others."""
+
+    def __init__(self, *, is_ros1: bool) -> None:
+        self._is_ros1 = is_ros1
+        self._stores: dict[tuple[str, str], Any] = {}
+
+    def store_of(self, connection: Any) -> Any:
+        """Return the typestore that knows the connection's type.
+
+        Types without a definition are taken from ROS 2 Jazzy or ROS 1 Noetic. BagError if the type
+        is not known there, cannot be understood, or the messages are not CDR.
+        """
+        key = (connection.msgtype, connection.msgdef.data)
+        if key not in self._stores:
+            self._stores[key] = self._make_store(connection)
+        return self._stores[key]
+
+    def _make_store(self, connection: Any) -> Any:
+        encoding = getattr(connection.ext, "serialization_format", "cdr")
+        if encoding != "cdr":
+            message = f"{connection.topic}: its messages are encoded as {encoding}, not as CDR"
+            raise BagError(message)
+        if connection.msgdef.format == MessageDefinitionFormat.NONE or not connection.msgdef.data:
+            return self._default_store(connection)
+        store = get_typestore(Stores.EMPTY)
+        try:
+            store.register(_types_of(connection))
+            store.get_msgdef(connection.msgtype)
+        except Exception as cause:
+            message = (
+                f"{connection.topic}: the recording's definition of {connection.msgtype}"
+                f" cannot be understood: {sentence_of(cause)}"
+            )
+            raise BagError(message) from cause
+        return store
+
+    def _default_store(self, connection: Any) -> Any:
+        store = get_typestore(Stores.ROS1_NOETIC) if self._is_ros1 else jazzy_typestore()
+        if connection.msgtype not in store.fielddefs:
+            message = (
+                f"{connection.topic}: the recording does not define its type,"
+                f" {connection.msgtype}, and it is none of ROS's own"
+            )
+            raise BagError(message)
+        return store
+
+
+def _types_of(connection: Any) -> dict[str, Any]:
+    definition = connection.msgdef
+    if definition.format == MessageDefinitionFormat.MSG:
+        return dict(get_types_from_msg(definition.data, connection.msgtype))
+    if not definition.data.startswith(f"{_IDL_SEPARATOR}IDL: "):
+        return dict(get_types_from_idl(definition.data))
+    types: dict[str, Any] = {}
+    for part in definition.data.split(_IDL_SEPARATOR)[1:]:
+        types |= get_types_from_idl(part.split("\n", 1)[1])
+    return types
+
+
+_REORDER_NS = NS_PER_S
+"""Parts of a split recording overlap by less than this."""
+
+
+@dataclass(frozen=True)
+class BagTopic:
+    """A topic of a recording: `type_name` as "sensor_msgs/msg/LaserScan", in ROS 1 too.
+
+    `is_latched`: a late subscriber gets the last message (transient local, latched).
+    `is_reliable`: some publisher of it was, as all are in ROS 1.
+    A topic that was recorded with two types appears twice.
+    """
+
+    name: str
+    type_name: str
+    count: int
+    is_latched: bool
+    is_reliable: bool = True
+
+
+class BagMessage(NamedTuple):
+    """One message as it was recorded; `BagReader.deserialize` makes an object of its bytes."""
+
+    topic: str
+    log_time_ns: int
+    data: bytes
+    connection: Any
+
+
+class BagReader:
+    """One or several recordings as one stream; a context manager, open inside `with`.
+
+    Takes rosbag2 folders, .mcap and .db3 files, or ROS 1 .bag files, not mixed. BagError, in a
+    sentence, for whatever is wrong with one of them: on entering, or later while reading.
+    """
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        self._paths = tuple(paths)
+        self._stack = ExitStack()
+        self._readers: list[tuple[Path, Any]] = []
+        self.is_ros1 = check_paths(self._paths)
+        self._types = BagTypes(is_ros1=self.is_ros1)
+
+    def __enter__(self) -> "BagReader":  # noqa: PYI034 (Self came with Python 3.11)
+        """Open the recordings; BagError if one cannot be read or none holds a message."""
+        with ExitStack() as stack:
+            self._readers = [(path, stack.enter_context(open_reader(path))) for path in self._paths]
+            if not any(reader.message_count for _, reader in self._readers):
+                raise BagError(f"{_names(self._paths)}: the recording holds no message")
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._readers = []
+        self._stack.close()
+
+    @property
+    def start_ns(self) -> int:
+        """Log time of the first message."""
+        return min(int(reader.start_time) for _, reader in self._readers)
+
+    @property
+    def end_ns(self) -> int:
+        """Just after the log time of the last message: messages lie in [start_ns, end_ns)."""
+        return max(int(reader.end_time) for _, reader in self._readers)
+
+    @property
+    def files(self) -> tuple[tuple[str, int, int], ...]:
+        """The recordings by name, each with its [start, end) of log time, in order of time."""
+        files = [(p.name, int(r.start_time), int(r.end_time)) for p, r in self._readers]
+        return tuple(sorted(files, key=itemgetter(1)))
+
+    @property
+    def topics(self) -> tuple[BagTopic, ...]:
+        """The topics, in order of name, counted over all recordings."""
+        found: dict[tuple[str, str], BagTopic] = {}
+        for connection in self._connections():
+            key = (connection.topic, connection.msgtype)
+            count, latched = connection.msgcount, _is_latched(connection)
+            reliable = _is_reliable(connection)
+            if key in found:
+                count, latched = count + found[key].count, latched or found[key].is_latched
+                reliable = reliable or found[key].is_reliable
+            found[key] = BagTopic(*key, count, latched, reliable)
+        return tuple(found[key] for key in sorted(found))
+
+    def messages(
+        self,
+        topics: Collection[str] | None = None,
+        start_ns: int | None = None,
+        stop_ns: int | None = None,
+    ) -> Iterator[BagMessage]:
+        """Yield the messages of `topics` (None: all) with log times in [start_ns, stop_ns).
+
+        In order of log time, whatever the number of recordings. BagError if one is damaged.
+        """
+        streams = [
+            self._stream(path, reader, topics, start_ns, stop_ns) for path, reader in self._readers
+        ]
+        yield from heapq.merge(*streams, key=_log_time) if len(streams) > 1 else streams[0]
+
+    def learn_types(self, topics: Collection[str]) -> None:
+        """Make ready to deserialise the messages of some topics, which the first would else do.
+
+        A type that cannot be understood is left to the first message.
+        """
+        for connection in self._connections():
+            if connection.topic in topics:
+                with suppress(BagError):
+                    self._types.store_of(connection)
+
+    def deserialize(self, message: BagMessage) -> Any:
+        """Return the message object, its arrays numpy arrays.
+
+        BagError if the recording does not say what the type is, InputError for malformed bytes.
+        """
+        connection = message.connection
+        store = self._types.store_of(connection)
+        try:
+            if self.is_ros1:
+                return store.deserialize_ros1(message.data, connection.msgtype)
+            return store.deserialize_cdr(message.data, connection.msgtype)
+        except Exception as cause:
+            raise _malformed(message, cause) from cause
+
+    def transforms(self, message: BagMessage) -> list[StampedTransform]:
+        """Return the transforms of a TFMessage; as `deserialize` and `read_transforms`, quicker."""
+        try:
+            if self.is_ros1:
+                return decode_transforms_ros1(message.data)
+            if is_plain_cdr(message.data):
+                return decode_transforms_cdr(message.data)
+        except (StructError, UnicodeDecodeError) as cause:
+            raise _malformed(message, cause) from cause
+        return read_transforms(self.deserialize(message))
+
+    def odometry(self, message: BagMessage) -> OdometryNumbers:
+        """Return the numbers of an Odometry; errors as `deserialize`."""
+        return read_odometry_numbers(self.deserialize(message))
+
+    def _connections(self) -> Iterator[Any]:
+        for _, reader in self._readers:
+            yield from reader.connections
+
+    def _stream(
+        self,
+        path: Path,
+        reader: Any,
+        topics: Collection[str] | None,
+        start_ns: int | None,
+        stop_ns: int | None,
+    ) -> Iterator[BagMessage]:
+        """Yield the messages of one recording."""
+        wanted = [c for c in reader.connections if topics is None or c.topic in topics]
+        if not wanted:
+            return
+        with as_bag_errors(str(path)):
+            stream = (
+                BagMessage(connection.topic, log_time_ns, data, connection)
+                for connection, log_time_ns, data in reader.messages(
+                    connections=wanted, start=start_ns, stop=stop_ns
+                )
+            )
+            is_split = len(getattr(getattr(reader, "storage", None), "storages", ())) > 1
+            yield from _in_order(stream, _REORDER_NS) if is_split else stream
+
+
+def _in_order(messages: Iterator[BagMessage], window_ns: int) -> Iterator[BagMessage]:
+    """Sort a stream that goes back in time by less than `window_ns`; ties keep their order."""
+    waiting: list[tuple[int, int, BagMessage]] = []
+    for number, message in enumerate(messages):
+        heapq.heappush(waiting, (message.log_time_ns, number, message))
+        while waiting[0][0] <= message.log_time_ns - window_ns:
+            yield heapq.heappop(waiting)[2]
+    while waiting:
+        yield heapq.heappop(waiting)[2]
+
+
+def _log_time(message: BagMessage) -> int:
+    return message.log_time_ns
+
+
+def _is_latched(connection: Any) -> bool:
+    profiles = getattr(connection.ext, "offered_qos_profiles", None)
+    if profiles is None:
+        return bool(connection.ext.latching)
+    return any(profile.durability.name == "TRANSIENT_LOCAL" for profile in profiles)
+
+
+def _is_reliable(connection: Any) -> bool:
+    profiles = getattr(connection.ext, "offered_qos_profiles", None)
+    return not profiles or any(profile.reliability.name == "RELIABLE" for profile in profiles)
+
+
+def _malformed(message: BagMessage, cause: Exception) -> InputError:
+    kind = message.connection.msgtype
+    text = f"{message.topic}: the message at {message.log_time_ns} ns is no {kind}"
+    return InputError(f"{text}, {sentence_of(cause)}")
+
+
+def _names(paths: Sequence[Path]) -> str:
+    return ", ".join(path.name for path in paths)

@@ -1,0 +1,184 @@
+"""Which topic of a recording plays which part: the inputs of section 4 found among its topics."""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from are_ros.bag.reader import BagTopic
+from are_ros.errors import BagError
+
+_TF_TYPES: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+
+ROLE_TYPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "map": ("nav_msgs/msg/OccupancyGrid",),
+        "octomap_point_cloud_centers": ("sensor_msgs/msg/PointCloud2",),
+        "odom": ("nav_msgs/msg/Odometry",),
+        "scan": ("sensor_msgs/msg/LaserScan",),
+        "camera/camera_info": ("sensor_msgs/msg/CameraInfo",),
+        "tf": _TF_TYPES,
+        "tf_static": _TF_TYPES,
+        "clicked_point": ("geometry_msgs/msg/PointStamped",),
+        "plan": ("nav_msgs/msg/Path",),
+    }
+)
+"""The roles, in the order they are listed, with the types that serve; the default is "/<role>"."""
+
+_REPEATABLE: Final = "scan"
+"""The one role that several topics can play."""
+
+_TELLTALES: Final = {
+    "octomap_point_cloud_centers": "octomap",
+    "tf_static": "static",
+}
+"""These take a topic by its type only if this is part of its name; others of its type do not."""
+
+
+@dataclass(frozen=True)
+class FoundRole:
+    """A role, the topic that plays it (None: none does), and what a user should know of it."""
+
+    role: str
+    topic: BagTopic | None
+    sentence: str = ""
+
+
+@dataclass(frozen=True)
+class RolesFound:
+    """The outcome for every role, in the order of `ROLE_TYPES`."""
+
+    found: tuple[FoundRole, ...]
+
+    def topic(self, role: str) -> str | None:
+        """Return the name of the topic that plays a role, None if none does."""
+        topic = next(entry.topic for entry in self.found if entry.role == role)
+        return None if topic is None else topic.name
+
+    def sentences(self, silent: Collection[str] = ()) -> tuple[str, ...]:
+        """Return what is to be said: topics chosen by type, and those that could not be.
+
+        Nothing is said of `silent` roles.
+        """
+        said = (entry for entry in self.found if entry.role not in silent)
+        return tuple(entry.sentence for entry in said if entry.sentence)
+
+
+def find_roles(topics: Sequence[BagTopic], overrides: Mapping[str, str]) -> RolesFound:
+    """Find a topic for each role: the override, else "/<role>", else the only one of its type.
+
+    A topic that another role has by name is nobody's "only one", and where two roles share a type
+    the name decides ("depth", "octomap", "static"). Topics without messages do not count.
+    BagError for an override of an unknown role, with an absent topic, or one of another type.
+    """
+    chosen = {role: _overridden(topics, role, name) for role, name in overrides.items()}
+    filled = [topic for topic in topics if topic.count > 0]
+    for role in ROLE_TYPES:
+        if role not in chosen:
+            default = _named(filled, f"/{role}", ROLE_TYPES[role])
+            if default is not None:
+                chosen[role] = default
+    taken = {topic.name for topic in chosen.values()}
+    free = [topic for topic in filled if topic.name not in taken]
+    return RolesFound(
+        tuple(
+            FoundRole(role, chosen[role]) if role in chosen else _by_type(role, topics, free)
+            for role in ROLE_TYPES
+        )
+    )
+
+
+def read_overrides(texts: Iterable[str]) -> dict[str, str]:
+    """Return {role: topic} of texts like "scan:=/front/scan", of several scans the first.
+
+    BagError for another form, and for two topics of any other role.
+    """
+    overrides: dict[str, str] = {}
+    for role, topic in map(_read_override, texts):
+        first = overrides.setdefault(role, topic)
+        if role != _REPEATABLE and _slashed(topic) != _slashed(first):
+            raise BagError(
+                f"--topic {role}:={topic}: the role has {first} already;"
+                f" only {_REPEATABLE} may have several topics"
+            )
+    return overrides
+
+
+def scans_of(texts: Iterable[str]) -> tuple[str, ...]:
+    """Return the topics, each once, that texts like "scan:=/front/scan" make scans."""
+    pairs = map(_read_override, texts)
+    return tuple(dict.fromkeys(_slashed(topic) for role, topic in pairs if role == _REPEATABLE))
+
+
+def _read_override(text: str) -> tuple[str, str]:
+    role, separator, topic = text.partition(":=")
+    if not (separator and role and topic):
+        raise BagError(f"--topic {text}: it must be ROLE:=/TOPIC, as scan:=/front/scan")
+    return role.strip().lstrip("/"), topic.strip()
+
+
+def _overridden(topics: Sequence[BagTopic], role: str, name: str) -> BagTopic:
+    """Return the topic that a user gave to a role."""
+    option = f"--topic {role}:={name}"
+    if role not in ROLE_TYPES:
+        raise BagError(f"{option}: there is no such role; the roles are {', '.join(ROLE_TYPES)}")
+    types = ROLE_TYPES[role]
+    topic = _named(topics, name, types)
+    if topic is not None:
+        return topic
+    fitting = ", ".join(topic.name for topic in topics if topic.type_name in types)
+    candidates = f"of type {types[0]} it has {fitting or 'no topic'}"
+    others = [topic.type_name for topic in topics if _slashed(topic.name) == _slashed(name)]
+    reason = f"that topic is of type {others[0]}" if others else "the recording has no such topic"
+    raise BagError(f"{option}: {reason}; {candidates}")
+
+
+def _by_type(role: str, topics: Sequence[BagTopic], free: Sequence[BagTopic]) -> FoundRole:
+    """Return the only free topic of the role's type, or say why it is not to be had."""
+    types = ROLE_TYPES[role]
+    why = _why_no_default(role, topics)
+    candidates = [topic for topic in free if topic.type_name in types and _suits(role, topic.name)]
+    if len(candidates) == 1:
+        (only,) = candidates
+        return FoundRole(role, only, f"{role}: {why}; {only.name}, the only {types[0]}, is used")
+    if candidates:
+        names = ", ".join(topic.name for topic in candidates)
+        sentence = f"{role}: {why}, and several topics are {types[0]}: {names}"
+        repeatable = " (repeatable: all are augmented)" if role == _REPEATABLE else ""
+        advice = f"choose one with --topic {role}:=/NAME{repeatable}"
+        return FoundRole(role, None, f"{sentence}; {advice}")
+    has_namesake = any(_slashed(topic.name) == f"/{role}" for topic in topics)
+    sentence = f"{role}: {why}, and no other topic serves" if has_namesake else ""
+    return FoundRole(role, None, sentence)
+
+
+def _why_no_default(role: str, topics: Sequence[BagTopic]) -> str:
+    same = [topic for topic in topics if _slashed(topic.name) == f"/{role}"]
+    if not same:
+        return f"there is no /{role}"
+    if same[0].type_name not in ROLE_TYPES[role]:
+        return f"/{role} is of type {same[0].type_name}"
+    return f"/{role} holds no message"
+
+
+def _suits(role: str, topic: str) -> bool:
+    """Tell whether a topic's name speaks for this role among those that share its type."""
+    if role in _TELLTALES:
+        return _TELLTALES[role] in topic.lower()
+    rivals = [rival for rival in _TELLTALES if ROLE_TYPES[rival] == ROLE_TYPES[role]]
+    return not any(_TELLTALES[rival] in topic.lower() for rival in rivals)
+
+
+def _named(topics: Sequence[BagTopic], name: str, types: tuple[str, ...]) -> BagTopic | None:
+    """Return the topic of this name and of one of these types."""
+    fitting = (
+        topic
+        for topic in topics
+        if _slashed(topic.name) == _slashed(name) and topic.type_name in types
+    )
+    return next(fitting, None)
+
+
+def _slashed(name: str) -> str:
+    """Return a topic's name with its leading slash, which ROS 1 sometimes left out."""
+    return name if name.startswith("/") else f"/{name}"

@@ -1,0 +1,220 @@
+"""What a replay has to know of a recording's time before it begins: gaps, and how late tf is.
+
+A gap is a stretch of a minute or more in which nothing comes of what moves (`MOVING_ROLES`): two
+recordings of one day, a map that was recorded years before, a stray message an hour later. Nobody
+knows what happened in it, so a replay leaves it out, and begins anew after it.
+"""
+
+from collections import defaultdict, deque
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from are_ros.bag.clock import BagClock, Edge, Ints, RecordedTimes
+from are_ros.builder.step_clock import IDLE_NS
+from are_ros.conventions import NS_PER_S
+from are_ros.wording import counted, duration_text
+
+GAP_NS: Final = IDLE_NS
+"""As long as the world waits for an input before it stands still."""
+_STRAY_NS: Final = NS_PER_S
+"""What moves for less than this, with a gap on either side, is no drive."""
+_SHOWN_GAPS: Final = 3
+_REACH: Final = 0.75
+"""A scan may wait for so much of the time for which poses are kept: it may be late by itself."""
+_WAIT_STEP_NS: Final = NS_PER_S // 100
+
+Span = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Nothing moves in [start_ns, stop_ns) of the log; it lasts `length_ns` by the clock.
+
+    `between` names the two files that it lies between, where it does.
+    """
+
+    start_ns: int
+    stop_ns: int
+    length_ns: int
+    between: tuple[str, str] | None = None
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """The spans [start, stop) of the log [ns] that are replayed, in order, and the gaps.
+
+    `ahead` and `behind` are the gaps before the first and after the last span, if any.
+    """
+
+    spans: tuple[Span, ...]
+    gaps: tuple[Gap, ...]
+    ahead: Gap | None = None
+    behind: Gap | None = None
+
+    def sentences(self, begin_ns: int) -> list[str]:
+        """Say what a replay leaves out; `begin_ns` is the log time from which seconds count."""
+        said = []
+        if self.ahead is not None:
+            length = duration_text(self.ahead.length_ns)
+            said.append(f"nothing moves in the first {length}: the replay begins after them")
+        if self.gaps:
+            gaps = [_gap_text(gap, begin_ns) for gap in self.gaps]
+            more = [f"{len(gaps) - _SHOWN_GAPS} more"] if len(gaps) > _SHOWN_GAPS else []
+            listed = "; ".join([*gaps[:_SHOWN_GAPS], *more])
+            it, has = ("it", "a gap") if len(gaps) == 1 else ("them", counted(len(gaps), "gap"))
+            said.append(
+                f"the recording has {has} in which nothing moves ({listed}): the replay leaves "
+                f"{it} out, and all artefacts go before {it}"
+            )
+        if self.behind is not None:
+            length = duration_text(self.behind.length_ns)
+            said.append(f"nothing moves in the last {length}: the replay ends before them")
+        return said
+
+
+def stretches_of(
+    times: RecordedTimes,
+    clock: BagClock,
+    start_ns: int,
+    stop_ns: int,
+    files: Sequence[tuple[str, int, int]] = (),
+) -> Stretches:
+    """Return the stretches of the window [start_ns, stop_ns) of the log that are to be replayed.
+
+    Gaps are measured by the clock. A stray message between two gaps belongs to them. `files` are
+    the (name, start, stop) of those that make up the recording.
+    """
+    log_ns = times.moving_log_ns
+    if not len(log_ns):
+        return Stretches(((start_ns, stop_ns),), ())
+    edges_ns = np.concatenate(([start_ns], log_ns, [stop_ns]))
+    is_gap = np.diff(clock.at_many(edges_ns)) >= GAP_NS
+    first = np.flatnonzero(is_gap[:-1] | (np.arange(len(log_ns)) == 0))
+    last = np.append(first[1:], len(log_ns)) - 1
+    starts, stops = log_ns[first], log_ns[last] + 1
+    if not is_gap[0]:
+        starts[0] = start_ns
+    if not is_gap[-1]:
+        stops[-1] = stop_ns
+    is_drive = stops - starts >= _STRAY_NS
+    if is_drive.any():
+        starts, stops = starts[is_drive], stops[is_drive]
+
+    def gap(from_ns: int, to_ns: int) -> Gap:
+        length_ns = clock.at(to_ns) - clock.at(from_ns)
+        return Gap(from_ns, to_ns, length_ns, _between(files, from_ns, to_ns))
+
+    spans = list(zip(starts.tolist(), stops.tolist(), strict=True))
+    begin_ns, end_ns = spans[0][0], spans[-1][1]
+    return Stretches(
+        spans=tuple(spans),
+        gaps=tuple(gap(one[1], other[0]) for one, other in pairwise(spans)),
+        ahead=gap(start_ns, begin_ns) if begin_ns > start_ns else None,
+        behind=gap(end_ns, stop_ns) if end_ns < stop_ns else None,
+    )
+
+
+def _between(
+    files: Sequence[tuple[str, int, int]], from_ns: int, to_ns: int
+) -> tuple[str, str] | None:
+    """Return the names of the two files that end and begin around a gap, if there are such."""
+    before = [name for name, _, stop_ns in files if stop_ns <= to_ns]
+    after = [name for name, start_ns, _ in files if start_ns >= from_ns]
+    if len(before) + len(after) < len(files) or not (before and after):
+        return None
+    return before[-1], after[0]
+
+
+def _gap_text(gap: Gap, begin_ns: int) -> str:
+    at = duration_text(gap.start_ns - begin_ns)
+    where = f", between {gap.between[0]} and {gap.between[1]}" if gap.between else ""
+    return f"{duration_text(gap.length_ns)} long, {at} into it{where}"
+
+
+def scan_waits(
+    times: RecordedTimes, clock: BagClock, map_frame: str, given_edges: Iterable[Edge] = ()
+) -> dict[str, Ints]:
+    """Return how long the scans of each topic wait for their transforms: int64 (N,) [ns] each.
+
+    From the reception of a scan until its pose in the map's frame is known at its stamp, by the
+    clock. N counts the scans for which it comes to be known; those that are the first of the
+    recording, or whose frame nothing joins to the map's, never wait to an end. `given_edges` are
+    the (parent, child) of static transforms that come from elsewhere.
+    """
+    static = times.static_edges | set(given_edges)
+    waits: dict[str, Ints] = {}
+    for topic, scans in times.scans.items():
+        chain = _chain({*times.edges, *static}, map_frame, times.scan_frames[topic])
+        known_ns = received_ns = clock.at_many(scans.log_ns)
+        is_known = np.full(len(scans.log_ns), chain is not None)
+        for edge in set(chain or ()) - static:
+            samples = times.edges[edge]
+            newest_ns = np.maximum.accumulate(samples.stamps_ns)
+            at = np.searchsorted(newest_ns, scans.stamps_ns)
+            is_known &= (at < len(newest_ns)) & (scans.stamps_ns >= samples.stamps_ns.min())
+            came_ns = clock.at_many(samples.log_ns)[np.minimum(at, len(newest_ns) - 1)]
+            known_ns = np.maximum(known_ns, came_ns)
+        waits[topic] = (known_ns - received_ns)[is_known]
+    return waits
+
+
+def _chain(edges: Iterable[Edge], one: str, other: str) -> list[Edge] | None:
+    """Return the edges of a shortest way from one frame to another, None where there is none."""
+    joined: dict[str, list[tuple[str, Edge]]] = defaultdict(list)
+    for edge in sorted(edges):
+        joined[edge[0]].append((edge[1], edge))
+        joined[edge[1]].append((edge[0], edge))
+    ways: dict[str, list[Edge]] = {one: []}
+    waiting = deque([one])
+    while waiting:
+        frame = waiting.popleft()
+        for neighbour, edge in joined[frame]:
+            if neighbour not in ways:
+                ways[neighbour] = [*ways[frame], edge]
+                waiting.append(neighbour)
+    return ways.get(other)
+
+
+def needed_wait_s(waits: Mapping[str, Ints], history_s: float) -> float:
+    """Return the `sensors.tf_wait` [s] with which no scan leaves too early, as far as it may go.
+
+    Poses of artefacts are kept for `history_s`, the parameter `poses.history`.
+
+    It is longer than the longest wait by up to a hundredth of a second; 0 where none waits.
+    """
+    in_reach = (_in_reach(one, history_s) for one in waits.values())
+    longest_ns = max((int(one.max(initial=0)) for one in in_reach), default=0)
+    steps = longest_ns // _WAIT_STEP_NS + 1 if longest_ns else 0
+    return round(steps * _WAIT_STEP_NS / NS_PER_S, 2)
+
+
+def wait_sentence(
+    topic: str, waits_ns: Ints, scans: int, tf_wait_s: float, history_s: float
+) -> str:
+    """Say how long the scans of a topic wait, and what that means for `sensors.tf_wait`."""
+    known_ns = _in_reach(waits_ns, history_s)
+    late, lost = len(waits_ns) - len(known_ns), scans - len(waits_ns)
+    most = f"more than {_REACH * history_s:g} s, too late for any wait"
+    said_of = [f"{late} of {counted(scans, 'scan')} get their transform after {most}"] * (late > 0)
+    said_of += [f"{lost} of {counted(scans, 'scan')} never get their transform"] * (lost > 0)
+    never = "; ".join(said_of)
+    if not len(known_ns):
+        return f"{topic}: {never}"
+    longest_s = float(known_ns.max()) / NS_PER_S
+    needed_s = needed_wait_s({topic: waits_ns}, history_s)
+    said = f"{topic}: scans wait up to {longest_s:.3f} s for their transforms"
+    if needed_s > tf_wait_s:
+        most_s = float(np.percentile(known_ns, 99)) / NS_PER_S
+        said += (
+            f", 99 of 100 up to {most_s:.3f} s: a replay has sensors.tf_wait at {needed_s:g} "
+            f"unless it is set; set it on the robot, its default of {tf_wait_s:g} is too short"
+        )
+    return f"{said}; {never}" if never else said
+
+
+def _in_reach(waits_ns: Ints, history_s: float) -> Ints:
+    return waits_ns[waits_ns < _REACH * history_s * NS_PER_S]

@@ -1,0 +1,255 @@
+"""The augmented recording: an MCAP file that ROS 2, Foxglove and rosbags open."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from io import BufferedWriter
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import yaml
+from mcap.reader import make_reader
+from mcap.records import Channel, Schema, Statistics
+from mcap.writer import CompressionType, Writer
+
+from are_ros._version import __version__
+from are_ros.bag.qos import OfferedQos, qos_text
+from are_ros.bag.types import jazzy_typestore
+from are_ros.errors import BagError
+
+_CHUNK_BYTES = 4 * 1024 * 1024
+"""Holds several maps, which compress to almost nothing against each other."""
+
+
+@dataclass(eq=False)
+class _Channel:
+    identifier: int
+    type_name: str
+    count: int = 0
+
+
+class BagWriter:
+    """Writes one MCAP file of ROS 2 messages; a context manager.
+
+    The file appears under its name only when the block ends without an exception; until then it
+    is `<name>.part`, which a failed run removes unless it `keeps_partial`. The same calls give the
+    same bytes: no clock, no path and no order but that of the calls enters the file. BagError if it
+    cannot be written.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        typestore: Any = None,
+        *,
+        notes: Mapping[str, str] | None = None,
+        keeps_partial: bool = False,
+    ) -> None:
+        """Prepare to write `path`; types come from `typestore` (`jazzy_typestore()`).
+
+        `notes` are written at the beginning, where also an unfinished file shows them.
+        """
+        self._path = path
+        self._partial = partial_path(path)
+        self._notes = notes
+        self._keeps_partial = keeps_partial
+        self._store = jazzy_typestore() if typestore is None else typestore
+        self._channels: dict[str, _Channel] = {}
+        self._schemas: dict[str, int] = {}
+        self._file: BufferedWriter
+        self._writer: Writer
+
+    def __enter__(self) -> "BagWriter":  # noqa: PYI034 (Self came with Python 3.11)
+        try:
+            self._file = self._partial.open("wb")
+        except OSError as cause:
+            raise self._unwritable(cause) from cause
+        self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._writer.start(profile="ros2", library=f"are_ros {__version__}")
+        if self._notes:
+            self._writer.add_metadata("are_ros", dict(self._notes))
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        try:
+            if kind is None:
+                self._finish()
+        finally:
+            self._close()
+
+    def add_topic(
+        self,
+        topic: str,
+        type_name: str,
+        *,
+        is_latched: bool = False,
+        is_reliable: bool = True,
+        depth: int = 10,
+        offered: Sequence[OfferedQos] = (),
+    ) -> None:
+        """Announce a topic and the quality of service that a player is to offer.
+
+        Topics stand in the file in the order of these calls, also those without a message.
+        `is_latched`: transient local, late subscribers get the last `depth` messages. In place of
+        these, `offered` are the profiles of the publishers that were found.
+        """
+        profile = OfferedQos(
+            reliability="reliable" if is_reliable else "best_effort",
+            durability="transient_local" if is_latched else "volatile",
+            depth=depth,
+        )
+        identifier = self._writer.register_channel(
+            topic=topic,
+            message_encoding="cdr",
+            schema_id=self._schema(type_name),
+            metadata={
+                "offered_qos_profiles": qos_text(offered or [profile]),
+                "topic_type_hash": self._store.hash_rihs01(type_name),
+            },
+        )
+        self._channels[topic] = _Channel(identifier, type_name)
+
+    def write(self, topic: str, log_time_ns: int, message: Any) -> None:
+        """Append a rosbags message object to a topic that was added."""
+        channel = self._channels[topic]
+        self.write_raw(topic, log_time_ns, self._store.serialize_cdr(message, channel.type_name))
+
+    def write_raw(
+        self,
+        topic: str,
+        log_time_ns: int,
+        data: bytes | memoryview,
+        publish_time_ns: int | None = None,
+    ) -> None:
+        """Append a message that is serialised already: CDR with its encapsulation header.
+
+        `publish_time_ns` is the log time unless given.
+        """
+        channel = self._channels[topic]
+        published_ns = log_time_ns if publish_time_ns is None else publish_time_ns
+        try:
+            self._writer.add_message(
+                channel.identifier, log_time_ns, data, published_ns, sequence=channel.count
+            )
+        except OSError as cause:
+            raise self._unwritable(cause) from cause
+        channel.count += 1
+
+    def flush(self) -> None:
+        """Hand all that was written to the system, so that a kill does not take it."""
+        try:
+            self._writer.flush()
+        except OSError as cause:
+            raise self._unwritable(cause) from cause
+
+    def counts(self) -> dict[str, int]:
+        """Return how many messages were written, by topic."""
+        return {topic: channel.count for topic, channel in self._channels.items()}
+
+    def _schema(self, type_name: str) -> int:
+        """Return the schema of a type, registered when it is first needed."""
+        if type_name not in self._schemas:
+            text, _ = self._store.generate_msgdef(type_name, ros_version=2)
+            self._schemas[type_name] = self._writer.register_schema(
+                name=type_name, encoding="ros2msg", data=text.encode()
+            )
+        return self._schemas[type_name]
+
+    def _finish(self) -> None:
+        """Write the index and give the file its name."""
+        try:
+            self._writer.finish()
+            self._file.close()
+            self._partial.replace(self._path)
+        except OSError as cause:
+            raise self._unwritable(cause) from cause
+
+    def _close(self) -> None:
+        """Close the file, also where nothing more can be written to it."""
+        with suppress(OSError):
+            self._file.close()
+        if not self._keeps_partial:
+            with suppress(FileNotFoundError):
+                self._partial.unlink()
+
+    def _unwritable(self, cause: OSError) -> BagError:
+        return BagError(f"{self._path} cannot be written: {cause.strerror}")
+
+
+def partial_path(path: Path) -> Path:
+    """Return the name of a recording that is still being written."""
+    return path.with_name(path.name + ".part")
+
+
+# A recording as rosbag2 keeps it: a folder with the MCAP file and metadata.yaml, its summary.
+
+
+_VERSION = 9
+"""Of metadata.yaml, as ROS 2 Jazzy writes it."""
+
+
+def describe_folder(file: Path) -> None:
+    """Write metadata.yaml beside a finished MCAP file; BagError if it cannot be written."""
+    with file.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    if summary is None or summary.statistics is None:
+        raise BagError(f"{file}: the recording has no summary")
+    description = _description(
+        file.name, summary.statistics, list(summary.channels.values()), summary.schemas
+    )
+    text = yaml.safe_dump({"rosbag2_bagfile_information": description}, sort_keys=False)
+    target = file.with_name("metadata.yaml")
+    try:
+        target.write_text(text, "utf-8")
+    except OSError as cause:
+        message = f"{target} cannot be written: {cause.strerror}"
+        raise BagError(message) from cause
+
+
+def _description(
+    name: str, statistics: Statistics, channels: list[Channel], schemas: dict[int, Schema]
+) -> dict[str, Any]:
+    counts = statistics.channel_message_counts
+    return {
+        "version": _VERSION,
+        "storage_identifier": "mcap",
+        **_extent(statistics),
+        "topics_with_message_count": [
+            {
+                "topic_metadata": _topic(channel, schemas[channel.schema_id].name),
+                "message_count": counts.get(channel.id, 0),
+            }
+            for channel in channels
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [name],
+        "files": [{"path": name, **_extent(statistics)}],
+        "custom_data": None,
+        "ros_distro": "jazzy",
+    }
+
+
+def _extent(statistics: Statistics) -> dict[str, Any]:
+    start_ns, end_ns = statistics.message_start_time, statistics.message_end_time
+    return {
+        "starting_time": {"nanoseconds_since_epoch": start_ns},
+        "duration": {"nanoseconds": end_ns - start_ns},
+        "message_count": statistics.message_count,
+    }
+
+
+def _topic(channel: Channel, type_name: str) -> dict[str, Any]:
+    return {
+        "name": channel.topic,
+        "type": type_name,
+        "serialization_format": channel.message_encoding,
+        "offered_qos_profiles": yaml.safe_load(channel.metadata["offered_qos_profiles"]),
+        "type_description_hash": channel.metadata["topic_type_hash"],
+    }

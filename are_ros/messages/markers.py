@@ -1,0 +1,181 @@
+"""Markers as the bytes of MarkerArrays: what looks the same is written once, then only posed.
+
+The bytes are those that a serialiser makes of the messages; rclpy publishes them as they are, and a
+recording takes them.
+"""
+
+from struct import Struct
+from typing import Final, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros._compiled import compiled
+from are_ros.builder.marker_batch import NO_MARKERS, MarkerBatch, MarkerLook
+from are_ros.messages.cdr import CdrWriter, encapsulated, pack_time
+
+# Writing what changes of markers into the bytes of all of them, in machine code.
+
+
+Places = npt.NDArray[np.int64]
+
+
+@compiled
+def put_stamps_and_poses(
+    integers: npt.NDArray[np.int32],
+    doubles: npt.NDArray[np.float64],
+    stamps_at: Places,
+    poses_at: Places,
+    seconds: int,
+    nanoseconds: int,
+    poses: npt.NDArray[np.float64],
+) -> None:
+    """Write a stamp and one of `poses` (N, 7) at each of the places (N,) of two views of a message.
+
+    `stamps_at` counts `integers`, `poses_at` counts `doubles`.
+    """
+    for marker in range(stamps_at.size):
+        integers[stamps_at[marker]] = seconds
+        integers[stamps_at[marker] + 1] = nanoseconds
+        for number in range(7):
+            doubles[poses_at[marker] + number] = poses[marker, number]
+
+
+_COUNT: Final = Struct("<I")
+_STAMP: Final = Struct("<2i")
+_INTEGERS: Final = Struct("<3i")
+_POSE_AND_SCALE: Final = Struct("<10d")
+_COLOUR: Final = Struct("<4f")
+_IS_FRAME_LOCKED: Final = Struct("<?")
+_IS_MATERIAL_EMBEDDED: Final = Struct("<?")
+_UNTURNED: Final = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+_BEFORE: Final = bytes(4)
+_BODY: Final = 8
+"""In memory the body of a message, behind four bytes of encapsulation, begins at 8."""
+
+_PADDING: Final = 3
+"""Each marker ends with a bool after a number of four bytes; the next begins at four again."""
+
+
+class MarkerEncoder:
+    """Encodes the batches of a marker board, in their order.
+
+    Each look is encoded once. A batch of the same looks as the one before costs no more than
+    writing its poses and its stamp into the bytes of that one, and copying them. The constructor
+    compiles the kernel that does it, or loads it from the cache.
+    """
+
+    def __init__(self) -> None:
+        self._frame_id = ""
+        self._blocks: WeakKeyDictionary[MarkerLook, _Block] = WeakKeyDictionary()
+        self._template = _Template((), ())
+        self._template.filled(0, NO_MARKERS.poses)
+
+    def encode(self, frame_id: str, stamp_ns: int, batch: MarkerBatch) -> bytes:
+        """Return a visualization_msgs/MarkerArray in a frame, the map's.
+
+        InputError for a name or a text with the character NUL in it.
+        """
+        if frame_id != self._frame_id:
+            self._frame_id, self._blocks = frame_id, WeakKeyDictionary()
+            self._template = _Template((), ())
+        if batch.looks != self._template.looks:
+            blocks = tuple([self._blocks.get(look) or self._block(look) for look in batch.looks])
+            self._template = _Template(batch.looks, blocks)
+        return self._template.filled(stamp_ns, batch.poses)
+
+    def _block(self, look: MarkerLook) -> "_Block":
+        block = _Block(
+            (_head(self._frame_id, look, 0), _head(self._frame_id, look, 4)), _tail(look)
+        )
+        self._blocks[look] = block
+        return block
+
+
+class _Block(NamedTuple):
+    """A marker as bytes without stamp and pose, which are zero.
+
+    The heads are those of markers that begin at a multiple of eight and 4 bytes behind one; both
+    end at a multiple of eight. The tail begins with the pose, and ends at a multiple of four.
+    """
+
+    heads: tuple[bytes, bytes]
+    tail: bytes
+
+
+class _Template:
+    """A message of given looks, into which poses and stamps are written.
+
+    The body begins at a multiple of eight in memory, as it does for its own alignment, so that
+    poses are float64 in it and stamps int32.
+    """
+
+    def __init__(self, looks: tuple[MarkerLook, ...], blocks: tuple[_Block, ...]) -> None:
+        self.looks = looks
+        parts, stamps_at, poses_at = [_BEFORE + encapsulated(_COUNT.pack(len(looks)))], [], []
+        at = _BODY + _COUNT.size
+        for block in blocks:
+            head, tail = block.heads[at // 4 % 2], block.tail
+            stamps_at.append(at)
+            poses_at.append(at + len(head))
+            at += len(head) + len(tail)
+            parts += (head, tail)
+        parts.append(bytes(-at % 8))
+        whole = bytearray().join(parts)
+        self._integers = np.frombuffer(whole, np.int32)
+        self._doubles = np.frombuffer(whole, np.float64)
+        end = at - _PADDING if looks else at
+        self._message = np.frombuffer(whole, np.uint8)[len(_BEFORE) : end]
+        self._stamps_at = np.array(stamps_at, dtype=np.int64) // 4
+        self._poses_at = np.array(poses_at, dtype=np.int64) // 8
+
+    def filled(self, stamp_ns: int, poses: npt.NDArray[np.float64]) -> bytes:
+        """Return the message at a time, with poses (N, 7)."""
+        seconds, nanoseconds = _STAMP.unpack(pack_time(stamp_ns))
+        places = self._stamps_at, self._poses_at
+        put_stamps_and_poses(self._integers, self._doubles, *places, seconds, nanoseconds, poses)
+        return self._message.tobytes()
+
+
+def _head(frame_id: str, look: MarkerLook, phase: int) -> bytes:
+    """Return what stands before the pose, without the stamp, for a marker of this phase."""
+    writer = CdrWriter(phase)
+    writer.header(frame_id, 0)
+    writer.text(look.namespace)
+    writer.pack(_INTEGERS, 4, look.marker_id, look.kind, look.action)
+    writer.align(8)
+    return writer.part()
+
+
+def _tail(look: MarkerLook) -> bytes:
+    """Return what stands from the pose on."""
+    writer = CdrWriter()
+    writer.pack(_POSE_AND_SCALE, 8, *_UNTURNED, *look.scale)
+    writer.pack(_COLOUR, 4, *look.colour)
+    writer.time(look.lifetime_ns)
+    writer.pack(_IS_FRAME_LOCKED, 1, False)
+    writer.numbers(look.points, "<f8")
+    writer.numbers(look.colours, "<f4")
+    _append_no_texture(writer)
+    writer.text(look.text)
+    _append_no_mesh(writer)
+    writer.align(4)
+    return writer.part()
+
+
+def _append_no_texture(writer: CdrWriter) -> None:
+    """Append resource, image (header, format, data) and coordinates of a texture, all empty."""
+    writer.text("")
+    writer.header("", 0)
+    writer.text("")
+    writer.count(0)
+    writer.count(0)
+
+
+def _append_no_mesh(writer: CdrWriter) -> None:
+    """Append resource and file (name, data) of a mesh, all empty."""
+    writer.text("")
+    writer.text("")
+    writer.count(0)
+    writer.pack(_IS_MATERIAL_EMBEDDED, 1, False)

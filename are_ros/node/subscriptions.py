@@ -1,0 +1,194 @@
+"""The subscriptions of the node's inputs: callbacks hand on bytes, and count them."""
+
+from collections.abc import Callable, Container, Iterator
+from struct import error as StructError  # noqa: N812
+from time import monotonic_ns
+from typing import Any, Final, NamedTuple
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
+from rclpy.serialization import deserialize_message
+
+from are_ros.errors import AreError, InputError, NodeError
+from are_ros.messages.odometry import OdometryNumbers, read_odometry_numbers
+from are_ros.messages.transforms import (
+    StampedTransform,
+    decode_transforms_cdr,
+    is_plain_cdr,
+    read_transforms,
+)
+from are_ros.node.diagnostics import InputSnapshot
+from are_ros.node.message_classes import message_class
+from are_ros.node.qos import INPUTS, input_qos, is_latched_by_all, subscribe
+from are_ros.node.watches import InputWatch
+
+# What came over DDS: bytes with their topic, and what they say.
+
+
+class WireMessage(NamedTuple):
+    """A message as DDS delivered it: the full name of its topic, its type, its CDR bytes."""
+
+    topic: str
+    type_name: str
+    data: bytes
+
+
+class WireDecoding:
+    """Makes values of the bytes; InputError, naming the topic, where they are malformed."""
+
+    def deserialize(self, message: WireMessage) -> Any:
+        """Return the message object of rclpy."""
+        try:
+            return deserialize_message(message.data, message_class(message.type_name))
+        except Exception as cause:  # rclpy raises RCLError, MemoryError, ...
+            raise _malformed(message) from cause
+
+    def transforms(self, message: WireMessage) -> list[StampedTransform]:
+        """Return the transforms of a TFMessage; as `deserialize`, quicker."""
+        if not is_plain_cdr(message.data):
+            return read_transforms(self.deserialize(message))
+        try:
+            return decode_transforms_cdr(message.data)
+        except (StructError, UnicodeDecodeError) as cause:
+            raise _malformed(message) from cause
+
+    def odometry(self, message: WireMessage) -> OdometryNumbers:
+        """Return the numbers of an Odometry."""
+        return read_odometry_numbers(self.deserialize(message))
+
+
+def _malformed(message: WireMessage) -> InputError:
+    size = len(message.data)
+    return InputError(f"{message.topic}: {size} bytes that are no {message.type_name}")
+
+
+_CLOUD: Final = "octomap_point_cloud_centers"
+_ALWAYS: Final = ("map", _CLOUD, "odom", "camera/camera_info", "tf", "tf_static", "plan")
+_REQUIRED: Final = ("map",)
+
+Store = Callable[[WireMessage], None]
+
+
+class Inlets:
+    """Subscribes to all inputs, each by its role; `store` is called with what comes in.
+
+    The cloud's subscription follows its publishers: latched if they all latch, else not. An input
+    whose message package is not installed is left out, and `say` is told of it. Raises
+    ParameterError where an override of its QoS makes no sense.
+    """
+
+    def __init__(
+        self, node: Node, scan_topics: tuple[str, ...], store: Store, say: Callable[[str], None]
+    ) -> None:
+        self.roles: dict[str, str] = {}
+        self.watches: dict[str, InputWatch] = {}
+        self._node = node
+        self._store = store
+        self._subscriptions: dict[str, Any] = {}
+        self._is_cloud_latched = True
+        asked = [(role, "") for role in (*_ALWAYS, "clicked_point")]
+        asked += [("scan", topic) for topic in scan_topics]
+        try:
+            for role, topic in asked:
+                self._open(role, topic, say)
+        except AreError:
+            self.close()
+            raise
+
+    @property
+    def scans(self) -> list[str]:
+        """The full names of the scans' topics, in their order."""
+        return [topic for topic, role in self.roles.items() if role == "scan"]
+
+    def is_offered(self, role: str) -> bool:
+        """Tell whether anybody publishes the input of a role."""
+        topics = [topic for topic, its_role in self.roles.items() if its_role == role]
+        return any(self._node.count_publishers(topic) for topic in topics)
+
+    def follow_publishers(self) -> None:
+        """Subscribe to the cloud anew if its publishers offer it otherwise than was asked for."""
+        topic = next((topic for topic, role in self.roles.items() if role == _CLOUD), None)
+        if topic is None:
+            return
+        is_latched = is_latched_by_all(self._node, topic)
+        if is_latched is None or is_latched == self._is_cloud_latched:
+            return
+        self._is_cloud_latched = is_latched
+        self._node.destroy_subscription(self._subscriptions[topic])
+        self._subscriptions[topic] = self._subscribed(_CLOUD, topic)
+
+    def waiting(self, roles: Container[str]) -> Iterator[WireMessage]:
+        """Yield, and take, what DDS holds of the inputs of some roles, in no order of topics."""
+        for topic, role in self.roles.items():
+            subscription = self._subscriptions.get(topic) if role in roles else None
+            while subscription is not None:
+                with subscription.handle:
+                    taken = subscription.handle.take_message(
+                        subscription.msg_type, subscription.raw
+                    )
+                if taken is None:
+                    break
+                self.watches[topic].received(monotonic_ns())
+                yield WireMessage(topic, INPUTS[role].type_name, taken[0])
+
+    def is_time_simulated(self) -> bool:
+        """Tell whether the node's time is that of /clock."""
+        return bool(self._node.get_clock().ros_time_is_active)
+
+    def snapshots(self, now_ns: int) -> Iterator[InputSnapshot]:
+        """Yield what came in so far, by the monotonic clock."""
+        scans = self.scans
+        for topic, role in self.roles.items():
+            is_one_of_several = role == "scan" and len(scans) > 1
+            yield InputSnapshot(
+                role=f"{role}{topic}" if is_one_of_several else role,
+                topic=topic,
+                figures=self.watches[topic].figures(now_ns),
+                is_required=role in _REQUIRED,
+                is_latched=INPUTS[role].is_latched or role in {_CLOUD, "plan", "clicked_point"},
+                publishers=self._node.count_publishers(topic),
+            )
+
+    def close(self) -> None:
+        """Unsubscribe from all inputs."""
+        for subscription in self._subscriptions.values():
+            self._node.destroy_subscription(subscription)
+        self._subscriptions.clear()
+
+    def _open(self, role: str, topic: str, say: Callable[[str], None]) -> None:
+        asked = topic or INPUTS[role].topic or role
+        try:
+            subscription = self._subscribed(role, asked)
+        except NodeError as cause:
+            say(f"{asked} is not received: {cause}")
+            return
+        name = subscription.topic_name
+        self.roles[name] = role
+        self.watches[name] = InputWatch()
+        self._subscriptions[name] = subscription
+
+    def _subscribed(self, role: str, topic: str) -> Any:
+        options: dict[str, Any] = {"raw": True}
+        if role == _CLOUD:
+            options["qos_profile"] = self._cloud_qos()
+            options["event_callbacks"] = SubscriptionEventCallbacks(incompatible_qos=_adapt_later)
+        name = self._node.resolve_topic_name(topic)
+        type_name = INPUTS[role].type_name
+
+        def take(data: bytes) -> None:
+            self.watches[name].received(monotonic_ns())
+            self._store(WireMessage(name, type_name, data))
+
+        return subscribe(self._node, role, take, topic, **options)
+
+    def _cloud_qos(self) -> Any:
+        profile = input_qos(_CLOUD)
+        if self._is_cloud_latched:
+            profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
+        return profile
+
+
+def _adapt_later(event: Any) -> None:
+    """Warn of nothing: `follow_publishers` adapts the subscription to a publisher that differs."""
+    del event

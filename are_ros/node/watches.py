@@ -1,0 +1,392 @@
+"""How long ticks take, and which came late or not at all."""
+
+import sys
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from time import monotonic_ns
+from typing import Final
+
+from are_ros.artefacts.behaviours.asking import who_is_asked
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import BehaviourError
+from are_ros.wording import counted
+
+WINDOW_NS: Final = 60 * NS_PER_S
+_NS_PER_MS: Final = 1e6
+
+
+@dataclass(frozen=True)
+class TickFigures:
+    """The ticks at one moment: totals since the start, and durations over the last minute.
+
+    The durations are None where no tick ran in that minute, `age_s` where none ran at all.
+    """
+
+    period_s: float
+    count: int = 0
+    skipped: int = 0
+    late: int = 0
+    """Those that began more than half a period after their time."""
+    age_s: float | None = None
+    p50_ms: float | None = None
+    p99_ms: float | None = None
+    max_ms: float | None = None
+    over: int = 0
+    """Those of the last minute that took longer than a period."""
+
+
+class TickWatch:
+    """Counts and times ticks; the times are those of a clock that never jumps."""
+
+    def __init__(self, period_ns: int) -> None:
+        self.period_ns = period_ns
+        self.count = 0
+        self.skipped_count = 0
+        self.late_count = 0
+        self._ended_ns: int | None = None
+        self._durations: deque[tuple[int, int]] = deque()
+
+    def ran(self, now_ns: int, duration_ns: int, late_ns: int = 0) -> None:
+        """Count a tick that has just ended, and that had begun `late_ns` after its time."""
+        self.count += 1
+        self.late_count += 2 * late_ns > self.period_ns
+        self._ended_ns = now_ns
+        self._durations.append((now_ns, duration_ns))
+        self._forget_before(now_ns - WINDOW_NS)
+
+    def skipped(self, ticks: int = 1) -> None:
+        """Count ticks whose time went by without them."""
+        self.skipped_count += ticks
+
+    def figures(self, now_ns: int) -> TickFigures:
+        """Return what is to be said now."""
+        self._forget_before(now_ns - WINDOW_NS)
+        durations = sorted(duration_ns for _, duration_ns in self._durations)
+        return TickFigures(
+            period_s=self.period_ns / NS_PER_S,
+            count=self.count,
+            skipped=self.skipped_count,
+            late=self.late_count,
+            age_s=None if self._ended_ns is None else (now_ns - self._ended_ns) / NS_PER_S,
+            p50_ms=_percentile_ms(durations, 50),
+            p99_ms=_percentile_ms(durations, 99),
+            max_ms=_percentile_ms(durations, 100),
+            over=sum(duration_ns > self.period_ns for duration_ns in durations),
+        )
+
+    def _forget_before(self, begin_ns: int) -> None:
+        while self._durations and self._durations[0][0] <= begin_ns:
+            self._durations.popleft()
+
+
+def _percentile_ms(durations_ns: list[int], percent: int) -> float | None:
+    """Return the nearest-rank percentile of sorted durations."""
+    if not durations_ns:
+        return None
+    rank = -(-percent * len(durations_ns) // 100)
+    return durations_ns[max(rank, 1) - 1] / _NS_PER_MS
+
+
+# For how long the node did not answer, and what it did meanwhile.
+
+
+WINDOW_S: Final = 60
+MACHINE: Final = "machine"
+"""The node had something to do, and was not run: others had the processor, or it was stopped."""
+_REQUESTED: Final = frozenset({"services", "parameters", "transitions", "diagnostics"})
+"""Turns that keep their names, though ticks may be run in them first."""
+
+
+@dataclass(frozen=True)
+class Turn:
+    """Something that the node does: since when, and in which thread."""
+
+    began_ns: int
+    thread: int
+
+
+@dataclass(frozen=True)
+class BusyFigures:
+    """The longest times without an answer in the last minute [ms], by what was done meanwhile."""
+
+    longest_ms: Mapping[str, float] = field(default_factory=dict)
+
+
+class BusyWatch:
+    """Times each turn that the executor gives to the node: until its end nobody else has one.
+
+    The times are those of a clock that never jumps. `turn` is the one that goes on, if any; other
+    threads may look at it.
+    """
+
+    def __init__(self) -> None:
+        self.turn: Turn | None = None
+        self._what = ""
+        self._depth = 0
+        self._ended_ns = -(2**63)
+        self._longest: deque[tuple[int, dict[str, int]]] = deque()
+
+    def begin(self, now_ns: int, what: str) -> None:
+        """Begin a turn; one within another is a part of it."""
+        self._depth += 1
+        if self._depth == 1:
+            self._what = what
+            self.turn = Turn(now_ns, threading.get_ident())
+
+    def call_it(self, what: str) -> None:
+        """Name the turn after what is done in it, if it was none of a user's: inputs make ticks."""
+        if self._what not in _REQUESTED:
+            self._what = what
+
+    def end(self, now_ns: int) -> None:
+        """End the turn, or the part of it."""
+        self._depth -= 1
+        turn = self.turn
+        if self._depth == 0 and turn is not None:
+            self.turn, self._ended_ns = None, now_ns
+            self._note(now_ns, self._what, now_ns - turn.began_ns)
+
+    def woke(self, now_ns: int, due_ns: int) -> None:
+        """Note by how much a timer was late, as far as no turn explains it."""
+        self._note(now_ns, MACHINE, now_ns - max(due_ns, self._ended_ns))
+
+    def figures(self, now_ns: int) -> BusyFigures:
+        """Return what is to be said now."""
+        self._forget_before(now_ns // NS_PER_S - WINDOW_S)
+        longest_ms: dict[str, float] = {}
+        for _, durations in self._longest:
+            for what, duration_ns in durations.items():
+                longest_ms[what] = max(longest_ms.get(what, 0.0), duration_ns / _NS_PER_MS)
+        return BusyFigures(dict(sorted(longest_ms.items())))
+
+    def _note(self, now_ns: int, what: str, duration_ns: int) -> None:
+        """Keep the longest duration of each second."""
+        second = now_ns // NS_PER_S
+        if not self._longest or self._longest[-1][0] != second:
+            self._longest.append((second, {}))
+            self._forget_before(second - WINDOW_S)
+        durations = self._longest[-1][1]
+        durations[what] = max(durations.get(what, 0), duration_ns)
+
+    def _forget_before(self, second: int) -> None:
+        while self._longest and self._longest[0][0] < second:
+            self._longest.popleft()
+
+
+# Behaviours of the user's own that failed: what is to be logged of them, and how often.
+
+
+_REST_NS: Final = 60 * NS_PER_S
+"""So long nothing more is logged of a behaviour, however often it fails."""
+
+
+@dataclass(frozen=True)
+class FaultSnapshot:
+    """How many artefacts have lost their behaviour since the start, by its name, and the last.
+
+    `hung` says which has not returned for long at last, and for how long.
+    """
+
+    counts: dict[str, int] = field(default_factory=dict)
+    last: str = ""
+    hung: str = ""
+
+
+@dataclass
+class _Fault:
+    sentence: str
+    untold: int = 0
+    told_ns: int | None = None
+
+
+class FaultWatch:
+    """Told of each fault; says of each behaviour the first at once, then one a minute at most."""
+
+    def __init__(self) -> None:
+        self._counts: Counter[str] = Counter()
+        self._faults: dict[str, _Fault] = {}
+        self._last = ""
+        self.hung = ""
+
+    def take(self, fault: BehaviourError) -> None:
+        """Take a fault."""
+        self._last = str(fault)
+        self._counts[fault.behaviour] += 1
+        known = self._faults.setdefault(fault.behaviour, _Fault(self._last))
+        known.sentence, known.untold = self._last, known.untold + 1
+
+    def sentences(self, now_ns: int) -> list[str]:
+        """Return what is to be logged now, by a clock that never jumps."""
+        due = [fault for fault in self._faults.values() if _is_due(fault, now_ns)]
+        sentences = [f"{fault.sentence}; it stands from now on{_more(fault)}" for fault in due]
+        for fault in due:
+            fault.untold, fault.told_ns = 0, now_ns
+        return sentences
+
+    def snapshot(self) -> FaultSnapshot:
+        """Return what there is to say for the diagnostics."""
+        return FaultSnapshot(dict(sorted(self._counts.items())), self._last, self.hung)
+
+
+def _is_due(fault: _Fault, now_ns: int) -> bool:
+    is_rested = fault.told_ns is None or now_ns - fault.told_ns >= _REST_NS
+    return is_rested and fault.untold > 0
+
+
+def _more(fault: _Fault) -> str:
+    others = fault.untold - 1
+    return f", as {counted(others, 'other')} before it" if others else ""
+
+
+# Behaviours of the user's own that do not return: said at once, by a thread of its own.
+
+
+PATIENCE_NS: Final = NS_PER_S
+_LOOKS_PER_S: Final = 4
+
+
+class HangWatch:
+    """Looks from outside whom a node waits for that has not answered for a second.
+
+    `say(sentence)` is called from the thread of this watch, so it must not publish anything. What
+    holds the interpreter's lock, as compiled code may, lets nobody look.
+    """
+
+    def __init__(self, busy: BusyWatch, say: Callable[[str], None]) -> None:
+        self._busy = busy
+        self._say = say
+        self._hung: tuple[Turn, str] | None = None
+        self._is_over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="hang watch", daemon=True)
+        self._thread.start()
+
+    def take(self) -> tuple[Turn, str] | None:
+        """Return the turn in which somebody was waited for so long, and whom; each once.
+
+        To be asked between turns.
+        """
+        hung, self._hung = self._hung, None
+        return hung
+
+    def close(self) -> None:
+        """End the thread."""
+        self._is_over.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        asked: tuple[Turn | None, str] = None, ""
+        since_ns = 0
+        while not self._is_over.wait(1.0 / _LOOKS_PER_S):
+            turn, hung = self._busy.turn, self._hung
+            is_known = hung is not None and hung[0] is turn
+            if turn is None or is_known:
+                continue
+            who = who_is_asked(sys._current_frames().get(turn.thread))  # noqa: SLF001 - of Python
+            if self._busy.turn is not turn:
+                continue
+            # Several that are slow, one after the other, are no hang.
+            if (turn, who) != asked:
+                asked, since_ns = (turn, who), monotonic_ns()
+            elif who and monotonic_ns() - since_ns >= PATIENCE_NS:
+                self._hung = turn, who
+                self._say(f"{who} has not returned for a second; the node stands still")
+
+
+# How much a counter has grown of late.
+
+
+class CountWatch:
+    """Sees a counter's totals, and tells its growth over a sliding window."""
+
+    def __init__(self, window_ns: int) -> None:
+        self._window_ns = window_ns
+        self._totals: deque[tuple[int, int]] = deque([(-(2**63), 0)])
+        """When each total was first seen; the first of them is that of the window's begin."""
+
+    def update(self, now_ns: int, total: int) -> None:
+        """Take the counter's total; one that is smaller means that it was set to zero."""
+        if total < self._totals[-1][1]:
+            self._totals = deque([(now_ns, 0)])
+        if total != self._totals[-1][1]:
+            self._totals.append((now_ns, total))
+
+    def growth(self, now_ns: int) -> int:
+        """Return by how much the total grew in the window (now - window, now]."""
+        begin_ns = now_ns - self._window_ns
+        while len(self._totals) > 1 and self._totals[1][0] <= begin_ns:
+            self._totals.popleft()
+        return self._totals[-1][1] - self._totals[0][1]
+
+
+# What comes in on one input: how much, how often, and what was refused of it and why.
+
+
+RATE_WINDOW_NS: Final = 10 * NS_PER_S
+REFUSAL_WINDOW_NS: Final = 10 * NS_PER_S
+_MOST_STAMPS: Final = 1024
+"""Beyond these the rate is that over the newest; a minute's transforms need not be kept."""
+
+
+@dataclass(frozen=True)
+class InputFigures:
+    """An input at one moment; None where nothing can be said.
+
+    `rate_hz` and `period_s` are those of the last messages, up to 10 s of them, whenever they came:
+    they stay as they were when the input stops, and `age_s` grows.
+    """
+
+    count: int = 0
+    refused: int = 0
+    refused_lately: int = 0
+    """In the last 10 s; refused messages count as messages too."""
+    last_refusal: str = ""
+    age_s: float | None = None
+    period_s: float | None = None
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Messages per second."""
+        return 1.0 / self.period_s if self.period_s else None
+
+
+class InputWatch:
+    """Counts the messages of one input; the times are those of a clock that never jumps."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.refused_count = 0
+        self.last_refusal = ""
+        self._stamps: deque[int] = deque(maxlen=_MOST_STAMPS)
+        self._refusals = CountWatch(REFUSAL_WINDOW_NS)
+
+    def received(self, now_ns: int) -> None:
+        """Count a message, whether or not it will be refused."""
+        self.count += 1
+        self._stamps.append(now_ns)
+        while self._stamps[0] <= now_ns - RATE_WINDOW_NS:
+            self._stamps.popleft()
+
+    def refused(self, now_ns: int, sentence: str) -> None:
+        """Count a message that was received and refused, and keep the reason."""
+        self.refused_count += 1
+        self.last_refusal = sentence
+        self._refusals.update(now_ns, self.refused_count)
+
+    def figures(self, now_ns: int) -> InputFigures:
+        """Return what is to be said now."""
+        return InputFigures(
+            count=self.count,
+            refused=self.refused_count,
+            refused_lately=self._refusals.growth(now_ns),
+            last_refusal=self.last_refusal,
+            age_s=(now_ns - self._stamps[-1]) / NS_PER_S if self._stamps else None,
+            period_s=self._period_s(),
+        )
+
+    def _period_s(self) -> float | None:
+        intervals = len(self._stamps) - 1
+        if intervals < 1:
+            return None
+        return (self._stamps[-1] - self._stamps[0]) / intervals / NS_PER_S

@@ -1,0 +1,1 @@
+"""Recordings played to live nodes, live topics recorded, and the demo that joins both."""

@@ -1,0 +1,89 @@
+"""The commands of `are` that play, record and show; text goes out by a callable."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from are_ros.errors import BagError
+from are_ros.record.demo import DemoOptions, run_demo, summary_of
+from are_ros.record.player import PlayOptions, PlayOutcome, play
+from are_ros.record.recorder import record
+from are_ros.record.session import stop_on_signal
+from are_ros.record.topics import RecordOptions
+from are_ros.replay.command import effective_parameters
+from are_ros.replay.film_command import draw_recording
+from are_ros.replay.film_path import film_path
+from are_ros.replay.output_folder import AUGMENTED
+from are_ros.replay.progress import ProgressBar
+from are_ros.replay.rviz_picture import draw_rviz
+
+Say = Callable[[str], None]
+
+
+def play_command(say: Say, remaps: Sequence[str], **options: Any) -> bool:
+    """Run `are play`; return whether everything could be played."""
+    wanted = PlayOptions(remaps=read_remaps(remaps), **options)
+    with stop_on_signal() as should_stop, ProgressBar("play") as bar:
+        outcome = play(wanted, say, bar.open, should_stop)
+    say(_played(outcome))
+    return not outcome.skipped
+
+
+def record_command(say: Say, **options: Any) -> bool:
+    """Run `are record`; return whether nothing was lost."""
+    with stop_on_signal() as should_stop:
+        ready = "recording; Ctrl-C ends it"
+        outcome = record(RecordOptions(**options), say, lambda: say(ready), should_stop)
+    for topic, count in sorted(outcome.counts.items()):
+        say(f"{count:8d} {topic}")
+    for sentence in outcome.sentences():
+        say(sentence)
+    say(f"{outcome.file}: {outcome.file_bytes / 1e6:.1f} MB")
+    return not (outcome.skipped or outcome.missed or outcome.dropped)
+
+
+def demo_command(
+    say: Say,
+    bag: Path,
+    out: Path,
+    parameter_files: Sequence[Path],
+    assignments: Sequence[str],
+    seed: int | None,
+    animate: Path | None = None,
+    **options: Any,
+) -> bool:
+    """Run `are demo`; return whether everything could be played."""
+    film = None if animate is None else film_path(animate, out)
+    beside = bag.with_suffix(".yaml")
+    files = [*([beside] if beside.is_file() else []), *parameter_files]
+    parameters = effective_parameters(files, assignments, seed)
+    wanted = DemoOptions(bag, parameters, out, **options)
+    with stop_on_signal() as should_stop, ProgressBar("demo") as bar:
+        outcome = run_demo(wanted, say, bar.open, should_stop)
+    say(_played(outcome))
+    for line in summary_of(out / AUGMENTED):
+        say(line)
+    picture = out / "rviz.png"
+    draw_rviz(out / AUGMENTED, picture, None)
+    draw_recording(out / AUGMENTED, out / "overview.png", film, say)
+    say(f"pictures     {picture}, {out / 'overview.png'}")
+    say(f"recording    {out / AUGMENTED}\nnode's log   {out / 'node.log'}")
+    return not outcome.skipped
+
+
+def read_remaps(texts: Sequence[str]) -> dict[str, str]:
+    """Return {from: to} of texts like "/scan:=/front/scan"; BagError for another form."""
+    remaps: dict[str, str] = {}
+    for text in texts:
+        source, separator, target = text.partition(":=")
+        if not (separator and source.strip() and target.strip()):
+            raise BagError(f"--remap {text}: it must be /FROM:=/TO, as /scan:=/front/scan")
+        remaps[source.strip()] = target.strip()
+    return remaps
+
+
+def _played(outcome: PlayOutcome) -> str:
+    """Return how much was played."""
+    count = sum(outcome.counts.values())
+    topics = len(outcome.counts)
+    return f"played       {count} messages on {topics} {'topic' if topics == 1 else 'topics'}"

@@ -1,0 +1,307 @@
+"""The main job, shown: the live node over DDS, fed with a recording, its outputs recorded."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from are_ros.bag.reader import BagReader
+from are_ros.bag.roles import find_roles
+from are_ros.builder.events import EventKind
+from are_ros.conventions import OCCUPIED
+from are_ros.errors import BagError, NodeError
+from are_ros.messages.common import read_time
+from are_ros.messages.grid import read_grid
+from are_ros.messages.tick_encoding import OUTPUTS
+from are_ros.node.message_classes import service_class
+from are_ros.parameters.model import Parameters
+from are_ros.parameters.ros_yaml import write_ros_parameters
+from are_ros.record.player import PlayOptions, PlayOutcome, play
+from are_ros.record.recorder import NODE_NAME
+from are_ros.record.session import ros_session
+from are_ros.replay.output_folder import AUGMENTED
+from are_ros.replay.progress import Progress
+from are_ros.wording import why_refused
+from are_ros.world.occupancy_grid import OccupancyGrid
+
+NODE: Final = "/ar_builder"
+_RECORDER: Final = f"/{NODE_NAME}"
+_ROLES: Final = ("map", "octomap_point_cloud_centers", "odom", "scan", "camera/camera_info", "plan")
+_ACTIVE: Final = 3
+"""lifecycle_msgs/State.PRIMARY_STATE_ACTIVE"""
+_LATCHED: Final = tuple(name for name, output in OUTPUTS.items() if output.is_latched)
+_LATCHED_DEPTH: Final = 20
+"""In lockstep every map is recorded: none may replace one that is under way."""
+_READY_S: Final = 600.0
+_ASK_S: Final = 0.05
+_END_S: Final = 15.0
+_DOMAINS: Final = range(102, 41, -1)
+"""Those of people are low, as a rule."""
+
+Say = Callable[[str], None]
+ShouldStop = Callable[[], bool]
+OpenProgress = Callable[[int, int], Progress]
+
+
+@dataclass(frozen=True)
+class DemoOptions:
+    """What is shown: the recording, how fast, with which parameters, into which folder."""
+
+    bag: Path
+    parameters: Parameters
+    out: Path
+    rate: float = 2.0
+    duration_s: float | None = None
+    lockstep: bool = False
+
+
+def run_demo(
+    options: DemoOptions, say: Say, open_progress: OpenProgress, should_stop: ShouldStop
+) -> PlayOutcome:
+    """Run node and recorder as processes of their own, and play to them from this one.
+
+    Leaves augmented.mcap, effective.yaml, node.log and recorder.log in the folder. Raises AreError.
+    """
+    keep_to_this_machine()
+    remaps = _remaps(options.bag)
+    _prepare(options)
+    with ExitStack() as stack:
+        log = options.out / "recorder.log"
+        recorder = stack.enter_context(_process(_record_command(options), log))
+        log = options.out / "node.log"
+        node = stack.enter_context(_process(_node_command(options, remaps), log))
+        say("starting the node (kernels compile for a minute or two the first time)")
+        _await_active((node, recorder), options.out, should_stop)
+        outcome = play(_play_options(options), say, open_progress, should_stop)
+        _check_alive((node, recorder), options.out)
+    if recorder.returncode:
+        say(f"the recording is not complete: {options.out / 'recorder.log'} says why")
+    return outcome
+
+
+def keep_to_this_machine() -> None:
+    """Let DDS neither reach other machines nor meet what else runs on this one.
+
+    Before rclpy starts; a ROS_DOMAIN_ID that is set stays.
+    """
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ.setdefault("ROS_DOMAIN_ID", str(_DOMAINS[os.getpid() % len(_DOMAINS)]))
+
+
+def _prepare(options: DemoOptions) -> None:
+    parameters = options.parameters
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+        (options.out / AUGMENTED).unlink(missing_ok=True)
+        text = write_ros_parameters(parameters)
+        (options.out / "effective.yaml").write_text(text, encoding="utf-8")
+    except OSError as cause:
+        message = f"--out {options.out}: it cannot be written ({why_refused(cause)})"
+        raise BagError(message) from cause
+
+
+def _remaps(bag: Path) -> dict[str, str]:
+    """Return the topics of the recording that are not named as the node expects them, by role."""
+    with BagReader([bag]) as reader:
+        roles = find_roles(reader.topics, {})
+    if roles.topic("map") is None:
+        raise BagError(f"{bag.name}: the recording has no map, and the demo plays no other")
+    found = {role: roles.topic(role) for role in _ROLES}
+    return {role: topic for role, topic in found.items() if topic and topic != f"/{role}"}
+
+
+def _play_options(options: DemoOptions) -> PlayOptions:
+    return PlayOptions(
+        bags=(options.bag,),
+        rate=options.rate,
+        duration_s=options.duration_s,
+        lockstep=(NODE, _RECORDER) if options.lockstep else (),
+        wait_for=(NODE, _RECORDER),
+    )
+
+
+def _node_command(options: DemoOptions, remaps: Mapping[str, str]) -> list[str]:
+    command = [sys.executable, "-m", "are_ros", "node", "--use-sim-time"]
+    command += ["--params", str(options.out / "effective.yaml"), "--ros-args"]
+    for role, topic in remaps.items():
+        command += ["-r", f"{role}:={topic}"]
+    if options.lockstep:
+        for role in ("odom", "scan", "camera/camera_info"):
+            topic = remaps.get(role, f"/{role}")
+            command += ["-p", f"qos_overrides.{topic}.subscription.reliability:=reliable"]
+        for name in _LATCHED:
+            depth = f"qos_overrides.{NODE}/{name}.publisher.depth:={_LATCHED_DEPTH}"
+            command += ["-p", depth]
+    return command
+
+
+def _record_command(options: DemoOptions) -> list[str]:
+    command = [sys.executable, "-m", "are_ros", "record", str(options.out / AUGMENTED)]
+    return [
+        *command,
+        "--overwrite",
+        "--use-sim-time",
+        "--exclude",
+        "/rosout",
+        "--exclude",
+        "/parameter_events",
+    ]
+
+
+@contextmanager
+def _process(command: Sequence[str], log: Path) -> Iterator["subprocess.Popen[bytes]"]:
+    """Run a process, its words into a file; in the end let it end in order."""
+    with log.open("wb") as words:
+        process = subprocess.Popen(command, stdout=words, stderr=words)  # noqa: S603 - our own
+        try:
+            yield process
+        finally:
+            process.send_signal(signal.SIGINT)
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(_END_S)
+            process.kill()
+            process.wait()
+
+
+def _await_active(
+    processes: Sequence["subprocess.Popen[bytes]"], out: Path, should_stop: ShouldStop
+) -> None:
+    """Wait until the node is active and the recorder listens to it.
+
+    NodeError if one ends, or takes too long.
+    """
+    deadline_s = time.monotonic() + _READY_S
+    with ros_session("are_demo") as node:
+        client = node.create_client(
+            service_class("lifecycle_msgs/srv/GetState"), f"{NODE}/get_state"
+        )
+        executor = SingleThreadedExecutor(context=node.context)
+        executor.add_node(node)
+        while not should_stop():
+            _check_alive(processes, out)
+            if time.monotonic() > deadline_s:
+                raise NodeError(f"the node was not active within {_READY_S:.0f} s: {out}/node.log")
+            is_active = client.wait_for_service(0.2) and _state(client, executor) == _ACTIVE
+            if is_active and _is_recorded(node):
+                return
+            time.sleep(_ASK_S)
+
+
+def _is_recorded(node: Node) -> bool:
+    """Tell whether the recorder subscribes to all that the node publishes of ticks."""
+    return all(
+        any(
+            info.node_name == NODE_NAME
+            for info in node.get_subscriptions_info_by_topic(f"{NODE}/{name}")
+        )
+        for name in OUTPUTS
+        if node.count_publishers(f"{NODE}/{name}")
+    )
+
+
+def _state(client: Any, executor: Any) -> int:
+    """Return the lifecycle state that the node tells, 0 if it does not answer soon."""
+    future = client.call_async(client.srv_type.Request())
+    executor.spin_until_future_complete(future, timeout_sec=1.0)
+    return int(future.result().current_state.id) if future.done() else 0
+
+
+def _check_alive(processes: Sequence["subprocess.Popen[bytes]"], out: Path) -> None:
+    for process, name in zip(processes, ("node", "recorder"), strict=True):
+        if process.poll() is not None:
+            words = (out / f"{name}.log").read_text(encoding="utf-8", errors="replace")
+            lines = words.strip().splitlines() or ["it said nothing"]
+            raise NodeError(f"the {name} ended early: {lines[-1]}")
+
+
+# What a recording of the live node holds, in a few lines.
+
+
+_PREFIX: Final = "/ar_builder/"
+_TOPICS: Final = (
+    *("artefacts", "perceived", "events", "scan", "markers"),
+    *("augmented_map", "artefact_map"),
+)
+
+
+@dataclass
+class _Tally:
+    ticks: int = 0
+    alive: list[int] = field(default_factory=list)
+    labels: dict[int, str] = field(default_factory=dict)
+    perceived: set[int] = field(default_factory=set)
+    events: Counter[EventKind] = field(default_factory=Counter)
+    messages: Counter[str] = field(default_factory=Counter)
+    in_the_maps: dict[int, set[int]] = field(default_factory=dict)
+    """Ids by tick: who stands where the last artefact map has an artefact."""
+    in_sight: dict[int, set[int]] = field(default_factory=dict)
+    _map: OccupancyGrid | None = None
+
+    def take(self, name: str, message: Any) -> None:
+        """Count one message of an output."""
+        self.messages[name] += 1
+        if name == "artefacts":
+            self.ticks += 1
+            self.alive.append(len(message.artefacts))
+            self.labels.update({one.id: one.class_name for one in message.artefacts})
+            shown = {one.id for one in message.artefacts if self._is_in_the_map(one)}
+            self.in_the_maps[read_time(message.header.stamp)] = shown
+        elif name == "artefact_map":
+            self._map = read_grid(message)
+        elif name == "perceived":
+            seen = {one.id for one in message.artefacts}
+            self.in_sight[read_time(message.header.stamp)] = seen
+            self.perceived |= seen
+        elif name == "events":
+            self.events[EventKind(message.kind)] += 1
+
+    def _is_in_the_map(self, artefact: Any) -> bool:
+        if self._map is None:
+            return False
+        place = artefact.ground_pose.position
+        cell = self._map.cell_at(place.x, place.y)
+        return cell is not None and int(self._map.cells[cell]) == OCCUPIED
+
+
+def summary_of(path: Path) -> list[str]:
+    """Return the lines; BagError where the file is no recording."""
+    tally = _Tally()
+    with BagReader([path]) as reader:
+        wanted = {_PREFIX + name: name for name in _TOPICS}
+        for message in reader.messages(tuple(wanted)):
+            tally.take(wanted[message.topic], reader.deserialize(message))
+    return list(_lines(tally))
+
+
+def _lines(tally: _Tally) -> Iterator[str]:
+    events, alive = tally.events, tally.alive or [0]
+    yield (
+        f"artefacts    {events[EventKind.ARRIVED]} arrived, {events[EventKind.DEPARTED]} departed; "
+        f"alive {sum(alive) / len(alive):.1f} on average, {max(alive)} at most"
+    )
+    yield f"perceived    {len(tally.perceived)} of {len(tally.labels)} at some time"
+    contacts = events[EventKind.ROBOT_CONTACT]
+    yield f"robot        {contacts} {'contact' if contacts == 1 else 'contacts'} with artefacts"
+    shown = sum(map(len, tally.in_the_maps.values()))
+    hidden = sum(len(ids - tally.in_sight.get(t, set())) for t, ids in tally.in_the_maps.items())
+    ticks = max(tally.ticks, 1)
+    yield (
+        f"in the maps  {shown / ticks:.1f} on average, {hidden / ticks:.1f} of them out of sight "
+        "(costmap.memory, costmap.gate)"
+    )
+    sent = tally.messages
+    yield f"ticks        {tally.ticks}"
+    yield (
+        f"published    {sent['augmented_map']} augmented maps, {sent['scan']} augmented scans, "
+        f"{sent['markers']} marker messages"
+    )

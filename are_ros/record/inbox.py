@@ -1,0 +1,183 @@
+"""What arrives on the recorded topics: taken from the middleware in bulk, in order of arrival.
+
+Messages are taken when they are there, not called back. The executors of rclpy cannot serve here:
+EventsExecutor (7.1.6) fails on callbacks that ask for the time of reception, and the other one
+spends several times as long on a message.
+"""
+
+import time
+from collections import OrderedDict
+from collections.abc import Iterator, Mapping
+from operator import attrgetter
+from typing import Any, Final, NamedTuple
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
+
+# How many messages of a topic never arrived, told from the gaps in the publisher's numbers.
+
+
+class LossCount:
+    """Counts the gaps of one topic while it has one publisher; several cannot be told apart.
+
+    A gap counts only when the publishers are seen to be the same afterwards: a new publisher
+    speaks before it is found, and its numbers are its own.
+    """
+
+    def __init__(self) -> None:
+        self.lost = 0
+        self._last: int | None = None
+        self._unproven = 0
+        self._is_alone = False
+
+    def see(self, sequence: int) -> None:
+        """Take the number of a message as its publisher counted it, in order of arrival."""
+        if self._is_alone:
+            if self._last is not None and sequence > self._last + 1:
+                self._unproven += sequence - self._last - 1
+            self._last = sequence
+
+    def settle(self, publishers: int, *, are_the_same: bool) -> None:
+        """Take how many publishers there are now, and whether they are those of the last time."""
+        if are_the_same:
+            self.lost += self._unproven
+        else:
+            self._last = None
+        self._unproven = 0
+        self._is_alone = publishers == 1
+
+
+# A live message on its way into a file: as it was received, and as it is written.
+
+
+class Received(NamedTuple):
+    """A message as it came: CDR bytes, and the wall clock's times [ns] of arrival and sending."""
+
+    topic: str
+    received_ns: int
+    published_ns: int
+    data: bytes
+
+
+class Stamped(NamedTuple):
+    """A message as it goes into the file: CDR bytes, and its log and publish times [ns]."""
+
+    topic: str
+    log_time_ns: int
+    publish_time_ns: int
+    data: bytes
+
+
+_MOST_AT_ONCE: Final = 250
+"""Messages taken from one topic before the others have their turn."""
+
+_REMEMBERED = 1000
+"""Messages of a topic that are known again; a publisher latches fewer."""
+
+_OVERLAP_S = 1.0
+"""How long an old subscription stays beside its successor, which the publishers must find first."""
+
+
+class Inbox:
+    """Subscriptions of one node, which nothing spins."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._topics: dict[str, _TopicInbox] = {}
+
+    def subscribe(self, topic: str, message_class: type[Any], qos: QoSProfile) -> None:
+        """Take a topic from now on, or take it with another quality of service.
+
+        Nothing is lost or doubled by the change: both subscriptions stand for a while.
+        """
+        if topic not in self._topics:
+            self._topics[topic] = _TopicInbox(self._node, topic, message_class)
+        self._topics[topic].subscribe(qos)
+
+    def is_connected(self, topic: str) -> bool:
+        """Tell whether a publisher of the topic is known to send to us."""
+        return topic in self._topics and self._topics[topic].is_connected()
+
+    def publishers_found(self, topic: str, count: int, *, are_the_same: bool) -> None:
+        """Say how many publishers the topic has, for the count of what was lost."""
+        if topic in self._topics:
+            self._topics[topic].losses.settle(count, are_the_same=are_the_same)
+
+    def take_all(self) -> list[Received]:
+        """Return what has arrived since the last call, in order of arrival."""
+        messages = [message for topic in self._topics.values() for message in topic.take()]
+        messages.sort(key=attrgetter("received_ns"))
+        return messages
+
+    def missed(self) -> Mapping[str, int]:
+        """Return how many messages never arrived, by topic, where it is known and not zero."""
+        counts = {name: topic.losses.lost for name, topic in self._topics.items()}
+        return {name: count for name, count in counts.items() if count}
+
+
+class _TopicInbox:
+    """One topic: the subscription in force, and until it is found also the one before."""
+
+    def __init__(self, node: Node, topic: str, message_class: type[Any]) -> None:
+        self._node = node
+        self._topic = topic
+        self._class = message_class
+        self._subscriptions: list[Subscription] = []
+        self._overlap_ends_s = 0.0
+        self._seen: OrderedDict[tuple[int, int], None] = OrderedDict()
+        self.losses = LossCount()
+
+    def subscribe(self, qos: QoSProfile) -> None:
+        subscription = self._node.create_subscription(
+            self._class,
+            self._topic,
+            _never_called,
+            qos,
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+        )
+        self._subscriptions.append(subscription)
+        self._overlap_ends_s = time.monotonic() + _OVERLAP_S
+
+    def is_connected(self) -> bool:
+        return bool(self._subscriptions[-1].get_publisher_count() > 0)
+
+    def take(self) -> Iterator[Received]:
+        for subscription in self._subscriptions:
+            yield from self._drain(subscription)
+        if len(self._subscriptions) > 1 and time.monotonic() > self._overlap_ends_s:
+            for old in self._subscriptions[:-1]:
+                yield from self._drain(old)
+                self._node.destroy_subscription(old)
+            del self._subscriptions[:-1]
+
+    def _drain(self, subscription: Subscription) -> Iterator[Received]:
+        take = subscription.handle.take_message
+        for _ in range(_MOST_AT_ONCE):
+            taken = take(self._class, True)
+            if taken is None:
+                return
+            data, info = taken
+            sequence = info["publication_sequence_number"]
+            published_ns = info["source_timestamp"]
+            if sequence is None or self._is_new(published_ns, sequence):
+                received_ns = info["received_timestamp"] or time.time_ns()
+                yield Received(self._topic, received_ns, published_ns, data)
+
+    def _is_new(self, published_ns: int, sequence: int) -> bool:
+        """Tell whether a message was not taken before, by this or another subscription."""
+        key = (published_ns, sequence)
+        if key in self._seen:
+            return False
+        self._seen[key] = None
+        if len(self._seen) > _REMEMBERED:
+            self._seen.popitem(last=False)
+        self.losses.see(sequence)
+        return True
+
+
+def _never_called(message: bytes) -> None:
+    """Stand in for the callback that rclpy wants, and that an executor would call."""
+    raise NotImplementedError(f"{len(message)} bytes were called back: nothing may spin this node")

@@ -1,0 +1,296 @@
+"""`are play`: a recording to live topics, with /clock, as `ros2 bag play --clock` does."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Final, Protocol
+
+from are_ros.bag.clock import MOVING_ROLES, BagClock, RecordedTimes
+from are_ros.bag.reader import BagMessage, BagReader
+from are_ros.bag.roles import find_roles
+from are_ros.bag.stretches import stretches_of
+from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.errors import BagError
+from are_ros.record.lockstep import Lockstep
+from are_ros.record.publishers import ClockTeller, PlayOptions, PlayOutlets, await_subscribers
+from are_ros.record.session import ros_session
+from are_ros.replay.progress import Progress
+from are_ros.wording import duration_text
+
+# The part of a recording that is played, and the time it goes by.
+
+
+_TF: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+_RECENT_NS: Final = 10 * NS_PER_S
+"""Of what moves, so much from before the start is sent: as much as tf2 keeps."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlayWindow:
+    """The window of a recording that is played, and the time it goes by."""
+
+    reader: BagReader
+    clock: BagClock
+    first_log_ns: int
+    last_log_ns: int
+    gaps_ns: int = 0
+
+    @classmethod
+    def of(cls, reader: BagReader, options: PlayOptions) -> "PlayWindow":
+        """Return the window that the options ask for; BagError where it holds nothing."""
+        first_ns = reader.start_ns + seconds_to_ns(options.start_s)
+        last_ns = reader.end_ns
+        if options.duration_s is not None:
+            last_ns = min(last_ns, first_ns + seconds_to_ns(options.duration_s))
+        if first_ns >= last_ns:
+            length_s = (reader.end_ns - reader.start_ns) / NS_PER_S
+            raise BagError(f"the recording is {length_s:.1f} s long: nothing is left to play")
+        roles = find_roles(reader.topics, {})
+        named = ((roles.topic(role), role) for role in MOVING_ROLES)
+        role_of_topic = {topic: role for topic, role in named if topic is not None}
+        times = RecordedTimes.read(reader, role_of_topic, first_ns, last_ns)
+        clock = BagClock.of(times)
+        gaps = stretches_of(times, clock, first_ns, last_ns, reader.files).gaps
+        return cls(reader, clock, first_ns, last_ns, sum(gap.length_ns for gap in gaps))
+
+    @property
+    def start_ns(self) -> int:
+        """The time at which it begins."""
+        return self.clock.at(self.first_log_ns)
+
+    @property
+    def end_ns(self) -> int:
+        """The time at which it ends."""
+        return self.clock.at(self.last_log_ns)
+
+    def messages(self, topics: tuple[str, ...]) -> Iterator[tuple[int, BagMessage]]:
+        """Yield (time, message) of the window."""
+        for message in self.reader.messages(topics, self.first_log_ns, self.last_log_ns):
+            yield max(self.clock.at(message.log_time_ns), self.start_ns), message
+
+    def earlier(self, topics: tuple[str, ...]) -> Iterator[BagMessage]:
+        """Yield what was sent before the start, and counts as sent at it."""
+        known = [topic for topic in self.reader.topics if topic.name in topics]
+        latched = {topic.name for topic in known if topic.is_latched or "static" in topic.name}
+        moving = {topic.name for topic in known if topic.type_name in _TF} - latched
+        if self.first_log_ns == self.reader.start_ns or not latched | moving:
+            return
+        recent_ns = self.first_log_ns - _RECENT_NS
+        for message in self.reader.messages(latched | moving, stop_ns=self.first_log_ns):
+            if message.topic in latched or message.log_time_ns >= recent_ns:
+                yield message
+
+
+# When a player sends what: at its time, or as another decides.
+
+
+_ASK_S: Final = 0.05
+_REST_S: Final = 0.5
+_APART_S: Final = 0.001
+"""So long between the messages from before the start: a reader's queue is short."""
+
+ShouldStop = Callable[[], bool]
+
+
+class Pace(Protocol):
+    """What decides when the next thing is sent."""
+
+    def begin(self, now_ns: int) -> None:
+        """Begin a pass at this time of the recording."""
+
+    def wait_until(self, now_ns: int) -> bool:
+        """Wait for this time of the recording; False if it is to end before."""
+
+    def wait_a_little(self) -> bool:
+        """Wait between messages that count as sent at the same time; False as above."""
+
+    def rest(self) -> None:
+        """Let those who got the map of the start take it in."""
+
+    def about_to_send(self, message: BagMessage) -> None:
+        """Get ready for a message."""
+
+    def sent(self, message: BagMessage) -> None:
+        """Take note of a message."""
+
+    def about_to_tell(self) -> None:
+        """Get ready for the time to go on: everything earlier was sent."""
+
+    def told(self) -> None:
+        """Let what goes by the time follow."""
+
+    def end(self) -> None:
+        """Let what was sent last be taken."""
+
+
+class Lifelike:
+    """Sends each thing at its time, `rate` times as fast as it happened."""
+
+    def __init__(self, rate: float, should_stop: ShouldStop) -> None:
+        self.worst_s = 0.0
+        self._rate = rate
+        self._should_stop = should_stop
+        self._asked_s = 0.0
+
+    def begin(self, now_ns: int) -> None:
+        """Begin a pass: now is this time of the recording."""
+        self._zero_ns, self._zero_s = now_ns, time.monotonic()
+
+    def wait_until(self, now_ns: int) -> bool:
+        """Sleep until it is time; tell whether to go on."""
+        due_s = self._zero_s + (now_ns - self._zero_ns) / NS_PER_S / self._rate
+        while True:
+            here_s = time.monotonic()
+            if here_s - self._asked_s >= _ASK_S:
+                self._asked_s = here_s
+                if self._should_stop():
+                    return False
+            if here_s >= due_s:
+                self.worst_s = max(self.worst_s, here_s - due_s)
+                return True
+            time.sleep(min(due_s - here_s, _ASK_S))
+
+    def wait_a_little(self) -> bool:
+        """Sleep for as long as a reader takes for a message; tell whether to go on."""
+        time.sleep(_APART_S)
+        return not self._should_stop()
+
+    def rest(self) -> None:
+        """Sleep for a moment: what comes while a map is taken in would count as come later."""
+        time.sleep(_REST_S)
+
+    def about_to_send(self, message: BagMessage) -> None:
+        """Do nothing."""
+
+    def sent(self, message: BagMessage) -> None:
+        """Do nothing."""
+
+    def about_to_tell(self) -> None:
+        """Do nothing: time goes on by itself."""
+
+    def told(self) -> None:
+        """Do nothing."""
+
+    def end(self) -> None:
+        """Do nothing: the publishers stay for a moment."""
+
+
+__all__ = ("PlayOptions", "PlayOutcome", "play")
+
+_LATE_S: Final = 0.1
+_LINGER_S: Final = 0.1
+"""So long the publishers stay, for the last messages to arrive. (Acknowledgements take up to
+three seconds: readers give them when asked, and an idle publisher asks that seldom.)"""
+_LATCHED_S: Final = 5.0
+"""The time does not go on before the map of the start has arrived, or this is over."""
+
+
+@dataclass
+class PlayOutcome:
+    """What was played: messages by recorded topic, how often, what was not and why."""
+
+    counts: Mapping[str, int] = field(default_factory=dict)
+    skipped: Mapping[str, str] = field(default_factory=dict)
+    passes: int = 0
+    is_complete: bool = True
+
+
+def play(
+    options: PlayOptions,
+    say: Callable[[str], None],
+    open_progress: Callable[[int, int], Progress],
+    should_stop: ShouldStop,
+) -> PlayOutcome:
+    """Play a recording until its end, or until told to stop.
+
+    The first /clock is the start; the next are multiples of its period since the epoch, each sent
+    after all messages of before it. What was latched before the start, and the transforms of the
+    ten seconds before it, count as sent at the start. `should_stop` is asked at least every 50 ms.
+    Raises AreError.
+    """
+    with BagReader(options.bags) as reader, ros_session("are_player") as node:
+        recording = PlayWindow.of(reader, options)
+        if recording.clock.sentence:
+            say(recording.clock.sentence)
+        if recording.gaps_ns:
+            say(
+                f"nothing moves for {duration_text(recording.gaps_ns)} of the recording, which are "
+                "played too: --start and --duration choose a part"
+            )
+        options.check_topics([topic.name for topic in reader.topics])
+        outlets = PlayOutlets(node, reader, options, say)
+        if not outlets.topics:
+            raise BagError("nothing is left to play of the recording")
+        teller = ClockTeller(node, options.clock_hz)
+        pace: Pace = Lifelike(options.rate, should_stop)
+        if options.lockstep:
+            pace = Lockstep(node, options.lockstep, outlets, should_stop)
+        publishers = {options.target(name): one for name, one in outlets.publishers.items()}
+        publishers |= teller.publishers
+        is_complete = await_subscribers(node, publishers, options, say, should_stop)
+        outcome = PlayOutcome(outlets.counts, outlets.skipped, is_complete=is_complete)
+        progress = open_progress(recording.start_ns, recording.end_ns)
+        while outcome.is_complete and (options.loop or not outcome.passes):
+            outcome.is_complete = _play_once(recording, outlets, teller, pace, progress)
+            outcome.passes += 1
+        if outcome.is_complete:
+            pace.end()
+        time.sleep(_LINGER_S)
+        if isinstance(pace, Lifelike) and pace.worst_s > _LATE_S:
+            say(f"the player fell behind by up to {pace.worst_s:.2f} s; nothing was left out")
+    return outcome
+
+
+def _play_once(
+    recording: PlayWindow, outlets: PlayOutlets, teller: ClockTeller, pace: Pace, progress: Progress
+) -> bool:
+    """Play the recording once; tell whether it came to its end."""
+    pace.begin(recording.start_ns)
+    _tell(recording.start_ns, teller, pace)
+    for message in recording.earlier(outlets.topics):
+        if not pace.wait_a_little():
+            return False
+        _send(message, outlets, pace)
+    pace.begin(recording.start_ns)
+    clock = teller.times_after(recording.start_ns, recording.end_ns)
+    clock_ns = next(clock, None)
+    has_begun = False
+    for now_ns, message in recording.messages(outlets.topics):
+        while clock_ns is not None and clock_ns <= now_ns:
+            if not pace.wait_until(clock_ns):
+                return False
+            if not has_begun:
+                _let_it_arrive(outlets, pace)
+                pace.begin(clock_ns)
+                has_begun = True
+            _tell(clock_ns, teller, pace)
+            clock_ns = next(clock, None)
+        if not pace.wait_until(now_ns):
+            return False
+        _send(message, outlets, pace)
+        progress(now_ns)
+    while clock_ns is not None:
+        if not pace.wait_until(clock_ns):
+            return False
+        _tell(clock_ns, teller, pace)
+        clock_ns = next(clock, None)
+    progress(recording.end_ns)
+    return True
+
+
+def _let_it_arrive(outlets: PlayOutlets, pace: Pace) -> None:
+    """Wait until the map of the start has arrived, if there was one."""
+    if outlets.wait_for_latched(_LATCHED_S):
+        pace.rest()
+
+
+def _send(message: BagMessage, outlets: PlayOutlets, pace: Pace) -> None:
+    pace.about_to_send(message)
+    outlets.publish(message)
+    pace.sent(message)
+
+
+def _tell(now_ns: int, teller: ClockTeller, pace: Pace) -> None:
+    pace.about_to_tell()
+    teller.tell(now_ns)
+    pace.told()

@@ -1,0 +1,339 @@
+"""The publishers of a player: topics as recorded, bytes as they are."""
+
+import math
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from rclpy.duration import Duration
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+
+from are_ros.bag.reader import BagMessage, BagReader, BagTopic
+from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import AreError, BagError, NodeError
+from are_ros.node.message_classes import message_class
+from are_ros.replay.listeners import converted
+
+# What is asked of a player.
+
+
+@dataclass(frozen=True)
+class PlayOptions:
+    """The options of `are play`; BagError for one that makes no sense.
+
+    `topics` (empty: all) and `exclude` are names as recorded, `remaps` gives others. `clock_hz` of
+    0: no /clock. `lockstep` names the nodes to keep in step with, `wait_for` those
+    to wait for, for at most `wait_s`: long enough for kernels to be compiled on a busy machine.
+    """
+
+    bags: tuple[Path, ...]
+    rate: float = 1.0
+    loop: bool = False
+    start_s: float = 0.0
+    duration_s: float | None = None
+    topics: tuple[str, ...] = ()
+    exclude: tuple[str, ...] = ()
+    remaps: Mapping[str, str] = field(default_factory=dict)
+    clock_hz: float = 100.0
+    lockstep: tuple[str, ...] = ()
+    wait_for: tuple[str, ...] = ()
+    wait_s: float = 600.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.rate < math.inf:
+            raise BagError(f"--rate {self.rate}: it is not a number above 0")
+        if not 0.0 <= self.clock_hz <= 1000.0:
+            raise BagError(f"--clock {self.clock_hz}: it is not a rate from 0 to 1000 Hz")
+        if self.lockstep and not self.clock_hz:
+            raise BagError("--lockstep needs /clock: leave --clock 0 out")
+
+    def check_topics(self, recorded: Collection[str]) -> None:
+        """Raise BagError where an option names a topic that was not recorded."""
+        known = set(map(_slashed, recorded))
+        named = {"--topics": self.topics, "--exclude": self.exclude, "--remap": self.remaps}
+        for option, topics in named.items():
+            for topic in topics:
+                if _slashed(topic) not in known:
+                    there = ", ".join(sorted(known))
+                    raise BagError(f"{option} {topic}: not in the recording, which has {there}")
+
+    def is_chosen(self, topic: str) -> bool:
+        """Tell whether a recorded topic is to be played."""
+        chosen = not self.topics or _slashed(topic) in map(_slashed, self.topics)
+        return chosen and _slashed(topic) not in map(_slashed, self.exclude)
+
+    def target(self, topic: str) -> str:
+        """Return the name under which a recorded topic is played."""
+        remaps = {_slashed(source): target for source, target in self.remaps.items()}
+        return _slashed(remaps.get(_slashed(topic), topic))
+
+
+def _slashed(name: str) -> str:
+    return name if name.startswith("/") else f"/{name}"
+
+
+CLOCK: Final = "/clock"
+LARGE_BYTES: Final = 60_000
+"""More does not fit into one packet, and packets may be lost on the way and be sent again."""
+_DEPTH: Final = 100
+_RENAMED: Final = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
+
+
+class PlayOutlets:
+    """Publishes recorded messages; topics whose type is not installed are skipped, with a reason.
+
+    Quality of service is as recorded; in lockstep all are reliable, so that nothing is lost.
+    """
+
+    def __init__(
+        self, node: Node, reader: BagReader, options: PlayOptions, say: Callable[[str], None]
+    ) -> None:
+        self.skipped: dict[str, str] = {}
+        self.counts: dict[str, int] = {}
+        self._reader = reader
+        self._factory = RosbagsFactory()
+        self._types: dict[str, str] = {}
+        self._recorded_types: dict[str, str] = {}
+        self._publishers: dict[str, Any] = {}
+        self._latched: set[str] = set()
+        self._unacknowledged: set[str] = set()
+        for topic in reader.topics:
+            if topic.count and options.is_chosen(topic.name):
+                self._open(node, topic, options, say)
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """The recorded names of the topics that are played."""
+        return tuple(self._publishers)
+
+    @property
+    def publishers(self) -> Mapping[str, Any]:
+        """The publishers, by recorded name."""
+        return self._publishers
+
+    def publish(self, message: BagMessage) -> None:
+        """Send a message; one of ROS 1 that cannot be understood is counted as skipped.
+
+        A topic that was recorded with two types is played with the first.
+        """
+        topic = message.topic
+        if message.connection.msgtype != self._recorded_types[topic]:
+            return
+        if self._reader.is_ros1:
+            try:
+                original = self._reader.deserialize(message)
+            except AreError as cause:
+                self.skipped[topic] = str(cause)
+                return
+            data = self._as_ros2(topic, original)
+        else:
+            data = bytes(message.data)
+        self._publishers[topic].publish(data)
+        self.counts[topic] += 1
+        if topic in self._latched and len(data) > LARGE_BYTES:
+            self._unacknowledged.add(topic)
+
+    def target(self, topic: str) -> str:
+        """Return the name under which a recorded topic is played."""
+        return str(self._publishers[topic].topic_name)
+
+    def has_listeners(self, topic: str) -> bool:
+        """Tell whether anybody subscribes to a topic, by its recorded name."""
+        return bool(self._publishers[topic].get_subscription_count())
+
+    def wait_until_acknowledged(self, topic: str, timeout_s: float) -> bool:
+        """Wait until reliable subscribers have all of a topic; tell whether they do."""
+        return bool(self._publishers[topic].wait_for_all_acked(Duration(seconds=timeout_s)))
+
+    def wait_for_latched(self, timeout_s: float) -> bool:
+        """Wait until reliable subscribers have what is latched; tell whether there was any.
+
+        These are maps and clouds: of many fragments, of which one that is lost comes again only
+        with the next heartbeat of DDS, seconds later.
+        """
+        limit = Duration(seconds=timeout_s)
+        waiting, self._unacknowledged = self._unacknowledged, set()
+        for topic in waiting:
+            self._publishers[topic].wait_for_all_acked(limit)
+        return bool(waiting)
+
+    def _as_ros2(self, topic: str, original: Any) -> bytes:
+        type_name = self._types[topic]
+        message = converted(self._factory, original, type_name)
+        return bytes(jazzy_typestore().serialize_cdr(message, type_name))
+
+    def _open(
+        self, node: Node, topic: BagTopic, options: PlayOptions, say: Callable[[str], None]
+    ) -> None:
+        type_name = _RENAMED.get(topic.type_name, topic.type_name)
+        try:
+            publisher = self._publisher(node, topic, type_name, options)
+        except NodeError as cause:
+            self.skipped[topic.name] = str(cause)
+            say(f"{topic.name} is not played: {cause}")
+            return
+        self._recorded_types[topic.name] = topic.type_name
+        self._types[topic.name] = type_name
+        self._publishers[topic.name] = publisher
+        self.counts[topic.name] = 0
+        if topic.is_latched:
+            self._latched.add(topic.name)
+
+    def _publisher(self, node: Node, topic: BagTopic, type_name: str, options: PlayOptions) -> Any:
+        """Return a new publisher; NodeError, with the reason, where there can be none."""
+        if topic.name == CLOCK and options.clock_hz:
+            raise NodeError("the player tells the time itself")
+        if topic.name in self._types:
+            raise NodeError(f"as {type_name}, since it is played as {self._types[topic.name]}")
+        target = options.target(topic.name)
+        try:
+            return node.create_publisher(message_class(type_name), target, _qos(topic, options))
+        except InvalidTopicNameException as cause:
+            message = f"{target} is no name of a topic in ROS 2; --remap gives it another"
+            raise NodeError(message) from cause
+
+
+def _qos(topic: BagTopic, options: PlayOptions) -> QoSProfile:
+    is_reliable = topic.is_reliable or bool(options.lockstep)
+    return QoSProfile(
+        depth=1 if options.lockstep and "static" not in topic.name else _DEPTH,
+        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=(
+            DurabilityPolicy.TRANSIENT_LOCAL if topic.is_latched else DurabilityPolicy.VOLATILE
+        ),
+    )
+
+
+# /clock: the time of a recording, told while it is played.
+
+
+class ClockTeller:
+    """Publishes /clock, reliably, or not at all."""
+
+    def __init__(self, node: Node, clock_hz: float) -> None:
+        self._period_ns = round(NS_PER_S / clock_hz) if clock_hz else 0
+        qos = QoSProfile(depth=10)
+        self.publishers = {CLOCK: node.create_publisher(Clock, CLOCK, qos)} if clock_hz else {}
+
+    def times_after(self, start_ns: int, end_ns: int) -> Iterator[int]:
+        """Yield the multiples of the period after the start, and last the end."""
+        if not self._period_ns:
+            return
+        yield from range(
+            (start_ns // self._period_ns + 1) * self._period_ns, end_ns, self._period_ns
+        )
+        yield end_ns
+
+    def tell(self, now_ns: int) -> None:
+        """Publish the time."""
+        for publisher in self.publishers.values():
+            message = Clock()
+            message.clock.sec, message.clock.nanosec = divmod(now_ns, NS_PER_S)
+            publisher.publish(message)
+
+
+# Waiting for those who want to hear: so that the first messages are not lost.
+
+
+_GRACE_S: Final = 2.0
+_SHORT_GRACE_S: Final = 1.0
+_SETTLE_S: Final = 0.5
+"""Publisher and subscriber do not find each other at the same instant, and recorders look for
+topics a few times a second."""
+_ASK_S: Final = 0.05
+_SILENT_S: Final = 3.0
+_SAY_EVERY_S: Final = 30.0
+
+
+def await_subscribers(
+    node: Node,
+    publishers: Mapping[str, Any],
+    options: PlayOptions,
+    say: Callable[[str], None],
+    should_stop: Callable[[], bool],
+) -> bool:
+    """Wait until the nodes of `options` listen, and all who are known to listen are connected.
+
+    They are if for half a second nobody came; where one cannot be connected (it asks for more than
+    was recorded), the wait ends after two. Returns whether to go on; NodeError if a node does not
+    listen in time. `say` takes what is waited for, now and then.
+    """
+    patience = _Patience(options.wait_s, say)
+    for name in options.wait_for:
+        while not _is_listening(node, name, publishers):
+            patience.wait_for(name)
+            if should_stop():
+                return False
+            time.sleep(_ASK_S)
+    return _await_connections(node, publishers, bool(options.wait_for), should_stop)
+
+
+class _Patience:
+    """Says what is waited for, now and then, until it has been too long."""
+
+    def __init__(self, wait_s: float, say: Callable[[str], None]) -> None:
+        self._wait_s, self._say = wait_s, say
+        self._began_s = time.monotonic()
+        self._say_after_s = _SILENT_S
+
+    def wait_for(self, name: str) -> None:
+        """Say that a node is waited for, if it is time to; NodeError where it has been too long."""
+        passed_s = time.monotonic() - self._began_s
+        if passed_s > self._wait_s:
+            message = f"{name} is waited for, but it listened to nothing within"
+            raise NodeError(f"{message} {self._wait_s:g} s: does it run, and by this name?")
+        if passed_s >= self._say_after_s:
+            if self._say_after_s <= _SILENT_S:
+                self._say(
+                    f"waiting for {name} to listen (the first time, ar_builder compiles its kernels"
+                    " for a minute or two)"
+                )
+            else:
+                given = f"it is given {self._wait_s:g} s"
+                self._say(f"still waiting for {name} after {passed_s:.0f} s; {given}")
+            self._say_after_s = passed_s + _SAY_EVERY_S
+
+
+def _await_connections(
+    node: Node,
+    publishers: Mapping[str, Any],
+    is_somebody_awaited: bool,
+    should_stop: Callable[[], bool],
+) -> bool:
+    """Wait until nobody comes any more; tell whether to go on."""
+    deadline_s = time.monotonic() + (_GRACE_S if is_somebody_awaited else _SHORT_GRACE_S)
+    connected, since_s = -1, time.monotonic()
+    while time.monotonic() < deadline_s:
+        if should_stop():
+            return False
+        count = sum(publisher.get_subscription_count() for publisher in publishers.values())
+        if count != connected or not _are_connected(node, publishers):
+            connected, since_s = count, time.monotonic()
+        if is_somebody_awaited and time.monotonic() - since_s > _SETTLE_S:
+            return True
+        time.sleep(_ASK_S)
+    return True
+
+
+def _is_listening(node: Node, name: str, publishers: Mapping[str, Any]) -> bool:
+    """Tell whether a node subscribes to one of the topics."""
+    space, _, short = name.strip("/").rpartition("/")
+    return any(
+        (info.node_name, info.node_namespace) == (short, f"/{space}")
+        for topic in publishers
+        if topic != "/clock"
+        for info in node.get_subscriptions_info_by_topic(topic)
+    )
+
+
+def _are_connected(node: Node, publishers: Mapping[str, Any]) -> bool:
+    return all(
+        publisher.get_subscription_count() >= len(node.get_subscriptions_info_by_topic(topic))
+        for topic, publisher in publishers.items()
+    )

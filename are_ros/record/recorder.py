@@ -1,0 +1,227 @@
+"""`are record`: live topics into an MCAP file, as `ros2 bag record` does."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+
+from are_ros.bag.writer import BagWriter, describe_folder
+from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.record.file import FileWriter, LogClock, SimulatedClock, WallClock
+from are_ros.record.inbox import Inbox, Received, Stamped
+from are_ros.record.session import ros_session
+from are_ros.record.topics import RecordOptions, TopicFollower, TopicTypes
+from are_ros.wording import counted
+
+# The services of a node that nothing spins: their requests, taken and answered at chosen times.
+
+
+_MOST_AT_ONCE: Final = 10
+
+
+class _Request(NamedTuple):
+    service: Any
+    content: Any
+    header: Any
+
+
+class Answers:
+    """Takes the requests to all services of a node, and answers them when it is told to.
+
+    A player in lockstep asks whether everything from before its request was taken. So a request is
+    taken first, then what else is there, and then the request is answered.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._context = node.context
+        self._services = tuple(node.services)
+        self._pending: list[_Request] = []
+
+    def wait(self, timeout_s: float) -> None:
+        """Sleep until there is a request, but no longer than this."""
+        services = self._services
+        with self._context.handle:
+            wait_set = rclpy_implementation.WaitSet(
+                0, 0, 0, 0, len(services), 0, self._context.handle
+            )
+            wait_set.clear_entities()
+            for service in services:
+                wait_set.add_service(service.handle)
+            wait_set.wait(int(timeout_s * NS_PER_S))
+
+    def take(self) -> bool:
+        """Take the requests that are there; tell whether any wait for their answer."""
+        for service in self._services:
+            self._pending += self._taken(service)
+        return bool(self._pending)
+
+    def give(self) -> None:
+        """Answer all requests that were taken."""
+        pending, self._pending = self._pending, []
+        for service, content, header in pending:
+            answer = service.callback(content, service.srv_type.Response())
+            service.send_response(answer, header)
+
+    def _taken(self, service: Any) -> list[_Request]:
+        found = []
+        for _ in range(_MOST_AT_ONCE):
+            content, header = service.handle.service_take_request(service.srv_type.Request)
+            if header is None:
+                break
+            found.append(_Request(service, content, header))
+        return found
+
+
+NODE_NAME: Final = "are_recorder"
+
+_LOOK_S = 0.1
+"""How often new topics and publishers are looked for."""
+
+_REST_S = 0.004
+"""How long nothing is taken after nothing was there, unless somebody asks: 2 % of a core, and no
+queue fills in it."""
+
+_NOTES = {
+    "what": "live topics, recorded by are record",
+    "if_unfinished": "a file named .part was not ended in order: `mcap recover` saves it",
+}
+
+
+@dataclass(frozen=True)
+class RecordOutcome:
+    """What a recording did; all mappings are by topic.
+
+    `counts` are the messages in `file`, topics without one among them; `skipped` the topics that
+    could not be recorded, with the reason, which was said. `missed` never arrived (the network, or
+    a queue of the middleware, lost them; known only where a topic has one publisher), `dropped`
+    came faster than the disk, or the memory before the first /clock, could take them.
+    """
+
+    file: Path
+    counts: Mapping[str, int]
+    file_bytes: int
+    skipped: Mapping[str, str]
+    missed: Mapping[str, int]
+    dropped: Mapping[str, int]
+
+    def sentences(self) -> Iterator[str]:
+        """Yield what a user should know of a recording that is not complete."""
+        if not self.counts:
+            yield "nothing is recorded: no message arrived on any topic"
+        for topic, count in self.missed.items():
+            yield f"{topic}: {counted(count, 'message')} never arrived"
+        for topic, count in self.dropped.items():
+            yield f"{topic}: {counted(count, 'message')} dropped, the disk was too slow"
+
+
+def record(
+    options: RecordOptions,
+    say: Callable[[str], None],
+    on_ready: Callable[[], None],
+    should_stop: Callable[[], bool],
+) -> RecordOutcome:
+    """Record until told to stop, or until the duration is over.
+
+    `say` takes sentences for the user; `on_ready` is called once, when all of `wait_for` are
+    connected; `should_stop` is asked in this thread every few milliseconds, but for the moments
+    when a package of types is loaded. All that arrived before the stop is in the file. AreError for
+    what is wrong; what was recorded until then is then in `<name>.part`.
+    """
+    awaited = options.awaited_topics()
+    options.prepare_place()
+    types = TopicTypes()
+    clock = SimulatedClock(say) if options.use_sim_time else WallClock()
+    bag = BagWriter(options.file, types.store, notes=_NOTES, keeps_partial=True)
+    with ros_session(NODE_NAME, has_services=True) as node, FileWriter(bag) as file:
+        inbox = Inbox(node)
+        follower = TopicFollower(node, options, types, inbox, file, say)
+        recording = _Recording(options, inbox, Answers(node), follower, file, clock)
+        recording.run(awaited, on_ready, should_stop)
+        recording.finish()
+    if options.is_folder:
+        describe_folder(options.file)
+    return recording.outcome()
+
+
+class _Recording:
+    """One recording while it runs."""
+
+    def __init__(
+        self,
+        options: RecordOptions,
+        inbox: Inbox,
+        answers: Answers,
+        follower: TopicFollower,
+        file: FileWriter,
+        clock: LogClock,
+    ) -> None:
+        self._options = options
+        self._inbox = inbox
+        self._answers = answers
+        self._follower = follower
+        self._file = file
+        self._clock = clock
+        self._is_ready = False
+        self._started_ns: int | None = None
+
+    def run(
+        self,
+        awaited: frozenset[str],
+        on_ready: Callable[[], None],
+        should_stop: Callable[[], bool],
+    ) -> None:
+        """Pass messages on until it is over."""
+        look_s = 0.0
+        while not should_stop() and not self._is_over():
+            if time.monotonic() >= look_s:
+                has_seen_all = self._follower.look()
+                look_s = time.monotonic() + (_LOOK_S if has_seen_all else 0.0)
+                if has_seen_all and not self._is_ready and self._follower.are_connected(awaited):
+                    self._is_ready = True
+                    on_ready()
+            is_asked = self._answers.take()
+            has_passed = self._pass_on(self._inbox.take_all())
+            self._answers.give()
+            if not (is_asked or has_passed):
+                self._answers.wait(_REST_S)
+
+    def finish(self) -> None:
+        """Pass on what arrived until now, and nothing that comes meanwhile."""
+        end_ns = time.time_ns()
+        while self._pass_on([m for m in self._inbox.take_all() if m.received_ns <= end_ns]):
+            pass
+        self._put(self._clock.rest())
+        self._follower.finish()
+
+    def outcome(self) -> RecordOutcome:
+        """Return what became of it, once the file is closed."""
+        return RecordOutcome(
+            file=self._options.file,
+            counts=self._file.counts(),
+            file_bytes=self._options.file.stat().st_size,
+            skipped=self._follower.skipped,
+            missed=self._inbox.missed(),
+            dropped=self._file.dropped + self._clock.dropped,
+        )
+
+    def _pass_on(self, messages: Sequence[Received]) -> bool:
+        """Give messages to the file; return whether there were any."""
+        if messages:
+            self._put(self._clock.stamp(messages))
+        return bool(messages)
+
+    def _put(self, messages: Iterator[Stamped]) -> None:
+        """Give the file what it is to hold: not a /clock that only tells the time."""
+        self._file.put([m for m in messages if self._options.is_selected(m.topic)])
+
+    def _is_over(self) -> bool:
+        now_ns = self._clock.now_ns()
+        if self._options.duration_s is None or not self._is_ready or now_ns is None:
+            return False
+        if self._started_ns is None:
+            self._started_ns = now_ns
+        return now_ns - self._started_ns >= seconds_to_ns(self._options.duration_s)

@@ -1,0 +1,67 @@
+"""A node of one's own: in a context that no signal and no other node ends."""
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Final
+
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+from are_ros.node.startup import make_room
+
+
+@contextmanager
+def ros_session(name: str, *, has_services: bool = False) -> Iterator[Node]:
+    """Give out a node that nobody spins; destroyed in the end.
+
+    `has_services`: those of its parameters, which somebody is then to answer.
+    """
+    make_room()
+    context = Context()
+    rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = Node(
+            name,
+            context=context,
+            use_global_arguments=False,
+            enable_rosout=False,
+            start_parameter_services=has_services,
+            parameter_overrides=[Parameter("start_type_description_service", value=False)],
+        )
+        try:
+            yield node
+        finally:
+            node.destroy_node()
+    finally:
+        context.try_shutdown()
+
+
+# An orderly end: a signal is noted, and asked for.
+
+
+_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+
+
+@contextmanager
+def stop_on_signal() -> Iterator[Callable[[], bool]]:
+    """Give out what tells whether SIGINT or SIGTERM came; for the main thread.
+
+    Inside, neither of them raises anything.
+    """
+    came = False
+
+    def note(number: int, frame: Any) -> None:
+        nonlocal came
+        del number, frame
+        came = True
+
+    before = {number: signal.signal(number, note) for number in _SIGNALS}
+    try:
+        yield lambda: came
+    finally:
+        for number, previous in before.items():
+            signal.signal(number, previous)

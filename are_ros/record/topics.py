@@ -1,0 +1,390 @@
+"""Follows the topics of a recording as they appear and as their publishers change."""
+
+import time
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any, Final
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from are_ros.bag.qos import OfferedQos
+from are_ros.bag.types import InstalledTypes
+from are_ros.bag.writer import partial_path
+from are_ros.errors import BagError, InputError, NodeError
+from are_ros.node.message_classes import message_class
+from are_ros.record.file import CLOCK_TOPIC, CLOCK_TYPE, Announcement, FileWriter
+from are_ros.record.inbox import Inbox
+from are_ros.wording import why_refused
+
+# What a recording is asked to do, where its file goes, and which topics it takes.
+
+
+_OTHER_KINDS = (".bag", ".db3", ".part", ".yaml")
+
+
+@dataclass(frozen=True)
+class RecordOptions:
+    """The options of `are record`.
+
+    `path` is an .mcap file, or a folder that becomes a rosbag2 recording. `topics` (empty: all
+    but hidden ones) and `exclude` are names, in which * and ? stand for anything. `wait_for`:
+    the recording is ready when these have a publisher. `duration_s` counts from then on, in
+    simulated seconds if `use_sim_time`: log times are then /clock's. Existing files are kept
+    unless `overwrite`.
+    """
+
+    path: Path
+    topics: tuple[str, ...] = ()
+    exclude: tuple[str, ...] = ()
+    duration_s: float | None = None
+    use_sim_time: bool = False
+    wait_for: tuple[str, ...] = ()
+    overwrite: bool = False
+
+    def is_selected(self, topic: str) -> bool:
+        """Tell whether a topic, by its full name, is to be recorded."""
+        if _matches(topic, self.exclude):
+            return False
+        return _matches(topic, self.topics) if self.topics else not _is_hidden(topic)
+
+    def named_topics(self) -> tuple[str, ...]:
+        """Return the full names of the topics that were asked for by name."""
+        names = (_full(name) for name in self.topics if not {"*", "?", "["} & set(name))
+        return tuple(name for name in names if self.is_selected(name))
+
+    def awaited_topics(self) -> frozenset[str]:
+        """Return the full names of `wait_for`; BagError if one of them is not to be recorded."""
+        names = frozenset(_full(name) for name in self.wait_for)
+        for name in sorted(names):
+            if not self.is_selected(name):
+                raise BagError(f"{name} is waited for, but it is not among the topics to record")
+        return names
+
+    @property
+    def is_folder(self) -> bool:
+        """Whether the recording is a rosbag2 folder."""
+        return self.path.suffix != ".mcap"
+
+    @property
+    def file(self) -> Path:
+        """The MCAP file, in a folder named as rosbag2 does."""
+        return self.path / f"{self.path.name}_0.mcap" if self.is_folder else self.path
+
+    def prepare_place(self) -> None:
+        """Make the folder of the file; BagError if it cannot be, or something stands there."""
+        if self.path.suffix in _OTHER_KINDS:
+            raise BagError(f"{self.path}: a recording is an .mcap file, or a folder")
+        if self.file.is_dir():
+            raise BagError(f"{self.file} is a folder; choose another name")
+        if not self.overwrite:
+            self._refuse_existing()
+        try:
+            self.file.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as cause:
+            message = f"{self.file.parent}: the folder cannot be made: {why_refused(cause)}"
+            raise BagError(message) from cause
+
+    def _refuse_existing(self) -> None:
+        partial = partial_path(self.file)
+        if partial.exists():
+            raise BagError(
+                f"{partial} is there: a recording that still runs, or was killed"
+                " (`mcap recover` saves it); move it away, or choose another name or --overwrite"
+            )
+        is_taken = self.path.exists() and not (self.is_folder and _is_empty_folder(self.path))
+        if is_taken:
+            raise BagError(f"{self.path} exists already; choose another name, or --overwrite")
+
+
+def _full(name: str) -> str:
+    return name if name.startswith("/") else f"/{name}"
+
+
+def _matches(topic: str, patterns: Sequence[str]) -> bool:
+    return any(fnmatchcase(topic, _full(pattern)) for pattern in patterns)
+
+
+def _is_hidden(topic: str) -> bool:
+    """Tell whether part of the name begins with an underscore, as the topics of actions do."""
+    return "/_" in topic
+
+
+def _is_empty_folder(path: Path) -> bool:
+    return path.is_dir() and not any(path.iterdir())
+
+
+# The quality of service to record with, from what the publishers of a topic offer.
+
+
+_DEPTH, _BULKY_DEPTH = 1000, 100
+"""Messages that may wait in the middleware; they are taken many times in a second."""
+
+_BULKY: Final = frozenset(
+    f"{package}/msg/{name}"
+    for package, names in {
+        "nav_msgs": ("OccupancyGrid",),
+        "sensor_msgs": ("CompressedImage", "Image", "PointCloud", "PointCloud2"),
+        "stereo_msgs": ("DisparityImage",),
+    }.items()
+    for name in names
+)
+"""Types of whose messages a thousand would fill the memory."""
+
+
+def offered_by(profile: QoSProfile) -> OfferedQos:
+    """Return in rosbag2's words what one publisher was found to offer."""
+    return OfferedQos(
+        reliability=profile.reliability.name.lower(),
+        durability=profile.durability.name.lower(),
+        history=profile.history.name.lower(),
+        depth=profile.depth,
+        deadline_ns=profile.deadline.nanoseconds,
+        lifespan_ns=profile.lifespan.nanoseconds,
+        liveliness=profile.liveliness.name.lower(),
+        lease_ns=profile.liveliness_lease_duration.nanoseconds,
+    )
+
+
+def matching(offered: Sequence[OfferedQos], type_name: str) -> QoSProfile:
+    """Return what all publishers can serve: reliable, or transient local, only if each of them is.
+
+    A subscription that asked for more would get nothing from those that offer less.
+    """
+    is_reliable = all(profile.reliability == "reliable" for profile in offered)
+    is_latched = all(profile.durability == "transient_local" for profile in offered)
+    return QoSProfile(
+        depth=_BULKY_DEPTH if type_name in _BULKY else _DEPTH,
+        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+# Which topics are published, by whom, and what has changed since it was last asked.
+
+
+_RECHECK_S = 1.0
+"""How often publishers are compared although their number is the same."""
+
+
+@dataclass(frozen=True)
+class PublishedTopic:
+    """A topic with its publishers, at least one; ours do not count.
+
+    `publishers` are their identifiers; the other tuples are without repetitions, but `offered` has
+    a profile for each publisher.
+    """
+
+    name: str
+    type_names: tuple[str, ...]
+    type_hashes: tuple[str, ...]
+    offered: tuple[OfferedQos, ...]
+    publishers: tuple[bytes, ...]
+
+
+class GraphWatch:
+    """Asks a node about the topics that are selected."""
+
+    def __init__(self, node: Node, is_selected: Callable[[str], bool]) -> None:
+        self._node = node
+        self._is_selected = is_selected
+        self._known: dict[str, PublishedTopic] = {}
+        self._counts: dict[str, int] = {}
+        self._rechecked_s = 0.0
+
+    def look(self) -> Iterator[tuple[PublishedTopic, bool]]:
+        """Yield each published topic that is selected, and whether it is new or has changed."""
+        is_recheck = time.monotonic() - self._rechecked_s > _RECHECK_S
+        if is_recheck:
+            self._rechecked_s = time.monotonic()
+        for name, _ in self._node.get_topic_names_and_types():
+            if self._is_selected(name):
+                yield from self._look_at(name, is_recheck=is_recheck)
+
+    def _look_at(self, name: str, *, is_recheck: bool) -> Iterator[tuple[PublishedTopic, bool]]:
+        count = self._node.count_publishers(name)
+        known = self._known.get(name)
+        if count != self._counts.get(name) or is_recheck:
+            self._counts[name] = count
+            found = self._ask(name)
+            if found is not None and found != known:
+                self._known[name] = found
+                yield found, True
+                return
+        if known is not None:
+            yield known, False
+
+    def _ask(self, name: str) -> PublishedTopic | None:
+        node = self._node
+        infos = [
+            info
+            for info in node.get_publishers_info_by_topic(name)
+            if (info.node_name, info.node_namespace) != (node.get_name(), node.get_namespace())
+        ]
+        if not infos:
+            return None
+        infos.sort(key=lambda info: info.endpoint_gid)
+        return PublishedTopic(
+            name,
+            tuple(sorted({info.topic_type for info in infos})),
+            tuple(sorted({str(info.topic_type_hash) for info in infos})),
+            tuple(offered_by(info.qos_profile) for info in infos),
+            tuple(bytes(info.endpoint_gid) for info in infos),
+        )
+
+
+# What is needed to record a type: its definition for the file, its class for the middleware.
+
+
+_NO_HASH = f"RIHS01_{'0' * 64}"
+
+
+class TopicTypes:
+    """The types of the recorded topics; `store` describes those that were asked for."""
+
+    def __init__(self, installed: InstalledTypes | None = None) -> None:
+        self._installed = InstalledTypes() if installed is None else installed
+
+    @property
+    def store(self) -> Any:
+        """The typestore of rosbags."""
+        return self._installed.store
+
+    def class_of(self, type_name: str) -> type[Any]:
+        """Return rclpy's class of a type whose definition is known then as well.
+
+        InputError or NodeError, with the reason, where one of the two is not installed.
+        """
+        self._installed.learn(type_name)
+        found: type[Any] = message_class(type_name)
+        return found
+
+    def is_as_published(self, type_name: str, type_hash: str) -> bool:
+        """Tell whether a publisher's type hash is that of the definition known here.
+
+        Publishers that tell no hash, as those of older middlewares, are believed.
+        """
+        if not type_hash.startswith("RIHS01_") or type_hash == _NO_HASH:
+            return True
+        return bool(type_hash == self.store.hash_rihs01(type_name))
+
+
+_LONGEST_LOOK_S: Final = 0.02
+
+
+class TopicFollower:
+    """Subscribes to what is to be recorded, announces it to the file, says what cannot be.
+
+    `skipped` are the topics that are not recorded, with the reason.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        options: RecordOptions,
+        types: TopicTypes,
+        inbox: Inbox,
+        file: FileWriter,
+        say: Callable[[str], None],
+    ) -> None:
+        self._options = options
+        self._types = types
+        self._inbox = inbox
+        self._file = file
+        self._say = say
+        self._watch = GraphWatch(node, self._is_wanted)
+        self._type_names: dict[str, str] = {}
+        self._qos: dict[str, QoSProfile] = {}
+        self._doubted: set[str] = set()
+        self.skipped: dict[str, str] = {}
+
+    def look(self) -> bool:
+        """Ask who publishes what; return False if some of it was left for the next time.
+
+        Types take long to load, and messages must not wait. NodeError where /clock is needed and
+        is no clock.
+        """
+        until_s = time.monotonic() + _LONGEST_LOOK_S
+        for topic, has_changed in self._watch.look():
+            if topic.name not in self.skipped:
+                self._inbox.publishers_found(
+                    topic.name, len(topic.publishers), are_the_same=not has_changed
+                )
+                if has_changed:
+                    self._follow(topic)
+                    if time.monotonic() > until_s:
+                        return False
+        return True
+
+    def are_connected(self, topics: Collection[str]) -> bool:
+        """Tell whether publishers of all these topics send to us; a skipped one is not awaited."""
+        return all(name in self.skipped or self._inbox.is_connected(name) for name in topics)
+
+    def finish(self) -> None:
+        """Look for the last time, and say what was asked for and never seen."""
+        self.look()
+        for name in self._options.named_topics():
+            if name not in self.skipped and name not in self._type_names:
+                self._skip(name, "nobody published it")
+
+    def _skip(self, name: str, reason: str) -> None:
+        self.skipped[name] = reason
+        self._say(f"{name} is not recorded: {reason}")
+
+    def _is_wanted(self, name: str) -> bool:
+        return self._is_our_clock(name) or self._options.is_selected(name)
+
+    def _is_our_clock(self, name: str) -> bool:
+        return self._options.use_sim_time and name == CLOCK_TOPIC
+
+    def _follow(self, topic: PublishedTopic) -> None:
+        """Subscribe, or change the subscription; the type stays what it was when first seen."""
+        if topic.name not in self._type_names and self._is_our_clock(topic.name):
+            _check_clock(topic)
+        try:
+            type_name = self._type_names.get(topic.name) or _only_type(topic)
+            message_class = self._types.class_of(type_name)
+        except (InputError, NodeError) as reason:
+            self._skip(topic.name, str(reason))
+            return
+        self._say_doubts(topic, type_name)
+        self._type_names[topic.name] = type_name
+        if self._options.is_selected(topic.name):
+            self._file.announce(topic.name, Announcement(type_name, topic.offered))
+        qos = matching(topic.offered, type_name)
+        if qos != self._qos.get(topic.name):
+            self._qos[topic.name] = qos
+            self._inbox.subscribe(topic.name, message_class, qos)
+
+    def _say_doubts(self, topic: PublishedTopic, type_name: str) -> None:
+        """Say once where a publisher means another type, or another definition of it."""
+        if topic.name in self._doubted:
+            return
+        others = [name for name in topic.type_names if name != type_name]
+        if others:
+            self._say(
+                f"{topic.name} is also published as {others[0]}: only {type_name} is recorded"
+            )
+        elif all(self._types.is_as_published(type_name, text) for text in topic.type_hashes):
+            return
+        else:
+            self._say(
+                f"{topic.name}: a publisher's {type_name} is not the one that is installed here and"
+                " stands in the recording; readers may misunderstand its messages"
+            )
+        self._doubted.add(topic.name)
+
+
+def _only_type(topic: PublishedTopic) -> str:
+    if len(topic.type_names) > 1:
+        raise InputError(f"it is published as {' and as '.join(topic.type_names)}")
+    return topic.type_names[0]
+
+
+def _check_clock(topic: PublishedTopic) -> None:
+    """Raise what ends the recording: without a clock no message has its time."""
+    if topic.type_names != (CLOCK_TYPE,):
+        kinds = " and ".join(topic.type_names)
+        raise NodeError(f"{CLOCK_TOPIC} is published as {kinds}: that gives no simulated time")

@@ -1,0 +1,104 @@
+"""The progress bar of a replay, over the seconds of the recording."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import TracebackType
+from typing import NoReturn
+
+from tqdm import tqdm
+
+from are_ros.conventions import NS_PER_S
+
+# What the wall clock says of a replay: for `timing.json` only.
+
+
+Progress = Callable[[int], None]
+"""Takes the time reached [ns]."""
+
+_SLOW_S = 2.0
+
+
+@contextmanager
+def said_if_slow(say: Callable[[str], None], sentence: str) -> Iterator[None]:
+    """Say a sentence if the block is not over after two seconds."""
+    timer = threading.Timer(_SLOW_S, say, (sentence,))
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+class Stopwatch:
+    """Adds up seconds by phase, and keeps the duration of every tick."""
+
+    def __init__(self) -> None:
+        self.phases_s: dict[str, float] = {}
+        self.tick_durations_s: list[float] = []
+
+    @contextmanager
+    def phase(self, name: str) -> Iterator[None]:
+        """Count the time inside the block to a phase."""
+        began_s = time.perf_counter()
+        try:
+            yield
+        finally:
+            taken_s = time.perf_counter() - began_s
+            self.phases_s[name] = self.phases_s.get(name, 0.0) + taken_s
+
+    @contextmanager
+    def tick(self) -> Iterator[None]:
+        """Keep the time inside the block as the duration of one tick."""
+        began_s = time.perf_counter()
+        yield
+        self.tick_durations_s.append(time.perf_counter() - began_s)
+
+
+_STEP_NS = NS_PER_S // 2
+_LAYOUT = "{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} s [{elapsed}<{remaining}]"
+
+
+class ProgressBar:
+    """A bar on stderr; a context manager, so that what is said after it has a line of its own.
+
+    Where stderr is no terminal (a file, CI) there is none.
+    """
+
+    def __init__(self, name: str = "replay") -> None:
+        self._name = name
+        self._bar: tqdm[NoReturn] | None = None
+
+    def __enter__(self) -> "ProgressBar":  # noqa: PYI034 (Self came with Python 3.11)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+    def open(self, start_ns: int, end_ns: int) -> Progress:
+        """Show the bar; what is returned moves it, and closes it at `end_ns`."""
+        total_s = round((end_ns - start_ns) / NS_PER_S, 3)
+        bar: tqdm[NoReturn] = tqdm(
+            total=total_s, desc=self._name, bar_format=_LAYOUT, leave=True, disable=None
+        )
+        self._bar = bar
+        shown_ns = start_ns
+
+        def move(now_ns: int) -> None:
+            nonlocal shown_ns
+            if now_ns - shown_ns < _STEP_NS and now_ns < end_ns:
+                return
+            shown_ns = now_ns
+            bar.n = min((now_ns - start_ns) / NS_PER_S, total_s)
+            bar.update(0)
+            if now_ns >= end_ns:
+                bar.close()
+
+        return move

@@ -1,0 +1,62 @@
+"""The commands that play and record: their texts, and what they return."""
+
+from pathlib import Path
+
+import pytest
+
+from are_ros.errors import BagError
+from tests.record.player_runs import write_strings
+
+
+def test_remaps_are_read(ros_available: None) -> None:
+    """Names stay as they are given, without the spaces around them."""
+    del ros_available
+    from are_ros.record.commands import read_remaps
+
+    assert read_remaps(["/scan:=/front/scan", " odom := wheel/odom "]) == {
+        "/scan": "/front/scan",
+        "odom": "wheel/odom",
+    }
+    assert read_remaps([]) == {}
+
+
+@pytest.mark.parametrize("text", ["", "/scan", "/scan:=", ":=/scan", " := ", "/scan=/front"])
+def test_other_remaps_are_refused(ros_available: None, text: str) -> None:
+    """The sentence shows the form."""
+    del ros_available
+    from are_ros.record.commands import read_remaps
+
+    with pytest.raises(BagError, match="must be /FROM:=/TO, as /scan:=/front/scan") as caught:
+        read_remaps([text])
+    assert "\n" not in str(caught.value)
+
+
+def test_play_says_what_it_played(ros_available: None, tmp_path: Path) -> None:
+    """True where all of it could be; False, with the reason, where a type is not installed."""
+    del ros_available
+    from are_ros.record.commands import play_command
+
+    records = [("/a", 0.0, "x"), ("/a", 0.1, "y"), ("/odd", 0.1, "z")]
+    bag = write_strings(tmp_path / "bag.mcap", records, unknown=["/odd"])
+    said: list[str] = []
+    assert play_command(said.append, (), bags=(bag,), exclude=("/odd",))
+    assert said == ["played       2 messages on 1 topic"]
+    said.clear()
+    assert not play_command(said.append, (), bags=(bag,))
+    assert "/odd is not played" in said[0]
+
+
+def test_record_says_what_it_recorded(ros_available: None, tmp_path: Path) -> None:
+    """When it is ready, and the file; False where a topic that was asked for is not in it."""
+    del ros_available
+    from are_ros.record.commands import record_command
+
+    said: list[str] = []
+    path = tmp_path / "nothing.mcap"
+    assert record_command(said.append, path=path, topics=("/nobody*",), duration_s=0.2)
+    nothing = "nothing is recorded: no message arrived on any topic"
+    assert said == ["recording; Ctrl-C ends it", nothing, f"{path}: 0.0 MB"]
+    assert path.is_file()
+    named = {"path": path, "topics": ("/nobody",), "duration_s": 0.2}
+    assert not record_command(said.append, **named, overwrite=True)
+    assert "/nobody is not recorded: nobody published it" in said
