@@ -1,15 +1,15 @@
-"""Makes the sample recording: `python bags/make_sample_bag.py` writes sample_office.mcap here."""
+"""Makes the sample recording: `python -m bags.make_sample_bag` writes sample_office.mcap here."""
 
 import argparse
 from pathlib import Path
 
-from are_ros.conventions import NS_PER_S
-from are_ros.bag.writer import BagWriter
 from are_ros.bag.types import RosbagsFactory
-from are_ros.simulation.office import OFFICE_START, OFFICE_TOUR_S, office_building, office_driver
-from are_ros.simulation.topics import record
-from are_ros.simulation.robot import DriveLimits
-from are_ros.simulation.simulator import Simulator
+from are_ros.bag.writer import BagWriter
+from are_ros.conventions import NS_PER_S
+from bags.simulation.office import OFFICE_START, OFFICE_TOUR_S, office_building, office_driver
+from bags.simulation.robot import DriveLimits
+from bags.simulation.simulator import Simulator
+from bags.simulation.topics import record
 
 START_NS = 1_700_000_000 * NS_PER_S
 SAMPLE = Path(__file__).with_name("sample_office.mcap")

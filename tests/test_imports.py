@@ -17,7 +17,7 @@ LAYERS = (
     ("messages",),
     ("description",),
     ("bag",),
-    ("node", "replay", "simulation"),
+    ("node", "replay"),
     ("record",),
     ("experiments",),
     ("cli",),

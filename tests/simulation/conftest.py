@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 
 from are_ros.bag.types import RosbagsFactory
-from are_ros.simulation.building import Building
-from are_ros.simulation.office import OFFICE_START, office_building, office_driver
-from are_ros.simulation.robot import DriveLimits
-from are_ros.simulation.simulator import Simulator
-from are_ros.simulation.topics import record
+from bags.simulation.building import Building
+from bags.simulation.office import OFFICE_START, office_building, office_driver
+from bags.simulation.robot import DriveLimits
+from bags.simulation.simulator import Simulator
+from bags.simulation.topics import record
 
 
 @dataclass(eq=False)

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from are_ros.conventions import FREE, OCCUPIED, UNKNOWN
-from are_ros.simulation.building import (
+from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.voxel_map import VoxelMap
+from bags.simulation.building import (
     CELL_M,
     VOXEL_M,
     Building,
@@ -12,8 +14,6 @@ from are_ros.simulation.building import (
     Cylinder,
     surface_centres_m,
 )
-from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.voxel_map import VoxelMap
 
 
 @pytest.fixture(scope="module")

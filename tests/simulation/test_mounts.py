@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from are_ros.simulation.frames import (
+from are_ros.world.frame_tree import FrameTree
+from bags.simulation.frames import (
     BASE_FRAME,
     BASE_FROM_SCAN,
     CAMERA_FRAME,
@@ -13,7 +14,6 @@ from are_ros.simulation.frames import (
     SCAN_FRAME,
     fixed_joints,
 )
-from are_ros.world.frame_tree import FrameTree
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from are_ros.simulation.robot import OdometryErrors, RobotState, WheelOdometry, correction
 from are_ros.world.rigid_transform import RigidTransform
+from bags.simulation.robot import OdometryErrors, RobotState, WheelOdometry, correction
 
 
 def driven(errors: OdometryErrors, seed: int, steps: int = 1000) -> RigidTransform:

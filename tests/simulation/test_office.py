@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 
 from are_ros.conventions import FREE, OCCUPIED
-from are_ros.simulation.building import Building, surface_centres_m
-from are_ros.simulation.office import OFFICE_START, OFFICE_TOUR_S, office_driver
-from are_ros.simulation.robot import ROBOT_RADIUS_M, DriveLimits, RobotState
-from are_ros.simulation.simulator import STEPS_PER_S, Simulator
 from are_ros.world.environment import Environment
 from are_ros.world.ground import PlaneGround
 from are_ros.world.occupancy_grid import classify
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
+from bags.simulation.building import Building, surface_centres_m
+from bags.simulation.office import OFFICE_START, OFFICE_TOUR_S, office_driver
+from bags.simulation.robot import ROBOT_RADIUS_M, DriveLimits, RobotState
+from bags.simulation.simulator import STEPS_PER_S, Simulator
 
 ROOMS = {
     "south-west office": (2.4, 3.0),

@@ -15,8 +15,9 @@ from are_ros.messages.grid import read_grid
 from are_ros.messages.odometry import read_odometry
 from are_ros.messages.scan import read_scan
 from are_ros.messages.transforms import read_transforms
-from are_ros.simulation.building import Building
-from are_ros.simulation.frames import (
+from are_ros.world.frame_tree import FrameTree
+from bags.simulation.building import Building
+from bags.simulation.frames import (
     BASE_FRAME,
     CAMERA_FRAME,
     CAMERA_INFO,
@@ -24,9 +25,8 @@ from are_ros.simulation.frames import (
     ODOM_FRAME,
     SCAN_FRAME,
 )
-from are_ros.simulation.office import OFFICE_START
-from are_ros.simulation.topics import MAX_LATENCY_NS
-from are_ros.world.frame_tree import FrameTree
+from bags.simulation.office import OFFICE_START
+from bags.simulation.topics import MAX_LATENCY_NS
 
 START_NS = 1_700_000_000 * NS_PER_S
 SECONDS = 4.0

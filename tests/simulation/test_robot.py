@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.simulation.robot import Command, DriveLimits, RobotState, drive
+from bags.simulation.robot import Command, DriveLimits, RobotState, drive
 
 LIMITS = DriveLimits(0.6, 1.2, 0.5, 2.0)
 

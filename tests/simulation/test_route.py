@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from are_ros.simulation.robot import (
+from bags.simulation.robot import (
     Command,
     DriveLimits,
     RobotState,

@@ -15,14 +15,14 @@ from are_ros.messages.scan import read_scan
 from are_ros.replay.inspection import inspect_bag
 
 PROJECT = Path(__file__).resolve().parents[2]
-PROGRAM = PROJECT / "bags/make_sample_bag.py"
+PROGRAM = "bags.make_sample_bag"
 SAMPLE = PROJECT / "bags/sample_office.mcap"
 
 
 def make(path: Path, *options: str) -> Path:
     """Run the program and return what it wrote."""
-    command = [sys.executable, str(PROGRAM), "--out", str(path), *options]
-    subprocess.run(command, check=True, capture_output=True, cwd=path.parent)
+    command = [sys.executable, "-m", PROGRAM, "--out", str(path), *options]
+    subprocess.run(command, check=True, capture_output=True, cwd=PROJECT)
     return path
 
 

@@ -5,9 +5,9 @@ import numpy.typing as npt
 import pytest
 
 from are_ros.builder.ray_casting import VoxelField
-from are_ros.simulation.simulator import Lidar, LidarModel
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
+from bags.simulation.simulator import Lidar, LidarModel
 
 ROOM_M = np.array([6.0, 4.0])
 """Inner size of a room whose inner corner is the map's origin."""

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from are_ros.conventions import NS_PER_S
-from are_ros.simulation.building import Building
-from are_ros.simulation.robot import Command, DriveLimits, RobotState
-from are_ros.simulation.simulator import STEPS_PER_S, Simulator
+from bags.simulation.building import Building
+from bags.simulation.robot import Command, DriveLimits, RobotState
+from bags.simulation.simulator import STEPS_PER_S, Simulator
 
 
 def world(office: Building, seed: int = 0) -> Simulator:

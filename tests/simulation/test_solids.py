@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.simulation.building import Cuboid, Cylinder
+from bags.simulation.building import Cuboid, Cylinder
 
 LENGTHS = st.floats(0.1, 3.0)
 

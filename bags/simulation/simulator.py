@@ -8,9 +8,11 @@ import numpy as np
 
 from are_ros.builder.ray_casting import VoxelField
 from are_ros.conventions import NS_PER_S
-from are_ros.simulation.building import Building
-from are_ros.simulation.frames import BASE_FROM_SCAN, SCAN_FRAME
-from are_ros.simulation.robot import (
+from are_ros.world.laser_scan import LaserScan
+from are_ros.world.rigid_transform import RigidTransform
+from bags.simulation.building import Building
+from bags.simulation.frames import BASE_FROM_SCAN, SCAN_FRAME
+from bags.simulation.robot import (
     Command,
     DriveLimits,
     OdometryErrors,
@@ -19,8 +21,6 @@ from are_ros.simulation.robot import (
     correction,
     drive,
 )
-from are_ros.world.laser_scan import LaserScan
-from are_ros.world.rigid_transform import RigidTransform
 
 # A spinning laser that measures a building by ray casting.
 

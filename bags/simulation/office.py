@@ -7,8 +7,8 @@ west to the lobby with its meeting table; rooms lie on both sides, the open-plan
 import math
 from typing import Final
 
-from are_ros.simulation.building import Building, Cuboid, Cylinder, Solid
-from are_ros.simulation.robot import DriveLimits, RobotState, RouteFollower, Waypoint
+from bags.simulation.building import Building, Cuboid, Cylinder, Solid
+from bags.simulation.robot import DriveLimits, RobotState, RouteFollower, Waypoint
 
 # The dimensions of the sample office [m]: rectangles are low x, low y, high x, high y.
 

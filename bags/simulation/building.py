@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.conventions import FREE, OCCUPIED, UNKNOWN
-from are_ros.simulation.frames import MAP_FRAME
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
+from bags.simulation.frames import MAP_FRAME
 
 # The solid things that a building is made of: upright boxes and cylinders.
 

@@ -14,8 +14,8 @@ from are_ros.messages.grid import make_grid
 from are_ros.messages.odometry import OdometryReading, make_odometry
 from are_ros.messages.scan import make_scan
 from are_ros.messages.transforms import make_transforms
-from are_ros.simulation.building import surface_centres_m
-from are_ros.simulation.frames import (
+from bags.simulation.building import surface_centres_m
+from bags.simulation.frames import (
     BASE_FRAME,
     CAMERA_FRAME,
     CAMERA_INFO,
@@ -24,8 +24,8 @@ from are_ros.simulation.frames import (
     fixed_joints,
     stamped,
 )
-from are_ros.simulation.robot import Driver
-from are_ros.simulation.simulator import STEPS_PER_S, Simulator
+from bags.simulation.robot import Driver
+from bags.simulation.simulator import STEPS_PER_S, Simulator
 
 _MS: Final = 1_000_000
 

@@ -1,1 +1,0 @@
-"""A small kinematic robot in a made-up building."""

@@ -1,0 +1,1 @@
+"""The small robot in a made-up office that recorded the sample."""
