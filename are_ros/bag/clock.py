@@ -7,7 +7,7 @@ written. Poses would be too old or still to come; so the clock of the stamps is 
 """
 
 from array import array
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from struct import Struct
@@ -75,7 +75,8 @@ class RecordedTimes:
     often dated far ahead. `edges` are all edges
     (parent, child) of odometry and /tf, `static_edges` those of /tf_static. `scans` are the topics
     of the scans, by name, and `scan_frames` their frames. `moving_log_ns`, int64 (N,) ascending,
-    are the times of recording of all messages that move.
+    are the times of recording of all messages that move; `next_moving_ns` is that of the first one
+    behind the window, None where the window ends with the recording.
     """
 
     bag_start_ns: int
@@ -85,6 +86,7 @@ class RecordedTimes:
     scans: Mapping[str, Times]
     scan_frames: Mapping[str, str]
     moving_log_ns: Ints
+    next_moving_ns: int | None = None
 
     @classmethod
     def read(
@@ -128,7 +130,18 @@ class RecordedTimes:
             scans=scans,
             scan_frames={topic: _frame_of(reader, topic) for topic in scans},
             moving_log_ns=np.sort(np.concatenate([_ints(log) for log in logs.values()] or [_NONE])),
+            next_moving_ns=first_time(reader, moving, stop_ns),
         )
+
+
+def first_time(
+    reader: BagReader, topics: Collection[str], start_ns: int | None = None
+) -> int | None:
+    """Return the log time of the first message of some topics from `start_ns` on, None without."""
+    if not topics or (start_ns is not None and start_ns >= reader.end_ns):
+        return None
+    first = next(reader.messages(list(topics), start_ns), None)
+    return None if first is None else first.log_time_ns
 
 
 class _Transforms:
@@ -269,13 +282,15 @@ class BagClock:
 
     Between the instants known (int64 (N,) each, N of 0 for the identity) the clock goes evenly,
     outside them as fast as the log. `sentence` says what was done, empty for the identity;
-    `disagreement` which sources of stamps have no clock in common with the others.
+    `disagreement` which sources of stamps have no clock in common with the others, `apart` their
+    names.
     """
 
     log_ns: Ints
     clock_ns: Ints
     sentence: str = ""
     disagreement: str = ""
+    apart: frozenset[str] = frozenset()
 
     @classmethod
     def of(cls, times: RecordedTimes) -> "BagClock":
@@ -289,7 +304,8 @@ class BagClock:
             return cls(np.empty(0, np.int64), np.empty(0, np.int64))
         log_ns, clock_ns, sentence = _instants(source, times.bag_start_ns)
         clock = cls(log_ns, clock_ns, sentence)
-        return cls(log_ns, clock_ns, sentence, _disagreement(clock, source, times.sources))
+        disagreement, apart = _disagreement(clock, source, times.sources)
+        return cls(log_ns, clock_ns, sentence, disagreement, frozenset(apart))
 
     def at(self, log_time_ns: int) -> int:
         """Return the time that belongs to a log time."""
@@ -366,26 +382,30 @@ def _check_no_loop(topic: str, instants: Ints, bag_start_ns: int) -> None:
         )
 
 
-def _disagreement(clock: BagClock, reference: Times, sources: Sequence[Times]) -> str:
-    """Say which sources go by another clock than the reference; empty where none does."""
+def _disagreement(
+    clock: BagClock, reference: Times, sources: Sequence[Times]
+) -> tuple[str, list[str]]:
+    """Say which sources go by another clock than the reference, and return their names."""
 
     def offset_ns(source: Times) -> float:
         return float(np.median(source.stamps_ns - clock.at_many(source.log_ns)))
 
     apart = {one.name: offset_ns(one) - offset_ns(reference) for one in sources}
     limits = {one.name: _EDGE_APART_NS if one.is_edge else _TOPIC_APART_NS for one in sources}
-    parts = []
+    parts, all_names = [], []
     for word, sign in (("later", 1), ("earlier", -1)):
         names = [name for name, by_ns in apart.items() if sign * by_ns > limits[name]]
         if names:
+            all_names += names
             most = duration_text(max(round(abs(apart[name])) for name in names))
             are = "are" if len(names) > 1 else "is"
             parts.append(f"{listed(names)} {are} stamped up to {most} {word} than {reference.name}")
     if not parts:
-        return ""
-    return (
+        return "", []
+    sentence = (
         f"{listed(parts)} when they are recorded: there is no common clock. The replay goes by "
         f"{reference.name}; wherever it needs both, in scans above all, it errs by that time. "
         "Set the machines' clocks (NTP, chrony) and record anew, or leave those scans out "
         "(sensors.scans)"
     )
+    return sentence, all_names

@@ -13,7 +13,8 @@ from typing import Final
 
 import numpy as np
 
-from are_ros.bag.clock import BagClock, Edge, Ints, RecordedTimes
+from are_ros.bag.clock import MOVING_ROLES, BagClock, Edge, Ints, RecordedTimes, first_time
+from are_ros.bag.reader import BagReader
 from are_ros.builder.step_clock import IDLE_NS
 from are_ros.conventions import NS_PER_S
 from are_ros.wording import counted, duration_text
@@ -55,12 +56,15 @@ class Stretches:
     ahead: Gap | None = None
     behind: Gap | None = None
 
+    def all_gaps(self) -> tuple[Gap, ...]:
+        """Return the gaps, those before and after all spans among them."""
+        return tuple(gap for gap in (self.ahead, *self.gaps, self.behind) if gap is not None)
+
     def sentences(self, begin_ns: int) -> list[str]:
         """Say what a replay leaves out; `begin_ns` is the log time from which seconds count."""
         said = []
         if self.ahead is not None:
-            length = duration_text(self.ahead.length_ns)
-            said.append(f"nothing moves in the first {length}: the replay begins after them")
+            said.append(stillness_ahead(self.ahead.length_ns))
         if self.gaps:
             gaps = [_gap_text(gap, begin_ns) for gap in self.gaps]
             more = [f"{len(gaps) - _SHOWN_GAPS} more"] if len(gaps) > _SHOWN_GAPS else []
@@ -76,6 +80,22 @@ class Stretches:
         return said
 
 
+def beginning(reader: BagReader, role_of_topic: Mapping[str, str]) -> int:
+    """Return the log time at which the recording begins: seconds of all options count from it.
+
+    What lies long before everything that moves (a latched map with the time of its making, or
+    with none) does not count.
+    """
+    moving = [topic for topic, role in role_of_topic.items() if role in MOVING_ROLES]
+    begin_ns = first_time(reader, moving) or reader.start_ns
+    return begin_ns if begin_ns - reader.start_ns >= GAP_NS else reader.start_ns
+
+
+def stillness_ahead(length_ns: int, what: str = "the replay") -> str:
+    """Say how long nothing moves at the beginning, which `what` leaves out."""
+    return f"nothing moves in the first {duration_text(length_ns)}: {what} begins after them"
+
+
 def stretches_of(
     times: RecordedTimes,
     clock: BagClock,
@@ -85,13 +105,15 @@ def stretches_of(
 ) -> Stretches:
     """Return the stretches of the window [start_ns, stop_ns) of the log that are to be replayed.
 
-    Gaps are measured by the clock. A stray message between two gaps belongs to them. `files` are
+    Gaps are measured by the clock, the last one up to what moves next behind the window. A stray
+    message between two gaps belongs to them. `files` are
     the (name, start, stop) of those that make up the recording.
     """
     log_ns = times.moving_log_ns
     if not len(log_ns):
         return Stretches(((start_ns, stop_ns),), ())
-    edges_ns = np.concatenate(([start_ns], log_ns, [stop_ns]))
+    next_ns = stop_ns if times.next_moving_ns is None else times.next_moving_ns
+    edges_ns = np.concatenate(([start_ns], log_ns, [next_ns]))
     is_gap = np.diff(clock.at_many(edges_ns)) >= GAP_NS
     first = np.flatnonzero(is_gap[:-1] | (np.arange(len(log_ns)) == 0))
     last = np.append(first[1:], len(log_ns)) - 1

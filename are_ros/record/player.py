@@ -8,7 +8,7 @@ from typing import Final, Protocol
 from are_ros.bag.clock import MOVING_ROLES, BagClock, RecordedTimes
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.roles import find_roles
-from are_ros.bag.stretches import stretches_of
+from are_ros.bag.stretches import beginning, stillness_ahead, stretches_of
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BagError
 from are_ros.record.lockstep import Lockstep
@@ -23,35 +23,46 @@ from are_ros.wording import duration_text
 _TF: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _RECENT_NS: Final = 10 * NS_PER_S
 """Of what moves, so much from before the start is sent: as much as tf2 keeps."""
+_LASTING_ROLES: Final = ("map", "octomap_point_cloud_centers")
+"""What counts as latched, however it was recorded."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlayWindow:
-    """The window of a recording that is played, and the time it goes by."""
+    """The window of a recording that is played, and the time it goes by.
+
+    Before `begin_ns` of the log nothing moves for a minute or more; seconds of the options count
+    from it, as those of a replay. The topics `lasting` hold maps.
+    """
 
     reader: BagReader
     clock: BagClock
     first_log_ns: int
     last_log_ns: int
+    begin_ns: int
+    lasting: frozenset[str]
     gaps_ns: int = 0
 
     @classmethod
     def of(cls, reader: BagReader, options: PlayOptions) -> "PlayWindow":
         """Return the window that the options ask for; BagError where it holds nothing."""
-        first_ns = reader.start_ns + seconds_to_ns(options.start_s)
+        roles = find_roles(reader.topics, {})
+        named = ((roles.topic(role), role) for role in (*MOVING_ROLES, *_LASTING_ROLES))
+        role_of_topic = {topic: role for topic, role in named if topic is not None}
+        begin_ns = beginning(reader, role_of_topic)
+        first_ns = begin_ns + seconds_to_ns(options.start_s)
         last_ns = reader.end_ns
         if options.duration_s is not None:
             last_ns = min(last_ns, first_ns + seconds_to_ns(options.duration_s))
         if first_ns >= last_ns:
             length_s = (reader.end_ns - reader.start_ns) / NS_PER_S
             raise BagError(f"the recording is {length_s:.1f} s long: nothing is left to play")
-        roles = find_roles(reader.topics, {})
-        named = ((roles.topic(role), role) for role in MOVING_ROLES)
-        role_of_topic = {topic: role for topic, role in named if topic is not None}
         times = RecordedTimes.read(reader, role_of_topic, first_ns, last_ns)
         clock = BagClock.of(times)
         gaps = stretches_of(times, clock, first_ns, last_ns, reader.files).gaps
-        return cls(reader, clock, first_ns, last_ns, sum(gap.length_ns for gap in gaps))
+        lasting = frozenset(t for t, role in role_of_topic.items() if role in _LASTING_ROLES)
+        gaps_ns = sum(gap.length_ns for gap in gaps)
+        return cls(reader, clock, first_ns, last_ns, begin_ns, lasting, gaps_ns)
 
     @property
     def start_ns(self) -> int:
@@ -72,6 +83,7 @@ class PlayWindow:
         """Yield what was sent before the start, and counts as sent at it."""
         known = [topic for topic in self.reader.topics if topic.name in topics]
         latched = {topic.name for topic in known if topic.is_latched or "static" in topic.name}
+        latched |= self.lasting & set(topics)
         moving = {topic.name for topic in known if topic.type_name in _TF} - latched
         if self.first_log_ns == self.reader.start_ns or not latched | moving:
             return
@@ -210,6 +222,8 @@ def play(
     """
     with BagReader(options.bags) as reader, ros_session("are_player") as node:
         recording = PlayWindow.of(reader, options)
+        if recording.begin_ns > reader.start_ns:
+            say(stillness_ahead(recording.begin_ns - reader.start_ns, "the player"))
         if recording.clock.sentence:
             say(recording.clock.sentence)
         if recording.gaps_ns:

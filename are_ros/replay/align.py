@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.roles import RolesFound, find_roles
-from are_ros.bag.stretches import GAP_NS
+from are_ros.bag.stretches import GAP_NS, beginning
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BagError, FrameError, InputError, MapError
 from are_ros.messages.grid import read_grid
@@ -21,7 +21,7 @@ from are_ros.replay._picture_align import draw_alignment
 from are_ros.replay._recorded_frames import RecordedFrames
 from are_ros.replay.frame_survey import root_above
 from are_ros.replay.progress import Progress, ProgressBar, said_if_slow
-from are_ros.replay.timeline import ReplayOptions, beginning, topics_to_read
+from are_ros.replay.timeline import WITHOUT_MAP, ReplayOptions, topics_to_read
 from are_ros.wording import counted, why_refused
 from are_ros.world.frame_tree import FrameTree
 from are_ros.world.laser_scan import LaserScan
@@ -104,9 +104,7 @@ def map_of(reader: BagReader, roles: RolesFound, options: ReplayOptions) -> Occu
         return read_map_file(options.map_file, options.parameters.frames.map)
     topic = roles.topic("map")
     if topic is None:
-        raise BagError(
-            "the recording has no map (nav_msgs/OccupancyGrid): give one with --map FILE.yaml"
-        )
+        raise BagError(WITHOUT_MAP)
     last = deque(reader.messages((topic,)), maxlen=1)
     if not last:
         raise BagError(f"{topic}: there is no map on it: give one with --map FILE.yaml")

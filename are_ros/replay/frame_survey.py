@@ -1,7 +1,7 @@
 """How the frames of a recording hang together, for a person to read."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -25,7 +25,8 @@ class SurveyedEdge:
     """One edge parent -> child as it was recorded; the names have no leading slash.
 
     `rate_hz` is the mean rate between the first and the last stamp, 0 for a static edge or a single
-    one. `ahead_ns` is how much later than the recording the worst stamp was (negative: earlier).
+    one; `still_ns` of that time are gaps of the recording, and do not count. `ahead_ns` is how much
+    later than the recording the worst stamp was (negative: earlier).
     """
 
     parent: str
@@ -36,11 +37,12 @@ class SurveyedEdge:
     first_ns: int
     last_ns: int
     ahead_ns: int
+    still_ns: int = 0
 
     @property
     def rate_hz(self) -> float:
         """Mean rate of the stamps."""
-        duration_ns = self.last_ns - self.first_ns
+        duration_ns = self.last_ns - self.first_ns - self.still_ns
         if self.is_static or duration_ns <= 0:
             return 0.0
         return (self.count - 1) * NS_PER_S / duration_ns
@@ -160,8 +162,14 @@ class FrameSurveyor:
             tally.topics.add(topic)
             tally.source = max(tally.source, source)
 
-    def survey(self) -> FrameSurvey:
-        """Return the edges seen so far."""
+    def survey(
+        self, gaps: Sequence[tuple[int, int]] = (), apart: Collection[str] = ()
+    ) -> FrameSurvey:
+        """Return the edges seen so far.
+
+        `gaps` are the [start, stop) of the recording's gaps, by the clock of the stamps. `apart`
+        names edges ("odom -> base") and topics that go by another clock: that is said elsewhere.
+        """
         edges = tuple(
             SurveyedEdge(
                 parent,
@@ -172,15 +180,24 @@ class FrameSurveyor:
                 tally.first_ns,
                 tally.last_ns,
                 tally.ahead_ns,
+                _still_ns(tally, gaps),
             )
             for (parent, child), tally in sorted(self._tallies.items())
         )
         sources = {edge: tally.source for edge, tally in self._tallies.items()}
         refusals = sorted(self._refusals.items())
         in_part = [_said_of(k, r) for k, r in refusals if k[:2] in self._tallies]
-        oddities = [*_oddities(edges, sources, self._slashed), *in_part]
+        oddities = [*_oddities(edges, sources, self._slashed, apart), *in_part]
         refused = [_said_of(k, r) for k, r in refusals if k[:2] not in self._tallies]
         return FrameSurvey(edges, tuple(oddities), tuple(refused))
+
+
+def _still_ns(tally: _Tally, gaps: Sequence[tuple[int, int]]) -> int:
+    """Return how much of the time between the first and the last stamp of an edge is gaps."""
+    return sum(
+        max(0, min(stop_ns, tally.last_ns) - max(start_ns, tally.first_ns))
+        for start_ns, stop_ns in gaps
+    )
 
 
 def root_above(frame: str, parents: Mapping[str, str]) -> str:
@@ -207,6 +224,7 @@ def _oddities(
     edges: tuple[SurveyedEdge, ...],
     sources: Mapping[tuple[str, str], TransformSource],
     slashed: set[str],
+    apart: Collection[str],
 ) -> Iterable[str]:
     """Yield a sentence for each thing that a user would not expect."""
     pairs = {(edge.parent, edge.child) for edge in edges}
@@ -223,7 +241,9 @@ def _oddities(
         name = f"{edge.parent} -> {edge.child}"
         if len(edge.topics) > 1:
             yield f"{name} comes from several topics: {', '.join(edge.topics)}"
-    if ahead := [e for e in edges if not e.is_static and e.ahead_ns > _AHEAD_NS]:
+    ahead = [e for e in edges if not e.is_static and e.ahead_ns > _AHEAD_NS]
+    ahead = [e for e in ahead if not {f"{e.parent} -> {e.child}", *e.topics} & set(apart)]
+    if ahead:
         told = listed([f"{edge.parent} -> {edge.child}" for edge in ahead])
         one_is = "is" if len(ahead) == 1 else "are"
         most_s = max(edge.ahead_ns for edge in ahead) / NS_PER_S

@@ -4,10 +4,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from are_ros.bag.clock import BASE_FRAMES, BagClock, RecordedTimes
+from are_ros.bag.clock import BASE_FRAMES, MOVING_ROLES, BagClock, RecordedTimes, first_time
 from are_ros.bag.reader import BagReader, BagTopic
 from are_ros.bag.roles import ROLE_TYPES, RolesFound, find_roles
-from are_ros.bag.stretches import scan_waits, stretches_of, wait_sentence
+from are_ros.bag.stretches import Stretches, scan_waits, stretches_of, wait_sentence
 from are_ros.conventions import NS_PER_S
 from are_ros.description._tables import aligned, section
 from are_ros.errors import AreError, BagError, InputError
@@ -15,19 +15,21 @@ from are_ros.messages.camera_info import read_camera_info
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import PosesParameters, SensorsParameters
 from are_ros.replay.frame_survey import FrameSurvey, FrameSurveyor, static_tf_option
+from are_ros.replay.timeline import LATE_CAMERA_NS, WITHOUT_CAMERA_INFO
 from are_ros.wording import counted
 from are_ros.world.frame_tree import TransformSource
 
-_SENSOR_ROLES = ("scan", "camera/camera_info")
+_CAMERA = "camera/camera_info"
+_SENSOR_ROLES = ("scan", _CAMERA)
 _CLOUD = "octomap_point_cloud_centers"
-_MOVING_ROLES = ("tf", "odom", "scan")
-_LATE_CAMERA_NS = NS_PER_S
 _GIVEN = "given"
 
 
 @dataclass(frozen=True)
 class InspectedTopic:
-    """A topic with its mean rate over the recording, and the frame of its first message.
+    """A topic with its mean rate, and the frame of its first message.
+
+    The rate is that over the recording, without its gaps for topics of the kinds that move.
 
     `frame_id` is "" where the type has no header, or no role could use the topic.
     """
@@ -83,10 +85,10 @@ def inspect_bag(
     frame_ids = _first_frames(reader)
     times = RecordedTimes.read(reader, _timed(reader, roles, scans), reader.start_ns, reader.end_ns)
     clock, trouble = _clock(times)
-    survey = _survey(reader, roles, given_edges, clock)
-    duration_s = max(reader.end_ns - reader.start_ns, 1) / NS_PER_S
+    stretches = stretches_of(times, clock, reader.start_ns, reader.end_ns, reader.files)
+    survey = _survey(reader, roles, given_edges, clock, stretches)
     topics = tuple(
-        InspectedTopic(topic, topic.count / duration_s, frame_ids.get(topic.name, ""))
+        InspectedTopic(topic, _rate_hz(reader, topic, stretches), frame_ids.get(topic.name, ""))
         for topic in reader.topics
     )
     map_topic = roles.topic("map")
@@ -115,9 +117,7 @@ def inspect_bag(
         base_frame,
         tuple(missing),
         (
-            *stretches_of(times, clock, reader.start_ns, reader.end_ns, reader.files).sentences(
-                reader.start_ns
-            ),
+            *stretches.sentences(reader.start_ns),
             *filter(None, (clock.sentence, clock.disagreement, trouble)),
             *_waits(times, clock, map_frame, given_edges),
         ),
@@ -126,14 +126,21 @@ def inspect_bag(
 
 def _timed(reader: BagReader, roles: RolesFound, scans: Iterable[str]) -> dict[str, str]:
     """Return the roles of the topics that tell the time; all scans where none is chosen."""
-    wanted = ("tf", "tf_static", "odom", "scan", "camera/camera_info")
-    named = ((roles.topic(role), role) for role in wanted)
+    named = ((roles.topic(role), role) for role in ("tf_static", *MOVING_ROLES))
     found = {topic: role for topic, role in named if topic is not None}
     found |= dict.fromkeys(scans, "scan")
     if "scan" not in found.values():
         types = ROLE_TYPES["scan"]
         found |= {topic.name: "scan" for topic in reader.topics if topic.type_name in types}
     return found
+
+
+def _rate_hz(reader: BagReader, topic: BagTopic, stretches: Stretches) -> float:
+    """Return the mean rate of a topic; one of a kind that moves is silent in the gaps."""
+    duration_ns = reader.end_ns - reader.start_ns
+    if any(topic.type_name in ROLE_TYPES[role] for role in MOVING_ROLES):
+        duration_ns -= sum(gap.stop_ns - gap.start_ns for gap in stretches.all_gaps())
+    return topic.count * NS_PER_S / max(duration_ns, 1)
 
 
 def _clock(times: RecordedTimes) -> tuple[BagClock, str]:
@@ -183,6 +190,7 @@ def _survey(
     roles: RolesFound,
     given_edges: Iterable[tuple[str, str]],
     clock: BagClock,
+    stretches: Stretches,
 ) -> FrameSurvey:
     """Survey both tf topics, the odometry's edge and those that were given."""
     surveyor = FrameSurveyor()
@@ -200,7 +208,8 @@ def _survey(
     given = [_edge(parent, child, reader.start_ns) for parent, child in given_edges]
     source = TransformSource.PARAMETER
     surveyor.see(given, _GIVEN, reader.start_ns, is_static=True, source=source)
-    return surveyor.survey()
+    gaps = [(clock.at(gap.start_ns), clock.at(gap.stop_ns)) for gap in stretches.all_gaps()]
+    return surveyor.survey(gaps, clock.apart)
 
 
 def _survey_odometry(reader: BagReader, topic: str | None, surveyor: FrameSurveyor) -> None:
@@ -292,7 +301,7 @@ def _missing_cloud_frame(
 
 def _missing_camera(reader: BagReader, roles: RolesFound) -> Iterable[str]:
     """Say if the first CameraInfo is of no use, or comes late."""
-    topic = roles.topic("camera/camera_info")
+    topic = roles.topic(_CAMERA)
     first = None if topic is None else next(reader.messages((topic,)), None)
     if topic is None or first is None:
         return
@@ -300,13 +309,13 @@ def _missing_camera(reader: BagReader, roles: RolesFound) -> Iterable[str]:
         read_camera_info(reader.deserialize(first), topic).view(rectified=False)
     except AreError as cause:
         yield f"the first CameraInfo is of no use: {cause}"
-    moving = [name for name in map(roles.topic, _MOVING_ROLES) if name is not None]
-    begin = next(reader.messages(moving), None) if moving else None
-    late_ns = 0 if begin is None else first.log_time_ns - begin.log_time_ns
-    if late_ns > _LATE_CAMERA_NS:
+    others = map(roles.topic, (role for role in MOVING_ROLES if role != _CAMERA))
+    begin_ns = first_time(reader, [name for name in others if name is not None])
+    late_ns = 0 if begin_ns is None else first.log_time_ns - begin_ns
+    if late_ns > LATE_CAMERA_NS:
         yield (
             f"{topic} begins {late_ns / NS_PER_S:.1f} s after what moves, and nothing is perceived"
-            " before: --set camera.model:=pinhole takes the camera of the parameters instead"
+            f" before: {WITHOUT_CAMERA_INFO}"
         )
 
 

@@ -44,7 +44,13 @@ from are_ros.replay.progress import Progress, Stopwatch, said_if_slow
 from are_ros.replay.results import REPLAY_PHASE
 from are_ros.replay.runner import Listener, Replay
 from are_ros.replay.scene_record import SceneRecord, SceneRecorder
-from are_ros.replay.timeline import ReplayOptions, Timeline
+from are_ros.replay.timeline import (
+    LATE_CAMERA_NS,
+    WITHOUT_CAMERA_INFO,
+    WITHOUT_MAP,
+    ReplayOptions,
+    Timeline,
+)
 from are_ros.wording import counted
 from are_ros.world.map_file import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -96,10 +102,6 @@ class MapFiles:
 
 _CAMERA_ROLE: Final = "camera/camera_info"
 _TRANSFORM_ROLES: Final = ("tf", "tf_static", "odom")
-_LATE_CAMERA_S: Final = 1.0
-_WITHOUT_CAMERA_INFO: Final = (
-    "--set camera.model:=pinhole takes the camera of the parameters (camera.*) instead"
-)
 
 Say = Callable[[str], None]
 OpenProgress = Callable[[int, int], Progress]
@@ -214,9 +216,7 @@ def _say_what_is_missing(options: ReplayOptions, roles: RolesFound, say: Say) ->
     for sentence in roles.sentences(silent=("scan",) if are_scans_named else ()):
         say(sentence)
     if roles.topic("map") is None and options.map_file is None:
-        raise BagError(
-            "the recording has no map (nav_msgs/OccupancyGrid): give one with --map FILE.yaml"
-        )
+        raise BagError(WITHOUT_MAP)
 
 
 def _recorder(options: ReplayOptions, catalogue: Catalogue) -> SceneRecorder:
@@ -321,9 +321,9 @@ def _camera_problem(
     topic = _camera_topic(replay)
     if builder.camera is None:
         why = _refused(replay, (_CAMERA_ROLE,)) or f"none came on {topic} in this time"
-        return f"no usable CameraInfo was received ({why}); {_WITHOUT_CAMERA_INFO}"
+        return f"no usable CameraInfo was received ({why}); {WITHOUT_CAMERA_INFO}"
     if watch.first_ns is None:
-        return f"the first CameraInfo of {topic} came after the last tick; {_WITHOUT_CAMERA_INFO}"
+        return f"the first CameraInfo of {topic} came after the last tick; {WITHOUT_CAMERA_INFO}"
     refused = _refused(replay, _TRANSFORM_ROLES)
     cause = f"; refused: {refused}" if refused else ""
     return (
@@ -336,14 +336,15 @@ def _late_camera(options: ReplayOptions, replay: Replay, watch: CameraWatch) -> 
     """Say if the camera was not known for a while at the beginning."""
     if not options.demand.perception or watch.first_ns is None:
         return []
-    late_s = (watch.first_ns - replay.start_ns) / NS_PER_S
-    if late_s <= _LATE_CAMERA_S:
+    late_ns = watch.first_ns - replay.start_ns
+    if late_ns <= LATE_CAMERA_NS:
         return []
+    late_s = late_ns / NS_PER_S
     topic = _camera_topic(replay)
     said = (
         f"nothing was perceived in the first {late_s:.1f} s: no CameraInfo came on {topic} before"
     )
-    return [f"{said}; {_WITHOUT_CAMERA_INFO}"]
+    return [f"{said}; {WITHOUT_CAMERA_INFO}"]
 
 
 def _camera_topic(replay: Replay) -> str:

@@ -3,22 +3,38 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final
 
-from are_ros.bag.clock import MOVING_ROLES, BagClock, Ints, RecordedTimes
+from are_ros.bag.clock import BagClock, Ints, RecordedTimes
 from are_ros.bag.reader import BagReader
 from are_ros.bag.roles import RolesFound
-from are_ros.bag.stretches import GAP_NS, Stretches, scan_waits, stretches_of
+from are_ros.bag.stretches import (
+    Stretches,
+    beginning,
+    scan_waits,
+    stillness_ahead,
+    stretches_of,
+)
 from are_ros.builder.assembly import parse_static_transform
 from are_ros.builder.tick import Demand
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BagError
 from are_ros.parameters.model import Parameters
-from are_ros.wording import duration_text
 
 FED_BEFORE_START = ("map", "octomap_point_cloud_centers", "camera/camera_info", "tf", "tf_static")
 SCAN_ROLE = "scan"
 _DEFAULT_SCANS = ("scan",)
 _READ_ROLES = (*FED_BEFORE_START, "odom", SCAN_ROLE, "plan")
+
+
+LATE_CAMERA_NS: Final = NS_PER_S
+"""A first CameraInfo that comes later than this is worth a word."""
+WITHOUT_CAMERA_INFO: Final = (
+    "--set camera.model:=pinhole takes the camera of the parameters (camera.*) instead"
+)
+WITHOUT_MAP: Final = (
+    "the recording has no map (nav_msgs/OccupancyGrid): give one with --map FILE.yaml"
+)
 
 
 @dataclass(frozen=True)
@@ -49,8 +65,8 @@ class ReplayOptions:
 class Timeline:
     """What a replay reads of a recording, and when: known before the replay begins.
 
-    `spans` are [start, stop) of the log [ns]; nothing moves between them. Seconds of the options
-    count from `begin_ns`. `waits` tell how long scans wait for their transforms [ns], by topic.
+    Nothing moves between the spans of `stretches`. Seconds of the options count from `begin_ns`.
+    `waits` tell how long scans wait for their transforms [ns], by topic.
     """
 
     role_of_topic: Mapping[str, str]
@@ -84,21 +100,8 @@ class Timeline:
         """Return what a user should know of it."""
         said = self.stretches.sentences(self.begin_ns)
         if self.begin_ns > bag_start_ns:
-            ahead = duration_text(self.begin_ns - bag_start_ns)
-            said.insert(0, f"nothing moves in the first {ahead}: the replay begins after them")
+            said.insert(0, stillness_ahead(self.begin_ns - bag_start_ns))
         return [*said, *filter(None, (self.clock.sentence, self.clock.disagreement))]
-
-
-def beginning(reader: BagReader, role_of_topic: Mapping[str, str]) -> int:
-    """Return the log time at which the recording begins.
-
-    What lies long before everything that moves (a latched map with the time of its making, or
-    with none) does not count.
-    """
-    moving = [topic for topic, role in role_of_topic.items() if role in MOVING_ROLES]
-    firsts = (next(reader.messages((topic,)), None) for topic in moving)
-    begin_ns = min((first.log_time_ns for first in firsts if first), default=reader.start_ns)
-    return begin_ns if begin_ns - reader.start_ns >= GAP_NS else reader.start_ns
 
 
 def _end_ns(reader: BagReader, start_ns: int, options: ReplayOptions) -> int:

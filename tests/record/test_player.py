@@ -162,6 +162,22 @@ def test_a_slice_is_played(ros: RosWorld, words: Path) -> None:
     assert values == clock_values(at_ns(0.2), at_ns(0.35), GRID_NS)
 
 
+def test_the_start_counts_from_where_a_replay_begins(ros: RosWorld, tmp_path: Path) -> None:
+    """A map from an hour before is sent first, and the seconds count from what moves."""
+    factory = RosbagsFactory()
+    records = [("/map", 0.0, factory.make(STRING, data="map"))]
+    records += [("/tf", 3600.0 + at / 10, transforms(factory, f"at{at}")) for at in range(11)]
+    bag = write_messages(tmp_path / "start.mcap", records, latched=["/map"])
+    values = collect_clock(ros)
+    heard = listen(ros, ("/map",))
+    with ros.spinning():
+        run = played(bag, start_s=0.5, clock_hz=50.0, **FAST)
+        ros.spin_until(lambda: bool(heard) and len(values) > 1)
+    assert texts(heard, "/map") == ["map"]
+    assert values[0] == at_ns(3600.5)
+    assert "nothing moves in the first 60.0 min: the player begins after them" in run.sentences
+
+
 def test_without_a_clock_messages_come_all_the_same(ros: RosWorld, words: Path) -> None:
     """`clock_hz` of 0 leaves /clock to somebody else."""
     values = collect_clock(ros)

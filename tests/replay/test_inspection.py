@@ -103,6 +103,32 @@ def test_rates_read_well(tmp_path: Path, factory: RosbagsFactory, write_bag: Wri
     assert lines[0] == "100.0 s, 1004 messages"
 
 
+def test_rates_leave_gaps_out(tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag) -> None:
+    """Ten messages a second in two drives, an hour apart: of the topic and of the edge."""
+    ticks = [at for begin_s in (0, 3600) for at in range(10 * begin_s, 10 * begin_s + 101)]
+    records = [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in ticks]
+    found = inspected(write_bag(tmp_path / "bag.mcap", records))
+    (edge,) = found.frames.edges
+    assert found.topics[0].rate_hz == pytest.approx(10.0, rel=0.02)
+    assert edge.rate_hz == pytest.approx(10.0, rel=0.02)
+
+
+def test_stamps_of_another_clock_are_said_once(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """The sentence on the time names the edge; those on frames do not repeat it."""
+    records = [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in range(50)]
+    ahead = [
+        transform("map", "odom", k * S // 10 + 5 * S)._replace(translation_m=(0.01 * k, 0.0, 0.0))
+        for k in range(50)
+    ]
+    records += [("/tf", k * S // 10, make_transforms(factory, [ahead[k]])) for k in range(50)]
+    records += [("/scan", k * S // 10, scan(factory, k * S // 10)) for k in range(50)]
+    found = inspected(write_bag(tmp_path / "bag.mcap", records))
+    (said,) = [line for line in (*found.frames.oddities, *found.time) if "stamped" in line]
+    assert said.startswith("map -> odom is stamped up to 5.00 s later than /odom"), said
+
+
 def test_what_is_missing_is_said_with_its_option(
     tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
 ) -> None:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from subprocess import CompletedProcess
 from typing import Any
@@ -67,6 +68,15 @@ def test_a_pause_of_less_than_a_minute_is_no_gap() -> None:
         times = times_of(moving)
         found = stretches_of(times, BagClock.of(times), 0, int(moving[-1]) + 1)
         assert len(found.spans) == spans
+
+
+def test_a_window_that_ends_in_a_gap_ends_with_what_moves() -> None:
+    """However little of the gap lies in it: what moves next, behind the window, tells the gap."""
+    moving = every(S, 0, 11 * S)
+    for next_ns, stop_ns in ((50 * S, 40 * S), (75 * S, int(moving[-1]) + 1)):
+        times = replace(times_of(moving), next_moving_ns=next_ns)
+        found = stretches_of(times, BagClock.of(times), 0, 40 * S)
+        assert found.spans == ((0, stop_ns),)
 
 
 @pytest.mark.parametrize("ahead_s", [-12.0, -7.6, -0.6, 0.3, 7.6, 12.0])
