@@ -5,10 +5,9 @@ import time
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import click
-from tqdm import tqdm
 
 from are_ros.cli.options import FILE, IMPERFECT, Amount, parameter_options, say
 
@@ -86,8 +85,10 @@ class SoakProgress:
         self._total_min = total_min
         self._say, self._clock = say, clock
         self._began_s = self._said_s = clock()
-        self._bar: tqdm[NoReturn] | None = None
+        self._bar: Any = None
         if sys.stderr.isatty():
+            from tqdm import tqdm
+
             self._bar = tqdm(total=total_min, bar_format=_LAYOUT)
 
     def close(self) -> None:

@@ -5,6 +5,7 @@ from struct import Struct
 from typing import Any, NamedTuple
 
 from are_ros.conventions import NS_PER_S
+from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.common import (
     MessageFactory,
     make_header,
@@ -65,8 +66,7 @@ def _make_transform(factory: MessageFactory, transform: StampedTransform) -> Any
     )
 
 
-# TFMessages from their bytes straight to values: recordings hold tens of thousands of them.
-
+# TFMessages and their bytes, without message objects: recordings hold tens of thousands of them.
 
 _COUNT = Struct("<I")
 _STAMP_AND_LENGTH = Struct("<iII")
@@ -102,7 +102,7 @@ def decode_transforms_cdr(data: bytes) -> list[StampedTransform]:
         position = ((position + length + 3) & ~7) + 4
         numbers = _POSE.unpack_from(data, position)
         position += 56
-        stamp_ns = seconds * 1_000_000_000 + nanoseconds
+        stamp_ns = seconds * NS_PER_S + nanoseconds
         transforms.append(StampedTransform(parent, child, stamp_ns, numbers[:3], numbers[3:]))
     return transforms
 
@@ -123,37 +123,20 @@ def decode_transforms_ros1(data: bytes) -> list[StampedTransform]:
         position += length
         numbers = _POSE.unpack_from(data, position)
         position += 56
-        stamp_ns = seconds * 1_000_000_000 + nanoseconds
+        stamp_ns = seconds * NS_PER_S + nanoseconds
         transforms.append(StampedTransform(parent, child, stamp_ns, numbers[:3], numbers[3:]))
     return transforms
 
 
-# TFMessages from values straight to their bytes: recordings hold tens of thousands of them.
-
-
-_STAMP = Struct("<iI")
-_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
-
-
 def encode_transforms_cdr(transforms: Sequence[StampedTransform]) -> bytes:
-    """Return a ROS 2 TFMessage in little-endian XCDR1; struct.error for a stamp out of range."""
-    data = bytearray(_COUNT.pack(len(transforms)))
+    """Return a ROS 2 TFMessage in little-endian XCDR1; struct.error for a stamp out of range.
+
+    InputError for a name with the character NUL in it.
+    """
+    writer = CdrWriter()
+    writer.count(len(transforms))
     for parent, child, stamp_ns, place, turn in transforms:
-        _align(data, 4)
-        data += _STAMP.pack(*divmod(stamp_ns, NS_PER_S))
-        _append_text(data, parent)
-        _align(data, 4)
-        _append_text(data, child)
-        _align(data, 8)
-        data += _POSE.pack(*place, *turn)
-    return _LITTLE_ENDIAN + bytes(data)
-
-
-def _append_text(data: bytearray, text: str) -> None:
-    encoded = text.encode()
-    data += _COUNT.pack(len(encoded) + 1) + encoded + b"\0"
-
-
-def _align(data: bytearray, size: int) -> None:
-    """Pad to a multiple of a size, counted from the end of the encapsulation header."""
-    data += bytes(-len(data) % size)
+        writer.header(parent, stamp_ns)
+        writer.text(child)
+        writer.pack(_POSE, 8, *place, *turn)
+    return writer.message()

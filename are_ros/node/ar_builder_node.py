@@ -21,10 +21,10 @@ from are_ros.node.diagnostics import CameraWatch
 from are_ros.node.guard import offer_heartbeat
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.parameters import ParameterBridge
-from are_ros.node.publishers import Outlets
+from are_ros.node.publishers import Publishers
 from are_ros.node.reporter import Reporter
 from are_ros.node.services import Services
-from are_ros.node.subscriptions import Inlets, WireDecoding, WireMessage
+from are_ros.node.subscriptions import Subscriptions, WireDecoding, WireMessage
 from are_ros.node.watches import BusyWatch, HangWatch
 from are_ros.parameters.choices import OnRobotContact
 from are_ros.parameters.declaration import with_values
@@ -53,8 +53,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         super().__init__(node_name, **options)
         self._heartbeat = offer_heartbeat(self)
         self.live: LiveBuilder | None = None
-        self._inlets: Inlets | None = None
-        self._outlets: Outlets | None = None
+        self._inputs: Subscriptions | None = None
+        self._outputs: Publishers | None = None
         self._catalogue: Catalogue | None = None
         self.is_wanted: Callable[[], bool] = lambda: True
         self._is_active = self._is_paused = False
@@ -146,7 +146,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
 
     def flush(self, timeout_s: float) -> None:
         """Wait until subscribers have what was published, but no longer than this."""
-        late = self._outlets.flush(timeout_s) if self._outlets is not None else []
+        late = self._outputs.flush(timeout_s) if self._outputs is not None else []
         if late:
             self.get_logger().warning(
                 f"a subscriber has not taken the last of {', '.join(late)} within {timeout_s:g} s"
@@ -157,15 +157,23 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         mixture_of(parameters, catalogue)
         self._prepare(catalogue)
         self._said.clear()
-        inlets = self._inlets = Inlets(self, parameters.sensors.scans, self._store, self._say)
-        outlets = self._outlets = Outlets(self, inlets.scans, self._say)
+        subscriptions = self._inputs = Subscriptions(
+            self, parameters.sensors.scans, self._store, self._say
+        )
+        publishers = self._outputs = Publishers(self, subscriptions.scans, self._say)
         decoding = WireDecoding()
         self.live = LiveBuilder(
-            parameters, catalogue, decoding, inlets.roles, inlets, outlets, self._refused
+            parameters,
+            catalogue,
+            decoding,
+            subscriptions.roles,
+            subscriptions,
+            publishers,
+            self._refused,
         )
         self.live.busy = self._busy
         self._hangs = HangWatch(self._busy, self._cry)
-        inlets.follow_publishers()
+        subscriptions.follow_publishers()
         self.get_logger().info("configured: the real map is relayed")
 
     def _prepare(self, catalogue: Catalogue) -> None:
@@ -175,12 +183,12 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
 
     def _close(self) -> None:
         self.retire()
-        for part in (self._inlets, self._outlets):
+        for part in (self._inputs, self._outputs):
             if part is not None:
                 part.close()
         if self._hangs is not None:
             self._hangs.close()
-        self.live = self._inlets = self._outlets = self._catalogue = self._hangs = None
+        self.live = self._inputs = self._outputs = self._catalogue = self._hangs = None
 
     def _resume(self) -> None:
         if self.live is not None:
@@ -225,11 +233,11 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
 
     def _work(self) -> None:
         """Do what is due, and wake up when something is due next."""
-        live, outlets = self.live, self._outlets
-        if live is None or outlets is None:
+        live, publishers = self.live, self._outputs
+        if live is None or publishers is None:
             self._timer.cancel()
             return
-        if outlets.has_new_viewer():
+        if publishers.has_new_viewer():
             live.new_viewer()
         live.work(self.now_ns())
         for sentence in live.faults.sentences(monotonic_ns()):
@@ -257,27 +265,27 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self._look_and_report()
 
     def _look_and_report(self) -> None:
-        if self.live is not None and self._inlets is not None:
-            self._inlets.follow_publishers()
-            self._look_for_camera(self.live, self._inlets)
+        if self.live is not None and self._inputs is not None:
+            self._inputs.follow_publishers()
+            self._look_for_camera(self.live, self._inputs)
             self._work()
             for notice in self.live.take_notices():
                 self._say(notice)
         now_ns = monotonic_ns()
         busy = self._busy.figures(now_ns)
-        self._reporter.report(self.live, self._inlets, busy, now_ns, is_paused=self._is_paused)
+        self._reporter.report(self.live, self._inputs, busy, now_ns, is_paused=self._is_paused)
         if self._reporter.clock_doubt:
             self._say(self._reporter.clock_doubt)
 
-    def _look_for_camera(self, live: LiveBuilder, inlets: Inlets) -> None:
+    def _look_for_camera(self, live: LiveBuilder, subscriptions: Subscriptions) -> None:
         """Let the default camera stand in where nobody offers to tell another, and say so later."""
-        now_ns, is_offered = monotonic_ns(), inlets.is_offered("camera/camera_info")
+        now_ns, is_offered = monotonic_ns(), subscriptions.is_offered("camera/camera_info")
         is_missing = self._is_active and not is_offered and live.builder.camera is None
         if is_offered or live.builder.camera is None:
             self._stand_in = ""
         if self._camera_watch.is_to_stand_in(now_ns, is_missing=is_missing):
             self._stand_in = live.builder.use_default_camera()
-        is_only_map_offered = self._is_active and not is_offered and inlets.is_offered("map")
+        is_only_map_offered = self._is_active and not is_offered and subscriptions.is_offered("map")
         is_late = self._camera_watch.is_to_be_said(now_ns, is_only_map_offered=is_only_map_offered)
         if is_late and self._stand_in:
             self._say(f"nobody publishes CameraInfo: {self._stand_in}")
@@ -307,8 +315,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
                 self._work()
 
     def _refused(self, topic: str, sentence: str) -> None:
-        if self._inlets is not None:
-            self._inlets.watches[topic].refused(monotonic_ns(), sentence)
+        if self._inputs is not None:
+            self._inputs.watches[topic].refused(monotonic_ns(), sentence)
         self._say(sentence)
 
     def _say(self, sentence: str) -> None:

@@ -25,7 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from are_ros.errors import AreError, NodeError
 from are_ros.node.message_classes import message_class
-from are_ros.node.startup import Stop, make_room, stop_on_signals
+from are_ros.node.startup import Stop, make_room, refusals_of_ros, stop_on_signals
 
 NAME: Final = "ar_guard"
 _GUARDED: Final = "ar_builder"
@@ -141,11 +141,8 @@ def _run(arguments: Sequence[str] | None, stop: Stop) -> int:
     context = Context()
     try:
         words = None if arguments is None else list(arguments)
-        try:
+        with refusals_of_ros():
             rclpy.init(args=words, context=context, signal_handler_options=SignalHandlerOptions.NO)
-        except RuntimeError as cause:
-            reason = str(cause).partition(", at /")[0]
-            raise NodeError(f"ROS does not start: {reason}") from cause
         guard = Guard(context=context)
         executor = SingleThreadedExecutor(context=context)
         executor.add_node(guard)

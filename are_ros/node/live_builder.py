@@ -55,7 +55,7 @@ class Inbox(Protocol):
         """Tell whether the time is that of /clock, which comes as messages come."""
 
 
-class Outlet(Protocol):
+class OutputSink(Protocol):
     """Where outputs go."""
 
     def wanted(self) -> Container[str]:
@@ -84,7 +84,7 @@ class LiveBuilder:
         decoding: Decoding,
         roles: Mapping[str, str],
         inbox: Inbox,
-        outlet: Outlet,
+        sink: OutputSink,
         refused: Callable[[str, str], None],
     ) -> None:
         self.builder = ArBuilder(parameters, catalogue)
@@ -96,7 +96,7 @@ class LiveBuilder:
         self._events: list[ArtefactEvent] = []
         self._roles = roles
         self._inbox = inbox
-        self._outlet = outlet
+        self._sink = sink
         self._refused = refused
         self._decoding = decoding
         self._feed = Feed(decoding, self.builder, _without_clicks(roles))
@@ -299,7 +299,7 @@ class LiveBuilder:
     def _relay(self, role: str, message: RawMessage) -> None:
         """Let a navigation stack have what is real while there are no ticks to give it more."""
         if role == "scan":
-            self._outlet.publish(self._scan_outputs[message.topic], message.data)
+            self._sink.publish(self._scan_outputs[message.topic], message.data)
         elif role == "map":
             self._relay_map(message)
 
@@ -310,8 +310,8 @@ class LiveBuilder:
         except AreError:
             return
         if grid.frame_id == self.builder.parameters.frames.map:
-            self._outlet.publish("augmented_map", message.data)
-            self._outlet.publish("artefact_map", encode_grid(without_artefacts(grid)))
+            self._sink.publish("augmented_map", message.data)
+            self._sink.publish("artefact_map", encode_grid(without_artefacts(grid)))
 
     def _run_ticks(self, until_ns: int) -> None:
         self._follow_clock(until_ns)
@@ -326,7 +326,7 @@ class LiveBuilder:
 
     def _run_tick(self, tick_ns: int, late_ns: int) -> None:
         began_ns = monotonic_ns()
-        wanted = self._outlet.wanted()
+        wanted = self._sink.wanted()
         self.builder.demand = self._encoder.demand = self._demand(wanted)
         tick = self.builder.step(tick_ns)
         self._events += tick.events
@@ -345,12 +345,12 @@ class LiveBuilder:
 
     def _send_tick(self, tick: Tick, wanted: Container[str] | None = None) -> None:
         for name, _, data in self._encoder.encode(tick, wanted):
-            self._outlet.publish(name, data)
+            self._sink.publish(name, data)
 
     def _send_scans(self) -> None:
         scans: Sequence[ReleasedScan] = self.builder.take_scans()
         for released in scans:
-            self._outlet.publish(self._scan_outputs[released.topic], encode_scan(released.scan))
+            self._sink.publish(self._scan_outputs[released.topic], encode_scan(released.scan))
 
     def _follow_clock(self, now_ns: int) -> None:
         """Begin the ticks anew when the clock has jumped back, as the builder does."""

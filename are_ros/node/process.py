@@ -1,20 +1,18 @@
 """The node's process: a context, a node, an executor, and an orderly end."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import Any, Final
 
 import rclpy
 from rclpy.context import Context
-from rclpy.exceptions import ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
-from are_ros.errors import AreError, NodeError
+from are_ros.errors import AreError
 from are_ros.node.ar_builder_node import NAME, ArBuilderNode
-from are_ros.node.startup import Stop, make_room
+from are_ros.node.startup import Stop, make_room, refusals_of_ros
 
 _OK, _FAILED = 0, 1
 _WAIT_S: Final = 0.1
@@ -26,7 +24,7 @@ def run(arguments: Sequence[str] | None, stop: Stop) -> int:
     make_room()
     context = Context()
     try:
-        with _refusals_of_ros():
+        with refusals_of_ros():
             rclpy.init(
                 args=None if arguments is None else list(arguments),
                 context=context,
@@ -73,13 +71,3 @@ def _executor(context: Context) -> Any:
     except ImportError:
         return SingleThreadedExecutor(context=context)
     return EventsExecutor(context=context)
-
-
-@contextmanager
-def _refusals_of_ros() -> Iterator[None]:
-    """Make a NodeError of what ROS finds wrong; where in its own sources does not help anyone."""
-    try:
-        yield
-    except (RuntimeError, ParameterException) as cause:
-        reason = str(cause).partition(", at /")[0]
-        raise NodeError(f"ROS does not start: {reason}") from cause

@@ -14,7 +14,7 @@ from are_ros.node.qos import advertise
 _SCAN: Final = "sensor_msgs/msg/LaserScan"
 
 
-class Outlets:
+class Publishers:
     """Publishes outputs under the node's own name; what nobody listens to is not wanted.
 
     Latched outputs are always wanted. An output whose message package is not installed is left

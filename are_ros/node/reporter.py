@@ -22,7 +22,7 @@ from are_ros.node.diagnostics import (
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import RclpyFactory
 from are_ros.node.qos import advertise
-from are_ros.node.subscriptions import Inlets
+from are_ros.node.subscriptions import Subscriptions
 from are_ros.node.watches import BusyFigures, CountWatch
 
 _MINUTE_NS: Final = 60 * NS_PER_S
@@ -66,14 +66,14 @@ class Reporter:
     def report(
         self,
         live: LiveBuilder | None,
-        inlets: Inlets | None,
+        subscriptions: Subscriptions | None,
         busy: BusyFigures,
         now_ns: int,
         *,
         is_paused: bool,
     ) -> None:
         """Publish how the node does."""
-        snapshot = self._snapshot(live, inlets, now_ns, is_paused=is_paused)
+        snapshot = self._snapshot(live, subscriptions, now_ns, is_paused=is_paused)
         snapshot = replace(snapshot, busy=busy)
         self.clock_doubt = clock_doubt(snapshot)
         stamp_ns = int(self._node.get_clock().now().nanoseconds)
@@ -82,7 +82,12 @@ class Reporter:
         self._publisher.publish(message)
 
     def _snapshot(
-        self, live: LiveBuilder | None, inlets: Inlets | None, now_ns: int, *, is_paused: bool
+        self,
+        live: LiveBuilder | None,
+        subscriptions: Subscriptions | None,
+        now_ns: int,
+        *,
+        is_paused: bool,
     ) -> NodeSnapshot:
         uses_sim_time = bool(self._node.get_parameter("use_sim_time").value)
         is_without_clock = uses_sim_time and not self._node.get_clock().now().nanoseconds
@@ -93,7 +98,7 @@ class Reporter:
             "active_s": 0.0 if since_ns is None else (now_ns - since_ns) / NS_PER_S,
             "uses_sim_time": uses_sim_time,
             "is_without_clock": is_without_clock,
-            "inputs": tuple(inlets.snapshots(now_ns)) if inlets else (),
+            "inputs": tuple(subscriptions.snapshots(now_ns)) if subscriptions else (),
         }
         return NodeSnapshot(**common, **(self._of_builder(live, now_ns) if live else {}))
 

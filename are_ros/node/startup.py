@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM, noted from the first moment on."""
+"""What a process of ROS needs before rclpy starts: its signals, and room for its messages."""
 
 import os
 import signal
@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
+
+from are_ros.errors import NodeError
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
@@ -21,12 +23,16 @@ class Stop:
         del number, frame
         self.is_set = True
 
+    def should_stop(self) -> bool:
+        """Tell whether a signal came."""
+        return self.is_set
+
 
 @contextmanager
-def stop_on_signals() -> Iterator[Stop]:
-    """Give out what signals set while the block runs; for the main thread.
+def stop_on_signals(*, is_last: bool = True) -> Iterator[Stop]:
+    """Give out what SIGINT and SIGTERM set while the block runs; for the main thread.
 
-    After a signal later ones are ignored for good: who ends already need not be told again.
+    Where the process ends after the block (`is_last`), later signals are ignored once one came.
     """
     stop = Stop()
     before = {number: signal.signal(number, stop) for number in _SIGNALS}
@@ -34,7 +40,7 @@ def stop_on_signals() -> Iterator[Stop]:
         yield stop
     finally:
         for number, previous in before.items():
-            signal.signal(number, signal.SIG_IGN if stop.is_set else previous)
+            signal.signal(number, signal.SIG_IGN if is_last and stop.is_set else previous)
 
 
 # How Fast DDS, the middleware of ROS 2 as it comes, carries the messages of a process.
@@ -72,3 +78,15 @@ def has_room() -> bool:
     except OSError:
         return False
     return free.f_bavail * free.f_frsize >= _ROOM_BYTES
+
+
+@contextmanager
+def refusals_of_ros() -> Iterator[None]:
+    """Make a NodeError of what ROS finds wrong, without the line of its own sources."""
+    from rclpy.exceptions import ParameterException  # after the signals: rclpy takes long to import
+
+    try:
+        yield
+    except (RuntimeError, ParameterException) as cause:
+        reason = str(cause).partition(", at /")[0]
+        raise NodeError(f"ROS does not start: {reason}") from cause

@@ -70,7 +70,7 @@ _REQUIRED: Final = ("map",)
 Store = Callable[[WireMessage], None]
 
 
-class Inlets:
+class Subscriptions:
     """Subscribes to all inputs, each by its role; `store` is called with what comes in.
 
     The cloud's subscription follows its publishers: latched if they all latch, else not. An input

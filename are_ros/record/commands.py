@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from are_ros.errors import BagError
+from are_ros.node.startup import stop_on_signals
 from are_ros.record.demo import DemoOptions, run_demo, summary_of
 from are_ros.record.player import PlayOptions, PlayOutcome, play
 from are_ros.record.recorder import record
-from are_ros.record.session import stop_on_signal
 from are_ros.record.topics import RecordOptions
 from are_ros.replay.command import effective_parameters
 from are_ros.replay.film_command import draw_recording
@@ -23,17 +23,17 @@ Say = Callable[[str], None]
 def play_command(say: Say, remaps: Sequence[str], **options: Any) -> bool:
     """Run `are play`; return whether everything could be played."""
     wanted = PlayOptions(remaps=read_remaps(remaps), **options)
-    with stop_on_signal() as should_stop, ProgressBar("play") as bar:
-        outcome = play(wanted, say, bar.open, should_stop)
+    with stop_on_signals(is_last=False) as stop, ProgressBar("play") as bar:
+        outcome = play(wanted, say, bar.open, stop.should_stop)
     say(_played(outcome))
     return not outcome.skipped
 
 
 def record_command(say: Say, **options: Any) -> bool:
     """Run `are record`; return whether nothing was lost."""
-    with stop_on_signal() as should_stop:
+    with stop_on_signals(is_last=False) as stop:
         ready = "recording; Ctrl-C ends it"
-        outcome = record(RecordOptions(**options), say, lambda: say(ready), should_stop)
+        outcome = record(RecordOptions(**options), say, lambda: say(ready), stop.should_stop)
     for topic, count in sorted(outcome.counts.items()):
         say(f"{count:8d} {topic}")
     for sentence in outcome.sentences():
@@ -58,8 +58,8 @@ def demo_command(
     files = [*([beside] if beside.is_file() else []), *parameter_files]
     parameters = effective_parameters(files, assignments, seed)
     wanted = DemoOptions(bag, parameters, out, **options)
-    with stop_on_signal() as should_stop, ProgressBar("demo") as bar:
-        outcome = run_demo(wanted, say, bar.open, should_stop)
+    with stop_on_signals(is_last=False) as stop, ProgressBar("demo") as bar:
+        outcome = run_demo(wanted, say, bar.open, stop.should_stop)
     say(_played(outcome))
     for line in summary_of(out / AUGMENTED):
         say(line)

@@ -12,7 +12,46 @@ from are_ros.bag.reader import BagMessage
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import NodeError
 from are_ros.node.message_classes import service_class
-from are_ros.record.publishers import CLOCK, LARGE_BYTES, PlayOutlets
+from are_ros.record.publishers import CLOCK, LARGE_BYTES, PlayedTopics
+
+ShouldStop = Callable[[], bool]
+
+
+class Pace:
+    """Decides when a player sends the next thing: as it stands, at once."""
+
+    def __init__(self, should_stop: ShouldStop) -> None:
+        self._should_stop = should_stop
+
+    def begin(self, now_ns: int) -> None:
+        """Begin a pass at this time of the recording."""
+
+    def wait_until(self, now_ns: int) -> bool:  # noqa: ARG002 - others wait for this time
+        """Wait for this time of the recording; False if the pass is to end before."""
+        return not self._should_stop()
+
+    def wait_a_little(self) -> bool:
+        """Wait between messages that count as sent at the same time; False as above."""
+        return not self._should_stop()
+
+    def rest(self) -> None:
+        """Give subscribers the time to take in the map of the start."""
+
+    def about_to_send(self, message: BagMessage) -> None:
+        """Get ready for a message."""
+
+    def sent(self, message: BagMessage) -> None:
+        """Take note of a message."""
+
+    def about_to_tell(self) -> None:
+        """Get ready for the time to go on: everything earlier was sent."""
+
+    def told(self) -> None:
+        """Wait until the nodes know the time."""
+
+    def end(self) -> None:
+        """Wait until the last messages were taken."""
+
 
 # A node with which a player keeps in step: asked whether it has taken everything earlier.
 
@@ -86,7 +125,7 @@ _PATIENCE_S: Final = 60.0
 _CLOCK_PATIENCE_S: Final = 5.0
 
 
-class Lockstep:
+class Lockstep(Pace):
     """A pace that is set by the slowest of some nodes: as fast as it can, and always the same.
 
     A barrier is a round trip through a service that every node has, its parameters'. Small
@@ -121,12 +160,12 @@ class Lockstep:
         self,
         node: Node,
         names: Sequence[str],
-        outlets: PlayOutlets,
+        outlets: PlayedTopics,
         should_stop: Callable[[], bool],
     ) -> None:
         self._peers = [LockstepPeer(node, name, should_stop) for name in names]
+        super().__init__(should_stop)
         self._outlets = outlets
-        self._should_stop = should_stop
         self._under_way: set[str] = set()
 
     def begin(self, now_ns: int) -> None:
@@ -137,18 +176,6 @@ class Lockstep:
             said = f"{peer.name}: there is no such node"
             self._await(peer.is_there, _PATIENCE_S, said)
             self._await(peer.follows_clock, _CLOCK_PATIENCE_S, f"{peer.name}: {why}")
-
-    def wait_until(self, now_ns: int) -> bool:
-        """Wait for nothing; tell whether to go on."""
-        del now_ns
-        return not self._should_stop()
-
-    def wait_a_little(self) -> bool:
-        """Wait for nothing; tell whether to go on."""
-        return not self._should_stop()
-
-    def rest(self) -> None:
-        """Do nothing: the nodes take what they take before the time goes on."""
 
     def about_to_send(self, message: BagMessage) -> None:
         """Wait until the message before this one, on its topic, was taken."""

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Final, Protocol
+from typing import Final
 
 from are_ros.bag.clock import MOVING_ROLES, BagClock, RecordedTimes
 from are_ros.bag.reader import BagMessage, BagReader
@@ -11,8 +11,8 @@ from are_ros.bag.roles import find_roles
 from are_ros.bag.stretches import beginning, stillness_ahead, stretches_of
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BagError
-from are_ros.record.lockstep import Lockstep
-from are_ros.record.publishers import ClockTeller, PlayOptions, PlayOutlets, await_subscribers
+from are_ros.record.lockstep import Lockstep, Pace, ShouldStop
+from are_ros.record.publishers import ClockTeller, PlayedTopics, PlayOptions, await_subscribers
 from are_ros.record.session import ros_session
 from are_ros.replay.progress import Progress
 from are_ros.wording import duration_text
@@ -101,47 +101,14 @@ _REST_S: Final = 0.5
 _APART_S: Final = 0.001
 """So long between the messages from before the start: a reader's queue is short."""
 
-ShouldStop = Callable[[], bool]
 
-
-class Pace(Protocol):
-    """What decides when the next thing is sent."""
-
-    def begin(self, now_ns: int) -> None:
-        """Begin a pass at this time of the recording."""
-
-    def wait_until(self, now_ns: int) -> bool:
-        """Wait for this time of the recording; False if it is to end before."""
-
-    def wait_a_little(self) -> bool:
-        """Wait between messages that count as sent at the same time; False as above."""
-
-    def rest(self) -> None:
-        """Let those who got the map of the start take it in."""
-
-    def about_to_send(self, message: BagMessage) -> None:
-        """Get ready for a message."""
-
-    def sent(self, message: BagMessage) -> None:
-        """Take note of a message."""
-
-    def about_to_tell(self) -> None:
-        """Get ready for the time to go on: everything earlier was sent."""
-
-    def told(self) -> None:
-        """Let what goes by the time follow."""
-
-    def end(self) -> None:
-        """Let what was sent last be taken."""
-
-
-class Lifelike:
+class Lifelike(Pace):
     """Sends each thing at its time, `rate` times as fast as it happened."""
 
     def __init__(self, rate: float, should_stop: ShouldStop) -> None:
+        super().__init__(should_stop)
         self.worst_s = 0.0
         self._rate = rate
-        self._should_stop = should_stop
         self._asked_s = 0.0
 
     def begin(self, now_ns: int) -> None:
@@ -170,21 +137,6 @@ class Lifelike:
     def rest(self) -> None:
         """Sleep for a moment: what comes while a map is taken in would count as come later."""
         time.sleep(_REST_S)
-
-    def about_to_send(self, message: BagMessage) -> None:
-        """Do nothing."""
-
-    def sent(self, message: BagMessage) -> None:
-        """Do nothing."""
-
-    def about_to_tell(self) -> None:
-        """Do nothing: time goes on by itself."""
-
-    def told(self) -> None:
-        """Do nothing."""
-
-    def end(self) -> None:
-        """Do nothing: the publishers stay for a moment."""
 
 
 __all__ = ("PlayOptions", "PlayOutcome", "play")
@@ -232,7 +184,7 @@ def play(
                 "played too: --start and --duration choose a part"
             )
         options.check_topics([topic.name for topic in reader.topics])
-        outlets = PlayOutlets(node, reader, options, say)
+        outlets = PlayedTopics(node, reader, options, say)
         if not outlets.topics:
             raise BagError("nothing is left to play of the recording")
         teller = ClockTeller(node, options.clock_hz)
@@ -256,7 +208,11 @@ def play(
 
 
 def _play_once(
-    recording: PlayWindow, outlets: PlayOutlets, teller: ClockTeller, pace: Pace, progress: Progress
+    recording: PlayWindow,
+    outlets: PlayedTopics,
+    teller: ClockTeller,
+    pace: Pace,
+    progress: Progress,
 ) -> bool:
     """Play the recording once; tell whether it came to its end."""
     pace.begin(recording.start_ns)
@@ -292,13 +248,13 @@ def _play_once(
     return True
 
 
-def _let_it_arrive(outlets: PlayOutlets, pace: Pace) -> None:
+def _let_it_arrive(outlets: PlayedTopics, pace: Pace) -> None:
     """Wait until the map of the start has arrived, if there was one."""
     if outlets.wait_for_latched(_LATCHED_S):
         pace.rest()
 
 
-def _send(message: BagMessage, outlets: PlayOutlets, pace: Pace) -> None:
+def _send(message: BagMessage, outlets: PlayedTopics, pace: Pace) -> None:
     pace.about_to_send(message)
     outlets.publish(message)
     pace.sent(message)

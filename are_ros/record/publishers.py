@@ -85,7 +85,7 @@ _DEPTH: Final = 100
 _RENAMED: Final = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
 
 
-class PlayOutlets:
+class PlayedTopics:
     """Publishes recorded messages; topics whose type is not installed are skipped, with a reason.
 
     Quality of service is as recorded; in lockstep all are reliable, so that nothing is lost.

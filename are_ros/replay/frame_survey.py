@@ -53,7 +53,7 @@ class SurveyedEdge:
             return "static"
         if self.first_ns == self.last_ns:
             return "once" if self.count == 1 else "one stamp"
-        return f"{self.rate_hz:.1f} Hz" if self.rate_hz >= 0.05 else f"{self.rate_hz:.1g} Hz"
+        return hertz(self.rate_hz)
 
 
 @dataclass(frozen=True)
@@ -198,6 +198,11 @@ def _still_ns(tally: _Tally, gaps: Sequence[tuple[int, int]]) -> int:
         max(0, min(stop_ns, tally.last_ns) - max(start_ns, tally.first_ns))
         for start_ns, stop_ns in gaps
     )
+
+
+def hertz(rate_hz: float) -> str:
+    """Return a rate in words, a rare one with one digit that counts."""
+    return f"{rate_hz:.1f} Hz" if rate_hz >= 0.05 else f"{rate_hz:.1g} Hz"
 
 
 def root_above(frame: str, parents: Mapping[str, str]) -> str:

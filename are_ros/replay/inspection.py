@@ -14,7 +14,7 @@ from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.camera_info import read_camera_info
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import PosesParameters, SensorsParameters
-from are_ros.replay.frame_survey import FrameSurvey, FrameSurveyor, static_tf_option
+from are_ros.replay.frame_survey import FrameSurvey, FrameSurveyor, hertz, static_tf_option
 from are_ros.replay.timeline import LATE_CAMERA_NS, WITHOUT_CAMERA_INFO
 from are_ros.wording import counted
 from are_ros.world.frame_tree import TransformSource
@@ -362,4 +362,4 @@ def _rate_text(entry: InspectedTopic) -> str:
     """Return the mean rate, of which a single message has none."""
     if entry.topic.count <= 1:
         return "once" if entry.topic.count else ""
-    return f"{entry.rate_hz:.1f} Hz" if entry.rate_hz >= 0.05 else f"{entry.rate_hz:.1g} Hz"
+    return hertz(entry.rate_hz)

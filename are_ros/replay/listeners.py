@@ -29,7 +29,7 @@ from are_ros.world.occupancy_grid import OccupancyGrid
 PREFIX = "/ar_builder/"
 
 
-class TickWriter:
+class TickWriter(Listener):
     """Encodes ticks and released scans, and appends them."""
 
     def __init__(
@@ -44,12 +44,12 @@ class TickWriter:
         for output in self._scan_outputs.values():
             writer.add_topic(output, "sensor_msgs/msg/LaserScan")
 
-    def write_tick(self, tick: Tick) -> None:
+    def take_tick(self, tick: Tick) -> None:
         """Append everything that a tick gives out, at its time."""
         for name, stamp_ns, data in self._encoder.encode(tick):
             self._writer.write_raw(PREFIX + name, stamp_ns, data)
 
-    def write_scans(self, scans: Sequence[ReleasedScan]) -> None:
+    def take_scans(self, scans: Sequence[ReleasedScan]) -> None:
         """Append scans, each at the time when it was released."""
         for released in scans:
             output = self._scan_outputs[released.topic]
@@ -65,7 +65,7 @@ _TYPES = {"tf/msg/tfMessage": _TRANSFORMS}
 _BASE_KIND, _MESSAGE_KIND, _ARRAY_KIND = 1, 2, 3
 
 
-class InputCopy:
+class InputCopy(Listener):
     """Writes the messages that the replay read under their own topics, as ROS 2 messages."""
 
     def __init__(
@@ -87,7 +87,7 @@ class InputCopy:
                 is_latched = roles[topic.name] in _LATCHED_ROLES
                 writer.add_topic(topic.name, type_name, is_latched=is_latched, depth=100)
 
-    def write(self, message: BagMessage, received_ns: int) -> None:
+    def take_input(self, message: BagMessage, received_ns: int) -> None:
         """Append one input; one that cannot be understood is left out, as the builder did."""
         if message.topic not in self._types:
             return
@@ -114,25 +114,26 @@ class InputCopy:
 
     def write_map(self, topic: str, grid: OccupancyGrid, now_ns: int) -> None:
         """Append the map that came from a file, once."""
-        if topic not in self._types:
-            self._types[topic] = "nav_msgs/msg/OccupancyGrid"
-            self._writer.add_topic(topic, self._types[topic], is_latched=True, depth=1)
+        self._announce(topic, "nav_msgs/msg/OccupancyGrid", depth=1)
         self._writer.write(topic, now_ns, make_grid(self._factory, grid))
 
     def write_cloud(self, centres_m: Points, frame_id: str, now_ns: int) -> None:
         """Append the voxels (N, 3) [m] that came from a file, once."""
         topic = "/octomap_point_cloud_centers"
-        self._types[topic] = "sensor_msgs/msg/PointCloud2"
-        self._writer.add_topic(topic, self._types[topic], is_latched=True, depth=1)
+        self._announce(topic, "sensor_msgs/msg/PointCloud2", depth=1)
         self._writer.write(topic, now_ns, make_cloud(self._factory, frame_id, now_ns, centres_m))
 
     def write_static(self, transforms: list[StampedTransform], now_ns: int) -> None:
         """Append the static transforms that were given as parameters."""
         topic = "/tf_static"
-        if topic not in self._types:
-            self._types[topic] = _TRANSFORMS
-            self._writer.add_topic(topic, self._types[topic], is_latched=True, depth=100)
+        self._announce(topic, _TRANSFORMS, depth=100)
         self._writer.write(topic, now_ns, make_transforms(self._factory, transforms))
+
+    def _announce(self, topic: str, type_name: str, *, depth: int) -> None:
+        """Add a latched topic, unless it is one of the inputs."""
+        if topic not in self._types:
+            self._types[topic] = type_name
+            self._writer.add_topic(topic, type_name, is_latched=True, depth=depth)
 
 
 def converted(factory: MessageFactory, original: Any, type_name: str) -> Any:
@@ -161,20 +162,7 @@ def _converted_field(factory: MessageFactory, value: Any, description: Any) -> A
     return value
 
 
-class Silence:
-    """Ignores everything; what listens to less than all derives from it."""
-
-    def take_tick(self, tick: Tick) -> None:
-        """Take a tick."""
-
-    def take_scans(self, scans: Sequence[ReleasedScan]) -> None:
-        """Take scans that left the sensor path."""
-
-    def take_input(self, message: BagMessage, received_ns: int) -> None:
-        """Take an input, after the builder did."""
-
-
-class RecordKeeper(Silence):
+class RecordKeeper(Listener):
     """Keeps what picture and metrics need."""
 
     def __init__(self, recorder: SceneRecorder, builder: ArBuilder) -> None:
@@ -186,7 +174,7 @@ class RecordKeeper(Silence):
         self._recorder.add(tick, self._builder.camera)
 
 
-class CameraWatch(Silence):
+class CameraWatch(Listener):
     """Keeps the time of the first tick that knew the camera, None before there is one."""
 
     def __init__(self, builder: ArBuilder) -> None:
@@ -199,33 +187,7 @@ class CameraWatch(Silence):
             self.first_ns = tick.stamp_ns
 
 
-class OutputWriter(Silence):
-    """Writes ticks and scans."""
-
-    def __init__(self, writer: TickWriter) -> None:
-        self._writer = writer
-
-    def take_tick(self, tick: Tick) -> None:
-        """Write a tick."""
-        self._writer.write_tick(tick)
-
-    def take_scans(self, scans: Sequence[ReleasedScan]) -> None:
-        """Write scans."""
-        self._writer.write_scans(scans)
-
-
-class InputWriter(Silence):
-    """Writes the inputs."""
-
-    def __init__(self, copy: InputCopy) -> None:
-        self._copy = copy
-
-    def take_input(self, message: BagMessage, received_ns: int) -> None:
-        """Write an input."""
-        self._copy.write(message, received_ns)
-
-
-class All(Silence):
+class All(Listener):
     """Tells several listeners, in their order."""
 
     def __init__(self, listeners: Sequence[Listener]) -> None:
@@ -256,7 +218,7 @@ _LEAST_AREA_M2: Final = 3.0
 """Who turns on the spot needs about as much: no place that a robot is driven in is smaller."""
 
 
-class StandingWatch(Silence):
+class StandingWatch(Listener):
     """Looks at each tick whether the cell of the robot's base is free."""
 
     def __init__(self, builder: ArBuilder) -> None:

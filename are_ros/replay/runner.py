@@ -1,7 +1,6 @@
 """A replay: the inputs of a recording through the builder, tick by tick."""
 
 from collections.abc import Iterator, Sequence
-from typing import Protocol
 
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.stretches import Span
@@ -14,8 +13,8 @@ from are_ros.replay.progress import Progress, Stopwatch
 from are_ros.replay.timeline import FED_BEFORE_START, SCAN_ROLE, ReplayOptions, Timeline
 
 
-class Listener(Protocol):
-    """What takes the outputs of a replay, in their order."""
+class Listener:
+    """Takes the outputs of a replay, in their order; as it stands, it ignores them."""
 
     def take_tick(self, tick: Tick) -> None:
         """Take a tick."""

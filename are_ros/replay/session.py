@@ -33,8 +33,6 @@ from are_ros.replay.listeners import (
     All,
     CameraWatch,
     InputCopy,
-    InputWriter,
-    OutputWriter,
     RecordKeeper,
     StandingWatch,
     TickWriter,
@@ -178,8 +176,23 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         say(notice)
     doubts = [*_late_camera(options, replay, camera), *standing.sentences()]
     problem = _camera_problem(options, builder, replay, camera)
-    return _outcome(
-        options, replay, builder, grid, recorder, problem, doubts, needed_s, counts(), stopwatch
+    return Outcome(
+        options,
+        replay.start_ns,
+        replay.end_ns,
+        replay.role_of_topic,
+        recorder.record(),
+        grid,
+        _octomap(builder),
+        builder.scan_counts(),
+        builder.scan_problems(),
+        problem,
+        _cloud_problem(builder),
+        doubts,
+        needed_s,
+        replay.feed.refusals,
+        counts(),
+        stopwatch,
     )
 
 
@@ -243,7 +256,7 @@ def _open_writers(
         return (), dict
     writer = stack.enter_context(BagWriter(options.out / AUGMENTED))
     factory = RosbagsFactory()
-    outputs = OutputWriter(TickWriter(writer, replay.scan_topics(), options.demand))
+    outputs = TickWriter(writer, replay.scan_topics(), options.demand)
     if not options.with_inputs:
         return (outputs,), writer.counts
     copy = InputCopy(reader, writer, factory, replay.role_of_topic)
@@ -253,7 +266,7 @@ def _open_writers(
         copy.write_cloud(files.cloud[0], options.parameters.frames.map, replay.start_ns)
     if statics := _static_transforms(options.parameters, replay.start_ns):
         copy.write_static(statics, replay.start_ns)
-    return (outputs, InputWriter(copy)), writer.counts
+    return (outputs, copy), writer.counts
 
 
 def _static_transforms(parameters: Parameters, stamp_ns: int) -> list[StampedTransform]:
@@ -367,35 +380,3 @@ def _cloud_problem(builder: ArBuilder) -> str:
             "give the transform with --static-tf"
         )
     return builder.world.dropped
-
-
-def _outcome(
-    options: ReplayOptions,
-    replay: Replay,
-    builder: ArBuilder,
-    grid: OccupancyGrid,
-    recorder: SceneRecorder,
-    camera_problem: str,
-    map_doubts: Sequence[str],
-    needed_s: float,
-    counts: Mapping[str, int],
-    stopwatch: Stopwatch,
-) -> Outcome:
-    return Outcome(
-        options,
-        replay.start_ns,
-        replay.end_ns,
-        replay.role_of_topic,
-        recorder.record(),
-        grid,
-        _octomap(builder),
-        builder.scan_counts(),
-        builder.scan_problems(),
-        camera_problem,
-        _cloud_problem(builder),
-        map_doubts,
-        needed_s,
-        replay.feed.refusals,
-        counts,
-        stopwatch,
-    )

@@ -134,7 +134,7 @@ class Bench:
             made = self.user.create_publisher(kind, topic, qos or _usual_qos(role))
             self.publishers[topic] = made
             self.until(made.get_subscription_count)
-            subscriptions = self.node._inlets._subscriptions if self.node._inlets else {}
+            subscriptions = self.node._inputs._subscriptions if self.node._inputs else {}
             if topic in subscriptions:
                 self.until(subscriptions[topic].get_publisher_count)
         return self.publishers[topic]
@@ -142,8 +142,8 @@ class Bench:
     def send(self, role: str, message: Any, topic: str = "", qos: QoSProfile | None = None) -> None:
         """Publish an input, a message or any bytes, and wait until the node has received it."""
         publisher = self.publisher(role, topic, qos)
-        assert self.node._inlets is not None
-        watch = self.node._inlets.watches[publisher.topic_name]
+        assert self.node._inputs is not None
+        watch = self.node._inputs.watches[publisher.topic_name]
         before = watch.count
         publisher.publish(message)
         self.until(lambda: watch.count > before)
@@ -155,8 +155,8 @@ class Bench:
         topic = f"{self.name}/{name}"
         listener = self.user.create_subscription(kind, topic, heard.append, qos or output_qos(name))
         self.until(listener.get_publisher_count)
-        if self.node._outlets is not None:
-            publisher = self.node._outlets._publishers[name]
+        if self.node._outputs is not None:
+            publisher = self.node._outputs._publishers[name]
             self.until(publisher.get_subscription_count)
         return heard
 

@@ -42,7 +42,7 @@ ROLES = ("map", "octomap_point_cloud_centers", "odom", "scan", "tf", "tf_static"
 MAP = "augmented_map"
 
 
-class Outlet:
+class OutputSink:
     """Takes what goes out, of the outputs that are wanted; latched ones are."""
 
     def __init__(self) -> None:
@@ -94,7 +94,7 @@ class Rig:
     """A live builder, what it gave out, and what it refused; times in seconds."""
 
     def __init__(self, parameters: Parameters) -> None:
-        self.outlet = Outlet()
+        self.outlet = OutputSink()
         self.inbox = Inbox()
         self.refused: list[tuple[str, str]] = []
         roles = {f"/{role}": role for role in (*ROLES, "camera/camera_info", "clicked_point")}

@@ -133,8 +133,8 @@ def test_the_cloud_is_received_latched_and_not_and_after_a_switch(make_bench: Ma
     latched.publish(cloud(wall_voxels()))
     bench.clock(1000.0)
     bench.send("map", room())
-    assert bench.node._inlets is not None
-    watch = bench.node._inlets.watches[f"/{CLOUD}"]
+    assert bench.node._inputs is not None
+    watch = bench.node._inputs.watches[f"/{CLOUD}"]
     bench.until(lambda: watch.count == 1)
     bench.tick(1000.1)
     assert "in a wall" in place_in_the_voxels(bench)
@@ -166,8 +166,8 @@ def test_the_last_latched_cloud_is_there_for_a_node_that_comes_later(
     latched.publish(cloud(wall_voxels()))
     bench.clock(1000.0)
     assert bench.change_state("configure", "activate")
-    assert bench.node._inlets is not None
-    watch = bench.node._inlets.watches[f"/{CLOUD}"]
+    assert bench.node._inputs is not None
+    watch = bench.node._inputs.watches[f"/{CLOUD}"]
     bench.until(lambda: watch.count == 1)
     volatile = bench.user.create_publisher(kind, f"/{CLOUD}", RELIABLE)
     bench.until(volatile.get_subscription_count)

@@ -138,8 +138,8 @@ def what_is_known(bench: Bench) -> tuple[object, ...]:
 def refusals(bench: Bench, role: str) -> tuple[int, int, str]:
     """Return how many messages came, how many were refused, and what was said of the last."""
     bench.settle()
-    assert bench.node._inlets is not None
-    figures = bench.node._inlets.watches[topic_of(role)].figures(0)
+    assert bench.node._inputs is not None
+    figures = bench.node._inputs.watches[topic_of(role)].figures(0)
     return figures.count, figures.refused, figures.last_refusal
 
 

@@ -47,7 +47,7 @@ class Decoding:
         raise InputError(f"{message.topic}: no odometry")
 
 
-class Outlet:
+class OutputSink:
     """Keeps what is published; everybody wants everything."""
 
     def __init__(self) -> None:
@@ -74,13 +74,13 @@ def map_message(side: int, value: int = 0) -> Message:
 
 
 @pytest.fixture
-def outlet() -> Outlet:
+def outlet() -> OutputSink:
     """Return where outputs go."""
-    return Outlet()
+    return OutputSink()
 
 
 @pytest.fixture
-def live(outlet: Outlet) -> LiveBuilder:
+def live(outlet: OutputSink) -> LiveBuilder:
     """Return a live builder that does not run yet."""
     parameters = with_values(Parameters(), {"camera.model": "pinhole"})
     catalogue = read_catalogue(SHIPPED_CATALOGUE)
@@ -103,7 +103,7 @@ def test_before_the_time_is_known_only_the_newest_map_is_kept(live: LiveBuilder)
 
 
 def test_the_latched_costmap_follows_the_map_while_nothing_runs(
-    live: LiveBuilder, outlet: Outlet
+    live: LiveBuilder, outlet: OutputSink
 ) -> None:
     """Before the first activation and in a pause alike: of the same size as the newest map."""
     for number, side in enumerate((20, 30)):
@@ -122,7 +122,7 @@ def test_the_latched_costmap_follows_the_map_while_nothing_runs(
 
 
 def test_scans_are_relayed_byte_by_byte_while_nothing_runs(
-    live: LiveBuilder, outlet: Outlet
+    live: LiveBuilder, outlet: OutputSink
 ) -> None:
     """As they came, at once, and none is kept."""
     assert not live.store(Message("/scan", b"a scan"), NOW_NS)

@@ -247,8 +247,8 @@ def test_what_dds_holds_is_read_before_a_scan_goes_out_bare(
     bench.until(lambda: scans)
     assert bench.node.live is not None
     assert bench.node.live.builder.scan_counts()["/scan"] == SensorPathCounts(exact=1)
-    assert bench.node._inlets is not None
-    heard = bench.node._inlets.watches["/tf"]
+    assert bench.node._inputs is not None
+    heard = bench.node._inputs.watches["/tf"]
     bench.until(lambda: heard.count == 41)
     bench.send("tf", robot_at(now_s + 0.5))
     assert heard.count == 42

@@ -37,6 +37,26 @@ def test_afterwards_signals_are_what_they_were() -> None:
     assert [signal.getsignal(number) for number in NUMBERS] == before
 
 
+@pytest.mark.parametrize("number", NUMBERS)
+def test_a_signal_of_a_block_that_is_not_the_last_changes_nothing(number: signal.Signals) -> None:
+    """Afterwards it does what it did before."""
+    before = signal.getsignal(number)
+    with stop_on_signals(is_last=False) as stop:
+        assert not stop.should_stop()
+        signal.raise_signal(number)
+        assert stop.should_stop()
+    assert signal.getsignal(number) == before
+
+
+def test_an_exception_lets_ctrl_c_interrupt_again() -> None:
+    """The block's own handler is gone."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
+    with pytest.raises(ZeroDivisionError), stop_on_signals(is_last=False):
+        raise ZeroDivisionError
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+
+
 def test_who_ends_already_is_not_disturbed() -> None:
     """As by a second Ctrl-C while the interpreter ends."""
     with stop_on_signals():

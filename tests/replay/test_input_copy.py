@@ -33,7 +33,7 @@ def copied(source: Path, target: Path) -> list[tuple[str, int, bytes]]:
     with BagReader([source]) as reader, BagWriter(target) as writer:
         copy = InputCopy(reader, writer, RosbagsFactory(), ROLES)
         for message in reader.messages():
-            copy.write(message, message.log_time_ns + 3)
+            copy.take_input(message, message.log_time_ns + 3)
     with BagReader([target]) as reader:
         return [(m.topic, m.log_time_ns, bytes(m.data)) for m in reader.messages()]
 

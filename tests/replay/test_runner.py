@@ -17,14 +17,14 @@ from are_ros.errors import BagError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.replay.progress import Stopwatch
-from are_ros.replay.runner import Replay
+from are_ros.replay.runner import Listener, Replay
 from are_ros.replay.timeline import ReplayOptions, Timeline
 
 Records = Sequence[tuple[str, int, Any]]
 WriteBag = Callable[[Path, Records], Path]
 
 
-class Diary:
+class Diary(Listener):
     """A listener that notes (kind, time, what) in the order in which it is told."""
 
     def __init__(self) -> None:

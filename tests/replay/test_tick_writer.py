@@ -69,7 +69,7 @@ def written(path: Path, *ticks: Tick, demand: Demand = EVERYTHING) -> list[tuple
     with BagWriter(path) as writer:
         tick_writer = TickWriter(writer, (), demand)
         for one in ticks:
-            tick_writer.write_tick(one)
+            tick_writer.take_tick(one)
     with BagReader([path]) as reader:
         return [(m.topic, m.log_time_ns, reader.deserialize(m)) for m in reader.messages()]
 
@@ -131,7 +131,7 @@ def test_scans_are_written_when_they_were_released(tmp_path: Path) -> None:
     )
     with BagWriter(tmp_path / "a.mcap") as writer:
         tick_writer = TickWriter(writer, ("/front/scan", "/rear/scan"))
-        tick_writer.write_scans([ReleasedScan("/rear/scan", scan, 70 * MS, is_augmented=True)])
+        tick_writer.take_scans([ReleasedScan("/rear/scan", scan, 70 * MS, is_augmented=True)])
     with BagReader([tmp_path / "a.mcap"]) as reader:
         (message,) = reader.messages()
         content = reader.deserialize(message)
