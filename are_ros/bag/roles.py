@@ -8,7 +8,7 @@ from typing import Final
 from are_ros.bag.reader import BagTopic
 from are_ros.errors import BagError
 
-_TF_TYPES: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+TF_TYPES: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
 ROLE_TYPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
@@ -17,8 +17,8 @@ ROLE_TYPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "odom": ("nav_msgs/msg/Odometry",),
         "scan": ("sensor_msgs/msg/LaserScan",),
         "camera/camera_info": ("sensor_msgs/msg/CameraInfo",),
-        "tf": _TF_TYPES,
-        "tf_static": _TF_TYPES,
+        "tf": TF_TYPES,
+        "tf_static": TF_TYPES,
         "clicked_point": ("geometry_msgs/msg/PointStamped",),
         "plan": ("nav_msgs/msg/Path",),
     }
@@ -96,7 +96,7 @@ def read_overrides(texts: Iterable[str]) -> dict[str, str]:
     overrides: dict[str, str] = {}
     for role, topic in map(_read_override, texts):
         first = overrides.setdefault(role, topic)
-        if role != _REPEATABLE and _slashed(topic) != _slashed(first):
+        if role != _REPEATABLE and slashed(topic) != slashed(first):
             raise BagError(
                 f"--topic {role}:={topic}: the role has {first} already;"
                 f" only {_REPEATABLE} may have several topics"
@@ -107,7 +107,7 @@ def read_overrides(texts: Iterable[str]) -> dict[str, str]:
 def scans_of(texts: Iterable[str]) -> tuple[str, ...]:
     """Return the topics, each once, that texts like "scan:=/front/scan" make scans."""
     pairs = map(_read_override, texts)
-    return tuple(dict.fromkeys(_slashed(topic) for role, topic in pairs if role == _REPEATABLE))
+    return tuple(dict.fromkeys(slashed(topic) for role, topic in pairs if role == _REPEATABLE))
 
 
 def _read_override(text: str) -> tuple[str, str]:
@@ -128,7 +128,7 @@ def _overridden(topics: Sequence[BagTopic], role: str, name: str) -> BagTopic:
         return topic
     fitting = ", ".join(topic.name for topic in topics if topic.type_name in types)
     candidates = f"of type {types[0]} it has {fitting or 'no topic'}"
-    others = [topic.type_name for topic in topics if _slashed(topic.name) == _slashed(name)]
+    others = [topic.type_name for topic in topics if slashed(topic.name) == slashed(name)]
     reason = f"that topic is of type {others[0]}" if others else "the recording has no such topic"
     raise BagError(f"{option}: {reason}; {candidates}")
 
@@ -147,13 +147,13 @@ def _by_type(role: str, topics: Sequence[BagTopic], free: Sequence[BagTopic]) ->
         repeatable = " (repeatable: all are augmented)" if role == _REPEATABLE else ""
         advice = f"choose one with --topic {role}:=/NAME{repeatable}"
         return FoundRole(role, None, f"{sentence}; {advice}")
-    has_namesake = any(_slashed(topic.name) == f"/{role}" for topic in topics)
+    has_namesake = any(slashed(topic.name) == f"/{role}" for topic in topics)
     sentence = f"{role}: {why}, and no other topic serves" if has_namesake else ""
     return FoundRole(role, None, sentence)
 
 
 def _why_no_default(role: str, topics: Sequence[BagTopic]) -> str:
-    same = [topic for topic in topics if _slashed(topic.name) == f"/{role}"]
+    same = [topic for topic in topics if slashed(topic.name) == f"/{role}"]
     if not same:
         return f"there is no /{role}"
     if same[0].type_name not in ROLE_TYPES[role]:
@@ -174,11 +174,11 @@ def _named(topics: Sequence[BagTopic], name: str, types: tuple[str, ...]) -> Bag
     fitting = (
         topic
         for topic in topics
-        if _slashed(topic.name) == _slashed(name) and topic.type_name in types
+        if slashed(topic.name) == slashed(name) and topic.type_name in types
     )
     return next(fitting, None)
 
 
-def _slashed(name: str) -> str:
+def slashed(name: str) -> str:
     """Return a topic's name with its leading slash, which ROS 1 sometimes left out."""
     return name if name.startswith("/") else f"/{name}"

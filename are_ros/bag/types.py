@@ -1,4 +1,4 @@
-"""Message types and objects without a middleware: rosbags' typestore of ROS 2 Jazzy, and ours."""
+"""Message types and objects without a middleware: rosbags' typestore, and our definitions."""
 
 import os
 import sys
@@ -11,6 +11,7 @@ import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from are_ros.errors import InputError
+from are_ros.messages.common import MessageFactory
 
 # The texts of the message definitions that ARE brings along, from one source: msg_defs/.
 
@@ -50,6 +51,7 @@ def definitions_folder(module: Path = Path(__file__)) -> Path:
 
 
 _DEFAULTS: dict[str, Any] = {"string": "", "bool": False, "float32": 0.0, "float64": 0.0}
+_RENAMED = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
 _BASE, _NAME, _ARRAY = 1, 2, 3
 """The node types of rosbags' field descriptions; the fourth is a sequence."""
 
@@ -123,11 +125,44 @@ def _itself(value: Any) -> Any:
     return value
 
 
+def ros2_type(type_name: str) -> str:
+    """Return the type of ROS 2 that a type of ROS 1 has become; others are their own."""
+    return _RENAMED.get(type_name, type_name)
+
+
+def as_ros2(factory: MessageFactory, original: Any, type_name: str) -> bytes:
+    """Return a ROS 1 message object as the bytes of a ROS 2 type of Jazzy or of ours."""
+    message = converted(factory, original, type_name)
+    return bytes(jazzy_typestore().serialize_cdr(message, type_name))
+
+
+def converted(factory: MessageFactory, original: Any, type_name: str) -> Any:
+    """Return a ROS 1 message object as the ROS 2 type of its name, field by field.
+
+    What ROS 2 left out (Header.seq) is dropped, what it added has its default, and the upper case
+    of CameraInfo's D, K, R, P is folded.
+    """
+    fields = {}
+    for name, description in jazzy_typestore().fielddefs[type_name][1]:
+        source = name if hasattr(original, name) else name.upper()
+        if hasattr(original, source):
+            fields[name] = _converted_field(factory, getattr(original, source), description)
+    return factory.make(type_name, **fields)
+
+
+def _converted_field(factory: MessageFactory, value: Any, description: Any) -> Any:
+    kind, detail = int(description[0]), description[1]
+    if kind == _BASE:
+        return value
+    if kind == _NAME:
+        return converted(factory, value, detail)
+    element = detail[0]
+    if int(element[0]) == _NAME:
+        return [converted(factory, one, element[1]) for one in value]
+    return value
+
+
 # Message types beyond ROS 2 Jazzy's own: read from the .msg texts of the installed packages.
-
-
-_MESSAGE_FIELD = 2
-"""The node type of a nested message in rosbags' field descriptions; arrays are 3 and 4."""
 
 
 class InstalledTypes:
@@ -181,6 +216,6 @@ def _ament_prefixes() -> tuple[Path, ...]:
 def _nested(definition: tuple[Any, Any]) -> Iterator[str]:
     """Yield the names of the messages that a message has as fields or in arrays."""
     for _, (kind, detail) in definition[1]:
-        element = (kind, detail) if int(kind) <= _MESSAGE_FIELD else detail[0]
-        if int(element[0]) == _MESSAGE_FIELD:
+        element = (kind, detail) if int(kind) <= _NAME else detail[0]
+        if int(element[0]) == _NAME:
             yield element[1]

@@ -1,4 +1,4 @@
-"""The augmented recording: an MCAP file that ROS 2, Foxglove and rosbags open."""
+"""Recordings are written here: MCAP files that ROS 2, Foxglove and rosbags open, and folders."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress

@@ -1,4 +1,4 @@
-"""The artefacts, their ground truth, as bytes: of one that stands, the same bytes again."""
+"""The artefacts, those perceived, events and metrics as the bytes of their messages."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""std_msgs/Header: the frame and the stamp of a message."""
+"""What messages are made of: headers, times, arrays of numbers, vectors, poses; and a factory."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol, TypeVar

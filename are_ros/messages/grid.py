@@ -1,4 +1,4 @@
-"""nav_msgs/OccupancyGrid <-> the core's grid."""
+"""nav_msgs/OccupancyGrid and its updates <-> the core's grid."""
 
 from struct import Struct
 from typing import Any, Final

@@ -1,4 +1,4 @@
-"""tf2_msgs/TFMessage <-> stamped transforms between named frames."""
+"""tf2_msgs/TFMessage <-> stamped transforms between named frames, by objects and by bytes."""
 
 from collections.abc import Iterable, Sequence
 from struct import Struct

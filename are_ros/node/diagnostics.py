@@ -1,4 +1,4 @@
-"""The diagnostics: what each part of the node says, and how urgently (docs/diagnostics.md)."""
+"""The diagnostics: a snapshot of the node, and the status of each part (docs/diagnostics.md)."""
 
 import math
 from collections.abc import Iterable, Mapping

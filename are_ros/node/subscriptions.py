@@ -1,4 +1,4 @@
-"""The subscriptions of the node's inputs: callbacks hand on bytes, and count them."""
+"""The subscriptions of the node: bytes by role, counted and decoded."""
 
 from collections.abc import Callable, Container, Iterator
 from struct import error as StructError  # noqa: N812

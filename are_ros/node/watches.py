@@ -1,4 +1,4 @@
-"""How long ticks take, and which came late or not at all."""
+"""What the node measures of itself: ticks, turns, inputs, faults and hangs."""
 
 import sys
 import threading

@@ -1,4 +1,4 @@
-"""Lockstep: the time goes on when the nodes have taken everything that came before."""
+"""Lockstep: the time goes on when the nodes have taken every message sent before."""
 
 import time
 from collections.abc import Callable, Sequence

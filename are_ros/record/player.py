@@ -7,7 +7,7 @@ from typing import Final
 
 from are_ros.bag.clock import MOVING_ROLES, BagClock, RecordedTimes
 from are_ros.bag.reader import BagMessage, BagReader
-from are_ros.bag.roles import find_roles
+from are_ros.bag.roles import TF_TYPES, find_roles
 from are_ros.bag.stretches import beginning, stillness_ahead, stretches_of
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BagError
@@ -20,7 +20,6 @@ from are_ros.wording import duration_text
 # The part of a recording that is played, and the time it goes by.
 
 
-_TF: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _RECENT_NS: Final = 10 * NS_PER_S
 """Of what moves, so much from before the start is sent: as much as tf2 keeps."""
 _LASTING_ROLES: Final = ("map", "octomap_point_cloud_centers")
@@ -84,7 +83,7 @@ class PlayWindow:
         known = [topic for topic in self.reader.topics if topic.name in topics]
         latched = {topic.name for topic in known if topic.is_latched or "static" in topic.name}
         latched |= self.lasting & set(topics)
-        moving = {topic.name for topic in known if topic.type_name in _TF} - latched
+        moving = {topic.name for topic in known if topic.type_name in TF_TYPES} - latched
         if self.first_log_ns == self.reader.start_ns or not latched | moving:
             return
         recent_ns = self.first_log_ns - _RECENT_NS

@@ -1,4 +1,4 @@
-"""The publishers of a player: topics as recorded, bytes as they are."""
+"""The publishers of a player: recorded topics, /clock, and the wait for subscribers."""
 
 import math
 import time
@@ -14,11 +14,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 from are_ros.bag.reader import BagMessage, BagReader, BagTopic
-from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.roles import slashed
+from are_ros.bag.types import RosbagsFactory, as_ros2, ros2_type
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, NodeError
 from are_ros.node.message_classes import message_class
-from are_ros.replay.listeners import converted
 
 # What is asked of a player.
 
@@ -55,34 +55,29 @@ class PlayOptions:
 
     def check_topics(self, recorded: Collection[str]) -> None:
         """Raise BagError where an option names a topic that was not recorded."""
-        known = set(map(_slashed, recorded))
+        known = set(map(slashed, recorded))
         named = {"--topics": self.topics, "--exclude": self.exclude, "--remap": self.remaps}
         for option, topics in named.items():
             for topic in topics:
-                if _slashed(topic) not in known:
+                if slashed(topic) not in known:
                     there = ", ".join(sorted(known))
                     raise BagError(f"{option} {topic}: not in the recording, which has {there}")
 
     def is_chosen(self, topic: str) -> bool:
         """Tell whether a recorded topic is to be played."""
-        chosen = not self.topics or _slashed(topic) in map(_slashed, self.topics)
-        return chosen and _slashed(topic) not in map(_slashed, self.exclude)
+        chosen = not self.topics or slashed(topic) in map(slashed, self.topics)
+        return chosen and slashed(topic) not in map(slashed, self.exclude)
 
     def target(self, topic: str) -> str:
         """Return the name under which a recorded topic is played."""
-        remaps = {_slashed(source): target for source, target in self.remaps.items()}
-        return _slashed(remaps.get(_slashed(topic), topic))
-
-
-def _slashed(name: str) -> str:
-    return name if name.startswith("/") else f"/{name}"
+        remaps = {slashed(source): target for source, target in self.remaps.items()}
+        return slashed(remaps.get(slashed(topic), topic))
 
 
 CLOCK: Final = "/clock"
 LARGE_BYTES: Final = 60_000
 """More does not fit into one packet, and packets may be lost on the way and be sent again."""
 _DEPTH: Final = 100
-_RENAMED: Final = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
 
 
 class PlayedTopics:
@@ -131,7 +126,7 @@ class PlayedTopics:
             except AreError as cause:
                 self.skipped[topic] = str(cause)
                 return
-            data = self._as_ros2(topic, original)
+            data = as_ros2(self._factory, original, self._types[topic])
         else:
             data = bytes(message.data)
         self._publishers[topic].publish(data)
@@ -163,15 +158,10 @@ class PlayedTopics:
             self._publishers[topic].wait_for_all_acked(limit)
         return bool(waiting)
 
-    def _as_ros2(self, topic: str, original: Any) -> bytes:
-        type_name = self._types[topic]
-        message = converted(self._factory, original, type_name)
-        return bytes(jazzy_typestore().serialize_cdr(message, type_name))
-
     def _open(
         self, node: Node, topic: BagTopic, options: PlayOptions, say: Callable[[str], None]
     ) -> None:
-        type_name = _RENAMED.get(topic.type_name, topic.type_name)
+        type_name = ros2_type(topic.type_name)
         try:
             publisher = self._publisher(node, topic, type_name, options)
         except NodeError as cause:

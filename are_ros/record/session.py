@@ -1,4 +1,4 @@
-"""A node of one's own: in a context that no signal and no other node ends."""
+"""A ROS node of a command: no signal and no other node ends its context."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

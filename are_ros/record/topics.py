@@ -1,4 +1,4 @@
-"""Follows the topics of a recording as they appear and as their publishers change."""
+"""The topics of a recording: which are wanted, who publishes them, and how they are subscribed."""
 
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -11,6 +11,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from are_ros.bag.qos import OfferedQos
+from are_ros.bag.roles import slashed
 from are_ros.bag.types import InstalledTypes
 from are_ros.bag.writer import partial_path
 from are_ros.errors import BagError, InputError, NodeError
@@ -52,12 +53,12 @@ class RecordOptions:
 
     def named_topics(self) -> tuple[str, ...]:
         """Return the full names of the topics that were asked for by name."""
-        names = (_full(name) for name in self.topics if not {"*", "?", "["} & set(name))
+        names = (slashed(name) for name in self.topics if not {"*", "?", "["} & set(name))
         return tuple(name for name in names if self.is_selected(name))
 
     def awaited_topics(self) -> frozenset[str]:
         """Return the full names of `wait_for`; BagError if one of them is not to be recorded."""
-        names = frozenset(_full(name) for name in self.wait_for)
+        names = frozenset(slashed(name) for name in self.wait_for)
         for name in sorted(names):
             if not self.is_selected(name):
                 raise BagError(f"{name} is waited for, but it is not among the topics to record")
@@ -99,12 +100,8 @@ class RecordOptions:
             raise BagError(f"{self.path} exists already; choose another name, or --overwrite")
 
 
-def _full(name: str) -> str:
-    return name if name.startswith("/") else f"/{name}"
-
-
 def _matches(topic: str, patterns: Sequence[str]) -> bool:
-    return any(fnmatchcase(topic, _full(pattern)) for pattern in patterns)
+    return any(fnmatchcase(topic, slashed(pattern)) for pattern in patterns)
 
 
 def _is_hidden(topic: str) -> bool:

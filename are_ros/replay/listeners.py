@@ -1,12 +1,12 @@
-"""What takes the outputs of a replay: the record for the picture, the recording, the inputs."""
+"""What takes the outputs of a replay: the recording, its inputs, the picture, and the doubts."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from struct import error as StructError  # noqa: N812
-from typing import Any, Final
+from typing import Final
 
 from are_ros.bag.reader import BagMessage, BagReader
-from are_ros.bag.types import jazzy_typestore
+from are_ros.bag.types import as_ros2, ros2_type
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.sensor_path import ReleasedScan
@@ -61,8 +61,6 @@ class TickWriter(Listener):
 
 _LATCHED_ROLES = ("map", "octomap_point_cloud_centers", "tf_static")
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
-_TYPES = {"tf/msg/tfMessage": _TRANSFORMS}
-_BASE_KIND, _MESSAGE_KIND, _ARRAY_KIND = 1, 2, 3
 
 
 class InputCopy(Listener):
@@ -82,7 +80,7 @@ class InputCopy(Listener):
         self._types: dict[str, str] = {}
         for topic in reader.topics:
             if topic.name in roles and topic.name not in self._types:
-                type_name = _TYPES.get(topic.type_name, topic.type_name)
+                type_name = ros2_type(topic.type_name)
                 self._types[topic.name] = type_name
                 is_latched = roles[topic.name] in _LATCHED_ROLES
                 writer.add_topic(topic.name, type_name, is_latched=is_latched, depth=100)
@@ -100,17 +98,13 @@ class InputCopy(Listener):
             return
         self._writer.write_raw(message.topic, received_ns, data)
 
-    def _as_ros2(self, message: BagMessage) -> bytes | memoryview:
+    def _as_ros2(self, message: BagMessage) -> bytes:
         """Return the bytes of a ROS 1 message as ROS 2 has them. Raises InputError, BagError."""
         type_name = self._types[message.topic]
         if type_name == _TRANSFORMS:
             with suppress(StructError):  # a stamp that ROS 2 has not: let the general way complain
                 return encode_transforms_cdr(self._reader.transforms(message))
-        original = self._reader.deserialize(message)
-        data: memoryview = jazzy_typestore().serialize_cdr(
-            converted(self._factory, original, type_name), type_name
-        )
-        return data
+        return as_ros2(self._factory, self._reader.deserialize(message), type_name)
 
     def write_map(self, topic: str, grid: OccupancyGrid, now_ns: int) -> None:
         """Append the map that came from a file, once."""
@@ -134,32 +128,6 @@ class InputCopy(Listener):
         if topic not in self._types:
             self._types[topic] = type_name
             self._writer.add_topic(topic, type_name, is_latched=True, depth=depth)
-
-
-def converted(factory: MessageFactory, original: Any, type_name: str) -> Any:
-    """Return a ROS 1 message object as the ROS 2 type of its name, field by field.
-
-    What ROS 2 left out (Header.seq) is dropped, what it added has its default, and the upper case
-    of CameraInfo's D, K, R, P is folded.
-    """
-    fields = {}
-    for name, description in jazzy_typestore().fielddefs[type_name][1]:
-        source = name if hasattr(original, name) else name.upper()
-        if hasattr(original, source):
-            fields[name] = _converted_field(factory, getattr(original, source), description)
-    return factory.make(type_name, **fields)
-
-
-def _converted_field(factory: MessageFactory, value: Any, description: Any) -> Any:
-    kind, detail = int(description[0]), description[1]
-    if kind == _BASE_KIND:
-        return value
-    if kind == _MESSAGE_KIND:
-        return converted(factory, value, detail)
-    element = detail[0]
-    if int(element[0]) == _MESSAGE_KIND:
-        return [converted(factory, one, element[1]) for one in value]
-    return value
 
 
 class RecordKeeper(Listener):

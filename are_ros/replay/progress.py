@@ -1,4 +1,4 @@
-"""The progress bar of a replay, over the seconds of the recording."""
+"""What a user sees of a replay that runs, and how long its phases take by the wall clock."""
 
 import threading
 import time

@@ -1,4 +1,4 @@
-"""What a replay is asked to do, and what it reads of a recording when."""
+"""The options of a replay, and which parts of the recording it reads."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
