@@ -17,8 +17,8 @@ By reading the sources:
 
 By replaying the first seconds of the sample recording twice, with up to 27 artefacts: first to
 have every kernel compiled, then under `sys.setprofile`. A function is a code object of are_ros
-that is entered: comprehensions and lambdas count, and a generator each time it goes on (so compare runs
-of one Python, 3.11 or newer). Kernels count where Python calls them, not where they call each other.
+that is entered: comprehensions and lambdas count, and a generator each time it goes on (so compare
+runs of one Python, 3.11 or newer). Kernels count where Python calls them, not each other.
 
 - touched by a tick: the median over all calls of `ArBuilder.step` with 25 to 29 artefacts, of the
   functions, their modules, and the calls.

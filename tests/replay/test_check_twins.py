@@ -13,15 +13,14 @@ from are_ros.builder.marker_batch import DELETE_ALL
 from are_ros.builder.markers import MarkerAction, MarkerBatch, MarkerKind, MarkerLook
 from are_ros.builder.ray_casting import VoxelField
 from are_ros.builder.registration import covered_cells
+from are_ros.checks.oracle import Outline, distances_m, overlap_depths_m
+from are_ros.checks.oracle_solids import Covers, RealMap, Walls
 from are_ros.errors import FrameError
 from are_ros.messages.marker_encoding import MarkerEncoder
-from are_ros.replay._check_cells import Covers, RealMap
 from are_ros.replay._check_frames import TF, Frames
-from are_ros.replay._check_geometry import Outline, distances_m, overlap_depths_m
 from are_ros.replay._check_marker_decoding import decode_markers
 from are_ros.replay._check_marker_rules import change_of
 from are_ros.replay._check_scene import Scene
-from are_ros.replay._check_walls import Walls
 from are_ros.world.footprint import Footprint, penetration_m
 from are_ros.world.frame_tree import FrameTree
 from are_ros.world.occupancy_grid import OccupancyGrid
