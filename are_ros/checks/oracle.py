@@ -43,6 +43,16 @@ class PlainBoxes:
     yaws_rad: Floats
     half_sizes_m: Floats
 
+    @classmethod
+    def standing(
+        cls, feet_m: Floats, yaws_rad: Floats, offsets_m: Floats, sizes_m: Floats
+    ) -> "PlainBoxes":
+        """Return boxes that stand on (N, 3), beside it by offsets (N, 2 or more) of their own."""
+        c, s = np.cos(yaws_rad), np.sin(yaws_rad)
+        x, y = offsets_m[:, 0], offsets_m[:, 1]
+        aside = np.column_stack((c * x - s * y, s * x + c * y, 0.5 * sizes_m[:, 2]))
+        return cls(feet_m + aside, yaws_rad, 0.5 * sizes_m)
+
 
 @dataclass(frozen=True, eq=False)
 class Outline:
@@ -163,11 +173,19 @@ def ray_hits_m(
     start_m: Floats, ways: Floats, centre_m: Floats, yaw_rad: float, half_m: Floats
 ) -> Floats:
     """Return how far rays (N, 3) from a start (3,) go to a box: 0 from inside, inf if never."""
+    enter, leave = ray_chords_m(start_m, ways, centre_m, yaw_rad, half_m)
+    enter = np.maximum(enter, 0.0)
+    hits: Floats = np.where(enter <= leave, enter, np.inf)
+    return hits
+
+
+def ray_chords_m(
+    start_m: Floats, ways: Floats, centre_m: Floats, yaw_rad: float, half_m: Floats
+) -> tuple[Floats, Floats]:
+    """Return where lines (N, 3) through a start (3,) enter and leave a box, or enter > leave."""
     origin, own = _in_box((start_m - centre_m)[None], yaw_rad)[0], _in_box(ways, yaw_rad)
     enter, leave = slab(origin, own, -half_m, half_m)
-    enter = np.maximum(enter.max(axis=1), 0.0)
-    hits: Floats = np.where(enter <= leave.min(axis=1), enter, np.inf)
-    return hits
+    return enter.max(axis=1), leave.min(axis=1)
 
 
 def slab(starts: Floats, ways: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:

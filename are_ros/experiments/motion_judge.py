@@ -168,13 +168,11 @@ class MotionJudge:
 def _boxes_of(states: Sequence[ArtefactState]) -> PlainBoxes:
     """Return the boxes of artefacts, which stand on their ground poses."""
     poses = [state.ground_pose for state in states]
-    ground = np.array([(p.x_m, p.y_m, p.z_m) for p in poses], np.float64).reshape(-1, 3)
-    yaws = np.array([pose.yaw_rad for pose in poses], np.float64)
-    offsets = np.array([state.box_centre_m for state in states], np.float64).reshape(-1, 3)
-    halves = 0.5 * np.array([state.size_m for state in states], np.float64).reshape(-1, 3)
-    c, s = np.cos(yaws), np.sin(yaws)
-    x, y = c * offsets[:, 0] - s * offsets[:, 1], s * offsets[:, 0] + c * offsets[:, 1]
-    return PlainBoxes(ground + np.column_stack((x, y, halves[:, 2])), yaws, halves)
+    feet_m = np.array([(p.x_m, p.y_m, p.z_m) for p in poses], np.float64).reshape(-1, 3)
+    yaws_rad = np.array([pose.yaw_rad for pose in poses], np.float64)
+    offsets_m = np.array([state.box_centre_m for state in states], np.float64).reshape(-1, 3)
+    sizes_m = np.array([state.size_m for state in states], np.float64).reshape(-1, 3)
+    return PlainBoxes.standing(feet_m, yaws_rad, offsets_m, sizes_m)
 
 
 def _apart_m(one: ArtefactState, other: ArtefactState) -> float:

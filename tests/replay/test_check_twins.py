@@ -90,6 +90,20 @@ def test_no_check_imports_what_it_checks() -> None:
                 assert "kernel" not in name, file.name
 
 
+def test_the_oracle_imports_numpy_and_scipy_only() -> None:
+    """It shares no code with what it judges, nor with anything else of the package."""
+    files = sorted((Path(are_ros.replay.checks.__file__).parents[1] / "checks").glob("oracle*.py"))
+    allowed = {"dataclasses", "functools", "numpy", "scipy", "typing", "yaml"}
+    assert len(files) >= 2
+    for file in files:
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            for name in names:
+                is_own = name.startswith("are_ros.checks.oracle")
+                assert is_own or name.split(".")[0] in allowed, f"{file.name}: {name}"
+
+
 def test_overlaps_are_the_builders() -> None:
     """Two boxes overlap by a positive depth exactly where the builder's test says so."""
     boxes, scene = make_boxes(60, 1)
