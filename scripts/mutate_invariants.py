@@ -81,6 +81,11 @@ class Breakage:
         self.broken, self.tests = broken, tests
 
 
+NO_GRIDS = SimpleNamespace(
+    augmented_map=None, update=None, artefact_map=None, artefact_update=None, costmap=None
+)
+
+
 def none(_real: Any, items: Any, *_: Any) -> Any:
     """Say no of each of N items."""
     return np.zeros(len(items), dtype=np.bool_)
@@ -116,269 +121,123 @@ def sub_step_of_tick(real: Any, lives: Any, step_ns: int) -> None:
     lives._robots = robots  # noqa: SLF001
 
 
+# A table: of each its invariant, name, target, what takes its place, and the tests.
+# fmt: off
 BREAKAGES = (
-    Breakage(
-        CELLS,
-        "artefacts are 99",
-        "builder.augmented_map:OCCUPIED",
-        lambda real: real - 1,
-        _CELLS_TEST,
-    ),
-    Breakage(
-        CELLS,
-        "who moves away leaves free cells, not the real ones",
-        "builder.augmented_map:AugmentedMap.set_map",
-        lambda real, self, cells: real(self, cells) or put(self, "_real", 0 * cells),
-        _CELLS_TEST,
-    ),
-    Breakage(
-        CELLS,
-        "footprints are 3 cm too small on each side",
-        "builder.registration:TOUCH_TOLERANCE_M",
-        lambda _: 0.03,
-        _CELLS_TEST,
-    ),
-    Breakage(
-        CELLS,
-        "the gate lets everybody through",
-        "builder.gates:GateMemory.admitted",
-        lambda _real, _self, _now, _seen, patches, *_: frozenset(patches),
-        _CELLS_TEST + "[perceived]",
-    ),
-    Breakage(
-        COSTMAP,
-        "who moves away takes the walls' inflation along",
-        "builder.costmap:restore",
-        lambda real, costs, static, vacated: real(costs, np.zeros_like(static), vacated),
-        _COSTMAP_TEST,
-    ),
-    Breakage(
-        COSTMAP,
-        "walls are not inflated",
-        "builder.costmap:inflated",
-        lambda real, mask, table, reach, margin: (
-            real(mask, table, reach, margin) if margin else table[0] * mask.astype(np.uint8)
-        ),
-        _COSTMAP_TEST,
-    ),
-    Breakage(
-        RETURNS,
-        "a virtual return replaces a nearer real one",
-        "builder.augmented_scan:_merged",
-        replacing_nearer,
-        _SCAN_TEST,
-    ),
-    Breakage(
-        RETURNS,
-        "walls hide nothing from beams without a return",
-        "builder.augmented_scan:_are_hidden",
-        lambda real, _scan, beams, *_: none(real, beams),
-        _SCAN_TEST,
-    ),
-    Breakage(
-        RETURNS,
-        "a scan meets the artefacts of a second ago",
-        "builder.lives:Lives.scene_at",
-        lambda real, self, t_ns, arrived_by_ns=None: real(
-            self, t_ns - (arrived_by_ns is not None) * 1_000_000_000, arrived_by_ns
-        ),
-        _SCAN_TEST,
-        _BUILDER + "test_a_scan_meets_the_artefacts_of_its_own_stamp",
-    ),
-    Breakage(
-        WALLS,
-        "a wall that appears moves nobody",
-        "world.environment:Environment.hits_wall",
-        lambda real, _self, boxes: none(real, boxes),
-        _WALL_TEST,
-        _LIVES + "test_a_wall_that_appears_moves_the_artefact_aside",
-    ),
-    Breakage(
-        WALLS,
-        "a new map is not looked at once a scene was found safe",
-        "builder.collisions:CollisionResolver._is_known",
-        lambda real, self, environment, *boxes: real(
-            self, self._scene[0] if self._scene else environment, *boxes
-        ),
-        _WALL_TEST,
-    ),
-    Breakage(
-        OTHERS,
-        "arrivals do not look at the others",
-        "artefacts.surroundings:overlaps_any",
-        none,
-        _LIVES + "test_arrivals_overlap_nothing_at_the_instant_they_come",
-    ),
-    Breakage(
-        OTHERS,
-        "members of a group do not see each other",
-        "builder.crowd:Crowd.add",
-        unseen_by_group,
-        _LIVES + "test_arrivals_overlap_nothing_at_the_instant_they_come[4.0]",
-    ),
-    Breakage(
-        OTHERS,
-        "who is placed by service may overlap",
-        "builder.spawning:overlaps_any",
-        none,
-        _LIVES + "test_a_placement_that_overlaps_is_refused_with_the_reason[2.8-",
-    ),
-    Breakage(
-        ROBOT,
-        "arrivals do not keep away from the robot",
-        "builder.spawning:Spawning.place",
-        lambda real, self, row, dice, others, _robot, *rest: real(
-            self, row, dice, others, None, *rest
-        ),
-        _LIVES + "test_arrivals_overlap_nothing_at_the_instant_they_come",
-    ),
-    Breakage(
-        ROBOT,
-        "contacts are not reported",
-        "builder.contact_log:ContactLog.begun",
-        lambda *_: [],
-        _RUN + "test_none_overlaps_the_robot_but_for_reported_contacts",
-        _LIVES + "test_a_robot_that_drives_into_an_artefact",
-    ),
-    Breakage(
-        ROBOT,
-        "nobody makes way",
-        "builder.robot_contact:Displace.tolerated_m",
-        lambda real, *arguments: real(*arguments) + np.inf,
-        _RUN + "test_none_overlaps_the_robot_but_for_reported_contacts[all]",
-        _LIVES + "test_a_robot_that_drives_into_an_artefact[displace]",
-    ),
-    Breakage(
-        DEPARTED,
-        "markers stay",
-        "builder.markers:deletion",
-        lambda real, before, *now: real(before, *now) if now else [],
-        _DEPARTED_TEST,
-        _BUILDER + "test_a_departed_artefact_leaves_nothing_behind",
-    ),
-    Breakage(
-        DEPARTED,
-        "cells stay",
-        "builder._patches:PatchLedger.exchange",
-        lambda real, *arguments: replace(real(*arguments), vacated=()),
-        _CELLS_TEST,
-        _BUILDER + "test_a_departed_artefact_leaves_nothing_behind",
-    ),
-    Breakage(
-        DEPARTED,
-        "lives have no end for lists and scans",
-        "artefacts.artefact:Artefact.is_present_at",
-        lambda _, self, t_ns: self.arrival_ns <= t_ns,
-        _DEPARTED_TEST,
-        _BUILDER + "test_a_departed_artefact_leaves_nothing_behind",
-    ),
-    Breakage(
-        RELAY,
-        "no grid before the robot is known",
-        "builder.grids:GridAugmentation.update",
-        lambda real, self, now_ns, environment, patches: (
-            real(self, now_ns, environment, patches)
-            if patches
-            else type(self.bare(0, environment))()
-        ),
-        _RUN + "test_the_map_is_relayed_before_the_robot_is_known",
-        _BUILDER + "test_the_real_map_is_relayed_before_anything_else",
-    ),
-    Breakage(
-        RELAY,
-        "a new map goes out only when an artefact moves",
-        "builder.augmented_map:AugmentedMap.update",
-        lambda real, self, patches: put(self, "_is_new", False) or real(self, patches),
-        _BUILDER + "test_the_real_map_is_relayed_before_anything_else",
-        _BUILDER + "test_a_new_map_is_relayed_too",
-    ),
-    Breakage(
-        TOPICS,
-        "outputs have the inputs' names",
-        "replay.tick_writer:PREFIX",
-        lambda _: "/",
-        _RUN + "test_nothing_is_written_on_a_topic_of_the_robot",
-    ),
-    Breakage(
-        TOPICS,
-        "the real map is handed on itself, not a copy",
-        "builder.grids:_like",
-        lambda real, grid, now_ns, cells: real(
-            grid, now_ns, grid.cells if np.array_equal(cells, grid.cells) else cells
-        ),
-        _RUN + "test_inputs_are_never_written_to",
-    ),
-    Breakage(
-        REFUSED,
-        "a map in any frame is taken",
-        "builder.ar_builder:ArBuilder.receive_map",
-        lambda real, self, grid, received_ns: real(
-            self, replace(grid, frame_id=self.parameters.frames.map), received_ns
-        ),
-        _REFUSED_TEST + "[bad3-elsewhere]",
-        _BUILDER + "test_a_map_in_another_frame_is_refused_and_changes_nothing",
-    ),
-    Breakage(
-        REFUSED,
-        "refusals are not counted",
-        "messages.feed:Refusals.add",
-        lambda _real, _self, _topic, _role, cause: str(cause),
-        _REFUSED_TEST,
-    ),
-    Breakage(
-        REFUSED,
-        "a refused map has already been taken",
-        "builder.ar_builder:ArBuilder.receive_map",
-        lambda real, self, grid, received_ns: (
-            self.world.set_grid(grid) or real(self, grid, received_ns)
-        ),
-        _REFUSED_TEST + "[bad3-elsewhere]",
-        _RUN + "test_a_bad_map_leaves_artefacts_and_grids_as_they_were",
-    ),
-    Breakage(
-        REFUSED,
-        "a bad cloud takes the place of the good one",
-        "builder.real_world:RealWorld.set_cloud",
-        lambda real, self, *cloud: put(self, "environment", None) or real(self, *cloud),
-        "tests/builder/test_real_world.py::test_a_bad_cloud_is_refused_at_once_in_any_frame",
-    ),
-    Breakage(
-        SAME,
-        "dice without a seed",
-        "artefacts.randomness:generator",
-        lambda *_: np.random.default_rng(),
-        _RUN + "test_the_same_inputs_and_seed_give_the_same_bytes",
-        _BUILDER + "test_the_seed_decides_everything",
-    ),
-    Breakage(
-        SAME,
-        "the seed decides nothing",
-        "artefacts.randomness:generator",
-        lambda real, _seed, *stream: real(0, *stream),
-        _BUILDER + "test_the_seed_decides_everything",
-    ),
-    Breakage(
-        TICKS,
-        "sub-steps run when somebody asks",
-        "builder.step_clock:StepClock.go_on",
-        lambda _, self, now_ns: put(self, "next_ns", now_ns + self.period_ns),
-        _RATE_TEST + "[20.0]",
-    ),
-    Breakage(
-        TICKS,
-        "arrivals keep away from where a tick saw the robot",
-        "builder.lives:Lives._sub_step",
-        sub_step_of_tick,
-        _RATE_TEST + "[33.0]",
-    ),
-    Breakage(
-        TICKS,
-        "scans wait for the next tick",
-        "builder.scans:ScanAugmentation.deadline_passed",
-        lambda real, self, now_ns: real(self, -(-now_ns // self._tick_ns) * self._tick_ns),
-        "tests/builder/test_scans.py::test_a_late_correction_is_held_in_the_builder",
-    ),
+    Breakage(CELLS, "artefacts are 99", "builder.augmented_map:OCCUPIED", lambda real: real - 1,
+             _CELLS_TEST),
+    Breakage(CELLS, "who moves away leaves free cells, not the real ones",
+             "builder.augmented_map:AugmentedMap.set_map",
+             lambda real, self, cells: real(self, cells) or put(self, "_real", 0 * cells),
+             _CELLS_TEST),
+    Breakage(CELLS, "footprints are 3 cm too small on each side",
+             "builder.registration:TOUCH_TOLERANCE_M", lambda _: 0.03, _CELLS_TEST),
+    Breakage(CELLS, "the gate lets everybody through", "builder.gates:GateMemory.admitted",
+             lambda _real, _self, _now, _seen, patches, *_: frozenset(patches),
+             _CELLS_TEST + "[perceived]"),
+    Breakage(COSTMAP, "who moves away takes the walls' inflation along", "builder.costmap:restore",
+             lambda real, costs, static, vacated: real(costs, np.zeros_like(static), vacated),
+             _COSTMAP_TEST),
+    Breakage(COSTMAP, "walls are not inflated", "builder.costmap:inflated",
+             lambda real, mask, table, reach, margin:
+                 (real(mask, table, reach, margin) if margin else table[0] * mask.astype(np.uint8)),
+             _COSTMAP_TEST),
+    Breakage(RETURNS, "a virtual return replaces a nearer real one",
+             "builder.augmented_scan:_merged", replacing_nearer, _SCAN_TEST),
+    Breakage(RETURNS, "walls hide nothing from beams without a return",
+             "builder.augmented_scan:_are_hidden", lambda real, _scan, beams, *_: none(real, beams),
+             _SCAN_TEST),
+    Breakage(RETURNS, "a scan meets the artefacts of a second ago", "builder.lives:Lives.scene_at",
+             lambda real, self, t_ns, arrived_by_ns=None:
+                 real(self, t_ns - (arrived_by_ns is not None) * 1_000_000_000, arrived_by_ns),
+             _SCAN_TEST, _BUILDER + "test_a_scan_meets_the_artefacts_of_its_own_stamp"),
+    Breakage(WALLS, "a wall that appears moves nobody", "world.environment:Environment.hits_wall",
+             lambda real, _self, boxes: none(real, boxes), _WALL_TEST,
+             _LIVES + "test_a_wall_that_appears_moves_the_artefact_aside"),
+    Breakage(WALLS, "a new map is not looked at once a scene was found safe",
+             "builder.collisions:CollisionResolver._is_known",
+             lambda real, self, environment, *boxes:
+                 real(self, self._scene[0] if self._scene else environment, *boxes),
+             _WALL_TEST),
+    Breakage(OTHERS, "arrivals do not look at the others", "artefacts.surroundings:overlaps_any",
+             none, _LIVES + "test_arrivals_overlap_nothing_at_the_instant_they_come"),
+    Breakage(OTHERS, "members of a group do not see each other", "builder.crowd:Crowd.add",
+             unseen_by_group,
+             _LIVES + "test_arrivals_overlap_nothing_at_the_instant_they_come[4.0]"),
+    Breakage(OTHERS, "who is placed by service may overlap", "builder.spawning:overlaps_any", none,
+             _LIVES + "test_a_placement_that_overlaps_is_refused_with_the_reason[2.8-"),
+    Breakage(ROBOT, "arrivals do not keep away from the robot", "builder.spawning:Spawning.place",
+             lambda real, self, row, dice, others, _robot, *rest:
+                 real(self, row, dice, others, None, *rest),
+             _LIVES + "test_arrivals_overlap_nothing_at_the_instant_they_come"),
+    Breakage(ROBOT, "contacts are not reported", "builder.contact_log:ContactLog.begun",
+             lambda *_: [], _RUN + "test_none_overlaps_the_robot_but_for_reported_contacts",
+             _LIVES + "test_a_robot_that_drives_into_an_artefact"),
+    Breakage(ROBOT, "nobody makes way", "builder.robot_contact:Displace.tolerated_m",
+             lambda real, *arguments: real(*arguments) + np.inf,
+             _RUN + "test_none_overlaps_the_robot_but_for_reported_contacts[all]",
+             _LIVES + "test_a_robot_that_drives_into_an_artefact[displace]"),
+    Breakage(DEPARTED, "markers stay", "builder.markers:deletion",
+             lambda real, before, *now: real(before, *now) if now else [], _DEPARTED_TEST,
+             _BUILDER + "test_a_departed_artefact_leaves_nothing_behind"),
+    Breakage(DEPARTED, "cells stay", "builder._patches:PatchLedger.exchange",
+             lambda real, *arguments: replace(real(*arguments), vacated=()), _CELLS_TEST,
+             _BUILDER + "test_a_departed_artefact_leaves_nothing_behind"),
+    Breakage(DEPARTED, "lives have no end for lists and scans",
+             "artefacts.artefact:Artefact.is_present_at",
+             lambda _, self, t_ns: self.arrival_ns <= t_ns, _DEPARTED_TEST,
+             _BUILDER + "test_a_departed_artefact_leaves_nothing_behind"),
+    Breakage(RELAY, "no grid before the robot is known", "builder.ar_builder:ArBuilder._augment",
+             lambda real, self, now_ns, seen, patches:
+                 (NO_GRIDS if seen.map_from_base is None else real(self, now_ns, seen, patches)),
+             _RUN + "test_the_map_is_relayed_before_the_robot_is_known",
+             _BUILDER + "test_the_real_map_is_relayed_before_anything_else"),
+    Breakage(RELAY, "a new map goes out only when an artefact moves",
+             "builder.augmented_map:AugmentedMap.update",
+             lambda real, self, patches: put(self, "_is_new", False) or real(self, patches),
+             _BUILDER + "test_the_real_map_is_relayed_before_anything_else",
+             _BUILDER + "test_a_new_map_is_relayed_too"),
+    Breakage(TOPICS, "outputs have the inputs' names", "replay.tick_writer:PREFIX", lambda _: "/",
+             _RUN + "test_nothing_is_written_on_a_topic_of_the_robot"),
+    Breakage(TOPICS, "the real map is handed on itself, not a copy", "builder.grids:_like",
+             lambda real, grid, now_ns, cells:
+                 real(grid, now_ns, grid.cells if np.array_equal(cells, grid.cells) else cells),
+             _RUN + "test_inputs_are_never_written_to"),
+    Breakage(REFUSED, "a map in any frame is taken", "builder.ar_builder:ArBuilder.receive_map",
+             lambda real, self, grid, received_ns:
+                 real(self, replace(grid, frame_id=self.parameters.frames.map), received_ns),
+             _REFUSED_TEST + "[bad3-elsewhere]",
+             _BUILDER + "test_a_map_in_another_frame_is_refused_and_changes_nothing"),
+    Breakage(REFUSED, "refusals are not counted", "messages.feed:Refusals.add",
+             lambda _real, _self, _topic, _role, cause: str(cause), _REFUSED_TEST),
+    Breakage(REFUSED, "a refused map has already been taken",
+             "builder.ar_builder:ArBuilder.receive_map",
+             lambda real, self, grid, received_ns:
+                 (self.world.set_grid(grid) or real(self, grid, received_ns)),
+             _REFUSED_TEST + "[bad3-elsewhere]",
+             _RUN + "test_a_bad_map_leaves_artefacts_and_grids_as_they_were"),
+    Breakage(REFUSED, "a bad cloud takes the place of the good one",
+             "builder.real_world:RealWorld.set_cloud",
+             lambda real, self, *cloud: put(self, "environment", None) or real(self, *cloud),
+             "tests/builder/test_real_world.py::test_a_bad_cloud_is_refused_at_once_in_any_frame"),
+    Breakage(SAME, "dice without a seed", "artefacts.randomness:generator",
+             lambda *_: np.random.default_rng(),
+             _RUN + "test_the_same_inputs_and_seed_give_the_same_bytes",
+             _BUILDER + "test_the_seed_decides_everything"),
+    Breakage(SAME, "the seed decides nothing", "artefacts.randomness:generator",
+             lambda real, _seed, *stream: real(0, *stream),
+             _BUILDER + "test_the_seed_decides_everything"),
+    Breakage(TICKS, "sub-steps run when somebody asks", "builder.step_clock:StepClock.go_on",
+             lambda _, self, now_ns: put(self, "next_ns", now_ns + self.period_ns),
+             _RATE_TEST + "[20.0]"),
+    Breakage(TICKS, "arrivals keep away from where a tick saw the robot",
+             "builder.lives:Lives._sub_step", sub_step_of_tick, _RATE_TEST + "[33.0]"),
+    Breakage(TICKS, "scans wait for the next tick",
+             "builder.scans:ScanAugmentation.deadline_passed",
+             lambda real, self, now_ns: real(self, -(-now_ns // self._tick_ns) * self._tick_ns),
+             "tests/builder/test_scans.py::test_a_late_correction_is_held_in_the_builder"),
 )
+# fmt: on
 
 
 def apply(breakage: Breakage, patch: pytest.MonkeyPatch) -> None:
