@@ -21,8 +21,9 @@ from are_ros.conventions import seconds_to_ns
 from are_ros.errors import ParameterError
 from are_ros.parameters.choices import CameraModel, OnRobotContact, Shape
 from are_ros.parameters.model import CameraParameters, Parameters, RobotParameters
+from are_ros.world._edge_table import TransformSource
 from are_ros.world.footprint import Footprint
-from are_ros.world.frame_tree import FrameTree, TransformSource
+from are_ros.world.frame_tree import FrameTree
 from are_ros.world.observer import Camera, Observer, mounted_camera
 from are_ros.world.omnidirectional_view import OmnidirectionalView
 from are_ros.world.rigid_transform import RigidTransform

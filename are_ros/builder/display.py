@@ -8,8 +8,9 @@ import numpy.typing as npt
 
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.builder._label_crowd import crowded_ids
-from are_ros.builder._marker_shapes import speed_steps
-from are_ros.builder.markers import MarkerBatch, MarkerBoard, MarkerSubject
+from are_ros.builder._marker_shapes import MarkerSubject, speed_steps
+from are_ros.builder.marker_batch import MarkerBatch
+from are_ros.builder.markers import MarkerBoard
 from are_ros.builder.mesh_bank import MeshBank
 from are_ros.builder.outputs import ArtefactState
 from are_ros.parameters.choices import Labels

@@ -19,8 +19,9 @@ from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
 from are_ros.parameters.choices import CameraModel, OdometryUse
 from are_ros.parameters.model import Parameters
+from are_ros.world._edge_table import TransformSource
 from are_ros.world.footprint import Footprint
-from are_ros.world.frame_tree import FrameTree, TransformSource
+from are_ros.world.frame_tree import FrameTree
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.observer import Camera
 from are_ros.world.occupancy_grid import OccupancyGrid

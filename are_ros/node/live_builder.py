@@ -19,7 +19,8 @@ from are_ros.errors import AreError, InputError
 from are_ros.messages.feed import Decoding, Feed, RawMessage
 from are_ros.messages.goals import read_clicked_point
 from are_ros.messages.grid import encode_grid, read_grid
-from are_ros.messages.tick_encoding import TickEncoder, encode_scan, scan_outputs
+from are_ros.messages.scan import encode_scan
+from are_ros.messages.tick_encoding import TickEncoder, scan_outputs
 from are_ros.node.watches import BusyWatch, FaultWatch, TickWatch
 from are_ros.parameters.choices import CostmapGate, SensorGate
 from are_ros.parameters.model import Parameters

@@ -7,7 +7,8 @@ from typing import Any
 from are_ros.errors import BagError
 from are_ros.node.startup import stop_on_signals
 from are_ros.record.demo import DemoOptions, run_demo, summary_of
-from are_ros.record.player import PlayOptions, PlayOutcome, play
+from are_ros.record.player import PlayOutcome, play
+from are_ros.record.publishers import PlayOptions
 from are_ros.record.recorder import record
 from are_ros.record.topics import RecordOptions
 from are_ros.replay.command import effective_parameters

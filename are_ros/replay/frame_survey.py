@@ -8,7 +8,7 @@ from typing import Final
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.transforms import StampedTransform
 from are_ros.wording import counted, listed
-from are_ros.world.frame_tree import TransformSource
+from are_ros.world._edge_table import TransformSource
 from are_ros.world.rigid_transform import why_invalid
 
 _SOURCE_NAMES: Final = {

@@ -15,7 +15,8 @@ from are_ros.errors import AreError
 from are_ros.messages.cloud import Points, make_cloud
 from are_ros.messages.common import MessageFactory
 from are_ros.messages.grid import make_grid
-from are_ros.messages.tick_encoding import OUTPUTS, TickEncoder, encode_scan, scan_outputs
+from are_ros.messages.scan import encode_scan
+from are_ros.messages.tick_encoding import OUTPUTS, TickEncoder, scan_outputs
 from are_ros.messages.transforms import StampedTransform, encode_transforms_cdr, make_transforms
 from are_ros.parameters.choices import Region
 from are_ros.replay.runner import Listener
