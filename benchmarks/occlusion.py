@@ -9,6 +9,7 @@ import math
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from statistics import median
 
 import numpy as np
@@ -23,9 +24,12 @@ from are_ros.builder.ray_casting import VoxelField
 from are_ros.world.observer import FORWARD_FROM_OPTICAL
 from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.surface import exposed_faces
 from are_ros.world.view_models import PinholeView
 from are_ros.world.voxel_map import VoxelMap
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from tests.world.surface import exposed_faces
 
 Floats = npt.NDArray[np.float32]
 Occupied = npt.NDArray[np.uint8]

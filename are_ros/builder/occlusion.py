@@ -35,13 +35,6 @@ class Visibility:
     rois: npt.NDArray[np.int64]
     nearest_m: npt.NDArray[np.float64]
 
-    def visible_fractions(self) -> npt.NDArray[np.float64]:
-        """Return visible over unoccluded pixels, float64 (N,), 0 where there are none."""
-        fractions: npt.NDArray[np.float64] = self.visible_pixels / np.maximum(
-            self.unoccluded_pixels, 1
-        )
-        return fractions
-
 
 class ZBuffer:
     """A view model with a range, made ready to tell which artefacts it sees.

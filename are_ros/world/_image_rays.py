@@ -22,10 +22,3 @@ def unit_rays(rays: npt.NDArray[np.float64]) -> Rays:
     result: Rays = unit.astype(np.float32)
     result.flags.writeable = False
     return result
-
-
-def intervals(
-    low: npt.NDArray[np.float64], high: npt.NDArray[np.float64]
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return (low, high) of the first and of the second coordinate of two corners (2,)."""
-    return (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))

@@ -11,7 +11,6 @@ from are_ros.world._claims import Claim, checked_pose
 from are_ros.world._edge_kernels import NO_LIMIT
 from are_ros.world._edge_list import FrameEdge, listed_edges
 from are_ros.world._edge_table import Edge, EdgeTable, TransformSource
-from are_ros.world._frame_batches import look_up_many
 from are_ros.world._frame_kernels import latest_not_after, look_up
 from are_ros.world._frame_names import FrameNames
 from are_ros.world._lookup_errors import in_seconds, lookup_error
@@ -159,22 +158,6 @@ class FrameTree:
         status = look_up(table.samples, table.frames, to, of, stamp_ns, out)
         if status:
             self._fail(status, target, source, stamp_ns)
-
-    def lookup_arrays(
-        self, target: str, source: str, stamps_ns: npt.NDArray[np.int64]
-    ) -> tuple[Floats, Floats]:
-        """Return target_from_source at each of N stamps: translations (N, 3), quaternions (N, 4).
-
-        Errors as in `lookup`, for the first stamp that fails. Ascending stamps are quickest.
-        """
-        stamps = np.ascontiguousarray(stamps_ns, dtype=np.int64)
-        to, of = self._names.number(target), self._names.number(source)
-        out = np.empty((len(stamps), 7))
-        table = self._table
-        status, failed = look_up_many(table.samples, table.frames, to, of, stamps, out)
-        if status:
-            self._fail(status, target, source, int(stamps[failed]))
-        return out[:, :3], out[:, 3:]
 
     def lookup_held(self, target: str, fixed: str, source: str, stamp_ns: int) -> RigidTransform:
         """Return target_from_source by way of `fixed`: the first part held, the second exact.

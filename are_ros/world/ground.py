@@ -27,10 +27,6 @@ class Ground(Protocol):
         """Return the floor's height (N,) at each of the finite points (N, 2) of the map frame."""
         ...
 
-    def height_under(self, points_m: npt.NDArray[np.floating]) -> float:
-        """Return the height for a body whose footprint is sampled by points (N >= 1, 2)."""
-        ...
-
 
 @dataclass(frozen=True)
 class PlaneGround:
@@ -45,10 +41,6 @@ class PlaneGround:
     def heights(self, points_m: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
         """Return the plane's height (N,) for points (N, 2)."""
         return np.full(len(points_m), self.height_m)
-
-    def height_under(self, points_m: npt.NDArray[np.floating]) -> float:  # noqa: ARG002 - a Ground
-        """Return the plane's height."""
-        return self.height_m
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,10 +110,6 @@ class VoxelGround:
         j = np.clip(np.floor((y * cosine - x * sine) / self.column_size_m[1]), 0, ny - 1)
         heights: npt.NDArray[np.float64] = self.heights_m[i.astype(np.int64), j.astype(np.int64)]
         return heights
-
-    def height_under(self, points_m: npt.NDArray[np.floating]) -> float:
-        """Return the median of the heights at points (N >= 1, 2); of two middles the mean."""
-        return float(np.median(self.heights(points_m)))
 
 
 def _main_level(voxels: VoxelMap, plane_height_m: float, search_m: float) -> int | None:

@@ -10,8 +10,6 @@ import numpy.typing as npt
 
 from are_ros.errors import ParameterError
 from are_ros.world._image_rays import Rays, unit_rays
-from are_ros.world._pixel_bounds import PixelBounds, PixelRectangle
-from are_ros.world.view_models import IN_FRONT_M, Points
 
 
 class Projection(Enum):
@@ -52,35 +50,12 @@ class OmnidirectionalView:
         """Return the unit rays; see `ViewModel`."""
         return self._directions
 
-    def image_bounds(self, points_camera: Points) -> PixelRectangle:
-        """Return the rectangle of the hull's azimuths and elevations.
-
-        All columns if the hull crosses the seam, all pixels if it may meet the vertical axis.
-        """
-        x, y, z = np.asarray(points_camera, dtype=np.float64).T
-        middle = math.atan2(float(x.mean()), float(z.mean()))
-        away = x * math.sin(middle) + z * math.cos(middle)
-        if away.min() < IN_FRONT_M:
-            return self._bounds.whole()
-        turned = np.arctan2(x * math.cos(middle) - z * math.sin(middle), away)
-        first, last = middle + float(turned.min()), middle + float(turned.max())
-        azimuths = (first, last) if -math.pi < first and last < math.pi else (-math.pi, math.pi)
-        steepest = away.min() if y.min() < 0.0 else np.hypot(x, z).max()
-        deepest = away.min() if y.max() > 0.0 else np.hypot(x, z).max()
-        heights = (float(y.min() / steepest), float(y.max() / deepest))
-        return self._bounds.rectangle(azimuths, (math.atan(heights[0]), math.atan(heights[1])))
-
     @cached_property
     def _directions(self) -> Rays:
         azimuth, elevation = self._angles()
         level = np.cos(elevation)[:, np.newaxis]
         down = np.broadcast_to(-np.sin(elevation)[:, np.newaxis], (self.height, self.width))
         return unit_rays(np.stack((level * np.sin(azimuth), down, level * np.cos(azimuth)), axis=2))
-
-    @cached_property
-    def _bounds(self) -> PixelBounds:
-        azimuth, elevation = self._angles()
-        return PixelBounds(np.stack(np.meshgrid(azimuth, -elevation), axis=2))
 
     def _angles(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Return the azimuths of the columns and the elevations of the rows [rad]."""

@@ -15,13 +15,7 @@ import numpy.typing as npt
 
 from are_ros.errors import ParameterError
 from are_ros.world import _distortion
-from are_ros.world._image_rays import Rays, image_plane, intervals, unit_rays
-from are_ros.world._pixel_bounds import PixelBounds, PixelRectangle
-
-Points = npt.NDArray[np.floating]
-
-IN_FRONT_M = 1e-3
-"""A box with a corner nearer to the camera's plane or axis than this may be anywhere in view."""
+from are_ros.world._image_rays import Rays, image_plane, unit_rays
 
 
 class ViewModel(Protocol):
@@ -37,9 +31,6 @@ class ViewModel(Protocol):
 
     def directions(self) -> Rays:
         """Return the unit rays, float32 (height, width, 3), read-only; zero where there is none."""
-
-    def image_bounds(self, points_camera: Points) -> PixelRectangle:
-        """Return pixels that hold all that can show the convex hull of points (N, 3) [m]."""
 
 
 @dataclass(frozen=True)
@@ -80,14 +71,6 @@ class PinholeView:
         """Return the unit rays; see `ViewModel`."""
         return self._directions
 
-    def image_bounds(self, points_camera: Points) -> PixelRectangle:
-        """Return the rectangle of the hull's slopes; all pixels if it meets the camera's plane."""
-        points = np.asarray(points_camera, dtype=np.float64) @ self._rotation().T
-        if points[:, 2].min() < IN_FRONT_M:
-            return self._bounds.whole()
-        slopes = points[:, :2] / points[:, 2:]
-        return self._bounds.rectangle(*intervals(slopes.min(axis=0), slopes.max(axis=0)))
-
     def _rotation(self) -> npt.NDArray[np.float64]:
         numbers = self.rectified_from_camera
         return np.array(numbers).reshape(3, 3) if numbers else np.eye(3)
@@ -97,10 +80,6 @@ class PinholeView:
         slopes = self._slopes()
         rays = np.concatenate((slopes, np.ones((*slopes.shape[:2], 1))), axis=2)
         return unit_rays(rays @ self._rotation())
-
-    @cached_property
-    def _bounds(self) -> PixelBounds:
-        return PixelBounds(self._slopes())
 
     def _slopes(self) -> npt.NDArray[np.float64]:
         """Return x / z and y / z per pixel, (height, width, 2), NaN where there is no ray."""
@@ -133,26 +112,6 @@ class FisheyeView:
         """Return the unit rays; see `ViewModel`."""
         return self._directions
 
-    def image_bounds(self, points_camera: Points) -> PixelRectangle:
-        """Return the rectangle of the cone around the hull, drawn stereographically.
-
-        That drawing makes a circle of every cone. All pixels if the cone is as wide as a half space
-        or holds the direction straight back.
-        """
-        points = np.asarray(points_camera, dtype=np.float64)
-        ranges = np.linalg.norm(points, axis=1)
-        if ranges.min() < IN_FRONT_M:
-            return self._bounds.whole()
-        rays = points / ranges[:, np.newaxis]
-        mean = rays.mean(axis=0)
-        axis = mean / max(float(np.linalg.norm(mean)), 1e-9)
-        cosine = float((rays @ axis).min())
-        if cosine <= 1e-3 or cosine + axis[2] <= 1e-3:
-            return self._bounds.whole()
-        centre = axis[:2] / (cosine + axis[2])
-        radius = math.sqrt(max(0.0, 1.0 - cosine * cosine)) / (cosine + axis[2])
-        return self._bounds.rectangle(*intervals(centre - radius, centre + radius))
-
     @cached_property
     def _directions(self) -> Rays:
         plane = image_plane(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
@@ -164,9 +123,3 @@ class FisheyeView:
         sideways = np.sin(angles) / np.maximum(radii, 1e-12)
         rays = (plane[:, :, 0] * sideways, plane[:, :, 1] * sideways, np.cos(angles))
         return unit_rays(np.stack(rays, axis=2))
-
-    @cached_property
-    def _bounds(self) -> PixelBounds:
-        rays = self.directions().astype(np.float64)
-        forward = np.where(rays.any(axis=2, keepdims=True), 1.0 + rays[:, :, 2:], np.nan)
-        return PixelBounds(rays[:, :, :2] / np.maximum(forward, 1e-9))

@@ -140,7 +140,7 @@ def test_all_cameras_count() -> None:
     assert _hidden() == [AHEAD, FAR, BEHIND_WALL, BEHIND, ABOUT]
     assert OutOfView(5.0).hides(PLACES).all()
     unseen = OutOfView(5.0)
-    blind: ViewModel = Blind()  # type: ignore[assignment] # nobody asks it for bounds
+    blind: ViewModel = Blind()
     unseen.look(_environment(WALL), [Viewpoint(blind, RigidTransform.identity())])
     assert unseen.hides(PLACES).all()
 

@@ -13,8 +13,8 @@ from are_ros.builder._ray_leaps import free_cone
 from are_ros.builder.ray_casting import VoxelField
 from are_ros.world.octomap_file import read_octomap_file
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.surface import exposed_faces
 from are_ros.world.voxel_map import VoxelMap
+from tests.world.surface import exposed_faces
 
 Floats = npt.NDArray[np.float64]
 

@@ -12,10 +12,10 @@ from are_ros.world.broad_phase import candidate_pairs
 from are_ros.world.oriented_boxes import (
     OrientedBoxes,
     any_overlap,
-    overlapping_pairs,
     overlaps,
     overlaps_any,
 )
+from tests.world.overlapping import overlapping_pairs
 
 Polygon = list[tuple[float, float]]
 
