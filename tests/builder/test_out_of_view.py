@@ -7,7 +7,6 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from are_ros.builder._view_pyramid import NONE, pyramid_of
 from are_ros.builder.occlusion import ZBuffer
 from are_ros.builder.out_of_view import OutOfView, Viewpoint
 from are_ros.builder.ray_casting import VoxelField
@@ -164,34 +163,12 @@ def test_every_change_of_what_is_looked_at_counts() -> None:
     up = _camera(0.0, 0.0, 1.0, 0.0, -1.2)
     assert hidden(environment, Viewpoint(VIEW, up)) == [AHEAD, FAR, BEHIND_WALL, BEHIND]
     assert hidden(environment, Viewpoint(VIEW, camera)) == [FAR, BEHIND_WALL, BEHIND]
-    outlooks = unseen._outlooks
     assert hidden(environment, Viewpoint(VIEW, _camera(0.0, 0.0, 1.0))) == [
         FAR,
         BEHIND_WALL,
         BEHIND,
     ]
-    assert unseen._outlooks is outlooks
     assert hidden(_environment(None), Viewpoint(VIEW, camera)) == [FAR, BEHIND]
     aside = Viewpoint(narrow, _camera(0.0, 0.0, 1.0, 0.5))
     assert hidden(environment, aside) == [AHEAD, FAR, BEHIND_WALL, BEHIND]
     assert hidden(environment) == [AHEAD, FAR, BEHIND_WALL, BEHIND, ABOUT]
-
-
-@pytest.mark.parametrize("name", list(VIEWS))
-def test_every_ray_lies_in_the_cones_above_it(name: str) -> None:
-    """From each tile up to the top, over nodes that are each other's child and parent."""
-    pyramid = pyramid_of(VIEWS[name])
-    rays, valid = pyramid.tiles.rays.astype(np.float64), pyramid.tiles.valid.astype(np.bool_)
-    top = len(pyramid.axes) - 1
-    for tile in range(len(rays)):
-        node = tile
-        while True:
-            apart = np.linalg.norm(rays[tile].T[valid[tile]] - pyramid.axes[node], axis=1)
-            assert apart.max() < pyramid.spreads[node]
-            parent = int(pyramid.parents[node])
-            if parent == NONE:
-                break
-            assert node in pyramid.children[parent]
-            node = parent
-        assert node == top
-    assert np.count_nonzero(pyramid.children != NONE) == top
