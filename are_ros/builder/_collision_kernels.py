@@ -1,11 +1,11 @@
-"""The resolver's walk in id order, over neighbours that a broad phase has found."""
+"""The resolver's walk in id order, over neighbours that a spatial hash has found."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from are_ros._compiled import compiled
 from are_ros.world.box_kernels import bounds, boxes_overlap
-from are_ros.world.broad_phase import candidate_pairs
+from are_ros.world.spatial_hash import candidate_pairs
 
 _FloatArray = NDArray[np.float64]
 _IndexArray = NDArray[np.int64]

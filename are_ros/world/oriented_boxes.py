@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from are_ros.world import box_kernels, overlap_search
+from are_ros.world import box_kernels, spatial_hash
 
 TOUCH_TOLERANCE_M: Final = 1e-9
 """Sets are open: what meets by no more than this only touches. It absorbs rounding, no more."""
@@ -113,7 +113,7 @@ def overlaps_any(boxes: OrientedBoxes, others: OrientedBoxes) -> NDArray[np.bool
 
 def any_overlap(boxes: OrientedBoxes) -> bool:
     """Tell whether any two of the boxes overlap, by the test of `overlaps`."""
-    return overlap_search.any_overlap(boxes.packed, TOUCH_TOLERANCE_M)
+    return spatial_hash.any_overlap(boxes.packed, TOUCH_TOLERANCE_M)
 
 
 def _readonly(values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
