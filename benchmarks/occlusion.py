@@ -18,9 +18,9 @@ import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from are_ros.builder.mesh_casting import MeshPool, MeshSelection
-from are_ros.builder.occlusion import ZBuffer
-from are_ros.builder.ray_casting import VoxelField
+from are_ros.builder.occlusion.meshes import MeshPool, MeshSelection
+from are_ros.builder.occlusion.rays import VoxelField
+from are_ros.builder.occlusion.zbuffer import ZBuffer
 from are_ros.world.observer import FORWARD_FROM_OPTICAL
 from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform

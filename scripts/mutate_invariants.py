@@ -78,7 +78,7 @@ BREAKAGES = (
     Breakage(
         CELLS,
         "artefacts are 99",
-        "are_ros/builder/augmented_map.py",
+        "are_ros/builder/costmap/augmented_map.py",
         "np.copyto(each.of(self._next), np.int8(OCCUPIED), where=each.mask)",
         "np.copyto(each.of(self._next), np.int8(OCCUPIED - 1), where=each.mask)",
         (_CELLS_TEST,),
@@ -86,7 +86,7 @@ BREAKAGES = (
     Breakage(
         CELLS,
         "who moves away leaves free cells, not the real ones",
-        "are_ros/builder/augmented_map.py",
+        "are_ros/builder/costmap/augmented_map.py",
         "np.copyto(each.of(self._next), each.of(self._real), where=each.mask)",
         "np.copyto(each.of(self._next), np.int8(0), where=each.mask)",
         (_CELLS_TEST,),
@@ -110,7 +110,7 @@ BREAKAGES = (
     Breakage(
         COSTMAP,
         "who moves away takes the walls' inflation along",
-        "are_ros/builder/costmap.py",
+        "are_ros/builder/costmap/inflation.py",
         "restore(self._costs, self._static, vacated)",
         "restore(self._costs, np.zeros_like(self._static), vacated)",
         (_COSTMAP_TEST,),
@@ -118,7 +118,7 @@ BREAKAGES = (
     Breakage(
         COSTMAP,
         "walls are not inflated",
-        "are_ros/builder/costmap.py",
+        "are_ros/builder/costmap/inflation.py",
         "self._static = inflated(occupied, self._cost_of_d2, self._radius_cells, 0)",
         "self._static = np.where(occupied, np.uint8(LETHAL), np.uint8(0))",
         (_COSTMAP_TEST,),
@@ -126,7 +126,7 @@ BREAKAGES = (
     Breakage(
         RETURNS,
         "a virtual return replaces a nearer real one",
-        "are_ros/builder/augmented_scan.py",
+        "are_ros/builder/scans.py",
         "nearer = np.where(returned, hits < real, hits <= farthest)",
         "nearer = hits <= farthest",
         (_SCAN_TEST,),
@@ -134,7 +134,7 @@ BREAKAGES = (
     Breakage(
         RETURNS,
         "walls hide nothing from beams without a return",
-        "are_ros/builder/augmented_scan.py",
+        "are_ros/builder/scans.py",
         "    if surface is not None:\n",
         "    if surface is None:\n",
         (_SCAN_TEST,),
@@ -228,7 +228,7 @@ BREAKAGES = (
     Breakage(
         DEPARTED,
         "cells stay",
-        "are_ros/builder/_patches.py",
+        "are_ros/builder/costmap/patches.py",
         "vacated=tuple(placed for i, placed in before.items() if i not in standing)",
         "vacated=()",
         (_CELLS_TEST, _BUILDER + "test_a_departed_artefact_leaves_nothing_behind"),
@@ -255,7 +255,7 @@ BREAKAGES = (
     Breakage(
         RELAY,
         "a new map goes out only when an artefact moves",
-        "are_ros/builder/augmented_map.py",
+        "are_ros/builder/costmap/augmented_map.py",
         "        if was_new:\n            return ChangedRectangle(0, 0, *shape)\n",
         "",
         (
@@ -274,7 +274,7 @@ BREAKAGES = (
     Breakage(
         TOPICS,
         "the real map is handed on itself, not a copy",
-        "are_ros/builder/grids.py",
+        "are_ros/builder/costmap/augmented_map.py",
         "return _like(real, now_ns, cells.copy()), None if is_first else update",
         "return _like(real, now_ns, real.cells), None if is_first else update",
         (_RUN + "test_inputs_are_never_written_to",),

@@ -10,7 +10,7 @@ from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.population_events import Cause
 from are_ros.builder import assembly
 from are_ros.builder.lives import Lives
-from are_ros.builder.mesh_bank import MeshBank
+from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.out_of_view import Viewpoint
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.scans import ScanAugmentation

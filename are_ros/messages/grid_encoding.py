@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from are_ros.builder.grids import GridUpdate
+from are_ros.builder.costmap.augmented_map import GridUpdate
 from are_ros.messages.cdr import CdrWriter
 from are_ros.world.occupancy_grid import OccupancyGrid
 

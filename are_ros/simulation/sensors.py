@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from are_ros.builder.ray_casting import VoxelField
+from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.rigid_transform import RigidTransform
 

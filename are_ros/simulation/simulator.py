@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from are_ros.builder.ray_casting import VoxelField
+from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.conventions import NS_PER_S
 from are_ros.simulation.building import Building
 from are_ros.simulation.frames import SCAN_FRAME

@@ -7,15 +7,14 @@ import numpy.typing as npt
 import pytest
 import trimesh
 
-from are_ros.builder._occlusion_kernels import render
-from are_ros.builder.mesh_casting import MeshPool, MeshSelection
-from are_ros.builder.occlusion import Visibility, ZBuffer
-from are_ros.builder.ray_casting import VoxelField
+from are_ros.builder.occlusion.kernels import render
+from are_ros.builder.occlusion.meshes import MeshPool, MeshSelection
+from are_ros.builder.occlusion.rays import VoxelField
+from are_ros.builder.occlusion.zbuffer import Visibility, ZBuffer
 from are_ros.world.observer import FORWARD_FROM_OPTICAL
-from are_ros.world.omnidirectional_view import OmnidirectionalView
 from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import FisheyeView, PinholeView, ViewModel
+from are_ros.world.view_models import FisheyeView, OmnidirectionalView, PinholeView, ViewModel
 from are_ros.world.voxel_map import VoxelMap
 from tests.world.surface import exposed_faces
 

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.builder.augmented_map import ChangedRectangle
-from are_ros.builder.grids import GridUpdate
+from are_ros.builder.costmap.augmented_map import ChangedRectangle, GridUpdate
 from are_ros.messages.grid import make_grid
 from are_ros.messages.grid_encoding import encode_grid, encode_grid_update
 from are_ros.messages.headers import make_header

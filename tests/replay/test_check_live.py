@@ -16,7 +16,7 @@ from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 
-from are_ros.builder.costmap import InflatedCostmap
+from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.parameters.declaration import with_values

@@ -15,7 +15,7 @@ import pytest
 from mcap.reader import make_reader
 from numpy.typing import NDArray
 
-from are_ros.builder.costmap import InflatedCostmap
+from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.builder.registration import CellPatch, covered_cells
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError

@@ -9,8 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.world._floor import fill_from_nearest, flood_floor, surface_counts
-from are_ros.world.ground import Ground, PlaneGround, VoxelGround
+from are_ros.world.ground import (
+    Ground,
+    PlaneGround,
+    VoxelGround,
+    fill_from_nearest,
+    flood_floor,
+    surface_counts,
+)
 from are_ros.world.map_file import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.octomap_file import read_octomap_file

@@ -11,8 +11,13 @@ import pytest
 
 from are_ros.errors import ParameterError
 from are_ros.messages.camera_info import read_camera_info
-from are_ros.world.omnidirectional_view import OmnidirectionalView, Projection
-from are_ros.world.view_models import FisheyeView, PinholeView, ViewModel
+from are_ros.world.view_models import (
+    FisheyeView,
+    OmnidirectionalView,
+    PinholeView,
+    Projection,
+    ViewModel,
+)
 
 Floats = npt.NDArray[np.float64]
 

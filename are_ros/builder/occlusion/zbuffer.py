@@ -6,11 +6,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.builder._occlusion_kernels import render
-from are_ros.builder._occlusion_types import Boxes, Scratch, Tallies, Voxels
-from are_ros.builder._ray_tiles import PIXELS, TiledRays
-from are_ros.builder.mesh_casting import MeshSelection
-from are_ros.builder.ray_casting import VoxelField
+from are_ros.builder.occlusion.kernels import Boxes, Scratch, Tallies, Voxels, render
+from are_ros.builder.occlusion.meshes import MeshSelection
+from are_ros.builder.occlusion.rays import PIXELS, TiledRays, VoxelField
 from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.view_models import ViewModel
