@@ -17,10 +17,22 @@ from are_ros.builder._marker_shapes import (
 )
 from are_ros.builder.marker_batch import (
     DELETE_ALL,
+    MarkerAction,
     MarkerBatch,
+    MarkerKind,
     MarkerLook,
 )
 from are_ros.parameters.choices import Labels, Shape
+
+__all__ = (
+    "MarkerAction",
+    "MarkerBatch",
+    "MarkerBoard",
+    "MarkerKind",
+    "MarkerLook",
+    "MarkerSubject",
+    "marker_poses",
+)
 
 Poses = npt.NDArray[np.float64]
 

@@ -26,6 +26,8 @@ from are_ros.world.transforms.lookup import (
 from are_ros.world.transforms.sources import Claim, Notices, Precedence, checked_pose
 from are_ros.world.transforms.table import Edge, EdgeTable, FrameNames, TransformSource
 
+__all__ = ["STATIC", "FrameEdge", "FrameTree", "TransformSource"]
+
 
 @dataclass(frozen=True)
 class FrameEdge:

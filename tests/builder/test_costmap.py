@@ -6,13 +6,19 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 import pytest
-from are_ros.builder.costmap.inflation.inflation import NARROW_RADIUS_CELLS, inflated, table_size
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt
 
 from are_ros.builder.costmap import inflation as costmap_module
-from are_ros.builder.costmap.inflation import InflatedCostmap, inflation_costs, published_by_cost
+from are_ros.builder.costmap.inflation import (
+    NARROW_RADIUS_CELLS,
+    InflatedCostmap,
+    inflated,
+    inflation_costs,
+    published_by_cost,
+    table_size,
+)
 from are_ros.builder.registration import CellPatch
 from are_ros.errors import InputError, ParameterError
 
