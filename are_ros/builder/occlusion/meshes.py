@@ -25,7 +25,7 @@ Tree = tuple[
     npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.int64]
 ]
 """Boxes (nodes, 6), triangles (M, 9), first node and level count and first triangle per mesh
-(meshes, 3), and the triangles' own numbers (M,); see `mesh_casting.MeshPool`."""
+(meshes, 3), and the triangles' own numbers (M,); see `MeshPool`."""
 
 
 @compiled
