@@ -9,19 +9,41 @@ import yaml
 from are_ros.errors import AreError
 
 _DEEPEST = 100
-"""Levels of nesting: the parser in C would use up its stack before Python counts its own."""
-
-# The loader in C is ten times as quick, and not everywhere.
-_SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
-class _Loader(_SafeLoader):  # type: ignore[misc]
-    """YAML 1.1 as ROS reads it: 1e-3 is a number, too. No value holds itself."""
+class _Loader(yaml.SafeLoader):
+    """YAML 1.1 as ROS reads it: 1e-3 is a number, too. No value holds itself.
+
+    The loader in Python is used on purpose: that in C ends the process where the nesting is deep.
+    """
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
         # Whole values at once: one that holds itself is then refused, not built.
         self.deep_construct = True
+        self._depth = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        """Refuse deep nesting."""
+        self._depth += 1
+        if self._depth > _DEEPEST:
+            raise ValueError(f"it is nested deeper than {_DEEPEST} levels")
+        node: yaml.Node | None = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
+
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        """Refuse a key that comes twice: else the last one would win without a word."""
+        mapping: yaml.MappingNode = super().compose_mapping_node(anchor)
+        keys: set[str] = set()
+        for key, _ in mapping.value:
+            if not isinstance(key, yaml.ScalarNode):
+                continue
+            if key.value in keys:
+                problem = f"the key '{key.value}' comes twice in one mapping"
+                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
+            keys.add(key.value)
+        return mapping
 
 
 _Loader.add_implicit_resolver(
@@ -50,7 +72,6 @@ def parse_yaml(text: str, subject: str, error: type[AreError]) -> Any:
     more than 100 levels of nesting.
     """
     try:
-        _check_structure(text)
         return yaml.load(text, _Loader)  # noqa: S506 - derived from the safe loader
     except _FAULTS as cause:
         mark = getattr(cause, "problem_mark", None)
@@ -66,40 +87,6 @@ def read_yaml(path: Path, subject: str, error: type[AreError]) -> Any:
         reason = getattr(cause, "strerror", None) or "not UTF-8 text"
         raise error(f"{subject} cannot be read ({reason})") from cause
     return parse_yaml(text, subject, error)
-
-
-class _OpenMapping:
-    """The keys so far of a mapping whose end has not come."""
-
-    def __init__(self) -> None:
-        self._keys: set[str] = set()
-        self._is_key_next = True
-
-    def take(self, event: yaml.NodeEvent) -> None:
-        """Take a key or a value, of which only the first event counts."""
-        if self._is_key_next and isinstance(event, yaml.ScalarEvent):
-            if event.value in self._keys:
-                problem = f"the key '{event.value}' comes twice in one mapping"
-                mark: Any = event.start_mark
-                raise yaml.MarkedYAMLError(problem=problem, problem_mark=mark)
-            self._keys.add(event.value)
-        self._is_key_next = not self._is_key_next
-
-
-def _check_structure(text: str) -> None:
-    """Refuse what the loader would die of, or take without a word: depth, a key given twice."""
-    opened: list[_OpenMapping | None] = []
-    for event in yaml.parse(text, _SafeLoader):
-        if isinstance(event, yaml.CollectionEndEvent):
-            opened.pop()
-        elif isinstance(event, yaml.NodeEvent):
-            if opened and (mapping := opened[-1]):
-                mapping.take(event)
-            if isinstance(event, yaml.CollectionStartEvent):
-                is_mapping = isinstance(event, yaml.MappingStartEvent)
-                opened.append(_OpenMapping() if is_mapping else None)
-        if len(opened) > _DEEPEST:
-            raise ValueError(f"it is nested deeper than {_DEEPEST} levels")
 
 
 def _reason(cause: Exception) -> str:

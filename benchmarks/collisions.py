@@ -8,6 +8,7 @@ python benchmarks/collisions.py [repetitions]
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -19,8 +20,12 @@ from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint
 from are_ros.world.ground import PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.oriented_boxes import OrientedBoxes, overlapping_pairs
+from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from tests.world.overlapping import overlapping_pairs
 
 
 def crowd(count: int, generator: np.random.Generator) -> OrientedBoxes:

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.builder.augmented_map import AugmentedMap
-from are_ros.builder.costmap import InflatedCostmap, inflation_costs
+from are_ros.builder.costmap.augmented_map import AugmentedMap
+from are_ros.builder.costmap.inflation import InflatedCostmap, inflation_costs
 from are_ros.builder.registration import CellPatch
 
 Mask = npt.NDArray[np.bool_]

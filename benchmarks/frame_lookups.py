@@ -94,8 +94,6 @@ def our_rounds(stamps_ns: list[int]) -> dict[str, Round]:
     tree, given, out = FrameTree(), samples(), np.empty(7)
     for parent, child, stamp_ns, place, turn in given:
         tree.set_transform(parent, child, stamp_ns, place, turn)
-    stamps = np.array(stamps_ns)
-    ascending = np.sort(stamps)
 
     def lookup() -> None:
         for stamp_ns in stamps_ns:
@@ -113,14 +111,8 @@ def our_rounds(stamps_ns: list[int]) -> dict[str, Round]:
     return {
         "lookup": lookup,
         "lookup_into": lookup_into,
-        "batch, ascending": lambda: discard(tree.lookup_arrays("f0", "f4", ascending)),
-        "batch, shuffled": lambda: discard(tree.lookup_arrays("f0", "f4", stamps)),
         "set_transform": feed,
     }
-
-
-def discard(_: object) -> None:
-    """Drop a result."""
 
 
 def medians_us(rounds: dict[str, Round]) -> dict[str, float]:

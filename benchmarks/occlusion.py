@@ -9,6 +9,7 @@ import math
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from statistics import median
 
 import numpy as np
@@ -17,15 +18,18 @@ import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from are_ros.builder.mesh_casting import MeshPool, MeshSelection
-from are_ros.builder.occlusion import ZBuffer
-from are_ros.builder.ray_casting import VoxelField
+from are_ros.builder.occlusion.meshes import MeshPool, MeshSelection
+from are_ros.builder.occlusion.rays import VoxelField
+from are_ros.builder.occlusion.zbuffer import ZBuffer
 from are_ros.world.observer import FORWARD_FROM_OPTICAL
 from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.surface import exposed_faces
 from are_ros.world.view_models import PinholeView
 from are_ros.world.voxel_map import VoxelMap
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from tests.world.surface import exposed_faces
 
 Floats = npt.NDArray[np.float32]
 Occupied = npt.NDArray[np.uint8]

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.population_events import Cause
 from are_ros.builder import assembly
+from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.events import ArtefactEvent
-from are_ros.builder.grids import Grids
 from are_ros.builder.marker_batch import MarkerBatch
 from are_ros.builder.observation import Observation, sight_events
 from are_ros.builder.outputs import ArtefactState, SceneMetrics

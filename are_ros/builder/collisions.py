@@ -7,12 +7,183 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.builder import _collision_kernels
-from are_ros.builder.ring_search import RingSearch
+from are_ros._compiled import compiled
 from are_ros.builder.robot_contact import ContactPolicy, RobotContact, contacts_of, depths_m
+from are_ros.world.box_kernels import bounds, boxes_overlap
 from are_ros.world.environment import Environment
-from are_ros.world.footprint import Footprint
-from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes, any_overlap
+from are_ros.world.footprint import Footprint, penetration_m
+from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes, any_overlap, overlaps_any
+from are_ros.world.spatial_hash import candidate_pairs
+
+_FloatArray = NDArray[np.float64]
+_IndexArray = NDArray[np.int64]
+_Mask = NDArray[np.bool_]
+
+_KEPT = 0
+_MOVED_BACK = 1
+
+
+@compiled
+def _neighbours(proposed: _FloatArray, safe: _FloatArray) -> tuple[_IndexArray, _IndexArray]:
+    """Return starts (N + 1,) and indices of those that each may meet at either of its poses."""
+    rectangles, others = bounds(proposed), bounds(safe)
+    rectangles[:, :2] = np.minimum(rectangles[:, :2], others[:, :2])
+    rectangles[:, 2:] = np.maximum(rectangles[:, 2:], others[:, 2:])
+    pairs = candidate_pairs(rectangles)
+    starts = np.zeros(rectangles.shape[0] + 1, np.int64)
+    for k in range(pairs.shape[0]):
+        starts[pairs[k, 0]] += 1
+        starts[pairs[k, 1]] += 1
+    starts = np.cumsum(starts)
+    indices = np.empty(2 * pairs.shape[0], np.int64)
+    for k in range(pairs.shape[0]):
+        a, b = pairs[k, 0], pairs[k, 1]
+        starts[a] -= 1
+        indices[starts[a]] = b
+        starts[b] -= 1
+        indices[starts[b]] = a
+    return starts, indices
+
+
+@compiled
+def _is_clear(
+    pose: _FloatArray,
+    i: int,
+    current: _FloatArray,
+    present: _Mask,
+    candidates: _IndexArray,
+    tolerance_m: float,
+) -> bool:
+    """Tell whether box i of `pose` overlaps none of the candidates where they now are."""
+    for k in range(candidates.shape[0]):
+        j = candidates[k]
+        if j != i and present[j] and boxes_overlap(pose, i, current, j, tolerance_m):
+            return False
+    return True
+
+
+@compiled
+def _walk(
+    start: int,
+    proposed: _FloatArray,
+    safe: _FloatArray,
+    allowed: _Mask,
+    current: _FloatArray,
+    present: _Mask,
+    adjacency: tuple[_IndexArray, _IndexArray],
+    strays: _IndexArray,
+    outcomes: NDArray[np.int8],
+    tolerance_m: float,
+) -> int:
+    """Keep or move back one after the other from `start`; return the first that can do neither.
+
+    `allowed` (N, 2): whether proposed and last safe pose are clear of walls and robots. `strays`:
+    those that a search has put out of their neighbourhood, so that all must heed them. `current`
+    and `outcomes` are written. Returns N at the end.
+    """
+    starts, indices = adjacency
+    for i in range(start, proposed.shape[0]):
+        if not present[i]:
+            continue
+        near = indices[starts[i] : starts[i + 1]]
+        resolved = False
+        for choice in range(2):
+            pose = proposed if choice == 0 else safe
+            if (
+                allowed[i, choice]
+                and _is_clear(pose, i, current, present, near, tolerance_m)
+                and _is_clear(pose, i, current, present, strays, tolerance_m)
+            ):
+                current[i] = pose[i]
+                outcomes[i] = _KEPT if choice == 0 else _MOVED_BACK
+                resolved = True
+                break
+        if not resolved:
+            return i
+    return int(proposed.shape[0])
+
+
+_STEP_M = 0.1
+_ANGLES = 32
+_RINGS_AT_ONCE = 4
+
+
+class RingSearch:
+    """Tries rings of growing radius, 0.1 m apart up to `radius_m`, at 32 fixed angles each.
+
+    The order is fixed: nearest ring first, on a ring counter-clockwise from the map's +x. The
+    heading is kept. Places at least `robot_clearance_m` from the robots are tried first, so that
+    who makes way for a robot is not in its way again at once.
+    """
+
+    def __init__(self, radius_m: float, robot_clearance_m: float = 0.0) -> None:
+        """Prepare the offsets; a radius below the step leaves none."""
+        self.radius_m = radius_m
+        self._robot_clearance_m = robot_clearance_m
+        rings = int(radius_m / _STEP_M + 1e-9)
+        radii_m = _STEP_M * np.repeat(np.arange(1, rings + 1), _ANGLES)
+        angles_rad = np.tile(np.arange(_ANGLES) * (2.0 * np.pi / _ANGLES), rings)
+        offsets_m = radii_m[:, None] * np.column_stack((np.cos(angles_rad), np.sin(angles_rad)))
+        chunk = _ANGLES * _RINGS_AT_ONCE
+        self._chunks = [offsets_m[i : i + chunk] for i in range(0, len(offsets_m), chunk)]
+
+    def nearest(
+        self,
+        box: OrientedBoxes,
+        others: OrientedBoxes,
+        robots: Sequence[Footprint],
+        environment: Environment,
+    ) -> tuple[NDArray[np.float64], OrientedBoxes] | None:
+        """Return the offset (2,) in metres and the box there, on the ground; None if none is safe.
+
+        `box` is of length one. A new pose is safe if it is placeable (free cells only: nobody is
+        pushed into the unknown), overlaps none of the others and no robot.
+        """
+        wider = [robot.padded(self._robot_clearance_m) for robot in robots]
+        found = self._nearest(box, others, wider, environment)
+        if found is None and robots and self._robot_clearance_m > 0.0:
+            found = self._nearest(box, others, robots, environment)
+        return found
+
+    def _nearest(
+        self,
+        box: OrientedBoxes,
+        others: OrientedBoxes,
+        robots: Sequence[Footprint],
+        environment: Environment,
+    ) -> tuple[NDArray[np.float64], OrientedBoxes] | None:
+        for offsets_m in self._chunks:
+            candidates = _standing_at(box, offsets_m, environment)
+            placeable = np.flatnonzero(environment.is_placeable(candidates))
+            safe = placeable[~_is_taken(candidates.take(placeable), others, robots)]
+            if len(safe):
+                return offsets_m[safe[0]], candidates.at(safe[0])
+        return None
+
+
+def _standing_at(
+    box: OrientedBoxes, offsets_m: NDArray[np.float64], environment: Environment
+) -> OrientedBoxes:
+    """Return the box moved by each of the offsets (M, 2), standing on the ground there."""
+    count = len(offsets_m)
+    centres_m = np.repeat(box.centres_m, count, axis=0)
+    centres_m[:, :2] += offsets_m
+    yaws_rad = np.repeat(box.yaws_rad, count)
+    half_sizes_m = np.repeat(box.half_sizes_m, count, axis=0)
+    heights_m = environment.ground_heights_m(OrientedBoxes(centres_m, yaws_rad, half_sizes_m))
+    centres_m = np.column_stack((centres_m[:, :2], heights_m + half_sizes_m[:, 2]))
+    return OrientedBoxes(centres_m, yaws_rad, half_sizes_m)
+
+
+def _is_taken(
+    boxes: OrientedBoxes, others: OrientedBoxes, robots: Sequence[Footprint]
+) -> NDArray[np.bool_]:
+    """Tell which boxes overlap any other box or any robot."""
+    taken = overlaps_any(boxes, others)
+    for robot in robots:
+        taken |= penetration_m(robot, boxes) > TOUCH_TOLERANCE_M
+    return taken
+
 
 _NO_INDICES = np.empty(0, dtype=np.int64)
 
@@ -20,8 +191,8 @@ _NO_INDICES = np.empty(0, dtype=np.int64)
 class Outcome(IntEnum):
     """What the resolver decided for one artefact."""
 
-    KEPT = _collision_kernels.KEPT
-    MOVED_BACK = _collision_kernels.MOVED_BACK
+    KEPT = _KEPT
+    MOVED_BACK = _MOVED_BACK
     DISPLACED_TO_SAFE = 2
     LEAVES = 3
     LEAVES_ON_CONTACT = 4
@@ -161,7 +332,7 @@ class _Scene:
             self.current[:] = self._proposed.packed
             return
         self._allowed[:, 1] = self._are_allowed(self._safe)
-        adjacency = _collision_kernels.neighbours(self._proposed.packed, self._safe.packed)
+        adjacency = _neighbours(self._proposed.packed, self._safe.packed)
         strays = _NO_INDICES
         i = self._walk(0, adjacency, strays)
         while i < len(self.outcomes):
@@ -191,7 +362,7 @@ class _Scene:
         adjacency: tuple[NDArray[np.int64], NDArray[np.int64]],
         strays: NDArray[np.int64],
     ) -> int:
-        return _collision_kernels.walk(
+        return _walk(
             start,
             self._proposed.packed,
             self._safe.packed,

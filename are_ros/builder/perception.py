@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from are_ros.builder.mesh_bank import MeshBank
-from are_ros.builder.occlusion import Visibility, ZBuffer
-from are_ros.builder.ray_casting import VoxelField
+from are_ros.builder.occlusion.meshes import MeshBank
+from are_ros.builder.occlusion.rays import VoxelField
+from are_ros.builder.occlusion.zbuffer import Visibility, ZBuffer
 from are_ros.builder.scene import Scene
 from are_ros.parameters.choices import Shape
 from are_ros.parameters.model import OcclusionParameters

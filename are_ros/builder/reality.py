@@ -10,7 +10,7 @@ from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.population_events import Cause
 from are_ros.builder import assembly
 from are_ros.builder.lives import Lives
-from are_ros.builder.mesh_bank import MeshBank
+from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.out_of_view import Viewpoint
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.scans import ScanAugmentation
@@ -19,13 +19,13 @@ from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
 from are_ros.parameters.choices import CameraModel, OdometryUse
 from are_ros.parameters.model import Parameters
-from are_ros.world._edge_table import TransformSource
 from are_ros.world.footprint import Footprint
 from are_ros.world.frame_tree import FrameTree
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.observer import Camera
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import Values
+from are_ros.world.transforms.table import TransformSource
 
 _BEFORE_ALL_NS: Final = -(2**63)
 _AFTER_ALL_NS: Final = 2**63 - 1

@@ -1,4 +1,4 @@
-"""Registration: an artefact's footprint in M2D and its mesh's surface in M3D (section 3.3)."""
+"""Registration of an artefact: the cells of M2D that its footprint covers (section 3.3)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,13 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.builder import _surface_kernels
 from are_ros.world.lattice_cover import count_new, covered, lattice_row
 from are_ros.world.occupancy_grid import CellClasses, OccupancyGrid
 from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes
-from are_ros.world.rigid_transform import RigidTransform
-
-_SURFACE_TOLERANCE_M = 1e-6  # meshes come with coordinates of single precision
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,42 +69,3 @@ def clutter_ratio(patches: Sequence[CellPatch], classes: CellClasses) -> float:
     """
     free = classes.free_count
     return covered_count(patches) / free if free else float("nan")
-
-
-def surface_voxels(
-    vertices_m: NDArray[np.floating],
-    faces: NDArray[np.integer],
-    map_from_lattice: RigidTransform,
-    voxel_size_m: tuple[float, float, float],
-) -> NDArray[np.int64]:
-    """Return the voxels (N, 3), sorted, each once, that a mesh's surface meets.
-
-    `vertices_m` (V, 3) in the map frame, `faces` (F, 3) indices into them, counter-clockwise seen
-    from outside; the lattice as in VoxelMap. Indices may be negative or beyond that map: the
-    lattice has no end. A face that lies in the boundary of voxels belongs to those on its inner
-    side: to that end the surface is moved inwards by 2 um, and voxels are open by 1 um.
-    """
-    triangles_m = np.asarray(vertices_m, dtype=np.float64)[np.asarray(faces)]
-    if not len(triangles_m):
-        return np.empty((0, 3), dtype=np.int64)
-    size_m = np.array(voxel_size_m)
-    inset_m = _moved_inwards(triangles_m, 2.0 * _SURFACE_TOLERANCE_M)
-    local_m = map_from_lattice.inverse().apply(inset_m.reshape(-1, 3))
-    triangles = (local_m / size_m).reshape(-1, 3, 3)
-    low = np.floor(triangles.min(axis=(0, 1))).astype(np.int64) - 1
-    high = np.floor(triangles.max(axis=(0, 1))).astype(np.int64) + 2
-    marks = np.zeros(tuple(high - low), dtype=np.bool_)
-    half = 0.5 - _SURFACE_TOLERANCE_M / size_m
-    _surface_kernels.mark_triangles(triangles, half, low, marks)
-    voxels: NDArray[np.int64] = np.argwhere(marks) + low
-    return voxels
-
-
-def _moved_inwards(triangles_m: NDArray[np.float64], distance_m: float) -> NDArray[np.float64]:
-    """Return triangles (F, 3, 3) moved against their normals; those without area stay."""
-    a, b, c = triangles_m[:, 0], triangles_m[:, 1], triangles_m[:, 2]
-    normals = np.cross(b - a, c - a)
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    units = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
-    moved_m: NDArray[np.float64] = triangles_m - distance_m * units[:, None, :]
-    return moved_m

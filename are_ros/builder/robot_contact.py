@@ -27,18 +27,11 @@ def depths_m(robots: Sequence[Footprint], boxes: OrientedBoxes) -> NDArray[np.fl
     return np.column_stack([penetration_m(robot, boxes) for robot in robots])
 
 
-def detect_contacts(
-    robots: Sequence[Footprint], ids: NDArray[np.int64], boxes: OrientedBoxes
-) -> tuple[RobotContact, ...]:
-    """Return the contacts of robots (footprints in the map frame) with artefacts `ids` (N,).
-
-    In the order of the artefacts, then of the robots. Touching is no contact.
-    """
-    return contacts_of(ids, depths_m(robots, boxes))
-
-
 def contacts_of(ids: NDArray[np.int64], depths: NDArray[np.float64]) -> tuple[RobotContact, ...]:
-    """Return the contacts among depths (N, R) of robots into the artefacts `ids`."""
+    """Return the contacts among depths (N, R) of R robots into the N artefacts `ids`.
+
+    The order is that of the artefacts, then of the robots. Touching is no contact.
+    """
     if not depths.any():
         return ()
     return tuple(

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Final
 
+from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.events import ArtefactEvent
-from are_ros.builder.grids import Grids
 from are_ros.builder.marker_batch import MarkerBatch
 from are_ros.builder.outputs import ArtefactState, PerceivedArtefact, SceneMetrics
 from are_ros.world.rigid_transform import RigidTransform

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from are_ros.builder.grids import GridUpdate
+from are_ros.builder.costmap.augmented_map import GridUpdate
 from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.common import MessageFactory, make_header, make_pose, read_array, read_time
 from are_ros.world.occupancy_grid import OccupancyGrid

@@ -4,7 +4,7 @@ from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from are_ros.builder.grids import GridUpdate
+from are_ros.builder.costmap.augmented_map import GridUpdate
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
 from are_ros.messages.artefacts import (
     ArtefactEncoder,

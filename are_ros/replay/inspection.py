@@ -17,7 +17,7 @@ from are_ros.parameters.model import PosesParameters, SensorsParameters
 from are_ros.replay.frame_survey import FrameSurvey, FrameSurveyor, hertz, static_tf_option
 from are_ros.replay.timeline import LATE_CAMERA_NS, WITHOUT_CAMERA_INFO
 from are_ros.wording import counted
-from are_ros.world._edge_table import TransformSource
+from are_ros.world.transforms.table import TransformSource
 
 _CAMERA = "camera/camera_info"
 _SENSOR_ROLES = ("scan", _CAMERA)

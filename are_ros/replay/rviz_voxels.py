@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.builder.ray_casting import VoxelField
+from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.replay.rviz_canvas import Canvas
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap

@@ -105,12 +105,3 @@ def bounds(p: _FloatArray) -> _FloatArray:
         out[i, 0], out[i, 1] = p[i, 0] - x_m, p[i, 1] - y_m
         out[i, 2], out[i, 3] = p[i, 0] + x_m, p[i, 1] + y_m
     return out
-
-
-@compiled
-def filter_pairs(p: _FloatArray, pairs: _IndexArray, tolerance_m: float) -> NDArray[np.bool_]:
-    """Tell which of the index pairs (M, 2) overlap."""
-    out = np.empty(pairs.shape[0], np.bool_)
-    for k in range(pairs.shape[0]):
-        out[k] = boxes_overlap(p, pairs[k, 0], p, pairs[k, 1], tolerance_m)
-    return out

@@ -1,24 +1,81 @@
-"""The tree of frames over time, in place of tf2 (§3.1, Frames)."""
+"""The tree of frames over time, in place of tf2 (section 3.1, Frames)."""
 
+from dataclasses import dataclass
 from typing import Final, NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
-from are_ros.errors import FrameError
-from are_ros.world._claims import Claim, checked_pose
-from are_ros.world._edge_kernels import NO_LIMIT
-from are_ros.world._edge_list import FrameEdge, listed_edges
-from are_ros.world._edge_table import Edge, EdgeTable, TransformSource
-from are_ros.world._frame_batches import look_up_many
-from are_ros.world._frame_kernels import latest_not_after, look_up
-from are_ros.world._frame_names import FrameNames
-from are_ros.world._lookup_errors import in_seconds, lookup_error
-from are_ros.world._precedence import Notices, Precedence
+from are_ros.errors import (
+    DisconnectedFramesError,
+    ExtrapolationToFutureError,
+    ExtrapolationToPastError,
+    FrameError,
+)
 from are_ros.world.rigid_transform import RigidTransform, Values
+from are_ros.world.transforms.lookup import (
+    FUTURE,
+    LOOP,
+    NO_LIMIT,
+    PAST,
+    STATUSES,
+    latest_not_after,
+    look_up,
+)
+from are_ros.world.transforms.sources import Claim, Notices, Precedence, checked_pose
+from are_ros.world.transforms.table import Edge, EdgeTable, FrameNames, TransformSource
 
 __all__ = ["STATIC", "FrameEdge", "FrameTree", "TransformSource"]
+
+
+@dataclass(frozen=True)
+class FrameEdge:
+    """An edge as `are inspect` shows it; a static one has stamps 0 and a count of 1.
+
+    `parent` is that of the newest sample; stamps are those of the first and last sample kept [ns].
+    """
+
+    parent: str
+    child: str
+    source: TransformSource
+    is_static: bool
+    first_ns: int
+    last_ns: int
+    count: int
+
+
+def listed_edges(table: EdgeTable, names: FrameNames) -> list[FrameEdge]:
+    """Return all edges, sorted by parent and child."""
+    edges = [_listed(edge, table, names) for edge in table.edges.values()]
+    return sorted(edges, key=lambda edge: (edge.parent, edge.child))
+
+
+def _listed(edge: Edge, table: EdgeTable, names: FrameNames) -> FrameEdge:
+    first_ns, last_ns = table.stamp_of(edge.first), table.stamp_of(edge.end - 1)
+    parent, child, count = names[edge.parent], names[edge.child], edge.end - edge.first
+    return FrameEdge(parent, child, edge.source, edge.is_static, first_ns, last_ns, count)
+
+
+def lookup_error(status: int, asked: str, table: EdgeTable, names: FrameNames) -> FrameError:
+    """Return the error for a status other than `FOUND`; `asked` opens its sentence."""
+    frame, reason = divmod(status, STATUSES)
+    if reason == LOOP:
+        return DisconnectedFramesError(f"{asked}: the transforms at that time close a loop")
+    if reason not in {PAST, FUTURE}:
+        return DisconnectedFramesError(f"{asked}: no chain of transforms joins these frames")
+    edge = table.edges[frame]
+    name = f"{names[edge.parent]} -> {names[edge.child]}"
+    if reason == FUTURE:
+        return ExtrapolationToFutureError(f"{asked}: {name} ends at {in_seconds(edge.newest_ns)}")
+    begins_ns = table.stamp_of(edge.first)
+    return ExtrapolationToPastError(f"{asked}: {name} begins at {in_seconds(begins_ns)}")
+
+
+def in_seconds(stamp_ns: int) -> str:
+    """Return a stamp as text with all its digits."""
+    return f"{stamp_ns // NS_PER_S}.{stamp_ns % NS_PER_S:09d} s"
+
 
 Floats = npt.NDArray[np.float64]
 
@@ -159,22 +216,6 @@ class FrameTree:
         status = look_up(table.samples, table.frames, to, of, stamp_ns, out)
         if status:
             self._fail(status, target, source, stamp_ns)
-
-    def lookup_arrays(
-        self, target: str, source: str, stamps_ns: npt.NDArray[np.int64]
-    ) -> tuple[Floats, Floats]:
-        """Return target_from_source at each of N stamps: translations (N, 3), quaternions (N, 4).
-
-        Errors as in `lookup`, for the first stamp that fails. Ascending stamps are quickest.
-        """
-        stamps = np.ascontiguousarray(stamps_ns, dtype=np.int64)
-        to, of = self._names.number(target), self._names.number(source)
-        out = np.empty((len(stamps), 7))
-        table = self._table
-        status, failed = look_up_many(table.samples, table.frames, to, of, stamps, out)
-        if status:
-            self._fail(status, target, source, int(stamps[failed]))
-        return out[:, :3], out[:, 3:]
 
     def lookup_held(self, target: str, fixed: str, source: str, stamp_ns: int) -> RigidTransform:
         """Return target_from_source by way of `fixed`: the first part held, the second exact.

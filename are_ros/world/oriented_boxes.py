@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from are_ros.world import box_kernels, broad_phase, overlap_search
+from are_ros.world import box_kernels, spatial_hash
 
 TOUCH_TOLERANCE_M: Final = 1e-9
 """Sets are open: what meets by no more than this only touches. It absorbs rounding, no more."""
@@ -111,18 +111,9 @@ def overlaps_any(boxes: OrientedBoxes, others: OrientedBoxes) -> NDArray[np.bool
     return box_kernels.overlaps_any_of(boxes.packed, others.packed, TOUCH_TOLERANCE_M)
 
 
-def overlapping_pairs(boxes: OrientedBoxes) -> NDArray[np.int64]:
-    """Return the index pairs (M, 2) of boxes that overlap, low index first, in sorted order."""
-    rectangles = box_kernels.bounds(boxes.packed)
-    pairs = broad_phase.candidate_pairs(rectangles)
-    pairs = pairs[box_kernels.filter_pairs(boxes.packed, pairs, TOUCH_TOLERANCE_M)]
-    keys = np.sort(pairs[:, 0] * len(boxes) + pairs[:, 1])
-    return np.column_stack(np.divmod(keys, max(len(boxes), 1)))
-
-
 def any_overlap(boxes: OrientedBoxes) -> bool:
-    """Tell whether any two of the boxes overlap: as `overlapping_pairs`, but much quicker."""
-    return overlap_search.any_overlap(boxes.packed, TOUCH_TOLERANCE_M)
+    """Tell whether any two of the boxes overlap, by the test of `overlaps`."""
+    return spatial_hash.any_overlap(boxes.packed, TOUCH_TOLERANCE_M)
 
 
 def _readonly(values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ numbers are equal, and the rays are computed once, when first asked for.
 
 import math
 from dataclasses import dataclass
+from enum import Enum
 from functools import cached_property
 from typing import Protocol
 
@@ -15,13 +16,26 @@ import numpy.typing as npt
 
 from are_ros.errors import ParameterError
 from are_ros.world import _distortion
-from are_ros.world._image_rays import Rays, image_plane, intervals, unit_rays
-from are_ros.world._pixel_bounds import PixelBounds, PixelRectangle
 
-Points = npt.NDArray[np.floating]
+Rays = npt.NDArray[np.float32]
 
-IN_FRONT_M = 1e-3
-"""A box with a corner nearer to the camera's plane or axis than this may be anywhere in view."""
+
+def image_plane(
+    width: int, height: int, fx: float, fy: float, cx: float, cy: float
+) -> npt.NDArray[np.float64]:
+    """Return (u - cx) / fx and (v - cy) / fy per pixel, (height, width, 2)."""
+    columns, rows = (np.arange(width) - cx) / fx, (np.arange(height) - cy) / fy
+    plane: npt.NDArray[np.float64] = np.stack(np.meshgrid(columns, rows), axis=2)
+    return plane
+
+
+def unit_rays(rays: npt.NDArray[np.float64]) -> Rays:
+    """Return rays (H, W, 3) scaled to length 1, float32 and read-only; NaN becomes zero."""
+    unit = rays / np.linalg.norm(rays, axis=2, keepdims=True)
+    unit[~np.isfinite(unit).all(axis=2)] = 0.0
+    result: Rays = unit.astype(np.float32)
+    result.flags.writeable = False
+    return result
 
 
 class ViewModel(Protocol):
@@ -37,9 +51,6 @@ class ViewModel(Protocol):
 
     def directions(self) -> Rays:
         """Return the unit rays, float32 (height, width, 3), read-only; zero where there is none."""
-
-    def image_bounds(self, points_camera: Points) -> PixelRectangle:
-        """Return pixels that hold all that can show the convex hull of points (N, 3) [m]."""
 
 
 @dataclass(frozen=True)
@@ -80,14 +91,6 @@ class PinholeView:
         """Return the unit rays; see `ViewModel`."""
         return self._directions
 
-    def image_bounds(self, points_camera: Points) -> PixelRectangle:
-        """Return the rectangle of the hull's slopes; all pixels if it meets the camera's plane."""
-        points = np.asarray(points_camera, dtype=np.float64) @ self._rotation().T
-        if points[:, 2].min() < IN_FRONT_M:
-            return self._bounds.whole()
-        slopes = points[:, :2] / points[:, 2:]
-        return self._bounds.rectangle(*intervals(slopes.min(axis=0), slopes.max(axis=0)))
-
     def _rotation(self) -> npt.NDArray[np.float64]:
         numbers = self.rectified_from_camera
         return np.array(numbers).reshape(3, 3) if numbers else np.eye(3)
@@ -97,10 +100,6 @@ class PinholeView:
         slopes = self._slopes()
         rays = np.concatenate((slopes, np.ones((*slopes.shape[:2], 1))), axis=2)
         return unit_rays(rays @ self._rotation())
-
-    @cached_property
-    def _bounds(self) -> PixelBounds:
-        return PixelBounds(self._slopes())
 
     def _slopes(self) -> npt.NDArray[np.float64]:
         """Return x / z and y / z per pixel, (height, width, 2), NaN where there is no ray."""
@@ -133,26 +132,6 @@ class FisheyeView:
         """Return the unit rays; see `ViewModel`."""
         return self._directions
 
-    def image_bounds(self, points_camera: Points) -> PixelRectangle:
-        """Return the rectangle of the cone around the hull, drawn stereographically.
-
-        That drawing makes a circle of every cone. All pixels if the cone is as wide as a half space
-        or holds the direction straight back.
-        """
-        points = np.asarray(points_camera, dtype=np.float64)
-        ranges = np.linalg.norm(points, axis=1)
-        if ranges.min() < IN_FRONT_M:
-            return self._bounds.whole()
-        rays = points / ranges[:, np.newaxis]
-        mean = rays.mean(axis=0)
-        axis = mean / max(float(np.linalg.norm(mean)), 1e-9)
-        cosine = float((rays @ axis).min())
-        if cosine <= 1e-3 or cosine + axis[2] <= 1e-3:
-            return self._bounds.whole()
-        centre = axis[:2] / (cosine + axis[2])
-        radius = math.sqrt(max(0.0, 1.0 - cosine * cosine)) / (cosine + axis[2])
-        return self._bounds.rectangle(*intervals(centre - radius, centre + radius))
-
     @cached_property
     def _directions(self) -> Rays:
         plane = image_plane(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
@@ -165,8 +144,57 @@ class FisheyeView:
         rays = (plane[:, :, 0] * sideways, plane[:, :, 1] * sideways, np.cos(angles))
         return unit_rays(np.stack(rays, axis=2))
 
+
+class Projection(Enum):
+    """How the rows of an omnidirectional image go: equal angles, or equal heights on a cylinder."""
+
+    SPHERE = "sphere"
+    CYLINDER = "cylinder"
+
+
+@dataclass(frozen=True)
+class OmnidirectionalView:
+    """A camera that sees all around: columns are azimuths over 360 degrees, rows elevations.
+
+    The middle of the image looks along z (forward), azimuth grows to the right; the seam is behind.
+    Elevation is positive upwards (against y) [rad] and falls from the top edge of the image to the
+    bottom edge, evenly in angle (SPHERE) or in tangent (CYLINDER). Raises ParameterError unless the
+    size is positive and -pi/2 <= lowest < highest <= pi/2 (without the ends for a cylinder).
+    """
+
+    width: int
+    height: int
+    lowest_rad: float
+    highest_rad: float
+    projection: Projection = Projection.SPHERE
+
+    def __post_init__(self) -> None:
+        end = 0.5 * math.pi - (1e-3 if self.projection is Projection.CYLINDER else 0.0)
+        ordered = -end <= self.lowest_rad < self.highest_rad <= end
+        if self.width < 1 or self.height < 1 or not ordered:
+            message = (
+                f"an omnidirectional camera ({self.projection.value}) needs a positive size and "
+                f"elevations within {end:.4g} rad, not {self.width} x {self.height} pixels "
+                f"from {self.lowest_rad} to {self.highest_rad}"
+            )
+            raise ParameterError(message)
+
+    def directions(self) -> Rays:
+        """Return the unit rays; see `ViewModel`."""
+        return self._directions
+
     @cached_property
-    def _bounds(self) -> PixelBounds:
-        rays = self.directions().astype(np.float64)
-        forward = np.where(rays.any(axis=2, keepdims=True), 1.0 + rays[:, :, 2:], np.nan)
-        return PixelBounds(rays[:, :, :2] / np.maximum(forward, 1e-9))
+    def _directions(self) -> Rays:
+        azimuth, elevation = self._angles()
+        level = np.cos(elevation)[:, np.newaxis]
+        down = np.broadcast_to(-np.sin(elevation)[:, np.newaxis], (self.height, self.width))
+        return unit_rays(np.stack((level * np.sin(azimuth), down, level * np.cos(azimuth)), axis=2))
+
+    def _angles(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return the azimuths of the columns and the elevations of the rows [rad]."""
+        azimuth = ((np.arange(self.width) + 0.5) / self.width - 0.5) * 2.0 * math.pi
+        fraction = (np.arange(self.height) + 0.5) / self.height
+        if self.projection is Projection.SPHERE:
+            return azimuth, self.highest_rad + fraction * (self.lowest_rad - self.highest_rad)
+        top, bottom = math.tan(self.highest_rad), math.tan(self.lowest_rad)
+        return azimuth, np.arctan(top + fraction * (bottom - top))

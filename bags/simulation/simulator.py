@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from are_ros.builder.ray_casting import VoxelField
+from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.conventions import NS_PER_S
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.rigid_transform import RigidTransform

@@ -18,9 +18,9 @@ from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.population_events import Cause
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.artefacts.shapes import Shape
-from are_ros.builder.occlusion import ZBuffer
+from are_ros.builder.occlusion.rays import VoxelField
+from are_ros.builder.occlusion.zbuffer import ZBuffer
 from are_ros.builder.out_of_view import Viewpoint
-from are_ros.builder.ray_casting import VoxelField
 from are_ros.builder.robots import RobotPose
 from are_ros.builder.spawning import Allowed, Spawning
 from are_ros.errors import ParameterError
@@ -31,10 +31,9 @@ from are_ros.world.footprint import Footprint
 from are_ros.world.ground import PlaneGround
 from are_ros.world.observer import FORWARD_FROM_OPTICAL
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.omnidirectional_view import OmnidirectionalView
 from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import PinholeView, ViewModel
+from are_ros.world.view_models import OmnidirectionalView, PinholeView, ViewModel
 from are_ros.world.voxel_map import VoxelMap
 
 Floats = npt.NDArray[np.float64]

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.builder.augmented_map import AugmentedMap, ChangedRectangle, RateLimit
+from are_ros.builder.costmap.augmented_map import AugmentedMap, ChangedRectangle, RateLimit
 from are_ros.builder.registration import CellPatch
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError, ParameterError

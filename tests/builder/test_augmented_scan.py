@@ -10,8 +10,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.builder.augmented_scan import augment_scan
-from are_ros.builder.mesh_casting import MeshPool, MeshSelection
+from are_ros.builder.occlusion.meshes import MeshPool, MeshSelection
+from are_ros.builder.scans import augment_scan
 from are_ros.world.laser_scan import LaserScan
 from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform

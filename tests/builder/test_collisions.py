@@ -13,8 +13,9 @@ from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint, penetration_m
 from are_ros.world.ground import PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.oriented_boxes import OrientedBoxes, overlapping_pairs
+from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
+from tests.world.overlapping import overlapping_pairs
 
 
 def _environment(*walls: tuple[int, int, int, int]) -> Environment:

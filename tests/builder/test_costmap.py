@@ -10,9 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt
 
-from are_ros.builder import costmap as costmap_module
-from are_ros.builder._inflation import NARROW_RADIUS_CELLS, inflated, table_size
-from are_ros.builder.costmap import InflatedCostmap, inflation_costs, published_by_cost
+from are_ros.builder.costmap import inflation as costmap_module
+from are_ros.builder.costmap.inflation import (
+    NARROW_RADIUS_CELLS,
+    InflatedCostmap,
+    inflated,
+    inflation_costs,
+    published_by_cost,
+    table_size,
+)
 from are_ros.builder.registration import CellPatch
 from are_ros.errors import InputError, ParameterError
 

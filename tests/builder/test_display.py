@@ -11,7 +11,7 @@ from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.builder.display import Display, marker_subject, poses_of
 from are_ros.builder.markers import MarkerAction, MarkerBatch, MarkerBoard, MarkerKind
-from are_ros.builder.mesh_bank import MeshBank
+from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.states import artefact_state
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Labels, Shape

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from are_ros.builder.costmap import InflatedCostmap
-from are_ros.builder.grids import GridAugmentation, Grids
+from are_ros.builder.costmap.augmented_map import GridAugmentation, Grids
+from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.builder.registration import CellPatch
 from are_ros.conventions import OCCUPIED
 from are_ros.world.environment import Environment

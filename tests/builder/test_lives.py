@@ -13,7 +13,7 @@ from are_ros.errors import ParameterError, PlacementError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.world.footprint import signed_distance_m
-from are_ros.world.oriented_boxes import overlapping_pairs
+from tests.world.overlapping import overlapping_pairs
 
 Scene = Any
 """The `Scene` of conftest, which tests cannot import."""

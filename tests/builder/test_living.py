@@ -12,7 +12,7 @@ from are_ros.builder.events import EventKind
 from are_ros.builder.requests import Requests, SpawnRequest
 from are_ros.errors import CatalogueError
 from are_ros.world.laser_scan import LaserScan
-from are_ros.world.oriented_boxes import any_overlap, overlapping_pairs
+from are_ros.world.oriented_boxes import any_overlap
 from are_ros.world.rigid_transform import RigidTransform
 from tests.artefacts.diary import ENTRIES, MARCHER, STROLLER
 from tests.builder.town import (
@@ -29,6 +29,7 @@ from tests.builder.town import (
     hall,
     row,
 )
+from tests.world.overlapping import overlapping_pairs
 
 BUSY: dict[str, Any] = {"population.arrival_rate": 0.03, "population.mean_life": 6.0, "seed": 3}
 WALLS = ((4.0, 4.2, 0.0, 3.4), (4.0, 4.2, 4.4, 8.0))

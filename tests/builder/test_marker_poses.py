@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.builder._marker_poses import marker_poses
+from are_ros.builder.markers import marker_poses
 from are_ros.world.rigid_transform import RigidTransform
 
 ANGLES = st.floats(-4.0, 4.0)

@@ -7,9 +7,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.builder._mesh_tiles import cast_tile
-from are_ros.builder._ray_tiles import PIXELS
-from are_ros.builder.mesh_casting import MeshPool, MeshSelection
+from are_ros.builder.occlusion.meshes import MeshPool, MeshSelection, cast_tile
+from are_ros.builder.occlusion.rays import PIXELS
 from are_ros.errors import InputError
 
 Floats = npt.NDArray[np.float64]

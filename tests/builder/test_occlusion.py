@@ -7,17 +7,16 @@ import numpy.typing as npt
 import pytest
 import trimesh
 
-from are_ros.builder._occlusion_kernels import render
-from are_ros.builder.mesh_casting import MeshPool, MeshSelection
-from are_ros.builder.occlusion import Visibility, ZBuffer
-from are_ros.builder.ray_casting import VoxelField
+from are_ros.builder.occlusion.kernels import render
+from are_ros.builder.occlusion.meshes import MeshPool, MeshSelection
+from are_ros.builder.occlusion.rays import VoxelField
+from are_ros.builder.occlusion.zbuffer import Visibility, ZBuffer
 from are_ros.world.observer import FORWARD_FROM_OPTICAL
-from are_ros.world.omnidirectional_view import OmnidirectionalView
 from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.surface import exposed_faces
-from are_ros.world.view_models import FisheyeView, PinholeView, ViewModel
+from are_ros.world.view_models import FisheyeView, OmnidirectionalView, PinholeView, ViewModel
 from are_ros.world.voxel_map import VoxelMap
+from tests.world.surface import exposed_faces
 
 Floats = npt.NDArray[np.float64]
 Mesh = tuple[npt.NDArray[np.floating], npt.NDArray[np.integer]]
@@ -258,7 +257,6 @@ def test_a_box_behind_a_wall_is_met_and_not_seen() -> None:
     assert result.visible_pixels[0] == 0
     assert result.rois.tolist() == [[0, 0, 0, 0]]
     assert result.nearest_m[0] == np.inf
-    assert result.visible_fractions()[0] == 0.0
 
 
 def test_a_box_in_front_of_a_wall_is_seen_whole() -> None:
@@ -267,7 +265,6 @@ def test_a_box_in_front_of_a_wall_is_seen_whole() -> None:
     result = ZBuffer(VIEW, 20.0).visibility(AHEAD, near, _wall(-2.0, 2.0))
     assert result.visible_pixels[0] == result.unoccluded_pixels[0] > 200
     assert result.nearest_m[0] == pytest.approx(1.2, abs=0.001)
-    assert result.visible_fractions()[0] == 1.0
 
 
 def test_a_half_hidden_box_shows_its_other_half() -> None:

@@ -8,13 +8,11 @@ import numpy.typing as npt
 import pytest
 from scipy.ndimage import distance_transform_cdt
 
-from are_ros.builder._distance_field import FAR, chessboard_distance
-from are_ros.builder._ray_leaps import free_cone
-from are_ros.builder.ray_casting import VoxelField
+from are_ros.builder.occlusion.rays import FAR, VoxelField, chessboard_distance, free_cone
 from are_ros.world.octomap_file import read_octomap_file
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.surface import exposed_faces
 from are_ros.world.voxel_map import VoxelMap
+from tests.world.surface import exposed_faces
 
 Floats = npt.NDArray[np.float64]
 

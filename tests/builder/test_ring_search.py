@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from are_ros.builder.ring_search import RingSearch
+from are_ros.builder.collisions import RingSearch
 from are_ros.conventions import OCCUPIED, UNKNOWN
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint

@@ -9,7 +9,8 @@ from are_ros.builder.robot_contact import (
     Hold,
     Remove,
     RobotContact,
-    detect_contacts,
+    contacts_of,
+    depths_m,
 )
 from are_ros.world.footprint import Footprint
 from are_ros.world.oriented_boxes import OrientedBoxes
@@ -21,7 +22,7 @@ _BOXES = OrientedBoxes(np.array([[0.0, 0, 1], [2.0, 0, 1]]), np.zeros(2), np.ful
 def test_a_robot_that_reaches_into_a_box_is_in_contact() -> None:
     """A disc of 0.3 m at x = 1.3 m reaches 0.1 m into box 9; the first robot touches box 4."""
     robots = [Footprint.disc(0.5).at(-1.0, 0.0, 0.0), Footprint.disc(0.3).at(1.3, 0.0, 0.0)]
-    (contact,) = detect_contacts(robots, _IDS, _BOXES)
+    (contact,) = contacts_of(_IDS, depths_m(robots, _BOXES))
     assert (contact.observer, contact.artefact_id) == (1, 9)
     assert contact.penetration_m == pytest.approx(0.1)
 
@@ -29,13 +30,13 @@ def test_a_robot_that_reaches_into_a_box_is_in_contact() -> None:
 def test_contacts_come_in_the_order_of_artefacts_then_robots() -> None:
     """Two robots over both boxes give four contacts."""
     robots = [Footprint.disc(2.0).at(1.0, 0.0, 0.0)] * 2
-    contacts = detect_contacts(robots, _IDS, _BOXES)
+    contacts = contacts_of(_IDS, depths_m(robots, _BOXES))
     assert [(c.artefact_id, c.observer) for c in contacts] == [(4, 0), (4, 1), (9, 0), (9, 1)]
 
 
 def test_without_robots_there_is_no_contact() -> None:
     """No pose is known: nothing to report."""
-    assert detect_contacts([], _IDS, _BOXES) == ()
+    assert contacts_of(_IDS, depths_m([], _BOXES)) == ()
     assert RobotContact(0, 1, 0.5) == RobotContact(0, 1, 0.5)
 
 

@@ -11,7 +11,7 @@ import pytest
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.pose_tape import PoseTape
-from are_ros.builder.mesh_bank import MeshBank
+from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.outputs import ArtefactState
 from are_ros.builder.perception import Sighting
 from are_ros.builder.scene import Scene

@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from are_ros.bag.types import RosbagsFactory
-from are_ros.builder.augmented_map import ChangedRectangle
-from are_ros.builder.grids import GridUpdate
+from are_ros.builder.costmap.augmented_map import ChangedRectangle, GridUpdate
 from are_ros.messages.common import make_header
 from are_ros.messages.grid import encode_grid, encode_grid_update, make_grid
 from are_ros.world.occupancy_grid import OccupancyGrid

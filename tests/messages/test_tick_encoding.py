@@ -8,9 +8,8 @@ import pytest
 
 from are_ros.artefacts.artefact import GroundPose, Origin
 from are_ros.bag.types import jazzy_typestore
-from are_ros.builder.augmented_map import ChangedRectangle
+from are_ros.builder.costmap.augmented_map import ChangedRectangle, Grids, GridUpdate
 from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.grids import Grids, GridUpdate
 from are_ros.builder.marker_batch import DELETE_ALL, NO_MARKERS
 from are_ros.builder.outputs import ArtefactState, PerceivedArtefact, SceneMetrics
 from are_ros.builder.tick import Demand, Tick

@@ -18,7 +18,7 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 
 from are_ros.bag.types import jazzy_typestore
 from are_ros.bag.writer import BagWriter, describe_folder
-from are_ros.builder.costmap import InflatedCostmap
+from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.parameters.declaration import with_values

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import are_ros.replay.checks
 from are_ros.builder.marker_batch import DELETE_ALL
 from are_ros.builder.markers import MarkerAction, MarkerBatch, MarkerKind, MarkerLook
-from are_ros.builder.ray_casting import VoxelField
+from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.registration import covered_cells
 from are_ros.checks.oracle import Outline, distances_m, overlap_depths_m
 from are_ros.checks.oracle_solids import Covers, RealMap, Walls

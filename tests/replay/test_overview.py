@@ -21,9 +21,8 @@ from are_ros.replay.scene_record import SceneRecord, TickSeries
 from are_ros.world.footprint import Footprint
 from are_ros.world.observer import mounted_camera
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.omnidirectional_view import OmnidirectionalView
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import PinholeView, ViewModel
+from are_ros.world.view_models import OmnidirectionalView, PinholeView, ViewModel
 from are_ros.world.voxel_map import VoxelMap
 
 PERSON_BGR = (0x5B, 0x49, 0xD1)

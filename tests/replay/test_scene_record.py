@@ -9,8 +9,8 @@ import pytest
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.shapes import Shape
+from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.grids import Grids
 from are_ros.builder.marker_batch import NO_MARKERS
 from are_ros.builder.outputs import SceneMetrics
 from are_ros.builder.perception import Sighting

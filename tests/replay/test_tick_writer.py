@@ -8,8 +8,8 @@ import numpy as np
 from are_ros.artefacts.artefact import GroundPose, Origin
 from are_ros.bag.reader import BagReader
 from are_ros.bag.writer import BagWriter
+from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.grids import Grids
 from are_ros.builder.marker_batch import NO_MARKERS
 from are_ros.builder.outputs import ArtefactState, SceneMetrics
 from are_ros.builder.sensor_path import ReleasedScan

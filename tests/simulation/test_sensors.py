@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from are_ros.builder.ray_casting import VoxelField
+from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
 from bags.simulation.simulator import Lidar, LidarModel

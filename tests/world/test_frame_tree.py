@@ -229,8 +229,6 @@ def test_a_frame_changes_its_parent_from_a_stamp_on() -> None:
     for stamp, parent in ((0, "a"), (1, "a"), (2, "b"), (3, "b")):
         put(tree, parent, "cup", stamp, x=stamp)
     assert [x_of(tree, "world", "cup", stamp) for stamp in (0.5, 1.5, 2.5)] == [100.5, 101, 202.5]
-    translations, _ = tree.lookup_arrays("world", "cup", np.array([S // 2, 5 * S // 2]))
-    assert translations[:, 0].tolist() == [100.5, 202.5]
     assert x_of(tree, "a", "cup", 0.5) == 0.5
     assert tree.drain_notices() == ["tf gave cup a new parent: b instead of a, from its stamp on"]
 
@@ -506,8 +504,6 @@ def test_small_angles_are_exact(angle: float, sign: float) -> None:
     tree.set_transform("a", "b", 0, (0, 0, 0), UNTURNED)
     tree.set_transform("a", "b", 3 * S, (0, 0, 0), (0, 0, *end))
     assert tree.lookup("a", "b", S).yaw_rad() == pytest.approx(angle / 3, abs=1e-14)
-    _, rotations = tree.lookup_arrays("a", "b", np.array([S]))
-    assert 2 * math.atan2(rotations[0, 2], rotations[0, 3]) == pytest.approx(angle / 3, abs=1e-14)
 
 
 def random_tree(seed: int) -> FrameTree:
@@ -537,31 +533,6 @@ def test_lookups_compose_and_invert(seed: int, frames: list[int], stamp: int) ->
     np.testing.assert_allclose(by_b.matrix(), direct.matrix(), atol=1e-12)
     back = tree.lookup(c, a, stamp)
     np.testing.assert_allclose((back @ direct).matrix(), np.eye(4), atol=1e-12)
-
-
-@pytest.mark.parametrize("ascending", [True, False])
-def test_a_batch_gives_the_single_answers(ascending: bool) -> None:
-    """Many stamps at once, sorted or not, over more than a block, give what each gives alone."""
-    tree, stamps = random_tree(3), np.random.default_rng(9).integers(0, 4 * S + 1, 700)
-    stamps[:2] = 0, 4 * S
-    stamps = np.sort(stamps) if ascending else stamps
-    for target, source in (("f0", "f6"), ("f5", "f6"), ("f6", "f1"), ("f2", "f2")):
-        translations, rotations = tree.lookup_arrays(target, source, stamps)
-        for n, stamp in enumerate(stamps.tolist()):
-            alone = tree.lookup(target, source, stamp)
-            np.testing.assert_allclose(translations[n], alone.translation_m, atol=1e-13)
-            assert abs(rotations[n] @ alone.rotation_xyzw) == pytest.approx(1.0, abs=1e-13)
-
-
-def test_a_batch_fails_at_its_first_bad_stamp() -> None:
-    """One stamp outside fails the batch with that stamp's error; an empty batch is empty."""
-    tree = moving()
-    with pytest.raises(ExtrapolationToFutureError, match=r"at 2\.000000001 s"):
-        tree.lookup_arrays("map", "laser", np.array([S, 2 * S + 1, -1]))
-    with pytest.raises(UnknownFrameError):
-        tree.lookup_arrays("map", "sofa", np.array([S]))
-    translations, rotations = tree.lookup_arrays("map", "laser", np.array([], dtype=np.int64))
-    assert (translations.shape, rotations.shape) == ((0, 3), (0, 4))
 
 
 class SlowTree:

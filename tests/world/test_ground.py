@@ -9,8 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.world._floor import fill_from_nearest, flood_floor, surface_counts
-from are_ros.world.ground import Ground, PlaneGround, VoxelGround
+from are_ros.world.ground import (
+    Ground,
+    PlaneGround,
+    VoxelGround,
+    fill_from_nearest,
+    flood_floor,
+    surface_counts,
+)
 from are_ros.world.map_file import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.octomap_file import read_octomap_file
@@ -35,11 +41,10 @@ def ground_of(occupied: Voxels, yaw: float = 0.0, plane_m: float = 0.0) -> Voxel
 
 
 def test_a_plane_is_level_everywhere() -> None:
-    """Both questions have the one answer."""
+    """Every point has the height of the plane."""
     ground: Ground = PlaneGround(0.3)
     points = np.array([[0.0, 0.0], [1e6, -1e6]])
     assert ground.heights(points).tolist() == [0.3, 0.3]
-    assert ground.height_under(points) == 0.3
 
 
 def test_a_bare_floor_is_seen_in_every_column() -> None:
@@ -129,16 +134,6 @@ def test_heights_follow_the_lattice_and_reach_beyond_it() -> None:
     turned = RigidTransform.planar(0.0, 0.0, 2.0)
     local = np.array([[0.05, 1.0, 0.0], [4.05, 0.5, 0.0], [99.0, 1.0, 0.0], [-9.0, -9.0, 0.0]])
     assert ground.heights(turned.apply(local)[:, :2]) == pytest.approx([0.0, 0.5, 0.9, 0.0])
-
-
-def test_the_height_under_a_footprint_is_the_median() -> None:
-    """One odd column does not lift a body."""
-    occupied = room()
-    occupied[20, 15, 1] = 1
-    ground = ground_of(occupied)
-    points = np.argwhere(np.ones((5, 5))) * SIZE + (1.85, 1.35)
-    assert ground.heights(points).max() == pytest.approx(0.1)
-    assert ground.height_under(points) == pytest.approx(0.0)
 
 
 def slow_surfaces(column: Voxels) -> list[int]:

@@ -8,14 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from are_ros.world.broad_phase import candidate_pairs
 from are_ros.world.oriented_boxes import (
     OrientedBoxes,
     any_overlap,
-    overlapping_pairs,
     overlaps,
     overlaps_any,
 )
+from are_ros.world.spatial_hash import candidate_pairs
+from tests.world.overlapping import overlapping_pairs
 
 Polygon = list[tuple[float, float]]
 

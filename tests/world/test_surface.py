@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from are_ros.world.octomap_file import read_octomap_file
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.surface import exposed_faces, exposed_quads
 from are_ros.world.voxel_map import VoxelMap
+from tests.world.surface import exposed_faces, exposed_quads
 
 IDENTITY = RigidTransform.identity()
 Face = tuple[tuple[float, ...], tuple[int, ...]]

@@ -8,21 +8,22 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from are_ros.errors import ParameterError
 from are_ros.messages.camera_info import read_camera_info
-from are_ros.world.omnidirectional_view import OmnidirectionalView, Projection
-from are_ros.world.view_models import FisheyeView, PinholeView, ViewModel
+from are_ros.world.view_models import (
+    FisheyeView,
+    OmnidirectionalView,
+    PinholeView,
+    Projection,
+    ViewModel,
+)
 
 Floats = npt.NDArray[np.float64]
 
 MILD = (-0.32, 0.11, 0.0006, -0.0004, -0.02)
 RATIONAL = (0.5, 0.05, 0.001, -0.0007, 0.002, 0.8, 0.15, 0.01)
 PRISM = (*RATIONAL, 0.001, -0.0005, 0.0008, 0.0003)
-
-SIGNS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
 
 
 def _pinhole(distortion: tuple[float, ...], focal: float = 130.0) -> PinholeView:
@@ -146,43 +147,6 @@ VIEWS: list[ViewModel] = [
     OmnidirectionalView(180, 60, -0.9, 0.7),
     OmnidirectionalView(180, 60, -0.9, 0.7, Projection.CYLINDER),
 ]
-
-
-def _meets_box(rays: Floats, centre: Floats, half: Floats) -> npt.NDArray[np.bool_]:
-    """Tell which rays from the origin meet a box with axes along the camera's."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        a, b = (centre - half) / rays, (centre + half) / rays
-    near, far = np.fmin(a, b).max(axis=-1), np.fmax(a, b).min(axis=-1)
-    meets: npt.NDArray[np.bool_] = rays.any(axis=-1) & (near <= far) & (far >= 0.0)
-    return meets
-
-
-@pytest.mark.parametrize("view", VIEWS, ids=lambda view: type(view).__name__)
-@settings(max_examples=60, deadline=None)
-@given(centre=st.tuples(*[st.floats(-4.0, 4.0)] * 3), half=st.tuples(*[st.floats(0.05, 1.5)] * 3))
-def test_image_bounds_hold_every_pixel_that_sees_the_box(
-    view: ViewModel, centre: tuple[float, float, float], half: tuple[float, float, float]
-) -> None:
-    """No pixel whose ray meets a box lies outside the box's rectangle, wherever the box is."""
-    corners = np.array(centre) + SIGNS * np.array(half)
-    x0, y0, x1, y1 = view.image_bounds(corners)
-    rays = view.directions().astype(np.float64)
-    sees = _meets_box(rays, np.array(centre), np.array(half))
-    sees[y0:y1, x0:x1] = False
-    assert not sees.any()
-
-
-@pytest.mark.parametrize("view", VIEWS, ids=lambda view: type(view).__name__)
-def test_image_bounds_of_a_small_box_ahead_are_small(view: ViewModel) -> None:
-    """A box of 0.2 m at 3 m fills a small part of the image."""
-    x0, y0, x1, y1 = view.image_bounds(np.array([0.2, 0.1, 3.0]) + 0.1 * SIGNS)
-    assert 0 < (x1 - x0) * (y1 - y0) < 0.02 * view.width * view.height
-
-
-def test_a_box_out_of_view_has_an_empty_rectangle() -> None:
-    """A box far to the side of a pinhole needs no pixel at all."""
-    x0, _, x1, _ = _pinhole(()).image_bounds(np.array([30.0, 0.0, 3.0]) + 0.1 * SIGNS)
-    assert x0 == x1
 
 
 def test_a_real_camera_reproduces_its_pixels(real_data: Path) -> None:

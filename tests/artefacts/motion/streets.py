@@ -16,9 +16,10 @@ from are_ros.conventions import FREE, OCCUPIED
 from are_ros.world.environment import Environment
 from are_ros.world.ground import PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.oriented_boxes import OrientedBoxes, overlapping_pairs
+from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
+from tests.world.overlapping import overlapping_pairs
 
 STEP_S = 0.05
 CELL_M = 0.05

@@ -6,11 +6,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.builder._occlusion_kernels import render
-from are_ros.builder._occlusion_types import Boxes, Scratch, Tallies, Voxels
-from are_ros.builder._ray_tiles import PIXELS, TiledRays
-from are_ros.builder.mesh_casting import MeshSelection
-from are_ros.builder.ray_casting import VoxelField
+from are_ros.builder.occlusion.kernels import Boxes, Scratch, Tallies, Voxels, render
+from are_ros.builder.occlusion.meshes import MeshSelection
+from are_ros.builder.occlusion.rays import PIXELS, TiledRays, VoxelField
 from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.view_models import ViewModel
@@ -34,13 +32,6 @@ class Visibility:
     unoccluded_pixels: npt.NDArray[np.int64]
     rois: npt.NDArray[np.int64]
     nearest_m: npt.NDArray[np.float64]
-
-    def visible_fractions(self) -> npt.NDArray[np.float64]:
-        """Return visible over unoccluded pixels, float64 (N,), 0 where there are none."""
-        fractions: npt.NDArray[np.float64] = self.visible_pixels / np.maximum(
-            self.unoccluded_pixels, 1
-        )
-        return fractions
 
 
 class ZBuffer:

@@ -1,17 +1,52 @@
-"""Which of several claims on an edge holds, so that the frames always form trees (§3.1, Frames).
-
-A frame has one parent at a time. Of two sources that give a frame's parent the higher one holds,
-whole; within one source the newest does, from its stamp on. A pair of frames is one edge in either
-direction: a claim that names it the other way round is turned to the direction that is there. A
-longer loop is opened at its weakest edge if that is weaker than the claim; else the claim is
-ignored.
-"""
+"""What one source says of one edge, checked."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
-from are_ros.world._claims import Claim
-from are_ros.world._edge_table import Edge, EdgeTable, TransformSource
-from are_ros.world._frame_names import FrameNames
+from are_ros.errors import InvalidTransformError
+from are_ros.world.rigid_transform import Values, normalised, why_invalid
+from are_ros.world.transforms.lookup import Pose, inverted
+from are_ros.world.transforms.table import Edge, EdgeTable, FrameNames, TransformSource
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """The pose parent_from_child at a stamp [ns] (0 if static), frames by number."""
+
+    parent: int
+    child: int
+    stamp_ns: int
+    pose: Pose
+    source: TransformSource
+    is_static: bool
+
+    def turned_round(self) -> "Claim":
+        """Return the same claim with parent and child exchanged."""
+        pose = inverted(self.pose)
+        return Claim(self.child, self.parent, self.stamp_ns, pose, self.source, self.is_static)
+
+
+def checked_pose(parent: str, child: str, translation_m: Values, rotation_xyzw: Values) -> Pose:
+    """Return the seven numbers, the quaternion normalised, or raise InvalidTransformError."""
+    x, y, z = translation_m
+    i, j, k, w = rotation_xyzw
+    reason = why_invalid(x, y, z, i, j, k, w)
+    if parent == child or parent[:1] in _SUSPICIOUS or child[:1] in _SUSPICIOUS:
+        reason = reason or _why_names_invalid(parent.lstrip("/"), child.lstrip("/"))
+    if reason is not None:
+        raise InvalidTransformError(f"the transform {parent} -> {child} is refused: {reason}")
+    i, j, k, w = normalised(i, j, k, w)
+    return x, y, z, i, j, k, w
+
+
+_SUSPICIOUS = ("", "/")
+
+
+def _why_names_invalid(parent: str, child: str) -> str | None:
+    if not parent or not child:
+        return "a frame's name is empty"
+    return "parent and child are the same frame" if parent == child else None
+
 
 _NAMES = {
     TransformSource.ODOMETRY: "odometry",

@@ -1,0 +1,1 @@
+"""The augmented map and costmap (section 3.3)."""

@@ -1,0 +1,425 @@
+"""The ray-traced z-buffer of equation 2, tile by tile of the image."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros._compiled import compiled
+from are_ros.builder.occlusion.meshes import Tree, cast_tile
+from are_ros.builder.occlusion.rays import PIXELS, TILE, Tiles, free_cone, inverse, trace
+
+TIE_M: Final = np.float32(1e-3)
+"""What is behind by no more than this is not hidden: a box stands exactly on the floor."""
+
+INFINITE: Final = np.float32(np.inf)
+
+
+class Boxes(NamedTuple):
+    """N boxes as the camera sees them.
+
+    `cameras_m` float32 (N, 3) is the camera's centre in the frame of each box; `turns` float32
+    (N, 2) cosine and sine of the box's yaw in the map; `halves_m` float32 (N, 3); `far_m` float32
+    (N,) no corner is farther from the camera; `meshes` int64 (N,) as in `MeshSelection`.
+    """
+
+    cameras_m: npt.NDArray[np.float32]
+    turns: npt.NDArray[np.float32]
+    halves_m: npt.NDArray[np.float32]
+    far_m: npt.NDArray[np.float32]
+    meshes: npt.NDArray[np.int64]
+
+
+class Voxels(NamedTuple):
+    """The environment as the camera sees it; see `VoxelField.lattice_rays`.
+
+    `voxels_per_m` float32 (3,) are the reciprocals of the voxel's sizes.
+    """
+
+    field: npt.NDArray[np.uint8]
+    origin: npt.NDArray[np.float32]
+    ignored: int
+    lattice_from_map: npt.NDArray[np.float32]
+    voxels_per_m: npt.NDArray[np.float32]
+
+
+class Tallies(NamedTuple):
+    """What is counted per box.
+
+    Visible and unoccluded pixels int64 (N,); the visible rectangle int64 (N, 4), least and greatest
+    x and y; the nearest visible distance [m] float32 (N,).
+    """
+
+    visible: npt.NDArray[np.int64]
+    unoccluded: npt.NDArray[np.int64]
+    bounds: npt.NDArray[np.int64]
+    nearest_m: npt.NDArray[np.float32]
+
+
+class Scratch(NamedTuple):
+    """Room for one tile, with a row for each of N boxes and one more.
+
+    `rays` float32 (3, PIXELS) in the map frame; `depths` float32 (N + 1, PIXELS) is Z_a of the
+    boxes in `candidates`, inf where a ray misses and where another artefact hides the box.
+    """
+
+    rays: npt.NDArray[np.float32]
+    depths: npt.NDArray[np.float32]
+    candidates: npt.NDArray[np.int64]
+    nearest_m: npt.NDArray[np.float32]
+    last_m: npt.NDArray[np.float32]
+    front_m: npt.NDArray[np.float32]
+    mesh_rays: npt.NDArray[np.float32]
+    limits_m: npt.NDArray[np.float32]
+    environment_m: npt.NDArray[np.float32]
+    lattice_rays: npt.NDArray[np.float32]
+    hits_m: npt.NDArray[np.float32]
+    traced: npt.NDArray[np.int64]
+
+
+_ZERO = np.float32(0.0)
+
+
+@compiled
+def find_candidates(
+    axis: npt.NDArray[np.float32],
+    spread: np.float32,
+    boxes: Boxes,
+    candidates: npt.NDArray[np.int64],
+) -> int:
+    """Write the boxes that a ray of the bundle may meet; return how many.
+
+    Where a ray meets a box, at t <= far, the axis at t is within `spread` far of it: so the axis
+    meets the box grown by that much.
+    """
+    count = 0
+    for box in range(boxes.far_m.size):
+        grown = spread * boxes.far_m[box]
+        cosine, sine = boxes.turns[box, 0], boxes.turns[box, 1]
+        near = _enter(
+            boxes.cameras_m[box, 0],
+            boxes.cameras_m[box, 1],
+            boxes.cameras_m[box, 2],
+            cosine * axis[0] + sine * axis[1],
+            cosine * axis[1] - sine * axis[0],
+            axis[2],
+            boxes.halves_m[box, 0] + grown,
+            boxes.halves_m[box, 1] + grown,
+            boxes.halves_m[box, 2] + grown,
+        )
+        candidates[count] = box
+        count += near < INFINITE
+    return count
+
+
+@compiled
+def _enter(
+    ox: np.float32,
+    oy: np.float32,
+    oz: np.float32,
+    dx: np.float32,
+    dy: np.float32,
+    dz: np.float32,
+    half_x: np.float32,
+    half_y: np.float32,
+    half_z: np.float32,
+) -> np.float32:
+    """Return where a ray enters a closed box about the origin [m]: 0 from inside, inf if never."""
+    ix, iy, iz = inverse(dx), inverse(dy), inverse(dz)
+    ax, bx = (-half_x - ox) * ix, (half_x - ox) * ix
+    ay, by = (-half_y - oy) * iy, (half_y - oy) * iy
+    az, bz = (-half_z - oz) * iz, (half_z - oz) * iz
+    near = max(min(ax, bx), min(ay, by), min(az, bz), _ZERO)
+    far = min(max(ax, bx), max(ay, by), max(az, bz))
+    entered: np.float32 = near if near <= far else INFINITE
+    return entered
+
+
+@compiled
+def measure_boxes(
+    valid: npt.NDArray[np.uint8],
+    boxes: Boxes,
+    max_range_m: np.float32,
+    count: int,
+    tallies: Tallies,
+    scratch: Scratch,
+) -> int:
+    """Fill Z_a of each candidate; drop those that no ray meets, and return how many are left."""
+    kept = 0
+    for candidate in range(count):
+        box = scratch.candidates[candidate]
+        met = _box_depths(
+            scratch.rays[0],
+            scratch.rays[1],
+            scratch.rays[2],
+            valid,
+            boxes.cameras_m[box],
+            boxes.turns[box],
+            boxes.halves_m[box],
+            max_range_m,
+            scratch.depths[kept],
+        )
+        tallies.unoccluded[box] += met
+        scratch.candidates[kept] = box
+        kept += met > 0
+    return kept
+
+
+@compiled
+def _box_depths(
+    rays_x: npt.NDArray[np.float32],
+    rays_y: npt.NDArray[np.float32],
+    rays_z: npt.NDArray[np.float32],
+    valid: npt.NDArray[np.uint8],
+    camera_m: npt.NDArray[np.float32],
+    turn: npt.NDArray[np.float32],
+    half_m: npt.NDArray[np.float32],
+    max_range_m: np.float32,
+    depths: npt.NDArray[np.float32],
+) -> int:
+    """Write the first hit on a box per pixel, inf beyond the range; return the number of hits."""
+    cosine, sine = turn[0], turn[1]
+    ox, oy, oz = camera_m[0], camera_m[1], camera_m[2]
+    half_x, half_y, half_z = half_m[0], half_m[1], half_m[2]
+    met = np.int32(0)
+    for pixel in range(PIXELS):
+        x, y = rays_x[pixel], rays_y[pixel]
+        dx, dy = cosine * x + sine * y, cosine * y - sine * x
+        near = _enter(ox, oy, oz, dx, dy, rays_z[pixel], half_x, half_y, half_z)
+        hit = (near <= max_range_m) & (valid[pixel] != 0)
+        depths[pixel] = near if hit else INFINITE
+        met += np.int32(hit)
+    return int(met)
+
+
+@compiled
+def hide_behind_others(
+    boxes: Boxes,
+    tree: Tree,
+    axis: npt.NDArray[np.float32],
+    spread: np.float32,
+    count: int,
+    scratch: Scratch,
+) -> None:
+    """Set Z_a to inf where another artefact's shape is in front of a's box.
+
+    A shape lies within its box: so a's own shape never hides a, one front serves all, and a shape
+    matters only where its box is before some other box and before the front known so far.
+    """
+    depths, front, last = scratch.depths, scratch.front_m, scratch.last_m
+    front[:] = INFINITE
+    last[:] = -INFINITE
+    for candidate in range(count):
+        _raise_to(depths[candidate], last)
+    for place in _nearest_first(depths, count, scratch.nearest_m):
+        if not _matters(depths[place], last, front):
+            continue
+        box = scratch.candidates[place]
+        if boxes.meshes[box] < 0:
+            _lower_to(depths[place], front)
+        else:
+            _lower_to_mesh(boxes, tree, box, axis, spread, scratch)
+    for candidate in range(count):
+        _hide_behind(front, depths[candidate])
+
+
+@compiled
+def _nearest_first(
+    depths: npt.NDArray[np.float32], count: int, nearest_m: npt.NDArray[np.float32]
+) -> npt.NDArray[np.int64]:
+    """Return the candidates in the order of their least depth in the tile."""
+    for candidate in range(count):
+        nearest_m[candidate] = depths[candidate].min()
+    return np.argsort(nearest_m[:count])
+
+
+@compiled
+def _raise_to(depths: npt.NDArray[np.float32], last: npt.NDArray[np.float32]) -> None:
+    for pixel in range(PIXELS):
+        higher = (depths[pixel] > last[pixel]) & (depths[pixel] < INFINITE)
+        last[pixel] = depths[pixel] if higher else last[pixel]
+
+
+@compiled
+def _lower_to(depths: npt.NDArray[np.float32], front: npt.NDArray[np.float32]) -> None:
+    for pixel in range(PIXELS):
+        front[pixel] = min(front[pixel], depths[pixel])
+
+
+@compiled
+def _matters(
+    depths: npt.NDArray[np.float32],
+    last: npt.NDArray[np.float32],
+    front: npt.NDArray[np.float32],
+) -> bool:
+    matters = np.int32(0)
+    for pixel in range(PIXELS):
+        depth = depths[pixel]
+        matters += np.int32((depth + TIE_M < last[pixel]) & (depth < front[pixel]))
+    return bool(matters > 0)
+
+
+@compiled
+def _hide_behind(front: npt.NDArray[np.float32], depths: npt.NDArray[np.float32]) -> None:
+    for pixel in range(PIXELS):
+        hidden = depths[pixel] > front[pixel] + TIE_M
+        depths[pixel] = INFINITE if hidden else depths[pixel]
+
+
+@compiled
+def _lower_to_mesh(
+    boxes: Boxes,
+    tree: Tree,
+    box: int,
+    axis: npt.NDArray[np.float32],
+    spread: np.float32,
+    scratch: Scratch,
+) -> None:
+    """Lower the front to the mesh that stands in a box."""
+    cosine, sine = boxes.turns[box, 0], boxes.turns[box, 1]
+    rays, turned = scratch.rays, scratch.mesh_rays
+    for pixel in range(PIXELS):
+        turned[0, pixel] = cosine * rays[0, pixel] + sine * rays[1, pixel]
+        turned[1, pixel] = cosine * rays[1, pixel] - sine * rays[0, pixel]
+        turned[2, pixel] = rays[2, pixel]
+    mesh_axis = np.empty(3, dtype=np.float32)
+    mesh_axis[0] = cosine * axis[0] + sine * axis[1]
+    mesh_axis[1] = cosine * axis[1] - sine * axis[0]
+    mesh_axis[2] = axis[2]
+    grown = spread * boxes.far_m[box]
+    cast_tile(
+        tree, boxes.meshes[box], boxes.cameras_m[box], mesh_axis, grown, turned, scratch.front_m
+    )
+
+
+@compiled
+def render(
+    tiles: Tiles,
+    map_from_camera: npt.NDArray[np.float32],
+    boxes: Boxes,
+    voxels: Voxels,
+    tree: Tree,
+    mutual: bool,
+    max_range_m: np.float32,
+    tallies: Tallies,
+    scratch: Scratch,
+) -> None:
+    """Count, for each box, the pixels where it is met at all and those where it is seen."""
+    for tile in range(tiles.rays.shape[0]):
+        axis = _turned(map_from_camera, tiles.axes[tile])
+        count = find_candidates(axis, tiles.spreads[tile], boxes, scratch.candidates)
+        if count == 0:
+            continue
+        _turn_rays(map_from_camera, tiles.rays[tile], scratch.rays)
+        count = measure_boxes(tiles.valid[tile], boxes, max_range_m, count, tallies, scratch)
+        if count > 1 and mutual:
+            hide_behind_others(boxes, tree, axis, tiles.spreads[tile], count, scratch)
+        if count > 0:
+            _trace_environment(voxels, axis, tiles.spreads[tile], count, scratch)
+            _tally(tiles.first_pixels[tile], count, tallies, scratch)
+
+
+@compiled
+def _turned(
+    matrix: npt.NDArray[np.float32], vector: npt.NDArray[np.float32]
+) -> npt.NDArray[np.float32]:
+    turned = np.empty(3, dtype=np.float32)
+    for row in range(3):
+        turned[row] = (
+            matrix[row, 0] * vector[0] + matrix[row, 1] * vector[1] + matrix[row, 2] * vector[2]
+        )
+    return turned
+
+
+@compiled
+def _turn_rays(
+    matrix: npt.NDArray[np.float32],
+    rays: npt.NDArray[np.float32],
+    turned: npt.NDArray[np.float32],
+) -> None:
+    x, y, z = rays[0], rays[1], rays[2]
+    for row in range(3):
+        a, b, c, out = matrix[row, 0], matrix[row, 1], matrix[row, 2], turned[row]
+        for pixel in range(PIXELS):
+            out[pixel] = a * x[pixel] + b * y[pixel] + c * z[pixel]
+
+
+@compiled
+def _trace_environment(
+    voxels: Voxels, axis: npt.NDArray[np.float32], spread: np.float32, count: int, scratch: Scratch
+) -> None:
+    """Fill the environment's depth, inf where nothing is in front of any box still to be seen."""
+    limits, traced, environment = scratch.limits_m, scratch.traced, scratch.environment_m
+    farthest = _limits(scratch.depths, count, limits)
+    environment[:] = INFINITE
+    lattice_axis = _turned(voxels.lattice_from_map, axis)
+    spreads = voxels.voxels_per_m * spread
+    start = free_cone(voxels.field, voxels.origin, voxels.ignored, lattice_axis, spreads, farthest)
+    waiting = 0
+    for pixel in range(PIXELS):
+        traced[waiting] = pixel
+        waiting += limits[pixel] > start
+    _lattice_rays(voxels.lattice_from_map, waiting, scratch)
+    hits = scratch.hits_m[:waiting]
+    trace(
+        voxels.field,
+        voxels.origin,
+        voxels.ignored,
+        scratch.lattice_rays,
+        start,
+        scratch.limits_m,
+        hits,
+    )
+    for ray in range(waiting):
+        environment[traced[ray]] = hits[ray]
+
+
+@compiled
+def _limits(
+    depths: npt.NDArray[np.float32], count: int, limits_m: npt.NDArray[np.float32]
+) -> np.float32:
+    """Write how far the environment matters per pixel: just before the farthest box."""
+    limits_m[:] = _ZERO
+    for candidate in range(count):
+        row = depths[candidate]
+        for pixel in range(PIXELS):
+            limit = row[pixel] - TIE_M
+            farther = (limit > limits_m[pixel]) & (limit < INFINITE)
+            limits_m[pixel] = limit if farther else limits_m[pixel]
+    farthest: np.float32 = limits_m.max()
+    return farthest
+
+
+@compiled
+def _lattice_rays(matrix: npt.NDArray[np.float32], waiting: int, scratch: Scratch) -> None:
+    """Gather the rays to trace, turned and scaled into the lattice, and their limits."""
+    rays, turned, traced, limits = (
+        scratch.rays,
+        scratch.lattice_rays,
+        scratch.traced,
+        scratch.limits_m,
+    )
+    for ray in range(waiting):
+        pixel = traced[ray]
+        x, y, z = rays[0, pixel], rays[1, pixel], rays[2, pixel]
+        limits[ray] = limits[pixel]
+        for row in range(3):
+            turned[row, ray] = matrix[row, 0] * x + matrix[row, 1] * y + matrix[row, 2] * z
+
+
+@compiled
+def _tally(
+    first_pixel: npt.NDArray[np.int64], count: int, tallies: Tallies, scratch: Scratch
+) -> None:
+    """Count the pixels where Z_a <= Z_S, and keep their rectangle and least distance."""
+    for candidate in range(count):
+        box, depths = scratch.candidates[candidate], scratch.depths[candidate]
+        bounds = tallies.bounds[box]
+        for pixel in range(PIXELS):
+            depth = depths[pixel]
+            if depth < INFINITE and depth <= scratch.environment_m[pixel] + TIE_M:
+                x, y = first_pixel[0] + pixel % TILE, first_pixel[1] + pixel // TILE
+                bounds[0], bounds[1] = min(bounds[0], x), min(bounds[1], y)
+                bounds[2], bounds[3] = max(bounds[2], x), max(bounds[3], y)
+                tallies.visible[box] += 1
+                tallies.nearest_m[box] = min(tallies.nearest_m[box], depth)

@@ -1,0 +1,1 @@
+"""The frame tree's tables, its lookups, and which source of a transform holds."""
