@@ -46,10 +46,10 @@ Progress = Callable[[int, int], None]
 
 LOWEST_RATE: Final = 1e-9
 _FIRST_STEPS: Final = 1_500
-_STEPS: Final = 50_000
+_STEPS: Final = 100_000
 _FINALISTS: Final = 3
 _RANDOM_STARTS: Final = 8
-_TOLERANCE: Final = 1e-12
+_TOLERANCE: Final = 1e-11
 """Of the log-likelihood per sample."""
 _AT_LIMIT: Final = 1e-6
 _LARGEST_LOG: Final = 700.0
