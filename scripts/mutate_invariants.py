@@ -166,7 +166,7 @@ BREAKAGES = (
     Breakage(
         OTHERS,
         "arrivals do not look at the others",
-        "are_ros/artefacts/surroundings.py",
+        "are_ros/artefacts/placement.py",
         "clear = ~overlaps_any(boxes, self.others)",
         "clear = np.ones(len(boxes), dtype=np.bool_)",
         (_LIVES + "test_arrivals_overlap_nothing_at_the_instant_they_come",),

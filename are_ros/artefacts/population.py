@@ -8,16 +8,14 @@ from types import MappingProxyType
 
 import numpy as np
 
-from are_ros.artefacts.arrivals import checked_rate
+from are_ros.artefacts.arrivals import RandomSource, RowLaw, checked_rate
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.departures import Departure, DepartureLaw, leaving_rate_per_s
-from are_ros.artefacts.lifetimes import Lifetimes
+from are_ros.artefacts.departures import Departure, DepartureLaw, Lifetimes, leaving_rate_per_s
 from are_ros.artefacts.population_events import Cause, Counts, EventKind, PopulationEvent
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.artefacts.scenario import Scenario
 from are_ros.artefacts.scripted import ScriptedOffer, ScriptedSource
-from are_ros.artefacts.sources import RandomSource, RowLaw
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError, PlacementError
 

@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.artefacts.arrivals import FIRST_ID
 from are_ros.artefacts.artefact import GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.population_events import Cause
-from are_ros.artefacts.sources import FIRST_ID
 from are_ros.errors import ScenarioError
 
 FIRST_ADMITTED_ID: Final = 1_000_000_000

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from are_ros.artefacts.arrivals import RandomSource
 from are_ros.artefacts.artefact import Artefact
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.departures import departure_law
@@ -15,7 +16,6 @@ from are_ros.artefacts.pose_tape import PoseTape
 from are_ros.artefacts.scenario import Scenario
 from are_ros.artefacts.scenario_file import read_scenario
 from are_ros.artefacts.scripted import ScriptedOffer, ScriptedSource
-from are_ros.artefacts.sources import RandomSource
 from are_ros.artefacts.terrain import Terrains
 from are_ros.artefacts.track_player import TrackPlayer
 from are_ros.builder.collisions import CollisionResolver

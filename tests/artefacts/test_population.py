@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from are_ros.artefacts.arrivals import FIRST_ID, RandomSource
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin
 from are_ros.artefacts.catalogue import CatalogueRow, MeshFile
 from are_ros.artefacts.departures import ConstantRateDepartures, IndependentLives, departure_law
@@ -19,7 +20,6 @@ from are_ros.artefacts.population import Place, Population
 from are_ros.artefacts.population_events import Cause, Counts, EventKind, PopulationEvent
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.artefacts.scenario import FIRST_ADMITTED_ID
-from are_ros.artefacts.sources import FIRST_ID, RandomSource
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError, ParameterError, PlacementError
 from are_ros.parameters.choices import Departures

@@ -15,13 +15,13 @@ import numpy.typing as npt
 import pytest
 from scipy import stats
 
+from are_ros.artefacts.arrivals import RandomSource
 from are_ros.artefacts.artefact import Artefact, GroundPose
 from are_ros.artefacts.catalogue import CatalogueRow, MeshFile
 from are_ros.artefacts.departures import departure_law
 from are_ros.artefacts.mixture import TruncatedPoissonMixture
 from are_ros.artefacts.population import Population
 from are_ros.artefacts.population_events import Cause, EventKind, PopulationEvent
-from are_ros.artefacts.sources import RandomSource
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Departures
 

@@ -79,7 +79,7 @@ def test_the_tables_say_it_in_words(rows_file: Path, tmp_path: Path) -> None:
         "observed",
         "above the least",
         "log-likelihood per sample -",
-        "it ended when three cycles",
+        "it ended when a step of EM gained",
     ):
         assert words in text
 
