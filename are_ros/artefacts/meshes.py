@@ -1,16 +1,21 @@
-"""The polygonal meshes S_A of the artefacts (section 3.2), built only when asked for."""
+"""The polygonal meshes S_A of the artefacts (section 3.2), built only when asked for.
 
-from typing import TYPE_CHECKING, NamedTuple
+Mesh files of the user's are read, painted, turned, scaled, and balanced on their F_A.
+"""
+
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts._mesh_file import read_mesh_file
+from are_ros.artefacts._solids import Colour
 from are_ros.artefacts.catalogue import CatalogueRow, MeshFile
 from are_ros.artefacts.shapes import Shape, build_shape
+from are_ros.errors import CatalogueError
 
 if TYPE_CHECKING:
     import trimesh
+
 
 Triple = tuple[float, float, float]
 
@@ -74,3 +79,107 @@ def mesh_of(row: CatalogueRow) -> "trimesh.Trimesh":
 def _triple(values: npt.NDArray[np.float64]) -> Triple:
     """Return an array (3,) as plain numbers."""
     return (float(values[0]), float(values[1]), float(values[2]))
+
+
+MESH_SUFFIXES: Final = (".obj", ".stl", ".ply", ".glb")
+
+
+def read_mesh_file(source: MeshFile, colour: Colour) -> "trimesh.Trimesh":
+    """Return the file's bodies as one mesh in F_A, in metres, with a colour for each face.
+
+    `colour` is for bodies to which the file gives none; a texture becomes its colour at the
+    corners. `CatalogueError` if the file is missing, cannot be read, holds no triangles, has a
+    corner that is not finite, or is flat.
+    """
+    import trimesh
+
+    bodies = _bodies(source)
+    vertices = np.concatenate([body.vertices for body in bodies])
+    if not np.isfinite(vertices).all():
+        raise CatalogueError(f"the mesh file {source.path} has a vertex that is not finite")
+    starts = np.cumsum([0] + [len(body.vertices) for body in bodies[:-1]])
+    # Files repeat a vertex for each normal and texture coordinate. Without those, trimesh merges
+    # what is one point in space, so that a closed surface is seen to be closed.
+    mesh = trimesh.Trimesh(
+        source.metres_per_unit * vertices @ _axes(source).T,
+        np.concatenate([body.faces + start for body, start in zip(bodies, starts, strict=True)]),
+        face_colors=np.concatenate([_face_colours(body, colour) for body in bodies]),
+    )
+    return _balanced(mesh, source)
+
+
+def _bodies(source: MeshFile) -> list[Any]:
+    """Return the bodies (trimesh.Trimesh) of a file, each where the file has it."""
+    import trimesh
+
+    if not source.path.is_file():
+        raise CatalogueError(f"the mesh file {source.path} does not exist")
+    if source.path.suffix.lower() not in MESH_SUFFIXES:
+        known = ", ".join(suffix[1:].upper() for suffix in MESH_SUFFIXES)
+        raise CatalogueError(f"the mesh file {source.path} is none of {known}")
+    try:
+        # Unprocessed: trimesh would drop what is not finite without a word.
+        parts = trimesh.load(source.path, force="scene", process=False).dump()
+    except Exception as cause:  # a broken file fails anywhere in trimesh's readers
+        reason = " ".join(str(cause).split())
+        raise CatalogueError(f"the mesh file {source.path} cannot be read: {reason}") from cause
+    bodies = [part for part in parts if isinstance(part, trimesh.Trimesh) and len(part.faces)]
+    if not bodies:
+        raise CatalogueError(f"the mesh file {source.path} holds no triangles")
+    return bodies
+
+
+def _face_colours(body: "trimesh.Trimesh", colour: Colour) -> npt.NDArray[np.uint8]:
+    """Return the colours (F, 4) that the file gives to a body's faces, or else `colour`."""
+    visual = body.visual
+    if visual.kind != "texture":
+        own = np.rint(255.0 * np.array(colour)) if not visual.defined else visual.face_colors
+    else:
+        at_corners = None if visual.uv is None else visual.material.to_color(visual.uv)
+        if at_corners is None or at_corners.ndim == 1:
+            own = np.asarray(visual.material.main_color)
+        else:
+            own = at_corners[body.faces].mean(axis=1)
+    return np.broadcast_to(own, (len(body.faces), 4)).astype(np.uint8)
+
+
+def _axes(source: MeshFile) -> npt.NDArray[np.float64]:
+    """Return the rotation (3, 3) that takes the file's forward and up axes to +x and +z."""
+    forward, up = _axis(source.forward), _axis(source.up)
+    return np.stack((forward, np.cross(up, forward), up))
+
+
+def _axis(name: str) -> npt.NDArray[np.float64]:
+    """Return the unit vector (3,) of an axis `x`, `-x`, `y`, ..."""
+    vector = np.zeros(3)
+    vector["xyz".index(name[-1])] = -1.0 if name.startswith("-") else 1.0
+    return vector
+
+
+def _balanced(mesh: "trimesh.Trimesh", source: MeshFile) -> "trimesh.Trimesh":
+    """Move the origin to the centre of mass, and turn a closed surface's faces outwards."""
+    centre_m = _hull_centre_m(mesh, source)
+    if mesh.is_watertight and mesh.is_winding_consistent and mesh.volume != 0.0:
+        centre_m = mesh.center_mass
+        if mesh.volume < 0.0:
+            mesh.invert()
+    mesh.apply_translation(-centre_m)
+    return mesh
+
+
+def _hull_centre_m(mesh: "trimesh.Trimesh", source: MeshFile) -> npt.NDArray[np.float64]:
+    """Return the centre of mass (3,) of the convex hull; refuse a mesh that lies in a plane."""
+    # trimesh's own hull needs networkx whenever qhull's triangles are wound unequally.
+    from scipy.spatial import ConvexHull, QhullError
+
+    flat = f"the mesh file {source.path} is flat, but an artefact is not"
+    try:
+        hull = ConvexHull(mesh.vertices)
+    except QhullError as cause:
+        raise CatalogueError(flat) from cause
+    if hull.volume < 1e-9 * mesh.extents.max() ** 3:
+        raise CatalogueError(flat)
+    inside = mesh.vertices.mean(axis=0)
+    corners = mesh.vertices[hull.simplices] - inside
+    volumes = np.abs(np.linalg.det(corners))
+    return np.asarray(inside + volumes @ corners.sum(axis=1) / (4.0 * volumes.sum()))

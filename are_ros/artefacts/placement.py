@@ -1,7 +1,8 @@
 """Placement: uniform over the feasible poses of an artefact (section 3.2)."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final, NamedTuple
 
@@ -16,16 +17,152 @@ from are_ros.artefacts._candidates import (
     spines_are_clear,
 )
 from are_ros.artefacts._leeway import Leeway, leeway_of
-from are_ros.artefacts._pose_lattice import HEADINGS, LATTICE_CELLS, PoseLattice
-from are_ros.artefacts._sought import Sought
 from are_ros.artefacts.artefact import GroundPose, shape_of
 from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.surroundings import Disc, Surroundings
 from are_ros.artefacts.terrain import Terrains
 from are_ros.world.environment import Environment
+from are_ros.world.footprint import Footprint, signed_distance_m
 from are_ros.world.lattice_cover import lattice_row
-from are_ros.world.oriented_boxes import OrientedBoxes
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.oriented_boxes import OrientedBoxes, overlaps_any
 from are_ros.world.region import SpawnRegion
+
+
+@dataclass(frozen=True, eq=False)
+class KeepOut:
+    """A shape on the ground, in the map frame, that stays `distance_m` away from artefacts.
+
+    A robot is its footprint at its pose; a goal is a footprint of one vertex.
+    """
+
+    footprint: Footprint
+    distance_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What moves: the boxes of the other artefacts, and what they keep away from.
+
+    `allowed` may refuse more: it tells for N boxes which may stand there, bool (N,).
+    """
+
+    others: OrientedBoxes = field(default_factory=OrientedBoxes.empty)
+    keep_out: tuple[KeepOut, ...] = ()
+    allowed: Callable[[OrientedBoxes], npt.NDArray[np.bool_]] | None = None
+
+    def leave_room_for(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
+        """Tell which boxes are clear of all that, each on its own: bool (N,)."""
+        clear = self.are_clear(boxes)
+        clear[clear] = self.are_allowed(boxes.take(clear))
+        return clear
+
+    def are_clear(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
+        """Tell which boxes keep away from the others, robots and goals: bool (N,)."""
+        clear = ~overlaps_any(boxes, self.others)
+        for keep in self.keep_out:
+            left = boxes.take(clear)  # distances take the most time
+            clear[clear] = signed_distance_m(keep.footprint, left) >= keep.distance_m
+        return clear
+
+    def are_allowed(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
+        """Tell which boxes `allowed` does not refuse: bool (N,)."""
+        if self.allowed is None or not len(boxes):
+            return np.ones(len(boxes), np.bool_)
+        return self.allowed(boxes)
+
+
+@dataclass(frozen=True)
+class Disc:
+    """The points within `radius_m` of (x, y) in the map frame."""
+
+    x_m: float
+    y_m: float
+    radius_m: float
+
+    def contains(self, points_m: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        """Tell which of the points (N, 2) lie in the closed disc: bool (N,)."""
+        return np.hypot(points_m[:, 0] - self.x_m, points_m[:, 1] - self.y_m) <= self.radius_m
+
+
+HEADINGS: Final = 16
+"""Headings of the lattice that is searched where drawing at random found nothing."""
+LATTICE_CELLS: Final = 1 << 18
+_PITCH_M: Final = 0.05
+
+_Cells = npt.NDArray[np.int32]
+_Poses = npt.NDArray[np.int64]
+_Floats = npt.NDArray[np.float64]
+
+
+class PoseLattice:
+    """Poses of one grid as numbers: (row * width + col) * `HEADINGS` + heading."""
+
+    def __init__(self, grid: OccupancyGrid) -> None:
+        self._grid = grid
+        self._grid_yaw_rad = grid.origin.yaw_rad()
+
+    def thinned(self, flat: _Cells) -> _Cells:
+        """Return the cells (N,) on the lattice: all, or of very many every n-th row and column."""
+        if 2 * flat.size <= LATTICE_CELLS:
+            return flat
+        at_pitch = int(_PITCH_M / self._grid.resolution_m + 1e-6)
+        stride = max(1, at_pitch, math.ceil(math.sqrt(flat.size / LATTICE_CELLS)))
+        rows, cols = flat // self._grid.width, flat % self._grid.width
+        is_on = (rows % stride == stride // 2) & (cols % stride == stride // 2)
+        return np.compress(is_on, flat)
+
+    def poses(self, numbers: _Poses) -> _Floats:
+        """Return poses (N, 4), x, y, 0, yaw in the map frame, by their numbers (N,)."""
+        flat, heading = numbers // HEADINGS, numbers % HEADINGS
+        poses = np.zeros((flat.size, 4))
+        poses[:, :2] = self.centres_m(flat)
+        poses[:, 3] = self._grid_yaw_rad + heading * (math.tau / HEADINGS)
+        return poses
+
+    def centres_m(self, flat: _Cells | _Poses) -> _Floats:
+        """Return the centres (N, 2) of cells (N,), row * width + col, in the map frame."""
+        cells = np.column_stack((flat // self._grid.width, flat % self._grid.width))
+        return self._grid.cells_to_points(cells)
+
+
+@dataclass(frozen=True, eq=False)
+class Sought:
+    """What a pose is sought for: a row, what is about it, a disc to be in, room to set out.
+
+    Without a `leeway` the artefact need not be able to set out from there.
+    """
+
+    row: CatalogueRow
+    around: Surroundings
+    within: Disc | None
+    leeway: Leeway | None
+
+    @property
+    def key(self) -> tuple[float, ...]:
+        """What decides, of all this, where the static map has room."""
+        row, leeway = self.row, self.leeway
+        shape = (*row.size_m, *row.box_centre_in_artefact_m[:2])
+        return shape if leeway is None else shape + leeway.key
+
+    @property
+    def radius_m(self) -> float:
+        """Radius of a disc about F_A that is clear of walls in every pose sought."""
+        return _inscribed_radius_m(self.row) if self.leeway is None else self.leeway.radius_m
+
+    def leading_out(
+        self, poses: npt.NDArray[np.float64], which: npt.NDArray[np.int64]
+    ) -> npt.NDArray[np.int64]:
+        """Return those indices, of some, of poses (N, 4), x, y, 0, yaw, that lead out."""
+        return which if self.leeway is None else which[self.leeway.leads_out(poses[which])]
+
+
+def _inscribed_radius_m(row: CatalogueRow) -> float:
+    """Return the radius of the largest disc about F_A within the box's footprint, at least 0."""
+    offset_x_m, offset_y_m, _ = row.box_centre_in_artefact_m
+    room_x_m = 0.5 * row.size_m[0] - abs(offset_x_m)
+    room_y_m = 0.5 * row.size_m[1] - abs(offset_y_m)
+    return max(0.0, min(room_x_m, room_y_m))
+
 
 _BATCHES: Final = (32, 256, 1024, 4096)
 _FEW: Final = 4
@@ -33,10 +170,6 @@ _FEW: Final = 4
 _CHUNK_CELLS: Final = 1 << 11
 _CHUNK_POSES: Final = 1 << 14
 _KEPT_POSES: Final = LATTICE_CELLS * HEADINGS
-
-_Floats = npt.NDArray[np.float64]
-_Poses = npt.NDArray[np.int64]
-_Cells = npt.NDArray[np.int32]
 
 
 class _Static(NamedTuple):

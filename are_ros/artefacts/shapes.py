@@ -1,10 +1,291 @@
-"""The procedural shapes that a row of the catalogue may name."""
+"""The procedural shapes that a row of the catalogue may name: people, robots, vehicles, things.
+
+Each maker takes the row's colour; `build_shape` scales its solid to the row's size.
+"""
 
 from collections.abc import Callable, Mapping
 from enum import Enum
 
-from are_ros.artefacts import _figures, _furniture, _vehicles
-from are_ros.artefacts._solids import Colour, Point, Solid
+from are_ros.artefacts._solids import (
+    Colour,
+    Point,
+    Solid,
+    box,
+    extruded,
+    joined,
+    mirrored,
+    tapered,
+    turned,
+    wheel,
+)
+
+_SKIN: Colour = (0.85, 0.65, 0.52, 1.0)
+_HAIR: Colour = (0.25, 0.17, 0.12, 1.0)
+_TROUSERS: Colour = (0.17, 0.19, 0.27, 1.0)
+_SHOE: Colour = (0.1, 0.1, 0.1, 1.0)
+_TYRE: Colour = (0.08, 0.08, 0.08, 1.0)
+_METAL: Colour = (0.55, 0.57, 0.6, 1.0)
+_SENSOR: Colour = (0.12, 0.12, 0.14, 1.0)
+_SCREEN: Colour = (0.2, 0.55, 0.75, 1.0)
+_GLASS: Colour = (0.25, 0.33, 0.4, 1.0)
+_HEADLIGHT: Colour = (1.0, 0.95, 0.7, 1.0)
+_TAIL_LIGHT: Colour = (0.8, 0.05, 0.05, 1.0)
+_SEAT: Colour = (0.15, 0.15, 0.15, 1.0)
+_FRAME: Colour = (0.3, 0.3, 0.32, 1.0)
+_PLATFORM: Colour = (0.45, 0.4, 0.35, 1.0)
+_WOOD: Colour = (0.72, 0.55, 0.35, 1.0)
+_CARDBOARD: Colour = (0.7, 0.53, 0.34, 1.0)
+_WHITE: Colour = (0.95, 0.95, 0.95, 1.0)
+_BLACK: Colour = (0.12, 0.12, 0.12, 1.0)
+_STEEL: Colour = (0.6, 0.6, 0.62, 1.0)
+
+
+def person(colour: Colour) -> Solid:
+    """Stand 1.75 m tall on two legs, arms down; the row's colour is the shirt's."""
+    leg = turned([(0.08, 0.06), (0.85, 0.095)], _TROUSERS, at=(-0.02, 0.11), sides=6)
+    shoe = box((-0.1, 0.05, 0.0), (0.17, 0.17, 0.08), _SHOE)
+    arm = turned([(0.72, 0.045), (1.42, 0.06)], colour, at=(-0.01, 0.24), sides=6)
+    hand = box((-0.04, 0.21, 0.62), (0.05, 0.28, 0.72), _SKIN)
+    torso = turned(
+        [(0.83, 0.16), (1.05, 0.17), (1.38, 0.2), (1.47, 0.12)], colour, squash=(0.62, 1.0)
+    )
+    neck = turned([(1.46, 0.055), (1.54, 0.055)], _SKIN, sides=6)
+    head = turned(
+        [(1.5, 0.05), (1.56, 0.09), (1.66, 0.1)], _SKIN, at=(0.01, 0.0), squash=(1.05, 0.85)
+    )
+    hair = turned(
+        [(1.66, 0.105), (1.72, 0.09), (1.75, 0.04)], _HAIR, at=(0.0, 0.0), squash=(1.05, 0.87)
+    )
+    pairs = [side for part in (leg, shoe, arm, hand) for side in mirrored(part)]
+    return joined([*pairs, torso, neck, head, hair])
+
+
+def disc_robot(colour: Colour) -> Solid:
+    """Roll on a round base with two plates and a laser scanner on top."""
+    base = turned([(0.03, 0.16), (0.05, 0.18), (0.14, 0.18)], colour, sides=14)
+    plate = turned([(0.3, 0.17), (0.32, 0.17)], colour, sides=14)
+    post = box((-0.1, 0.1, 0.14), (-0.08, 0.12, 0.3), _METAL)
+    front = box((0.08, 0.1, 0.14), (0.1, 0.12, 0.3), _METAL)
+    scanner = turned([(0.32, 0.05), (0.37, 0.05)], _SENSOR, at=(0.06, 0.0), sides=10)
+    wheels = mirrored(wheel((0.0, 0.14, 0.05), 0.05, 0.03, _TYRE))
+    return joined([base, plate, *mirrored(post), *mirrored(front), scanner, *wheels])
+
+
+def cart_robot(colour: Colour) -> Solid:
+    """Carry parcels in a box on four wheels, a sensor in front and a flag behind."""
+    hull = extruded(
+        [(-0.4, 0.15), (-0.4, 0.55), (0.32, 0.55), (0.42, 0.4), (0.42, 0.15)], -0.24, 0.24, colour
+    )
+    lid = box((-0.36, -0.21, 0.55), (0.28, 0.21, 0.58), _METAL)
+    eye = box((0.38, -0.12, 0.3), (0.43, 0.12, 0.36), _SENSOR)
+    flag_pole = box((-0.36, -0.01, 0.58), (-0.34, 0.01, 0.9), _METAL)
+    flag = box((-0.5, -0.005, 0.8), (-0.36, 0.005, 0.9), (0.9, 0.35, 0.1, 1.0))
+    scanner = turned([(0.58, 0.05), (0.65, 0.05)], _SENSOR, at=(0.18, 0.0), sides=10)
+    wheels = [
+        side for x in (-0.26, 0.26) for side in mirrored(wheel((x, 0.28, 0.12), 0.12, 0.08, _TYRE))
+    ]
+    return joined([hull, lid, eye, flag_pole, flag, scanner, *wheels])
+
+
+def serving_robot(colour: Colour) -> Solid:
+    """Serve from three trays between two posts, with a screen for a face."""
+    base = tapered((-0.25, -0.24, 0.25, 0.24), 0.04, (-0.22, -0.22, 0.22, 0.22), 0.28, colour)
+    wheels = mirrored(wheel((0.0, 0.2, 0.07), 0.07, 0.05, _TYRE))
+    post = box((-0.2, 0.17, 0.28), (-0.15, 0.21, 1.1), _METAL)
+    trays = [box((-0.2, -0.22, z), (0.23, 0.22, z + 0.03), colour) for z in (0.5, 0.75, 1.0)]
+    head = tapered((-0.22, -0.16, -0.08, 0.16), 1.06, (-0.24, -0.14, -0.14, 0.14), 1.3, colour)
+    screen = tapered((-0.09, -0.13, -0.07, 0.13), 1.08, (-0.15, -0.12, -0.13, 0.12), 1.28, _SCREEN)
+    return joined([base, *wheels, *mirrored(post), *trays, head, screen])
+
+
+def _wheels(front: float, rear: float, y: float, radius: float, width: float) -> list[Solid]:
+    """Make two axles of two wheels that stand on the ground."""
+    return [
+        side
+        for x in (front, rear)
+        for side in mirrored(wheel((x, y, radius), radius, width, _TYRE))
+    ]
+
+
+def _lights(front: float, rear: float, y: float, z: float) -> list[Solid]:
+    """Make two headlights at x = `front` and two tail lights at x = `rear`."""
+    head = box((front - 0.06, y - 0.16, z), (front + 0.01, y + 0.16, z + 0.14), _HEADLIGHT)
+    tail = box((rear - 0.01, y - 0.16, z + 0.05), (rear + 0.06, y + 0.16, z + 0.19), _TAIL_LIGHT)
+    return [*mirrored(head), *mirrored(tail)]
+
+
+def car(colour: Colour) -> Solid:
+    """Drive a saloon of 4.4 x 1.8 x 1.45 m: body, cabin of glass, roof, wheels, lights."""
+    body = extruded(
+        [
+            (-2.2, 0.25), (-2.2, 0.8), (-1.7, 0.9), (0.9, 0.9), (2.05, 0.72), (2.2, 0.55),
+            (2.2, 0.25),
+        ],
+        -0.86,
+        0.86,
+        colour,
+    )  # fmt: skip
+    cabin = tapered((-1.75, -0.8, 1.05, 0.8), 0.88, (-1.05, -0.62, 0.3, 0.62), 1.38, _GLASS)
+    roof = tapered((-1.1, -0.65, 0.35, 0.65), 1.36, (-0.95, -0.58, 0.2, 0.58), 1.45, colour)
+    wheels = _wheels(1.35, -1.35, 0.8, 0.32, 0.2)
+    return joined([body, cabin, roof, *wheels, *_lights(2.2, -2.2, 0.62, 0.5)])
+
+
+def van(colour: Colour) -> Solid:
+    """Drive a box van of 5.0 x 1.95 x 2.0 m: high body, sloped windscreen, side windows."""
+    body = extruded(
+        [(-2.5, 0.3), (-2.5, 1.98), (1.0, 2.0), (1.9, 1.1), (2.5, 0.95), (2.5, 0.3)],
+        -0.92,
+        0.92,
+        colour,
+    )
+    screen = extruded([(1.1, 1.92), (1.95, 1.12), (1.85, 1.1), (1.05, 1.85)], -0.8, 0.8, _GLASS)
+    window = box((0.2, 0.9, 1.15), (1.1, 0.94, 1.7), _GLASS)
+    wheels = _wheels(1.6, -1.5, 0.87, 0.36, 0.22)
+    return joined([body, screen, *mirrored(window), *wheels, *_lights(2.5, -2.5, 0.68, 0.6)])
+
+
+def lorry(colour: Colour) -> Solid:
+    """Drive a lorry of 7.2 x 2.4 x 3.2 m: cab, load box, frame, wheels."""
+    cab = extruded([(1.9, 0.5), (1.9, 2.5), (3.2, 2.5), (3.6, 1.5), (3.6, 0.5)], -1.1, 1.1, colour)
+    screen = extruded([(3.24, 2.42), (3.62, 1.5), (3.5, 1.5), (3.1, 2.42)], -0.95, 0.95, _GLASS)
+    load = box((-3.6, -1.2, 1.0), (1.7, 1.2, 3.2), (0.88, 0.88, 0.86, 1.0))
+    frame = box((-3.5, -0.5, 0.6), (2.0, 0.5, 1.0), _FRAME)
+    wheels = _wheels(2.7, -2.3, 1.0, 0.5, 0.3)
+    return joined([cab, screen, load, frame, *wheels, *_lights(3.6, -3.6, 0.8, 0.65)])
+
+
+def buggy(colour: Colour) -> Solid:
+    """Drive an open electric buggy of 2.4 x 1.2 x 1.75 m: tub, bench, posts and roof."""
+    floor = box((-1.2, -0.55, 0.25), (0.6, 0.55, 0.36), colour)
+    tub = box((-1.2, -0.55, 0.36), (-0.25, 0.55, 0.65), colour)
+    nose = extruded(
+        [(0.5, 0.25), (0.6, 0.85), (0.8, 0.85), (1.2, 0.5), (1.2, 0.25)], -0.5, 0.5, colour
+    )
+    bench = box((-0.7, -0.5, 0.65), (-0.2, 0.5, 0.78), _SEAT)
+    back = box((-0.8, -0.5, 0.65), (-0.68, 0.5, 1.15), _SEAT)
+    posts = [
+        side
+        for x in (-1.05, 0.62)
+        for side in mirrored(box((x, 0.46, 0.6), (x + 0.05, 0.51, 1.68), _FRAME))
+    ]
+    roof = box((-1.15, -0.56, 1.68), (0.75, 0.56, 1.75), colour)
+    return joined(
+        [floor, tub, nose, bench, back, *posts, roof, *_wheels(0.8, -0.8, 0.5, 0.23, 0.2)]
+    )
+
+
+def scooter(colour: Colour) -> Solid:
+    """Drive a mobility scooter of 1.3 x 0.6 x 1.0 m: floor, seat with back, tiller, wheels."""
+    floor = box((-0.35, -0.24, 0.14), (0.45, 0.24, 0.2), _SEAT)
+    rear = tapered((-0.62, -0.26, -0.02, 0.26), 0.18, (-0.5, -0.22, -0.05, 0.22), 0.42, colour)
+    nose = tapered((0.3, -0.2, 0.62, 0.2), 0.2, (0.34, -0.12, 0.46, 0.12), 0.6, colour)
+    pillar = box((-0.32, -0.05, 0.42), (-0.24, 0.05, 0.55), _FRAME)
+    seat = box((-0.48, -0.22, 0.55), (-0.05, 0.22, 0.63), _SEAT)
+    back = tapered((-0.5, -0.21, -0.42, 0.21), 0.63, (-0.6, -0.19, -0.54, 0.19), 1.0, _SEAT)
+    tiller = tapered((0.38, -0.03, 0.44, 0.03), 0.58, (0.24, -0.03, 0.3, 0.03), 0.92, _FRAME)
+    bar = box((0.22, -0.28, 0.9), (0.3, 0.28, 0.95), _TYRE)
+    wheels = _wheels(0.5, -0.45, 0.25, 0.13, 0.08)
+    return joined([floor, rear, nose, pillar, seat, back, tiller, bar, *wheels])
+
+
+def _bottom(colour: Colour, *, blocks: bool) -> list[Solid]:
+    """Make three runners with nine blocks (or three beams) of a pallet of 1.2 x 0.8 m."""
+    parts = [box((-0.6, y - 0.05, 0.0), (0.6, y + 0.05, 0.022), colour) for y in (-0.35, 0, 0.35)]
+    for y in (-0.35, 0.0, 0.35):
+        lengths = [(x - 0.07, x + 0.07) for x in (-0.53, 0.0, 0.53)] if blocks else [(-0.6, 0.6)]
+        parts += [box((a, y - 0.05, 0.022), (b, y + 0.05, 0.1), colour) for a, b in lengths]
+    return parts
+
+
+def pallet(colour: Colour) -> Solid:
+    """Lay a flat pallet of 1.2 x 0.8 x 0.144 m: runners, blocks, stringers, deck boards."""
+    stringers = [
+        box((x - 0.07, -0.4, 0.1), (x + 0.07, 0.4, 0.122), colour) for x in (-0.53, 0, 0.53)
+    ]
+    boards = [
+        box((-0.6, y - 0.06, 0.122), (0.6, y + 0.06, 0.144), colour)
+        for y in (-0.34, -0.17, 0.0, 0.17, 0.34)
+    ]
+    return joined([*_bottom(colour, blocks=True), *stringers, *boards])
+
+
+def loaded_pallet(colour: Colour) -> Solid:
+    """Load a pallet of 1.2 x 0.8 m with boxes to a height of 1.2 m; its straps are coloured."""
+    deck = box((-0.6, -0.4, 0.1), (0.6, 0.4, 0.144), _WOOD)
+    crates = [
+        box((x + 0.01, y + 0.01, z + 0.005), (x + 0.56, y + 0.36, z + 0.52), _CARDBOARD)
+        for x in (-0.57, 0.0)
+        for y in (-0.37, 0.0)
+        for z in (0.144, 0.669)
+    ]
+    straps = [box((x - 0.03, -0.38, 0.144), (x + 0.03, 0.38, 1.2), colour) for x in (-0.3, 0.3)]
+    return joined([*_bottom(_WOOD, blocks=False), deck, *crates, *straps])
+
+
+def wall(colour: Colour) -> Solid:
+    """Stand a plain wall 2 m wide (along y), 2.5 m high, with a skirting board."""
+    skirting = box((-0.06, -1.0, 0.0), (0.06, 1.0, 0.1), _STEEL)
+    return joined([skirting, box((-0.05, -1.0, 0.1), (0.05, 1.0, 2.5), colour)])
+
+
+def door(colour: Colour) -> Solid:
+    """Shut a door 1 m wide (along y), 2.1 m high: frame, leaf, panels, handles."""
+    jamb = box((-0.06, 0.42, 0.0), (0.06, 0.5, 2.1), _WHITE)
+    lintel = box((-0.06, -0.42, 2.02), (0.06, 0.42, 2.1), _WHITE)
+    leaf = box((-0.03, -0.42, 0.01), (0.03, 0.42, 2.02), colour)
+    panels = [
+        box((-0.04, -0.3, low), (0.04, 0.3, high), colour)
+        for low, high in ((0.2, 0.9), (1.15, 1.8))
+    ]
+    spindle = box((-0.09, 0.33, 1.0), (0.09, 0.36, 1.03), _STEEL)
+    levers = [box((x - 0.01, 0.22, 1.0), (x + 0.01, 0.36, 1.03), _STEEL) for x in (-0.09, 0.09)]
+    return joined([*mirrored(jamb), lintel, leaf, *panels, spindle, *levers])
+
+
+def barrier(colour: Colour) -> Solid:
+    """Stand a barrier 2 m wide (along y), 1 m high: striped rails on two feet."""
+    parts: list[Solid] = []
+    for low in (0.45, 0.8):
+        parts += [
+            box((-0.02, y, low), (0.02, y + 0.25, low + 0.2), colour if number % 2 else _WHITE)
+            for number, y in enumerate((-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75))
+        ]
+    post = box((-0.04, 0.68, 0.08), (-0.02, 0.74, 0.95), _STEEL)
+    foot = extruded([(-0.25, 0.0), (-0.2, 0.08), (0.2, 0.08), (0.25, 0.0)], 0.64, 0.78, _BLACK)
+    return joined([*parts, *mirrored(post), *mirrored(foot)])
+
+
+def cone(colour: Colour) -> Solid:
+    """Stand a traffic cone 0.75 m high with two white bands on a square foot."""
+    foot = box((-0.2, -0.2, 0.0), (0.2, 0.2, 0.04), _BLACK)
+    heights = (0.04, 0.25, 0.38, 0.48, 0.58, 0.75)
+    radii = [0.155 - 0.17 * height for height in heights]
+    bands = [
+        turned(
+            [(heights[i], radii[i]), (heights[i + 1], radii[i + 1])],
+            _WHITE if i in {1, 3} else colour,
+            sides=10,
+        )
+        for i in range(5)
+    ]
+    return joined([foot, *bands])
+
+
+def pillar(colour: Colour) -> Solid:
+    """Stand a round pillar 0.4 m thick, 2.5 m high, with base and capital."""
+    shaft = turned([(0.15, 0.16), (2.35, 0.15)], colour, sides=16)
+    base = tapered((-0.2, -0.2, 0.2, 0.2), 0.0, (-0.18, -0.18, 0.18, 0.18), 0.15, colour)
+    top = tapered((-0.16, -0.16, 0.16, 0.16), 2.35, (-0.2, -0.2, 0.2, 0.2), 2.5, colour)
+    return joined([base, shaft, top])
+
+
+def crate(colour: Colour) -> Solid:
+    """Make a plain box with darker edges at top and bottom, a stand-in for anything."""
+    red, green, blue, alpha = colour
+    rim: Colour = (0.7 * red, 0.7 * green, 0.7 * blue, alpha)
+    bands = [box((-0.5, -0.5, z), (0.5, 0.5, z + 0.08), rim) for z in (0.0, 0.92)]
+    return joined([*bands, box((-0.48, -0.48, 0.08), (0.48, 0.48, 0.92), colour)])
 
 
 class Shape(Enum):
@@ -30,23 +311,23 @@ class Shape(Enum):
 
 
 _MAKERS: Mapping[Shape, Callable[[Colour], Solid]] = {
-    Shape.PERSON: _figures.person,
-    Shape.DISC_ROBOT: _figures.disc_robot,
-    Shape.CART_ROBOT: _figures.cart_robot,
-    Shape.SERVING_ROBOT: _figures.serving_robot,
-    Shape.CAR: _vehicles.car,
-    Shape.VAN: _vehicles.van,
-    Shape.LORRY: _vehicles.lorry,
-    Shape.BUGGY: _vehicles.buggy,
-    Shape.SCOOTER: _vehicles.scooter,
-    Shape.PALLET: _furniture.pallet,
-    Shape.LOADED_PALLET: _furniture.loaded_pallet,
-    Shape.WALL: _furniture.wall,
-    Shape.DOOR: _furniture.door,
-    Shape.BARRIER: _furniture.barrier,
-    Shape.CONE: _furniture.cone,
-    Shape.PILLAR: _furniture.pillar,
-    Shape.CRATE: _furniture.crate,
+    Shape.PERSON: person,
+    Shape.DISC_ROBOT: disc_robot,
+    Shape.CART_ROBOT: cart_robot,
+    Shape.SERVING_ROBOT: serving_robot,
+    Shape.CAR: car,
+    Shape.VAN: van,
+    Shape.LORRY: lorry,
+    Shape.BUGGY: buggy,
+    Shape.SCOOTER: scooter,
+    Shape.PALLET: pallet,
+    Shape.LOADED_PALLET: loaded_pallet,
+    Shape.WALL: wall,
+    Shape.DOOR: door,
+    Shape.BARRIER: barrier,
+    Shape.CONE: cone,
+    Shape.PILLAR: pillar,
+    Shape.CRATE: crate,
 }
 
 

@@ -1,4 +1,4 @@
-"""Artefacts that go by a track: their poses and doings as given, whatever happens around them."""
+"""Artefacts on tracks: they are where their tracks say, whatever happens around them."""
 
 from dataclasses import dataclass
 
@@ -6,24 +6,16 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.artefact import Artefact, GroundPose
-from are_ros.artefacts.scenario import Doing, Track
+from are_ros.artefacts.scenario import Track
 
 
 @dataclass(eq=False, slots=True)
 class _Part:
-    """One artefact on its track, since when it is on the leg that it is on; its next doing."""
+    """One artefact, its track, and the start of the sub-step or leg that it is in."""
 
-    artefact: Artefact
     track: Track
     start_ns: int
     since_ns: int
-    next_doing: int = 0
-
-    def doing_ns(self) -> int | None:
-        """Return when it does something else."""
-        if self.next_doing == len(self.track.doings):
-            return None
-        return self.start_ns + self.track.doings[self.next_doing].t_ns
 
 
 class TrackPlayer:
@@ -53,27 +45,10 @@ class TrackPlayer:
         Returns the instant of the next sub-step, and where it will be then.
         """
         arrival_ns = artefact.arrival_ns
-        part = self._parts[artefact.id] = _Part(artefact, track, start_ns, arrival_ns)
+        part = self._parts[artefact.id] = _Part(track, start_ns, arrival_ns)
         self._parts = dict(sorted(self._parts.items()))
-        self.tell(arrival_ns)
         step_ns = -(-arrival_ns // self._period_ns) * self._period_ns
         return step_ns, _bound_for(part, artefact.ground_pose_at(arrival_ns), step_ns)
-
-    def ends_with_step(self, artefact_id: int, end_ns: int) -> bool:
-        """Say whether one, known or not, whose life is over at `end_ns` lives through the sub-step.
-
-        It does if its track has a pose at that very instant, at which a sub-step ends: in the run
-        that it was saved from, it moved and was met in it before it left.
-        """
-        part = self._parts.get(artefact_id)
-        if part is None or end_ns % self._period_ns:
-            return False
-        return bool(end_ns - part.start_ns in part.track.times_ns)
-
-    @property
-    def leaving(self) -> tuple[int, ...]:
-        """Whose lives are over, but for the sub-step, ascending."""
-        return tuple(key for key, part in self._parts.items() if part.artefact.is_leaving)
 
     def remove(self, artefact_id: int) -> None:
         """Forget an artefact, known or not."""
@@ -88,18 +63,6 @@ class TrackPlayer:
         for part in self._parts.values():
             part.start_ns += by_ns
             part.since_ns += by_ns
-
-    def next_ns(self) -> int | None:
-        """Return when somebody does something else next, None if never."""
-        times_ns = (part.doing_ns() for part in self._parts.values())
-        return min((t_ns for t_ns in times_ns if t_ns is not None), default=None)
-
-    def tell(self, now_ns: int) -> None:
-        """Let all do what they do at `now_ns`."""
-        for part in self._parts.values():
-            while (t_ns := part.doing_ns()) is not None and t_ns <= now_ns:
-                _do(part.artefact, part.track.doings[part.next_doing], part.start_ns)
-                part.next_doing += 1
 
     def jumps(self, step_ns: int) -> dict[int, GroundPose]:
         """Return who has jumped by the sub-step at `step_ns`, ascending, and where each is then."""
@@ -130,12 +93,6 @@ class TrackPlayer:
         part = self._parts[artefact_id]
         steps = np.arange(1, count + 1, dtype=np.int64)
         return part.track.poses_at(step_ns - part.start_ns + self._period_ns * steps)
-
-
-def _do(artefact: Artefact, doing: Doing, start_ns: int) -> None:
-    artefact.behaviour, artefact.activity = doing.behaviour, doing.activity
-    ends_ns = doing.departs_ns
-    artefact.departure_ns = None if ends_ns is None else start_ns + ends_ns
 
 
 def _bound_for(part: _Part, pose: GroundPose, until_ns: int) -> GroundPose:

@@ -155,7 +155,8 @@ class Lives:
         while True:
             event_ns = self._next_event_ns()
             if event_ns is not None and event_ns <= min(now_ns, steps.next_ns):
-                self._run_event(event_ns)
+                for event in self.population.handle_next(self._find_place, self._admit):
+                    self._say(event)
             elif steps.next_ns <= now_ns:
                 self._sub_step(steps.next_ns)
                 steps.go_on(now_ns)
@@ -227,7 +228,6 @@ class Lives:
             by_ns = max(0, now_ns - self._paused_ns)
             self.population.postpone(by_ns)
             self._motions.player.postpone(by_ns)
-            self._look_at_doings(now_ns)
         self._set_rates(now_ns)
 
     def reconfigure(self, parameters: Parameters, resolver: CollisionResolver, now_ns: int) -> None:
@@ -243,7 +243,6 @@ class Lives:
         self.population.max_alive = settings.max_alive
         self.population.set_marks(self._catalogue.rows, law, settings.group_size)
         self._set_rates(now_ns)
-        self._look_at_doings(now_ns)
 
     def place(
         self,
@@ -272,17 +271,7 @@ class Lives:
     def _next_event_ns(self) -> int | None:
         if self.is_paused:
             return None
-        instants = (self.population.next_event_ns(), self._motions.player.next_ns())
-        return min((t_ns for t_ns in instants if t_ns is not None), default=None)
-
-    def _run_event(self, event_ns: int) -> None:
-        """Let somebody come or go, or those who go by a script do something else."""
-        if self.population.next_event_ns() == event_ns:
-            for event in self.population.handle_next(self._find_place, self._admit):
-                self._say(event)
-        else:
-            self._motions.player.tell(event_ns)
-        self._look_at_doings(event_ns)
+        return self.population.next_event_ns()
 
     def _admit(self, offer: ScriptedOffer) -> GroundPose | str:
         """Return where a scripted artefact stands, or why it cannot stand there."""
@@ -294,11 +283,6 @@ class Lives:
             pose = on_ground(offer.row, pose, environment)
         box, robot = boxes_of([offer.row], [pose]), self._robot
         return self._spawning.why_not(box, environment, others, robot, 0.0) or pose
-
-    def _look_at_doings(self, t_ns: int) -> None:
-        """Let the keeper, if there is one, see what everybody does."""
-        if self.keeper is not None:
-            self.keeper.look(t_ns, self.population.living)
 
     def _find_place(
         self,
@@ -338,11 +322,8 @@ class Lives:
         goes_on = bool(self.population.living) and not (self.is_paused or self._steps.is_idle)
         if goes_on:
             self._settle(step_ns, self._environment)
-        for artefact_id in self._motions.player.leaving:
-            self.remove(artefact_id, step_ns, self.population.cause_of(artefact_id))
         if goes_on:
             self._motions.set_out(step_ns, self._steps.period_ns, self._environment)
-            self._look_at_doings(step_ns)
 
     def _set_rates(self, now_ns: int) -> None:
         """Let the rates of the parameters hold; nobody arrives before the region is known."""
@@ -370,10 +351,8 @@ class Lives:
         ):
             self.remove(artefact_id, step_ns, Cause.LIFE_OVER)
 
-    def _stays_on(self, artefact: Artefact, end_ns: int) -> bool:
-        """Say whether one departs later than its life ends: with the sub-step, or at an exit."""
-        if self._motions.player.ends_with_step(artefact.id, end_ns):
-            return True
+    def _stays_on(self, artefact: Artefact) -> bool:
+        """Tell whether an artefact departs later than its life ends: at an exit."""
         return self._farewells.walks_to_exit and self._motions.minds.has(artefact.id)
 
     def _say(self, event: PopulationEvent) -> None:
@@ -383,13 +362,9 @@ class Lives:
             self._motions.end(artefact_id, event.time_ns, event.cause or Cause.REMOVED)
             self._farewells.end(artefact_id)
         elif event.kind is PopulationEventKind.LEAVING:
-            if artefact_id in self._motions.player:  # it goes with the sub-step of this instant
-                return
             self._motions.minds.send_out(artefact_id)
             self._farewells.begin(self.population.living[artefact_id], event.time_ns)
             return
         detail = event.reason or (event.cause.value if event.cause else "")
-        if event.kind is PopulationEventKind.BLOCKED and self.keeper is not None:
-            self.keeper.refused(artefact_id, event.row, event.time_ns, detail)
         kind, label = _EVENT_KINDS[event.kind], event.row.label
         self._events.append(ArtefactEvent(event.time_ns, kind, artefact_id, label, detail))

@@ -142,8 +142,6 @@ class Motions:
 
         Who has to leave is to be ended before `set_out`.
         """
-        if self.keeper is not None:
-            self.keeper.begin_step(step_ns)
         self._robot = self._robot_watch.see(robot, step_ns) if robot else None
         crowd = self.crowd
         was, wish, boxes = crowd.poses, crowd.ends, crowd.end_boxes

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from are_ros.artefacts.arrivals import RandomSource
 from are_ros.artefacts.artefact import Artefact
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.departures import departure_law
@@ -15,7 +16,6 @@ from are_ros.artefacts.pose_tape import PoseTape
 from are_ros.artefacts.scenario import Scenario
 from are_ros.artefacts.scenario_file import read_scenario
 from are_ros.artefacts.scripted import ScriptedOffer, ScriptedSource
-from are_ros.artefacts.sources import RandomSource
 from are_ros.artefacts.terrain import Terrains
 from are_ros.artefacts.track_player import TrackPlayer
 from are_ros.builder.collisions import CollisionResolver
@@ -30,12 +30,12 @@ def random_population(
     catalogue: Catalogue,
     *,
     begun: Callable[[Artefact, ScriptedOffer | None], object],
-    stays_on: Callable[[Artefact, int], bool],
+    stays_on: Callable[[Artefact], bool],
 ) -> Population:
     """Return the population of the random source; ParameterError where the mixture is bad.
 
-    `begun` is told of each artefact as soon as it lives; `stays_on` says of whom whose life is
-    over at an instant [ns] that it departs later. ScenarioError where the scenario is bad.
+    `begun` is told of each artefact as soon as it lives; `stays_on` tells whether an
+    artefact whose life is over departs later. ScenarioError where the scenario is bad.
     """
     settings, law = parameters.population, mixture_of(parameters, catalogue)
     return Population(

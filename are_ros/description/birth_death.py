@@ -1,5 +1,6 @@
 """The birth-death chain that a configuration means (section 3.2), and what follows from it."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -7,10 +8,142 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.description._chain import jumps_per_s, poisson_solution, tagged_survival
-from are_ros.description.stationary_law import Numbers, group_tail, stationary_law
 from are_ros.parameters.choices import Departures
 from are_ros.parameters.model import PopulationParameters
+
+Numbers = npt.NDArray[np.float64]
+
+_RESCALE_ABOVE = 1e200
+_NEGLIGIBLE_TAIL = 1e-16
+
+
+def stationary_law(
+    groups_per_s: float,
+    mean_group_size: float,
+    mean_life_s: float,
+    departures: Departures,
+    max_alive: int,
+    share: float = 1.0,
+) -> Numbers:
+    """Return Pr(N = n) for 0 <= n <= max_alive, float64 (max_alive + 1,), summing to 1.
+
+    Groups of 1 + Poisson(g - 1) members come at a rate [1/s], of whom each counts with probability
+    `share` on its own; members beyond the bound are blocked. One leaves at rate n/mean life
+    (independent) or 1/mean life (constant_rate). Alone (g = 1) these are the Poisson and the
+    geometric law, truncated. By balance across each level: what leaves n + 1 is what jumps over n.
+    Obstacles to placement and lives without end are left out.
+    """
+    weights = np.zeros(max_alive + 1)
+    weights[0] = 1.0
+    beyond = group_tail(mean_group_size, share)
+    is_independent = departures is Departures.INDEPENDENT
+    for n in range(max_alive):
+        reach = min(n + 1, len(beyond))
+        upwards = float(weights[n + 1 - reach : n + 1] @ beyond[:reach][::-1])
+        leavers = n + 1 if is_independent else 1
+        weights[n + 1] = groups_per_s * mean_life_s * upwards / leavers
+        if weights[n + 1] > _RESCALE_ABOVE:
+            weights /= weights[n + 1]
+    law: Numbers = weights / weights.sum()
+    return law
+
+
+def group_tail(mean_group_size: float, share: float = 1.0) -> Numbers:
+    """Return Pr(M > j) for j = 0, 1, ... until it is negligible, M the members that count.
+
+    The group has 1 + Poisson(g - 1) members, each counted with probability `share`: so M is a
+    Bernoulli variable of that share plus Poisson(share (g - 1)), independent.
+    """
+    at_least = _poisson_tail(share * (mean_group_size - 1.0))
+    one_more = np.append(at_least[1:], 0.0)
+    tail: Numbers = share * at_least + (1.0 - share) * one_more
+    return tail[tail > _NEGLIGIBLE_TAIL] if tail[0] > _NEGLIGIBLE_TAIL else np.zeros(1)
+
+
+def _poisson_tail(rate: float) -> Numbers:
+    """Return Pr(Poisson(rate) >= j), j = 0, 1, ..., summed from its far end: small terms first."""
+    if rate <= 0.0:
+        return np.ones(1)
+    sizes = np.arange(math.ceil(rate + 12.0 * math.sqrt(rate) + 30.0))
+    logs = sizes * math.log(rate) - rate - np.array([math.lgamma(k + 1.0) for k in sizes])
+    tail: Numbers = np.minimum(np.cumsum(np.exp(logs)[::-1])[::-1], 1.0)
+    return tail
+
+
+_DENSE = 600
+"""Up to so many levels the exponential of a step is computed once and applied again and again."""
+
+
+def jumps_per_s(count: int, beyond_per_s: Numbers) -> Any:
+    """Return the sparse rates (count, count) [1/s] of jumps up between neighbouring levels.
+
+    `beyond_per_s[j]` is the rate of jumps by more than j; what would leave the stretch ends at its
+    last level.
+    """
+    from scipy.sparse import csr_array, diags_array, hstack
+
+    if count == 1:
+        return csr_array((1, 1))
+    reach = min(len(beyond_per_s), count - 1)
+    by_exactly = -np.diff(np.append(beyond_per_s, 0.0))
+    offsets = np.arange(1, reach + 1)
+    inner = diags_array(by_exactly[:reach], offsets=offsets, shape=(count, count))
+    last = np.zeros((count, 1))
+    last[count - 1 - reach : count - 1, 0] = beyond_per_s[:reach][::-1]
+    return csr_array(hstack((inner.tocsc()[:, :-1], last)))
+
+
+def poisson_solution(jumps: Any, deaths_per_s: Numbers, rewards: Numbers, law: Numbers) -> Numbers:
+    """Return h with Q h = -rewards and (law, h) = 0; the rewards have mean 0 under the law.
+
+    Q is singular: its equation at the likeliest level follows from the others and is left out.
+    """
+    from scipy.sparse import diags_array
+    from scipy.sparse.linalg import spsolve
+
+    falls = np.append(0.0, deaths_per_s[1:])
+    rests = diags_array(jumps.sum(axis=1) + falls)
+    generator = jumps - rests + _one_down(falls)
+    kept = np.flatnonzero(np.arange(len(law)) != np.argmax(law))
+    h = np.zeros(len(law))
+    h[kept] = spsolve(generator.tocsr()[kept][:, kept].tocsc(), -rewards[kept])
+    return h - law @ h
+
+
+def tagged_survival(
+    jumps: Any, deaths_per_s: Numbers, levels: npt.NDArray[np.int64], met: Numbers, times_s: Numbers
+) -> Numbers:
+    """Return Pr(life > t) of one among n >= 1 alive, who leaves with chance 1/n at each departure.
+
+    `met` is the law of the level at its beginning, `times_s` are equally spaced from 0 on.
+    """
+    from scipy.linalg import expm
+    from scipy.sparse import diags_array
+    from scipy.sparse.linalg import expm_multiply
+
+    drawn = deaths_per_s / levels
+    falls = np.append(0.0, (deaths_per_s - drawn)[1:])
+    rests = diags_array(jumps.sum(axis=1) + falls + drawn)
+    forward = (jumps - rests + _one_down(falls)).T
+    if len(levels) > _DENSE:
+        paths = expm_multiply(forward.tocsc(), met, times_s[0], times_s[-1], len(times_s))
+        survival: Numbers = np.asarray(paths).sum(axis=1)
+        return survival
+    step = expm((times_s[1] - times_s[0]) * forward.toarray())
+    survival = np.empty(len(times_s))
+    for i in range(len(times_s)):
+        survival[i] = met.sum()
+        met = step @ met
+    return survival
+
+
+def _one_down(falls_per_s: Numbers) -> Any:
+    """Return the sparse rates of falls from each level to the one below."""
+    from scipy.sparse import csr_array
+
+    levels = np.arange(1, len(falls_per_s))
+    return csr_array((falls_per_s[1:], (levels, levels - 1)), shape=(len(falls_per_s),) * 2)
+
 
 _NEGLIGIBLE = 1e-12
 

@@ -1,13 +1,18 @@
 """The rows that `are fit` learns from: out of a table, a list, or a recording of ~/ar_builder."""
 
-from collections.abc import Callable
+import csv
+import json
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
+
+import numpy as np
 
 from are_ros.artefacts.catalogue import Catalogue
-from are_ros.artefacts.mixture_fit import Counts
+from are_ros.artefacts.mixture_fit import Counts, why_no_row
 from are_ros.errors import InputError
 
 OpenProgress = Callable[[int, int], Callable[[int], None]]
@@ -51,7 +56,6 @@ def read_observed(path: Path, space: RowSpace, open_progress: OpenProgress) -> O
     `space`, and BagError for a recording that cannot be read.
     """
     from are_ros.replay._fit_recording import read_recording
-    from are_ros.replay._fit_tables import read_list, read_table
 
     if is_recording(path):
         return read_recording(path, space, open_progress)
@@ -68,3 +72,150 @@ def read_observed(path: Path, space: RowSpace, open_progress: OpenProgress) -> O
 def is_recording(path: Path) -> bool:
     """Tell whether a path means a recording of ROS 2, by its name."""
     return path.is_dir() or path.suffix in _RECORDINGS
+
+
+_ROW: Final = "row"
+_LABEL: Final = "label"
+_COUNT: Final = "count"
+_SEPARATORS: Final = (",", ";", "\t")
+_MOST: Final = 2**53
+
+Line = tuple[int, list[str]]
+
+
+def read_table(path: Path, space: RowSpace) -> ObservedRows:
+    """Read a table: one column of rows, or one named `row` or `label`, maybe with a `count`.
+
+    Separated by commas, semicolons or tabs; empty lines and those that begin with # are left out.
+    """
+    tally: dict[tuple[str, ...], list[int]] = {}
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            lines = _lines(stream)
+            columns, lines = _columns(path, lines)
+            _tally(path, lines, tuple(columns.values()), tally)
+    except (OSError, ValueError, csv.Error) as cause:
+        raise _unreadable(path, cause) from cause
+    counts = np.zeros(space.rows, dtype=np.int64)
+    names = tuple(columns)
+    for cells, (line, times) in tally.items():
+        entry = dict(zip(names, cells, strict=True))
+        where = f"{path.name}, line {line}"
+        row = _label_row(where, entry[_LABEL], space) if _LABEL in entry else None
+        row = _number_row(where, entry[_ROW], space) if row is None else row
+        counts[row] += times * _count(where, entry.get(_COUNT, "1"))
+    return ObservedRows(counts)
+
+
+def read_list(path: Path, space: RowSpace) -> ObservedRows:
+    """Read a JSON list of rows, or of their labels."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError, RecursionError) as cause:
+        raise _unreadable(path, cause) from cause
+    if not isinstance(content, list):
+        raise InputError(f"{path.name}: it holds no list, but rows are read from one")
+    counts = np.zeros(space.rows, dtype=np.int64)
+    for entry, value in enumerate(content):
+        if type(value) is int and 0 <= value < space.rows:  # by far the most
+            counts[value] += 1
+        else:
+            counts[_entry_row(f"{path.name}, entry {entry}", value, space)] += 1
+    return ObservedRows(counts)
+
+
+def _lines(stream: Iterable[str]) -> Iterator[Line]:
+    """Yield the number and the cells of each line that holds something."""
+    lines = iter(stream)
+    first = next(lines, "")
+    separator = next((each for each in _SEPARATORS if each in first), _SEPARATORS[0])
+    reader = csv.reader(chain((first,), lines), delimiter=separator)
+    for cells in reader:
+        if cells and (len(cells) > 1 or cells[0].strip()) and not cells[0].startswith("#"):
+            yield reader.line_num, cells
+
+
+def _columns(path: Path, lines: Iterator[Line]) -> tuple[dict[str, int], Iterator[Line]]:
+    """Return the columns that count by name, and the lines below the header if there is one."""
+    line, cells = next(lines, (0, [""]))
+    names = [cell.strip().lower() for cell in cells]
+    known: tuple[str, ...] = (_ROW, _LABEL, _COUNT)
+    found = {name: names.index(name) for name in known if name in names}
+    if _ROW in found or _LABEL in found:
+        if _ROW in found:
+            found.pop(_LABEL, None)
+        return found, lines
+    if any(name and _number(name) is None for name in names) and len(names) > 1:
+        raise InputError(f"{path.name}, line {line}: no column is named '{_ROW}' or '{_LABEL}'")
+    if len(names) > 1:
+        message = f"{path.name}, line {line}: {len(names)} columns, but no header names '{_ROW}'"
+        raise InputError(message)
+    return {_ROW: 0}, chain(((line, cells),), lines) if line else lines
+
+
+def _tally(
+    path: Path,
+    lines: Iterator[Line],
+    columns: Sequence[int],
+    tally: dict[tuple[str, ...], list[int]],
+) -> None:
+    """Count equal lines: of each the first line's number and how many there are."""
+    for line, cells in lines:
+        try:
+            key = tuple([cells[column] for column in columns])
+        except IndexError as cause:
+            raise InputError(f"{path.name}, line {line}: it has too few columns") from cause
+        if key in tally:
+            tally[key][1] += 1
+        else:
+            tally[key] = [line, 1]
+
+
+def _entry_row(where: str, value: Any, space: RowSpace) -> int:
+    if isinstance(value, str):
+        return _label_row(where, value, space)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{where}: {json.dumps(value)[:40]} is not a number")
+    return _number_row(where, str(value), space)
+
+
+def _label_row(where: str, label: str, space: RowSpace) -> int:
+    if space.catalogue is None:
+        raise InputError(f"{where}: the row of a label is known to a catalogue only (--catalogue)")
+    row = space.row_of_label.get(label.strip())
+    if row is None:
+        raise InputError(f"{where}: the catalogue has no row labelled {label.strip()!r}")
+    return row
+
+
+def _number_row(where: str, text: str, space: RowSpace) -> int:
+    value = _number(text)
+    reason = "not a number" if value is None else why_no_row(value, space.rows)
+    if value is None or reason:
+        raise InputError(f"{where}: row {text.strip()!r} is {reason}")
+    return int(value)
+
+
+def _count(where: str, text: str) -> int:
+    value = _number(text)
+    if value is None or not 0.0 <= value <= _MOST or value != int(value):
+        raise InputError(f"{where}: {_COUNT} {text.strip()!r} is no whole number from 0 on")
+    return int(value)
+
+
+def _number(text: str) -> float | None:
+    """Return the number that a text is, None if it is none; 1_000 is Python, and none."""
+    try:
+        return None if "_" in text else float(text)
+    except ValueError:
+        return None
+
+
+def _unreadable(path: Path, cause: Exception) -> InputError:
+    if isinstance(cause, InputError):
+        return cause
+    if isinstance(cause, json.JSONDecodeError):
+        return InputError(f"{path.name}, line {cause.lineno}: no valid JSON ({cause.msg.lower()})")
+    reason = "not UTF-8 text" if isinstance(cause, UnicodeError) else None
+    reason = reason or getattr(cause, "strerror", None) or str(cause)
+    return InputError(f"{path.name} cannot be read ({str(reason).lower()})")

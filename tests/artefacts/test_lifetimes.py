@@ -1,7 +1,6 @@
 """Lives that end by the law, at an instant of their own, or never, side by side."""
 
-from are_ros.artefacts.departures import Departure, IndependentLives
-from are_ros.artefacts.lifetimes import Lifetimes
+from are_ros.artefacts.departures import Departure, IndependentLives, Lifetimes
 from are_ros.conventions import NS_PER_S
 
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from are_ros.artefacts._mesh_file import MESH_SUFFIXES
 from are_ros.artefacts.catalogue import CatalogueRow, MeshFile
-from are_ros.artefacts.meshes import file_geometry, mesh_of, shape_geometry
+from are_ros.artefacts.meshes import MESH_SUFFIXES, file_geometry, mesh_of, shape_geometry
 from are_ros.artefacts.shapes import Shape
 from are_ros.errors import CatalogueError
 

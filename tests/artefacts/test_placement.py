@@ -12,12 +12,17 @@ from scipy import stats
 
 from are_ros.artefacts._candidates import CandidateCells
 from are_ros.artefacts._leeway import Leeway, leeway_of
-from are_ros.artefacts._pose_lattice import HEADINGS, PoseLattice
-from are_ros.artefacts._sought import Sought
 from are_ros.artefacts.artefact import GroundPose, boxes_of
 from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits
-from are_ros.artefacts.placement import Placer
-from are_ros.artefacts.surroundings import Disc, KeepOut, Surroundings
+from are_ros.artefacts.placement import (
+    HEADINGS,
+    Disc,
+    KeepOut,
+    Placer,
+    PoseLattice,
+    Sought,
+    Surroundings,
+)
 from are_ros.artefacts.terrain import Terrains
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint

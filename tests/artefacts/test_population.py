@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from are_ros.artefacts.arrivals import FIRST_ID, RandomSource
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin
 from are_ros.artefacts.catalogue import CatalogueRow, MeshFile
 from are_ros.artefacts.departures import ConstantRateDepartures, IndependentLives, departure_law
@@ -19,7 +20,6 @@ from are_ros.artefacts.population import Place, Population
 from are_ros.artefacts.population_events import Cause, Counts, EventKind, PopulationEvent
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.artefacts.scenario import FIRST_ADMITTED_ID
-from are_ros.artefacts.sources import FIRST_ID, RandomSource
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError, ParameterError, PlacementError
 from are_ros.parameters.choices import Departures
@@ -59,7 +59,7 @@ def _population(
     max_alive: int | None = 200,
     group: float = 1.0,
     rows: tuple[CatalogueRow, ...] = ROWS,
-    stays_on: Callable[[Artefact, int], bool] = lambda *_: False,
+    stays_on: Callable[[Artefact], bool] = lambda *_: False,
     begun: Callable[[Artefact, object], object] = lambda *_: None,
 ) -> Population:
     source = RandomSource(seed, rows, MIXTURE, group)
@@ -542,7 +542,7 @@ def test_rates_that_change_do_not_touch_those_who_leave() -> None:
 
 def test_each_stays_on_or_not_on_its_own() -> None:
     """Those of even ids vanish, the others are leaving."""
-    population = _population(3, mean_life_s=1.0, stays_on=lambda one, _: one.id % 2 == 1)
+    population = _population(3, mean_life_s=1.0, stays_on=lambda one: one.id % 2 == 1)
     told = _advance(population, _seconds(20))
     ends = {e.artefact_id: e.kind for e in told if e.cause is Cause.LIFE_OVER}
     assert len(ends) > 10

@@ -7,10 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.artefacts._leeway import leeway_of
-from are_ros.artefacts._roaming import Roaming
-from are_ros.artefacts._setting_out import SettingOut
-from are_ros.artefacts._turning import Turning
+from are_ros.artefacts._leeway import Roaming, SettingOut, Turning, leeway_of
 from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits
 from are_ros.artefacts.coarse_map import CoarseMaps, rounded_up_m
 from are_ros.artefacts.motion.body import Body

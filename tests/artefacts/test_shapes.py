@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from are_ros.artefacts import _furniture, _vehicles
+from are_ros.artefacts import shapes
 from are_ros.artefacts._solids import Solid, box, extruded, joined, mirrored, turned, wheel
 from are_ros.artefacts.shapes import Shape, build_shape
 
@@ -57,13 +57,13 @@ def test_cars_face_forward() -> None:
     """The headlights of a car are at +x and its tail lights at -x."""
     car = build_shape(Shape.CAR, SIZE_M, (0.0, 0.0, 1.0, 1.0))
     x = car.vertices_m[car.faces].mean(axis=1)[:, 0]
-    assert x[(car.colours == _vehicles._HEADLIGHT).all(axis=1)].min() > 1.0
-    assert x[(car.colours == _vehicles._TAIL_LIGHT).all(axis=1)].max() < -1.0
+    assert x[(car.colours == shapes._HEADLIGHT).all(axis=1)].min() > 1.0
+    assert x[(car.colours == shapes._TAIL_LIGHT).all(axis=1)].max() < -1.0
 
 
 def test_a_pallet_is_made_of_boards() -> None:
     """A flat pallet has 20 boards and blocks, most of it air."""
-    mesh = as_mesh(_furniture.pallet(RED))
+    mesh = as_mesh(shapes.pallet(RED))
     assert mesh.body_count == 20
     assert 0.2 < mesh.volume / (1.2 * 0.8 * 0.144) < 0.4
 

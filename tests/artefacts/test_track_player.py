@@ -1,11 +1,11 @@
-"""Artefacts on tracks: poses at sub-steps, jumps, doings, and what the others plan by."""
+"""Artefacts on tracks: poses at sub-steps, jumps, and what the others plan by."""
 
 import numpy as np
 import pytest
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue_file import read_catalogue
-from are_ros.artefacts.scenario import Doing, Track
+from are_ros.artefacts.scenario import Track
 from are_ros.artefacts.track_player import TrackPlayer
 
 ROW = read_catalogue().rows[15]
@@ -13,10 +13,10 @@ PERIOD_NS = 50
 START_NS = 10_000
 
 
-def _track(*poses: tuple[int, float], doings: tuple[Doing, ...] = ()) -> Track:
+def _track(*poses: tuple[int, float]) -> Track:
     """Return a track that moves along x only."""
     rows = [(x_m, 1.0, 0.0, 0.0) for _, x_m in poses]
-    return Track(np.array([t_ns for t_ns, _ in poses]), np.array(rows), doings)
+    return Track(np.array([t_ns for t_ns, _ in poses]), np.array(rows))
 
 
 def _player(track: Track, arrives_ns: int = START_NS, artefact_id: int = 4) -> TrackPlayer:
@@ -81,27 +81,10 @@ def test_who_comes_late_is_where_the_track_is() -> None:
     assert player.add(artefact, track, START_NS) == (START_NS + 50, GroundPose(2.0, 1.0, 0.0, 0.0))
 
 
-def test_doings_are_told_at_their_times() -> None:
-    """Behaviour, activity and what is known of the end; the one of the arrival at once."""
-    doings = (Doing(0, "walking", "pausing", 900), Doing(70, "leaving", "", None))
-    track = _track((0, 0.0), doings=doings)
-    player, artefact = TrackPlayer(PERIOD_NS), _artefact(track, START_NS)
-    player.add(artefact, track, START_NS)
-    said = (artefact.behaviour, artefact.activity, artefact.departure_ns)
-    assert said == ("walking", "pausing", START_NS + 900)
-    assert player.next_ns() == START_NS + 70
-    player.tell(START_NS + 69)
-    assert artefact.behaviour == "walking"
-    player.tell(START_NS + 70)
-    assert (artefact.behaviour, artefact.activity, artefact.departure_ns) == ("leaving", "", None)
-    assert player.next_ns() is None
-
-
 def test_a_pause_shifts_all_that_is_to_come() -> None:
-    """Poses and doings wait for as long as time stood still."""
-    player = _player(_track((0, 0.0), (100, 4.0), doings=(Doing(60, "walking"),)))
+    """Poses wait for as long as time stood still."""
+    player = _player(_track((0, 0.0), (100, 4.0)))
     player.postpone(1000)
-    assert player.next_ns() == START_NS + 1060
     assert _ways(player, START_NS + 1000, 0.0, 1) == [(0.0, 2.0)]
 
 
@@ -112,21 +95,6 @@ def test_others_know_where_it_will_be() -> None:
     np.testing.assert_allclose(ahead, [[x_m, 1.0, 0.0] for x_m in (2.0, 4.0, 4.0, 4.0)])
 
 
-def test_who_has_a_pose_at_its_end_lives_through_the_sub_step() -> None:
-    """It moves there and is met there before it goes; else its life is over at the instant."""
-    player = _player(_track((0, 0.0), (50, 4.0), (75, 5.0)))
-    assert player.ends_with_step(4, START_NS + 50)
-    assert not player.ends_with_step(4, START_NS + 75)  # no sub-step ends then
-    assert not player.ends_with_step(4, START_NS + 100)
-    assert not player.ends_with_step(5, START_NS + 50)
-    assert not player.leaving
-    player._parts[4].artefact.is_leaving = True
-    assert list(player.leaving) == [4]
-    player.remove(4)
-    player.remove(4)
-    assert 4 not in player
-
-
 def test_all_are_in_the_order_of_their_ids() -> None:
     """However they come; nobody is left after a new beginning."""
     player = _player(_track((0, 0.0)), artefact_id=9)
@@ -135,5 +103,8 @@ def test_all_are_in_the_order_of_their_ids() -> None:
     assert player.ids == (2, 9)
     poses = np.array([[7.0, 1.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
     assert np.array_equal(player.set_out(START_NS + 50, poses), poses)
+    player.remove(9)
+    player.remove(9)
+    assert 9 not in player
     player.clear()
     assert player.set_out(START_NS + 100, np.empty((0, 4))).shape == (0, 4)

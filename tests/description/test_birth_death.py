@@ -10,9 +10,8 @@ from scipy import stats
 from scipy.integrate import trapezoid
 from scipy.linalg import expm
 
-from are_ros.description import _chain
-from are_ros.description.birth_death import BirthDeath
-from are_ros.description.stationary_law import group_tail
+from are_ros.description import birth_death
+from are_ros.description.birth_death import BirthDeath, group_tail
 from are_ros.parameters.choices import Departures
 from are_ros.parameters.model import Parameters
 
@@ -150,5 +149,5 @@ def test_many_levels_take_another_way_to_the_same_lives(monkeypatch: pytest.Monk
     """Where the matrix would be too large its exponential is applied without being computed."""
     chain = BirthDeath(0.6, 2.0, 1.0, CONSTANT, 20)
     expected = chain.survival(30.0, 31)
-    monkeypatch.setattr(_chain, "_DENSE", 0)
+    monkeypatch.setattr(birth_death, "_DENSE", 0)
     assert chain.survival(30.0, 31) == pytest.approx(expected, abs=1e-9)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from are_ros.description.stationary_law import stationary_law
+from are_ros.description.birth_death import stationary_law
 from are_ros.parameters.choices import Departures
 
 INDEPENDENT, CONSTANT = Departures.INDEPENDENT, Departures.CONSTANT_RATE
