@@ -16,6 +16,7 @@ LAYERS = (
     ("builder",),
     ("messages",),
     ("description",),
+    ("draw",),
     ("node", "replay", "simulation"),
     ("recording",),
     ("experiments",),

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.draw.scene import Doing, Life, Track
 from are_ros.experiments.soak import SoakResult, Way
 from are_ros.replay._picture_artefacts import class_colours
 from are_ros.replay._picture_behaviours import behaviour_counts, behaviour_marks
@@ -14,7 +15,6 @@ from are_ros.replay._picture_frame import Sheet, draw_map, draw_surroundings
 from are_ros.replay._picture_map import known_part, window_of
 from are_ros.replay._picture_paths import Way as DrawnWay
 from are_ros.replay._picture_paths import draw_ways
-from are_ros.replay.life_record import Doing, Life, Track
 from are_ros.wording import counted
 from are_ros.world.occupancy_grid import OccupancyGrid
 

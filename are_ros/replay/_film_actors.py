@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
+from are_ros.draw.scene import Life
 from are_ros.replay._film_canvas import Picture, Rgb, Stage, fill, line, mixed
 from are_ros.replay._picture_labels import id_text
-from are_ros.replay.life_record import Life
 
 Floats = npt.NDArray[np.float64]
 

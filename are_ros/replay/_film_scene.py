@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.conventions import NS_PER_S
+from are_ros.draw.scene import SceneRecord
 from are_ros.replay._film_actors import UNSEEN_SHARE, Actor, actors_at, draw_actors, rgb_of
 from are_ros.replay._film_canvas import (
     INK,
@@ -28,7 +29,6 @@ from are_ros.replay._picture_company import companies
 from are_ros.replay._picture_map import known_part, window_of
 from are_ros.replay._picture_robot import SEEN_COLOUR, TIME_COLOURS, robot_outline
 from are_ros.replay._picture_view import Sight, fan_at
-from are_ros.replay.scene_record import SceneRecord
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 Floats = npt.NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
-from are_ros.replay.life_record import Life
+from are_ros.draw.scene import Life
 
 Floats = npt.NDArray[np.float64]
 

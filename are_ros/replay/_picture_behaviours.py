@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from are_ros.replay.life_record import Life
+from are_ros.draw.scene import Life
 
 _KNOWN: Final[Mapping[str, str]] = {
     "standing": "s",

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
-from are_ros.replay.life_record import Doing, Life
+from are_ros.draw.scene import Doing, Life
 
 Floats = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]

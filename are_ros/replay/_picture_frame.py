@@ -10,10 +10,10 @@ import numpy as np
 
 from are_ros.builder.events import EventKind
 from are_ros.conventions import NS_PER_S
+from are_ros.draw.scene import SceneRecord
 from are_ros.replay._picture_map import KnownPart, Window, map_from_part, shaded
 from are_ros.replay._picture_robot import time_colours
 from are_ros.replay.output_folder import METRICS
-from are_ros.replay.scene_record import SceneRecord
 from are_ros.wording import counted
 from are_ros.world.occupancy_grid import OccupancyGrid
 

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from are_ros.builder.events import EventKind
+from are_ros.draw.scene import SceneRecord
 from are_ros.replay._picture_artefacts import is_gone
 from are_ros.replay._picture_behaviours import behaviour_counts
 from are_ros.replay._picture_marks import CONTACT_LOOK, DISPLACED_LOOK, forced, of_kind
 from are_ros.replay._picture_robot import SEEN_COLOUR
-from are_ros.replay.scene_record import SceneRecord
 
 _GREY: Final = "#6c757d"
 

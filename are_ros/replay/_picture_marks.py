@@ -8,8 +8,7 @@ import numpy.typing as npt
 
 from are_ros.artefacts.population_events import Cause
 from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.replay.life_record import Life, Track
-from are_ros.replay.scene_record import SceneRecord
+from are_ros.draw.scene import Life, SceneRecord, Track
 
 Floats = npt.NDArray[np.float64]
 

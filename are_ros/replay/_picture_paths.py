@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.draw.scene import Life
 from are_ros.replay._picture_behaviours import behaviour_of
 from are_ros.replay._picture_company import Company, positions_at
-from are_ros.replay.life_record import Life
 
 Floats = npt.NDArray[np.float64]
 Rgb = tuple[float, float, float]

@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
+from are_ros.draw.scene import SceneRecord
 from are_ros.replay._picture_map import Window
 from are_ros.replay._picture_view import Fan
-from are_ros.replay.scene_record import SceneRecord
 from are_ros.world.footprint import Footprint
 
 Floats = npt.NDArray[np.float64]

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.draw.scene import Life, SceneRecord
 from are_ros.replay._picture_map import KnownPart
-from are_ros.replay.life_record import Life
-from are_ros.replay.scene_record import SceneRecord
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

@@ -8,13 +8,13 @@ from typing import Final
 import numpy as np
 
 from are_ros.conventions import NS_PER_S
+from are_ros.draw.scene import SceneRecord
 from are_ros.errors import BagError
 from are_ros.replay._film_palette import Palette, Picture
 from are_ros.replay._film_scene import FilmScene
 from are_ros.replay._film_writers import OpenFilm
 from are_ros.replay.film_path import why_no_film
 from are_ros.replay.runner import Progress
-from are_ros.replay.scene_record import SceneRecord
 from are_ros.wording import why_refused
 from are_ros.world.occupancy_grid import OccupancyGrid
 

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.draw.scene import SceneRecord
 from are_ros.replay._picture_artefacts import (
     bounding_boxes,
     class_colours,
@@ -37,7 +38,6 @@ from are_ros.replay._picture_robot import (
 from are_ros.replay._picture_view import Fan, Sight, fan_at, spread_indices, telling_indices
 from are_ros.replay._picture_voxels import hiding_part, with_furniture
 from are_ros.replay.output_folder import METRICS
-from are_ros.replay.scene_record import SceneRecord
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.voxel_map import VoxelMap
 

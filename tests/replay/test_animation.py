@@ -12,14 +12,13 @@ from PIL import Image
 
 from are_ros.builder.events import EventKind
 from are_ros.conventions import NS_PER_S
+from are_ros.draw.scene import Doing, SceneRecord
 from are_ros.errors import BagError
 from are_ros.replay._film_canvas import FOOTER_PX, HEADER_PX
 from are_ros.replay._film_legend import Entry, draw_legend, patch
 from are_ros.replay._film_scene import FilmScene
 from are_ros.replay.animation import Film, film_stamps, write_animation
 from are_ros.replay.film_path import film_path
-from are_ros.replay.life_record import Doing
-from are_ros.replay.scene_record import SceneRecord
 from tests.replay.film_records import TICK_NS, event, hall, run, walker
 
 Picture = npt.NDArray[np.uint8]

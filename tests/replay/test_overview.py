@@ -12,12 +12,11 @@ import pytest
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.shapes import Shape
 from are_ros.builder.outputs import SceneMetrics
+from are_ros.draw.scene import Life, SceneRecord, TickSeries, Track
 from are_ros.replay._picture_map import known_part, shaded, window_of
 from are_ros.replay._picture_view import Sight, fan_at, spread_indices, telling_indices
 from are_ros.replay._picture_voxels import hiding_part
-from are_ros.replay.life_record import Life, Track
 from are_ros.replay.overview import draw_overview
-from are_ros.replay.scene_record import SceneRecord, TickSeries
 from are_ros.world.footprint import Footprint
 from are_ros.world.observer import mounted_camera
 from are_ros.world.occupancy_grid import OccupancyGrid

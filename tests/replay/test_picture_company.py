@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from are_ros.draw.scene import Doing, Life, Track
 from are_ros.replay._picture_company import companies
-from are_ros.replay.life_record import Doing, Life, Track
 from tests.replay.film_records import TICK_NS, walker
 
 END_NS = TICK_NS * 101

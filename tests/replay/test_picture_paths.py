@@ -10,13 +10,12 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from are_ros.builder.events import EventKind
+from are_ros.draw.scene import SceneRecord, Track
 from are_ros.replay import overview
 from are_ros.replay._picture_behaviours import behaviour_counts, behaviour_marks
 from are_ros.replay._picture_marks import forced
 from are_ros.replay._picture_paths import displacements, shade_of, way_of
-from are_ros.replay.life_record import Track
 from are_ros.replay.overview import draw_overview
-from are_ros.replay.scene_record import SceneRecord
 from tests.replay.film_records import TICK_NS, event, hall, run, walker
 
 
