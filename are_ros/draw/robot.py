@@ -1,0 +1,272 @@
+"""The robot in a picture: its outline and path, and what its camera could see.
+
+A field of view is a fan of level rays that end at walls and at artefacts that are tall enough.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.conventions import NS_PER_S
+from are_ros.draw.canvas import Canvas
+from are_ros.draw.map import KnownPart, View
+from are_ros.draw.palette import SEEN, WHITE, Rgb, time_colour
+from are_ros.draw.scene import Life, SceneRecord, Track
+from are_ros.world.footprint import Footprint
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.rigid_transform import RigidTransform
+
+Floats = npt.NDArray[np.float64]
+
+_RAYS: Final = 360
+_MARCH_STEPS: Final = 200
+_SURELY_LESS: Final = 1.42
+"""Distances are between centres of cells; this much of them may lie within the two cells."""
+_LEAST_STEP: Final = 0.25
+_PARALLEL: Final = 1e-12
+_TURN_WEIGHT_M: Final = 0.4
+_SHORTEST_PART_M: Final = 0.2
+_ALL_AROUND_RAD: Final = math.radians(340.0)
+_SMALLEST_PX: Final = 9.0
+_MOST_VERTICES: Final = 2000
+_TIME_STEPS: Final = 64
+_SEEN_ALPHA: Final = 0.13
+
+
+@dataclass(frozen=True, eq=False)
+class Fan:
+    """What one camera pose sees: the outline (N, 2) in the map's frame, and when."""
+
+    stamp_ns: int
+    outline_m: Floats
+
+
+class Sight:
+    """Casts level rays over a map, by marching through the distance to the nearest wall."""
+
+    def __init__(self, grid: OccupancyGrid, part: KnownPart, occupied_threshold: int) -> None:
+        import cv2
+
+        open_cells = (part.cells < occupied_threshold).astype(np.uint8)
+        self._clearance = np.asarray(
+            cv2.distanceTransform(open_cells, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        )
+        if open_cells.all():
+            self._clearance = np.full(open_cells.shape, 1e6, dtype=np.float32)
+        self._part = part
+        self._cell_m = grid.resolution_m
+        self._part_from_map = grid.origin.inverse().matrix()
+
+    def free_lengths(self, start_m: Floats, rays: Floats, longest_m: Floats) -> Floats:
+        """Return how far level unit rays (N, 2) go from a point (2,), at most `longest_m` (N,)."""
+        turn = self._part_from_map[:2, :2]
+        corner = (self._part.col0, self._part.row0)
+        start = (turn @ start_m + self._part_from_map[:2, 3]) / self._cell_m - corner
+        steps, longest = rays @ turn.T, longest_m / self._cell_m
+        travelled, moving = np.zeros(len(rays)), np.arange(len(rays))
+        for _ in range(_MARCH_STEPS):
+            ahead = self._surely_free(start + steps[moving] * travelled[moving, np.newaxis])
+            travelled[moving] += ahead
+            moving = moving[(ahead > 0.0) & (travelled[moving] < longest[moving])]
+            if not len(moving):
+                break
+        return np.minimum(travelled, longest) * self._cell_m
+
+    def _surely_free(self, points: Floats) -> Floats:
+        """Return how far points (N, 2), as (col, row), are from walls at least; 0 inside one.
+
+        Near a wall it is a small step instead, so that rays arrive. Outside there are no walls.
+        """
+        size = self._clearance.shape[::-1]
+        nearest = np.clip(np.floor(points).astype(np.int64), 0, np.subtract(size, 1))
+        clearance = self._clearance[nearest[:, 1], nearest[:, 0]]
+        outside = np.maximum(-points, points - size).max(axis=1)
+        free = np.maximum(np.where(outside > 0.0, outside, clearance - _SURELY_LESS), _LEAST_STEP)
+        return np.where((outside > 0.0) | (clearance > 0.0), free, 0.0)
+
+
+def fan_at(record: SceneRecord, sight: Sight, index: int) -> Fan | None:
+    """Return the fan of one camera pose of the record, None if it does not look sideways."""
+    pose, stamp_ns = record.camera.poses[index], int(record.camera.stamps_ns[index])
+    rays = _level_rays(record, index, pose)
+    lengths = np.linalg.norm(rays, axis=1)
+    rays, lengths = rays[lengths > 0.1], lengths[lengths > 0.1]
+    if len(rays) < 2:
+        return None
+    rays /= lengths[:, np.newaxis]
+    longest_m = record.max_range_m * lengths
+    reach_m = sight.free_lengths(pose[:2], rays, longest_m)
+    hiding = [life for life in record.lives if _may_hide(life, stamp_ns, pose[2])]
+    reach_m = np.minimum(reach_m, _far_sides(hiding, stamp_ns, pose[:2], rays))
+    outline = pose[:2] + rays * reach_m[:, np.newaxis]
+    is_closed = _spread_rad(rays) > _ALL_AROUND_RAD
+    return Fan(stamp_ns, outline if is_closed else np.vstack((pose[:2], outline)))
+
+
+def spread_indices(record: SceneRecord, count: int) -> list[int]:
+    """Return at most `count` camera poses, evenly spread over what the robot drove and turned.
+
+    The last is among them: what was seen at the end of the path is to be in view there.
+    """
+    if not len(record.camera):
+        return []
+    travelled = _travelled(record)
+    spread = np.searchsorted(travelled, _middles(travelled, count - 1)).tolist()
+    return sorted({*spread, len(travelled) - 1})
+
+
+def telling_indices(record: SceneRecord, count: int) -> list[int]:
+    """Return a camera pose of each of `count` parts of the path: one that perceived the most.
+
+    Of several, the one nearest to the middle of its part.
+    """
+    if not len(record.camera):
+        return []
+    travelled = _travelled(record)
+    middles = _middles(travelled, count)
+    part = np.argmin(np.abs(travelled[:, np.newaxis] - middles), axis=1)
+    at = np.searchsorted(record.series.stamps_ns, record.camera.stamps_ns)
+    perceived = record.series.perceived[at]
+    off_middle = np.abs(travelled - middles[part])
+    order = np.lexsort((off_middle, -perceived, part))
+    _, first = np.unique(part[order], return_index=True)
+    return sorted(order[first].tolist())
+
+
+def _travelled(record: SceneRecord) -> Floats:
+    """Return what was driven [m] and, of less weight, turned up to each camera pose."""
+    x, y, z, w = record.camera.poses[:, 3:].T
+    forward = 2.0 * np.column_stack((x * z + w * y, y * z - w * x))
+    driven = np.linalg.norm(np.diff(record.camera.poses[:, :2], axis=0), axis=1)
+    turned = np.linalg.norm(np.diff(forward, axis=0), axis=1)
+    return np.concatenate(((0.0,), np.cumsum(driven + _TURN_WEIGHT_M * turned)))
+
+
+def _middles(travelled: Floats, count: int) -> Floats:
+    """Return the middles of so many equal parts of the path, fewer if it is short."""
+    count = max(1, min(count, int(travelled[-1] / _SHORTEST_PART_M) + 1))
+    middles: Floats = (np.arange(count) + 0.5) / count * travelled[-1]
+    return middles
+
+
+def _level_rays(record: SceneRecord, index: int, pose: Floats) -> Floats:
+    """Return the rays of the image's middle row in the map's frame, without their rise (N, 2)."""
+    view = record.views[int(record.view_of_pose[index])]
+    row = view.directions()[view.height // 2]
+    columns = np.linspace(0, view.width - 1, min(_RAYS, view.width)).astype(np.int64)
+    turn = RigidTransform(pose[:3], pose[3:]).rotation_matrix()
+    rays: Floats = (row[columns].astype(np.float64) @ turn.T)[:, :2]
+    return rays
+
+
+def _spread_rad(rays: Floats) -> float:
+    """Return the angle that unit rays, in their order, cover."""
+    azimuths = np.unwrap(np.arctan2(rays[:, 1], rays[:, 0]))
+    return float(abs(azimuths[-1] - azimuths[0]))
+
+
+def _may_hide(life: Life, stamp_ns: int, camera_height_m: float) -> bool:
+    """Say whether an artefact stands there then and reaches up to the camera."""
+    is_there = len(life.footprints) > 0 and life.is_present_at(stamp_ns)
+    return is_there and life.row.size_m[2] > camera_height_m
+
+
+def _far_sides(lives: Sequence[Life], stamp_ns: int, start_m: Floats, rays: Floats) -> Floats:
+    """Return where rays (N, 2) leave the first footprint that they meet (N,), else infinity.
+
+    The far side, so that the picture does not cut off what it shows as seen.
+    """
+    if not lives:
+        return np.full(len(rays), np.inf)
+    x_m, y_m, yaw_rad = np.array([life.footprint_at(stamp_ns) for life in lives]).T
+    half = 0.5 * np.array([life.row.size_m[:2] for life in lives])[:, :, np.newaxis]
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    box_from_map = np.array(((cos, sin), (-sin, cos))).transpose(2, 0, 1)
+    offsets = np.column_stack((start_m[0] - x_m, start_m[1] - y_m))[:, :, np.newaxis]
+    starts, directions = box_from_map @ offsets, box_from_map @ rays.T
+    directions = np.where(np.abs(directions) < _PARALLEL, _PARALLEL, directions)
+    low, high = (-half - starts) / directions, (half - starts) / directions
+    near, far = np.minimum(low, high).max(axis=1), np.maximum(low, high).min(axis=1)
+    ends: Floats = np.where((near <= far) & (far > 0.0), far, np.inf).min(axis=0)
+    return ends
+
+
+def draw_view(canvas: Canvas, view: View, fan: Fan, colour: Rgb, alpha: float) -> None:
+    """Tint a field of view, and draw its edge."""
+    outline = view.pixels(fan.outline_m)
+    canvas.fill(outline, colour, alpha)
+    canvas.line(outline, colour, 1.0, 2.25 * alpha, closed=True)
+
+
+def draw_ever_seen(canvas: Canvas, view: View, fans: Sequence[Fan]) -> None:
+    """Tint what was in any of the fields of view, evenly however many overlap."""
+    canvas.tint([view.pixels(fan.outline_m) for fan in fans], SEEN, _SEEN_ALPHA)
+
+
+def robot_outline(footprint: Footprint) -> Floats:
+    """Return the corners of a rounded polygon: the hull of discs at its vertices."""
+    import cv2
+
+    angles = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+    circle = footprint.radius_m * np.column_stack((np.cos(angles), np.sin(angles)))
+    points = (footprint.vertices_m[:, np.newaxis] + circle).reshape(-1, 2).astype(np.float32)
+    hull: Floats = cv2.convexHull(points)[:, 0].astype(np.float64)
+    return hull
+
+
+def draw_robot(
+    canvas: Canvas, view: View, footprint: Footprint, pose: Floats, colour: Rgb
+) -> Floats:
+    """Draw the robot at a pose (x, y, yaw), with a line to its front; return its outline [px].
+
+    It is enlarged about its middle where it would be too small to be seen.
+    """
+    x_m, y_m, yaw_rad = pose.tolist()
+    outline_m = robot_outline(footprint.at(x_m, y_m, yaw_rad))
+    middle, size_m = outline_m.mean(axis=0), float(np.ptp(outline_m, axis=0).max())
+    outline_m = middle + max(1.0, _SMALLEST_PX / view.px_per_m / size_m) * (outline_m - middle)
+    forward = np.array((math.cos(yaw_rad), math.sin(yaw_rad)))
+    centre = np.array((x_m, y_m))
+    front = centre + forward * ((outline_m - centre) @ forward).max()
+    outline = view.pixels(outline_m)
+    canvas.fill(outline, WHITE, 0.8)
+    canvas.line(outline, colour, 2.2, closed=True)
+    canvas.line(view.pixels(np.array((centre, front))), colour, 2.2)
+    return outline
+
+
+def draw_robot_path(canvas: Canvas, view: View, track: Track, fractions: Floats) -> None:
+    """Draw the path in the colours of time; `fractions` (N,) are the poses' shares of the time.
+
+    Nothing is drawn across a gap of the recording.
+    """
+    kept = np.linspace(0, len(track) - 1, min(len(track), _MOST_VERTICES)).astype(np.int64)
+    some = np.unique(kept)
+    points, drives = view.pixels(track.poses[some, :2]), track.drives()[some]
+    for drive in np.unique(drives).tolist():
+        if (drives == drive).sum() > 1:
+            canvas.line(points[drives == drive], WHITE, 7.0)
+    steps = np.where(np.diff(drives) == 0, np.rint(fractions[some][1:] * _TIME_STEPS), -1.0)
+    for step in np.unique(steps[steps >= 0.0]).tolist():
+        for run in np.split(np.flatnonzero(steps == step), _breaks(steps == step)):
+            canvas.line(points[run[0] : run[-1] + 2], time_colour(step / _TIME_STEPS), 3.7)
+
+
+def time_fractions(record: SceneRecord, stamps_ns: npt.ArrayLike) -> Floats:
+    """Return the stamps as fractions of the record's duration, which has no gaps."""
+    ticks_ns, passed_ns = record.series.stamps_ns, record.series.passed_ns()
+    since_ns = np.asarray(stamps_ns, dtype=np.int64) - ticks_ns[0]
+    shortest_ns = NS_PER_S // 1000
+    fractions: Floats = np.interp(since_ns, ticks_ns - ticks_ns[0], passed_ns) / max(
+        record.duration_ns, shortest_ns
+    )
+    return fractions
+
+
+def _breaks(chosen: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+    """Return where the chosen indices are no neighbours."""
+    return np.flatnonzero(np.diff(np.flatnonzero(chosen)) > 1) + 1
