@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.draw.canvas import Canvas
-from are_ros.draw.palette import FLOOR, PAPER, WALL
+from are_ros.draw.palette import FLOOR, PAPER, TINT, WALL
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.voxel_map import VoxelMap
 
@@ -113,11 +113,22 @@ def window_of(grid: OccupancyGrid, part: KnownPart, points_m: Floats) -> Window:
     return Window(left - margin, right + margin, bottom - margin, top + margin)
 
 
-def draw_map(canvas: Canvas, view: View, grid: OccupancyGrid, part: KnownPart) -> None:
-    """Draw a part of a map into its window on a canvas; what is unknown is PAPER."""
+def draw_map(
+    canvas: Canvas,
+    view: View,
+    grid: OccupancyGrid,
+    part: KnownPart,
+    tint: Floats | None = None,
+) -> None:
+    """Draw a part of a map into its window on a canvas; what is unknown is PAPER.
+
+    TINT is laid over the cells with an opacity of `tint` (h, w), from 0 to 1.
+    """
     import cv2
 
     image, factor = shaded(part, view.px_per_m * grid.resolution_m)
+    if tint is not None:
+        image = _tinted(image, tint[::factor, ::factor])
     samples = _FINE if canvas.fine == 1 else canvas.fine
     left, top, right, bottom = (round(side * canvas.fine) for side in view.rectangle)
     corners = view.pixels(map_from_part(grid, part, [(0, 0), (factor, 0), (0, factor)]))
@@ -153,6 +164,15 @@ def shaded(part: KnownPart, cell_px: float) -> tuple[npt.NDArray[np.uint8], int]
     table[1:, :3] = np.rint(FLOOR + fraction * np.subtract(WALL, FLOOR))
     table[1:, 3] = 255
     return table[reduced + 1], factor
+
+
+def _tinted(image: npt.NDArray[np.uint8], tint: Floats) -> npt.NDArray[np.uint8]:
+    """Return an RGBA image with TINT laid over it, as opaque as `tint` (h, w) says."""
+    colours = image.astype(np.float64)
+    height, width = (min(sides) for sides in zip(tint.shape, image.shape, strict=False))
+    part = colours[:height, :width, :3]
+    part += tint[:height, :width, np.newaxis] * (np.array(TINT) - part)
+    return np.rint(colours).astype(np.uint8)
 
 
 def _pooled(cells: npt.NDArray[np.int8], factor: int) -> npt.NDArray[np.int8]:
