@@ -18,6 +18,7 @@ LAYERS = (
     ("checks",),
     ("description",),
     ("bag",),
+    ("draw",),
     ("node", "replay"),
     ("record",),
     ("experiments",),

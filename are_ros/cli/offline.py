@@ -190,10 +190,10 @@ def view(recording: Path, at_s: float | None, out: Path | None, animate: Path | 
             message = "--animate shows all of a recording and names its file: no --at, no --out"
             raise click.UsageError(message)
         from are_ros.replay.film_command import animate_recording
-        from are_ros.replay.film_path import ANIMATION, film_path
+        from are_ros.replay.output_folder import ANIMATION, animation_path
 
         usual = picture_beside(recording, ANIMATION)
-        film = usual if str(animate) == ANIMATION else film_path(animate, usual.parent)
+        film = usual if str(animate) == ANIMATION else animation_path(animate, usual.parent)
         animate_recording(recording, film, say)
         return
     from are_ros.replay.film_command import without_robot

@@ -8,7 +8,7 @@ from typing import Any, Final, TypeVar
 import click
 from click.types import FloatParamType
 
-from are_ros.replay.film_path import ANIMATION, why_no_film
+from are_ros.replay.output_folder import ANIMATION, why_no_animation
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 FILE = click.Path(path_type=Path)
@@ -75,7 +75,7 @@ class Film(click.Path):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """Return the path, if its name tells of a format that can be written."""
         path = Path(value)
-        if reason := why_no_film(path):
+        if reason := why_no_animation(path):
             self.fail(f"{reason}; where none is meant, --animate goes last", param, ctx)
         return path
 
@@ -88,7 +88,7 @@ def animate_option(command: _Command) -> _Command:
         type=Film(),
         is_flag=False,
         flag_value=ANIMATION,
-        help=f"Animate it, as .gif, .webp or .mp4; a bare name goes into the folder. [{ANIMATION}]",
+        help=f"Animate it, as a GIF; a bare name goes into the folder. [{ANIMATION}]",
     )
     return option(command)
 

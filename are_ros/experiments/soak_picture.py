@@ -1,127 +1,108 @@
-"""soak.png: all ways of a soak on its map, drawn as the overview of a replay draws them."""
+"""soak.png: the paths of all artefacts of a soak on its map."""
 
 from collections import Counter
-from pathlib import Path
-from typing import Any, Final
+from collections.abc import Mapping, Sequence
+from pathlib import Path as File
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.draw.artefacts import (
+    JUMP_PATTERN_PX,
+    PATH_PX,
+    Path,
+    behaviour_counts,
+    behaviour_entries,
+    draw_paths,
+)
+from are_ros.draw.map import draw_map, known_part, window_of
+from are_ros.draw.palette import GREY, ROBOT, Rgb, behaviour_marks, class_colours
+from are_ros.draw.sheet import (
+    Entry,
+    Sheet,
+    dashed_sign,
+    line_sign,
+    mark_sign,
+    patch_sign,
+)
 from are_ros.experiments.soak import SoakResult, Way
-from are_ros.replay._picture_artefacts import class_colours
-from are_ros.replay._picture_behaviours import behaviour_counts, behaviour_marks
-from are_ros.replay._picture_frame import Sheet, draw_map, draw_surroundings
-from are_ros.replay._picture_map import known_part, window_of
-from are_ros.replay._picture_paths import Way as DrawnWay
-from are_ros.replay._picture_paths import draw_ways
-from are_ros.replay.life_record import Doing, Life, Track
 from are_ros.wording import counted
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 Floats = npt.NDArray[np.float64]
 
-_ROBOT: Final = "#2f7fc1"
-_GREY: Final = "#6c757d"
-_FEW_WAYS: Final = 60
-"""Of more than these no arrowheads and no behaviours are drawn: nobody could tell them apart."""
+_FEW_PATHS: Final = 60
+"""Of more than these no arrowheads and no behaviours are drawn: they could not be told apart."""
+_DOT_PX: Final = 4.0
+_ROBOT_ALPHA: Final = 0.35
 
 
-def draw_soak(result: SoakResult, grid: OccupancyGrid, path: Path) -> None:
-    """Write everybody's way on the known part of the map, in the colour of the class, as PNG.
+def draw_soak(result: SoakResult, grid: OccupancyGrid, path: File) -> None:
+    """Write the paths on the known part of the map, in the colours of the classes, as PNG.
 
-    The robot's way lies below them. Settings of matplotlib in force change nothing.
+    The robot's path lies below them. Raises OSError.
     """
-    import matplotlib as mpl
-
-    with mpl.rc_context():
-        mpl.rcdefaults()
-        mpl.rcParams["font.family"] = "DejaVu Sans"
-        figure = figure_of(result, grid)
-        figure.savefig(path, format="png", metadata={"Software": None})
-
-
-def figure_of(result: SoakResult, grid: OccupancyGrid) -> Any:
-    """Return the figure."""
-    ways = [_drawn(number, way) for number, way in sorted(result.ways.items())]
-    lives = [way.life for way in ways]
-    colours = class_colours([life.row.class_name for life in lives])
-    marks = behaviour_marks([*behaviour_counts(lives)])
+    paths = paths_of(result)
+    colours = class_colours([one.class_name for one in paths])
+    marks = behaviour_marks([one.behaviour for one in paths])
     robot_m = np.array(result.robot_way_m, dtype=np.float64).reshape(-1, 2)
-    is_detailed = len(ways) <= _FEW_WAYS
-    legends = [_classes(lives, colours), _behaviours(lives, marks) if is_detailed else []]
-    legends.append(_others(ways, robot_m))
+    is_detailed = len(paths) <= _FEW_PATHS
     part = known_part(grid)
-    points_m = np.concatenate((robot_m, *(way.points_m for way in ways)))
-    sheet = Sheet.of(window_of(grid, part, points_m), legends)
-    draw_map(sheet, grid, part)
-    sheet.axes.plot(*robot_m.T, color=_ROBOT, lw=1.2, alpha=0.35, zorder=3.0)
-    draw_ways(sheet.axes, ways, colours, marks, sheet.points_per_m, is_detailed=is_detailed)
-    _draw_standing(sheet.axes, ways, colours)
-    draw_surroundings(sheet, _title(result), _subtitle(result), legends)
-    return sheet.figure
+    points_m = np.concatenate((robot_m, *(one.points_m for one in paths)))
+    sheet = Sheet.of(window_of(grid, part, points_m), legends(paths, robot_m, colours, marks))
+    canvas, view = sheet.canvas, sheet.view
+    draw_map(canvas, view, grid, part)
+    if len(robot_m) > 1:
+        canvas.line(view.pixels(robot_m), ROBOT, 2.0, _ROBOT_ALPHA)
+    draw_paths(canvas, view, paths, colours, marks, is_detailed=is_detailed)
+    for one in paths:
+        if len(one.points_m) == 1:
+            colour = colours[one.class_name]
+            canvas.mark("disc", view.pixels(one.points_m[0]), _DOT_PX, colour, colour, 1.0)
+    sheet.write(path, _title(result), _subtitle(result))
 
 
-def _drawn(number: int, way: Way) -> DrawnWay:
-    """Return a way as the overview takes it: of a life that was in nobody's sight."""
+def paths_of(result: SoakResult) -> list[Path]:
+    """Return the paths of all artefacts, which no camera perceives."""
+    return [_path(number, way) for number, way in sorted(result.ways.items())]
+
+
+def legends(
+    paths: Sequence[Path], robot_m: Floats, colours: Mapping[str, Rgb], marks: Mapping[str, str]
+) -> list[list[Entry]]:
+    """Return the entries for classes, behaviours, and what else there is to see."""
+    classes = Counter(path.class_name for path in paths)
+    behaviours = behaviour_counts([path.behaviour for path in paths])
+    return [
+        [Entry(f"{name}  {classes[name]}", patch_sign(colours[name])) for name in sorted(classes)],
+        behaviour_entries(behaviours, marks) if len(paths) <= _FEW_PATHS else [],
+        _others(paths, robot_m),
+    ]
+
+
+def _path(number: int, way: Way) -> Path:
     points_m = np.array(way.points_m, dtype=np.float64).reshape(-1, 2)
-    poses = np.column_stack((points_m, np.zeros(len(points_m))))
-    track = Track(np.arange(len(poses), dtype=np.int64), poses)
-    doings = (Doing(0, way.behaviour, ""),)
-    life = Life(number, way.row, 0, None, "", track, 0, None, None, doings=doings)
-    is_jump = np.isin(np.arange(1, len(poses)), np.array(sorted(way.jumps), dtype=np.int64))
-    return DrawnWay(life, points_m, np.zeros_like(is_jump), is_jump)
+    steps = np.arange(1, len(points_m))
+    is_jump = np.isin(steps, np.array(sorted(way.jumps), dtype=np.int64))
+    is_seen = np.zeros_like(is_jump)
+    name = way.row.class_name
+    return Path(number, name, way.behaviour, points_m, is_seen, is_jump, is_perceived=False)
 
 
-def _draw_standing(axes: Any, ways: list[DrawnWay], colours: dict[str, str]) -> None:
-    """Mark who never moved by a dot."""
-    for way in ways:
-        if len(way.points_m) == 1:
-            colour = colours[way.life.row.class_name]
-            axes.plot(*way.points_m.T, ".", color=colour, ms=4.0, zorder=3.4)
-
-
-def _classes(lives: list[Life], colours: dict[str, str]) -> list[Any]:
-    from matplotlib.patches import Patch
-
-    counts = Counter(life.row.class_name for life in lives)
-    return [
-        Patch(facecolor=colours[name], edgecolor="white", label=f"{name}  {counts[name]}")
-        for name in sorted(counts)
-    ]
-
-
-def _behaviours(lives: list[Life], marks: dict[str, str]) -> list[Any]:
-    from matplotlib.lines import Line2D
-
-    look: dict[str, Any] = {
-        "markerfacecolor": "white",
-        "markeredgecolor": _GREY,
-        "markeredgewidth": 1.1,
-    }
-    return [
-        Line2D([], [], marker=marks[name], ls="none", ms=5.6, label=f"{name}  {count}", **look)
-        for name, count in behaviour_counts(lives).items()
-    ]
-
-
-def _others(ways: list[DrawnWay], robot_m: Floats) -> list[Any]:
-    from matplotlib.lines import Line2D
-
+def _others(paths: Sequence[Path], robot_m: Floats) -> list[Entry]:
     driven_m = float(np.linalg.norm(np.diff(robot_m, axis=0), axis=1).sum())
-    walked_m = sum(way.length_m for way in ways)
-    handles = [
-        Line2D([], [], color=_GREY, lw=1.1, label=f"ways  {walked_m:.0f} m"),
-        Line2D(
-            [], [], color=_ROBOT, lw=1.6, alpha=0.5, label=f"way of the robot  {driven_m:.0f} m"
-        ),
+    walked_m = sum(path.length_m for path in paths)
+    entries = [
+        Entry(f"paths  {walked_m:.0f} m", line_sign(GREY, PATH_PX)),
+        Entry(f"path of the robot  {driven_m:.0f} m", line_sign(ROBOT, 2.7, 0.5)),
     ]
-    stood = sum(len(way.points_m) == 1 for way in ways)
+    stood = sum(len(path.points_m) == 1 for path in paths)
     if stood:
-        look: dict[str, Any] = {"color": _GREY, "ls": "none", "marker": "."}
-        handles.append(Line2D([], [], label=f"never moved  {stood}", **look))
-    if any(way.is_jump.any() for way in ways):
-        handles.append(Line2D([], [], color=_GREY, lw=0.8, ls=":", label="displaced"))
-    return handles
+        entries.append(Entry(f"never moved  {stood}", mark_sign("disc", _DOT_PX, GREY)))
+    if any(path.is_jump.any() for path in paths):
+        entries.append(Entry("displaced", dashed_sign(GREY, 1.4, JUMP_PATTERN_PX)))
+    return entries
 
 
 def _title(result: SoakResult) -> str:
@@ -130,13 +111,12 @@ def _title(result: SoakResult) -> str:
     return f"{minutes:.0f} artefact-minutes, {counted(len(result.ways), 'artefact')}: {verdict}"
 
 
-def _subtitle(result: SoakResult) -> str:
+def _subtitle(result: SoakResult) -> list[str]:
     resolved = result.counts.moved_back + result.counts.displaced
-    parts = [
+    return [
         f"{result.simulated_s:.0f} s simulated",
         f"{counted(resolved, 'collision')} resolved",
         f"{counted(result.contacts, 'contact')} with the robot",
         f"{counted(result.blocked, 'arrival')} blocked",
         f"seed {result.seed}",
     ]
-    return "   ·   ".join(parts)

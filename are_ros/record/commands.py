@@ -13,8 +13,7 @@ from are_ros.record.recorder import record
 from are_ros.record.topics import RecordOptions
 from are_ros.replay.command import effective_parameters
 from are_ros.replay.film_command import draw_recording
-from are_ros.replay.film_path import film_path
-from are_ros.replay.output_folder import AUGMENTED
+from are_ros.replay.output_folder import AUGMENTED, animation_path
 from are_ros.replay.progress import ProgressBar
 from are_ros.replay.rviz_picture import draw_rviz
 
@@ -54,7 +53,7 @@ def demo_command(
     **options: Any,
 ) -> bool:
     """Run `are demo`; return whether everything could be played."""
-    film = None if animate is None else film_path(animate, out)
+    film = None if animate is None else animation_path(animate, out)
     beside = bag.with_suffix(".yaml")
     files = [*([beside] if beside.is_file() else []), *parameter_files]
     parameters = effective_parameters(files, assignments, seed)

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -14,10 +15,10 @@ from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.roles import RolesFound, find_roles
 from are_ros.bag.stretches import GAP_NS, beginning
 from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.draw.alignment import PlacedScans, draw_alignment
 from are_ros.errors import BagError, FrameError, InputError, MapError
 from are_ros.messages.grid import read_grid
 from are_ros.messages.scan import read_scan
-from are_ros.replay._picture_align import draw_alignment
 from are_ros.replay._recorded_frames import RecordedFrames
 from are_ros.replay.frame_survey import root_above
 from are_ros.replay.progress import Progress, ProgressBar, said_if_slow
@@ -400,6 +401,7 @@ _DRIVEN_M: Final = 4.0
 _DRIFT_REACH_M: Final = 0.1
 _DRIFT_M: Final = 0.15
 _DRIFT_RAD: Final = math.radians(2.0)
+_MOST_DOTS: Final = 20_000
 _WORTH_A_WORD: Final = 0.005
 _ADVICE: Final = (
     "is the map of another place, or of another height than this laser? try another laser with"
@@ -455,11 +457,37 @@ def align_command(echo: Say, say: Say, options: ReplayOptions) -> bool:
     if out is not None:
         try:
             out.parent.mkdir(parents=True, exist_ok=True)
-            draw_alignment(outcome, out)
+            draw_outcome(outcome, out)
         except OSError as cause:
             raise BagError(f"--out {out}: it cannot be written ({why_refused(cause)})") from cause
         echo(f"picture      {out}")
     return outcome.is_sure
+
+
+def draw_outcome(outcome: AlignOutcome, path: Path) -> None:
+    """Write the map with the scans at the poses that were found, as PNG. Raises OSError."""
+    found, cloud = outcome.alignment, outcome.cloud
+    cloud = cloud.part(np.arange(0, len(cloud), -(-len(cloud) // _MOST_DOTS)))
+    places = np.array([scan.place[:2] for scan in outcome.given.scans])
+    places = places[np.unique(outcome.cloud.scans)]
+    matches = [] if found is None else [found.best, *found.equals]
+    placed = [
+        PlacedScans(match.pose.apply(cloud.endpoints_m), match.pose.apply(places))
+        for match in matches
+    ]
+    names = f"{outcome.map_frame} to {outcome.given.root}"
+    if found is None or found.best.is_poor:
+        title = f"no fit of {names}"
+    else:
+        title = f"ambiguous: {names}" if found.is_ambiguous else f"{names}, found by scans"
+    subtitle = "the scans fit nowhere on the map"
+    if found is not None:
+        share = f"{found.best.near:.0%} of endpoints within {NEAR_M:g} m of a wall"
+        subtitle = f"{outcome.line(found.best)}   ·   {share}"
+    is_near = outcome.near(cloud)
+    draw_alignment(
+        outcome.grid, placed, is_near, path, near_m=NEAR_M, title=title, subtitle=subtitle
+    )
 
 
 def align(options: ReplayOptions, say: Say) -> AlignOutcome:

@@ -14,6 +14,7 @@ from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.builder.tick import Demand
 from are_ros.description.configuration import describe_lines
 from are_ros.description.site import Site, surveyed
+from are_ros.draw.overview import draw_overview
 from are_ros.errors import AreError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters, SensorsParameters
@@ -25,10 +26,8 @@ from are_ros.parameters.ros_yaml import (
 )
 from are_ros.parameters.validation import validated
 from are_ros.replay.film_command import animate
-from are_ros.replay.film_path import film_path
 from are_ros.replay.inspection import inspect_bag, inspection_lines
-from are_ros.replay.output_folder import METRICS, all_or_nothing
-from are_ros.replay.overview import draw_overview
+from are_ros.replay.output_folder import METRICS, all_or_nothing, animation_path
 from are_ros.replay.population_picture import plot_population
 from are_ros.replay.progress import ProgressBar
 from are_ros.replay.results import (
@@ -125,7 +124,7 @@ def replay_command(say: Say, **options: Any) -> bool:
     """
     replay = options_of(**options)
     wanted = options.get("animate")
-    film = None if wanted is None else film_path(wanted, options["out"])
+    film = None if wanted is None else animation_path(wanted, options["out"])
     with ProgressBar() as bar:
         outcome = run_replay(replay, say, bar.open)
     said: list[str] = []

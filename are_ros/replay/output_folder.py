@@ -6,12 +6,12 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
-from are_ros.artefacts.scenario_file import scenario_files
 from are_ros.errors import BagError
 from are_ros.wording import why_refused
 
 AUGMENTED: Final = "augmented.mcap"
 METRICS: Final = "metrics.json"
+ANIMATION: Final = "animation.gif"
 RESULTS: Final = (AUGMENTED, "overview.png", "effective.yaml", METRICS, "timing.json")
 
 
@@ -25,6 +25,8 @@ def prepare_folder(folder: Path) -> None:
 
 def prepare_scenario(path: Path) -> None:
     """Make the folder of a scenario that is to be written; BagError if that will not go."""
+    from are_ros.artefacts.scenario_file import scenario_files
+
     _make(path.parent, f"--save-scenario {path}: its folder")
     for file in scenario_files(path):
         reason = "a folder has that name" if file.is_dir() else ""
@@ -50,6 +52,25 @@ def picture_beside(recording: Path, name: str) -> Path:
         return recording / name
     is_standard = recording.name == AUGMENTED
     return recording.with_name(name if is_standard else f"{recording.stem}_{name}")
+
+
+def why_no_animation(path: Path) -> str:
+    """Return why a file of this name is no animation, empty if it can be one."""
+    return "" if path.suffix == ".gif" else f"'{path}' is no .gif file: animations are GIFs"
+
+
+def animation_path(wanted: Path, folder: Path) -> Path:
+    """Return where an animation goes: a bare name into the folder of the results.
+
+    Raises BagError for another format, or where the folder that it names is not there.
+    """
+    if reason := why_no_animation(wanted):
+        raise BagError(f"--animate: {reason}")
+    if wanted.name == str(wanted):
+        return folder / wanted
+    if not wanted.parent.is_dir():
+        raise BagError(f"--animate {wanted}: there is no folder {wanted.parent}")
+    return wanted
 
 
 @contextmanager

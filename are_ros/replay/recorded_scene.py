@@ -14,6 +14,7 @@ from are_ros.bag.roles import find_roles
 from are_ros.builder.assembly import robot_footprint
 from are_ros.builder.events import ArtefactEvent
 from are_ros.builder.outputs import ArtefactState, SceneMetrics
+from are_ros.draw.scene import SceneRecord
 from are_ros.errors import BagError
 from are_ros.messages.common import read_time
 from are_ros.messages.grid import read_grid
@@ -24,7 +25,7 @@ from are_ros.replay._check_paths import find_recording
 from are_ros.replay._recorded_messages import event_of, metrics_of, row_of, state_of
 from are_ros.replay._recorded_robot import RecordedRobot
 from are_ros.replay.progress import Progress
-from are_ros.replay.scene_record import Moment, SceneRecord, SceneRecorder
+from are_ros.replay.scene_record import Moment, SceneRecorder
 from are_ros.world.observer import Camera
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform

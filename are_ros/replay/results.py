@@ -17,8 +17,7 @@ import numpy.typing as npt
 from are_ros.builder.events import EventKind
 from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.conventions import NS_PER_S
-from are_ros.replay.life_record import Life
-from are_ros.replay.scene_record import SceneRecord
+from are_ros.draw.scene import Life, SceneRecord
 from are_ros.wording import counted, listed
 
 Content = dict[str, Any]

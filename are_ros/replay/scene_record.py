@@ -5,69 +5,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
-from are_ros.bag.stretches import GAP_NS
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.outputs import ArtefactState, SceneMetrics
 from are_ros.builder.tick import Tick
-from are_ros.replay.life_record import Life, LifeRecorder, Track, track_of
+from are_ros.draw.scene import SceneRecord, TickSeries
+from are_ros.replay.life_record import LifeRecorder, track_of
 from are_ros.world.footprint import Footprint
 from are_ros.world.observer import Camera
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.view_models import ViewModel
-
-Floats = npt.NDArray[np.float64]
-Stamps = npt.NDArray[np.int64]
-
-
-@dataclass(frozen=True, eq=False)
-class TickSeries:
-    """One number per tick: how many lived, how many were perceived, nu of Eq. 4, and the stamps.
-
-    Arrays int64 or float64 (ticks,), read-only; `blind_ticks` counts those without a camera pose.
-    """
-
-    stamps_ns: Stamps
-    alive: npt.NDArray[np.int64]
-    perceived: npt.NDArray[np.int64]
-    clutter_ratio: Floats
-    blind_ticks: int
-
-    def passed_ns(self) -> Stamps:
-        """Return the time since the first tick at each tick, int64 (ticks,), gaps left out."""
-        steps_ns = np.diff(self.stamps_ns, prepend=self.stamps_ns[:1])
-        return np.cumsum(np.where(steps_ns < GAP_NS, steps_ns, 0))
-
-    def __post_init__(self) -> None:
-        for values in (self.stamps_ns, self.alive, self.perceived, self.clutter_ratio):
-            values.flags.writeable = False
-
-
-@dataclass(frozen=True, eq=False)
-class SceneRecord:
-    """A whole replay. `views` and the index (M,) of the view of each camera pose go together.
-
-    `metrics` are those of the last tick, None without ticks; `lives` are in the order of ids.
-    """
-
-    seed: int
-    max_range_m: float
-    footprint: Footprint
-    robot: Track
-    camera: Track
-    views: tuple[ViewModel, ...]
-    view_of_pose: npt.NDArray[np.int64]
-    lives: tuple[Life, ...]
-    events: tuple[ArtefactEvent, ...]
-    series: TickSeries
-    metrics: SceneMetrics | None
-
-    @property
-    def duration_ns(self) -> int:
-        """From the first tick to the last, without the gaps of the recording."""
-        return int(self.series.passed_ns()[-1]) if len(self.series.stamps_ns) else 0
 
 
 @dataclass(frozen=True, eq=False)

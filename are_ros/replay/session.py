@@ -22,6 +22,7 @@ from are_ros.builder.life_keeper import LifeKeeper
 from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.builder.warm_up import warm_up
 from are_ros.conventions import NS_PER_S
+from are_ros.draw.scene import SceneRecord
 from are_ros.errors import BagError, InputError, MapError
 from are_ros.messages.feed import Refusals
 from are_ros.messages.transforms import StampedTransform
@@ -41,7 +42,7 @@ from are_ros.replay.output_folder import AUGMENTED, prepare_folder, prepare_scen
 from are_ros.replay.progress import Progress, Stopwatch, said_if_slow
 from are_ros.replay.results import REPLAY_PHASE
 from are_ros.replay.runner import Listener, Replay
-from are_ros.replay.scene_record import SceneRecord, SceneRecorder
+from are_ros.replay.scene_record import SceneRecorder
 from are_ros.replay.timeline import (
     LATE_CAMERA_NS,
     WITHOUT_CAMERA_INFO,

@@ -9,17 +9,19 @@ import cv2
 import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.shapes import Shape
 from are_ros.description import population_trial
-from are_ros.description.population_trial import run_trial
+from are_ros.description.population_trial import Trial, run_trial
 from are_ros.description.site import Site, surveyed
+from are_ros.draw.population import appeared_text, draw_trial
 from are_ros.errors import InputError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.replay.command import describe_command
-from are_ros.replay.population_picture import FILE_NAME, _appeared_text, _figure, plot_population
+from are_ros.replay.population_picture import FILE_NAME, plot_population
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -46,6 +48,12 @@ def _on_a_map(parameters: Parameters) -> Site:
     cells[:, 30] = cells[3] = 100
     origin = RigidTransform.from_xyz_ypr(3.0, -2.0, 0.0, 0.7, 0.0, 0.0)
     return surveyed(OccupancyGrid(cells, 0.2, origin, "map"), parameters, _catalogue())
+
+
+def _figure(trial: Trial, parameters: Parameters, site: Site) -> Figure:
+    figure = Figure(figsize=(16.0, 9.0))
+    draw_trial(figure, trial, parameters, _catalogue(), site)
+    return figure
 
 
 def _in_the_open(_: Parameters) -> Site:
@@ -81,7 +89,7 @@ def test_every_axis_says_what_it_is() -> None:
     """Times with their unit, and so densities; only the axis shared with N(t) is bare."""
     parameters = with_values(Parameters(), MIXTURE)
     trial = run_trial(parameters, _catalogue(), Site())
-    path, shares, _, waits, lives, rows, *_ = _figure(trial, parameters, _catalogue(), Site()).axes
+    path, shares, _, waits, lives, rows, *_ = _figure(trial, parameters, Site()).axes
     assert (path.get_xlabel()[:6], path.get_ylabel()) == ("time [", "alive")
     assert shares.get_xlabel() == "share"
     assert (rows.get_xlabel(), rows.get_ylabel()) == ("row", "share")
@@ -95,7 +103,7 @@ def test_means_are_those_of_what_is_counted_beside_them() -> None:
     """Waits as lives: so many, with their own mean, not the law's."""
     parameters = with_values(Parameters(), MIXTURE)
     trial = run_trial(parameters, _catalogue(), Site())
-    *_, waits, lives, _ = _figure(trial, parameters, _catalogue(), Site()).axes[:6]
+    *_, waits, lives, _ = _figure(trial, parameters, Site()).axes[:6]
     for axes, sample_s, noun in ((waits, trial.waits_s, "arrivals"), (lives, trial.lives_s, "l")):
         (text,) = (one.get_text() for one in axes.texts)
         unit_s = 60.0 if "[min]" in axes.get_xlabel() else 1.0
@@ -118,9 +126,9 @@ def test_it_says_who_did_not_appear_and_why() -> None:
     absent = {"found no place": 1, "fit nowhere": 2, "met a full population": 3}
     trial: Any = SimpleNamespace(rows=range(10), appeared=4, absent=absent)
     said = "4 of 10 who arrived appeared: 1 found no place, 2 fit nowhere, 3 met a full population"
-    assert _appeared_text(trial) == said
+    assert appeared_text(trial) == said
     whole: Any = SimpleNamespace(rows=range(10), appeared=10, absent={})
-    assert _appeared_text(whole) == "all 10 who arrived appeared"
+    assert appeared_text(whole) == "all 10 who arrived appeared"
 
 
 def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:

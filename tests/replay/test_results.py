@@ -12,7 +12,7 @@ from are_ros.artefacts.shapes import Shape
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.outputs import SceneMetrics
 from are_ros.builder.sensor_path import SensorPathCounts
-from are_ros.replay.life_record import Life, Track
+from are_ros.draw.scene import Life, SceneRecord, TickSeries, Track
 from are_ros.replay.results import (
     ReplayCounts,
     WallClock,
@@ -21,7 +21,6 @@ from are_ros.replay.results import (
     timing_content,
     write_json,
 )
-from are_ros.replay.scene_record import SceneRecord, TickSeries
 from are_ros.world.footprint import Footprint
 
 PERSON = CatalogueRow(3, "tall", "person", (0.4, 0.6, 1.8), (0.0, 0.0, 0.0), Shape.WALL)

@@ -16,7 +16,8 @@ from are_ros.builder.outputs import SceneMetrics
 from are_ros.builder.perception import Sighting
 from are_ros.builder.states import artefact_state, perceived_artefact
 from are_ros.builder.tick import Tick
-from are_ros.replay.scene_record import SceneRecord, SceneRecorder
+from are_ros.draw.scene import SceneRecord
+from are_ros.replay.scene_record import SceneRecorder
 from are_ros.world.footprint import Footprint
 from are_ros.world.observer import Camera
 from are_ros.world.rigid_transform import RigidTransform

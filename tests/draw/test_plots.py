@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from are_ros.replay._picture_fit import bic_ticks, climb_length
+from are_ros.draw.plots import bic_ticks, climb_length
 
 
 @pytest.mark.parametrize(

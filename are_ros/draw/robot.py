@@ -1,28 +1,40 @@
-"""What the camera could see, from above: fans of level rays that end at walls and artefacts."""
+"""The robot in a picture: its outline and path, and what its camera could see.
 
+A field of view is a fan of level rays that end at walls and at artefacts that are tall enough.
+"""
+
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.replay._picture_map import KnownPart
-from are_ros.replay.life_record import Life
-from are_ros.replay.scene_record import SceneRecord
+from are_ros.conventions import NS_PER_S
+from are_ros.draw.canvas import Canvas
+from are_ros.draw.map import KnownPart, View
+from are_ros.draw.palette import SEEN, WHITE, Rgb, time_colour
+from are_ros.draw.scene import Life, SceneRecord, Track
+from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 
 Floats = npt.NDArray[np.float64]
 
-_RAYS = 360
-_MARCH_STEPS = 200
-_SURELY_LESS = 1.42
+_RAYS: Final = 360
+_MARCH_STEPS: Final = 200
+_SURELY_LESS: Final = 1.42
 """Distances are between centres of cells; this much of them may lie within the two cells."""
-_LEAST_STEP = 0.25
-_PARALLEL = 1e-12
-_TURN_WEIGHT_M = 0.4
-_SHORTEST_PART_M = 0.2
-_ALL_AROUND_RAD = np.deg2rad(340.0)
+_LEAST_STEP: Final = 0.25
+_PARALLEL: Final = 1e-12
+_TURN_WEIGHT_M: Final = 0.4
+_SHORTEST_PART_M: Final = 0.2
+_ALL_AROUND_RAD: Final = math.radians(340.0)
+_SMALLEST_PX: Final = 9.0
+_MOST_VERTICES: Final = 2000
+_TIME_STEPS: Final = 64
+_SEEN_ALPHA: Final = 0.13
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +110,7 @@ def fan_at(record: SceneRecord, sight: Sight, index: int) -> Fan | None:
 def spread_indices(record: SceneRecord, count: int) -> list[int]:
     """Return at most `count` camera poses, evenly spread over what the robot drove and turned.
 
-    The last is among them: what was seen at the end of the way is to be in view there.
+    The last is among them: what was seen at the end of the path is to be in view there.
     """
     if not len(record.camera):
         return []
@@ -108,7 +120,7 @@ def spread_indices(record: SceneRecord, count: int) -> list[int]:
 
 
 def telling_indices(record: SceneRecord, count: int) -> list[int]:
-    """Return a camera pose of each of `count` parts of the way: one that perceived the most.
+    """Return a camera pose of each of `count` parts of the path: one that perceived the most.
 
     Of several, the one nearest to the middle of its part.
     """
@@ -135,7 +147,7 @@ def _travelled(record: SceneRecord) -> Floats:
 
 
 def _middles(travelled: Floats, count: int) -> Floats:
-    """Return the middles of so many equal parts of the way, fewer if it is short."""
+    """Return the middles of so many equal parts of the path, fewer if it is short."""
     count = max(1, min(count, int(travelled[-1] / _SHORTEST_PART_M) + 1))
     middles: Floats = (np.arange(count) + 0.5) / count * travelled[-1]
     return middles
@@ -181,3 +193,80 @@ def _far_sides(lives: Sequence[Life], stamp_ns: int, start_m: Floats, rays: Floa
     near, far = np.minimum(low, high).max(axis=1), np.maximum(low, high).min(axis=1)
     ends: Floats = np.where((near <= far) & (far > 0.0), far, np.inf).min(axis=0)
     return ends
+
+
+def draw_view(canvas: Canvas, view: View, fan: Fan, colour: Rgb, alpha: float) -> None:
+    """Tint a field of view, and draw its edge."""
+    outline = view.pixels(fan.outline_m)
+    canvas.fill(outline, colour, alpha)
+    canvas.line(outline, colour, 1.0, 2.25 * alpha, closed=True)
+
+
+def draw_ever_seen(canvas: Canvas, view: View, fans: Sequence[Fan]) -> None:
+    """Tint what was in any of the fields of view, evenly however many overlap."""
+    canvas.tint([view.pixels(fan.outline_m) for fan in fans], SEEN, _SEEN_ALPHA)
+
+
+def robot_outline(footprint: Footprint) -> Floats:
+    """Return the corners of a rounded polygon: the hull of discs at its vertices."""
+    import cv2
+
+    angles = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+    circle = footprint.radius_m * np.column_stack((np.cos(angles), np.sin(angles)))
+    points = (footprint.vertices_m[:, np.newaxis] + circle).reshape(-1, 2).astype(np.float32)
+    hull: Floats = cv2.convexHull(points)[:, 0].astype(np.float64)
+    return hull
+
+
+def draw_robot(
+    canvas: Canvas, view: View, footprint: Footprint, pose: Floats, colour: Rgb
+) -> Floats:
+    """Draw the robot at a pose (x, y, yaw), with a line to its front; return its outline [px].
+
+    It is enlarged about its middle where it would be too small to be seen.
+    """
+    x_m, y_m, yaw_rad = pose.tolist()
+    outline_m = robot_outline(footprint.at(x_m, y_m, yaw_rad))
+    middle, size_m = outline_m.mean(axis=0), float(np.ptp(outline_m, axis=0).max())
+    outline_m = middle + max(1.0, _SMALLEST_PX / view.px_per_m / size_m) * (outline_m - middle)
+    forward = np.array((math.cos(yaw_rad), math.sin(yaw_rad)))
+    centre = np.array((x_m, y_m))
+    front = centre + forward * ((outline_m - centre) @ forward).max()
+    outline = view.pixels(outline_m)
+    canvas.fill(outline, WHITE, 0.8)
+    canvas.line(outline, colour, 2.2, closed=True)
+    canvas.line(view.pixels(np.array((centre, front))), colour, 2.2)
+    return outline
+
+
+def draw_robot_path(canvas: Canvas, view: View, track: Track, fractions: Floats) -> None:
+    """Draw the path in the colours of time; `fractions` (N,) are the poses' shares of the time.
+
+    Nothing is drawn across a gap of the recording.
+    """
+    kept = np.linspace(0, len(track) - 1, min(len(track), _MOST_VERTICES)).astype(np.int64)
+    some = np.unique(kept)
+    points, drives = view.pixels(track.poses[some, :2]), track.drives()[some]
+    for drive in np.unique(drives).tolist():
+        if (drives == drive).sum() > 1:
+            canvas.line(points[drives == drive], WHITE, 7.0)
+    steps = np.where(np.diff(drives) == 0, np.rint(fractions[some][1:] * _TIME_STEPS), -1.0)
+    for step in np.unique(steps[steps >= 0.0]).tolist():
+        for run in np.split(np.flatnonzero(steps == step), _breaks(steps == step)):
+            canvas.line(points[run[0] : run[-1] + 2], time_colour(step / _TIME_STEPS), 3.7)
+
+
+def time_fractions(record: SceneRecord, stamps_ns: npt.ArrayLike) -> Floats:
+    """Return the stamps as fractions of the record's duration, which has no gaps."""
+    ticks_ns, passed_ns = record.series.stamps_ns, record.series.passed_ns()
+    since_ns = np.asarray(stamps_ns, dtype=np.int64) - ticks_ns[0]
+    shortest_ns = NS_PER_S // 1000
+    fractions: Floats = np.interp(since_ns, ticks_ns - ticks_ns[0], passed_ns) / max(
+        record.duration_ns, shortest_ns
+    )
+    return fractions
+
+
+def _breaks(chosen: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+    """Return where the chosen indices are no neighbours."""
+    return np.flatnonzero(np.diff(np.flatnonzero(chosen)) > 1) + 1

@@ -11,8 +11,7 @@ from are_ros.artefacts.shapes import Shape
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.outputs import SceneMetrics
 from are_ros.conventions import NS_PER_S
-from are_ros.replay.life_record import Doing, Life, Track
-from are_ros.replay.scene_record import SceneRecord, TickSeries
+from are_ros.draw.scene import Doing, Life, SceneRecord, TickSeries, Track
 from are_ros.world.footprint import Footprint
 from are_ros.world.observer import mounted_camera
 from are_ros.world.occupancy_grid import OccupancyGrid

@@ -12,18 +12,19 @@ import pytest
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.shapes import Shape
 from are_ros.builder.outputs import SceneMetrics
-from are_ros.replay._picture_map import known_part, shaded, window_of
-from are_ros.replay._picture_view import Sight, fan_at, spread_indices, telling_indices
-from are_ros.replay._picture_voxels import hiding_part
-from are_ros.replay.life_record import Life, Track
-from are_ros.replay.overview import draw_overview
-from are_ros.replay.scene_record import SceneRecord, TickSeries
+from are_ros.draw.canvas import Rectangle
+from are_ros.draw.labels import is_free
+from are_ros.draw.map import View, Window, hiding_part, known_part, shaded, window_of
+from are_ros.draw.overview import draw_overview, robot_indices, subtitle_of, tag_rectangles
+from are_ros.draw.robot import Sight, fan_at, spread_indices, telling_indices
+from are_ros.draw.scene import Life, SceneRecord, TickSeries, Track
 from are_ros.world.footprint import Footprint
 from are_ros.world.observer import mounted_camera
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.view_models import OmnidirectionalView, PinholeView, ViewModel
 from are_ros.world.voxel_map import VoxelMap
+from tests.draw.made_runs import run, walker
 
 PERSON_BGR = (0x5B, 0x49, 0xD1)
 PINHOLE = PinholeView.from_field_of_view(64, 48, math.pi / 2)
@@ -211,7 +212,7 @@ def test_pooling_keeps_thin_walls() -> None:
     cells = np.zeros((10, 3000), dtype=np.int8)
     cells[7, 1234] = 100
     grid = OccupancyGrid(cells, 0.01, RigidTransform.identity(), "map")
-    image, factor = shaded(known_part(grid), cell_pt=1.0)
+    image, factor = shaded(known_part(grid), cell_px=2.0)
     assert factor == 3
     assert image[7 // 3, 1234 // 3].tolist() == [88, 95, 104, 255]
     assert (image[:, :, 0] == 88).sum() == 1
@@ -298,3 +299,53 @@ def test_telling_poses_are_those_that_perceived_most() -> None:
     assert telling_indices(record, 2) == [4, 33]
     assert telling_indices(record, 4)[1] == 15
     assert telling_indices(_record(), 4) == []
+
+
+HALL_VIEW = View(Window(0.0, 10.0, 0.0, 10.0), 60.0)
+
+
+def _tags(
+    way: Sequence[tuple[float, float, float]], *taken: Rectangle
+) -> list[tuple[float, float, float, float]]:
+    return tag_rectangles(run([], way=way), HALL_VIEW, taken)
+
+
+def test_the_subtitle_says_how_many_have_no_room() -> None:
+    """And nothing of it where all have."""
+    record = run([walker(1, (2, 2), (8, 6))])
+    assert subtitle_of(record, 0, "metrics.json")[-1] == "numbers are ids, as in metrics.json"
+    assert subtitle_of(record, 3, "/tags")[-1] == (
+        "numbers are ids, as in /tags; 3 numbers left out for want of room"
+    )
+
+
+def test_the_robot_and_its_tags_have_places() -> None:
+    """At the ends of its path, the tags below; without a pose there are none."""
+    way = [(1.0 + 0.1 * i, 2.0, 0.0) for i in range(50)]
+    assert robot_indices(run([], way=way), ()) == [0, 49]
+    tags = _tags(way)
+    middles = [0.5 * (tag[0] + tag[2]) for tag in tags]
+    assert middles == pytest.approx([60.0, 5.9 * 60.0])
+    assert all(tag[1] > (8.0 + 0.2) * 60.0 for tag in tags)
+    assert (robot_indices(run([]), ()), _tags([])) == ([], [])
+
+
+def test_a_tag_makes_way_for_an_artefact() -> None:
+    """It goes above, or beside; it stays below where all around is taken, and in the picture."""
+    way = [(1.0 + 0.1 * i, 2.0, 0.0) for i in range(50)]
+    start, end = _tags(way)
+    above = _tags(way, end)[1]
+    assert above[3] < (8.0 - 0.2) * 60.0
+    assert 0.5 * (above[0] + above[2]) == pytest.approx(5.9 * 60.0)
+    beside = _tags(way, end, above)[1]
+    assert beside[0] > (5.9 + 0.2) * 60.0
+    assert _tags(way, (0.0, 0.0, 600.0, 600.0)) == [start, end]
+    low = _tags([(x, 0.4, 0.0) for x, _, _ in way])
+    assert all(tag[3] < 9.6 * 60.0 for tag in low)
+
+
+def test_the_tags_of_a_robot_that_came_back_lie_apart() -> None:
+    """Start and end at one place."""
+    start, end = _tags([(5.0, 5.0, 0.0)] * 50)
+    assert not is_free(start, np.array([start]))
+    assert is_free(start, np.array([end]))

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from are_ros.replay._picture_company import companies
-from are_ros.replay.life_record import Doing, Life, Track
-from tests.replay.film_records import TICK_NS, walker
+from are_ros.draw.artefacts import companies
+from are_ros.draw.scene import Doing, Life, Track
+from tests.draw.made_runs import TICK_NS, walker
 
 END_NS = TICK_NS * 101
 

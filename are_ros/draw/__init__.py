@@ -1,0 +1,1 @@
+"""Pictures of runs, populations and fits: one palette, one legend, one way to draw a map."""

@@ -1,0 +1,431 @@
+"""animation.gif: a run from above, with the robot, its field of view and moving artefacts."""
+
+import io
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.builder.events import EventKind
+from are_ros.conventions import NS_PER_S
+from are_ros.draw.artefacts import (
+    Look,
+    Outline,
+    companies,
+    draw_artefact,
+    outline_of,
+)
+from are_ros.draw.canvas import Canvas, Image, Rectangle, bounds_of
+from are_ros.draw.labels import Label, Labels, dark_pixels, id_text
+from are_ros.draw.map import View, draw_map, known_part, window_of
+from are_ros.draw.palette import (
+    CONTACT,
+    FOLLOWING,
+    GREY,
+    INK,
+    PAPER,
+    ROBOT,
+    SEEN,
+    WHITE,
+    Rgb,
+    class_colours,
+    mixed,
+)
+from are_ros.draw.robot import Sight, draw_robot, draw_view, fan_at
+from are_ros.draw.scene import Life, SceneRecord
+from are_ros.draw.sheet import (
+    Entry,
+    dashed_sign,
+    draw_row,
+    line_sign,
+    patch_sign,
+    ring_sign,
+    robot_sign,
+    row_width_px,
+)
+from are_ros.errors import BagError
+from are_ros.wording import why_refused
+from are_ros.world.occupancy_grid import OccupancyGrid
+
+Floats = npt.NDArray[np.float64]
+Progress = Callable[[int], object]
+OpenProgress = Callable[[int, int], Progress]
+
+HEADER_PX, FOOTER_PX = 30, 26
+_FPS: Final = 10
+_SPEED: Final = 3
+_MOST_PICTURES: Final = 600
+_SAMPLES: Final = 16
+_COLOURS: Final = 255
+_RARE_WEIGHT: Final = 0.35
+"""Counts are raised to this power: a small red footprint matters as much as a white floor."""
+_SCALES: Final = (1.0, 0.75, 0.55, 0.4)
+_MOST_BYTES: Final = 10_000_000
+_LARGEST_PX: Final = (840, 620)
+_NARROWEST_PX: Final = 360
+_MARGIN_PX: Final = 12
+_CLOCK_PX: Final = 350
+"""What the time and the counts take of the header."""
+_TEXT_PX, _LABEL_PX = 13, 11
+_MOST_TOLD: Final = 16
+"""Of more artefacts than these only the perceived have words beside their ids."""
+_TAIL_NS: Final = 4 * NS_PER_S
+_JUMP_M: Final = 0.5
+_FLASH_NS: Final = 6 * NS_PER_S // 5
+_SOON_NS: Final = NS_PER_S
+"""The first ticks come before the first transform: for so long the robot is shown all the same."""
+_FAN_ALPHA: Final = 0.2
+_PATH_COLOUR: Final = mixed(ROBOT, 0.45)
+_COMPANY_PATTERN_PX: Final = (4.0, 3.0)
+_COMING_AND_GOING: Final[Rgb] = (120, 130, 140)
+_FLASHES: Final[Mapping[EventKind, tuple[str, Rgb]]] = {
+    EventKind.ARRIVED: ("comes or goes", _COMING_AND_GOING),
+    EventKind.DEPARTED: ("comes or goes", (170, 178, 186)),
+    EventKind.ROBOT_CONTACT: ("robot contact", CONTACT),
+    EventKind.DISPLACED: ("displaced", (224, 160, 16)),
+}
+_ARTEFACT: Final = re.compile(r"artefact (\d+)")
+
+
+@dataclass(frozen=True)
+class Animation:
+    """What was written: so many pictures, so many times as fast as it was, and the size."""
+
+    path: Path
+    pictures: int
+    speed: float
+    size_px: tuple[int, int]
+    length_bytes: int
+
+    def sentence(self) -> str:
+        """Say it."""
+        return (
+            f"animation: {self.path} ({self.length_bytes / 1e6:.1f} MB, {self.pictures} pictures "
+            f"of {self.size_px[0]}x{self.size_px[1]}, {self.speed:g} times real time)"
+        )
+
+
+def write_animation(
+    record: SceneRecord,
+    grid: OccupancyGrid,
+    path: Path,
+    open_progress: OpenProgress,
+    *,
+    occupied_threshold: int,
+    most_bytes: int = _MOST_BYTES,
+) -> Animation:
+    """Write an animated GIF of a run over its map; return what it is.
+
+    Ten pictures a second, at three times real time, or faster where that would be more than 600
+    pictures; smaller where the file would be larger than `most_bytes`. The same input gives the
+    same bytes. Raises BagError for a record without ticks, or where the system refuses to write.
+    """
+    if not len(record.series.stamps_ns):
+        raise BagError(f"{path}: there is no tick to animate")
+    stamps, speed = shown_stamps(record)
+    for scale in _SCALES:
+        frames = Frames(record, grid, occupied_threshold, scale)
+        content = _gif(frames, stamps, open_progress(stamps[0], stamps[-1] + 1))
+        if len(content) <= most_bytes:
+            break
+    try:
+        path.write_bytes(content)
+    except OSError as cause:
+        path.unlink(missing_ok=True)
+        message = f"{path}: the animation cannot be written ({why_refused(cause)})"
+        raise BagError(message) from cause
+    return Animation(path, len(stamps), speed, frames.size_px, len(content))
+
+
+def shown_stamps(record: SceneRecord) -> tuple[list[int], float]:
+    """Return the stamps of the ticks that are shown, and how much faster than it was."""
+    ticks = record.series.stamps_ns
+    shown_ns = record.duration_ns
+    speed = max(_SPEED, -(-shown_ns * _FPS // ((_MOST_PICTURES - 1) * NS_PER_S)))
+    step_ns = speed * NS_PER_S // _FPS
+    wanted = np.arange(0, shown_ns + 1, step_ns, dtype=np.int64)
+    at = np.searchsorted(record.series.passed_ns(), wanted, side="right") - 1
+    return ticks[at].tolist(), float(speed)
+
+
+def _gif(frames: "Frames", stamps: Sequence[int], progress: Progress) -> bytes:
+    """Return the GIF of the frames at the stamps; it repeats for ever."""
+    palette = _palette(_samples(frames, stamps))
+
+    def pictures() -> Iterator[Any]:
+        for stamp_ns in stamps:
+            yield _quantized(frames.picture(stamp_ns), palette)
+            progress(stamp_ns)
+
+    rest, file = pictures(), io.BytesIO()
+    next(rest).save(
+        file,
+        "GIF",
+        save_all=True,
+        append_images=rest,
+        duration=1000 // _FPS,
+        loop=0,
+        disposal=1,
+        optimize=True,  # pixels that do not change are transparent: a third of the size
+    )
+    progress(stamps[-1] + 1)
+    return file.getvalue()
+
+
+def _samples(frames: "Frames", stamps: Sequence[int]) -> Iterator[Image]:
+    """Yield some of the pictures, for the palette."""
+    at = np.unique(np.linspace(0, len(stamps) - 1, _SAMPLES).astype(np.int64))
+    for i in at.tolist():
+        yield frames.picture(stamps[i])
+    frames.forget()
+
+
+def _palette(pictures: Iterator[Image]) -> Any:
+    """Return a Pillow image whose palette has up to 255 colours of the pictures."""
+    from PIL import Image as Pil
+
+    weights = np.array((1 << 16, 1 << 8, 1), dtype=np.int64)
+    counts: dict[int, int] = {}
+    for picture in pictures:
+        for key, count in zip(*np.unique(picture @ weights, return_counts=True), strict=True):
+            counts[int(key)] = counts.get(int(key), 0) + int(count)
+    keys = np.array(sorted(counts), dtype=np.int64)
+    colours = np.stack((keys >> 16, (keys >> 8) & 255, keys & 255), axis=1).astype(np.uint8)
+    weight = np.array([counts[key] for key in keys.tolist()], dtype=np.float64)
+    pixels = np.repeat(colours, np.ceil(weight**_RARE_WEIGHT).astype(np.int64), axis=0)
+    image = Pil.fromarray(np.ascontiguousarray(pixels[np.newaxis]))
+    return image.quantize(_COLOURS, method=Pil.Quantize.MEDIANCUT, kmeans=1)
+
+
+def _quantized(picture: Image, palette: Any) -> Any:
+    from PIL import Image as Pil
+
+    return Pil.fromarray(picture).quantize(palette=palette, dither=Pil.Dither.NONE)
+
+
+@dataclass(frozen=True, eq=False)
+class _Actor:
+    """An artefact at an instant, on the canvas; `texts` are its label, the longest first."""
+
+    number: int
+    outline: Outline
+    tail_px: tuple[Floats, ...]
+    colour: Rgb
+    is_perceived: bool
+    texts: tuple[str, str]
+
+
+class Frames:
+    """Draws a run at its instants, in their order: labels remember where they were."""
+
+    def __init__(
+        self,
+        record: SceneRecord,
+        grid: OccupancyGrid,
+        occupied_threshold: int,
+        scale: float = 1.0,
+    ) -> None:
+        """Lay out a picture of at most 840 x 620 pixels times `scale`, and draw the map."""
+        part = known_part(grid)
+        self._record = record
+        self._sight = Sight(grid, part, occupied_threshold)
+        paths = [life.footprints.poses[:, :2] for life in record.lives]
+        window = window_of(grid, part, np.concatenate((record.robot.poses[:, :2], *paths)))
+        largest = (scale * _LARGEST_PX[0], scale * _LARGEST_PX[1])
+        px_per_m = min(largest[0] / window.width_m, largest[1] / window.height_m)
+        self.view = View(window, px_per_m, 0.0, HEADER_PX)
+        self._colours = class_colours([life.row.class_name for life in record.lives])
+        self._companies = companies(record.lives, int(record.series.stamps_ns[-1]) + 1)
+        width, height = self.size_px
+        self._ground = Canvas((width, height))
+        self._ground.pixels[HEADER_PX : height - FOOTER_PX] = PAPER
+        draw_map(self._ground, self.view, grid, part)
+        self._ground.pixels[height - FOOTER_PX :] = WHITE
+        self._is_wall = dark_pixels(self._ground.pixels)
+        self.forget()
+        draw_legend(self._ground, *self.legend())
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height of the pictures."""
+        width, height = self.view.size_px
+        return max(round(width), _NARROWEST_PX), round(height) + HEADER_PX + FOOTER_PX
+
+    def forget(self) -> None:
+        """Begin anew: labels may be anywhere."""
+        width, height = self.size_px
+        inside = (0.0, HEADER_PX, float(width), float(height - FOOTER_PX))
+        self._labels = Labels(self._is_wall, inside, _LABEL_PX)
+
+    def picture(self, stamp_ns: int) -> Image:
+        """Return the picture (h, w, 3), RGB, at the stamp of a tick."""
+        canvas = self._ground.copy()
+        actors = [
+            self._actor(life, stamp_ns)
+            for life in self._record.lives
+            if life.is_present_at(stamp_ns) and len(life.footprints)
+        ]
+        self._draw_field_of_view(canvas, stamp_ns)
+        self._draw_robot_path(canvas, stamp_ns)
+        for actor in actors:
+            _draw_tail(canvas, actor)
+        for is_perceived, look in ((False, Look.TRANSLUCENT), (True, Look.OPAQUE)):
+            for actor in actors:
+                if actor.is_perceived == is_perceived:
+                    draw_artefact(canvas, actor.outline, actor.colour, look)
+        self._draw_companies(canvas, actors, stamp_ns)
+        taken = self._draw_robot(canvas, stamp_ns)
+        self._draw_flashes(canvas, stamp_ns)
+        self._draw_labels(canvas, actors, taken)
+        self._draw_clock(canvas, actors, stamp_ns)
+        return canvas.pixels
+
+    def _actor(self, life: Life, stamp_ns: int) -> _Actor:
+        doing, number = life.doing_at(stamp_ns), id_text(life.artefact_id)
+        words = doing.activity or doing.behaviour
+        words = _ARTEFACT.sub(lambda found: id_text(int(found[1])), words)
+        return _Actor(
+            life.artefact_id,
+            outline_of(self.view, life.footprint_at(stamp_ns), life.row.size_m),
+            tuple(self.view.pixels(piece) for piece in _tail(life, stamp_ns)),
+            self._colours[life.row.class_name],
+            life.is_perceived_at(stamp_ns),
+            (f"{number} {words}".strip(), number),
+        )
+
+    def _draw_field_of_view(self, canvas: Canvas, stamp_ns: int) -> None:
+        stamps = self._record.camera.stamps_ns
+        index = int(np.searchsorted(stamps, stamp_ns))
+        if index < len(stamps) and int(stamps[index]) == stamp_ns:
+            fan = fan_at(self._record, self._sight, index)
+            if fan is not None:
+                draw_view(canvas, self.view, fan, SEEN, _FAN_ALPHA)
+
+    def _draw_robot_path(self, canvas: Canvas, stamp_ns: int) -> None:
+        track = self._record.robot
+        count = int(np.searchsorted(track.stamps_ns, stamp_ns, side="right"))
+        drives = track.drives()[:count]
+        for drive in np.unique(drives).tolist():
+            driven_m = track.poses[:count, :2][drives == drive]
+            if len(driven_m) > 1:
+                canvas.line(self.view.pixels(driven_m), _PATH_COLOUR, 2.0)
+
+    def _draw_robot(self, canvas: Canvas, stamp_ns: int) -> list[Rectangle]:
+        """Draw the robot where it was last known, or is a moment later; return its rectangle."""
+        track = self._record.robot
+        index = int(np.searchsorted(track.stamps_ns, stamp_ns, side="right")) - 1
+        is_soon = len(track) > 0 and int(track.stamps_ns[0]) - stamp_ns <= _SOON_NS
+        if index < 0 and not is_soon:
+            return []
+        pose = track.poses[max(index, 0)]
+        outline = draw_robot(canvas, self.view, self._record.footprint, pose, ROBOT)
+        return [bounds_of(outline)]
+
+    def _draw_companies(self, canvas: Canvas, actors: Sequence[_Actor], stamp_ns: int) -> None:
+        """Join followers and leaders by a dashed line."""
+        centres = {actor.number: actor.outline.nose_px[0] for actor in actors}
+        for one in self._companies:
+            ids = (one.follower.artefact_id, one.leader.artefact_id)
+            if one.start_ns <= stamp_ns < one.end_ns and all(i in centres for i in ids):
+                start, end = (centres[i] for i in ids)
+                canvas.dashes(start, end, FOLLOWING, pattern_px=_COMPANY_PATTERN_PX)
+
+    def _draw_flashes(self, canvas: Canvas, stamp_ns: int) -> None:
+        """Draw a growing ring where something happened a moment ago."""
+        lives = {life.artefact_id: life for life in self._record.lives if len(life.footprints)}
+        for event in self._record.events:
+            age = (stamp_ns - event.stamp_ns) / _FLASH_NS
+            if event.kind in _FLASHES and 0.0 <= age < 1.0 and event.artefact_id in lives:
+                x_m, y_m, _ = lives[event.artefact_id].footprint_at(event.stamp_ns)
+                is_grave = event.kind in {EventKind.ROBOT_CONTACT, EventKind.DISPLACED}
+                colour = mixed(_FLASHES[event.kind][1], 1.0 - 0.7 * age)
+                centre = self.view.pixels((x_m, y_m))
+                canvas.ring(centre, 8.0 + 14.0 * age, colour, 3.0 if is_grave else 1.0)
+
+    def _draw_labels(
+        self, canvas: Canvas, actors: Sequence[_Actor], taken: Sequence[Rectangle]
+    ) -> None:
+        """Write ids and what is done, first of the perceived."""
+        boxes = {actor.number: bounds_of(actor.outline.corners_px) for actor in actors}
+        is_seen = {actor.number: actor.is_perceived for actor in actors}
+        labels = []
+        for actor in sorted(actors, key=lambda actor: not actor.is_perceived):
+            is_told = actor.is_perceived or len(actors) <= _MOST_TOLD
+            texts = actor.texts if is_told else actor.texts[1:]
+            labels.append(Label(actor.number, boxes[actor.number], texts))
+        for placed in self._labels.place(labels, [*boxes.values()], taken):
+            colour = INK if is_seen[placed.label.key] else mixed(INK, 0.62)
+            canvas.text(placed.text, placed.place[:2], _LABEL_PX, colour)
+
+    def _draw_clock(self, canvas: Canvas, actors: Sequence[_Actor], stamp_ns: int) -> None:
+        """Write the time, and how many artefacts are there and perceived."""
+        series = self._record.series
+        passed_ns = series.passed_ns()[np.searchsorted(series.stamps_ns, stamp_ns)]
+        perceived = sum(actor.is_perceived for actor in actors)
+        count = f"{len(actors)} virtual artefacts, {perceived} perceived"
+        canvas.text(f"{int(passed_ns) / NS_PER_S:5.1f} s", (_MARGIN_PX, 7), _TEXT_PX)
+        canvas.text(count, (84, 7), _TEXT_PX)
+
+    def legend(self) -> tuple[list[Entry], list[Entry]]:
+        """Return what is named in the header, which is the robot's, and in the footer."""
+        header = []
+        if len(self._record.robot):
+            header = [
+                Entry("real robot", robot_sign(ROBOT)),
+                Entry("its path", line_sign(_PATH_COLOUR, 2.0)),
+            ]
+        if len(self._record.camera):
+            header.append(Entry("field of view", patch_sign(SEEN, 0.25)))
+        names = sorted({life.row.class_name for life in self._record.lives})
+        footer = [Entry(name, patch_sign(self._colours[name])) for name in names]
+        if names:
+            footer.append(Entry("perceived", patch_sign(GREY)))
+            footer.append(Entry("not perceived", patch_sign(GREY, 0.34)))
+        happened = {event.kind for event in self._record.events}
+        rings: dict[str, Rgb] = {}
+        for kind, (name, colour) in _FLASHES.items():
+            if kind in happened:
+                rings.setdefault(name, colour)
+        footer += [Entry(name, ring_sign(colour, 1.0)) for name, colour in rings.items()]
+        if self._companies:
+            footer.append(Entry("follows", dashed_sign(FOLLOWING, 1.0, _COMPANY_PATTERN_PX)))
+        return header, footer
+
+
+def draw_legend(canvas: Canvas, header: Sequence[Entry], footer: Sequence[Entry]) -> None:
+    """Draw as many entries as there is room for; those of the header end at its right."""
+    width, height = canvas.size_px
+    kept = [*header]
+    while kept and row_width_px(kept, _TEXT_PX) > width - _CLOCK_PX - _MARGIN_PX:
+        kept.pop()
+    left = width - row_width_px(kept, _TEXT_PX) - _MARGIN_PX
+    draw_row(canvas, kept, (left, 0.5 * HEADER_PX), _TEXT_PX)
+    kept = [*footer]
+    while kept and row_width_px(kept, _TEXT_PX) > width - _MARGIN_PX:
+        kept.pop()
+    draw_row(canvas, kept, (_MARGIN_PX, height - 0.5 * FOOTER_PX), _TEXT_PX)
+
+
+def _tail(life: Life, stamp_ns: int) -> list[Floats]:
+    """Return where an artefact went of late, as pieces (N, 2) [m] between jumps, oldest first."""
+    stamps, poses = life.footprints.stamps_ns, life.footprints.poses
+    first = max(int(np.searchsorted(stamps, stamp_ns - _TAIL_NS)) - 1, 0)
+    points = poses[first : int(np.searchsorted(stamps, stamp_ns, side="right")), :2]
+    if len(points) < 2:
+        return []
+    jumps = np.flatnonzero(np.linalg.norm(np.diff(points, axis=0), axis=1) > _JUMP_M)
+    return [piece for piece in np.split(points, jumps + 1) if len(piece) > 1]
+
+
+def _draw_tail(canvas: Canvas, actor: _Actor) -> None:
+    count = sum(len(piece) - 1 for piece in actor.tail_px)
+    strongest, done = 0.75 if actor.is_perceived else 0.45, 0
+    for piece in actor.tail_px:
+        steps = np.arange(done + 1, done + len(piece))
+        alphas = strongest * (0.15 + 0.85 * steps / count)
+        canvas.fading(piece, actor.colour, np.full(len(alphas), 2.0), alphas)
+        done += len(alphas)

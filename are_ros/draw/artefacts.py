@@ -1,0 +1,342 @@
+"""The artefacts in a picture: footprints, paths, behaviours, who follows whom, what happened."""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from itertools import groupby
+from operator import itemgetter
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.artefacts.population_events import Cause
+from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.conventions import NS_PER_S
+from are_ros.draw.canvas import Canvas
+from are_ros.draw.map import View
+from are_ros.draw.palette import CONTACT, DISPLACED, DISPLACED_EDGE, WHITE, Rgb, mixed, shade_of
+from are_ros.draw.scene import Doing, Life, SceneRecord
+from are_ros.draw.sheet import Entry, mark_sign
+
+Floats = npt.NDArray[np.float64]
+Stamps = npt.NDArray[np.int64]
+
+UNSEEN_ALPHA: Final = 0.34
+GONE_ALPHA: Final = 0.38
+PATH_PX, SEEN_PATH_PX = 1.8, 4.4
+BEHAVIOUR_PX: Final = 9.5
+JUMP_PATTERN_PX: Final = (0.8, 4.0)
+COMPANY_PATTERN_PX: Final = (1.2, 4.4)
+CONTACT_MARK: Final = ("burst", 15.0, CONTACT, WHITE)
+DISPLACED_MARK: Final = ("lozenge", 12.0, DISPLACED, DISPLACED_EDGE)
+"""Name, size [px], face and edge."""
+
+_SMALLEST_PX: Final = 7.0
+_FADE: Final = (0.25, 0.95)
+_PALE_FADE: Final = (0.18, 0.75)
+_MOST_VERTICES: Final = 500
+_CROWD: Final = 18
+"""With more paths than this lines get thinner."""
+_MOVED_M: Final = 0.3
+_ARROW_EVERY_PX: Final = 103.0
+_ARROW_PX: Final = 7.7
+_RUNGS: Final = 6
+_LONGEST_RUNG_M: Final = 2.2
+_FOLLOWS: Final = re.compile(r"(?:following|waiting behind) artefact (\d+)")
+_SHORTEST_NS: Final = 2 * NS_PER_S
+"""A shorter stretch, as between two moments of giving way, would only be clutter in a picture."""
+
+
+class Look(Enum):
+    """How a footprint is filled."""
+
+    OPAQUE = "opaque"
+    TRANSLUCENT = "translucent"
+    HATCHED = "hatched"
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """A footprint on a canvas: its corners (4, 2), and the line from its middle to its front."""
+
+    corners_px: Floats
+    nose_px: Floats
+
+
+def outline_of(
+    view: View, pose: Sequence[float] | Floats, size_m: tuple[float, float, float]
+) -> Outline:
+    """Return the outline of a box at (x, y, yaw), enlarged where it would be too small to see."""
+    x_m, y_m, yaw_rad = pose
+    length_m, width_m = (max(side, _SMALLEST_PX / view.px_per_m) for side in size_m[:2])
+    forward = np.array((math.cos(yaw_rad), math.sin(yaw_rad)))
+    ahead = 0.5 * length_m * forward
+    aside = 0.5 * width_m * np.array((-forward[1], forward[0]))
+    centre = np.array((x_m, y_m))
+    corners = centre + np.array((ahead + aside, aside - ahead, -ahead - aside, ahead - aside))
+    return Outline(view.pixels(corners), view.pixels(np.array((centre, centre + ahead))))
+
+
+def draw_artefact(
+    canvas: Canvas, outline: Outline, colour: Rgb, look: Look, alpha: float = 1.0
+) -> None:
+    """Draw a footprint with the line to its front."""
+    corners = outline.corners_px
+    if look is Look.OPAQUE:
+        canvas.fill(corners, colour, alpha)
+        canvas.line(corners, mixed(colour, 0.75, (0, 0, 0)), 1.0, alpha, closed=True)
+        canvas.line(outline.nose_px, WHITE, 2.0, alpha)
+        return
+    if look is Look.TRANSLUCENT:
+        canvas.fill(corners, colour, UNSEEN_ALPHA * alpha)
+        edge = mixed(colour, 0.6)
+    else:
+        canvas.hatch(corners, colour, alpha)
+        edge = colour
+    canvas.line(corners, edge, 1.0 if canvas.fine == 1 else 1.5, alpha, closed=True)
+    canvas.line(outline.nose_px, edge, 1.0 if canvas.fine == 1 else 2.0, alpha)
+
+
+def is_gone(life: Life, end_ns: int) -> bool:
+    """Tell whether an artefact left before the end; live, in the last second every one has to."""
+    return life.departure_ns is not None and life.departure_ns < end_ns - NS_PER_S
+
+
+def behaviour_of(life: Life) -> str:
+    """Return what an artefact came to do, empty if that is not known."""
+    return life.doings[0].behaviour if life.doings else ""
+
+
+def behaviour_counts(behaviours: Sequence[str]) -> dict[str, int]:
+    """Return how often each behaviour is there, the most frequent first."""
+    counts = Counter(filter(None, behaviours))
+    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
+
+
+def behaviour_entries(counts: Mapping[str, int], marks: Mapping[str, str]) -> list[Entry]:
+    """Return an entry for each behaviour, with its count."""
+    return [
+        Entry(f"{name}  {count}", mark_sign(marks[name], BEHAVIOUR_PX, edge_px=1.5))
+        for name, count in counts.items()
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Where an artefact went: points (N, 2) [m], which steps (N - 1,) were seen, which jumps."""
+
+    artefact_id: int
+    class_name: str
+    behaviour: str
+    points_m: Floats
+    is_seen: npt.NDArray[np.bool_]
+    is_jump: npt.NDArray[np.bool_]
+    is_perceived: bool
+
+    @property
+    def length_m(self) -> float:
+        """The length of what the artefact went by itself."""
+        steps = np.linalg.norm(np.diff(self.points_m, axis=0), axis=1)
+        return float(steps[~self.is_jump].sum())
+
+
+def path_of(life: Life, moved_ns: Sequence[int]) -> Path:
+    """Return the path of a life that has a pose; it was displaced at the stamps `moved_ns`."""
+    stamps, poses = life.footprints.stamps_ns, life.footprints.poses
+    jumps: list[int] = np.searchsorted(stamps, np.array(moved_ns, dtype=np.int64)).tolist()
+    count = len(stamps)
+    every = max(1, math.ceil(count / _MOST_VERTICES))
+    about_jumps = [i for jump in jumps for i in (jump - 1, jump) if 0 <= i < count]
+    kept = np.unique((*range(0, count, every), count - 1, *about_jumps)).astype(np.int64)
+    at = np.searchsorted(life.seen_ns, stamps[kept])
+    return Path(
+        life.artefact_id,
+        life.row.class_name,
+        behaviour_of(life),
+        poses[kept, :2],
+        np.searchsorted(life.seen_ns, stamps[kept[1:]], side="right") > at[:-1],
+        np.isin(kept[1:], np.array(jumps, dtype=np.int64)),
+        life.is_perceived,
+    )
+
+
+def displacements(events: Sequence[ArtefactEvent]) -> dict[int, list[int]]:
+    """Return when each artefact was moved by the resolution of collisions."""
+    moved: dict[int, list[int]] = {}
+    for event in events:
+        if event.kind is EventKind.DISPLACED:
+            moved.setdefault(event.artefact_id, []).append(event.stamp_ns)
+    return moved
+
+
+def draw_paths(
+    canvas: Canvas,
+    view: View,
+    paths: Sequence[Path],
+    colours: Mapping[str, Rgb],
+    marks: Mapping[str, str],
+    *,
+    is_detailed: bool = True,
+) -> None:
+    """Draw all paths; those never perceived lie below the others, and are paler.
+
+    A path fades in from its beginning and is thick where its artefact was perceived. It has
+    arrowheads, and a mark at its beginning tells the behaviour; both can be left out where there
+    are too many.
+    """
+    thin = min(1.0, math.sqrt(_CROWD / max(len(paths), 1)))
+    order = sorted(paths, key=lambda path: path.is_perceived)
+    for path in order:
+        colour = shade_of(colours[path.class_name], path.artefact_id)
+        if path.length_m > _MOVED_M or path.is_jump.any():
+            _draw_line(canvas, view, path, colour, thin)
+            if is_detailed:
+                _draw_arrows(canvas, view, path, colour)
+    for path in order if is_detailed else ():
+        colour = shade_of(colours[path.class_name], path.artefact_id)
+        place, mark = view.pixels(path.points_m[0]), marks.get(path.behaviour, "disc")
+        alpha = 1.0 if path.is_perceived else 0.75
+        canvas.mark(mark, place, BEHAVIOUR_PX, WHITE, colour, 1.5, alpha)
+
+
+def _fade_of(path: Path) -> tuple[float, float]:
+    return _FADE if path.is_perceived else _PALE_FADE
+
+
+def _draw_line(canvas: Canvas, view: View, path: Path, colour: Rgb, thin: float) -> None:
+    points = view.pixels(path.points_m)
+    widths = thin * np.where(path.is_seen, SEEN_PATH_PX, PATH_PX)
+    widths[path.is_jump] = 0.0
+    canvas.fading(points, colour, widths, np.linspace(*_fade_of(path), len(widths)))
+    for i in np.flatnonzero(path.is_jump).tolist():
+        start, end = points[i], points[i + 1]
+        canvas.dashes(start, end, colour, 1.4, 0.7, JUMP_PATTERN_PX)
+
+
+def _draw_arrows(canvas: Canvas, view: View, path: Path, colour: Rgb) -> None:
+    """Set arrowheads at even distances along the path."""
+    points = view.pixels(path.points_m)
+    steps = np.diff(points, axis=0)
+    lengths = np.where(path.is_jump, 0.0, np.linalg.norm(steps, axis=1))
+    travelled = np.cumsum(lengths)
+    low, high = _fade_of(path)
+    for place in np.arange(0.6 * _ARROW_EVERY_PX, travelled[-1], _ARROW_EVERY_PX).tolist():
+        i = int(np.searchsorted(travelled, place))
+        share = (place - (travelled[i] - lengths[i])) / lengths[i]
+        head = points[i] + share * steps[i] + _head(steps[i] / lengths[i])
+        canvas.fill(head, colour, low + (high - low) * place / travelled[-1])
+
+
+def _head(forward: Floats) -> Floats:
+    left = np.array((-forward[1], forward[0]))
+    tips = ((0.75, 0.0), (-0.55, 0.52), (-0.25, 0.0), (-0.55, -0.52))
+    return _ARROW_PX * np.array([a * forward + b * left for a, b in tips])
+
+
+@dataclass(frozen=True, eq=False)
+class Company:
+    """A follower behind its leader, from `start_ns` to `end_ns`."""
+
+    follower: Life
+    leader: Life
+    start_ns: int
+    end_ns: int
+
+    def instants(self, count: int) -> Stamps:
+        """Return `count` stamps (count,) spread evenly over the inside of the stretch."""
+        shares = (np.arange(count) + 0.5) / count
+        length_ns = self.end_ns - self.start_ns
+        return self.start_ns + np.rint(shares * length_ns).astype(np.int64)
+
+
+def companies(lives: Sequence[Life], end_ns: int) -> list[Company]:
+    """Return every stretch of following a leader of `lives`, as the followers' activities say."""
+    standing = {life.artefact_id: life for life in lives if len(life.footprints)}
+    return [
+        Company(life, standing[leader_id], start_ns, stop_ns)
+        for life in standing.values()
+        for leader_id, start_ns, stop_ns in _stretches(life, end_ns)
+        if leader_id in standing
+    ]
+
+
+def draw_companies(
+    canvas: Canvas, view: View, found: Sequence[Company], colours: Mapping[str, Rgb]
+) -> None:
+    """Join followers and leaders by a few dotted rungs."""
+    for company in found:
+        stamps = company.instants(_RUNGS)
+        behind, ahead = (_positions_at(one, stamps) for one in (company.follower, company.leader))
+        follower = company.follower
+        colour = shade_of(colours[follower.row.class_name], follower.artefact_id)
+        near = np.linalg.norm(ahead - behind, axis=1) <= _LONGEST_RUNG_M
+        for start, end in zip(view.pixels(behind[near]), view.pixels(ahead[near]), strict=True):
+            canvas.dashes(start, end, colour, 1.8, 0.9, COMPANY_PATTERN_PX)
+
+
+def _positions_at(life: Life, stamps_ns: Stamps) -> Floats:
+    """Return where an artefact stood (N, 2) at stamps (N,), held outside; it must have a pose."""
+    after = np.searchsorted(life.footprints.stamps_ns, stamps_ns, side="right")
+    return life.footprints.poses[np.maximum(after - 1, 0), :2]
+
+
+def _stretches(life: Life, end_ns: int) -> Iterator[tuple[int, int, int]]:
+    """Yield the leaders that an artefact followed, by id, and the [start, stop) in which it did."""
+    last_ns = end_ns if life.departure_ns is None else life.departure_ns
+    stops_ns = [*(doing.since_ns for doing in life.doings[1:]), last_ns]
+    # A life of which no doing is known has one stop and nothing to end there.
+    spans = zip(map(_leader, life.doings), life.doings, stops_ns, strict=False)
+    for leader, same in groupby(spans, key=itemgetter(0)):
+        stretch = list(same)
+        start_ns, stop_ns = stretch[0][1].since_ns, stretch[-1][2]
+        if leader is not None and stop_ns - start_ns >= _SHORTEST_NS:
+            yield leader, start_ns, stop_ns
+
+
+def _leader(doing: Doing) -> int | None:
+    """Return the id of the artefact that is followed, None if none is."""
+    match = _FOLLOWS.fullmatch(doing.activity)
+    return int(match[1]) if match else None
+
+
+def contacts(record: SceneRecord) -> list[ArtefactEvent]:
+    """Return the contacts of the robot."""
+    return [event for event in record.events if event.kind is EventKind.ROBOT_CONTACT]
+
+
+def forced(record: SceneRecord) -> list[ArtefactEvent]:
+    """Return an event for each artefact that was moved by force, or had to leave for it."""
+    return [
+        event
+        for event in record.events
+        if event.kind is EventKind.DISPLACED
+        or (event.kind is EventKind.DEPARTED and event.detail == Cause.DISPLACED.value)
+    ]
+
+
+def mark_places(record: SceneRecord) -> tuple[Floats, Floats]:
+    """Return where displacements ended (N, 2) and where the robot was at its contacts (M, 2) [m].
+
+    Where the robot is not known, it is the artefact's place.
+    """
+    lives = {life.artefact_id: life for life in record.lives if len(life.footprints)}
+    touched, robot = contacts(record), record.robot
+    if not len(robot):
+        return _ends(forced(record), lives), _ends(touched, lives)
+    at = np.searchsorted(robot.stamps_ns, [event.stamp_ns for event in touched], side="right")
+    return _ends(forced(record), lives), robot.poses[np.maximum(at - 1, 0), :2]
+
+
+def _ends(events: Sequence[ArtefactEvent], lives: Mapping[int, Life]) -> Floats:
+    """Return where the artefacts stood from the event on (N, 2)."""
+    places = []
+    for event in events:
+        if life := lives.get(event.artefact_id):
+            stamps = life.footprints.stamps_ns
+            at = min(int(np.searchsorted(stamps, event.stamp_ns)), len(stamps) - 1)
+            places.append(life.footprints.poses[at, :2])
+    return np.array(places, dtype=np.float64).reshape(-1, 2)

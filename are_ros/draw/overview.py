@@ -1,0 +1,392 @@
+"""overview.png: a run seen from above, what went where, and what the robot perceived of it."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path as File
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.builder.events import EventKind
+from are_ros.conventions import NS_PER_S
+from are_ros.draw.artefacts import (
+    BEHAVIOUR_PX,
+    COMPANY_PATTERN_PX,
+    CONTACT_MARK,
+    DISPLACED_MARK,
+    GONE_ALPHA,
+    PATH_PX,
+    SEEN_PATH_PX,
+    Look,
+    Outline,
+    Path,
+    behaviour_counts,
+    behaviour_entries,
+    behaviour_of,
+    companies,
+    contacts,
+    displacements,
+    draw_artefact,
+    draw_companies,
+    draw_paths,
+    forced,
+    is_gone,
+    mark_places,
+    outline_of,
+    path_of,
+)
+from are_ros.draw.canvas import Rectangle, bounds_of
+from are_ros.draw.labels import (
+    Label,
+    Labels,
+    beside,
+    contains,
+    dark_pixels,
+    id_text,
+    is_free,
+)
+from are_ros.draw.map import View, draw_map, hiding_part, known_part, window_of, with_furniture
+from are_ros.draw.palette import (
+    END,
+    GREY,
+    INK,
+    ROBOT,
+    SEEN,
+    Rgb,
+    behaviour_marks,
+    class_colours,
+    time_colour,
+)
+from are_ros.draw.robot import (
+    Fan,
+    Sight,
+    draw_ever_seen,
+    draw_robot,
+    draw_robot_path,
+    draw_view,
+    fan_at,
+    robot_outline,
+    spread_indices,
+    telling_indices,
+    time_fractions,
+)
+from are_ros.draw.scene import Life, SceneRecord
+from are_ros.draw.sheet import (
+    Entry,
+    Sheet,
+    dashed_sign,
+    hatched_sign,
+    line_sign,
+    mark_sign,
+    patch_sign,
+)
+from are_ros.wording import counted
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.voxel_map import VoxelMap
+
+Floats = npt.NDArray[np.float64]
+
+_SHOWN_FANS: Final = 3
+_SWEPT_FANS: Final = 60
+_FAN_ALPHA: Final = 0.11
+_LABEL_PX: Final = 12
+_MOST_LABELS: Final = 300
+_PATH_POINTS: Final = 400
+_TAG_PX: Final = (44.0, 21.0)
+_TAG_TEXT_PX: Final = 13
+_TAG_GAP_PX: Final = 4.0
+_TAG_SIDES: Final = ((0, 1), (0, -1), (1, 0), (-1, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """An artefact where it ended, on the canvas."""
+
+    life: Life
+    outline: Outline
+    is_gone: bool
+
+    @property
+    def box(self) -> Rectangle:
+        return bounds_of(self.outline.corners_px)
+
+
+def draw_overview(
+    record: SceneRecord,
+    grid: OccupancyGrid,
+    path: File,
+    *,
+    occupied_threshold: int,
+    ids_as_in: str = "metrics.json",
+    voxels: VoxelMap | None = None,
+) -> None:
+    """Write the picture of a run over its map, as PNG; the same input gives the same bytes.
+
+    It shows the known part of the map, what stands there by the octomap (`voxels`, if there is
+    one), the robot's path, some of its fields of view as far as the octomap at the camera's height,
+    or else the walls of the map, and taller artefacts let them reach, and each artefact where it
+    ended, with the path that it went. `ids_as_in` names where a reader finds the ids again.
+    """
+    part = known_part(grid)
+    hiding, shown_cells = part, part
+    if voxels is not None and len(record.camera):
+        camera_m = float(np.median(record.camera.poses[:, 2]))
+        hiding = hiding_part(grid, part, voxels, camera_m)
+        shown_cells = with_furniture(grid, part, voxels)
+    end_ns = int(record.series.stamps_ns[-1]) if len(record.series.stamps_ns) else 0
+    standing = _in_drawing_order(record.lives, end_ns)
+    moved = displacements(record.events)
+    paths = [path_of(life, moved.get(life.artefact_id, ())) for life in standing]
+    found = companies(record.lives, end_ns)
+    window = window_of(grid, part, _extent_m(record, standing))
+    colours = class_colours([life.row.class_name for life in record.lives])
+    marks = behaviour_marks([path.behaviour for path in paths])
+    legends = _legends(record, colours, marks, has_companies=bool(found))
+    sheet = Sheet.of(window, legends)
+    canvas, view = sheet.canvas, sheet.view
+    draw_map(canvas, view, grid, shown_cells)
+    is_wall = dark_pixels(canvas.finished())
+    shown = _draw_fields_of_view(sheet, record, Sight(grid, hiding, occupied_threshold))
+    drawn = [
+        _Drawn(
+            life,
+            outline_of(view, life.footprints.poses[-1], life.row.size_m),
+            is_gone(life, end_ns),
+        )
+        for life in standing
+    ]
+    draw_paths(canvas, view, paths, colours, marks)
+    draw_companies(canvas, view, found, colours)
+    for item in drawn:
+        look = Look.OPAQUE if item.life.is_perceived else Look.HATCHED
+        colour = colours[item.life.row.class_name]
+        draw_artefact(canvas, item.outline, colour, look, GONE_ALPHA if item.is_gone else 1.0)
+    robots = _draw_robot(sheet, record, shown)
+    avoided = [*robots, *_avoided(record, view, paths)]
+    for places, (name, size_px, face, edge) in zip(
+        mark_places(record), (DISPLACED_MARK, CONTACT_MARK), strict=True
+    ):
+        for place in view.pixels(places):
+            canvas.mark(name, place, size_px, face, edge, 1.2)
+            avoided.append(_square(place, size_px))
+    tags = tag_rectangles(record, view, [item.box for item in drawn])
+    _cover(is_wall, avoided)
+    leaders = {one.follower.artefact_id: one.leader.artefact_id for one in found}
+    labels = Labels(is_wall, view.rectangle, _LABEL_PX)
+    without_id = len(drawn) - _draw_ids(sheet, labels, drawn, tags, leaders)
+    for tag, text, colour in zip(tags, ("start", "end"), (ROBOT, END), strict=False):
+        canvas.tag(text, tag, _TAG_TEXT_PX, colour)
+    duration_s = record.duration_ns / NS_PER_S if len(record.robot) else None
+    sheet.write(path, _title(record), subtitle_of(record, without_id, ids_as_in), duration_s)
+
+
+def tag_rectangles(record: SceneRecord, view: View, taken: Sequence[Rectangle]) -> list[Rectangle]:
+    """Return where "start" and "end" are written [px]; no place without a pose of the robot.
+
+    They are below the robot, or where they meet nothing of `taken`: above or beside it.
+    """
+    poses = record.robot.poses
+    found: list[Rectangle] = []
+    for pose in poses[[0, -1]] if len(poses) > 1 else poses:
+        outline = view.pixels(robot_outline(record.footprint.at(*pose.tolist())))
+        box = bounds_of(outline)
+        around = (beside(box, _TAG_PX, _TAG_GAP_PX, side) for side in _TAG_SIDES)
+        places = [place for place in around if place is not None]
+        others = np.array([*taken, *found], dtype=np.float64).reshape(-1, 4)
+        inside = (place for place in places if contains(view.rectangle, place))
+        found.append(next((place for place in inside if is_free(place, others)), places[0]))
+    return found
+
+
+def _in_drawing_order(lives: Sequence[Life], end_ns: int) -> list[Life]:
+    """Return the artefacts that have a pose; on top are those still there, and those perceived."""
+    known = [life for life in lives if len(life.footprints)]
+    return sorted(known, key=lambda life: (not is_gone(life, end_ns), life.is_perceived))
+
+
+def _extent_m(record: SceneRecord, lives: Sequence[Life]) -> Floats:
+    """Return the points (N, 2) that have to be in the picture."""
+    ends = [life.footprints.poses[-1, :2] for life in lives]
+    reach = [0.5 * max(life.row.size_m[:2]) for life in lives]
+    corners = [end + d * r for end, r in zip(ends, reach, strict=True) for d in (-1.0, 1.0)]
+    paths = [life.footprints.poses[:, :2] for life in lives]
+    outline = np.array(corners, dtype=np.float64).reshape(-1, 2)
+    return np.concatenate((record.robot.poses[:, :2], outline, *paths))
+
+
+def _draw_fields_of_view(sheet: Sheet, record: SceneRecord, sight: Sight) -> list[Fan]:
+    """Tint what was ever in view; draw a few fields of view, which are returned."""
+
+    def fans(indices: Sequence[int]) -> list[Fan]:
+        found = (fan_at(record, sight, index) for index in indices)
+        return [fan for fan in found if fan is not None]
+
+    draw_ever_seen(sheet.canvas, sheet.view, fans(spread_indices(record, _SWEPT_FANS)))
+    shown = fans(telling_indices(record, _SHOWN_FANS))
+    for fan in shown:
+        colour = time_colour(float(time_fractions(record, fan.stamp_ns)))
+        draw_view(sheet.canvas, sheet.view, fan, colour, _FAN_ALPHA)
+    return shown
+
+
+def _draw_robot(sheet: Sheet, record: SceneRecord, shown: Sequence[Fan]) -> list[Rectangle]:
+    """Draw the path, and the robot at its ends and where fields of view begin; return its boxes."""
+    track = record.robot
+    if not len(track):
+        return []
+    fractions = time_fractions(record, track.stamps_ns)
+    draw_robot_path(sheet.canvas, sheet.view, track, fractions)
+    boxes = []
+    for index in robot_indices(record, shown):
+        colour = time_colour(float(fractions[index]))
+        pose = track.poses[index]
+        outline = draw_robot(sheet.canvas, sheet.view, record.footprint, pose, colour)
+        boxes.append(bounds_of(outline))
+    return boxes
+
+
+def robot_indices(record: SceneRecord, shown: Sequence[Fan]) -> list[int]:
+    """Return the poses where the robot is drawn: at its ends, and where fields of view begin."""
+    stamps = record.robot.stamps_ns
+    at_fans = np.searchsorted(stamps, [fan.stamp_ns for fan in shown]).tolist()
+    return sorted({0, len(stamps) - 1, *at_fans} - {len(stamps)}) if len(stamps) else []
+
+
+def _avoided(record: SceneRecord, view: View, paths: Sequence[Path]) -> Iterator[Rectangle]:
+    """Yield what ids had better not cover: the robot's path, and where the others begin."""
+    for point in view.pixels(record.robot.poses[:: max(1, len(record.robot) // _PATH_POINTS), :2]):
+        yield _square(point, 7.0)
+    for path in paths:
+        yield _square(view.pixels(path.points_m[0]), BEHAVIOUR_PX)
+
+
+def _square(middle_px: Floats, side_px: float) -> Rectangle:
+    x, y = middle_px.tolist()
+    half = 0.5 * side_px
+    return x - half, y - half, x + half, y + half
+
+
+def _cover(mask: npt.NDArray[np.bool_], places: Sequence[Rectangle]) -> None:
+    """Set the pixels of rectangles in a mask (height, width)."""
+    for place in places:
+        left, top, right, bottom = (max(round(side), 0) for side in place)
+        mask[top:bottom, left:right] = True
+
+
+def _draw_ids(
+    sheet: Sheet,
+    labels: Labels,
+    drawn: Sequence[_Drawn],
+    taken: Sequence[Rectangle],
+    leaders: Mapping[int, int],
+) -> int:
+    """Write ids beside the artefacts, and return how many found room: first the perceived.
+
+    An id that is unclear is joined to its artefact by a line.
+
+    `leaders` has the id of the artefact that a follower followed last.
+    """
+    order = sorted(drawn, key=lambda item: (not item.life.is_perceived, item.is_gone))
+    ends = {item.life.artefact_id: item.outline.nose_px[0] for item in drawn}
+    wanted = []
+    for item in order[:_MOST_LABELS]:
+        number, text = item.life.artefact_id, id_text(item.life.artefact_id)
+        if number in leaders:
+            text += f"\u2192{id_text(leaders[number])}"
+        wanted.append(Label(number, item.box, (text,)))
+    found = labels.place(wanted, [item.box for item in drawn], taken)
+    for placed in found:
+        if placed.is_unclear:
+            end, place = ends[placed.label.key], placed.place
+            near = np.clip(end, place[:2], place[2:])
+            sheet.canvas.line(np.array((near, end)), INK, 1.0)
+    for placed in found:
+        sheet.canvas.text(placed.text, placed.place[:2], _LABEL_PX)
+    return len(found)
+
+
+def _title(record: SceneRecord) -> str:
+    arrived = record.metrics.arrivals if record.metrics else 0
+    perceived = sum(life.is_perceived for life in record.lives)
+    return f"{counted(arrived, 'virtual artefact')} arrived, {perceived} perceived"
+
+
+def subtitle_of(record: SceneRecord, without_id: int, ids_as_in: str) -> list[str]:
+    """Return what is said below the title; so many artefacts have no id, for want of room."""
+    ids = f"numbers are ids, as in {ids_as_in}"
+    if without_id:
+        ids += f"; {counted(without_id, 'number')} left out for want of room"
+    steps = np.diff(record.robot.poses[:, :2], axis=0)
+    is_driven = np.diff(record.robot.drives()) == 0
+    driven_m = float(np.linalg.norm(steps[is_driven], axis=1).sum())
+    blocked = Counter(event.kind for event in record.events)[EventKind.BLOCKED]
+    return [
+        f"{record.duration_ns / NS_PER_S:.0f} s",
+        f"robot drove {driven_m:.1f} m" if len(record.robot) else "no pose of the robot",
+        f"{counted(blocked, 'arrival')} blocked" if blocked else "",
+        f"seed {record.seed}",
+        ids if record.lives else "",
+    ]
+
+
+def _legends(
+    record: SceneRecord,
+    colours: Mapping[str, Rgb],
+    marks: Mapping[str, str],
+    *,
+    has_companies: bool,
+) -> list[list[Entry]]:
+    """Return the entries for classes, behaviours, and what else there is to see."""
+    rest = [*_artefact_entries(record), *_event_entries(record)]
+    if has_companies:
+        rest.append(Entry("following", dashed_sign(GREY, 1.8, COMPANY_PATTERN_PX)))
+    if len(record.camera):
+        rest.append(Entry("field of view", patch_sign(SEEN, 0.42)))
+        rest.append(Entry("in view at some time", patch_sign(SEEN, 0.17)))
+    behaviours = behaviour_counts([behaviour_of(life) for life in record.lives])
+    return [
+        class_entries(record.lives, colours),
+        behaviour_entries(behaviours, marks),
+        rest,
+    ]
+
+
+def class_entries(lives: Sequence[Life], colours: Mapping[str, Rgb]) -> list[Entry]:
+    """Return an entry for each class: how many were perceived, and how many there were."""
+    counts = Counter(life.row.class_name for life in lives)
+    seen = Counter(life.row.class_name for life in lives if life.is_perceived)
+    return [
+        Entry(f"{name}  {seen[name]} of {counts[name]}", patch_sign(colours[name]))
+        for name in sorted(counts)
+    ]
+
+
+def _artefact_entries(record: SceneRecord) -> list[Entry]:
+    if not record.lives:
+        return []
+    entries = [
+        Entry("perceived", patch_sign(GREY)),
+        Entry("never perceived", hatched_sign(GREY)),
+    ]
+    end_ns = int(record.series.stamps_ns[-1]) if len(record.series.stamps_ns) else 0
+    if any(is_gone(life, end_ns) for life in record.lives):
+        entries.append(Entry("left", patch_sign(GREY, GONE_ALPHA)))
+    if any(len(life.footprints) > 1 for life in record.lives):
+        entries.append(Entry("path", line_sign(GREY, PATH_PX)))
+        entries.append(Entry("path while perceived", line_sign(GREY, SEEN_PATH_PX)))
+    return entries
+
+
+def _event_entries(record: SceneRecord) -> list[Entry]:
+    """Return the marks that there are, with their counts."""
+    kinds = (
+        (contacts(record), CONTACT_MARK, "robot contact"),
+        (forced(record), DISPLACED_MARK, "displaced"),
+    )
+    return [
+        Entry(f"{text}  {len(events)}", mark_sign(*mark, 1.2))
+        for events, mark, text in kinds
+        if events
+    ]

@@ -1,0 +1,182 @@
+"""The colours and marks of all pictures: one for each class, behaviour, event and time."""
+
+import colorsys
+import math
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Rgb = tuple[int, int, int]
+"""Red, green and blue from 0 to 255."""
+
+WHITE: Final[Rgb] = (255, 255, 255)
+INK: Final[Rgb] = (35, 40, 46)
+FAINT_INK: Final[Rgb] = (102, 112, 122)
+GREY: Final[Rgb] = (108, 117, 125)
+"""What stands for all classes in a legend."""
+EDGE: Final[Rgb] = (211, 215, 219)
+PAPER: Final[Rgb] = (236, 238, 240)
+"""Where the map is unknown."""
+FLOOR: Final[Rgb] = (252, 252, 251)
+WALL: Final[Rgb] = (88, 95, 104)
+
+SEEN: Final[Rgb] = (79, 159, 216)
+"""What the camera sees."""
+ROBOT: Final[Rgb] = (47, 127, 193)
+START: Final[Rgb] = (124, 192, 232)
+END: Final[Rgb] = (11, 47, 107)
+"""The robot's path goes from START over ROBOT to END."""
+CONTACT: Final[Rgb] = (230, 57, 70)
+DISPLACED: Final[Rgb] = (255, 209, 102)
+DISPLACED_EDGE: Final[Rgb] = (92, 68, 0)
+FOLLOWING: Final[Rgb] = (90, 98, 106)
+
+LAW: Final[Rgb] = (209, 73, 91)
+"""The curve of a law, over what was counted."""
+BAR: Final[Rgb] = (185, 200, 216)
+BAND: Final[Rgb] = (233, 238, 243)
+TINT: Final[Rgb] = (47, 93, 138)
+SERIES: Final[tuple[Rgb, ...]] = (
+    (232, 89, 12),
+    (11, 114, 133),
+    (92, 148, 13),
+    (194, 37, 92),
+    (24, 100, 171),
+    (134, 46, 156),
+    (95, 61, 17),
+)
+"""Things that are of one kind: the components of a mixture, the poses that fit a map."""
+
+_CLASSES: Final[Mapping[str, Rgb]] = {
+    "person": (209, 73, 91),
+    "car": (106, 76, 147),
+    "pallet": (201, 135, 31),
+    "robot": (42, 157, 143),
+    "structure": (125, 90, 80),
+}
+_FURTHER_CLASSES: Final[tuple[Rgb, ...]] = (
+    (58, 125, 68),
+    (181, 23, 158),
+    (141, 153, 174),
+    (224, 122, 31),
+    (95, 15, 64),
+    (96, 108, 56),
+)
+_SHADES: Final = (0.0, 0.1, -0.1, 0.05, -0.06)
+_BEHAVIOURS: Final[Mapping[str, str]] = {
+    "standing": "square",
+    "walking": "disc",
+    "wandering": "diamond",
+    "running": "right",
+    "driving": "hexagon",
+    "following": "up",
+    "stopping": "bars",
+    "gathering": "star",
+    "crossing": "cross",
+    "avoiding": "down",
+    "leaving": "left",
+    "along_way": "plus",
+}
+_FURTHER_BEHAVIOURS: Final = ("pentagon", "lozenge", "turned_hexagon", "disc", "square", "diamond")
+
+
+def mixed(colour: Rgb, share: float, ground: Rgb = FLOOR) -> Rgb:
+    """Return a colour laid over a ground with an opacity of `share`."""
+    red, green, blue = (
+        round(share * a + (1.0 - share) * b) for a, b in zip(colour, ground, strict=True)
+    )
+    return red, green, blue
+
+
+def hex_of(colour: Rgb) -> str:
+    """Return "#rrggbb", as matplotlib takes it."""
+    return "#{:02x}{:02x}{:02x}".format(*colour)
+
+
+def class_colours(names: Sequence[str]) -> dict[str, Rgb]:
+    """Return a colour for each class; the classes of the shipped catalogue keep their own."""
+    others = sorted(set(names) - set(_CLASSES))
+    further = {name: _FURTHER_CLASSES[i % len(_FURTHER_CLASSES)] for i, name in enumerate(others)}
+    return {**_CLASSES, **further}
+
+
+def shade_of(colour: Rgb, artefact_id: int) -> Rgb:
+    """Return the colour of a class, a little lighter or darker by the id, to tell paths apart."""
+    hue, light, saturation = colorsys.rgb_to_hls(*(part / 255.0 for part in colour))
+    light = min(max(light + _SHADES[artefact_id % len(_SHADES)], 0.0), 1.0)
+    red, green, blue = (round(255.0 * part) for part in colorsys.hls_to_rgb(hue, light, saturation))
+    return red, green, blue
+
+
+def time_colour(fraction: float) -> Rgb:
+    """Return the colour of an instant on the robot's path, from 0 (its start) to 1 (its end)."""
+    if fraction < 0.5:
+        return mixed(ROBOT, 2.0 * max(fraction, 0.0), START)
+    return mixed(END, 2.0 * min(fraction, 1.0) - 1.0, ROBOT)
+
+
+def behaviour_marks(names: Sequence[str]) -> dict[str, str]:
+    """Return the mark of each behaviour, a key of `mark_outlines`; a user's own by their names."""
+    own = sorted(set(names) - set(_BEHAVIOURS))
+    further = {
+        name: _FURTHER_BEHAVIOURS[i % len(_FURTHER_BEHAVIOURS)] for i, name in enumerate(own)
+    }
+    return {**_BEHAVIOURS, **further}
+
+
+@lru_cache(maxsize=1)
+def mark_outlines() -> dict[str, Floats]:
+    """Return the outlines (N, 2) of the marks, about (0, 0), x right, y down, 1 high at most."""
+    square = _polygon(4, 0.25 * math.pi, 0.62)
+    cross = _turned(((0, -1), (1, -2), (2, -1)))
+    plus = _turned(((-1, -3), (1, -3), (1, -1)))
+    bars = np.array(
+        ((-3, -5), (-0.6, -5), (-0.6, 3.6), (0.6, 3.6), (0.6, -5), (3, -5), (3, 5), (-3, 5)),
+        dtype=np.float64,
+    )
+    up = np.add(_polygon(3, 0.0, 0.58), (0.0, 0.08))
+    return {
+        "square": square,
+        "disc": _polygon(24, 0.0, 0.5),
+        "diamond": _polygon(4, 0.0, 0.6),
+        "right": np.column_stack((-up[:, 1], up[:, 0])),
+        "hexagon": _polygon(6, 0.0, 0.53),
+        "up": up,
+        "bars": bars / 10.0,
+        "star": _burst(5, 0.6, 0.25),
+        "cross": cross / 4.0,
+        "down": -up,
+        "left": np.column_stack((up[:, 1], -up[:, 0])),
+        "plus": plus / 6.0,
+        "pentagon": _polygon(5, 0.0, 0.55),
+        "lozenge": _polygon(4, 0.0, 0.62) * (0.6, 1.0),
+        "turned_hexagon": _polygon(6, math.pi / 6.0, 0.53),
+        "burst": _burst(8, 0.55, 0.27),
+    }
+
+
+def _polygon(count: int, turn_rad: float, radius: float) -> Floats:
+    """Return a regular polygon (count, 2), the first corner above the middle."""
+    angles = turn_rad + 2.0 * np.pi * np.arange(count) / count
+    corners: Floats = radius * np.column_stack((np.sin(angles), -np.cos(angles)))
+    return corners
+
+
+def _turned(quarter: Sequence[tuple[int, int]]) -> Floats:
+    """Return the outline (4 N, 2) of which a quarter (N, 2) is given, turned by right angles."""
+    corners = np.array(quarter, dtype=np.float64)
+    turn = np.array(((0.0, 1.0), (-1.0, 0.0)))
+    turns = (np.linalg.matrix_power(turn, count) for count in range(4))
+    return np.concatenate([corners @ matrix for matrix in turns])
+
+
+def _burst(count: int, outer: float, inner: float) -> Floats:
+    """Return a star (2 count, 2)."""
+    corners = _polygon(2 * count, 0.0, 1.0)
+    corners[::2] *= outer
+    corners[1::2] *= inner
+    return corners

@@ -1,0 +1,39 @@
+"""Tests of what surrounds a map: its scale, and the rows of a legend."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from are_ros.draw.map import Window
+from are_ros.draw.palette import INK
+from are_ros.draw.sheet import Entry, Sheet, patch_sign, round_length_m, rows_of
+
+
+@pytest.mark.parametrize(
+    ("longest_m", "length_m"), [(0.0123, 0.01), (0.2, 0.2), (1.12, 1.0), (4.9, 2.0), (73.0, 50.0)]
+)
+def test_the_scale_is_a_round_length(longest_m: float, length_m: float) -> None:
+    """The largest of 1, 2, 5 times a power of ten that is not longer."""
+    assert round_length_m(longest_m) == pytest.approx(length_m)
+
+
+def test_the_scale_is_as_long_as_it_says(tmp_path: Path) -> None:
+    """In a window of 10 m it is a bracket of a metre, in the lower left corner."""
+    sheet = Sheet.of(Window(0.0, 10.0, 0.0, 10.0), [])
+    sheet.write(tmp_path / "a.png", "title", ["", "below it"])
+    image = cv2.imread(str(tmp_path / "a.png"))
+    assert image is not None
+    _, _, _, bottom = sheet.view.rectangle
+    bracket = (image[round(bottom) - 24] == INK[::-1]).all(axis=1)
+    assert np.ptp(np.flatnonzero(bracket)) == pytest.approx(sheet.view.px_per_m, abs=3)
+
+
+def test_legends_break_into_rows() -> None:
+    """No row is wider than there is room, no entry gets lost, and the order stays."""
+    entries = [Entry(f"entry {'x' * (i % 7)}{i}", patch_sign((0, 0, 0))) for i in range(20)]
+    rows = rows_of(entries, 400.0, 14)
+    assert [entry for row in rows for entry in row] == entries
+    assert len(rows) > 3
+    assert all(sum(entry.width_px(14) for entry in row) <= 400.0 for row in rows)
