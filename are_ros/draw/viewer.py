@@ -9,9 +9,9 @@ import io
 import json
 import logging
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from contextlib import redirect_stdout
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -26,9 +26,9 @@ from are_ros.conventions import NS_PER_S
 from are_ros.draw.voxel_mesh import between, coarsened, surface
 from are_ros.errors import BagError
 from are_ros.replay._picture_artefacts import class_colours
-from are_ros.replay._picture_map import KnownPart, known_part, map_from_part, shaded
+from are_ros.replay._picture_map import known_part, map_from_part, shaded
 from are_ros.replay._picture_robot import SEEN_COLOUR, TIME_COLOURS, robot_outline
-from are_ros.wording import counted, listed, why_refused
+from are_ros.wording import counted, why_refused
 from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
@@ -44,14 +44,14 @@ MISSING_VISER: Final = (
     "everything else works without"
 )
 
-VIEW: Final = "view.html"
 MOST_TICKS: Final = 900
 """Of a longer recording the page shows every second tick, every third, and so on."""
 
 _MOST_RETURNS: Final = 120_000
 _RETURNS_OF_A_SCAN: Final = 240
 _MOST_RECTANGLES: Final = 40_000
-_LOWEST_M, _HIGHEST_M = 0.1, 1.3
+_GAP_S: Final = 1.0
+_LOWEST_M, _HIGHEST_M = 0.1, 1.0
 """Walls and voxels are drawn between these heights: floor and ceiling would hide the scene."""
 
 _UNSEEN_OPACITY: Final = 0.3
@@ -59,11 +59,11 @@ _FAN_RAYS: Final = 40
 _GROUND_LIFT_M, _FAN_LIFT_M, _WAY_LIFT_M = 0.005, 0.02, 0.03
 _ROBOT_HEIGHT_M: Final = 0.3
 _LABEL_GAP_M: Final = 0.12
-_WALL: Final[Rgb] = (150, 158, 168)
+_WALL: Final[Rgb] = (206, 209, 214)
 _VIRTUAL: Final = "#e0007a"
 _RETURN: Final = "#0b2f6b"
 _FIELD_OF_VIEW_RAD: Final = math.radians(45.0)
-_SLANT_RAD: Final = math.radians(52.0)
+_SLANT_RAD: Final = math.radians(58.0)
 _LAYERS: Final = {
     "map": "/map",
     "walls": "/walls",
@@ -130,6 +130,30 @@ class ViewedPlace:
     ground_m: float = 0.0
 
 
+class TickThinner:
+    """Keeps at most `MOST_TICKS` ticks, evenly chosen, of however many there will be.
+
+    When there are more it drops every second one, and from then on takes half as many.
+    """
+
+    def __init__(self) -> None:
+        self.ticks: list[ViewedTick] = []
+        self.every = 1
+        self._seen = 0
+
+    def wants_next(self) -> bool:
+        """Count a tick, and say whether it is one of those that are kept."""
+        self._seen += 1
+        return (self._seen - 1) % self.every == 0
+
+    def add(self, tick: ViewedTick) -> None:
+        """Keep a tick that was wanted."""
+        self.ticks.append(tick)
+        if len(self.ticks) > MOST_TICKS:
+            self.ticks = self.ticks[::2]
+            self.every *= 2
+
+
 @dataclass(frozen=True)
 class View:
     """A page that was written: `notes` say what was left out to keep it small."""
@@ -151,7 +175,7 @@ def has_viser() -> bool:
     return find_spec("viser") is not None
 
 
-def write_view(path: Path, place: ViewedPlace, ticks: Sequence[ViewedTick], title: str) -> View:
+def write_view(path: Path, place: ViewedPlace, thinner: TickThinner, title: str) -> View:
     """Write the page: one file, which plays in a browser without a network.
 
     Ticks are shown in real time; gaps of a second or more are left out. Raises BagError where viser
@@ -159,9 +183,10 @@ def write_view(path: Path, place: ViewedPlace, ticks: Sequence[ViewedTick], titl
     """
     if not has_viser():
         raise BagError(MISSING_VISER)
-    if not ticks:
+    shown = thinner.ticks
+    if not shown:
         raise BagError(f"{path}: there is no tick to show")
-    shown, notes = _thinned(ticks)
+    notes = [f"one of {thinner.every} ticks is shown"] if thinner.every > 1 else []
     server = start_server(port=0)
     try:
         recorder = server.get_scene_serializer()
@@ -179,7 +204,7 @@ def write_view(path: Path, place: ViewedPlace, ticks: Sequence[ViewedTick], titl
         page = recorder.as_html()
     finally:
         stop_server(server)
-    overlay = _overlay(title, shown, place)
+    overlay = _overlay(title, shown)
     at = page.rindex("</body>")
     page = page[:at] + overlay + page[at:]
     try:
@@ -252,7 +277,7 @@ class ViewedScene:
         self._draw_way("/ways/robot", np.array(robot).reshape(-1, 2), TIME_COLOURS[1], 0.03)
         for number, points in ways.items():
             colour = self._colour_of(class_of[number])
-            self._draw_way(f"/ways/{number}", np.array(points), colour, 0.015)
+            self._draw_way(f"/ways/{number}", np.array(points), colour, 0.012)
 
     def _draw_way(self, name: str, points_m: Floats, colour: str, thickness_m: float) -> None:
         way = _simplified(points_m)
@@ -295,7 +320,13 @@ class ViewedScene:
         if factor > 1:
             self.notes.append(f"voxels are drawn {factor} times as wide")
         self._scene.add_mesh_simple(
-            "/walls", vertices, faces, color=_WALL, flat_shading=True, side="double"
+            "/walls",
+            vertices,
+            faces,
+            color=_WALL,
+            flat_shading=True,
+            side="double",
+            cast_shadow=False,
         )
 
     def _show_robot(self, map_from_base: RigidTransform | None) -> None:
@@ -559,11 +590,10 @@ def _prism(outline_m: Floats, low_m: float, high_m: float) -> tuple[Points, npt.
     high = np.column_stack((outline_m, np.full(count, high_m)))
     here = np.arange(count)
     after = (here + 1) % count
-    sides = np.vstack(
-        (np.column_stack((here, after, after + count)), np.column_stack((here, after + count, here + count)))
-    )
+    lower = np.column_stack((here, after, after + count))
+    upper = np.column_stack((here, after + count, here + count))
     fan = np.column_stack((np.zeros(count - 2, np.int64), here[1:-1], here[2:]))
-    faces = np.vstack((sides, fan + count, fan[:, ::-1]))
+    faces = np.vstack((lower, upper, fan + count, fan[:, ::-1]))
     return np.vstack((low, high)).astype(np.float32), faces.astype(np.uint32)
 
 
@@ -576,16 +606,6 @@ def _simplified(points_m: Floats, tolerance_m: float = 0.03) -> Floats:
     kept = cv2.approxPolyDP(points_m.astype(np.float32)[:, np.newaxis], tolerance_m, False)
     way: Floats = np.asarray(kept, dtype=np.float64)[:, 0]
     return way
-
-
-def _thinned(ticks: Sequence[ViewedTick]) -> tuple[list[ViewedTick], list[str]]:
-    """Return as many ticks as a page shows, and what is to be said of it."""
-    every = -(-len(ticks) // MOST_TICKS)
-    notes = [f"one of {every} ticks is shown"] if every > 1 else []
-    return list(ticks[::every]), notes
-
-
-_GAP_S: Final = 1.0
 
 
 def _lengths_s(ticks: Sequence[ViewedTick]) -> list[float]:
@@ -604,10 +624,9 @@ def _count_of_returns(tick: ViewedTick) -> int:
 
 def thinned_scan(points_m: Points, is_virtual: npt.NDArray[np.bool_]) -> ViewedScan:
     """Return a scan with at most so many returns as a page shows of each kind, evenly chosen."""
-    chosen = []
-    for kind in (np.flatnonzero(~is_virtual), np.flatnonzero(is_virtual)):
-        chosen.append(kind[:: max(1, -(-len(kind) // _RETURNS_OF_A_SCAN))])
-    kept = np.concatenate(chosen)
+    kinds = np.flatnonzero(~is_virtual), np.flatnonzero(is_virtual)
+    steps = (max(1, -(-len(kind) // _RETURNS_OF_A_SCAN)) for kind in kinds)
+    kept = np.concatenate([kind[::step] for kind, step in zip(kinds, steps, strict=True)])
     return ViewedScan(points_m[kept].astype(np.float32), is_virtual[kept])
 
 
@@ -627,11 +646,11 @@ def _stage_of(place: ViewedPlace, ticks: Sequence[ViewedTick]) -> tuple[Floats, 
     middle = 0.5 * (low + high)
     tan = math.tan(0.5 * _FIELD_OF_VIEW_RAD)
     # Seen at a slant, what lies far behind is small: so the depth needs less room than the width.
-    distance_m = max(0.32 * float(span[0]) / tan, 0.46 * float(span[1]) / tan) + 1.0
+    distance_m = max(0.36 * float(span[0]) / tan, 0.5 * float(span[1]) / tan) + 1.0
     return np.array((*middle, place.ground_m)), distance_m
 
 
-def _overlay(title: str, ticks: Sequence[ViewedTick], place: ViewedPlace) -> str:
+def _overlay(title: str, ticks: Sequence[ViewedTick]) -> str:
     """Return the legend of the page, with the layers to switch, and its script."""
     classes = sorted({one.class_name for tick in ticks for one in tick.artefacts})
     colours = class_colours(classes)

@@ -25,9 +25,7 @@ def coarsened(voxels: VoxelMap, factor: int) -> VoxelMap:
     for axis, times in enumerate(factors):
         starts = np.arange(0, occupied.shape[axis], times)
         occupied = np.maximum.reduceat(occupied, starts, axis=axis)
-    x_m, y_m, z_m = (
-        size * times for size, times in zip(voxels.voxel_size_m, factors, strict=True)
-    )
+    x_m, y_m, z_m = (size * times for size, times in zip(voxels.voxel_size_m, factors, strict=True))
     return VoxelMap(voxels.map_from_lattice, (x_m, y_m, z_m), occupied, voxels.is_extruded)
 
 

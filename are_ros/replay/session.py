@@ -36,6 +36,7 @@ from are_ros.replay.standing import StandingWatch
 from are_ros.replay.stopwatch import Stopwatch, said_if_slow
 from are_ros.replay.tick_writer import TickWriter
 from are_ros.replay.timeline import needed_wait_s
+from are_ros.replay.view_input import TickThinner, ViewKeeper
 from are_ros.wording import counted
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.voxel_map import VoxelMap
@@ -60,6 +61,7 @@ class Outcome:
     end_ns: int
     role_of_topic: Mapping[str, str]
     record: SceneRecord
+    viewed: TickThinner
     grid: OccupancyGrid
     voxels: VoxelMap | None
     scans: Mapping[str, SensorPathCounts]
@@ -109,12 +111,12 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             files.feed(builder, replay.start_ns)
         recorder = _recorder(options, catalogue)
         keeper, standing = RecordKeeper(recorder, builder), StandingWatch(builder)
-        camera = CameraWatch(builder)
+        camera, view = CameraWatch(builder), ViewKeeper(builder)
         with ExitStack() as stack:
             writers, counts = _open_writers(stack, options, reader, replay, builder, files)
             with stopwatch.phase(REPLAY_PHASE):
                 progress = open_progress(replay.start_ns, replay.start_ns + replay.length_ns)
-                replay.run(All([keeper, standing, camera, *writers]), progress)
+                replay.run(All([keeper, view, standing, camera, *writers]), progress)
             grid = _known_map(builder, replay)
     if lives_keeper is not None:
         _save_scenario(options, lives_keeper, say)
@@ -123,7 +125,16 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
     doubts = [*_late_camera(options, replay, camera), *standing.sentences()]
     problem = _camera_problem(options, builder, replay, camera)
     return _outcome(
-        options, replay, builder, grid, recorder, problem, doubts, needed_s, counts(), stopwatch
+        options,
+        replay,
+        builder,
+        grid,
+        (recorder, view),
+        problem,
+        doubts,
+        needed_s,
+        counts(),
+        stopwatch,
     )
 
 
@@ -319,7 +330,7 @@ def _outcome(
     replay: Replay,
     builder: ArBuilder,
     grid: OccupancyGrid,
-    recorder: SceneRecorder,
+    kept: tuple[SceneRecorder, ViewKeeper],
     camera_problem: str,
     map_doubts: Sequence[str],
     needed_s: float,
@@ -331,7 +342,8 @@ def _outcome(
         replay.start_ns,
         replay.end_ns,
         replay.role_of_topic,
-        recorder.record(),
+        kept[0].record(),
+        kept[1].thinner,
         grid,
         _octomap(builder),
         builder.scan_counts(),

@@ -15,12 +15,15 @@ from are_ros.builder.outputs import ArtefactState
 from are_ros.builder.sensor_path import ReleasedScan
 from are_ros.builder.tick import Tick
 from are_ros.draw.viewer import (
-    MOST_TICKS,
+    MISSING_VISER,
+    TickThinner,
     ViewedArtefact,
     ViewedPlace,
     ViewedScan,
     ViewedTick,
+    has_viser,
     thinned_scan,
+    write_view,
 )
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.cloud import read_points
@@ -33,12 +36,13 @@ from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
 from are_ros.replay._check_file import PREFIX
-from are_ros.replay._check_paths import find_recording
+from are_ros.replay._check_paths import RECORDING, find_recording
 from are_ros.replay._recorded_messages import state_of
 from are_ros.replay._recorded_robot import RecordedRobot
 from are_ros.replay.bag_reader import BagMessage, BagReader
 from are_ros.replay.film_command import without_robot
 from are_ros.replay.listeners import Silence
+from are_ros.replay.progress_bar import ProgressBar
 from are_ros.replay.roles import find_roles
 from are_ros.replay.runner import Progress
 from are_ros.world.frame_tree import FrameTree
@@ -58,30 +62,6 @@ _WAITING_TICKS: Final = 20
 """Live, what belongs to one tick is received in any order, but not later than this."""
 
 _WAITING_SCANS: Final = 40
-
-
-class TickThinner:
-    """Keeps at most `MOST_TICKS` ticks, evenly chosen, of however many there will be.
-
-    When there are more it drops every second one, and from then on takes half as many.
-    """
-
-    def __init__(self) -> None:
-        self.ticks: list[ViewedTick] = []
-        self.every = 1
-        self._seen = 0
-
-    def wants_next(self) -> bool:
-        """Count a tick, and say whether it is one of those that are kept."""
-        self._seen += 1
-        return (self._seen - 1) % self.every == 0
-
-    def add(self, tick: ViewedTick) -> None:
-        """Keep a tick that was wanted."""
-        self.ticks.append(tick)
-        if len(self.ticks) > MOST_TICKS:
-            self.ticks = self.ticks[::2]
-            self.every *= 2
 
 
 class ViewFeed:
@@ -353,6 +333,18 @@ def _catalogue(parameters: Parameters) -> Catalogue:
         return catalogue_of(parameters)
     except AreError:
         return Catalogue(())
+
+
+def view_recording(recording: Path, page: Path, say: Callable[[str], None]) -> None:
+    """Write the page of a recording of the node's outputs, and say what it is. Raises AreError."""
+    if not has_viser():
+        raise BagError(MISSING_VISER)
+    with ProgressBar("reading") as bar:
+        place, thinner, problems = read_view(recording, bar.open)
+    path = recording.resolve()
+    title = path.parent.name if path.name == RECORDING else path.stem
+    for sentence in (write_view(page, place, thinner, title).sentence(), *problems):
+        say(sentence)
 
 
 def read_view(
