@@ -64,7 +64,7 @@ _VIRTUAL: Final = "#e0007a"
 _RETURN: Final = "#0b2f6b"
 _FIELD_OF_VIEW_RAD: Final = math.radians(45.0)
 _SLANT_RAD: Final = math.radians(58.0)
-_LAYERS: Final = {
+LAYERS: Final = {
     "map": "/map",
     "walls": "/walls",
     "robot": "/robot",
@@ -74,6 +74,7 @@ _LAYERS: Final = {
     "ways": "/ways",
     "laser scans": "/scans",
 }
+_SINGLE_NODES: Final = ("/map", "/walls", "/robot")
 _OVERLAY: Final = Path(__file__).parent / "data" / "view_overlay.html"
 
 
@@ -246,10 +247,18 @@ class ViewedScene:
         self._bodies: dict[tuple[object, ...], tuple[Points, npt.NDArray[np.uint32]]] = {}
         self._rows = {row.index: row for row in place.catalogue.rows}
         self._artefacts: dict[int, _Drawn] = {}
-        self._robot = self._camera = self._fan = None
+        self._robot: Any = None
+        self._camera: Any = None
+        self._fan: Any = None
         self._scans: dict[str, Any] = {}
         self._colours = class_colours([row.class_name for row in place.catalogue.rows])
+        self._ways: dict[str, Any] = {}
         scene.configure_default_lights(enabled=True, cast_shadow=True)
+        self._layers = {
+            node: scene.add_frame(node, show_axes=False)
+            for node in LAYERS.values()
+            if node not in _SINGLE_NODES
+        }
         self._draw_map()
         self._draw_walls()
 
@@ -265,8 +274,15 @@ class ViewedScene:
         if with_scans:
             self._show_scans(tick.scans)
 
+    def switch(self, layer: str, *, is_shown: bool) -> None:
+        """Show or hide one of `LAYERS`."""
+        node = LAYERS[layer]
+        handle = self._layers.get(node) or self._scene.get_handle_by_name(node)
+        if handle is not None:
+            handle.visible = is_shown
+
     def draw_ways(self, ticks: Sequence[ViewedTick]) -> None:
-        """Draw the robot's way and that of each artefact, as far as the ticks tell of them."""
+        """Draw the robot's way and that of each artefact in these ticks, instead of others."""
         robot = [t.map_from_base.translation_m[:2] for t in ticks if t.map_from_base is not None]
         ways: dict[int, list[tuple[float, ...]]] = {}
         class_of: dict[int, str] = {}
@@ -274,10 +290,13 @@ class ViewedScene:
             for one in tick.artefacts:
                 ways.setdefault(one.artefact_id, []).append(one.pose[:2])
                 class_of[one.artefact_id] = one.class_name
+        before, self._ways = self._ways, {}
         self._draw_way("/ways/robot", np.array(robot).reshape(-1, 2), TIME_COLOURS[1], 0.03)
         for number, points in ways.items():
             colour = self._colour_of(class_of[number])
             self._draw_way(f"/ways/{number}", np.array(points), colour, 0.012)
+        for name in before.keys() - self._ways.keys():
+            before[name].remove()
 
     def _draw_way(self, name: str, points_m: Floats, colour: str, thickness_m: float) -> None:
         way = _simplified(points_m)
@@ -285,7 +304,9 @@ class ViewedScene:
             return
         points = np.column_stack((way, np.full(len(way), self._place.ground_m + _WAY_LIFT_M)))
         pieces = np.stack((points[:-1], points[1:]), axis=1).astype(np.float32)
-        self._scene.add_line_segments(name, pieces, rgb_of(colour), thickness=thickness_m)
+        self._ways[name] = self._scene.add_line_segments(
+            name, pieces, rgb_of(colour), thickness=thickness_m
+        )
 
     def _draw_map(self) -> None:
         grid, part = self._place.grid, self._part
@@ -674,7 +695,7 @@ def _overlay(title: str, ticks: Sequence[ViewedTick]) -> str:
     )
     layers = "".join(
         f'<label><input type="checkbox" checked data-node="{node}">{html.escape(name)}</label>'
-        for name, node in _LAYERS.items()
+        for name, node in LAYERS.items()
         if has_scans or node != "/scans"
     )
     text = _OVERLAY.read_text(encoding="utf-8")

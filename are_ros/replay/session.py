@@ -13,6 +13,7 @@ from are_ros.builder.life_keeper import LifeKeeper
 from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.builder.warm_up import warm_up
 from are_ros.conventions import NS_PER_S
+from are_ros.draw.viewer import TickThinner
 from are_ros.errors import BagError
 from are_ros.messages.feed import Refusals
 from are_ros.messages.transforms import StampedTransform
@@ -36,7 +37,7 @@ from are_ros.replay.standing import StandingWatch
 from are_ros.replay.stopwatch import Stopwatch, said_if_slow
 from are_ros.replay.tick_writer import TickWriter
 from are_ros.replay.timeline import needed_wait_s
-from are_ros.replay.view_input import TickThinner, ViewKeeper
+from are_ros.replay.view_input import ViewKeeper
 from are_ros.wording import counted
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.voxel_map import VoxelMap

@@ -81,6 +81,8 @@ class ViewFeed:
     ) -> None:
         self.grid: OccupancyGrid | None = None
         self.problem = ""
+        self.revision = 0
+        """It changes whenever the place does."""
         self._parameters = parameters
         self._show, self._wants_next = show, wants_next
         self._robot = RecordedRobot(parameters, has_camera_info=has_camera_info)
@@ -173,7 +175,10 @@ class ViewFeed:
         self._show(ViewedTick(tick.stamp_ns, artefacts, *poses, tick.scans))
 
     def _take_map(self, message: Any) -> None:
-        self.grid = read_grid(message, "map")
+        grid = read_grid(message, "map")
+        if self.grid is None or not np.array_equal(grid.cells, self.grid.cells):
+            self.revision += 1
+        self.grid = grid
 
     def _take_augmented(self, message: Any) -> None:
         """Keep what was never more occupied: artefacts come and go, walls stay."""
@@ -184,6 +189,7 @@ class ViewFeed:
         self.grid = grid
 
     def _take_cloud(self, message: Any) -> None:
+        self.revision += self._cloud is None or bytes(self._cloud.data) != bytes(message.data)
         self._cloud = message
 
     def _voxels(self) -> VoxelMap | None:
