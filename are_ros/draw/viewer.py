@@ -548,9 +548,11 @@ class _Drawn:
         self._label.remove()
 
 
-def aim_camera(server: Any, place: ViewedPlace, ticks: Sequence[ViewedTick]) -> None:
-    """Let the page open with a view from above, at a slant, on what happens."""
-    target, distance_m = _stage_of(place, ticks)
+def aim_camera(
+    server: Any, place: ViewedPlace, ticks: Sequence[ViewedTick], margin_m: float = 2.0
+) -> None:
+    """Let the page open with a view from above, at a slant, on what happens and a margin."""
+    target, distance_m = _stage_of(place, ticks, margin_m)
     camera = server.initial_camera
     away = np.array((0.0, -math.cos(_SLANT_RAD), math.sin(_SLANT_RAD)))
     camera.position = tuple((target + distance_m * away).tolist())
@@ -651,7 +653,9 @@ def thinned_scan(points_m: Points, is_virtual: npt.NDArray[np.bool_]) -> ViewedS
     return ViewedScan(points_m[kept].astype(np.float32), is_virtual[kept])
 
 
-def _stage_of(place: ViewedPlace, ticks: Sequence[ViewedTick]) -> tuple[Floats, float]:
+def _stage_of(
+    place: ViewedPlace, ticks: Sequence[ViewedTick], margin_m: float
+) -> tuple[Floats, float]:
     """Return the point (3,) that the camera looks at, and its distance [m]."""
     part = known_part(place.grid)
     height, width = part.cells.shape
@@ -661,8 +665,8 @@ def _stage_of(place: ViewedPlace, ticks: Sequence[ViewedTick]) -> tuple[Floats, 
     others = [one.pose[:2] for tick in ticks for one in tick.artefacts]
     if points := [*robot, *others]:
         around = np.array(points, dtype=np.float64)
-        low = np.maximum(low, around.min(axis=0) - 2.0)
-        high = np.minimum(high, around.max(axis=0) + 2.0)
+        low = np.maximum(low, around.min(axis=0) - margin_m)
+        high = np.minimum(high, around.max(axis=0) + margin_m)
     span = np.maximum(high - low, 2.0)
     middle = 0.5 * (low + high)
     tan = math.tan(0.5 * _FIELD_OF_VIEW_RAD)

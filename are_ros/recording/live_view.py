@@ -43,6 +43,7 @@ _PATIENCE_S: Final = 60.0
 _WAY_TICKS: Final = 100
 _DRAW_WAYS_EVERY: Final = 10
 _SLIDER_STEPS: Final = 200
+_MARGIN_M: Final = 6.0
 
 
 def view_live_command(say: Say, namespace: str, port: int) -> None:
@@ -225,7 +226,7 @@ class LiveView:
         self._shown_revision = self._feed.revision
         self._server.scene.reset()
         self._scene, self._place = ViewedScene(self._server.scene, place), place
-        aim_camera(self._server, place, [tick])
+        aim_camera(self._server, place, [tick], _MARGIN_M)
         for name, box in self._layers.items():
             self._scene.switch(name, is_shown=box.value)
 
