@@ -147,11 +147,13 @@ class LiveView:
     """
 
     def __init__(self, server: Any, remote: RemoteNode, parameters: Parameters) -> None:
+        self.said = ""
+        """How the last thing went that was asked for in the browser."""
         self._server, self._remote, self._parameters = server, remote, parameters
         self._wishes: queue.SimpleQueue[Callable[[], str]] = queue.SimpleQueue()
         self._scene: ViewedScene | None = None
         self._shown_revision = -1
-        self._ticks: deque[ViewedTick] = deque(maxlen=_WAY_TICKS)
+        self.ticks: deque[ViewedTick] = deque(maxlen=_WAY_TICKS)
         self._count = 0
         self._place: ViewedPlace | None = None
         self._feed = ViewFeed(parameters, self._show, has_camera_info=True)
@@ -166,9 +168,10 @@ class LiveView:
             except queue.Empty:
                 return
             try:
-                self._status.content = wish()
+                self.said = wish()
             except AreError as cause:
-                self._status.content = str(cause)
+                self.said = str(cause)
+            self._status.content = self.said
 
     # ------------------------------------------------------------------------------ what is heard
 
@@ -207,12 +210,12 @@ class LiveView:
             self._draw_place(tick)
         if self._scene is None:
             return
-        self._ticks.append(tick)
+        self.ticks.append(tick)
         self._count += 1
         with self._server.atomic():
             self._scene.show(tick)
             if self._count % _DRAW_WAYS_EVERY == 0:
-                self._scene.draw_ways(list(self._ticks))
+                self._scene.draw_ways(list(self.ticks))
         perceived = sum(one.is_perceived for one in tick.artefacts)
         self._counts.content = f"{len(tick.artefacts)} artefacts, {perceived} perceived"
         if self._rides.value and tick.map_from_camera is not None:
@@ -243,7 +246,7 @@ class LiveView:
         self._counts = gui.add_markdown("waiting for the map and the node's artefacts")
         self._status = gui.add_markdown("")
         paused = gui.add_checkbox("pause", False, hint="The node's service ~/pause.")
-        paused.on_update(lambda _: self._wish(lambda: self._pause(paused.value)))
+        paused.on_update(lambda _: self._wish(lambda: self.pause(is_paused=paused.value)))
         self._rides = gui.add_checkbox("look through the robot's camera", False)
         with gui.add_folder("place an artefact"):
             rows = self._labels()
@@ -287,7 +290,8 @@ class LiveView:
     def _set(self, path: str, value: float) -> str:
         return self._remote.set_parameter(path, value) or f"{path} is {value:g}"
 
-    def _pause(self, is_paused: bool) -> str:
+    def pause(self, *, is_paused: bool) -> str:
+        """Pause the node, or let it go on; return what it says."""
         answer = self._remote.ask("pause", "std_srvs/srv/SetBool", data=is_paused)
         return str(answer.message)
 
@@ -307,11 +311,11 @@ class LiveView:
     def _take_clicks(self, *, is_on: bool) -> None:
         scene = self._server.scene
         if is_on:
-            scene.on_click(lambda event: self._clicked(event.ray_origin, event.ray_direction))
+            scene.on_click(lambda event: self.clicked(event.ray_origin, event.ray_direction))
         else:
             scene.remove_click_callback()
 
-    def _clicked(self, origin: Any, direction: Any) -> None:
+    def clicked(self, origin: Any, direction: Any) -> None:
         """Place an artefact where the ray of a click meets the ground."""
         ground_m = self._parameters.world.ground_height
         start, way = np.asarray(origin, np.float64), np.asarray(direction, np.float64)

@@ -71,7 +71,7 @@ def test_walls_stay_as_high_as_they_are() -> None:
 
 
 def test_layers_are_cut_by_their_middles() -> None:
-    """Layers of 1 m, from 0 m: those with their middle between 1 and 3 m are the second and third."""
+    """Of layers of 1 m, from 0 m up, the second and third have theirs between 1 and 3 m."""
     part = between(voxels_of(np.ones((1, 1, 5), dtype=np.uint8)), 1.0, 3.0)
     assert part is not None
     assert part.occupied.shape == (1, 1, 2)

@@ -223,7 +223,7 @@ def test_an_octomap_of_a_file_is_used_coarser_and_kept_beside_the_outputs(
     shown = read_view(out, lambda _start, _end: lambda _now: None)[0].voxels
     assert shown is not None
     assert shown.voxel_size_m == pytest.approx((0.1, 0.1, 0.1))
-    assert not shown.is_extruded
+    assert shown.occupied_count == 2 * 20 * 10
 
 
 def test_an_octomap_that_cannot_be_used_names_its_file(
