@@ -50,6 +50,7 @@ MOST_TICKS: Final = 900
 _MOST_RETURNS: Final = 120_000
 _RETURNS_OF_A_SCAN: Final = 240
 _MOST_RECTANGLES: Final = 40_000
+_MOST_VOXELS: Final = 30_000_000
 _GAP_S: Final = 1.0
 _LOWEST_M, _HIGHEST_M = 0.1, 1.0
 """Walls and voxels are drawn between these heights: floor and ceiling would hide the scene."""
@@ -334,7 +335,9 @@ class ViewedScene:
         if voxels is None:
             return
         factor = 1
-        vertices, faces = surface(voxels)
+        while voxels.occupied.size > _MOST_VOXELS * factor**2:
+            factor *= 2
+        vertices, faces = surface(coarsened(voxels, factor))
         while len(faces) > 2 * _MOST_RECTANGLES:
             factor *= 2
             vertices, faces = surface(coarsened(voxels, factor))
