@@ -68,8 +68,8 @@ def test_it_shows_the_running_node_and_changes_what_can_change(ros_available: No
     play = ("play", SAMPLE, "--loop", "--rate", 1, "--wait-for", "/ar_builder")
     with running(*node), running(*play), looking() as (live, remote, until):
         until(lambda: bool(live.ticks) and len(live.ticks[-1].artefacts) > 0)
-        assert live.ticks[-1].map_from_base is not None
-        assert live.ticks[-1].map_from_camera is not None
+        until(lambda: any(tick.map_from_base is not None for tick in live.ticks))
+        until(lambda: any(tick.map_from_camera is not None for tick in live.ticks))
         until(lambda: any(tick.scans for tick in live.ticks))
 
         assert remote.set_parameter("population.mean_life", 77.0) == ""
