@@ -172,7 +172,7 @@ def write_results(outcome: Outcome, folder: Path) -> None:
 
 
 def write_replay_view(outcome: Outcome, folder: Path) -> list[str]:
-    """Write the page of the viewer, a phase of its own in timing.json; return what to say.
+    """Write the page of the viewer, a phase of its own in timing.json; return what to say of it.
 
     Without viser there is no page, and a sentence says what to install. Raises BagError.
     """
