@@ -476,7 +476,10 @@ class ViewedScene:
             opacity=None if one.is_perceived else _UNSEEN_OPACITY,
         )
         label = self._scene.add_label(
-            f"/labels/{one.artefact_id}", _text_of(one), anchor="bottom-center"
+            f"/labels/{one.artefact_id}",
+            _text_of(one),
+            anchor="bottom-center",
+            font_screen_scale=0.8,
         )
         return _Drawn(body, label, one.box_centre_m[2] + 0.5 * one.size_m[2] + _LABEL_GAP_M)
 
