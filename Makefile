@@ -59,7 +59,7 @@ $(VENV)/ready: pyproject.toml setup.py $(wildcard constraints/*.txt) $(if $(OTHE
 	@{ test -z '$(OTHER_VERSION)' && $(BIN)/python -m pip --version >/dev/null 2>&1; } \
 	  || $(PYTHON) -m venv --clear $(VENV)
 	@echo 'installing what the replay needs, into $(VENV)'
-	@$(PIP) --editable '.[replay]'
+	@$(PIP) --editable '.[replay,view]'
 	@touch $@
 
 # Without a compiler there is no ROS: the sentence that says so is kept, for the tests to skip with.
@@ -68,14 +68,14 @@ $(VENV)/ready-for-ros: $(VENV)/ready scripts/build_messages.py $(shell find msg_
 	@if $(BIN)/python scripts/build_messages.py --check 2>$(VENV)/without-ros; then \
 	  rm $(VENV)/without-ros && \
 	  echo 'installing rclpy, and what builds messages for it' && \
-	  $(PIP) --editable '.[replay,ros,ros-build]' && \
+	  $(PIP) --editable '.[replay,view,ros,ros-build]' && \
 	  $(BIN)/python scripts/build_messages.py && \
 	  touch $@; \
 	else cat $(VENV)/without-ros >&2; fi
 
 $(VENV)/ready-for-tests: $(VENV)/ready | $(VENV)/ready-for-ros
 	@echo 'installing what tests and lint need'
-	@$(PIP) --editable '.[replay,test,lint]'
+	@$(PIP) --editable '.[replay,view,test,lint]'
 	@touch $@
 
 constraints: # writes the exact versions that pip finds today, for the Python at hand; KEEP=yes: only new ones

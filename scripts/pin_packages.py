@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 PROJECT = Path(__file__).resolve().parents[1]
-EXTRAS = "replay,test,lint,ros,ros-build,colcon"
+EXTRAS = "replay,view,test,lint,ros,ros-build,colcon"
 
 
 def main() -> int:

@@ -74,7 +74,9 @@ def test_every_part_has_its_place() -> None:
 
 
 def test_imports_go_one_way() -> None:
-    """A module imports its own part and lower ones; so node and replay never import each other."""
+    """A module imports its own part and lower ones; so node and replay never import each other.
+
+    """
     wrong = [
         f"{module} imports {name}"
         for part, module, name in imports()

@@ -25,12 +25,16 @@ Augment = Callable[[LaserScan, RigidTransform], LaserScan]
 
 @dataclass(frozen=True, eq=False)
 class ReleasedScan:
-    """A scan that leaves the sensor path at `released_ns`, for the output of its topic."""
+    """A scan that leaves the sensor path at `released_ns`, for the output of its topic.
+
+    `received` is what came in, None where that is not told.
+    """
 
     topic: str
     scan: LaserScan
     released_ns: int
     is_augmented: bool
+    received: LaserScan | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,4 +191,4 @@ class SensorPath:
     def _release(self, item: _Waiting, now_ns: int, map_from_sensor: RigidTransform | None) -> None:
         scan = item.scan if map_from_sensor is None else self._augment(item.scan, map_from_sensor)
         is_augmented = map_from_sensor is not None
-        self._released.append(ReleasedScan(item.topic, scan, now_ns, is_augmented))
+        self._released.append(ReleasedScan(item.topic, scan, now_ns, is_augmented, item.scan))

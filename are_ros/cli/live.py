@@ -176,14 +176,22 @@ def record(**options: Any) -> None:
 def demo(**options: Any) -> None:
     """Run the live node over DDS, on this machine only, fed with a recording; record and draw it.
 
-    The folder gets augmented.mcap (inputs and outputs as they were on the wire), rviz.png (what
-    rviz would show), overview.png (who went where), effective.yaml and the node's log.
+    The folder gets augmented.mcap (inputs and outputs as they were on the wire), view.html (a page
+    to look around in), overview.png (who went where), effective.yaml and the node's log.
     """
     _require_ros()
     from are_ros.record.commands import demo_command
 
     if not demo_command(say, **options):
         sys.exit(IMPERFECT)
+
+
+def view_live(namespace: str | None, port: int) -> None:
+    """Serve the scene of the running node, until Ctrl-C; `are view --live`."""
+    _require_ros()
+    from are_ros.record.live_view import view_live_command
+
+    view_live_command(say, namespace or "", port)
 
 
 def _require_ros() -> None:

@@ -68,8 +68,9 @@ def replay(**options: Any) -> None:
     """Replay a recording as fast as it goes, with artefacts in it.
 
     BAG is a rosbag2 folder, an .mcap or .db3 file, or ROS 1 .bag files. The output folder gets
-    augmented.mcap (the topics that the live node publishes), overview.png, metrics.json,
-    timing.json and effective.yaml. The same recording, parameters and seed give the same bytes.
+    augmented.mcap (the topics that the live node publishes), overview.png, view.html,
+    metrics.json, timing.json and effective.yaml. The same recording, parameters and seed give the
+    same bytes.
     """
     from are_ros.replay.command import replay_command
 
@@ -169,26 +170,50 @@ def check(recording: Path, map_file: Path | None, parameters_file: Path | None) 
         sys.exit(IMPERFECT)
 
 
-@click.command(short_help="Draw what rviz would show of a recording.")
-@click.argument("recording", metavar="RECORDING", type=FILE)
-@click.option("--at", "at_s", type=SECONDS, help="Moment, from its beginning. [the fullest]")
-@click.option("--out", type=FILE, help="Picture. [rviz.png beside the recording]")
+@click.command(short_help="Look around in a recording, or in what the live node does.")
+@click.argument("recording", metavar="[RECORDING]", type=FILE, required=False)
+@click.option("--out", type=FILE, help="Page. [view.html beside the recording]")
 @animate_option
-def view(recording: Path, at_s: float | None, out: Path | None, animate: Path | None) -> None:
-    """Draw what rviz would show of a recording: map, costmap, markers, scan, robot.
+@click.option("--live", is_flag=True, help="Serve the scene of the running node to a browser.")
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=8080, show_default=True, help="For --live."
+)
+@click.option("--namespace", metavar="NAME", help="That of the node, for --live.")
+def view(
+    recording: Path | None,
+    out: Path | None,
+    animate: Path | None,
+    live: bool,
+    port: int,
+    namespace: str | None,
+) -> None:
+    """Write a page to look around in: map, walls, robot, what its camera sees, artefacts, scans.
 
     RECORDING is a result of `are replay`, `are demo` or `are record`, or any recording of the
-    node's topics. With --animate all of it, from above, instead of one moment.
+    node's topics. The page plays in a browser, without a network; it needs viser to be written.
+    With --animate an animation of all from above, instead.
 
-    The picture goes into the recording's folder, as rviz.png or animation.gif; that of a file with
-    a name of its own begins with it: run.mcap has run_rviz.png.
+    It goes into the recording's folder, as view.html or animation.gif; that of a file with a name
+    of its own begins with it: run.mcap has run_view.html.
+
+    With --live, and without RECORDING, a browser shows what the running node does, at
+    http://localhost:PORT, with sliders for the parameters that may change, a pause, and a click
+    that places an artefact.
     """
-    from are_ros.replay.output_folder import picture_beside
+    if live:
+        if recording is not None or out is not None or animate is not None:
+            raise click.UsageError("--live shows the running node: no RECORDING, --out, --animate")
+        from are_ros.cli.live import view_live
+
+        view_live(namespace, port)
+        return
+    if recording is None:
+        raise click.UsageError("Missing argument 'RECORDING' (or --live for the running node)")
+    from are_ros.replay.output_folder import VIEW, picture_beside
 
     if animate is not None:
-        if at_s is not None or out is not None:
-            message = "--animate shows all of a recording and names its file: no --at, no --out"
-            raise click.UsageError(message)
+        if out is not None:
+            raise click.UsageError("--animate names its file: no --out")
         from are_ros.replay.film_command import animate_recording
         from are_ros.replay.output_folder import ANIMATION, animation_path
 
@@ -196,14 +221,9 @@ def view(recording: Path, at_s: float | None, out: Path | None, animate: Path | 
         film = usual if str(animate) == ANIMATION else animation_path(animate, usual.parent)
         animate_recording(recording, film, say)
         return
-    from are_ros.replay.film_command import without_robot
-    from are_ros.replay.rviz_picture import draw_rviz
+    from are_ros.replay.view_input import view_recording
 
-    out = out or picture_beside(recording, "rviz.png")
-    scene = draw_rviz(recording, out, at_s)
-    say(f"picture: {out}")
-    if scene.robot is None:
-        say(without_robot(scene.robot_problem))
+    view_recording(recording, out or picture_beside(recording, VIEW), say)
 
 
 # The command of `are` that fits the mixture of Eq. 1 to observed rows.

@@ -1,1 +1,1 @@
-"""Pictures of runs, populations and fits: one palette, one legend, one way to draw a map."""
+"""What people look at: pictures, plots, the animation and the viewer; one palette, one legend."""

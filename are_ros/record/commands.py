@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from are_ros.draw.viewer import MISSING_VISER, has_viser
 from are_ros.errors import BagError
 from are_ros.node.startup import stop_on_signals
 from are_ros.record.demo import DemoOptions, run_demo, summary_of
@@ -13,9 +14,9 @@ from are_ros.record.recorder import record
 from are_ros.record.topics import RecordOptions
 from are_ros.replay.command import effective_parameters
 from are_ros.replay.film_command import draw_recording
-from are_ros.replay.output_folder import AUGMENTED, animation_path
+from are_ros.replay.output_folder import AUGMENTED, VIEW, animation_path
 from are_ros.replay.progress import ProgressBar
-from are_ros.replay.rviz_picture import draw_rviz
+from are_ros.replay.view_input import view_recording
 
 Say = Callable[[str], None]
 
@@ -63,10 +64,12 @@ def demo_command(
     say(_played(outcome))
     for line in summary_of(out / AUGMENTED):
         say(line)
-    picture = out / "rviz.png"
-    draw_rviz(out / AUGMENTED, picture, None)
     draw_recording(out / AUGMENTED, out / "overview.png", film, say)
-    say(f"pictures     {picture}, {out / 'overview.png'}")
+    say(f"picture      {out / 'overview.png'}")
+    if has_viser():
+        view_recording(out / AUGMENTED, out / VIEW, say)
+    else:
+        say(MISSING_VISER)
     say(f"recording    {out / AUGMENTED}\nnode's log   {out / 'node.log'}")
     return not outcome.skipped
 

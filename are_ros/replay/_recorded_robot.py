@@ -10,6 +10,7 @@ from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.choices import CameraModel
 from are_ros.parameters.model import Parameters
 from are_ros.replay._recorded_frames import RecordedFrames
+from are_ros.world.frame_tree import FrameTree
 from are_ros.world.observer import Camera
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -42,6 +43,11 @@ class RecordedRobot:
         frame_id = read_header(message, "camera_info").frame_id
         received = Camera(view, frame_id, RigidTransform.identity())
         self.camera = chosen_camera(self._parameters, received)
+
+    @property
+    def tree(self) -> FrameTree:
+        """The frames."""
+        return self._frames.tree
 
     @property
     def missing(self) -> str:

@@ -15,6 +15,7 @@ from are_ros.builder.tick import Demand
 from are_ros.description.configuration import describe_lines
 from are_ros.description.site import Site, surveyed
 from are_ros.draw.overview import draw_overview
+from are_ros.draw.viewer import MISSING_VISER, has_viser, write_view
 from are_ros.errors import AreError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters, SensorsParameters
@@ -27,7 +28,7 @@ from are_ros.parameters.ros_yaml import (
 from are_ros.parameters.validation import validated
 from are_ros.replay.film_command import animate
 from are_ros.replay.inspection import inspect_bag, inspection_lines
-from are_ros.replay.output_folder import METRICS, all_or_nothing, animation_path
+from are_ros.replay.output_folder import METRICS, VIEW, all_or_nothing, animation_path
 from are_ros.replay.population_picture import plot_population
 from are_ros.replay.progress import ProgressBar
 from are_ros.replay.results import (
@@ -41,6 +42,7 @@ from are_ros.replay.results import (
 )
 from are_ros.replay.session import Outcome, run_replay
 from are_ros.replay.timeline import ReplayOptions
+from are_ros.replay.view_input import place_of
 from are_ros.wording import counted
 from are_ros.world.map_file import read_map_file
 
@@ -132,6 +134,7 @@ def replay_command(say: Say, **options: Any) -> bool:
         write_results(outcome, options["out"])
     is_filmed = True
     try:
+        said += write_replay_view(outcome, options["out"])
         if film is not None:
             _animate(outcome, film, said.append)
     except AreError as cause:
@@ -163,6 +166,24 @@ def write_results(outcome: Outcome, folder: Path) -> None:
     (folder / "effective.yaml").write_text(write_ros_parameters(parameters), encoding="utf-8")
     write_json(folder / METRICS, _metrics(outcome))
     write_json(folder / "timing.json", _timing(outcome))
+
+
+def write_replay_view(outcome: Outcome, folder: Path) -> list[str]:
+    """Write the page of the viewer, a phase of its own in timing.json; return what to say of it.
+
+    Without viser there is no page, and a sentence says what to install. Raises BagError.
+    """
+    if not has_viser():
+        return [MISSING_VISER]
+    views = outcome.record.views
+    with outcome.stopwatch.phase("view"):
+        parameters, camera = outcome.options.parameters, views[-1] if views else None
+        place = place_of(parameters, outcome.grid, outcome.voxels, camera)
+        title = outcome.options.bags[0].stem
+        view = write_view(folder / VIEW, place, outcome.viewed, title)
+    with all_or_nothing(folder):
+        write_json(folder / "timing.json", _timing(outcome))
+    return [view.sentence()]
 
 
 def summary(outcome: Outcome, folder: Path) -> list[str]:

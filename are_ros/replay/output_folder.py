@@ -10,9 +10,10 @@ from are_ros.errors import BagError
 from are_ros.wording import why_refused
 
 AUGMENTED: Final = "augmented.mcap"
+VIEW: Final = "view.html"
 METRICS: Final = "metrics.json"
 ANIMATION: Final = "animation.gif"
-RESULTS: Final = (AUGMENTED, "overview.png", "effective.yaml", METRICS, "timing.json")
+RESULTS: Final = (AUGMENTED, "overview.png", VIEW, "effective.yaml", METRICS, "timing.json")
 
 
 def prepare_folder(folder: Path) -> None:

@@ -25,7 +25,12 @@ Content = dict[str, Any]
 REPLAY_PHASE = "replay"
 """The phase of the stopwatch in which the recording goes through the builder."""
 
-_OTHER_PHASES = {"start_up": "start-up", "picture": "picture", "animation": "animation"}
+_OTHER_PHASES = {
+    "start_up": "start-up",
+    "picture": "picture",
+    "view": "view",
+    "animation": "animation",
+}
 
 
 @dataclass(frozen=True)
@@ -74,7 +79,7 @@ def timing_content(record: SceneRecord, clock: WallClock) -> Content:
     """Return the content of timing.json.
 
     The real-time factor is the time simulated over that of the replay proper; the overall one
-    counts the other phases (start-up, picture, animation), too.
+    counts the other phases (start-up, picture, view, animation), too.
     """
     total_s = math.fsum(clock.phases_s.values())
     replay_s = clock.phases_s.get(REPLAY_PHASE, total_s)

@@ -38,7 +38,7 @@ RENAMED = {
 
 def test_the_folder_is_complete(lockstep_run: Path) -> None:
     """The recording with all inputs and outputs, the parameters, the picture and the logs."""
-    names = ("augmented.mcap", "effective.yaml", "rviz.png", "node.log", "recorder.log")
+    names = ("augmented.mcap", "effective.yaml", "view.html", "node.log", "recorder.log")
     assert all((lockstep_run / name).stat().st_size > 100 for name in names)
     assert not list(lockstep_run.glob("*.part"))
     assert "active: artefacts arrive" in (lockstep_run / "node.log").read_text()
@@ -82,8 +82,8 @@ def test_it_says_what_happened(lockstep_run: Path) -> None:
     first = said.index(summary[0])
     assert said[first : first + len(summary)] == summary
     assert re.fullmatch(r"ticks +152", summary[4])
-    pictures = f"{lockstep_run / 'rviz.png'}, {lockstep_run / 'overview.png'}"
-    assert f"pictures     {pictures}" in said
+    assert f"picture      {lockstep_run / 'overview.png'}" in said
+    assert any(line.startswith(f"view: {lockstep_run / 'view.html'} (") for line in said)
 
 
 def test_other_topic_names_are_found_by_their_roles(ros_available: None, tmp_path: Path) -> None:

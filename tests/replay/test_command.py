@@ -194,7 +194,7 @@ def test_an_animation_is_in_the_time_that_is_said(
     done = run_are("replay", sample_bag, "--duration", 1, *parts, "--out", out, "--animate")
     assert done.returncode == 0, done.stderr
     phases = json.loads((out / "timing.json").read_text())["phases_s"]
-    assert [*phases] == ["start_up", "replay", "picture", "animation"]
+    assert [*phases] == ["start_up", "replay", "picture", "view", "animation"]
     said = done.stderr
-    assert f"{sum(phases.values()):.1f} s with start-up, picture and animation" in said
+    assert f"{sum(phases.values()):.1f} s with start-up, picture, view and animation" in said
     assert said.index("results in") < said.index("animation: ")

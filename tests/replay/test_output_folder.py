@@ -57,10 +57,10 @@ def test_other_errors_pass(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("recording", "picture"),
     [
-        ("out", "out/rviz.png"),
-        ("out/augmented.mcap", "out/rviz.png"),
-        ("out/run.mcap", "out/run_rviz.png"),
-        ("out/monday.2.db3", "out/monday.2_rviz.png"),
+        ("out", "out/view.html"),
+        ("out/augmented.mcap", "out/view.html"),
+        ("out/run.mcap", "out/run_view.html"),
+        ("out/monday.2.db3", "out/monday.2_view.html"),
     ],
 )
 def test_pictures_of_two_recordings_have_two_names(
@@ -68,7 +68,7 @@ def test_pictures_of_two_recordings_have_two_names(
 ) -> None:
     """The result of a replay or of the demo has the plain one, in its folder."""
     (tmp_path / "out").mkdir()
-    assert picture_beside(tmp_path / recording, "rviz.png") == tmp_path / picture
+    assert picture_beside(tmp_path / recording, "view.html") == tmp_path / picture
 
 
 def test_the_place_of_a_scenario_is_looked_at(tmp_path: Path) -> None:

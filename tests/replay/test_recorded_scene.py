@@ -67,12 +67,12 @@ def test_an_animation_of_any_recording(
     assert "the robot is not shown" not in done.stderr
     done = run_are("view", folder, "--animate", "a.avi")
     assert (done.returncode, "is no .gif file" in done.stderr) == (2, True)
-    done = run_are("view", folder, "--animate", "--at", 3)
-    assert (done.returncode, "no --at, no --out" in done.stderr) == (2, True)
+    done = run_are("view", folder, "--animate", "--out", "a.html")
+    assert (done.returncode, "--animate names its file: no --out" in done.stderr) == (2, True)
 
 
 @pytest.mark.parametrize(
-    ("words", "picture"), [((), "run_rviz.png"), (("--animate",), "run_animation.gif")]
+    ("words", "picture"), [((), "run_view.html"), (("--animate",), "run_animation.gif")]
 )
 def test_the_picture_of_a_recording_has_its_name(
     sample_replay: Path, run_are: RunAre, tmp_path: Path, words: tuple[str, ...], picture: str

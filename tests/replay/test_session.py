@@ -74,8 +74,8 @@ def places(folder: Path) -> dict[int, dict[int, tuple[Any, ...]]]:
 
 
 def test_a_replay_leaves_its_files(sample_replay: Path) -> None:
-    """The folder holds the five results and nothing else; something happened in them."""
-    names = {*REPRODUCIBLE, "timing.json"}
+    """The folder holds the six results and nothing else; something happened in them."""
+    names = {*REPRODUCIBLE, "view.html", "timing.json"}
     assert {file.name for file in sample_replay.iterdir()} == names
     assert (sample_replay / "overview.png").read_bytes().startswith(b"\x89PNG")
     found = metrics(sample_replay)
@@ -84,7 +84,7 @@ def test_a_replay_leaves_its_files(sample_replay: Path) -> None:
     assert found["perceived_ever"] >= 1
     assert found["refused"] == {}
     timing = json.loads((sample_replay / "timing.json").read_text())
-    assert set(timing["phases_s"]) == {"start_up", "replay", "picture"}
+    assert set(timing["phases_s"]) == {"start_up", "replay", "picture", "view"}
 
 
 def test_what_is_written_passes_all_checks(sample_replay: Path, run_are: RunAre) -> None:

@@ -1,0 +1,713 @@
+"""The viewer: the scene in 3D, drawn with viser, as one page that plays without a network.
+
+`ViewedScene` draws onto viser's scene, tick by tick; `write_view` records what it draws as a page.
+The live viewer (`recording.live_view`) draws the same scene for a browser that is connected.
+"""
+
+import html
+import io
+import json
+import logging
+import math
+from collections.abc import Sequence
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
+from are_ros.artefacts.meshes import surface_of
+from are_ros.builder.occlusion.rays import VoxelField
+from are_ros.conventions import NS_PER_S
+from are_ros.draw.map import known_part, map_from_part, shaded
+from are_ros.draw.palette import END, ROBOT, SEEN, Rgb, class_colours, hex_of
+from are_ros.draw.robot import robot_outline
+from are_ros.draw.voxel_mesh import between, coarsened, surface
+from are_ros.errors import BagError
+from are_ros.wording import counted, why_refused
+from are_ros.world.footprint import Footprint
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.view_models import ViewModel
+from are_ros.world.voxel_map import VoxelMap
+
+Floats = npt.NDArray[np.float64]
+Points = npt.NDArray[np.float32]
+
+MISSING_VISER: Final = (
+    "the viewer needs viser: `pip install viser`, or `pip install 'are_ros[view]'`; "
+    "everything else works without"
+)
+
+MOST_TICKS: Final = 900
+"""Of a longer recording the page shows every second tick, every third, and so on."""
+
+_MOST_RETURNS: Final = 120_000
+_RETURNS_OF_A_SCAN: Final = 240
+_MOST_RECTANGLES: Final = 40_000
+_MOST_VOXELS: Final = 30_000_000
+_GAP_S: Final = 1.0
+_LOWEST_M, _HIGHEST_M = 0.1, 1.0
+"""Walls and voxels are drawn between these heights: floor and ceiling would hide the scene."""
+
+_UNSEEN_OPACITY: Final = 0.3
+_FAN_RAYS: Final = 40
+_GROUND_LIFT_M, _FAN_LIFT_M, _WAY_LIFT_M = 0.005, 0.02, 0.03
+_ROBOT_HEIGHT_M: Final = 0.3
+_LABEL_GAP_M: Final = 0.12
+_WALL: Final[Rgb] = (206, 209, 214)
+_VIRTUAL: Final[Rgb] = (224, 0, 122)
+_RETURN: Final[Rgb] = END
+_FIELD_OF_VIEW_RAD: Final = math.radians(45.0)
+_SLANT_RAD: Final = math.radians(58.0)
+LAYERS: Final = {
+    "map": "/map",
+    "walls": "/walls",
+    "robot": "/robot",
+    "camera's view": "/camera",
+    "artefacts": "/artefacts",
+    "labels": "/labels",
+    "ways": "/ways",
+    "laser scans": "/scans",
+}
+_SINGLE_NODES: Final = ("/map", "/walls", "/robot")
+_OVERLAY: Final = Path(__file__).parent / "data" / "view_overlay.html"
+
+
+class ViewedArtefact(NamedTuple):
+    """An artefact at a tick: `pose` is that of F_A in the map's frame, x y z [m] and x y z w.
+
+    `row` is its row of the catalogue; its box of `size_m` is centred at `box_centre_m` in F_A.
+    """
+
+    artefact_id: int
+    row: int
+    label: str
+    class_name: str
+    doing: str
+    size_m: tuple[float, float, float]
+    box_centre_m: tuple[float, float, float]
+    pose: tuple[float, ...]
+    is_perceived: bool
+
+
+class ViewedScan(NamedTuple):
+    """Where a scan ended, (N, 3) [m] in the map's frame, and which returns (N,) are virtual."""
+
+    points_m: Points
+    is_virtual: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class ViewedTick:
+    """What is shown at a tick; poses are None where they are not known."""
+
+    stamp_ns: int
+    artefacts: tuple[ViewedArtefact, ...]
+    map_from_base: RigidTransform | None
+    map_from_camera: RigidTransform | None
+    scans: tuple[ViewedScan, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ViewedPlace:
+    """What stays: the map, what stands there (an octomap, or extruded walls), robot and camera.
+
+    `catalogue` has the meshes; an artefact of no row of it is drawn as its box. `max_range_m` is
+    how far the camera sees, `ground_m` the height of the ground.
+    """
+
+    grid: OccupancyGrid
+    occupied_threshold: int
+    voxels: VoxelMap | None
+    catalogue: Catalogue
+    footprint: Footprint
+    camera: ViewModel | None
+    max_range_m: float
+    ground_m: float = 0.0
+
+
+class TickThinner:
+    """Keeps at most `MOST_TICKS` ticks, evenly chosen, of however many there will be.
+
+    When there are more it drops every second one, and from then on takes half as many.
+    """
+
+    def __init__(self) -> None:
+        self.ticks: list[ViewedTick] = []
+        self.every = 1
+        self._seen = 0
+
+    def wants_next(self) -> bool:
+        """Count a tick, and say whether it is one of those that are kept."""
+        self._seen += 1
+        return (self._seen - 1) % self.every == 0
+
+    def add(self, tick: ViewedTick) -> None:
+        """Keep a tick that was wanted."""
+        self.ticks.append(tick)
+        if len(self.ticks) > MOST_TICKS:
+            self.ticks = self.ticks[::2]
+            self.every *= 2
+
+
+@dataclass(frozen=True)
+class View:
+    """A page that was written: `notes` say what was left out to keep it small."""
+
+    path: Path
+    length_bytes: int
+    ticks: int
+    notes: tuple[str, ...] = ()
+
+    def sentence(self) -> str:
+        """Say it."""
+        noted = "".join(f"; {note}" for note in self.notes)
+        size = f"{self.length_bytes / 1e6:.1f} MB, {counted(self.ticks, 'tick')}"
+        return f"view: {self.path} ({size}{noted})"
+
+
+def has_viser() -> bool:
+    """Say whether viser is installed."""
+    return find_spec("viser") is not None
+
+
+def write_view(path: Path, place: ViewedPlace, thinner: TickThinner, title: str) -> View:
+    """Write the page: one file, which plays in a browser without a network.
+
+    Ticks are shown in real time; gaps of a second or more are left out. Raises BagError where viser
+    is not installed, there is no tick, or the system refuses to write.
+    """
+    if not has_viser():
+        raise BagError(MISSING_VISER)
+    shown = thinner.ticks
+    if not shown:
+        raise BagError(f"{path}: there is no tick to show")
+    notes = [f"one of {thinner.every} ticks is shown"] if thinner.every > 1 else []
+    server = start_server(port=0)
+    try:
+        recorder = server.get_scene_serializer()
+        scene = ViewedScene(server.scene, place)
+        notes += scene.notes
+        aim_camera(server, place, shown)
+        scene.draw_ways(shown)
+        every = max(1, -(-sum(map(_count_of_returns, shown)) // _MOST_RETURNS))
+        with server.atomic():  # nobody is connected: nothing is to be sent meanwhile
+            for number, (tick, length_s) in enumerate(zip(shown, _lengths_s(shown), strict=True)):
+                scene.show(tick, with_scans=number % every == 0)
+                recorder.insert_sleep(length_s)
+        if every > 1:
+            notes.append(f"one of {every} ticks shows the scans")
+        page = recorder.as_html()
+    finally:
+        stop_server(server)
+    overlay = _overlay(title, shown)
+    at = page.rindex("</body>")
+    page = page[:at] + overlay + page[at:]
+    try:
+        path.write_text(page, encoding="utf-8")
+    except OSError as cause:
+        message = f"{path}: the page cannot be written ({why_refused(cause)})"
+        raise BagError(message) from cause
+    return View(path, path.stat().st_size, len(shown), tuple(notes))
+
+
+def start_server(port: int, host: str = "127.0.0.1") -> Any:
+    """Return a running server of viser, which says nothing; port 0 is any that is free."""
+    import viser
+
+    logging.getLogger("websockets").setLevel(logging.ERROR)
+    with redirect_stdout(io.StringIO()):  # it prints its address
+        server = viser.ViserServer(host=host, port=port, label="ARE", verbose=False)
+    server.scene.set_up_direction("+z")
+    return server
+
+
+def stop_server(server: Any) -> None:
+    """Stop a server, which says nothing."""
+    with redirect_stdout(io.StringIO()):
+        server.stop()
+
+
+class ViewedScene:
+    """Draws a place and its ticks onto a scene of viser.
+
+    Each tick changes only what differs from the one before. `notes` say what is drawn coarser.
+    """
+
+    def __init__(self, scene: Any, place: ViewedPlace) -> None:
+        self.notes: list[str] = []
+        self._scene, self._place = scene, place
+        self._part = known_part(place.grid)
+        self._field: VoxelField | None = None
+        self._bodies: dict[tuple[object, ...], tuple[Points, npt.NDArray[np.uint32]]] = {}
+        self._rows = {row.index: row for row in place.catalogue.rows}
+        self._artefacts: dict[int, _Drawn] = {}
+        self._robot: Any = None
+        self._camera: Any = None
+        self._fan: Any = None
+        self._scans: dict[str, Any] = {}
+        self._colours = class_colours([row.class_name for row in place.catalogue.rows])
+        self._ways: dict[str, Any] = {}
+        scene.configure_default_lights(enabled=True, cast_shadow=True)
+        self._layers = {
+            node: scene.add_frame(node, show_axes=False)
+            for node in LAYERS.values()
+            if node not in _SINGLE_NODES
+        }
+        self._draw_map()
+        self._draw_walls()
+
+    def show(self, tick: ViewedTick, *, with_scans: bool = True) -> None:
+        """Show a tick."""
+        self._show_robot(tick.map_from_base)
+        self._show_camera(tick.map_from_camera)
+        there = {one.artefact_id for one in tick.artefacts}
+        for gone in self._artefacts.keys() - there:
+            self._artefacts.pop(gone).remove()
+        for one in tick.artefacts:
+            self._show_artefact(one)
+        if with_scans:
+            self._show_scans(tick.scans)
+
+    def switch(self, layer: str, *, is_shown: bool) -> None:
+        """Show or hide one of `LAYERS`."""
+        node = LAYERS[layer]
+        handle = self._layers.get(node) or self._scene.get_handle_by_name(node)
+        if handle is not None:
+            handle.visible = is_shown
+
+    def draw_ways(self, ticks: Sequence[ViewedTick]) -> None:
+        """Draw the robot's way and that of each artefact in these ticks, instead of others."""
+        robot = [t.map_from_base.translation_m[:2] for t in ticks if t.map_from_base is not None]
+        ways: dict[int, list[tuple[float, ...]]] = {}
+        class_of: dict[int, str] = {}
+        for tick in ticks:
+            for one in tick.artefacts:
+                ways.setdefault(one.artefact_id, []).append(one.pose[:2])
+                class_of[one.artefact_id] = one.class_name
+        before, self._ways = self._ways, {}
+        self._draw_way("/ways/robot", np.array(robot).reshape(-1, 2), ROBOT, 0.03)
+        for number, points in ways.items():
+            colour = self._colour_of(class_of[number])
+            self._draw_way(f"/ways/{number}", np.array(points), colour, 0.012)
+        for name in before.keys() - self._ways.keys():
+            before[name].remove()
+
+    def _draw_way(self, name: str, points_m: Floats, colour: Rgb, thickness_m: float) -> None:
+        way = _simplified(points_m)
+        if len(way) < 2:
+            return
+        points = np.column_stack((way, np.full(len(way), self._place.ground_m + _WAY_LIFT_M)))
+        pieces = np.stack((points[:-1], points[1:]), axis=1).astype(np.float32)
+        self._ways[name] = self._scene.add_line_segments(
+            name, pieces, colour, thickness=thickness_m
+        )
+
+    def _draw_map(self) -> None:
+        grid, part = self._place.grid, self._part
+        image, factor = shaded(part, math.inf)
+        cell_m = grid.resolution_m * factor
+        height, width = image.shape[:2]
+        middle = map_from_part(grid, part, [(0.5 * width * factor, 0.5 * height * factor)])[0]
+        turn = grid.origin.rotation_xyzw
+        self._scene.add_image(
+            "/map",
+            np.ascontiguousarray(image),
+            width * cell_m,
+            height * cell_m,
+            format="png",
+            cast_shadow=False,
+            position=(*middle.tolist(), self._place.ground_m + _GROUND_LIFT_M),
+            wxyz=wxyz_of(turn),
+        )
+
+    def _draw_walls(self) -> None:
+        if self._place.voxels is None:
+            return
+        ground_m = self._place.ground_m
+        voxels = between(self._place.voxels, ground_m + _LOWEST_M, ground_m + _HIGHEST_M)
+        if voxels is None:
+            return
+        factor = 1
+        while voxels.occupied.size > _MOST_VOXELS * factor**2:
+            factor *= 2
+        vertices, faces = surface(coarsened(voxels, factor))
+        while len(faces) > 2 * _MOST_RECTANGLES:
+            factor *= 2
+            vertices, faces = surface(coarsened(voxels, factor))
+        if factor > 1:
+            self.notes.append(f"voxels are drawn {factor} times as wide")
+        self._scene.add_mesh_simple(
+            "/walls",
+            vertices,
+            faces,
+            color=_WALL,
+            flat_shading=True,
+            side="double",
+            cast_shadow=False,
+        )
+
+    def _show_robot(self, map_from_base: RigidTransform | None) -> None:
+        if map_from_base is None:
+            if self._robot is not None:
+                self._robot.visible = False
+            return
+        if self._robot is None:
+            self._robot = self._drawn_robot()
+        _place(self._robot, map_from_base.translation_m, map_from_base.rotation_xyzw)
+        self._robot.visible = True
+
+    def _drawn_robot(self) -> Any:
+        """Draw the robot: a low prism over its footprint, with an arrow on top."""
+        outline = robot_outline(self._place.footprint)
+        vertices, faces = _prism(outline, 0.03, _ROBOT_HEIGHT_M)
+        root = self._scene.add_frame("/robot", show_axes=False)
+        body = ROBOT
+        self._scene.add_mesh_simple("/robot/body", vertices, faces, color=body, flat_shading=True)
+        reach_m, half_m = float(outline[:, 0].max()), 0.5 * float(np.abs(outline[:, 1]).max())
+        back_m = -0.3 * reach_m
+        arrow = np.array(((0.85 * reach_m, 0.0), (back_m, half_m), (0.0, 0.0), (back_m, -half_m)))
+        top = np.column_stack((arrow, np.full(4, _ROBOT_HEIGHT_M + 0.01)))
+        self._scene.add_mesh_simple(
+            "/robot/arrow",
+            top,
+            np.array(((0, 1, 2), (0, 2, 3))),
+            color=(255, 255, 255),
+            side="double",
+            cast_shadow=False,
+        )
+        return root
+
+    def _show_camera(self, map_from_camera: RigidTransform | None) -> None:
+        if self._place.camera is None:
+            return
+        if map_from_camera is None:
+            for handle in (self._camera, self._fan):
+                if handle is not None:
+                    handle.visible = False
+            return
+        if self._camera is None:
+            self._camera = self._drawn_frustum(self._place.camera)
+        if self._camera is not None:
+            position, turn = map_from_camera.translation_m, map_from_camera.rotation_xyzw
+            _place(self._camera, position, turn)
+            self._camera.visible = True
+        self._show_fan(self._place.camera, map_from_camera)
+
+    def _drawn_frustum(self, camera: ViewModel) -> Any:
+        """Draw the camera's frustum; None where it has none, as a camera that looks all around."""
+        rays = camera.directions()
+        row, column = rays[camera.height // 2], rays[:, camera.width // 2]
+        edges = np.stack((row[0], row[-1], column[0], column[-1])).astype(np.float64)
+        if (edges[:, 2] < 0.2).any():
+            return None
+        slopes = edges[:, :2] / edges[:, 2:]
+        tan_x = 0.5 * float(slopes[1, 0] - slopes[0, 0])
+        tan_y = 0.5 * float(slopes[3, 1] - slopes[2, 1])
+        return self._scene.add_camera_frustum(
+            "/camera/frustum",
+            2.0 * math.atan(tan_y),
+            tan_x / tan_y,
+            scale=0.35,
+            thickness=0.012,
+            color=END,
+            cast_shadow=False,
+        )
+
+    def _show_fan(self, camera: ViewModel, map_from_camera: RigidTransform) -> None:
+        """Show on the ground how far the image's middle row sees, up to the walls."""
+        if self._place.voxels is None:
+            return
+        if self._field is None:
+            self._field = VoxelField.of(self._place.voxels)
+        row = camera.directions()[camera.height // 2]
+        columns = np.linspace(0, camera.width - 1, _FAN_RAYS).astype(np.int64)
+        rays = (row[columns].astype(np.float64) @ map_from_camera.rotation_matrix().T)[:, :2]
+        lengths = np.linalg.norm(rays, axis=1)
+        is_level = bool((lengths > 0.1).all())
+        if is_level:
+            start = map_from_camera.translation_m
+            rays = np.column_stack((rays / lengths[:, np.newaxis], np.zeros(len(rays))))
+            reach_m = self._field.first_hits(start, rays, self._place.max_range_m)
+            reach_m = np.minimum(reach_m, self._place.max_range_m)
+            outline = np.vstack(((0.0, 0.0), rays[:, :2] * reach_m[:, np.newaxis]))
+            vertices = np.column_stack((outline, np.zeros(len(outline)))).astype(np.float32)
+            vertices = np.round(vertices, 2)
+            if self._fan is None:
+                ends = np.arange(1, _FAN_RAYS)
+                faces = np.column_stack((np.zeros_like(ends), ends + 1, ends))
+                self._fan = self._scene.add_mesh_simple(
+                    "/camera/fan",
+                    vertices,
+                    faces,
+                    color=SEEN,
+                    opacity=0.28,
+                    side="double",
+                    cast_shadow=False,
+                    receive_shadow=False,
+                )
+            else:
+                self._fan.vertices = vertices
+            self._fan.position = (*_rounded(start[:2]), self._place.ground_m + _FAN_LIFT_M)
+        if self._fan is not None:
+            self._fan.visible = is_level
+
+    def _show_artefact(self, one: ViewedArtefact) -> None:
+        drawn = self._artefacts.get(one.artefact_id)
+        if drawn is None:
+            drawn = self._artefacts[one.artefact_id] = self._new_artefact(one)
+        drawn.show(one)
+
+    def _new_artefact(self, one: ViewedArtefact) -> "_Drawn":
+        vertices, faces = self._body_of(one)
+        body = self._scene.add_mesh_simple(
+            f"/artefacts/{one.artefact_id}",
+            vertices,
+            faces,
+            color=self._colour_of(one.class_name),
+            flat_shading=True,
+            side="double",
+            opacity=None if one.is_perceived else _UNSEEN_OPACITY,
+        )
+        label = self._scene.add_label(
+            f"/labels/{one.artefact_id}",
+            _text_of(one),
+            anchor="bottom-center",
+            font_screen_scale=0.8,
+        )
+        return _Drawn(body, label, one.box_centre_m[2] + 0.5 * one.size_m[2] + _LABEL_GAP_M)
+
+    def _body_of(self, one: ViewedArtefact) -> tuple[Points, npt.NDArray[np.uint32]]:
+        """Return the mesh of an artefact in F_A, or its box; equal ones are made once."""
+        key = (one.row, one.label, one.size_m, one.box_centre_m)
+        if key not in self._bodies:
+            row = self._rows.get(one.row)
+            self._bodies[key] = _mesh_of(row) if row and _fits(row, one) else _box_of(one)
+        return self._bodies[key]
+
+    def _colour_of(self, class_name: str) -> Rgb:
+        if class_name not in self._colours:
+            self._colours = class_colours([*self._colours, class_name])
+        return self._colours[class_name]
+
+    def _show_scans(self, scans: Sequence[ViewedScan]) -> None:
+        points = np.concatenate([np.empty((0, 3), np.float32), *(s.points_m for s in scans)])
+        is_virtual = np.concatenate([np.empty(0, np.bool_), *(s.is_virtual for s in scans)])
+        for name, colour, chosen in (
+            ("real", _RETURN, points[~is_virtual]),
+            ("virtual", _VIRTUAL, points[is_virtual]),
+        ):
+            self._show_returns(name, colour, chosen)
+
+    def _show_returns(self, name: str, colour: Rgb, points_m: Points) -> None:
+        """Show returns of one kind; those of 16 bits are near the node's own position."""
+        handle = self._scans.get(name)
+        if not len(points_m):
+            if handle is not None:
+                handle.visible = False
+            return
+        middle = np.round(points_m.mean(axis=0), 1)
+        near = (points_m - middle).astype(np.float16)
+        if handle is None:
+            self._scans[name] = self._scene.add_point_cloud(
+                f"/scans/{name}",
+                near,
+                colour,
+                point_size=0.05 if name == "real" else 0.08,
+                point_shape="circle",
+                point_shading="flat",
+                position=middle,
+            )
+            return
+        handle.points = near
+        handle.position = _rounded(middle)
+        handle.visible = True
+
+
+class _Drawn:
+    """An artefact's body and label; the label stands at a height above F_A."""
+
+    def __init__(self, body: Any, label: Any, label_m: float) -> None:
+        self._body, self._label, self._label_m = body, label, label_m
+        self._shown: ViewedArtefact | None = None
+
+    def show(self, one: ViewedArtefact) -> None:
+        """Bring both up to date; what is as before is not sent again."""
+        before, self._shown = self._shown, one
+        if before is None or before.pose != one.pose:
+            x_m, y_m, z_m = one.pose[:3]
+            _place(self._body, one.pose[:3], one.pose[3:])
+            self._label.position = _rounded((x_m, y_m, z_m + self._label_m))
+        if before is None or before.is_perceived != one.is_perceived:
+            self._body.opacity = None if one.is_perceived else _UNSEEN_OPACITY
+        self._label.text = _text_of(one)
+
+    def remove(self) -> None:
+        """Take both away."""
+        self._body.remove()
+        self._label.remove()
+
+
+def aim_camera(
+    server: Any, place: ViewedPlace, ticks: Sequence[ViewedTick], margin_m: float = 2.0
+) -> None:
+    """Let the page open with a view from above, at a slant, on what happens and a margin."""
+    target, distance_m = _stage_of(place, ticks, margin_m)
+    camera = server.initial_camera
+    away = np.array((0.0, -math.cos(_SLANT_RAD), math.sin(_SLANT_RAD)))
+    camera.position = tuple((target + distance_m * away).tolist())
+    camera.look_at = tuple(target.tolist())
+    camera.up = (0.0, 0.0, 1.0)
+    camera.fov = _FIELD_OF_VIEW_RAD
+
+
+def wxyz_of(xyzw: npt.ArrayLike) -> tuple[float, float, float, float]:
+    """Return a quaternion in the order of viser, rounded to what the eye sees."""
+    x, y, z, w = np.round(np.asarray(xyzw, dtype=np.float64), 4).tolist()
+    return w, x, y, z
+
+
+def _place(handle: Any, position_m: npt.ArrayLike, xyzw: npt.ArrayLike) -> None:
+    handle.position = _rounded(position_m)
+    handle.wxyz = wxyz_of(xyzw)
+
+
+def _rounded(position_m: npt.ArrayLike) -> tuple[float, ...]:
+    """Return a position in whole millimetres, which take less room."""
+    return tuple(np.round(np.asarray(position_m, dtype=np.float64), 3).tolist())
+
+
+def _text_of(one: ViewedArtefact) -> str:
+    """Return the label: who it is and what it does; of one not perceived the id alone."""
+    if not one.is_perceived:
+        return str(one.artefact_id)
+    return f"{one.artefact_id} {one.label}" + (f": {one.doing}" if one.doing else "")
+
+
+def _fits(row: CatalogueRow, one: ViewedArtefact) -> bool:
+    """Say whether a row is the artefact's: a recording may come from another catalogue."""
+    return row.label == one.label and bool(np.allclose(row.size_m, one.size_m, atol=1e-3))
+
+
+def _mesh_of(row: CatalogueRow) -> tuple[Points, npt.NDArray[np.uint32]]:
+    vertices_m, faces, _ = surface_of(row)
+    return vertices_m.astype(np.float32), faces.astype(np.uint32)
+
+
+def _box_of(one: ViewedArtefact) -> tuple[Points, npt.NDArray[np.uint32]]:
+    x_m, y_m, z_m = one.size_m
+    corners = 0.5 * np.array(((x_m, y_m), (-x_m, y_m), (-x_m, -y_m), (x_m, -y_m)))
+    vertices, faces = _prism(corners, -0.5 * z_m, 0.5 * z_m)
+    return vertices + np.array(one.box_centre_m, dtype=np.float32), faces
+
+
+def _prism(outline_m: Floats, low_m: float, high_m: float) -> tuple[Points, npt.NDArray[np.uint32]]:
+    """Return the mesh of a convex outline (N, 2) between two heights."""
+    count = len(outline_m)
+    low = np.column_stack((outline_m, np.full(count, low_m)))
+    high = np.column_stack((outline_m, np.full(count, high_m)))
+    here = np.arange(count)
+    after = (here + 1) % count
+    lower = np.column_stack((here, after, after + count))
+    upper = np.column_stack((here, after + count, here + count))
+    fan = np.column_stack((np.zeros(count - 2, np.int64), here[1:-1], here[2:]))
+    faces = np.vstack((lower, upper, fan + count, fan[:, ::-1]))
+    return np.vstack((low, high)).astype(np.float32), faces.astype(np.uint32)
+
+
+def _simplified(points_m: Floats, tolerance_m: float = 0.03) -> Floats:
+    """Return a way (N, 2) with fewer points, each of the others within the tolerance of it."""
+    import cv2
+
+    if len(points_m) < 2 or float(np.ptp(points_m, axis=0).max()) < tolerance_m:
+        return points_m[:0]
+    kept = cv2.approxPolyDP(points_m.astype(np.float32)[:, np.newaxis], tolerance_m, False)
+    way: Floats = np.asarray(kept, dtype=np.float64)[:, 0]
+    return way
+
+
+def _lengths_s(ticks: Sequence[ViewedTick]) -> list[float]:
+    """Return for how long each tick is shown; what would be a gap is as short as any other."""
+    stamps = np.array([tick.stamp_ns for tick in ticks], dtype=np.int64)
+    steps = np.diff(stamps) / NS_PER_S
+    usual = float(np.median(steps)) if len(steps) else 0.1
+    longest = max(_GAP_S, 3.0 * usual)
+    lengths = np.where((steps > 0.0) & (steps < longest), steps, usual)
+    return [*lengths.tolist(), usual]
+
+
+def _count_of_returns(tick: ViewedTick) -> int:
+    return sum(len(scan.points_m) for scan in tick.scans)
+
+
+def thinned_scan(points_m: Points, is_virtual: npt.NDArray[np.bool_]) -> ViewedScan:
+    """Return a scan with at most so many returns as a page shows of each kind, evenly chosen."""
+    kinds = np.flatnonzero(~is_virtual), np.flatnonzero(is_virtual)
+    steps = (max(1, -(-len(kind) // _RETURNS_OF_A_SCAN)) for kind in kinds)
+    kept = np.concatenate([kind[::step] for kind, step in zip(kinds, steps, strict=True)])
+    return ViewedScan(points_m[kept].astype(np.float32), is_virtual[kept])
+
+
+def _stage_of(
+    place: ViewedPlace, ticks: Sequence[ViewedTick], margin_m: float
+) -> tuple[Floats, float]:
+    """Return the point (3,) that the camera looks at, and its distance [m]."""
+    part = known_part(place.grid)
+    height, width = part.cells.shape
+    corners = map_from_part(place.grid, part, [(0, 0), (width, 0), (0, height), (width, height)])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    robot = [t.map_from_base.translation_m[:2] for t in ticks if t.map_from_base is not None]
+    others = [one.pose[:2] for tick in ticks for one in tick.artefacts]
+    if points := [*robot, *others]:
+        around = np.array(points, dtype=np.float64)
+        low = np.maximum(low, around.min(axis=0) - margin_m)
+        high = np.minimum(high, around.max(axis=0) + margin_m)
+    span = np.maximum(high - low, 2.0)
+    middle = 0.5 * (low + high)
+    tan = math.tan(0.5 * _FIELD_OF_VIEW_RAD)
+    # Seen at a slant, what lies far behind is small: so the depth needs less room than the width.
+    distance_m = max(0.36 * float(span[0]) / tan, 0.5 * float(span[1]) / tan) + 1.0
+    return np.array((*middle, place.ground_m)), distance_m
+
+
+def _overlay(title: str, ticks: Sequence[ViewedTick]) -> str:
+    """Return the legend of the page, with the layers to switch, and its script."""
+    classes = sorted({one.class_name for tick in ticks for one in tick.artefacts})
+    colours = class_colours(classes)
+    starts = np.concatenate(((0.0,), np.cumsum(_lengths_s(ticks)[:-1])))
+    has_scans = any(tick.scans for tick in ticks)
+    entries = [
+        ("real robot", ROBOT, "1"),
+        ("camera's view", SEEN, "0.5"),
+        *((name, colours[name], "1") for name in classes),
+    ]
+    if has_scans:
+        entries += [("laser return", _RETURN, "1"), ("virtual return", _VIRTUAL, "1")]
+    data = {
+        "starts": np.round(starts, 3).tolist(),
+        "alive": [len(tick.artefacts) for tick in ticks],
+        "perceived": [sum(one.is_perceived for one in tick.artefacts) for tick in ticks],
+    }
+    rows = "".join(
+        f'<li><i style="background:{hex_of(colour)};opacity:{alpha}"></i>{html.escape(name)}</li>'
+        for name, colour, alpha in entries
+    )
+    layers = "".join(
+        f'<label><input type="checkbox" checked data-node="{node}">{html.escape(name)}</label>'
+        for name, node in LAYERS.items()
+        if has_scans or node != "/scans"
+    )
+    text = _OVERLAY.read_text(encoding="utf-8")
+    for key, value in {
+        "TITLE": html.escape(title),
+        "ROWS": rows,
+        "LAYERS": layers,
+        "DATA": json.dumps(data),
+    }.items():
+        text = text.replace(f"@{key}@", value)
+    return text

@@ -1,0 +1,361 @@
+"""`are view --live`: the scene of the running node in a browser, with what can be changed in it."""
+
+import queue
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Final
+
+import numpy as np
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+
+from are_ros.draw.viewer import (
+    LAYERS,
+    MISSING_VISER,
+    ViewedPlace,
+    ViewedScene,
+    ViewedTick,
+    aim_camera,
+    has_viser,
+    start_server,
+    stop_server,
+    wxyz_of,
+)
+from are_ros.errors import AreError, NodeError
+from are_ros.messages.odometry import read_odometry_numbers
+from are_ros.messages.tick_encoding import scan_outputs
+from are_ros.messages.transforms import read_transforms
+from are_ros.node.message_classes import RclpyFactory, message_class, service_class
+from are_ros.node.qos import output_qos, subscribe
+from are_ros.node.startup import stop_on_signals
+from are_ros.parameters.declaration import Description, describe, value_at, with_values
+from are_ros.parameters.model import Parameters
+from are_ros.record.session import ros_session
+from are_ros.replay.view_input import ViewFeed
+
+Say = Callable[[str], None]
+
+_NODE: Final = "ar_builder"
+_INPUTS: Final = ("map", "octomap_point_cloud_centers", "camera/camera_info")
+_PATIENCE_S: Final = 60.0
+_WAY_TICKS: Final = 100
+_DRAW_WAYS_EVERY: Final = 10
+_SLIDER_STEPS: Final = 200
+_MARGIN_M: Final = 6.0
+
+
+def view_live_command(say: Say, namespace: str, port: int) -> None:
+    """Serve the scene until a signal comes. Raises NodeError without viser, or without the node."""
+    with stop_on_signals(is_last=False) as stop:
+        serve(namespace, port, say, stop.should_stop)
+
+
+def serve(namespace: str, port: int, say: Say, should_stop: Callable[[], bool]) -> None:
+    """Serve the scene of the node at http://localhost:PORT; port 0 is any that is free.
+
+    Waits up to a minute for the node, and raises NodeError where it does not answer.
+    """
+    if not has_viser():
+        raise NodeError(MISSING_VISER)
+    with ros_session("are_viewer") as node, _running(port) as server:
+        executor = SingleThreadedExecutor(context=node.context)
+        executor.add_node(node)
+        remote = RemoteNode(node, executor, namespace, should_stop)
+        live = LiveView(server, remote, remote.parameters())
+        say(f"the running node can be seen at http://localhost:{server.get_port()}; Ctrl-C ends it")
+        while not should_stop():
+            executor.spin_once(timeout_sec=0.05)
+            live.work()
+
+
+@contextmanager
+def _running(port: int) -> Iterator[Any]:
+    server = start_server(port)
+    try:
+        yield server
+    finally:
+        stop_server(server)
+
+
+class RemoteNode:
+    """The running node as its services and parameters show it."""
+
+    def __init__(
+        self,
+        node: Node,
+        executor: SingleThreadedExecutor,
+        namespace: str,
+        should_stop: Callable[[], bool],
+    ) -> None:
+        self.node = node
+        self.namespace = f"/{namespace.strip('/')}".rstrip("/")
+        self.name = f"{self.namespace}/{_NODE}"
+        self._executor = executor
+        self._should_stop = should_stop
+        self._clients: dict[str, Any] = {}
+
+    def topic(self, name: str) -> str:
+        """Return the full name of a topic in the node's namespace."""
+        return name if name.startswith("/") else f"{self.namespace}/{name}"
+
+    def ask(self, service: str, type_name: str, **fields: Any) -> Any:
+        """Return the answer of one of the node's services. Raises NodeError if none comes."""
+        if service not in self._clients:
+            kind = service_class(type_name)
+            self._clients[service] = self.node.create_client(kind, f"{self.name}/{service}")
+        client = self._clients[service]
+        request = client.srv_type.Request()
+        for name, value in fields.items():
+            setattr(request, name, value)
+        if not self._awaited(client.service_is_ready):
+            raise NodeError(f"{self.name} is not running: there is no {self.name}/{service}")
+        future = client.call_async(request)
+        if not self._awaited(future.done):
+            raise NodeError(f"{self.name}/{service} does not answer")
+        return future.result()
+
+    def parameters(self) -> Parameters:
+        """Return the parameters in force."""
+        paths = [item.path for item in describe(Parameters())]
+        answer = self.ask("get_parameters", "rcl_interfaces/srv/GetParameters", names=paths)
+        values = map(parameter_value_to_python, answer.values)
+        known = {p: v for p, v in zip(paths, values, strict=False) if v is not None}
+        return with_values(Parameters(), known)
+
+    def set_parameter(self, path: str, value: float) -> str:
+        """Set a parameter; return why that was refused, empty if it was not."""
+        message = Parameter(path, value=value).to_parameter_msg()
+        kind = "rcl_interfaces/srv/SetParameters"
+        result = self.ask("set_parameters", kind, parameters=[message]).results[0]
+        return "" if result.successful else str(result.reason)
+
+    def _awaited(self, is_done: Callable[[], bool]) -> bool:
+        """Spin until something is done; tell whether it is."""
+        clock = self.node.get_clock()
+        end = clock.now().nanoseconds + int(_PATIENCE_S * 1e9)
+        while not is_done() and not self._should_stop() and clock.now().nanoseconds < end:
+            self._executor.spin_once(timeout_sec=0.05)
+        return is_done()
+
+
+class LiveView:
+    """Hears what the node hears and says, shows it, and passes on what people do in the browser.
+
+    Browsers are answered in threads of viser: what they ask for waits in a queue until `work`.
+    """
+
+    def __init__(self, server: Any, remote: RemoteNode, parameters: Parameters) -> None:
+        self.said = ""
+        """How the last thing went that was asked for in the browser."""
+        self._server, self._remote, self._parameters = server, remote, parameters
+        self._wishes: queue.SimpleQueue[Callable[[], str]] = queue.SimpleQueue()
+        self._scene: ViewedScene | None = None
+        self._shown_revision = -1
+        self.ticks: deque[ViewedTick] = deque(maxlen=_WAY_TICKS)
+        self._count = 0
+        self._place: ViewedPlace | None = None
+        self._feed = ViewFeed(parameters, self._show, has_camera_info=True)
+        self._subscribe()
+        self._add_controls()
+
+    def work(self) -> None:
+        """Carry out what was asked for in the browser, and say how it went."""
+        while True:
+            try:
+                wish = self._wishes.get_nowait()
+            except queue.Empty:
+                return
+            try:
+                self.said = wish()
+            except AreError as cause:
+                self.said = str(cause)
+            self._status.content = self.said
+
+    # ------------------------------------------------------------------------------ what is heard
+
+    def _subscribe(self) -> None:
+        node, feed, remote = self._remote.node, self._feed, self._remote
+        for role in _INPUTS:
+            subscribe(node, role, _taking(feed, role), remote.topic(role))
+        subscribe(node, "tf", lambda m: feed.take_transforms(read_transforms(m), is_static=False))
+        subscribe(
+            node, "tf_static", lambda m: feed.take_transforms(read_transforms(m), is_static=True)
+        )
+        odometry = remote.topic("odom")
+        subscribe(node, "odom", lambda m: feed.take_odometry(read_odometry_numbers(m)), odometry)
+        scans = [remote.topic(name) for name in self._parameters.sensors.scans]
+        for topic in scans:
+            subscribe(node, "scan", lambda m: feed.take_scan(m, is_output=False), topic)
+        outputs = {
+            "artefacts": "are_msgs/msg/ArtefactArray",
+            "perceived": "are_msgs/msg/PerceivedArtefactArray",
+        }
+        for name, type_name in outputs.items():
+            self._listen(name, type_name, _taking(feed, name))
+        for name in scan_outputs(scans).values():
+            kind = "sensor_msgs/msg/LaserScan"
+            self._listen(name, kind, lambda m: feed.take_scan(m, is_output=True))
+
+    def _listen(self, name: str, type_name: str, take: Callable[[Any], None]) -> None:
+        topic = f"{self._remote.name}/{name}"
+        kind = message_class(type_name)
+        self._remote.node.create_subscription(kind, topic, take, output_qos(name))
+
+    # ------------------------------------------------------------------------------ what is shown
+
+    def _show(self, tick: ViewedTick) -> None:
+        if self._feed.revision != self._shown_revision or self._scene is None:
+            self._draw_place(tick)
+        if self._scene is None:
+            return
+        self.ticks.append(tick)
+        self._count += 1
+        with self._server.atomic():
+            self._scene.show(tick)
+            if self._count % _DRAW_WAYS_EVERY == 0:
+                self._scene.draw_ways(list(self.ticks))
+        perceived = sum(one.is_perceived for one in tick.artefacts)
+        self._counts.content = f"{len(tick.artefacts)} artefacts, {perceived} perceived"
+        if self._rides.value and tick.map_from_camera is not None:
+            self._look_through(tick.map_from_camera)
+
+    def _draw_place(self, tick: ViewedTick) -> None:
+        """Draw the map, or another one that came."""
+        place = self._feed.place()
+        if place is None:
+            return
+        self._shown_revision = self._feed.revision
+        self._server.scene.reset()
+        self._scene, self._place = ViewedScene(self._server.scene, place), place
+        aim_camera(self._server, place, [tick], _MARGIN_M)
+        for name, box in self._layers.items():
+            self._scene.switch(name, is_shown=box.value)
+
+    def _look_through(self, map_from_camera: Any) -> None:
+        for client in self._server.get_clients().values():
+            with client.atomic():
+                client.camera.wxyz = wxyz_of(map_from_camera.rotation_xyzw)
+                client.camera.position = tuple(map_from_camera.translation_m.tolist())
+
+    # ------------------------------------------------------------------------- what can be changed
+
+    def _add_controls(self) -> None:
+        gui = self._server.gui
+        self._counts = gui.add_markdown("waiting for the map and the node's artefacts")
+        self._status = gui.add_markdown("")
+        paused = gui.add_checkbox("pause", False, hint="The node's service ~/pause.")
+        paused.on_update(lambda _: self._wish(lambda: self.pause(is_paused=paused.value)))
+        self._rides = gui.add_checkbox("look through the robot's camera", False)
+        with gui.add_folder("place an artefact"):
+            rows = self._labels()
+            self._label = gui.add_dropdown("which", tuple(rows), initial_value=rows[0])
+            clicks = gui.add_checkbox("a click on the ground places it", False)
+            clicks.on_update(lambda _: self._take_clicks(is_on=clicks.value))
+        with gui.add_folder("layers"):
+            self._layers = {name: gui.add_checkbox(name, True) for name in LAYERS}
+        for name, box in self._layers.items():
+            box.on_update(lambda _, name=name, box=box: self._switch(name, box.value))
+        self._add_sliders()
+
+    def _add_sliders(self) -> None:
+        """Add a slider for each number that may change while the node runs."""
+        sections: dict[str, list[Description]] = {}
+        for item in describe(Parameters()):
+            if item.live and type(item.default) in {int, float}:
+                sections.setdefault(item.path.rpartition(".")[0], []).append(item)
+        for section, items in sections.items():
+            with self._server.gui.add_folder(section or "parameters", expand_by_default=False):
+                for item in items:
+                    self._add_slider(item)
+
+    def _add_slider(self, item: Description) -> None:
+        value = value_at(self._parameters, item.path)
+        low, high, step = slider_range(item, value)
+        slider = self._server.gui.add_slider(
+            item.path.rpartition(".")[2] + (f" [{item.unit}]" if item.unit else ""),
+            min=low,
+            max=high,
+            step=step,
+            initial_value=type(item.default)(min(max(value, low), high)),
+            hint=item.text,
+        )
+        kind = int if type(item.default) is int else float
+        slider.on_update(lambda _: self._wish(lambda: self._set(item.path, kind(slider.value))))
+
+    def _wish(self, wish: Callable[[], str]) -> None:
+        self._wishes.put(wish)
+
+    def _set(self, path: str, value: float) -> str:
+        return self._remote.set_parameter(path, value) or f"{path} is {value:g}"
+
+    def pause(self, *, is_paused: bool) -> str:
+        """Pause the node, or let it go on; return what it says."""
+        answer = self._remote.ask("pause", "std_srvs/srv/SetBool", data=is_paused)
+        return str(answer.message)
+
+    def _switch(self, name: str, is_shown: bool) -> None:
+        if self._scene is not None:
+            self._scene.switch(name, is_shown=is_shown)
+
+    def _labels(self) -> list[str]:
+        from are_ros.builder.assembly import catalogue_of
+
+        try:
+            catalogue = catalogue_of(self._parameters)
+        except AreError:
+            return ["any"]
+        return ["any", *catalogue.class_names, *dict.fromkeys(r.label for r in catalogue.rows)]
+
+    def _take_clicks(self, *, is_on: bool) -> None:
+        scene = self._server.scene
+        if is_on:
+            scene.on_click(lambda event: self.clicked(event.ray_origin, event.ray_direction))
+        else:
+            scene.remove_click_callback()
+
+    def clicked(self, origin: Any, direction: Any) -> None:
+        """Place an artefact where the ray of a click meets the ground."""
+        ground_m = self._parameters.world.ground_height
+        start, way = np.asarray(origin, np.float64), np.asarray(direction, np.float64)
+        if way[2] < 0.0 and start[2] > ground_m:
+            x_m, y_m, _ = (start + way * ((ground_m - start[2]) / way[2])).tolist()
+            self._wish(lambda: self._spawn(x_m, y_m))
+
+    def _spawn(self, x_m: float, y_m: float) -> str:
+        pose = RclpyFactory().make("geometry_msgs/msg/PoseStamped")
+        pose.header.frame_id = self._parameters.frames.map
+        pose.pose.position.x, pose.pose.position.y = x_m, y_m
+        pose.pose.orientation.w = 1.0
+        label = "" if self._label.value == "any" else self._label.value
+        kind = "are_msgs/srv/SpawnArtefact"
+        answer = self._remote.ask("spawn", kind, pose=pose, label=label, row=-1)
+        return str(answer.message)
+
+
+def slider_range(item: Description, value: float) -> tuple[float, float, float]:
+    """Return the least and the most of a parameter's slider, and its step.
+
+    Bounds that are far away would leave no room for a hand: up to four times the value, or its
+    default, is offered.
+    """
+    usual = max(abs(value), abs(float(item.default)))  # type: ignore[arg-type]
+    reach = 4.0 * usual if usual > 0.0 else 1.0
+    low = max(-reach, -reach if item.low is None else item.low)
+    high = max(value, min(reach, reach if item.high is None else item.high))
+    if type(item.default) is int:
+        return int(low), max(int(np.ceil(high)), int(low) + 1), 1
+    return low, high, (high - low) / _SLIDER_STEPS
+
+
+def _taking(feed: ViewFeed, role: str) -> Callable[[Any], None]:
+    """Return what hands over messages of a role; one that is refused is not shown."""
+
+    def take(message: Any) -> None:
+        try:
+            feed.take(role, message)
+        except AreError:
+            return
+
+    return take

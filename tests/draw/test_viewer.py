@@ -1,0 +1,212 @@
+"""The page of the viewer, looked at in a real browser where there is one."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from are_ros.artefacts.catalogue import Catalogue
+from are_ros.conventions import NS_PER_S
+from are_ros.draw import viewer
+from are_ros.draw.palette import ROBOT, class_colours
+from are_ros.draw.viewer import (
+    MOST_TICKS,
+    TickThinner,
+    ViewedArtefact,
+    ViewedPlace,
+    ViewedScan,
+    ViewedTick,
+    thinned_scan,
+    write_view,
+)
+from are_ros.errors import BagError
+from are_ros.world.footprint import Footprint
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.view_models import PinholeView
+from are_ros.world.voxel_map import VoxelMap
+from tests.browser import NO_BROWSER, Page, find_browser, open_page
+
+needs_viser = pytest.mark.skipif(not viewer.has_viser(), reason=viewer.MISSING_VISER)
+needs_browser = pytest.mark.skipif(find_browser() is None, reason=NO_BROWSER)
+
+PERSON, CAR = (class_colours([])[name] for name in ("person", "car"))
+TICKS = 40
+Image = NDArray[np.uint8]
+
+
+def place() -> ViewedPlace:
+    """Return a room of 8 m by 6 m with walls around it."""
+    cells = np.zeros((60, 80), dtype=np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = 100
+    grid = OccupancyGrid(cells, 0.1, RigidTransform.identity(), "map")
+    voxels = VoxelMap.extruded(grid, cells >= 65, 2.5, 0.0)
+    footprint = Footprint(np.zeros((1, 2)), 0.3)
+    camera = PinholeView.from_field_of_view(64, 48, math.radians(80.0))
+    return ViewedPlace(grid, 65, voxels, Catalogue(()), footprint, camera, 10.0)
+
+
+def artefact(number: int, class_name: str, x_m: float, *, is_perceived: bool) -> ViewedArtefact:
+    """Return an upright box of half a metre by 1.5 m."""
+    size_m, pose = (0.6, 0.6, 1.5), (x_m, 4.0, 0.75, 0.0, 0.0, 0.0, 1.0)
+    no_offset = (0.0, 0.0, 0.0)
+    return ViewedArtefact(
+        number, 0, class_name, class_name, "walking", size_m, no_offset, pose, is_perceived
+    )
+
+
+def tick(number: int) -> ViewedTick:
+    """Return a tick: the person goes from left to right, the car leaves after half of the time."""
+    artefacts = [artefact(7, "person", 1.5 + 5.0 * number / TICKS, is_perceived=True)]
+    if number < TICKS // 2:
+        artefacts.append(artefact(8, "car", 6.5, is_perceived=True))
+    base = RigidTransform(np.array((2.0 + 0.05 * number, 1.5, 0.0)), np.array((0.0, 0.0, 0.0, 1.0)))
+    eye = np.array((2.0 + 0.05 * number, 1.5, 0.8)), np.array((-0.5, 0.5, -0.5, 0.5))
+    points = np.array(((3.0, 1.5, 0.2), (4.0, 1.5, 0.2)), dtype=np.float32)
+    scan = ViewedScan(points, np.array((False, True)))
+    stamp_ns = number * NS_PER_S // 10
+    return ViewedTick(stamp_ns, tuple(artefacts), base, RigidTransform(*eye), (scan,))
+
+
+def ticks(count: int = TICKS) -> TickThinner:
+    """Return so many ticks."""
+    thinner = TickThinner()
+    for number in range(count):
+        if thinner.wants_next():
+            thinner.add(tick(number))
+    return thinner
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    """Open the page of the room."""
+    folder = tmp_path_factory.mktemp("view")
+    write_view(folder / "view.html", place(), ticks(), "a room & more")
+    url = (folder / "view.html").as_uri()
+    with open_page(url, folder / "profile", 640, 480) as opened:
+        opened.wait("!!document.querySelector('canvas') && !!window.__viserSceneTree")
+        opened.wait("'/artefacts/7' in window.__viserSceneTree.getState()")
+        # Nothing but the scene is to be on the pictures.
+        opened.run("document.getElementById('are').open = false")
+        yield opened
+
+
+def go_to(page: Page, share: float) -> None:
+    """Click on the time line."""
+    x, y, width, height = page.run(
+        "(() => { const box = document.querySelector('[role=slider]')"
+        ".closest('[class*=Slider-root]').getBoundingClientRect();"
+        " return [box.x, box.y, box.width, box.height]; })()"
+    )
+    page.click(x + share * width, y + 0.5 * height)
+
+
+def centre_of(image: Image, colour: tuple[int, int, int]) -> tuple[int, float]:
+    """Return how many pixels have the hue of a colour, and their mean column."""
+    wanted = np.array(colour) - np.mean(colour)
+    pixels = image.astype(np.float64) - image.mean(axis=2, keepdims=True)
+    lengths = np.linalg.norm(pixels, axis=2)
+    cosines = pixels @ (wanted / np.linalg.norm(wanted)) / np.maximum(lengths, 1.0)
+    alike = (cosines > 0.97) & (lengths > 40.0)
+    columns = np.flatnonzero(alike.any(axis=0))
+    return int(alike.sum()), float(np.nonzero(alike)[1].mean()) if len(columns) else math.nan
+
+
+def settled(page: Page) -> Image:
+    """Return a picture that the next one is like: all that was asked for is drawn."""
+    before = page.picture()
+    for _ in range(60):
+        page.run("new Promise(done => setTimeout(done, 300))")
+        image = page.picture()
+        if np.abs(image.astype(int) - before).max() < 8:
+            return image
+        before = image
+    raise AssertionError("the page never comes to rest")
+
+
+@needs_viser
+@needs_browser
+def test_the_page_shows_map_robot_and_artefacts_as_time_goes_on(page: Page) -> None:
+    """A click on the time line moves them: the person goes to the right, and the car has left."""
+    go_to(page, 0.1)
+    early = settled(page)
+    go_to(page, 0.9)
+    late = settled(page)
+    for image in (early, late):
+        assert centre_of(image, ROBOT)[0] > 50
+        middle = image[120:400, 100:540]
+        assert (middle.min(axis=2) > 225).mean() > 0.1, "the free part of the map is light"
+        assert ((np.ptp(middle, axis=2) < 25) & (middle.max(axis=2) < 225)).any(), "a wall"
+    (count, first), (_, last) = centre_of(early, PERSON), centre_of(late, PERSON)
+    assert count > 50
+    assert last - first > 60.0
+    assert centre_of(early, CAR)[0] > 50
+    assert centre_of(late, CAR)[0] == 0
+    robots = [centre_of(image, ROBOT)[1] for image in (early, late)]
+    assert robots[1] > robots[0]
+
+
+@needs_viser
+@needs_browser
+def test_a_layer_can_be_switched_off(page: Page) -> None:
+    """Without artefacts none of their colours is left, and the time may go back."""
+    go_to(page, 0.3)
+    assert centre_of(settled(page), PERSON)[0] > 50
+    page.run("document.querySelector('[data-node=\"/artefacts\"]').click()")
+    page.run("document.querySelector('[data-node=\"/ways\"]').click()")
+    assert centre_of(settled(page), PERSON)[0] == 0
+    go_to(page, 0.1)
+    assert centre_of(settled(page), PERSON)[0] == 0
+    page.run("document.querySelector('[data-node=\"/artefacts\"]').click()")
+    page.run("document.querySelector('[data-node=\"/ways\"]').click()")
+
+
+@needs_viser
+def test_the_page_needs_no_network(tmp_path: Path) -> None:
+    """It loads nothing from elsewhere, is small, and says what it shows."""
+    view = write_view(tmp_path / "view.html", place(), ticks(), "a room & more")
+    text = view.path.read_text(encoding="utf-8")
+    for call in ('<script src="', '<link rel="stylesheet" href="http', "@import"):
+        assert call not in text
+    assert "a room &amp; more" in text
+    assert view.length_bytes == view.path.stat().st_size < 1_500_000
+    assert view.sentence().startswith(f"view: {view.path} (")
+    assert "40 ticks" in view.sentence()
+
+
+@needs_viser
+def test_where_nothing_can_be_written_it_is_said(tmp_path: Path) -> None:
+    """A folder that is not there, and a recording without a tick."""
+    with pytest.raises(BagError, match="the page cannot be written"):
+        write_view(tmp_path / "absent" / "view.html", place(), ticks(3), "a room")
+    with pytest.raises(BagError, match="there is no tick to show"):
+        write_view(tmp_path / "view.html", place(), TickThinner(), "a room")
+
+
+def test_without_viser_it_is_said_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One sentence with the command."""
+    monkeypatch.setattr(viewer, "find_spec", lambda _: None)
+    with pytest.raises(BagError, match="pip install viser"):
+        write_view(tmp_path / "view.html", place(), ticks(3), "a room")
+
+
+def test_a_long_recording_is_thinned_evenly() -> None:
+    """However long it is, at most so many ticks are kept, at equal distances."""
+    thinner = ticks(5 * MOST_TICKS)
+    assert MOST_TICKS // 2 < len(thinner.ticks) <= MOST_TICKS
+    steps = np.diff([one.stamp_ns for one in thinner.ticks])
+    assert set(steps.tolist()) == {thinner.every * NS_PER_S // 10}
+
+
+def test_a_dense_scan_keeps_its_virtual_returns() -> None:
+    """Of thousands of returns some are left out, of a few virtual ones none."""
+    is_virtual = np.zeros(5000, dtype=np.bool_)
+    is_virtual[100:110] = True
+    scan = thinned_scan(np.zeros((5000, 3), dtype=np.float32), is_virtual)
+    assert scan.is_virtual.sum() == 10
+    assert len(scan.points_m) < 300

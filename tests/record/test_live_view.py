@@ -1,0 +1,98 @@
+"""The live viewer beside a running node, over DDS: what it hears, and what it changes."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from tests.ros import NOT_SET_UP, WAIT_S
+
+pytest.importorskip("rclpy", reason=NOT_SET_UP)
+
+from rclpy.executors import SingleThreadedExecutor
+
+from are_ros.draw.viewer import MISSING_VISER, has_viser, start_server, stop_server
+from are_ros.parameters.declaration import describe
+from are_ros.parameters.model import Parameters
+from are_ros.record.live_view import LiveView, RemoteNode, slider_range
+from are_ros.record.session import ros_session
+from tests.record.live_runs import SAMPLE
+
+needs_viser = pytest.mark.skipif(not has_viser(), reason=MISSING_VISER)
+
+
+@contextmanager
+def running(*words: object) -> Iterator["subprocess.Popen[bytes]"]:
+    """Run `are` as a process of its own, and end it."""
+    command = [sys.executable, "-m", "are_ros", *map(str, words)]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    process = subprocess.Popen(command, **quiet)  # type: ignore[call-overload]
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.wait(WAIT_S)
+
+
+@contextmanager
+def looking() -> Iterator[tuple[LiveView, RemoteNode, Callable[[Callable[[], bool]], None]]]:
+    """Open the live viewer; the callable goes on until something is the case."""
+    server = start_server(0)
+    try:
+        with ros_session("are_viewer") as node:
+            executor = SingleThreadedExecutor(context=node.context)
+            executor.add_node(node)
+            remote = RemoteNode(node, executor, "", lambda: False)
+            live = LiveView(server, remote, remote.parameters())
+
+            def until(is_so: Callable[[], bool]) -> None:
+                end_s = time.monotonic() + 2.0 * WAIT_S
+                while not is_so():
+                    assert time.monotonic() < end_s
+                    executor.spin_once(timeout_sec=0.05)
+                    live.work()
+
+            yield live, remote, until
+    finally:
+        stop_server(server)
+
+
+@needs_viser
+def test_it_shows_the_running_node_and_changes_what_can_change(ros_available: None) -> None:
+    """Artefacts come into view; a parameter, the pause and a click reach the node."""
+    del ros_available
+    node = ("node", "--params", SAMPLE.with_suffix(".yaml"), "--use-sim-time")
+    play = ("play", SAMPLE, "--loop", "--rate", 1, "--wait-for", "/ar_builder")
+    with running(*node), running(*play), looking() as (live, remote, until):
+        until(lambda: bool(live.ticks) and len(live.ticks[-1].artefacts) > 0)
+        until(lambda: any(tick.map_from_base is not None for tick in live.ticks))
+        until(lambda: any(tick.map_from_camera is not None for tick in live.ticks))
+        until(lambda: any(tick.scans for tick in live.ticks))
+
+        assert remote.set_parameter("population.mean_life", 77.0) == ""
+        assert remote.parameters().population.mean_life == pytest.approx(77.0)
+        assert "below" in remote.set_parameter("population.mean_life", 0.0)
+
+        live.clicked((0.0, 0.0, 5.0), (0.0, 0.0, -1.0))
+        until(lambda: live.said != "")
+        # The place may be taken: then the node refuses, and the reason names the place.
+        assert "stands" in live.said or "0.00, 0.00" in live.said
+
+        assert "paused" in live.pause(is_paused=True)
+        until(lambda: len(live.ticks[-1].artefacts) == 0)
+
+
+def test_sliders_have_room_for_a_hand() -> None:
+    """Within the bounds of the declaration, and around the value: not from 0 to ten millions."""
+    items = [i for i in describe(Parameters()) if i.live and type(i.default) in {int, float}]
+    assert len(items) > 5
+    for item in items:
+        assert isinstance(item.default, (int, float))
+        low, high, step = slider_range(item, item.default)
+        assert low <= item.default <= high
+        assert item.low is None or low >= item.low
+        assert item.high is None or high <= max(item.high, item.default)
+        assert 0.0 < step <= high - low
