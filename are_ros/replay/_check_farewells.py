@@ -1,7 +1,7 @@
 """When a live node takes its leave, or is paused, nothing virtual stays in what it gives out."""
 
-from are_ros.replay._check_file import PREFIX
-from are_ros.replay._check_marker_decoding import DELETE_ALL
+from are_ros.bag.marker_decoding import DELETE_ALL
+from are_ros.bag.recording import PREFIX
 from are_ros.replay._check_record import Record
 from are_ros.replay._check_result import CheckResult, Tally, at_s
 from are_ros.wording import counted

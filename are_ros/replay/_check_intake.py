@@ -4,11 +4,11 @@ from collections.abc import Callable
 from types import MappingProxyType
 from typing import Any, Final
 
+from are_ros.bag.marker_decoding import decode_markers
+from are_ros.bag.recording import PREFIX
 from are_ros.parameters.choices import OdometryUse
 from are_ros.replay._check_cells import RealMap
-from are_ros.replay._check_file import PREFIX
 from are_ros.replay._check_frames import ODOMETRY, PARAMETER
-from are_ros.replay._check_marker_decoding import decode_markers
 from are_ros.replay._check_marker_rules import change_of
 from are_ros.replay._check_record import MarkerShow, Record
 from are_ros.replay._check_result import Tally, at_s

@@ -6,14 +6,13 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Final
 
+from are_ros.bag.recording import PREFIX, RecordingFiles
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError
 from are_ros.parameters.model import Parameters
 from are_ros.replay._bag_errors import sentence_of
 from are_ros.replay._check_chronology import Chronology, Moment, stamp_of
-from are_ros.replay._check_file import PREFIX
 from are_ros.replay._check_intake import ARTEFACTS, GRID_TOPICS, MARKERS, Intake
-from are_ros.replay._check_paths import RecordingFiles
 from are_ros.replay._check_record import Record
 from are_ros.replay._check_result import Tally, at_s
 from are_ros.replay._check_runs import part_farewells, runs_of

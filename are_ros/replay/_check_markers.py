@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
+from are_ros.bag.marker_decoding import ADD, DELETE, DELETE_ALL
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Labels
 from are_ros.replay._check_lives import departures_ns
-from are_ros.replay._check_marker_decoding import ADD, DELETE, DELETE_ALL
 from are_ros.replay._check_marker_rules import MarkerChange
 from are_ros.replay._check_record import MarkerShow, Record
 from are_ros.replay._check_result import CheckResult, Tally, at_s

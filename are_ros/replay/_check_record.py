@@ -7,10 +7,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from are_ros.bag.recording import PREFIX
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.model import Parameters
 from are_ros.replay._check_cells import RealMap
-from are_ros.replay._check_file import PREFIX
 from are_ros.replay._check_frames import Frames
 from are_ros.replay._check_marker_rules import MarkerChange
 from are_ros.replay._check_runs import Runs

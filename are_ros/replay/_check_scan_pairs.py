@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.replay._check_file import PREFIX
+from are_ros.bag.recording import PREFIX
 from are_ros.replay._check_scene import time_ns
 
 _PLAIN_FIELDS: Final = (

@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 
 from mcap.reader import make_reader
 
+from are_ros.bag.recording import RecordingFiles
 from are_ros.replay._bag_files import open_reader
 from are_ros.replay._bag_types import BagTypes
 from are_ros.replay._check_chronology import Chronology, stamp_of
 from are_ros.replay._check_file import OUTPUT_TYPES, PREFIX
 from are_ros.replay._check_intake import ARTEFACTS, INPUT_TYPES
-from are_ros.replay._check_paths import RecordingFiles
 
 
 class StreamMessage(NamedTuple):

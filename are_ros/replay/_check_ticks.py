@@ -4,8 +4,8 @@ from itertools import pairwise
 from statistics import median
 from typing import Any, Final
 
+from are_ros.bag.recording import PREFIX
 from are_ros.conventions import NS_PER_S
-from are_ros.replay._check_file import PREFIX
 from are_ros.replay._check_record import Record
 from are_ros.replay._check_result import CheckResult, Tally, at_s
 from are_ros.replay._check_scene import Scene, time_ns

@@ -9,10 +9,10 @@ import numpy as np
 
 from are_ros.artefacts.artefact import Origin
 from are_ros.artefacts.scenario import FIRST_ADMITTED_ID
+from are_ros.bag.recording import find_recording
 from are_ros.builder.events import EventKind
 from are_ros.errors import BagError, InputError
 from are_ros.messages.times import read_time
-from are_ros.replay._check_paths import find_recording
 from are_ros.replay.bag_reader import BagReader
 from are_ros.replay.fit_input import ObservedRows, OpenProgress, RowSpace
 from are_ros.wording import counted

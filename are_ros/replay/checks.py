@@ -8,6 +8,13 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Final
 
+from are_ros.bag.recording import (
+    PARAMETERS,
+    RECORDING,
+    RecordingFiles,
+    find_recording,
+    walls_of,
+)
 from are_ros.errors import BagError
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
@@ -24,13 +31,6 @@ from are_ros.replay._check_markers import (
     check_marker_state,
 )
 from are_ros.replay._check_overlaps import check_clutter, check_neighbours, check_walls
-from are_ros.replay._check_paths import (
-    PARAMETERS,
-    RECORDING,
-    RecordingFiles,
-    find_recording,
-    walls_of,
-)
 from are_ros.replay._check_perceived import check_perceived, check_sight_events
 from are_ros.replay._check_reading import Reading
 from are_ros.replay._check_record import Record

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from are_ros.replay._check_file import PREFIX
+from are_ros.bag.recording import PREFIX
 from are_ros.replay.animation import write_animation
 from are_ros.replay.overview import draw_overview
 from are_ros.replay.progress_bar import ProgressBar

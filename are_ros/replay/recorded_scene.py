@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from are_ros.artefacts.catalogue import Catalogue
+from are_ros.bag.recording import PREFIX, find_recording
 from are_ros.builder.assembly import robot_footprint
 from are_ros.builder.events import ArtefactEvent
 from are_ros.builder.outputs import ArtefactState, SceneMetrics
@@ -17,8 +18,6 @@ from are_ros.messages.grid import read_grid
 from are_ros.messages.times import read_time
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
-from are_ros.replay._check_file import PREFIX
-from are_ros.replay._check_paths import find_recording
 from are_ros.replay._recorded_messages import event_of, metrics_of, row_of, state_of
 from are_ros.replay._recorded_robot import RecordedRobot
 from are_ros.replay.bag_reader import BagMessage, BagReader

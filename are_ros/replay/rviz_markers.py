@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Final
 
-from are_ros.replay._check_marker_decoding import (
+from are_ros.bag.marker_decoding import (
     ADD,
     DELETE,
     DELETE_ALL,

@@ -8,6 +8,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.bag.marker_decoding import MarkerFields
+from are_ros.bag.recording import find_recording
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
 from are_ros.messages.cloud import read_points
@@ -16,8 +18,6 @@ from are_ros.messages.scan import read_scan
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
 from are_ros.replay._check_geometry import Outline
-from are_ros.replay._check_marker_decoding import MarkerFields
-from are_ros.replay._check_paths import find_recording
 from are_ros.replay.bag_reader import BagMessage, BagReader
 from are_ros.replay.rviz_frames import RvizFrames
 from are_ros.replay.rviz_grids import MapDisplay

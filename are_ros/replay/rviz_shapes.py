@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.replay import _check_marker_decoding as kinds
+from are_ros.bag import marker_decoding as kinds
 from are_ros.replay.rviz_canvas import Triangles
 from are_ros.replay.rviz_scene import PlacedMarker
 from are_ros.world.rigid_transform import RigidTransform

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from struct import error as StructError  # noqa: N812
 from typing import Final
 
+from are_ros.bag.marker_decoding import CdrCursor
+from are_ros.bag.recording import PREFIX
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError
-from are_ros.replay._check_file import PREFIX
-from are_ros.replay._check_marker_decoding import CdrCursor
 from are_ros.replay.bag_reader import BagReader, BagTopic
 from are_ros.replay.roles import find_roles
 from are_ros.replay.rviz_markers import MarkerDisplay

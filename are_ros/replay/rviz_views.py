@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.replay import _check_marker_decoding as kinds
-from are_ros.replay._check_file import PREFIX
+from are_ros.bag import marker_decoding as kinds
+from are_ros.bag.recording import PREFIX
 from are_ros.replay.rviz_camera import RvizCamera
 from are_ros.replay.rviz_canvas import Canvas, Rgb, Triangles
 from are_ros.replay.rviz_grids import MAP_ALPHA, Palette, costmap_palette, map_palette

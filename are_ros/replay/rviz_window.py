@@ -10,8 +10,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.bag import marker_decoding as kinds
 from are_ros.conventions import NS_PER_S
-from are_ros.replay import _check_marker_decoding as kinds
 from are_ros.replay.rviz_canvas import Rgb
 from are_ros.replay.rviz_scene import PlacedMarker, RvizScene
 from are_ros.replay.rviz_views import GRID_LINE, OUTLINE, scan_colour

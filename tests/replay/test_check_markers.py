@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.replay import _check_marker_decoding as kinds
-from are_ros.replay._check_marker_decoding import ADD, DELETE, DELETE_ALL, MarkerFields
+from are_ros.bag import marker_decoding as kinds
+from are_ros.bag.marker_decoding import ADD, DELETE, DELETE_ALL, MarkerFields
 from are_ros.replay._check_marker_rules import change_of
 from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
 

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import are_ros.replay.checks
+from are_ros.bag.marker_decoding import decode_markers
 from are_ros.builder.marker_batch import DELETE_ALL
 from are_ros.builder.markers import MarkerAction, MarkerBatch, MarkerKind, MarkerLook
 from are_ros.builder.ray_casting import VoxelField
@@ -18,7 +19,6 @@ from are_ros.messages.marker_encoding import MarkerEncoder
 from are_ros.replay._check_cells import Covers, RealMap
 from are_ros.replay._check_frames import TF, Frames
 from are_ros.replay._check_geometry import Outline, distances_m, overlap_depths_m
-from are_ros.replay._check_marker_decoding import decode_markers
 from are_ros.replay._check_marker_rules import change_of
 from are_ros.replay._check_scene import Scene
 from are_ros.replay._check_walls import Walls

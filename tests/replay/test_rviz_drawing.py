@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from are_ros.replay import _check_marker_decoding as kinds
-from are_ros.replay._check_marker_decoding import MarkerFields
+from are_ros.bag import marker_decoding as kinds
+from are_ros.bag.marker_decoding import MarkerFields
 from are_ros.replay.rviz_camera import RvizCamera
 from are_ros.replay.rviz_canvas import Canvas, Triangles
 from are_ros.replay.rviz_scene import PlacedMarker
