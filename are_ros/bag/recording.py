@@ -21,7 +21,7 @@ from typing import Any, Final, NamedTuple
 import yaml
 from mcap.reader import make_reader
 
-from are_ros.bag.decoded import value_of
+from are_ros.bag.decoded import Scene, value_of
 from are_ros.bag.marker_decoding import decode_markers
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
@@ -459,3 +459,21 @@ def runs_of(stamps_ns: Iterable[int], period_ns: int, breaks_ns: Iterable[int]) 
         else:
             spans.append((stamp_ns, stamp_ns))
     return Runs(tuple(spans))
+
+
+def part_farewells(scenes: Iterable[Scene], period_ns: int) -> tuple[list[Scene], list[int]]:
+    """Part the lists of ticks from those with which a node takes its leave; return their stamps.
+
+    A farewell is empty. It comes at any time, not at a multiple of the period, or once more at the
+    time of the tick before.
+    """
+    ticks: list[Scene] = []
+    farewells_ns: list[int] = []
+    for scene in scenes:
+        is_late = bool(scene.stamp_ns % period_ns)
+        is_again = bool(ticks) and ticks[-1].stamp_ns == scene.stamp_ns
+        if not len(scene.ids) and (is_late or is_again):
+            farewells_ns.append(scene.stamp_ns)
+        else:
+            ticks.append(scene)
+    return ticks, farewells_ns

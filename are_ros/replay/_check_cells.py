@@ -7,9 +7,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from are_ros.bag.decoded import Scene
 from are_ros.conventions import OCCUPIED, UNKNOWN
 from are_ros.replay._check_geometry import TOUCHING_M
-from are_ros.replay._check_scene import Scene
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 Floats = NDArray[np.float64]

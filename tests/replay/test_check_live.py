@@ -17,6 +17,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 
 from are_ros.builder.costmap import InflatedCostmap
+from are_ros.checks.run import CheckResult, Outcome, check_recording
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.parameters.declaration import with_values
@@ -24,7 +25,6 @@ from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import read_ros_parameters
 from are_ros.replay.bag_folder import describe_folder
 from are_ros.replay.bag_writer import BagWriter
-from are_ros.replay.checks import CheckResult, Outcome, check_recording
 from are_ros.replay.message_types import jazzy_typestore
 
 MS = 1_000_000

@@ -9,7 +9,7 @@ import pytest
 
 from are_ros.bag import marker_decoding as kinds
 from are_ros.bag.marker_decoding import ADD, DELETE, DELETE_ALL, MarkerFields
-from are_ros.replay._check_marker_rules import change_of
+from are_ros.checks.marker_rules import change_of
 from are_ros.replay.message_types import RosbagsFactory, jazzy_typestore
 
 NO_POINTS, NO_COLOURS = np.zeros((0, 3)), np.zeros((0, 4), np.float32)

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from are_ros.builder.costmap import InflatedCostmap
 from are_ros.builder.registration import CellPatch, covered_cells
+from are_ros.checks.run import CheckResult, Outcome, check_replay
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import write_ros_parameters
 from are_ros.replay.bag_writer import BagWriter
-from are_ros.replay.checks import CheckResult, Outcome, check_replay
 from are_ros.replay.command import check_command
 from are_ros.replay.message_types import RosbagsFactory
 from are_ros.world.occupancy_grid import OccupancyGrid
