@@ -283,6 +283,15 @@ class Recording:
         return {topic: type_name for _, topic, type_name in keys}
 
     @property
+    def counts(self) -> dict[str, int]:
+        """How many messages each topic has."""
+        counts: dict[str, int] = {}
+        for (source, topic, _), connection in self._connections.items():
+            if self._sources.get(topic) == source:
+                counts[topic] = counts.get(topic, 0) + int(connection.msgcount)
+        return counts
+
+    @property
     def span_ns(self) -> tuple[int, int]:
         """The log times [first, just after the last) of the recording without the inputs."""
         return int(self._readers[0].start_time), int(self._readers[0].end_time)
