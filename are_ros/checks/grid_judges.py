@@ -7,7 +7,7 @@ out is up to date: of a replay to the tick, of a live recording with patience.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -174,24 +174,6 @@ class GridJudge:
         return self._inflation
 
 
-class Age(Protocol):
-    """Follows one grid tick by tick, and counts where the last one that went out is out of date."""
-
-    def take(
-        self,
-        tick: AdmittedTick,
-        real: RealMap,
-        grid: RealMap | None,
-        *,
-        is_new: bool,
-        is_sent: bool,
-    ) -> None:
-        """Follow one tick: `grid` went out last, `is_new`: at this very tick.
-
-        `is_sent`: this grid was published, or one that shares its interval.
-        """
-
-
 class Currency:
     """Of a replay: a change goes out at the first tick that may publish it.
 
@@ -219,7 +201,10 @@ class Currency:
         is_new: bool,
         is_sent: bool,
     ) -> None:
-        """Fail where one goes out too early, or a change does not though it may."""
+        """Follow one tick; fail where a grid goes out too early, or a change does not.
+
+        `is_new`: it went out at this tick; `is_sent`: it did, or one that shares its interval.
+        """
         del grid
         now_ns, real = tick.scene.stamp_ns, drawn_on(self._topic, real)
         self._tally.look()

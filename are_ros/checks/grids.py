@@ -11,7 +11,6 @@ from are_ros.bag.decoded import Grid, GridUpdate
 from are_ros.checks.grid_judges import (
     UPDATES_OF,
     AdmittedTick,
-    Age,
     Cells,
     Currency,
     GridJudge,
@@ -74,7 +73,7 @@ class _GridChecks:
         self._is_live = is_live
         self._tallies = GridTallies()
         self._judge = GridJudge(parameters, self._tallies)
-        self._ages: dict[str, Age] = {
+        self._ages: dict[str, Currency | Held] = {
             topic: Held(topic, tally, parameters, self._judge)
             if is_live
             else Currency(topic, tally, parameters)

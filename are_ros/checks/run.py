@@ -9,10 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from are_ros.bag.recording import (
-    PARAMETERS,
     PREFIX,
-    RECORDING,
-    RecordingFiles,
     find_recording,
 )
 from are_ros.checks.file import check_files
@@ -36,7 +33,7 @@ from are_ros.parameters.ros_yaml import with_file
 from are_ros.replay._check_cells import RealMap
 from are_ros.world.map_file import read_map_file
 
-__all__ = ("CheckResult", "Outcome", "check_recording", "check_replay")
+__all__ = ("CheckResult", "Outcome", "check_recording")
 
 _SCENE_CHECKS: Final = (
     check_ticks,
@@ -69,29 +66,7 @@ def check_recording(
     where there is no recording of ar_builder, MapError or ParameterError for a bad map file or
     parameters.
     """
-    return _check(find_recording(path), map_file, progress, parameters_file)
-
-
-def check_replay(
-    folder: Path,
-    map_file: Path | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> tuple[CheckResult, ...]:
-    """Check augmented.mcap in a folder as the recording of a replay; see `check_recording`."""
-    path, parameters = folder / RECORDING, folder / PARAMETERS
-    if not path.is_file():
-        raise BagError(f"{folder}: there is no {RECORDING} to check")
-    beside = parameters if parameters.is_file() else None
-    return _check(RecordingFiles(path, (path,), beside, is_replay=True), map_file, progress)
-
-
-def _check(
-    files: RecordingFiles,
-    map_file: Path | None,
-    progress: Callable[[float], None] | None,
-    parameters_file: Path | None = None,
-) -> tuple[CheckResult, ...]:
-    """Read the file once as a file, once but for the grids, then the grids of each loop."""
+    files = find_recording(path)
     parameters = _read_parameters(parameters_file or files.parameters)
     meter, is_live = _Meter(progress), not files.is_replay
     results = check_files(files.files, is_live=is_live)
