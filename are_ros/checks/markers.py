@@ -179,24 +179,18 @@ def _is_leave(show: MarkerShow, scene: Scene) -> bool:
 def check_marker_fading(record: Record) -> CheckResult:
     """No marker outlives ARE, nor its artefact, by more than three seconds."""
     tally = Tally("markers fade", "marker")
-    ends: dict[int, int] = {}
-    for number, end_ns in departures_ns(record).items():
-        ends[number % _ID_RANGE] = end_ns
-    until_ns: dict[tuple[str, int], int] = {}
+    ends = {number % _ID_RANGE: end_ns for number, end_ns in departures_ns(record).items()}
+    viewer = _Viewer()
     for show in record.shows:
-        _check_ended(tally, until_ns, ends, show.at_ns)
+        _check_ended(tally, viewer.until_ns, ends, show.at_ns)
         for change in show.changes:
-            if change.action == DELETE_ALL:
-                until_ns.clear()
-            elif change.action == DELETE:
-                until_ns.pop(change.key, None)
-            elif change.action == ADD:
+            if change.action == ADD:
                 tally.look()
                 if not 0 < change.lifetime_ns <= FADING_NS:
                     seconds = change.lifetime_ns / NS_PER_S
                     tally.fail(f"{_where(show, change)} has a lifetime of {seconds:g} s")
-                until_ns[change.key] = show.at_ns + (change.lifetime_ns or _FOREVER_NS // 2)
-    _check_ended(tally, until_ns, ends, _FOREVER_NS)
+            viewer.take(show.at_ns, change)
+    _check_ended(tally, viewer.until_ns, ends, _FOREVER_NS // 2)
     return tally.result()
 
 

@@ -2,7 +2,7 @@
 
 import heapq
 from bisect import bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -249,16 +249,13 @@ class Reading:
     What is wrong with the file or a message is counted in `tally`.
     """
 
-    def __init__(
-        self, files: RecordingFiles, parameters: Parameters | None, progress: Callable[[], None]
-    ) -> None:
+    def __init__(self, files: RecordingFiles, parameters: Parameters | None) -> None:
         self.tally = Tally("rosbags reader", "message")
         self.records: list[Record] = []
         self.topics: frozenset[str] = frozenset()
         self.is_open = False
         self._files = files
         self._parameters = parameters
-        self._progress = progress
         self._recording = Recording(files)
         self._marker_bytes = self._marker_messages = 0
 
@@ -292,7 +289,6 @@ class Reading:
                     self._take_markers(message)
                 else:
                     self._take(message, self._recording.decode(message))
-            self._progress()
         for record in self.records:
             if record.is_live:
                 record.settle()
@@ -307,7 +303,6 @@ class Reading:
             with self._faults_of(message):
                 value = self._recording.decode(message)
                 heapq.heappush(waiting, (message.at_ns, place, message.topic, value))
-            self._progress()
             while waiting and waiting[0][0] < message.at_ns - _REORDER_NS:
                 yield heapq.heappop(waiting)[2:]
         while waiting:

@@ -4,7 +4,6 @@ These checks read the recording, the parameters and the map; they share no code 
 geometry, inflation, transforms and the decoding of markers are plain second implementations.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -54,24 +53,21 @@ _SCENE_CHECKS: Final = (
 def check_recording(
     path: Path,
     map_file: Path | None = None,
-    progress: Callable[[float], None] | None = None,
     parameters_file: Path | None = None,
 ) -> tuple[CheckResult, ...]:
     """Check a replay's output folder, or a live recording: a folder, an .mcap or a .db3 file.
 
     A folder with augmented.mcap and metrics.json is a replay's. The real map is `map_file`, else
     the one in the recording; the parameters `parameters_file`, else effective.yaml beside it.
-    `progress` is told the share done, 0 to 1. What is wrong with the recording, damaged bytes too,
-    is a failed result; what cannot be looked at, a skipped one with the reason. Raises BagError
-    where there is no recording of ar_builder, MapError or ParameterError for a bad map file or
-    parameters.
+    What is wrong with the recording, damaged bytes too, is a failed result; what cannot be looked
+    at, a skipped one with the reason. Raises BagError where there is no recording of ar_builder,
+    MapError or ParameterError for a bad map file or parameters.
     """
     files = find_recording(path)
     parameters = _read_parameters(parameters_file or files.parameters)
-    meter, is_live = _Meter(progress), not files.is_replay
+    is_live = not files.is_replay
     results = check_files(files.files, is_live=is_live)
-    meter.expect(results[0].looked_at)
-    with Reading(files, parameters, meter.step) as reading:
+    with Reading(files, parameters) as reading:
         if is_live and reading.is_open and not any(t.startswith(PREFIX) for t in reading.topics):
             raise BagError(f"{files.path}: it holds no topic of the node, none begins {PREFIX}")
         reading.read_all_but_grids()
@@ -83,7 +79,6 @@ def check_recording(
         loops = ((record, reading.grids(number)) for number, record in enumerate(records))
         results += check_grids(loops)
     results += [merged(parts) for parts in zip(*map(check_scans, records), strict=True)]
-    meter.finish()
     return (results[0], reading.tally.result(), *results[1:])
 
 
@@ -94,31 +89,3 @@ def _read_map(path: Path | None, frame_id: str) -> RealMap | None:
 def _read_parameters(path: Path | None) -> Parameters | None:
     """Return the effective parameters, None where they were not kept."""
     return None if path is None else with_file(Parameters(), path)
-
-
-class _Meter:
-    """Tells how much is done: the first pass is a fifth of it, the other two the rest."""
-
-    def __init__(self, progress: Callable[[float], None] | None) -> None:
-        self._progress = progress
-        self._done = 0
-        self._expected = 1
-
-    def expect(self, messages: int) -> None:
-        """Begin the other passes."""
-        self._expected = max(messages, 1)
-        self._tell(0.2)
-
-    def step(self) -> None:
-        """Count a message of the other passes."""
-        self._done += 1
-        if self._done % 64 == 0:
-            self._tell(0.2 + 0.8 * min(self._done / self._expected, 1.0))
-
-    def finish(self) -> None:
-        """Say that all is done."""
-        self._tell(1.0)
-
-    def _tell(self, share: float) -> None:
-        if self._progress is not None:
-            self._progress(share)

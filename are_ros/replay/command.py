@@ -301,7 +301,7 @@ def check_command(
     from are_ros.checks.result import want_of_inputs
     from are_ros.checks.run import check_recording
 
-    results = check_recording(path, map_file, None, parameters_file)
+    results = check_recording(path, map_file, parameters_file)
     for result in results:
         echo(result.sentence())
     if sentence := want_of_inputs(results):
