@@ -11,25 +11,17 @@ import numpy as np
 from are_ros.artefacts.artefact import GroundPose, Origin
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.shapes import Shape
-from are_ros.bag.decoded import Event, Grid, ImageFormat, Metrics, Odometry, Perceived, Scene
+from are_ros.bag.decoded import Event, Grid, Metrics, Odometry, Perceived, Scene
 from are_ros.bag.recording import PREFIX, RecordedMessage, Recording, find_recording
-from are_ros.builder.assembly import (
-    chosen_camera,
-    default_camera,
-    robot_footprint,
-    robot_tracker,
-)
+from are_ros.builder.assembly import robot_footprint
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.outputs import ArtefactState, SceneMetrics
 from are_ros.errors import BagError
-from are_ros.messages.camera_info import read_camera_info
-from are_ros.messages.headers import read_header
 from are_ros.messages.odometry import OdometryNumbers
 from are_ros.messages.transforms import StampedTransform
-from are_ros.parameters.choices import CameraModel
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
-from are_ros.replay._recorded_frames import RecordedFrames
+from are_ros.replay._recorded_robot import RecordedRobot
 from are_ros.replay.bag_reader import BagTopic
 from are_ros.replay.roles import find_roles
 from are_ros.replay.runner import Progress
@@ -104,7 +96,7 @@ class _Teller:
     def __init__(self, recording: Recording, parameters: Parameters) -> None:
         self.role_of_topic = _topics(recording)
         roles = set(self.role_of_topic.values())
-        self._robot = _Robot(parameters, has_camera_info="camera/camera_info" in roles)
+        self._robot = RecordedRobot(parameters, has_camera_info="camera/camera_info" in roles)
         self._recorder = SceneRecorder(
             Catalogue(()),
             seed=parameters.seed,
@@ -122,8 +114,8 @@ class _Teller:
             "perceived": self._take_perceived,
             "events": self._take_event,
             "metrics": self._take_metrics,
-            "odom": self._robot.take_odometry,
-            "camera/camera_info": self._robot.take_camera,
+            "odom": self._take_odometry,
+            "camera/camera_info": lambda image: self._robot.take_camera(image.message),
             "map": self._take_map,
             _AUGMENTED: self._take_augmented,
         }
@@ -172,6 +164,9 @@ class _Teller:
         fields = {name: getattr(metrics, name) for name in SceneMetrics.__dataclass_fields__}
         self._metrics[metrics.stamp_ns] = SceneMetrics(**fields)
 
+    def _take_odometry(self, odometry: Odometry) -> None:
+        self._robot.take_odometry(OdometryNumbers(*odometry.sample, twist=()))
+
     def _take_map(self, grid: Grid) -> None:
         self.grid = grid_of(grid, "map")
 
@@ -198,48 +193,6 @@ class _Teller:
             tick.map_from_camera,
         )
         self._recorder.keep(moment, tick.camera)
-
-
-class _Robot:
-    """Where robot and camera were, from the transforms of a recording, as the node finds it.
-
-    A transform that cannot be taken is left out: `are check` tells of it, here a pose is missing.
-    """
-
-    def __init__(self, parameters: Parameters, *, has_camera_info: bool) -> None:
-        """Take the parameters; without CameraInfo in the recording theirs is the camera."""
-        self._parameters = parameters
-        self._frames = RecordedFrames(parameters)
-        self._tracker = robot_tracker(parameters, self._frames.tree)
-        is_awaited = has_camera_info and parameters.camera.model is CameraModel.AUTO
-        self.camera: Camera | None = None if is_awaited else default_camera(parameters)
-
-    def take_transform(self, transform: StampedTransform, *, is_static: bool) -> None:
-        """Take one of /tf or /tf_static."""
-        self._frames.take_transform(transform, is_static=is_static)
-
-    def take_odometry(self, odometry: Odometry) -> None:
-        """Take the pose of an odometry, as `frames.odometry` says."""
-        numbers = OdometryNumbers(*odometry.sample, twist=())
-        self._frames.take_odometry(numbers, self._tracker.base_frame())
-
-    def take_camera(self, image: ImageFormat) -> None:
-        """Take a CameraInfo. Raises InputError where it describes no camera."""
-        view = read_camera_info(image.message).view(rectified=self._parameters.camera.rectified)
-        frame_id = read_header(image.message, "camera_info").frame_id
-        received = Camera(view, frame_id, RigidTransform.identity())
-        self.camera = chosen_camera(self._parameters, received)
-
-    @property
-    def missing(self) -> str:
-        """Why the pose of the robot that was asked for last is not known, empty if it is."""
-        return self._tracker.missing
-
-    def poses(self, now_ns: int) -> tuple[RigidTransform | None, RigidTransform | None]:
-        """Return map_from_base and map_from_camera as of a tick, None where not known."""
-        pose = self._tracker.pose(now_ns)
-        camera = self._tracker.map_from_camera(self.camera, now_ns) if self.camera else None
-        return (pose.map_from_base if pose else None), camera
 
 
 def _state_of(scene: Scene, i: int) -> ArtefactState:
