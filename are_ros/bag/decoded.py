@@ -71,11 +71,6 @@ class Scene:
             and np.array_equal(self.yaws_rad, other.yaws_rad)
         )
 
-    def box_key(self, index: int) -> bytes:
-        """Return a value that equal boxes share."""
-        parts = (self.centres_m[index], self.yaws_rad[index : index + 1], self.half_sizes_m[index])
-        return np.concatenate(parts).tobytes()
-
 
 class Sighting(NamedTuple):
     """One perceived artefact. `roi` is x, y, width and height in pixels."""

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from are_ros.bag.decoded import Grid, GridUpdate, Scene
 from are_ros.bag.recording import PREFIX
 from are_ros.checks.inflation import Inflation
+from are_ros.checks.oracle_solids import SURE, Cover, RealMap, are_same, layer
 from are_ros.checks.overlaps import covers_by_tick
 from are_ros.checks.record import Record, real_map
 from are_ros.checks.result import Tally, at_s
 from are_ros.conventions import NS_PER_S, OCCUPIED, seconds_to_ns
 from are_ros.parameters.choices import CostmapGate
 from are_ros.parameters.model import CostmapParameters, Parameters
-from are_ros.replay._check_cells import SURE, Cover, RealMap, are_same, layer
 from are_ros.wording import counted
 
 Cells = NDArray[np.int8]

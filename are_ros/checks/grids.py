@@ -20,10 +20,10 @@ from are_ros.checks.grid_judges import (
     first_difference,
     updated,
 )
+from are_ros.checks.oracle_solids import RealMap
 from are_ros.checks.record import GridMessage, Record, real_map
 from are_ros.checks.result import CheckResult, at_s, skipped
 from are_ros.parameters.model import Parameters
-from are_ros.replay._check_cells import RealMap
 
 
 def check_grids(loops: Iterable[tuple[Record, Iterator[GridMessage]]]) -> list[CheckResult]:

@@ -39,6 +39,7 @@ from are_ros.bag.recording import (
 )
 from are_ros.checks.frames import ODOMETRY, PARAMETER, TF, Frames
 from are_ros.checks.marker_rules import MarkerChange, change_of
+from are_ros.checks.oracle_solids import Cloud, RealMap
 from are_ros.checks.result import Tally, at_s
 from are_ros.checks.scan_pairs import ScanPairs
 from are_ros.conventions import NS_PER_S
@@ -46,8 +47,6 @@ from are_ros.errors import AreError, InputError
 from are_ros.parameters.choices import OdometryUse
 from are_ros.parameters.model import Parameters
 from are_ros.replay._bag_errors import sentence_of
-from are_ros.replay._check_cells import RealMap
-from are_ros.replay._check_walls import Cloud
 
 _USUAL_BASES: Final = ("base_footprint", "base_link")
 _REAL_MAP: Final = "/map"

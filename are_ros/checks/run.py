@@ -14,6 +14,7 @@ from are_ros.bag.recording import (
 from are_ros.checks.file import check_files
 from are_ros.checks.grids import check_grids
 from are_ros.checks.markers import check_marker_fading, check_marker_rules, check_marker_state
+from are_ros.checks.oracle_solids import RealMap
 from are_ros.checks.overlaps import check_clutter, check_neighbours, check_robot, check_walls
 from are_ros.checks.record import Reading
 from are_ros.checks.result import CheckResult, Outcome, merged
@@ -29,7 +30,6 @@ from are_ros.checks.ticks import (
 from are_ros.errors import BagError
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
-from are_ros.replay._check_cells import RealMap
 from are_ros.world.map_file import read_map_file
 
 __all__ = ("CheckResult", "Outcome", "check_recording")

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from are_ros.bag.marker_decoding import MarkerFields
 from are_ros.bag.recording import find_recording
+from are_ros.checks.oracle import Outline
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
 from are_ros.messages.cloud import read_points
@@ -17,7 +18,6 @@ from are_ros.messages.headers import read_header
 from are_ros.messages.scan import read_scan
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
-from are_ros.replay._check_geometry import Outline
 from are_ros.replay.bag_reader import BagMessage, BagReader
 from are_ros.replay.rviz_frames import RvizFrames
 from are_ros.replay.rviz_grids import MapDisplay

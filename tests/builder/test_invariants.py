@@ -6,7 +6,7 @@ of the truth is the list of artefacts of each tick and the inputs that they gave
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from types import SimpleNamespace
@@ -23,6 +23,13 @@ from are_ros.builder.markers import MarkerAction
 from are_ros.builder.outputs import ArtefactState
 from are_ros.builder.sensor_path import ReleasedScan
 from are_ros.builder.tick import Tick
+from are_ros.checks.oracle import (
+    Outline,
+    PlainBoxes,
+    overlapping,
+    ray_chords_m,
+    rectangle_depths_m,
+)
 from are_ros.errors import InputError
 from are_ros.messages.feed import Feed
 from are_ros.replay.bag_reader import BagMessage
@@ -194,40 +201,34 @@ def place_of(state: ArtefactState) -> Place:
 
 
 @cache
-def rectangle(place: Place) -> tuple[Floats, Floats]:
-    """Return the corners (4, 2) of a box's footprint, and its sides' directions (2, 2)."""
-    pose, size_m, box_centre_m = place
-    sides = np.array(
-        [
-            [math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)],
-            [-math.sin(pose.yaw_rad), math.cos(pose.yaw_rad)],
-        ]
+def box_of(place: Place) -> PlainBoxes:
+    """Return a box in the oracle's form."""
+    pose, size_m, centre_m = place
+    feet = np.array([(pose.x_m, pose.y_m, pose.z_m)])
+    return PlainBoxes.standing(
+        feet, np.array([pose.yaw_rad]), np.array([centre_m]), np.array([size_m])
     )
-    centre = np.array([pose.x_m, pose.y_m]) + np.array(box_centre_m[:2]) @ sides
-    half = 0.5 * np.array(size_m[:2])
-    signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
-    return centre + (signs * half) @ sides, sides
 
 
-def depth_m(one: Floats, others: Floats, axes: Floats) -> Floats:
-    """Return by how much polygons (4, 2) and (N, 4, 2) overlap, least axis; negative: apart."""
-    depths = []
-    for axis in axes:
-        a, b = one @ axis, others @ axis
-        upper = np.minimum(a.max(), b.max(axis=1))
-        depths.append(upper - np.maximum(a.min(), b.min(axis=1)))
-    least: Floats = np.min(depths, axis=0)
-    return least
+def boxes_of(states: Sequence[ArtefactState]) -> PlainBoxes:
+    """Return all boxes in the oracle's form."""
+    boxes = [box_of(place_of(state)) for state in states]
+    return PlainBoxes(
+        np.concatenate([np.empty((0, 3)), *(box.centres_m for box in boxes)]),
+        np.concatenate([np.empty(0), *(box.yaws_rad for box in boxes)]),
+        np.concatenate([np.empty((0, 3)), *(box.half_sizes_m for box in boxes)]),
+    )
 
 
 @cache
 def cell_depths_m(place: Place, shape: tuple[int, int]) -> Floats:
     """Return for each cell (h, w) by how much its square and the footprint overlap."""
-    corners, sides = rectangle(place)
+    box = box_of(place)
     rows, cols = (index.ravel() for index in np.indices(shape))
-    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    squares = RESOLUTION_M * (np.column_stack((cols, rows))[:, None, :] + square)
-    return depth_m(corners, squares, np.vstack((np.eye(2), sides))).reshape(shape)
+    middles = RESOLUTION_M * (np.column_stack((cols, rows)) + 0.5)
+    half, square = box.half_sizes_m[0], np.full(2, 0.5 * RESOLUTION_M)
+    apart = middles - box.centres_m[0, :2]
+    return rectangle_depths_m(apart, box.yaws_rad[0], half, 0.0, square).reshape(shape)
 
 
 def admitted(moment: Moment, gate: str) -> list[ArtefactState]:
@@ -314,28 +315,27 @@ def test_no_artefact_overlaps_a_wall(run: Run) -> None:
 def test_no_two_artefacts_overlap(run: Run) -> None:
     """All stand on the ground, so that footprints decide."""
     for moment in run.moments:
-        shapes = [rectangle(place_of(state)) for state in moment.tick.artefacts]
-        for i, (corners, sides) in enumerate(shapes):
-            for others, other_sides in shapes[:i]:
-                axes = np.vstack((sides, other_sides))
-                assert depth_m(corners, others[None], axes)[0] <= TOUCH_M
+        depths = [depth for _, _, depth in overlapping(boxes_of(moment.tick.artefacts))]
+        assert max(depths, default=0.0) <= TOUCH_M
 
 
 def test_none_overlaps_the_robot_but_for_reported_contacts(run: Run) -> None:
     """Each overlap at a tick was told as a contact; where they make way there is none."""
     touching: set[int] = set()
     told: set[int] = set()
+    robot = Outline.of("", ROBOT_RADIUS_M)
     for moment in run.moments:
         told |= {e.artefact_id for e in moment.tick.events if e.kind is EventKind.ROBOT_CONTACT}
         if moment.tick.map_from_base is None:
             continue
         centre = moment.tick.map_from_base.translation_m[:2]
-        for state in moment.tick.artefacts:
-            corners, sides = rectangle(place_of(state))
-            local = np.abs((centre - corners.mean(axis=0)) @ sides.T)
-            gap = np.linalg.norm(np.maximum(local - 0.5 * np.array(state.size_m[:2]), 0.0))
-            if gap < ROBOT_RADIUS_M - TOUCH_M:
-                touching.add(state.artefact_id)
+        boxes = boxes_of(moment.tick.artefacts)
+        depths = robot.depths_m(float(centre[0]), float(centre[1]), 0.0, boxes)
+        touching |= {
+            state.artefact_id
+            for state, depth in zip(moment.tick.artefacts, depths, strict=True)
+            if depth > TOUCH_M
+        }
     assert touching <= told
     assert told
     assert bool(touching) == (run.gate == "perceived")
@@ -359,17 +359,12 @@ def hits_m(states: tuple[ArtefactState, ...], t_s: float) -> tuple[Floats, Float
     """Return each beam's first hit on the boxes, and the length of its shortest graze."""
     x, y, yaw = robot_pose(t_s)
     angles = yaw - math.pi + np.arange(BEAMS) * (2.0 * math.pi / BEAMS)
-    rays = np.column_stack((np.cos(angles), np.sin(angles)))
+    rays = np.column_stack((np.cos(angles), np.sin(angles), np.zeros(BEAMS)))
     nearest, graze = np.full(BEAMS, np.inf), np.full(BEAMS, np.inf)
     for state in states:
-        if state.size_m[2] <= LASER_HEIGHT_M:
-            continue
-        corners, sides = rectangle(place_of(state))
-        start = sides @ (np.array([x, y]) - corners.mean(axis=0))
-        half, turned = 0.5 * np.array(state.size_m[:2]), rays @ sides.T
-        with np.errstate(divide="ignore"):
-            a, b = (-half - start) / turned, (half - start) / turned
-        near, far = np.minimum(a, b).max(axis=1), np.maximum(a, b).min(axis=1)
+        box = box_of(place_of(state))
+        start, half = np.array((x, y, LASER_HEIGHT_M)), box.half_sizes_m[0]
+        near, far = ray_chords_m(start, rays, box.centres_m[0], box.yaws_rad[0], half)
         is_hit = (far >= near) & (far > 0.0)
         graze = np.where(np.abs(far - near) < 1e-3, 0.0, graze)
         nearest = np.where(is_hit, np.minimum(nearest, np.maximum(near, 0.0)), nearest)
