@@ -124,8 +124,8 @@ def sub_step_of_tick(real: Any, lives: Any, step_ns: int) -> None:
 # A table: of each its invariant, name, target, what takes its place, and the tests.
 # fmt: off
 BREAKAGES = (
-    Breakage(CELLS, "artefacts are 99", "builder.costmap.augmented_map:OCCUPIED", lambda real: real - 1,
-             _CELLS_TEST),
+    Breakage(CELLS, "artefacts are 99", "builder.costmap.augmented_map:OCCUPIED",
+             lambda real: real - 1, _CELLS_TEST),
     Breakage(CELLS, "who moves away leaves free cells, not the real ones",
              "builder.costmap.augmented_map:AugmentedMap.set_map",
              lambda real, self, cells: real(self, cells) or put(self, "_real", 0 * cells),
@@ -135,7 +135,8 @@ BREAKAGES = (
     Breakage(CELLS, "the gate lets everybody through", "builder.gates:GateMemory.admitted",
              lambda _real, _self, _now, _seen, patches, *_: frozenset(patches),
              _CELLS_TEST + "[perceived]"),
-    Breakage(COSTMAP, "who moves away takes the walls' inflation along", "builder.costmap.inflation:restore",
+    Breakage(COSTMAP, "who moves away takes the walls' inflation along",
+             "builder.costmap.inflation:restore",
              lambda real, costs, static, vacated: real(costs, np.zeros_like(static), vacated),
              _COSTMAP_TEST),
     Breakage(COSTMAP, "walls are not inflated", "builder.costmap.inflation:inflated",
@@ -199,7 +200,8 @@ BREAKAGES = (
              _BUILDER + "test_a_new_map_is_relayed_too"),
     Breakage(TOPICS, "outputs have the inputs' names", "replay.listeners:PREFIX", lambda _: "/",
              _RUN + "test_nothing_is_written_on_a_topic_of_the_robot"),
-    Breakage(TOPICS, "the real map is handed on itself, not a copy", "builder.costmap.augmented_map:_like",
+    Breakage(TOPICS, "the real map is handed on itself, not a copy",
+             "builder.costmap.augmented_map:_like",
              lambda real, grid, now_ns, cells:
                  real(grid, now_ns, grid.cells if np.array_equal(cells, grid.cells) else cells),
              _RUN + "test_inputs_are_never_written_to"),

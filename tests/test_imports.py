@@ -15,11 +15,11 @@ LAYERS = (
     ("artefacts",),
     ("builder",),
     ("messages",),
-    ("checks",),
     ("description",),
     ("bag",),
     ("draw",),
-    ("node", "replay"),
+    ("node", "checks"),
+    ("replay",),
     ("record",),
     ("experiments",),
     ("cli",),
@@ -32,7 +32,7 @@ CORE = (*BASE, "world", "artefacts", "builder")
 ADAPTERS = {
     "rclpy": ("node", "record"),
     "rosbags": ("bag", "replay"),
-    "mcap": ("bag", "replay"),
+    "mcap": ("bag", "checks", "replay"),
     "click": ("cli",),
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))
@@ -74,9 +74,7 @@ def test_every_part_has_its_place() -> None:
 
 
 def test_imports_go_one_way() -> None:
-    """A module imports its own part and lower ones; so node and replay never import each other.
-
-    """
+    """A module imports its own part and lower ones; so node and replay never import each other."""
     wrong = [
         f"{module} imports {name}"
         for part, module, name in imports()
@@ -109,7 +107,7 @@ def test_the_core_knows_no_middleware() -> None:
 
 
 def test_each_middleware_stays_behind_its_adapter() -> None:
-    """Rclpy in node and record, rosbags and mcap in bag and replay, click in cli only."""
+    """Rclpy in node and record, rosbags and mcap where recordings are, click in cli only."""
     wrong = [
         f"{module} imports {name}"
         for part, module, name in imports()

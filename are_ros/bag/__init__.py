@@ -1,1 +1,1 @@
-"""Recordings of ROS 1 and ROS 2: files, clock, gaps, roles and message types; no replay."""
+"""Recordings: read, written, decoded; their clock, gaps, roles and message types."""

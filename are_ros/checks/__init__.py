@@ -1,1 +1,1 @@
-"""What judges recordings and live runs, with arithmetic of its own."""
+"""What a recording must satisfy, checked by code that shares nothing with what wrote it."""

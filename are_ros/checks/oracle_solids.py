@@ -214,7 +214,9 @@ class Walls:
         starts_m = np.broadcast_to(start_m, ends_m.shape)
         chord_m = float(self.size_m[:2].min()) / _SAMPLES
         far_m = self.first_solid(starts_m, ways, lengths_m, _MARGIN_M, chord_m)
-        return np.where(np.isfinite(far_m)[:, None], start_m + far_m[:, None] * ways, np.nan)
+        known_m = np.where(np.isfinite(far_m), far_m, np.nan)  # infinity times 0 would warn
+        found: Floats = start_m + known_m[:, None] * ways
+        return found
 
     def first_solid(
         self,

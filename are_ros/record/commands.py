@@ -7,7 +7,8 @@ from typing import Any
 from are_ros.draw.viewer import MISSING_VISER, has_viser
 from are_ros.errors import BagError
 from are_ros.node.startup import stop_on_signals
-from are_ros.record.demo import DemoOptions, run_demo, summary_of
+from are_ros.record.demo import DemoOptions, run_demo
+from are_ros.record.demo_summary import summary_of
 from are_ros.record.player import PlayOutcome, play
 from are_ros.record.publishers import PlayOptions
 from are_ros.record.recorder import record

@@ -3,17 +3,15 @@
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from are_ros.artefacts.artefact import Origin
 from are_ros.artefacts.scenario import FIRST_ADMITTED_ID
-from are_ros.bag.reader import BagReader
-from are_ros.builder.events import EventKind
+from are_ros.bag.decoded import ARRIVED, BLOCKED, Event, Scene
+from are_ros.bag.recording import Recording, find_recording
 from are_ros.errors import BagError, InputError
-from are_ros.messages.common import read_time
-from are_ros.replay._check_paths import find_recording
 from are_ros.replay.fit_input import ObservedRows, OpenProgress, RowSpace
 from are_ros.wording import counted
 
@@ -49,22 +47,21 @@ class Census:
     low_scripted: set[str] = field(default_factory=set)
     """Nodes whose scenario gives low ids; nobody comes at random beside such a scenario."""
 
-    def take_event(self, node: str, message: Any) -> None:
-        """Keep an are_msgs/ArtefactEvent of a node."""
-        stamp_ns = read_time(message.header.stamp)
-        self.begun_ns.setdefault(node, stamp_ns)
-        kinds = {EventKind.ARRIVED: self.arrived, EventKind.BLOCKED: self.blocked}
-        if message.kind in kinds:
-            kinds[message.kind][_Key(node, int(message.id), stamp_ns)] = message.label
+    def take_event(self, node: str, event: Event) -> None:
+        """Keep an event of a node."""
+        self.begun_ns.setdefault(node, event.stamp_ns)
+        kinds = {ARRIVED: self.arrived, BLOCKED: self.blocked}
+        if event.kind in kinds:
+            kinds[event.kind][_Key(node, event.artefact_id, event.stamp_ns)] = event.label
 
-    def take_array(self, node: str, message: Any) -> None:
-        """Keep an are_msgs/ArtefactArray of a node."""
-        self.begun_ns.setdefault(node, read_time(message.header.stamp))
-        for artefact in message.artefacts:
-            key = _Key(node, int(artefact.id), read_time(artefact.arrival))
+    def take_scene(self, node: str, scene: Scene) -> None:
+        """Keep a list of the living of a node."""
+        self.begun_ns.setdefault(node, scene.stamp_ns)
+        columns = (scene.ids, scene.arrivals_ns, scene.rows, scene.labels, scene.origins)
+        for artefact_id, arrival_ns, row, label, origin in zip(*columns, strict=True):
+            key = _Key(node, int(artefact_id), int(arrival_ns))
             if key not in self.seen:
-                known = _Known(int(artefact.row), artefact.label, int(artefact.origin))
-                self.seen[key] = known
+                known = self.seen[key] = _Known(int(row), label, int(origin))
                 if known.origin == Origin.SCRIPTED and key.artefact_id < FIRST_ADMITTED_ID:
                     self.low_scripted.add(node)
 
@@ -116,19 +113,22 @@ def read_recording(path: Path, space: RowSpace, open_progress: OpenProgress) -> 
     before it began do not count: who stays long would be counted more often. InputError where a
     label's row is not known, or the recording was made with another catalogue.
     """
-    census, types = Census(), {}
-    with BagReader([find_recording(path).path]) as reader:
-        types = {topic.name: topic.type_name for topic in reader.topics}
+    census = Census()
+    with Recording(find_recording(path)) as recording:
+        types = recording.types
         topics = [name for name, kind in types.items() if kind in {_EVENT, _ARRAY}]
         if not topics:
             raise BagError(f"{path}: there are neither events nor artefacts of ar_builder in it")
-        move = open_progress(reader.start_ns, reader.end_ns)
-        for message in reader.messages(topics):
-            node = message.topic.rpartition("/")[0]
-            take = census.take_event if types[message.topic] == _EVENT else census.take_array
-            take(node, reader.deserialize(message))
-            move(message.log_time_ns)
-        move(reader.end_ns)
+        start_ns, end_ns = recording.span_ns
+        move = open_progress(start_ns, end_ns)
+        for message in recording.in_log_order(topics):
+            node, value = message.topic.rpartition("/")[0], recording.decode(message)
+            if isinstance(value, Event):
+                census.take_event(node, value)
+            else:
+                census.take_scene(node, value)
+            move(message.log_ns)
+        move(end_ns)
     comers = census.comers()
     rows = _rows_by_label(path, census, space)
     counts = np.zeros(space.rows, dtype=np.int64)

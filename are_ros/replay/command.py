@@ -315,11 +315,11 @@ def check_command(
     echo: Say, path: Path, map_file: Path | None, parameters_file: Path | None
 ) -> bool:
     """Run `are check`; return whether no check failed."""
-    from are_ros.replay._check_result import Outcome as CheckOutcome
-    from are_ros.replay._check_result import want_of_inputs
-    from are_ros.replay.checks import check_recording
+    from are_ros.checks.result import Outcome as CheckOutcome
+    from are_ros.checks.result import want_of_inputs
+    from are_ros.checks.run import check_recording
 
-    results = check_recording(path, map_file, None, parameters_file)
+    results = check_recording(path, map_file, parameters_file)
     for result in results:
         echo(result.sentence())
     if sentence := want_of_inputs(results):

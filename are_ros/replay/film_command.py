@@ -4,10 +4,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from are_ros.bag.recording import PREFIX
 from are_ros.draw.animation import write_animation
 from are_ros.draw.overview import draw_overview
 from are_ros.draw.scene import SceneRecord
-from are_ros.replay._check_file import PREFIX
 from are_ros.replay.progress import ProgressBar
 from are_ros.replay.recorded_scene import RecordedScene, read_recorded_scene
 from are_ros.world.occupancy_grid import OccupancyGrid

@@ -10,11 +10,11 @@ from tqdm import tqdm
 
 from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.artefacts.mixture_fit import Progress, best_by_bic, fit_by_bic, fit_mixture
+from are_ros.bag.recording import find_recording
 from are_ros.draw.plots import draw_fit
 from are_ros.errors import InputError, ParameterError
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
-from are_ros.replay._check_paths import find_recording
 from are_ros.replay.fit_input import ObservedRows, RowSpace, is_recording, read_observed
 from are_ros.replay.fit_results import (
     PICTURE,

@@ -9,7 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.catalogue import Catalogue
+from are_ros.bag.decoded import value_of
 from are_ros.bag.reader import BagMessage, BagReader
+from are_ros.bag.recording import RECORDING, find_recording
 from are_ros.bag.roles import find_roles
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of, robot_footprint
@@ -36,12 +38,11 @@ from are_ros.messages.scan import read_scan
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
-from are_ros.replay._check_file import PREFIX
-from are_ros.replay._check_paths import RECORDING, find_recording
-from are_ros.replay._recorded_messages import state_of
 from are_ros.replay._recorded_robot import RecordedRobot
 from are_ros.replay.film_command import without_robot
+from are_ros.replay.listeners import PREFIX
 from are_ros.replay.progress import Progress, ProgressBar
+from are_ros.replay.recorded_scene import state_of
 from are_ros.replay.runner import Listener
 from are_ros.world.frame_tree import FrameTree
 from are_ros.world.laser_scan import LaserScan
@@ -54,6 +55,7 @@ OpenProgress = Callable[[int, int], Progress]
 
 _ROLES: Final = ("tf", "tf_static", "odom", "camera/camera_info", "map")
 _CLOUD: Final = "octomap_point_cloud_centers"
+_ARTEFACTS: Final = "are_msgs/msg/ArtefactArray"
 _AUGMENTED: Final = "augmented_map"
 _SCAN: Final = "sensor_msgs/msg/LaserScan"
 _WAITING_TICKS: Final = 20
@@ -146,7 +148,8 @@ class ViewFeed:
     def _take_artefacts(self, message: Any) -> None:
         if self._wants_next():
             stamp_ns = read_time(message.header.stamp)
-            states = [state_of(one) for one in message.artefacts]
+            scene = value_of(_ARTEFACTS, message, stamp_ns)
+            states = [state_of(scene, i) for i in range(len(scene.ids))]
             scans = self._scans.take(self._robot.tree)
             tick = ViewedTick(stamp_ns, (), *self._robot.poses(stamp_ns), scans)
             self._waiting.append((tick, states))

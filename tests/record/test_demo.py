@@ -13,7 +13,7 @@ from are_ros.errors import BagError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import read_ros_parameters
-from are_ros.record.demo import summary_of
+from are_ros.record.demo_summary import summary_of
 from are_ros.replay.command import effective_parameters
 from tests.record.live_runs import (
     MANY,

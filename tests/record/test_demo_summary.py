@@ -9,7 +9,7 @@ import pytest
 from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.events import EventKind
 from are_ros.errors import BagError
-from are_ros.record.demo import summary_of
+from are_ros.record.demo_summary import summary_of
 from tests.record.player_runs import write_messages
 
 FACTORY = RosbagsFactory()

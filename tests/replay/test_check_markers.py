@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.bag import marker_decoding as kinds
+from are_ros.bag.marker_decoding import ADD, DELETE, DELETE_ALL, MarkerFields
 from are_ros.bag.types import RosbagsFactory, jazzy_typestore
-from are_ros.replay import _check_marker_decoding as kinds
-from are_ros.replay._check_marker_decoding import ADD, DELETE, DELETE_ALL, MarkerFields
-from are_ros.replay._check_marker_rules import change_of
+from are_ros.checks.marker_rules import change_of
 
 NO_POINTS, NO_COLOURS = np.zeros((0, 3)), np.zeros((0, 4), np.float32)
 SECOND = 1_000_000_000

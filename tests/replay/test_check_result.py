@@ -2,7 +2,7 @@
 
 import pytest
 
-from are_ros.replay._check_result import Outcome, Tally, merged, skipped, want_of_inputs
+from are_ros.checks.result import Outcome, Tally, merged, skipped, want_of_inputs
 
 
 @pytest.mark.parametrize(

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import are_ros.replay.checks
+import are_ros.checks
+from are_ros.bag.decoded import Scene
+from are_ros.bag.marker_decoding import decode_markers
 from are_ros.builder.marker_batch import DELETE_ALL
 from are_ros.builder.markers import MarkerAction, MarkerBatch, MarkerKind, MarkerLook
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.registration import covered_cells
+from are_ros.checks.frames import TF, Frames
+from are_ros.checks.marker_rules import change_of
 from are_ros.checks.oracle import Outline, distances_m, overlap_depths_m
 from are_ros.checks.oracle_solids import Covers, RealMap, Walls
 from are_ros.errors import FrameError
 from are_ros.messages.markers import MarkerEncoder
-from are_ros.replay._check_frames import TF, Frames
-from are_ros.replay._check_marker_decoding import decode_markers
-from are_ros.replay._check_marker_rules import change_of
-from are_ros.replay._check_scene import Scene
 from are_ros.world.footprint import Footprint, penetration_m
 from are_ros.world.frame_tree import FrameTree
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -79,8 +79,9 @@ def test_walls_are_crossed_where_rays_hit_them(is_cloud: bool) -> None:
 
 def test_no_check_imports_what_it_checks() -> None:
     """The modules of the checks import nothing of builder, artefacts or kernels."""
-    folder = Path(are_ros.replay.checks.__file__).parent
-    files = [*folder.glob("_check_*.py"), folder / "checks.py"]
+    checks = Path(are_ros.checks.__file__).parent
+    decoder = [checks.parent / "bag" / name for name in ("decoded.py", "marker_decoding.py")]
+    files = [*checks.glob("*.py"), *decoder]
     assert len(files) > 10
     for file in files:
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
@@ -92,7 +93,7 @@ def test_no_check_imports_what_it_checks() -> None:
 
 def test_the_oracle_imports_numpy_and_scipy_only() -> None:
     """It shares no code with what it judges, nor with anything else of the package."""
-    files = sorted((Path(are_ros.replay.checks.__file__).parents[1] / "checks").glob("oracle*.py"))
+    files = sorted(Path(are_ros.checks.__file__).parent.glob("oracle*.py"))
     allowed = {"dataclasses", "functools", "numpy", "scipy", "typing", "yaml"}
     assert len(files) >= 2
     for file in files:

@@ -19,12 +19,13 @@ from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.builder.registration import CellPatch, covered_cells
+from are_ros.checks.result import CheckResult
+from are_ros.checks.run import Outcome, check_recording
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import write_ros_parameters
-from are_ros.replay.checks import CheckResult, Outcome, check_replay
 from are_ros.replay.command import check_command
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.oriented_boxes import OrientedBoxes
@@ -396,19 +397,16 @@ def right() -> Draft:
 
 def results_of(draft: Draft, folder: Path, map_file: Path | None = None) -> dict[str, CheckResult]:
     """Write a replay, check it, and return the results by name."""
-    results = check_replay(draft.write(folder), map_file)
+    results = check_recording(draft.write(folder), map_file)
     return {result.name: result for result in results}
 
 
 def test_a_right_replay_passes_every_check(right: Draft, tmp_path: Path) -> None:
     """Nothing fails or is skipped where all inputs are there, and each check looks at something."""
-    shares: list[float] = []
-    results = check_replay(right.write(tmp_path), None, shares.append)
+    results = check_recording(right.write(tmp_path))
     assert [r.sentence() for r in results if r.outcome is not Outcome.PASSED] == []
     assert all(result.looked_at > 0 for result in results)
     assert len({result.name for result in results}) == len(results) == 29
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
 
 
 def _drop(name: str, index: int) -> Break:
@@ -951,7 +949,7 @@ def test_a_damaged_file_is_a_result(right: Draft, tmp_path: Path) -> None:
         damaged.append(bytes(flipped))
     for data in damaged:
         path.write_bytes(data)
-        results = {result.name: result for result in check_replay(tmp_path)}
+        results = {result.name: result for result in check_recording(tmp_path)}
         assert results["mcap reader"].outcome is Outcome.FAILED
         assert "skipped" not in results["mcap reader"].sentence()
 
@@ -973,7 +971,7 @@ def test_what_cannot_be_checked_is_skipped_with_the_reason(right: Draft, tmp_pat
         assert results[name].reason == no_map
     assert all(r.outcome is not Outcome.FAILED for r in results.values())
     (tmp_path / "effective.yaml").unlink()
-    results = {result.name: result for result in check_replay(tmp_path)}
+    results = {result.name: result for result in check_recording(tmp_path)}
     assert "effective.yaml" in results["perceived"].sentence()
     assert not results["walls"].needs_inputs  # they alone would not do
     whole: list[str] = []
@@ -1004,4 +1002,4 @@ def test_the_real_map_may_come_from_a_file(right: Draft, tmp_path: Path) -> None
 def test_without_a_recording_there_is_an_error(tmp_path: Path) -> None:
     """A folder without augmented.mcap is refused."""
     with pytest.raises(BagError, match=r"there is no augmented\.mcap"):
-        check_replay(tmp_path)
+        check_recording(tmp_path)

@@ -1,27 +1,24 @@
 """A run that was saved as a scenario is repeated: who, when, what, and the way."""
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from are_ros.bag.reader import BagReader
-from are_ros.builder.outputs import ArtefactState
+from are_ros.bag.decoded import ARRIVED, DEPARTED, Event, Scene
+from are_ros.bag.recording import Recording, find_recording
+from are_ros.checks.result import Outcome
+from are_ros.checks.run import check_recording
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import read_ros_parameters
-from are_ros.replay._recorded_messages import event_of, state_of
-from are_ros.replay.checks import Outcome, check_replay
-from are_ros.replay.output_folder import AUGMENTED
 from are_ros.replay.session import run_replay
 from are_ros.replay.timeline import ReplayOptions
 
 BAGS = Path(__file__).parents[2] / "bags"
 EVENTS, TRUTH = "/ar_builder/events", "/ar_builder/artefacts"
-
-Tick = tuple[int, list[ArtefactState]]
 
 
 def replay(out: Path, values: Mapping[str, Any], duration_s: float, save: Path | None) -> None:
@@ -35,26 +32,19 @@ def replay(out: Path, values: Mapping[str, Any], duration_s: float, save: Path |
     run_replay(options, lambda _: None, lambda *_: lambda _: None)
 
 
-def messages(folder: Path, topic: str) -> Iterator[tuple[int, Any]]:
-    """Yield the time and the content of each message of a topic."""
-    with BagReader([folder / AUGMENTED]) as reader:
-        reader.learn_types([topic])
-        for one in reader.messages([topic]):
-            yield one.log_time_ns, reader.deserialize(one)
-
-
-def ticks(folder: Path) -> list[Tick]:
-    """Return the ground truth of each tick."""
-    return [(t_ns, [state_of(one) for one in m.artefacts]) for t_ns, m in messages(folder, TRUTH)]
+def values_of(folder: Path, topic: str) -> list[Any]:
+    """Return the decoded messages of a topic."""
+    with Recording(find_recording(folder)) as recording:
+        return [recording.decode(message) for message in recording.in_log_order([topic])]
 
 
 def comings(folder: Path) -> list[tuple[Any, ...]]:
     """Return who arrived and left, when, and why."""
-    events = [event_of(message) for _, message in messages(folder, EVENTS)]
+    events: list[Event] = values_of(folder, EVENTS)
     return sorted(
-        (one.stamp_ns, one.kind.value, one.artefact_id, one.label, one.detail)
+        (one.stamp_ns, one.kind, one.artefact_id, one.label, one.detail)
         for one in events
-        if one.kind.name in {"ARRIVED", "DEPARTED"}
+        if one.kind in {ARRIVED, DEPARTED}
     )
 
 
@@ -84,14 +74,13 @@ def test_a_saved_run_is_repeated_within_a_centimetre(
     replay(again, {**values, "population.scenario": str(saved)}, duration_s, None)
     assert comings(again) == comings(run)
     assert len(comings(run)) > 3
-    for (t_ns, wanted), (again_ns, found) in zip(ticks(run), ticks(again), strict=True):
-        assert t_ns == again_ns
-        assert [(one.artefact_id, one.row, one.origin, one.arrival_ns) for one in found] == [
-            (one.artefact_id, one.row, one.origin, one.arrival_ns) for one in wanted
-        ]
-        for one, other in zip(wanted, found, strict=True):
-            a, b = one.ground_pose, other.ground_pose
-            assert math.dist(a[:3], b[:3]) < 0.01
-            assert abs(math.remainder(a.yaw_rad - b.yaw_rad, math.tau)) < 0.01
-    failed = [one.sentence() for one in check_replay(again) if one.outcome is Outcome.FAILED]
+    scenes: tuple[list[Scene], list[Scene]] = (values_of(run, TRUTH), values_of(again, TRUTH))
+    for wanted, found in zip(*scenes, strict=True):
+        assert found.stamp_ns == wanted.stamp_ns
+        for name in ("ids", "rows", "origins", "arrivals_ns"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
+        np.testing.assert_allclose(found.ground_poses[:, :3], wanted.ground_poses[:, :3], atol=0.01)
+        turns = np.abs(np.remainder(found.yaws_rad - wanted.yaws_rad + np.pi, 2 * np.pi) - np.pi)
+        assert turns.max(initial=0.0) < 0.01
+    failed = [one.sentence() for one in check_recording(again) if one.outcome is Outcome.FAILED]
     assert failed == []

@@ -14,10 +14,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from are_ros.bag.decoded import DISPLACED, Scene
+from are_ros.checks.record import Record
+from are_ros.checks.ticks import departures_ns
 from are_ros.conventions import NS_PER_S, seconds_to_ns
-from are_ros.replay._check_lives import DISPLACED, departures_ns
-from are_ros.replay._check_record import Record
-from are_ros.replay._check_scene import Scene, time_ns
 
 Floats = NDArray[np.float64]
 
@@ -61,10 +61,9 @@ class Places:
         self._step_ns = seconds_to_ns(record.settings.motion.step)
         self._departures_ns = departures_ns(record)
         self._jumps: dict[int, list[tuple[int, float]]] = defaultdict(list)
-        for _, event in record.events:
+        for event in record.events:
             if event.kind == DISPLACED:
-                jump = time_ns(event.header.stamp), float(event.value)
-                self._jumps[int(event.id)].append(jump)
+                self._jumps[event.artefact_id].append((event.stamp_ns, event.value))
         self._fastest = _fastest(record.scenes)
 
     def at(self, stamp_ns: int) -> list[Box] | None:
@@ -177,7 +176,7 @@ def _fastest(scenes: list[Scene]) -> dict[str, tuple[float, float]]:
 
 
 def _spot(scene: Scene, i: int) -> _Spot:
-    yaw_rad, (dx_m, dy_m) = float(scene.yaws_rad[i]), scene.offsets_m[i].tolist()
+    yaw_rad, (dx_m, dy_m) = float(scene.yaws_rad[i]), scene.box_centres_m[i, :2].tolist()
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     x_m, y_m, z_m = scene.centres_m[i].tolist()
     return _Spot(x_m - cos * dx_m + sin * dy_m, y_m - sin * dx_m - cos * dy_m, yaw_rad, z_m)
@@ -185,7 +184,7 @@ def _spot(scene: Scene, i: int) -> _Spot:
 
 def _box(scene: Scene, i: int, spot: _Spot, slack_m: float) -> Box:
     """Return the box of one that is at a spot."""
-    dx_m, dy_m = scene.offsets_m[i].tolist()
+    dx_m, dy_m = scene.box_centres_m[i, :2].tolist()
     cos, sin = math.cos(spot.yaw_rad), math.sin(spot.yaw_rad)
     x_m, y_m = spot.x_m + cos * dx_m - sin * dy_m, spot.y_m + sin * dx_m + cos * dy_m
     return Box(np.array((x_m, y_m, spot.z_m)), spot.yaw_rad, scene.half_sizes_m[i], slack_m)
@@ -209,7 +208,7 @@ def _way(start: _Spot, end: _Spot, share: float) -> _Spot:
 
 def _radius_m(scene: Scene, i: int) -> float:
     """Return how far from F_A any point of a box may be on the ground."""
-    offset_m, half_m = scene.offsets_m[i], scene.half_sizes_m[i]
+    offset_m, half_m = scene.box_centres_m[i, :2], scene.half_sizes_m[i]
     return float(np.hypot(*offset_m) + np.hypot(half_m[0], half_m[1]))
 
 

@@ -5,10 +5,9 @@ import struct
 import numpy as np
 import pytest
 
+from are_ros.bag.decoded import Scene
+from are_ros.bag.recording import Chronology, Moment, Runs, part_farewells, runs_of, stamp_of
 from are_ros.conventions import NS_PER_S
-from are_ros.replay._check_chronology import Chronology, Moment, stamp_of
-from are_ros.replay._check_runs import Runs, part_farewells, runs_of
-from are_ros.replay._check_scene import Scene
 
 TENTH = NS_PER_S // 10
 

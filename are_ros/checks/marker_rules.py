@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from are_ros.replay._check_marker_decoding import (
+from are_ros.bag.marker_decoding import (
     ADD,
     ARROW,
     ARROW_STRIP,

@@ -5,14 +5,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
+from are_ros.bag.decoded import Scene
+from are_ros.bag.marker_decoding import ADD, DELETE, DELETE_ALL
+from are_ros.checks.marker_rules import MarkerChange
+from are_ros.checks.record import MarkerShow, Record
+from are_ros.checks.result import CheckResult, Tally, at_s
+from are_ros.checks.ticks import departures_ns
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Labels
-from are_ros.replay._check_lives import departures_ns
-from are_ros.replay._check_marker_decoding import ADD, DELETE, DELETE_ALL
-from are_ros.replay._check_marker_rules import MarkerChange
-from are_ros.replay._check_record import MarkerShow, Record
-from are_ros.replay._check_result import CheckResult, Tally, at_s
-from are_ros.replay._check_scene import Scene
 
 FADING_NS: Final = 3 * NS_PER_S
 """So long at most a marker is seen after it was last given out."""
@@ -33,13 +33,13 @@ class _Viewer:
     opaque: set[int] = field(default_factory=set)
     """Whose body was last drawn opaque: who is perceived."""
 
-    def take(self, log_ns: int, change: MarkerChange) -> None:
+    def take(self, at_ns: int, change: MarkerChange) -> None:
         """Follow one marker."""
         if change.action == DELETE_ALL:
             self.until_ns.clear()
         elif change.action == ADD:
             life_ns = change.lifetime_ns
-            self.until_ns[change.key] = log_ns + life_ns if life_ns else _FOREVER_NS
+            self.until_ns[change.key] = at_ns + life_ns if life_ns else _FOREVER_NS
             namespace, number = change.key
             self.namespaces.add(namespace)
             if namespace == _BODY:
@@ -63,9 +63,9 @@ def check_marker_rules(record: Record) -> CheckResult:
     last_ns: int | None = None
     for show in record.shows:
         seen: set[tuple[str, int]] = set()
-        is_missing = last_ns is not None and not record.runs.are_together(last_ns, show.log_ns)
+        is_missing = last_ns is not None and not record.runs.are_together(last_ns, show.at_ns)
         is_sure = (is_sure and not is_missing) or _begins_anew(show)
-        last_ns = show.log_ns
+        last_ns = show.at_ns
         for number, change in enumerate(show.changes):
             tally.look()
             for fault in _faults(record, change, number, seen):
@@ -73,7 +73,7 @@ def check_marker_rules(record: Record) -> CheckResult:
             if is_sure and change.action == DELETE and change.key not in viewer.until_ns:
                 tally.fail(f"{_where(show, change)} is deleted, but was not there")
             seen.add(change.key)
-            viewer.take(show.log_ns, change)
+            viewer.take(show.at_ns, change)
     return tally.result()
 
 
@@ -92,7 +92,7 @@ def _faults(
 
 
 def _where(show: MarkerShow, change: MarkerChange) -> str:
-    return f"{at_s(show.log_ns)} marker {change.key[1]} of '{change.key[0]}'"
+    return f"{at_s(show.at_ns)} marker {change.key[1]} of '{change.key[0]}'"
 
 
 def _begins_anew(show: MarkerShow) -> bool:
@@ -115,7 +115,7 @@ def check_marker_state(record: Record) -> CheckResult:
             viewer.until_ns.clear()  # what was deleted meanwhile is not known
         for show in shows:
             for change in show.changes:
-                viewer.take(show.log_ns, change)
+                viewer.take(show.at_ns, change)
         since_ns = _sure_since(record, scene, shows, since_ns)
         if since_ns is None or scene.stamp_ns < since_ns:
             tally.leave_out("tick", "before a viewer had been shown everybody")
@@ -148,11 +148,11 @@ def _sure_since(
     """Return from when on a viewer shows everybody; None while nothing was given out, live."""
     if not record.is_live:
         return scene.stamp_ns
-    begins = [show.log_ns for show in shows if _begins_anew(show)]
+    begins = [show.at_ns for show in shows if _begins_anew(show)]
     if begins:
         return begins[-1]
     if record.runs.is_beginning(scene.stamp_ns) or before_ns is None:
-        return shows[0].log_ns + _REFRESH_NS if shows else None
+        return shows[0].at_ns + _REFRESH_NS if shows else None
     return before_ns
 
 
@@ -161,10 +161,10 @@ def _by_tick(record: Record) -> Iterator[tuple[Scene, list[MarkerShow]]]:
 
     Live, a bare DELETEALL with the very stamp of a tick comes after it: the node took its leave.
     """
-    logs = [show.log_ns for show in record.shows]
+    times = [show.at_ns for show in record.shows]
     begin = 0
     for scene in record.scenes:
-        end = bisect_right(logs, scene.log_ns)
+        end = bisect_right(times, scene.at_ns)
         if record.is_live and end and _is_leave(record.shows[end - 1], scene):
             end -= 1
         yield scene, record.shows[begin:end]
@@ -173,30 +173,24 @@ def _by_tick(record: Record) -> Iterator[tuple[Scene, list[MarkerShow]]]:
 
 def _is_leave(show: MarkerShow, scene: Scene) -> bool:
     is_bare = len(show.changes) == 1 and _begins_anew(show)
-    return is_bare and show.log_ns == scene.log_ns and bool(len(scene.ids))
+    return is_bare and show.at_ns == scene.at_ns and bool(len(scene.ids))
 
 
 def check_marker_fading(record: Record) -> CheckResult:
     """No marker outlives ARE, nor its artefact, by more than three seconds."""
     tally = Tally("markers fade", "marker")
-    ends: dict[int, int] = {}
-    for number, end_ns in departures_ns(record).items():
-        ends[number % _ID_RANGE] = end_ns
-    until_ns: dict[tuple[str, int], int] = {}
+    ends = {number % _ID_RANGE: end_ns for number, end_ns in departures_ns(record).items()}
+    viewer = _Viewer()
     for show in record.shows:
-        _check_ended(tally, until_ns, ends, show.log_ns)
+        _check_ended(tally, viewer.until_ns, ends, show.at_ns)
         for change in show.changes:
-            if change.action == DELETE_ALL:
-                until_ns.clear()
-            elif change.action == DELETE:
-                until_ns.pop(change.key, None)
-            elif change.action == ADD:
+            if change.action == ADD:
                 tally.look()
                 if not 0 < change.lifetime_ns <= FADING_NS:
                     seconds = change.lifetime_ns / NS_PER_S
                     tally.fail(f"{_where(show, change)} has a lifetime of {seconds:g} s")
-                until_ns[change.key] = show.log_ns + (change.lifetime_ns or _FOREVER_NS // 2)
-    _check_ended(tally, until_ns, ends, _FOREVER_NS)
+            viewer.take(show.at_ns, change)
+    _check_ended(tally, viewer.until_ns, ends, _FOREVER_NS // 2)
     return tally.result()
 
 

@@ -2,12 +2,10 @@
 
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-
-from are_ros.replay._check_scene import time_ns
 
 Floats = NDArray[np.float64]
 
@@ -88,15 +86,6 @@ class Frames:
 
     def __init__(self) -> None:
         self._edges: dict[str, dict[int, _Edge]] = {}
-
-    def add_message(self, message: Any, log_ns: int, *, is_static: bool) -> None:
-        """Take a TFMessage."""
-        for each in message.transforms:
-            place, turn = each.transform.translation, each.transform.rotation
-            numbers = (place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w)
-            stamp_ns = time_ns(each.header.stamp)
-            pair = (each.header.frame_id, each.child_frame_id)
-            self.add(*pair, stamp_ns, log_ns, numbers, TF, is_static=is_static)
 
     def add(
         self,

@@ -11,27 +11,10 @@ import yaml
 from mcap.reader import make_reader
 
 from are_ros.bag.reader import sentence_of
+from are_ros.bag.recording import OUTPUT_TYPES, PREFIX
+from are_ros.checks.result import CheckResult, Tally, at_s, merged, skipped
 from are_ros.conventions import NS_PER_S
-from are_ros.replay._check_result import CheckResult, Tally, at_s, merged, skipped
 from are_ros.wording import counted
-
-PREFIX: Final = "/ar_builder/"
-
-OUTPUT_TYPES: Final = MappingProxyType(
-    {
-        "augmented_map": "nav_msgs/msg/OccupancyGrid",
-        "augmented_map_updates": "map_msgs/msg/OccupancyGridUpdate",
-        "artefact_map": "nav_msgs/msg/OccupancyGrid",
-        "artefact_map_updates": "map_msgs/msg/OccupancyGridUpdate",
-        "augmented_costmap": "nav_msgs/msg/OccupancyGrid",
-        "markers": "visualization_msgs/msg/MarkerArray",
-        "perceived": "are_msgs/msg/PerceivedArtefactArray",
-        "artefacts": "are_msgs/msg/ArtefactArray",
-        "events": "are_msgs/msg/ArtefactEvent",
-        "metrics": "are_msgs/msg/SceneMetrics",
-    }
-)
-"""The outputs of section 4 that every replay announces, without the prefix."""
 
 _OPTIONAL_TYPES: Final = MappingProxyType({"augmented_octomap": "sensor_msgs/msg/PointCloud2"})
 _SENSOR_TYPES: Final = tuple(f"sensor_msgs/msg/{t}" for t in ("LaserScan", "PointCloud2", "Image"))
@@ -53,7 +36,7 @@ _QOS_NAMES: Final = MappingProxyType(
 _Channels = dict[int, tuple[Any, Any]]
 
 
-def check_file(path: Path, *, is_live: bool = False) -> list[CheckResult]:
+def _check_file(path: Path, *, is_live: bool) -> list[CheckResult]:
     """Read every message with the mcap reader, checksums included, and look at each channel.
 
     Never raises on a damaged file: that is a result. A live recording may lack topics and hold
@@ -78,9 +61,9 @@ def check_file(path: Path, *, is_live: bool = False) -> list[CheckResult]:
     ]
 
 
-def check_files(paths: tuple[Path, ...]) -> list[CheckResult]:
-    """Check the files of a live recording; each check is one outcome."""
-    by_file = [check_file(path, is_live=True) for path in paths]
+def check_files(paths: tuple[Path, ...], *, is_live: bool) -> list[CheckResult]:
+    """Check the files of a recording; each check is one outcome."""
+    by_file = [_check_file(path, is_live=is_live) for path in paths]
     return [merged(results) for results in zip(*by_file, strict=True)]
 
 

@@ -2,23 +2,14 @@
 
 from bisect import bisect_left
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.replay._check_file import PREFIX
-from are_ros.replay._check_scene import time_ns
+from are_ros.bag.decoded import Scan
+from are_ros.bag.recording import PREFIX
 
-_PLAIN_FIELDS: Final = (
-    "angle_min",
-    "angle_max",
-    "angle_increment",
-    "time_increment",
-    "scan_time",
-    "range_min",
-    "range_max",
-)
 _MOST_WAITING: Final = 2000
 _GAP: Final = 1.5
 """In usual distances of scans: farther apart, there was one in between."""
@@ -38,7 +29,6 @@ class ChangedScan:
     stamp_ns: int
     released_ns: int
     frame_id: str
-    range_min_m: float
     points_m: NDArray[np.float64]
     too_close: NDArray[np.bool_]
     unreturned: NDArray[np.bool_]
@@ -53,25 +43,25 @@ class ScanPairs:
         self.pairs = 0
         self.input_topics: set[str] = set()
         self._input_stamps: dict[str, list[int]] = {}
-        self._inputs: dict[_Key, list[tuple[str, Any]]] = {}
-        self._outputs: dict[_Key, list[tuple[str, int, Any]]] = {}
+        self._inputs: dict[_Key, list[tuple[str, Scan]]] = {}
+        self._outputs: dict[_Key, list[tuple[str, Scan]]] = {}
 
-    def add(self, topic: str, log_ns: int, message: Any) -> None:
-        """Take a LaserScan of any topic."""
-        key = (time_ns(message.header.stamp), message.header.frame_id.lstrip("/"))
+    def add(self, topic: str, scan: Scan) -> None:
+        """Take a scan of any topic."""
+        key = (scan.stamp_ns, scan.frame_id)
         if topic.startswith(PREFIX):
-            self._outputs.setdefault(key, []).append((topic, log_ns, message))
+            self._outputs.setdefault(key, []).append((topic, scan))
         else:
             self.input_topics.add(topic)
-            self._input_stamps.setdefault(topic, []).append(key[0])
-            self._inputs.setdefault(key, []).append((topic, message))
+            self._input_stamps.setdefault(topic, []).append(scan.stamp_ns)
+            self._inputs.setdefault(key, []).append((topic, scan))
             while len(self._inputs) > _MOST_WAITING:  # of a laser that nobody augments
                 del self._inputs[next(iter(self._inputs))]
         self._match(key)
 
     def unmatched(self) -> list[tuple[str, int]]:
         """Return topic and stamp of the augmented scans that have no input."""
-        return [(topic, key[0]) for key, all_ in self._outputs.items() for topic, _, _ in all_]
+        return [(topic, key[0]) for key, all_ in self._outputs.items() for topic, _ in all_]
 
     def may_be_lost(self, output: str, stamp_ns: int) -> bool:
         """Tell whether the input of an augmented scan may be missing in the recording.
@@ -95,14 +85,14 @@ class ScanPairs:
             if found is None and len(self.input_topics) == 1 and inputs:
                 found = 0
             if found is not None:
-                self._compare(key, inputs.pop(found)[1], *output)
+                self._compare(inputs.pop(found)[1], *output)
                 outputs.remove(output)
         if not outputs:
             self._outputs.pop(key, None)
         if not inputs:
             self._inputs.pop(key, None)
 
-    def _compare(self, key: _Key, real: Any, topic: str, log_ns: int, output: Any) -> None:
+    def _compare(self, real: Scan, topic: str, output: Scan) -> None:
         self.pairs += 1
         fault = _shape_fault(real, output)
         which = np.empty(0, np.int64) if fault else _differing(real.ranges, output.ranges)
@@ -111,14 +101,20 @@ class ScanPairs:
             return
         ranges = output.ranges[which].astype(np.float64)
         too_close = np.isneginf(ranges)
-        ranges[~np.isfinite(ranges)] = output.range_min
-        angles = output.angle_min + which * float(output.angle_increment)
+        ranges[~np.isfinite(ranges)] = output.numbers["range_min"]
+        angles = output.numbers["angle_min"] + which * output.numbers["angle_increment"]
         points = np.column_stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))))
         points *= ranges[:, None]
         unreturned = np.empty(0, np.bool_) if fault else ~_are_returns(real, real.ranges[which])
-        range_min_m = float(output.range_min)
         changed = ChangedScan(
-            *(topic, key[0], log_ns, key[1], range_min_m, points, too_close, unreturned, fault)
+            topic,
+            output.stamp_ns,
+            output.at_ns,
+            output.frame_id,
+            points,
+            too_close,
+            unreturned,
+            fault,
         )
         self.changed.append(changed)
 
@@ -128,9 +124,9 @@ def _is_of(output: str, source: str) -> bool:
     return output.removeprefix(PREFIX) == source.lstrip("/")
 
 
-def _shape_fault(real: Any, output: Any) -> str:
-    for name in _PLAIN_FIELDS:
-        ours, theirs = getattr(output, name), getattr(real, name)
+def _shape_fault(real: Scan, output: Scan) -> str:
+    for name, theirs in real.numbers.items():
+        ours = output.numbers[name]
         if ours != theirs and not (np.isnan(ours) and np.isnan(theirs)):
             return f"has {name} {ours}, its input {theirs}"
     lengths = len(output.ranges), len(output.intensities)
@@ -143,7 +139,7 @@ def _differing(real: NDArray[np.float32], output: NDArray[np.float32]) -> NDArra
     return np.flatnonzero(real.view(np.uint32) != output.view(np.uint32))
 
 
-def _values_fault(real: Any, output: Any, which: NDArray[np.int64]) -> str:
+def _values_fault(real: Scan, output: Scan, which: NDArray[np.int64]) -> str:
     """Check what needs no geometry: only shorter, valid or too close; the rest bit for bit."""
     before, after = real.ranges[which], output.ranges[which]
     returned = _are_returns(real, before)
@@ -161,8 +157,8 @@ def _values_fault(real: Any, output: Any, which: NDArray[np.int64]) -> str:
     return ""
 
 
-def _are_returns(scan: Any, ranges: NDArray[np.float32]) -> NDArray[np.bool_]:
+def _are_returns(scan: Scan, ranges: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Tell which ranges are returns that the laser measures."""
-    low, high = np.float32(scan.range_min), np.float32(scan.range_max)
+    low, high = (np.float32(scan.numbers[name]) for name in ("range_min", "range_max"))
     returned: NDArray[np.bool_] = (ranges >= low) & (ranges <= high)
     return returned

@@ -1,0 +1,486 @@
+"""What the node, a replay or `are record` wrote: files, messages, loops of the clock, and runs.
+
+A replay logs every message at its very stamp. A live recorder logs a message when it is received:
+late, coarse, perhaps by another clock than that of the stamps. Where a looping recording is played
+to the node, log times stand still or go back. Then the ticks, by their stamps and in the order of
+the file, tell the time instead: `RecordedMessage.at_ns` and `loop`.
+"""
+
+import json
+from bisect import bisect_left, bisect_right
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from heapq import merge
+from pathlib import Path
+from struct import Struct
+from struct import error as StructError  # noqa: N812
+from types import MappingProxyType, TracebackType
+from typing import Any, Final, NamedTuple
+
+import yaml
+from mcap.reader import make_reader
+
+from are_ros.bag.decoded import Scene, value_of
+from are_ros.bag.marker_decoding import decode_markers
+from are_ros.bag.reader import BagTypes, as_bag_errors, open_reader, sentence_of
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import BagError, InputError
+
+PREFIX: Final = "/ar_builder/"
+OUTPUT_TYPES: Final = MappingProxyType(
+    {
+        "augmented_map": "nav_msgs/msg/OccupancyGrid",
+        "augmented_map_updates": "map_msgs/msg/OccupancyGridUpdate",
+        "artefact_map": "nav_msgs/msg/OccupancyGrid",
+        "artefact_map_updates": "map_msgs/msg/OccupancyGridUpdate",
+        "augmented_costmap": "nav_msgs/msg/OccupancyGrid",
+        "markers": "visualization_msgs/msg/MarkerArray",
+        "perceived": "are_msgs/msg/PerceivedArtefactArray",
+        "artefacts": "are_msgs/msg/ArtefactArray",
+        "events": "are_msgs/msg/ArtefactEvent",
+        "metrics": "are_msgs/msg/SceneMetrics",
+    }
+)
+"""The outputs that every replay announces, without the prefix."""
+INPUT_TYPES: Final = (
+    "nav_msgs/msg/OccupancyGrid",
+    "tf2_msgs/msg/TFMessage",
+    "nav_msgs/msg/Odometry",
+    "sensor_msgs/msg/LaserScan",
+    "sensor_msgs/msg/CameraInfo",
+)
+GRID_TOPICS: Final = tuple(PREFIX + name for name in OUTPUT_TYPES if "map" in name)
+MARKERS: Final = PREFIX + "markers"
+ARTEFACTS: Final = PREFIX + "artefacts"
+_DRAWN: Final = (MARKERS, *GRID_TOPICS)
+
+RECORDING: Final = "augmented.mcap"
+PARAMETERS: Final = "effective.yaml"
+_METRICS: Final = "metrics.json"
+_METADATA: Final = "metadata.yaml"
+_SUFFIXES: Final = (".mcap", ".db3")
+
+_MARKER_ARRAY: Final = "visualization_msgs/msg/MarkerArray"
+_STAMPS: Final = (Struct(">iI"), Struct("<iI"))
+_LISTS: Final = (_MARKER_ARRAY, "tf2_msgs/msg/TFMessage")
+_LATCHED: Final = ("/map", "/tf_static")
+_PAST_NS: Final = 2 * NS_PER_S
+"""A stamp is that of a relayed message if it is so much before the last tick."""
+_JUMP_NS: Final = NS_PER_S
+"""The clock jumped back where a tick is so much earlier than the tick before."""
+_NEIGHBOURS: Final = 500
+"""A message that is at most so many away from a jump may belong to the other side of it."""
+
+SETTLING_NS: Final = NS_PER_S
+"""For so long after the beginning of a run, and before its end, messages may be missing."""
+_LONGEST_GAP: Final = 2.5
+"""In periods. After a single missing tick the next one still tells all that happened."""
+
+
+@dataclass(frozen=True)
+class RecordingFiles:
+    """The files of a recording: readers open `path`; `files` hold the messages.
+
+    `parameters` is the effective.yaml beside it, None where there is none.
+    """
+
+    path: Path
+    files: tuple[Path, ...]
+    parameters: Path | None
+    is_replay: bool
+
+
+def find_recording(path: Path) -> RecordingFiles:
+    """Return the recording that a path means.
+
+    A folder with augmented.mcap (metrics.json beside it: a replay's, else a live one), a rosbag2
+    folder, a folder with one recording in it, or an .mcap or .db3 file. BagError for anything else.
+    """
+    if not path.exists():
+        raise BagError(f"{path}: there is no such file or folder")
+    if path.is_dir():
+        return _in_folder(path)
+    if path.suffix == ".bag":
+        raise BagError(
+            f"{path}: a recording of ROS 1 holds inputs only, and what the node or a replay gave "
+            "out is needed: run `are replay` on it first, and give the folder of the results"
+        )
+    if path.suffix not in _SUFFIXES:
+        raise BagError(f"{path}: no recording of ROS 2; .mcap and .db3 files are")
+    is_replay = path.name == RECORDING and (path.parent / _METRICS).is_file()
+    return RecordingFiles(path, (path,), _parameters_in(path.parent), is_replay)
+
+
+def walls_of(recording: Path) -> str:
+    """Return what the metrics beside a recording say of its walls: "map", "octomap" or nothing."""
+    try:
+        content = json.loads((recording.parent / _METRICS).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return ""
+    return str(content.get("walls", "")) if isinstance(content, dict) else ""
+
+
+def _in_folder(folder: Path) -> RecordingFiles:
+    if (folder / RECORDING).is_file():
+        return find_recording(folder / RECORDING)
+    if (folder / _METADATA).is_file():
+        files = _files_of(folder)
+        return RecordingFiles(folder, files, _parameters_in(folder), is_replay=False)
+    inside = sorted(file for file in folder.iterdir() if file.suffix in _SUFFIXES)
+    if not inside:
+        raise BagError(f"{folder}: there is no {RECORDING} in it, nor another recording")
+    if len(inside) > 1:
+        names = ", ".join(file.name for file in inside)
+        raise BagError(f"{folder}: there are several recordings, give one of them: {names}")
+    return find_recording(inside[0])
+
+
+def _files_of(folder: Path) -> tuple[Path, ...]:
+    """Return the files that the metadata of a rosbag2 folder name, in their order."""
+    try:
+        content = yaml.safe_load((folder / _METADATA).read_text(encoding="utf-8"))
+        names = content["rosbag2_bagfile_information"]["relative_file_paths"]
+        files = tuple(folder / str(name) for name in names)
+    except (OSError, yaml.YAMLError, KeyError, TypeError, UnicodeDecodeError) as cause:
+        message = f"{folder}: its {_METADATA} is malformed"
+        raise BagError(message) from cause
+    missing = [file.name for file in files if not file.is_file()]
+    if missing or not files:
+        raise BagError(f"{folder}: files that its {_METADATA} names are missing")
+    return files
+
+
+def _parameters_in(folder: Path) -> Path | None:
+    file = folder / PARAMETERS
+    return file if file.is_file() else None
+
+
+class Moment(NamedTuple):
+    """The loop of the clock, counted from 0, and the last tick before, in its time."""
+
+    loop: int
+    tick_ns: int
+
+
+def stamp_of(type_name: str, data: bytes) -> int | None:
+    """Return the stamp of a message in CDR whose type begins with a header, or a list of such."""
+    offset = 8 if type_name in _LISTS else 4
+    try:
+        seconds, nanoseconds = _STAMPS[data[1] & 1].unpack_from(data, offset)
+    except (StructError, IndexError):
+        return None
+    return int(seconds) * NS_PER_S + int(nanoseconds)
+
+
+@dataclass
+class Chronology:
+    """The ticks of a recording by the places of their messages in it."""
+
+    _places: list[int] = field(default_factory=list)
+    _stamps_ns: list[int] = field(default_factory=list)
+    _starts: list[int] = field(default_factory=lambda: [0])
+    """Where in these lists each loop begins."""
+
+    @property
+    def loops(self) -> int:
+        """How many loops there are, at least one."""
+        return len(self._starts)
+
+    def add_tick(self, place: int, stamp_ns: int) -> None:
+        """Take a tick; places ascend."""
+        if self._stamps_ns and stamp_ns < self._stamps_ns[-1] - _JUMP_NS:
+            self._starts.append(len(self._places))
+        self._places.append(place)
+        self._stamps_ns.append(stamp_ns)
+
+    def moment(self, place: int, stamp_ns: int | None) -> Moment:
+        """Return when a message at a place of the file came; near a jump its stamp decides."""
+        if not self._places:
+            return Moment(0, stamp_ns or 0)
+        index = max(bisect_right(self._places, place) - 1, 0)
+        here = bisect_right(self._starts, index) - 1
+        choices = [Moment(here, self._stamps_ns[index])]
+        if stamp_ns is not None:
+            choices += self._beyond(here, place)
+        return min(choices, key=lambda moment: abs(moment.tick_ns - (stamp_ns or 0)))
+
+    def _beyond(self, loop: int, place: int) -> list[Moment]:
+        """Return the ends of the neighbouring loops, where they are near."""
+        found = []
+        first = self._starts[loop]
+        if loop and place - self._places[first] < _NEIGHBOURS:
+            found.append(Moment(loop - 1, self._stamps_ns[first - 1]))
+        if loop + 1 < len(self._starts):
+            after = self._starts[loop + 1]
+            if self._places[after] - place < _NEIGHBOURS:
+                found.append(Moment(loop + 1, self._stamps_ns[after]))
+        return found
+
+
+class RecordedMessage(NamedTuple):
+    """A message as it was recorded; `Recording.decode` makes a value of it.
+
+    `at_ns` is when it counts. In a replay that is its log time. Live it is the stamp of an output,
+    and for an input the stamp of the last tick before it, in the same loop of the clock. A message
+    that `is_latched` is known from the beginning of each later loop, too.
+    """
+
+    topic: str
+    type_name: str
+    log_ns: int
+    data: bytes
+    source: int = 0
+    at_ns: int = 0
+    loop: int = 0
+    is_latched: bool = False
+
+
+class Recording:
+    """The messages of a recording, any number of times; a context manager, open inside `with`.
+
+    `inputs` are recordings whose topics stand in for those that the recording lacks, such as the
+    inputs of a replay, of ROS 1 too. BagError where one cannot be opened or read.
+    """
+
+    def __init__(self, files: RecordingFiles, inputs: Sequence[Path] = ()) -> None:
+        self.files = files
+        self._paths = (files.path, *inputs)
+        self._stack = ExitStack()
+        self._readers: list[Any] = []
+        self._types = [BagTypes(is_ros1=path.suffix == ".bag") for path in self._paths]
+        self._sources: dict[str, int] = {}
+        self._connections: dict[tuple[int, str, str], Any] = {}
+        self._chronology: Chronology | None = None
+
+    def __enter__(self) -> "Recording":  # noqa: PYI034 (Self came with Python 3.11)
+        with ExitStack() as stack:
+            self._readers = [stack.enter_context(open_reader(path)) for path in self._paths]
+            self._stack = stack.pop_all()
+        for source, reader in enumerate(self._readers):
+            for connection in reader.connections:
+                topic = connection.topic
+                if not source or not topic.startswith(PREFIX):
+                    self._sources.setdefault(topic, source)
+                self._connections[source, topic, connection.msgtype] = connection
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._readers = []
+        self._stack.close()
+
+    @property
+    def types(self) -> dict[str, str]:
+        """The type of each topic, as "sensor_msgs/msg/LaserScan"."""
+        keys = (key for key in self._connections if self._sources.get(key[1]) == key[0])
+        return {topic: type_name for _, topic, type_name in keys}
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many messages each topic has."""
+        counts: dict[str, int] = {}
+        for (source, topic, _), connection in self._connections.items():
+            if self._sources.get(topic) == source:
+                counts[topic] = counts.get(topic, 0) + int(connection.msgcount)
+        return counts
+
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """The log times [first, just after the last) of the recording without the inputs."""
+        return int(self._readers[0].start_time), int(self._readers[0].end_time)
+
+    @property
+    def loops(self) -> int:
+        """How many loops of the clock it holds; a replay has one."""
+        return 1 if self.files.is_replay else self._clock().loops
+
+    def in_log_order(self, topics: Collection[str]) -> Iterator[RecordedMessage]:
+        """Yield the messages of some topics in order of log time, which is their `at_ns`."""
+        streams = [self._logged(source, topics) for source in range(len(self._readers))]
+        yield from merge(*streams, key=_log_time) if len(streams) > 1 else streams[0]
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[RecordedMessage]:
+        """Yield the messages of some topics (None: all) with the times at which they count.
+
+        Those of a replay come in order of log time, those of a live recording in the order of the
+        file: the topics of `matters` only.
+        """
+        if self.files.is_replay:
+            yield from self.in_log_order(self._sources if topics is None else topics)
+            return
+        clock = self._clock()
+        for place, message in enumerate(self._in_file_order()):
+            if topics is None or message.topic in topics:
+                yield _timed(message, place, clock)
+
+    def decode(self, message: RecordedMessage) -> Any:
+        """Return the value of a message: one of `decoded`, or a list of `MarkerFields`.
+
+        A type without a value gives rosbags' object. InputError for bytes that are no such message,
+        with what the decoder raised as its cause; ValueError or OverflowError for bad contents.
+        """
+        if message.type_name == _MARKER_ARRAY:
+            return decode_markers(bytes(message.data))
+        return value_of(message.type_name, self.deserialize(message), message.at_ns)
+
+    def deserialize(self, message: RecordedMessage) -> Any:
+        """Return rosbags' object of a message; InputError where it is malformed."""
+        source, topic, type_name = message.source, message.topic, message.type_name
+        try:
+            store = self._types[source].store_of(self._connections[source, topic, type_name])
+            is_ros1 = self._paths[source].suffix == ".bag"
+            read = store.deserialize_ros1 if is_ros1 else store.deserialize_cdr
+            return read(message.data, type_name)
+        except Exception as cause:
+            where = f"{topic}: the message at {message.log_ns} ns"
+            text = f"{where} is no {type_name}, {sentence_of(cause)}"
+            raise InputError(text) from cause
+
+    def _logged(self, source: int, topics: Collection[str]) -> Iterator[RecordedMessage]:
+        wanted = [
+            connection
+            for connection in self._readers[source].connections
+            if connection.topic in topics and self._sources.get(connection.topic) == source
+        ]
+        if not wanted:  # rosbags would take none as all
+            return
+        with as_bag_errors(str(self._paths[source])):
+            for connection, log_ns, data in self._readers[source].messages(connections=wanted):
+                topic, type_name = connection.topic, connection.msgtype
+                yield RecordedMessage(topic, type_name, log_ns, data, source, log_ns)
+
+    def _in_file_order(self) -> Iterator[RecordedMessage]:
+        """Yield what matters of a live recording; of a database in order of log time."""
+        types = {topic: name for topic, name in self.types.items() if matters(topic, name)}
+        if self.files.files[0].suffix != ".mcap":
+            yield from self._logged(0, types)
+            return
+        for file in self.files.files:
+            with as_bag_errors(str(file)), file.open("rb") as stream:
+                raw = make_reader(stream).iter_messages([*types], log_time_order=False)
+                for _, channel, message in raw:
+                    topic = channel.topic
+                    yield RecordedMessage(topic, types[topic], message.log_time, message.data)
+
+    def _clock(self) -> Chronology:
+        """Read the ticks."""
+        if self._chronology is None:
+            clock = Chronology()
+            for place, message in enumerate(self._in_file_order()):
+                if message.topic == ARTEFACTS:
+                    stamp_ns = stamp_of(message.type_name, message.data)
+                    if stamp_ns is not None:
+                        clock.add_tick(place, stamp_ns)
+            self._chronology = clock
+        return self._chronology
+
+
+def matters(topic: str, type_name: str) -> bool:
+    """Tell whether a topic is an output of the node, or may be one of its inputs."""
+    if topic.startswith(PREFIX):
+        name = topic.removeprefix(PREFIX)
+        return OUTPUT_TYPES.get(name, "sensor_msgs/msg/LaserScan") == type_name
+    return type_name in INPUT_TYPES
+
+
+def _timed(message: RecordedMessage, place: int, clock: Chronology) -> RecordedMessage:
+    """Return a message of a live recording with the time at which it counts."""
+    is_latched = message.topic in _LATCHED
+    stamp_ns = None if is_latched else stamp_of(message.type_name, message.data)
+    loop, tick_ns = clock.moment(place, stamp_ns)
+    at_ns = tick_ns
+    if stamp_ns is not None:
+        is_relayed = stamp_ns < tick_ns - _PAST_NS  # as a real map's may be
+        is_drawn = message.topic in _DRAWN and not is_relayed
+        if is_drawn or (message.topic.startswith(PREFIX) and message.type_name.startswith("are_")):
+            at_ns = stamp_ns
+    return message._replace(at_ns=at_ns, loop=loop, is_latched=is_latched)
+
+
+def _log_time(message: RecordedMessage) -> int:
+    return message.log_ns
+
+
+@dataclass(frozen=True)
+class Runs:
+    """First and last stamps of runs of ticks, in order; none where every tick counts.
+
+    A recording begins and ends at any time, and may pause; so may the node. What was missed then
+    cannot be asked for, nor what happens while the topics of a recording connect one by one.
+    """
+
+    spans_ns: tuple[tuple[int, int], ...] = ()
+
+    def is_fresh(self, stamp_ns: int) -> bool:
+        """Tell whether a run began so shortly before that something may have been missed."""
+        span = self._span_at(stamp_ns)
+        return span is not None and stamp_ns < span[0] + SETTLING_NS
+
+    def is_beginning(self, stamp_ns: int) -> bool:
+        """Tell whether this is the first tick of a run."""
+        span = self._span_at(stamp_ns)
+        return span is not None and stamp_ns == span[0]
+
+    def is_edge(self, stamp_ns: int) -> bool:
+        """Tell whether a time is in no run, or near the beginning or the end of one."""
+        if not self.spans_ns:
+            return False
+        span = self._span_at(stamp_ns)
+        return span is None or not span[0] + SETTLING_NS <= stamp_ns <= span[1] - SETTLING_NS
+
+    def is_between(self, stamp_ns: int) -> bool:
+        """Tell whether a time is after a run and not near its end, and before the next one."""
+        index = bisect_right(self.spans_ns, (stamp_ns, 2**63)) - 1
+        return index >= 0 and stamp_ns > self.spans_ns[index][1] + SETTLING_NS
+
+    def are_together(self, before_ns: int, after_ns: int) -> bool:
+        """Tell whether two times are in the same run."""
+        if not self.spans_ns:
+            return True
+        return self._span_at(before_ns) == self._span_at(after_ns) is not None
+
+    def _span_at(self, stamp_ns: int) -> tuple[int, int] | None:
+        index = bisect_right(self.spans_ns, (stamp_ns, 2**63)) - 1
+        if index < 0 or stamp_ns > self.spans_ns[index][1]:
+            return None
+        return self.spans_ns[index]
+
+
+def runs_of(stamps_ns: Iterable[int], period_ns: int, breaks_ns: Iterable[int]) -> Runs:
+    """Return the runs of ticks, which a gap or one of `breaks_ns` (a farewell) parts."""
+    breaks = sorted(breaks_ns)
+    spans: list[tuple[int, int]] = []
+    for stamp_ns in stamps_ns:
+        before_ns = spans[-1][1] if spans else None
+        if (
+            before_ns is not None
+            and stamp_ns - before_ns <= _LONGEST_GAP * period_ns
+            and bisect_left(breaks, stamp_ns) == bisect_left(breaks, before_ns)
+        ):
+            spans[-1] = (spans[-1][0], stamp_ns)
+        else:
+            spans.append((stamp_ns, stamp_ns))
+    return Runs(tuple(spans))
+
+
+def part_farewells(scenes: Iterable[Scene], period_ns: int) -> tuple[list[Scene], list[int]]:
+    """Part the lists of ticks from those with which a node takes its leave; return their stamps.
+
+    A farewell is empty. It comes at any time, not at a multiple of the period, or once more at the
+    time of the tick before.
+    """
+    ticks: list[Scene] = []
+    farewells_ns: list[int] = []
+    for scene in scenes:
+        is_late = bool(scene.stamp_ns % period_ns)
+        is_again = bool(ticks) and ticks[-1].stamp_ns == scene.stamp_ns
+        if not len(scene.ids) and (is_late or is_again):
+            farewells_ns.append(scene.stamp_ns)
+        else:
+            ticks.append(scene)
+    return ticks, farewells_ns

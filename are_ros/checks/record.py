@@ -1,0 +1,361 @@
+"""What a recording holds of interest to the checks: a record for each loop of the clock."""
+
+import heapq
+from bisect import bisect_right
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from types import TracebackType
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from are_ros.bag.decoded import (
+    Event,
+    Grid,
+    GridUpdate,
+    ImageFormat,
+    Metrics,
+    Odometry,
+    Perceived,
+    Scan,
+    Scene,
+    Transforms,
+    TransformSample,
+)
+from are_ros.bag.reader import sentence_of
+from are_ros.bag.recording import (
+    ARTEFACTS,
+    GRID_TOPICS,
+    MARKERS,
+    PREFIX,
+    RecordedMessage,
+    Recording,
+    RecordingFiles,
+    Runs,
+    part_farewells,
+    runs_of,
+    walls_of,
+)
+from are_ros.checks.frames import ODOMETRY, PARAMETER, TF, Frames
+from are_ros.checks.marker_rules import MarkerChange, change_of
+from are_ros.checks.oracle_solids import Cloud, RealMap
+from are_ros.checks.result import Tally, at_s
+from are_ros.checks.scan_pairs import ScanPairs
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import AreError, InputError
+from are_ros.parameters.choices import OdometryUse
+from are_ros.parameters.model import Parameters
+
+_USUAL_BASES: Final = ("base_footprint", "base_link")
+_REAL_MAP: Final = "/map"
+_CLOUD: Final = "sensor_msgs/msg/PointCloud2"
+_MAP_SLACK_NS: Final = NS_PER_S
+"""Live, how near to the reception of a new map it is open which one a tick knew."""
+_REORDER_NS: Final = NS_PER_S
+_OBJECT_BYTES: Final = 16_000_000
+_SAMPLE: Final = 16
+"""After so many bytes of markers rosbags reads each 16th message only: an object per corner."""
+
+GridMessage = tuple[str, Grid | GridUpdate]
+
+
+class MarkerShow(NamedTuple):
+    """One message of markers, by its time."""
+
+    at_ns: int
+    changes: tuple[MarkerChange, ...]
+
+
+@dataclass(eq=False)
+class Record:
+    """One loop of the clock: ticks as scenes, other outputs, and the inputs there are; no grids.
+
+    `parameters` are those of effective.yaml, None where there is none. The times `at_ns` are log
+    times in a replay. Live, they are those of the ticks: the stamps of what a tick gives out, for
+    inputs the tick after which they came. `farewells_ns` is when a node let everything vanish, and
+    `last_words` are the lists of the perceived and the metrics that it gave out then. `walls` is
+    "map" or "octomap", whose they are, or empty; `clouds` are the octomaps that came in. `lags_ns`
+    is how late a live recorder logged the ticks.
+    """
+
+    parameters: Parameters | None
+    is_live: bool = False
+    walls: str = ""
+    topics: frozenset[str] = frozenset()
+    scenes: list[Scene] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
+    perceived: list[Perceived] = field(default_factory=list)
+    metrics: list[Metrics] = field(default_factory=list)
+    shows: list[MarkerShow] = field(default_factory=list)
+    maps_by_topic: dict[str, list[RealMap]] = field(default_factory=dict)
+    maps: list[RealMap] = field(default_factory=list)
+    clouds: list[Cloud] = field(default_factory=list)
+    images: list[ImageFormat] = field(default_factory=list)
+    frames: Frames = field(default_factory=Frames)
+    scans: ScanPairs = field(default_factory=ScanPairs)
+    farewells_ns: list[int] = field(default_factory=list)
+    last_words: list[Perceived | Metrics] = field(default_factory=list)
+    lags_ns: list[int] = field(default_factory=list)
+    runs: Runs = field(default_factory=Runs)
+
+    @property
+    def world_frame(self) -> str:
+        """The frame of all outputs."""
+        if self.parameters is None and self.scenes:
+            return self.scenes[0].frame_id
+        return self.settings.frames.map
+
+    @property
+    def settings(self) -> Parameters:
+        """The parameters, the defaults where they are not known."""
+        return Parameters() if self.parameters is None else self.parameters
+
+    @property
+    def period_ns(self) -> int:
+        """The time from tick to tick; where the parameters are not known, the usual one."""
+        if self.parameters is not None or len(self.scenes) < 2:
+            return round(NS_PER_S / self.settings.builder.tick_rate)
+        return int(np.median([b.stamp_ns - a.stamp_ns for a, b in pairwise(self.scenes)]))
+
+    def choose_maps(self, given: RealMap | None) -> None:
+        """Settle which real maps there were: the one given, else those of one topic."""
+        topics = self.maps_by_topic
+        name = _REAL_MAP if _REAL_MAP in topics or len(topics) != 1 else next(iter(topics))
+        found = [real for real in topics.get(name, ()) if real.is_usable(self.world_frame)]
+        self.maps = [given] if given else _without_repeats(found) if self.is_live else found
+
+    def why_no_map(self) -> str:
+        """Return why no real map is known, for the user."""
+        if len(self.maps_by_topic) > 1:
+            names = ", ".join(sorted(self.maps_by_topic))
+            return f"several topics may be the real map ({names}), and no map file was given"
+        return "the recording holds no real map, and no map file was given"
+
+    def has_inputs(self) -> bool:
+        """Tell whether inputs were copied beside the outputs."""
+        return any(not topic.startswith(PREFIX) for topic in self.topics)
+
+    @property
+    def lacks_inputs(self) -> bool:
+        """Whether it is of a replay that did not copy them: another one could."""
+        return not (self.is_live or self.has_inputs())
+
+    def base_frame(self) -> str:
+        """Return the robot's base: the one configured, else the usual one that there is."""
+        known = (name for name in _USUAL_BASES if self.frames.has(name))
+        return self.settings.frames.base or next(known, _USUAL_BASES[0])
+
+    def real_map_at(self, stamp_ns: int) -> RealMap | None:
+        """Return the real map that a tick knew: the last received before it.
+
+        Live it is open about the time when another one came, and the first is taken to have been
+        there before: it is latched.
+        """
+        if self.is_live:
+            later = [real.since_ns for real in self.maps[1:]]
+            if any(abs(since_ns - stamp_ns) <= _MAP_SLACK_NS for since_ns in later):
+                return None
+            return self.maps[bisect_right(later, stamp_ns)] if self.maps else None
+        known = [real for real in self.maps if real.since_ns < stamp_ns]
+        if known:
+            return known[-1]
+        # A map from a file is there before the first tick, and logged at its very time.
+        return self.maps[0] if self.maps and self.maps[0].since_ns == stamp_ns else None
+
+    def take(self, message: RecordedMessage, value: Any) -> None:
+        """Keep what matters of a value; ValueError where a map or a cloud is malformed."""
+        topic, kind = message.topic, type(value)
+        is_output = topic.startswith(PREFIX)
+        kept: dict[type, list[Any]] = {ImageFormat: self.images}
+        if is_output:
+            kept |= {Scene: self.scenes, Event: self.events}
+            kept |= {Perceived: self.perceived, Metrics: self.metrics}
+        if kind in kept:
+            kept[kind].append(value)
+        elif kind is Grid:
+            self.maps_by_topic.setdefault(topic, []).append(real_map(value))
+        elif kind is Scan:
+            self.scans.add(topic, value)
+        elif kind is Transforms:
+            for sample in value.samples:
+                self._take_transform(sample, value.at_ns, TF, is_static="static" in topic)
+        elif kind is Odometry:
+            self._take_odometry(value)
+        elif message.type_name == _CLOUD and not is_output:
+            cloud = Cloud.of_message(value, message.at_ns)
+            if not (self.clouds and cloud.is_like(self.clouds[-1])):
+                self.clouds.append(cloud)
+
+    def settle(self) -> None:
+        """Part the ticks of a live recording from farewells, and find the runs of them."""
+        self.events.sort(key=lambda event: event.at_ns)
+        self.shows.sort(key=lambda show: show.at_ns)
+        period_ns = self.period_ns
+        self.scenes, self.farewells_ns = part_farewells(self.scenes, period_ns)
+        stamps = [scene.stamp_ns for scene in self.scenes]
+        self.runs = runs_of(stamps, period_ns, self.farewells_ns)
+        self.perceived = self._without_last_words(self.perceived, frozenset(stamps))
+        self.metrics = self._without_last_words(self.metrics, frozenset(stamps))
+
+    def _without_last_words(self, messages: list[Any], ticks: frozenset[int]) -> list[Any]:
+        """Part what ticks gave out from what farewells did, also at the time of the tick before."""
+        kept: list[Any] = []
+        for message in messages:
+            is_again = bool(kept) and kept[-1].at_ns == message.at_ns
+            is_last = message.at_ns in self.farewells_ns
+            is_last = is_last and (is_again or message.at_ns not in ticks)
+            (self.last_words if is_last else kept).append(message)
+        return kept
+
+    def _take_odometry(self, odometry: Odometry) -> None:
+        use = self.settings.frames.odometry
+        if use is OdometryUse.IGNORE:
+            return
+        sample = odometry.sample
+        sample = sample._replace(child=sample.child or self.base_frame())
+        source = PARAMETER if use is OdometryUse.USE else ODOMETRY
+        self._take_transform(sample, odometry.at_ns, source, is_static=False)
+
+    def _take_transform(
+        self, sample: TransformSample, at_ns: int, source: int, *, is_static: bool
+    ) -> None:
+        parent, child, stamp_ns, numbers = sample
+        self.frames.add(parent, child, stamp_ns, at_ns, numbers, source, is_static=is_static)
+
+
+def real_map(grid: Grid) -> RealMap:
+    """Return a recorded grid as the oracle's map; ValueError where its data do not fit its size."""
+    height_m = grid.origin[2]
+    return RealMap(grid.cells, grid.resolution_m, grid.corner, height_m, grid.frame_id, grid.at_ns)
+
+
+def _without_repeats(maps: list[RealMap]) -> list[RealMap]:
+    """Leave out maps that came again as they were: latched ones do."""
+    kept: list[RealMap] = []
+    for real in maps:
+        if not kept or not (
+            kept[-1].has_geometry_of(real) and np.array_equal(kept[-1].cells, real.cells)
+        ):
+            kept.append(real)
+    return kept
+
+
+class Reading:
+    """One pass over all but the grids, then one over these for each loop; a context manager.
+
+    What is wrong with the file or a message is counted in `tally`.
+    """
+
+    def __init__(self, files: RecordingFiles, parameters: Parameters | None) -> None:
+        self.tally = Tally("rosbags reader", "message")
+        self.records: list[Record] = []
+        self.topics: frozenset[str] = frozenset()
+        self.is_open = False
+        self._files = files
+        self._parameters = parameters
+        self._recording = Recording(files)
+        self._marker_bytes = self._marker_messages = 0
+
+    def __enter__(self) -> "Reading":  # noqa: PYI034 (Self came with Python 3.11)
+        """Open the recording; one that cannot be opened is a fault, and holds no messages."""
+        loops = 1
+        with self._faults():
+            self._recording.__enter__()
+            self.topics = frozenset(self._recording.types)
+            self.is_open = True
+            loops = self._recording.loops
+        walls, is_live = walls_of(self._files.path), not self._files.is_replay
+        for _ in range(loops):
+            self.records.append(Record(self._parameters, is_live, walls, self.topics))
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._recording.__exit__(kind, error, trace)
+
+    def read_all_but_grids(self) -> None:
+        """Fill `records`, one for each loop."""
+        for message in self._messages(self.topics.difference(GRID_TOPICS)):
+            self.tally.look()
+            with self._faults_of(message):
+                if message.topic == MARKERS:
+                    self._take_markers(message)
+                else:
+                    self._take(message, self._recording.decode(message))
+        for record in self.records:
+            if record.is_live:
+                record.settle()
+
+    def grids(self, loop: int) -> Iterator[GridMessage]:
+        """Yield topic and value of the grids that went out in a loop, in the order of time."""
+        waiting: list[tuple[int, int, str, Any]] = []
+        for place, message in enumerate(self._messages(self.topics.intersection(GRID_TOPICS))):
+            if message.loop != loop:
+                continue
+            self.tally.look()
+            with self._faults_of(message):
+                value = self._recording.decode(message)
+                heapq.heappush(waiting, (message.at_ns, place, message.topic, value))
+            while waiting and waiting[0][0] < message.at_ns - _REORDER_NS:
+                yield heapq.heappop(waiting)[2:]
+        while waiting:
+            yield heapq.heappop(waiting)[2:]
+
+    def _messages(self, topics: frozenset[str]) -> Iterator[RecordedMessage]:
+        """Yield the messages of some topics; a fault of the file ends it."""
+        with self._faults():
+            if self.is_open:
+                yield from self._recording.messages(topics)
+
+    def _take(self, message: RecordedMessage, value: Any) -> None:
+        first = self.records[message.loop]
+        if message.topic == ARTEFACTS and first.is_live and not message.loop:
+            # Once the clock has jumped back, log times stand still: they tell nothing then.
+            first.lags_ns.append(message.log_ns - message.at_ns)
+        first.take(message, value)
+        if message.is_latched:
+            for record in self.records[message.loop + 1 :]:
+                record.take(message, replace(value, at_ns=0))
+
+    def _take_markers(self, message: RecordedMessage) -> None:
+        """Keep what markers do; rosbags has to read them, too."""
+        changes = tuple(change_of(marker) for marker in self._recording.decode(message))
+        self.records[message.loop].shows.append(MarkerShow(message.at_ns, changes))
+        self._marker_bytes += len(message.data)
+        self._marker_messages += 1
+        if self._marker_bytes > _OBJECT_BYTES:
+            self.tally.note("most markers by a decoder of our own, each 16th by rosbags too")
+            if self._marker_messages % _SAMPLE:
+                return
+        self._recording.deserialize(message)
+
+    @contextmanager
+    def _faults(self) -> Iterator[None]:
+        """Count what the reader raises as a fault of the file."""
+        try:
+            yield
+        except AreError as cause:
+            self.tally.look()
+            self.tally.fail(str(cause))
+        except Exception as cause:  # noqa: BLE001 - the reader raises all kinds on bad bytes
+            self.tally.look()
+            self.tally.fail(sentence_of(cause))
+
+    @contextmanager
+    def _faults_of(self, message: RecordedMessage) -> Iterator[None]:
+        """Count a malformed message as a fault of its own."""
+        try:
+            yield
+        except InputError as error:
+            cause = error.__cause__
+            what = sentence_of(cause) if isinstance(cause, Exception) else str(error)
+            logged = "" if self._files.is_replay else "logged "
+            self.tally.fail(f"{message.topic} {logged}{at_s(message.log_ns)}: {what}")
+        except (ValueError, OverflowError) as error:
+            self.tally.fail(f"{message.topic} {at_s(message.at_ns)}: {error}")

@@ -1,0 +1,91 @@
+"""The invariants of the design, checked on what was recorded, and by nothing that wrote it.
+
+These checks read the recording, the parameters and the map; they share no code with the builder:
+geometry, inflation, transforms and the decoding of markers are plain second implementations.
+"""
+
+from pathlib import Path
+from typing import Final
+
+from are_ros.bag.recording import (
+    PREFIX,
+    find_recording,
+)
+from are_ros.checks.file import check_files
+from are_ros.checks.grids import check_grids
+from are_ros.checks.markers import check_marker_fading, check_marker_rules, check_marker_state
+from are_ros.checks.oracle_solids import RealMap
+from are_ros.checks.overlaps import check_clutter, check_neighbours, check_robot, check_walls
+from are_ros.checks.record import Reading
+from are_ros.checks.result import CheckResult, Outcome, merged
+from are_ros.checks.scans import check_scans
+from are_ros.checks.ticks import (
+    check_farewells,
+    check_lives,
+    check_metrics,
+    check_perceived,
+    check_sight_events,
+    check_ticks,
+)
+from are_ros.errors import BagError
+from are_ros.parameters.model import Parameters
+from are_ros.parameters.ros_yaml import with_file
+from are_ros.world.map_file import read_map_file
+
+__all__ = ("CheckResult", "Outcome", "check_recording")
+
+_SCENE_CHECKS: Final = (
+    check_ticks,
+    check_lives,
+    check_metrics,
+    check_perceived,
+    check_sight_events,
+    check_walls,
+    check_neighbours,
+    check_robot,
+    check_clutter,
+    check_marker_rules,
+    check_marker_state,
+    check_marker_fading,
+)
+
+
+def check_recording(
+    path: Path,
+    map_file: Path | None = None,
+    parameters_file: Path | None = None,
+) -> tuple[CheckResult, ...]:
+    """Check a replay's output folder, or a live recording: a folder, an .mcap or a .db3 file.
+
+    A folder with augmented.mcap and metrics.json is a replay's. The real map is `map_file`, else
+    the one in the recording; the parameters `parameters_file`, else effective.yaml beside it.
+    What is wrong with the recording, damaged bytes too, is a failed result; what cannot be looked
+    at, a skipped one with the reason. Raises BagError where there is no recording of ar_builder,
+    MapError or ParameterError for a bad map file or parameters.
+    """
+    files = find_recording(path)
+    parameters = _read_parameters(parameters_file or files.parameters)
+    is_live = not files.is_replay
+    results = check_files(files.files, is_live=is_live)
+    with Reading(files, parameters) as reading:
+        if is_live and reading.is_open and not any(t.startswith(PREFIX) for t in reading.topics):
+            raise BagError(f"{files.path}: it holds no topic of the node, none begins {PREFIX}")
+        reading.read_all_but_grids()
+        records = reading.records
+        for record in records:
+            record.choose_maps(_read_map(map_file, record.world_frame))
+        checks = (*_SCENE_CHECKS, check_farewells) if is_live else _SCENE_CHECKS
+        results += [merged([check(record) for record in records]) for check in checks]
+        loops = ((record, reading.grids(number)) for number, record in enumerate(records))
+        results += check_grids(loops)
+    results += [merged(parts) for parts in zip(*map(check_scans, records), strict=True)]
+    return (results[0], reading.tally.result(), *results[1:])
+
+
+def _read_map(path: Path | None, frame_id: str) -> RealMap | None:
+    return None if path is None else RealMap.of_grid(read_map_file(path, frame_id))
+
+
+def _read_parameters(path: Path | None) -> Parameters | None:
+    """Return the effective parameters, None where they were not kept."""
+    return None if path is None else with_file(Parameters(), path)

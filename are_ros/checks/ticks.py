@@ -1,0 +1,406 @@
+"""Ticks: each gives out its lists and counts, and with the events they tell one story of lives.
+
+Every tick has its artefacts, perceived and metrics, stamped alike, at its time, in the world frame.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+from statistics import median
+from typing import Any, Final
+
+import numpy as np
+
+from are_ros.bag.decoded import (
+    ARRIVED,
+    BLOCKED,
+    DEPARTED,
+    DISPLACED,
+    LOST,
+    PERCEIVED,
+    ROBOT_CONTACT,
+    Event,
+    Metrics,
+    Perceived,
+    Scene,
+    Sighting,
+)
+from are_ros.bag.marker_decoding import DELETE_ALL
+from are_ros.bag.recording import PREFIX
+from are_ros.checks.record import Record
+from are_ros.checks.result import CheckResult, Tally, at_s, skipped
+from are_ros.conventions import NS_PER_S
+from are_ros.parameters.choices import CameraModel
+from are_ros.wording import counted
+
+_OTHER_CLOCK_NS: Final = 10 * NS_PER_S
+"""Farther apart, log times and stamps are of two clocks."""
+_NEXT_TICK: Final = 1.5
+"""In periods: what is farther apart is not one tick and the next."""
+_KINDS: Final = (ARRIVED, DEPARTED, BLOCKED, DISPLACED, PERCEIVED, LOST, ROBOT_CONTACT)
+_DISPLACED_DETAIL: Final = "displaced"
+
+
+def events_by_tick(record: Record) -> Iterator[tuple[Scene, list[Event], int]]:
+    """Yield each tick's scene with the events since the tick before, and the stamp of that."""
+    since_ns, at = -1, 0
+    for scene in record.scenes:
+        begin = at
+        while at < len(record.events) and record.events[at].at_ns <= scene.at_ns:
+            at += 1
+        yield scene, record.events[begin:at], since_ns
+        since_ns = scene.stamp_ns
+
+
+def departures_ns(record: Record) -> dict[int, int]:
+    """Return when each id departed, as the events say."""
+    return {event.artefact_id: event.stamp_ns for event in record.events if event.kind == DEPARTED}
+
+
+def check_ticks(record: Record) -> CheckResult:
+    """Every tick has its artefacts, perceived and metrics, stamped alike, in the world frame."""
+    tally = Tally("ticks", "tick")
+    for scene in record.scenes:
+        tally.look()
+        _check_scene(tally, record, scene)
+    for before, after in pairwise(record.scenes):
+        if after.stamp_ns <= before.stamp_ns:
+            tally.fail(f"{at_s(after.stamp_ns)} does not follow {at_s(before.stamp_ns)}")
+    lists: tuple[tuple[str, Sequence[Perceived | Metrics]], ...] = (
+        ("perceived", record.perceived),
+        ("metrics", record.metrics),
+    )
+    for name, messages in lists:
+        if record.is_live and PREFIX + name not in record.topics:
+            tally.note(f"without ~/{name}, which was not recorded")
+        else:
+            _check_stamps(tally, name, messages, record)
+    if record.lags_ns:
+        tally.note(_lag_text(record.lags_ns))
+    return tally.result()
+
+
+def _check_scene(tally: Tally, record: Record, scene: Scene) -> None:
+    where, ids = at_s(scene.stamp_ns), scene.ids.tolist()
+    if scene.stamp_ns != scene.at_ns:
+        tally.fail(f"the artefacts logged {at_s(scene.at_ns)} are {where}")
+    tally.require(all(a < b for a, b in pairwise(ids)), f"{where} ids do not ascend: {ids}")
+    tally.require(scene.frame_id == record.world_frame, f"{where} the frame is '{scene.frame_id}'")
+    if record.parameters is not None and scene.stamp_ns % record.period_ns:
+        tally.fail(f"{where} there is no tick, they are {record.period_ns} ns apart")
+    for text, is_wrong in _pose_faults(scene):
+        if is_wrong.any():
+            tally.fail(f"{where} artefact {scene.ids[is_wrong][0]} {text}")
+            break
+
+
+def _pose_faults(scene: Scene) -> Iterator[tuple[str, Any]]:
+    """Yield what can be wrong with a pose, and a mask bool (N,) of the artefacts where it is."""
+    poses, grounds, halves_m = scene.poses, scene.ground_poses, scene.half_sizes_m
+    everything = np.hstack((poses, grounds, scene.centres_m, halves_m))
+    yield "has numbers that are not finite", ~np.isfinite(everything).all(axis=1)
+    yield "has a size that is not positive", (halves_m <= 0.0).any(axis=1)
+    norms = np.abs(np.linalg.norm(poses[:, 3:], axis=1) - 1.0)
+    yield "has a rotation that is no unit quaternion", norms > 1e-6
+    yield "does not stand upright", np.abs(poses[:, 3:5]).max(axis=1, initial=0.0) > 1e-9
+    bottoms_m = scene.centres_m[:, 2] - halves_m[:, 2]
+    yield "does not stand on its ground pose", np.abs(bottoms_m - grounds[:, 2]) > 1e-6
+    aside_m = np.hypot(*(poses[:, :2] - grounds[:, :2]).T)
+    turn = np.abs(np.abs(np.sum(poses[:, 3:] * grounds[:, 3:], axis=1)) - 1.0)
+    yield "is not above its ground pose", (aside_m > 1e-6) | (turn > 1e-9)
+
+
+def _check_stamps(
+    tally: Tally, name: str, messages: Sequence[Perceived | Metrics], record: Record
+) -> None:
+    """Compare with the lists, but near the ends of what a live recording holds without a gap."""
+    ticks = {scene.at_ns for scene in record.scenes if not record.runs.is_edge(scene.at_ns)}
+    given = {message.at_ns for message in messages if not record.runs.is_edge(message.at_ns)}
+    if ticks != given:
+        where = at_s(min(ticks ^ given))
+        tally.fail(f"~/{name} and ~/artefacts differ {where}: one of them has no message")
+    if any(a.at_ns >= b.at_ns for a, b in pairwise(messages)):
+        tally.fail(f"~/{name} comes twice at a time, or goes back")
+    for message in messages:
+        if message.stamp_ns != message.at_ns or message.frame_id != record.world_frame:
+            text = f"is stamped {at_s(message.stamp_ns)} in '{message.frame_id}'"
+            tally.fail(f"~/{name} {at_s(message.at_ns)} {text}")
+
+
+def _lag_text(lags_ns: list[int]) -> str:
+    """Say how late the recorder received the ticks."""
+    middle_ns = median(lags_ns)
+    if abs(middle_ns) > _OTHER_CLOCK_NS:
+        return "logged by another clock than that of their stamps"
+    most = max(lags_ns, key=abs)
+    delays = f"{middle_ns / 1e6:.0f} ms after their time in the median, {most / 1e6:.0f} at most"
+    return f"logged {delays}"
+
+
+def check_lives(record: Record) -> CheckResult:
+    """Ids are never reused, and each tick lists those who arrived and did not depart."""
+    tally = Tally("lives", "tick")
+    story = _Story(tally)
+    for scene, events, since_ns in events_by_tick(record):
+        if record.runs.is_fresh(scene.stamp_ns):
+            story.begin_with(scene)
+            continue
+        tally.look()
+        for event in events:
+            if not since_ns < event.stamp_ns <= scene.stamp_ns:
+                tally.fail(f"the tick {at_s(scene.stamp_ns)} gives an event {at_s(event.stamp_ns)}")
+            if not record.is_live and event.at_ns != scene.at_ns:
+                tally.fail(f"an event is logged {at_s(event.at_ns)}, where there is no tick")
+            story.hear(event)
+        ids, told = scene.ids.tolist(), story.living()
+        if ids != told:
+            wrong = sorted(set(ids) ^ set(told))
+            tally.fail(f"{at_s(scene.stamp_ns)} list and events differ in the ids {wrong}")
+        _check_spans(tally, scene, story.arrived_ns)
+    return tally.result()
+
+
+class _Story:
+    """Who lives, as the events tell it, event by event."""
+
+    def __init__(self, tally: Tally) -> None:
+        self.arrived_ns: dict[int, int] = {}
+        self.departed_ns: dict[int, int] = {}
+        self._tally = tally
+
+    def hear(self, event: Event) -> None:
+        """Take an arrival or a departure."""
+        number, stamp_ns = event.artefact_id, event.stamp_ns
+        if event.kind == ARRIVED:
+            unheard_of = number not in self.arrived_ns
+            self._tally.require(unheard_of, f"id {number} arrives again {at_s(stamp_ns)}")
+            self.arrived_ns[number] = stamp_ns
+        elif event.kind == DEPARTED:
+            lives = number in self.arrived_ns and number not in self.departed_ns
+            self._tally.require(
+                lives, f"id {number} departs {at_s(stamp_ns)}, but it was not there"
+            )
+            self.departed_ns[number] = stamp_ns
+        elif event.kind not in _KINDS:
+            self._tally.fail(f"an event {at_s(stamp_ns)} is of kind {event.kind}")
+
+    def living(self) -> list[int]:
+        """Return the ids of those who came and have not gone."""
+        return sorted(self.arrived_ns.keys() - self.departed_ns.keys())
+
+    def begin_with(self, scene: Scene) -> None:
+        """Take a list as the truth about what was missed; those whose end was told stay away."""
+        arrivals = dict(zip(scene.ids.tolist(), scene.arrivals_ns.tolist(), strict=True))
+        self.arrived_ns = {**arrivals, **self.arrived_ns}
+        for number in set(self.living()) - arrivals.keys():
+            self.departed_ns[number] = scene.stamp_ns
+
+
+def _check_spans(tally: Tally, scene: Scene, arrived_ns: dict[int, int]) -> None:
+    """Each stamp lies in [arrival, departure), and the arrival is that of the event."""
+    spans = zip(
+        scene.ids.tolist(), scene.arrivals_ns.tolist(), scene.departures_ns.tolist(), strict=True
+    )
+    for number, arrival_ns, departure_ns in spans:
+        late = arrival_ns > scene.stamp_ns or 0 < departure_ns <= scene.stamp_ns
+        if late or arrived_ns.get(number, arrival_ns) != arrival_ns:
+            life = f"[{arrival_ns}, {departure_ns}) ns"
+            tally.fail(f"{at_s(scene.stamp_ns)} id {number} is listed with the life {life}")
+
+
+def check_metrics(record: Record) -> CheckResult:
+    """Compare the counts of the metrics with those of the events and lists so far.
+
+    In a recording that began late, with those since its beginning.
+    """
+    tally = Tally("metrics", "message")
+    metrics = {message.at_ns: message for message in record.metrics}
+    seen = _perceived_ids(record)
+    count = _Count()
+    for scene, events, _ in events_by_tick(record):
+        count.hear(events)
+        message = metrics.get(scene.at_ns)
+        if message is None:
+            continue
+        if record.runs.is_fresh(scene.stamp_ns):
+            count.begin_with(message)
+            continue
+        tally.look()
+        wanted = {"alive": len(scene.ids), **count.since_start()}
+        if not record.is_live or scene.at_ns in seen:
+            wanted["perceived"] = len(seen.get(scene.at_ns, ()))
+        for name, number in wanted.items():
+            found = int(getattr(message, name))
+            text = f"{at_s(scene.stamp_ns)} {name} is {found}, events and lists say {number}"
+            tally.require(found == number, text)
+    return tally.result()
+
+
+class _Count:
+    """Counts events as the metrics do."""
+
+    def __init__(self) -> None:
+        self._kinds: Counter[int] = Counter()
+        self._censored: set[tuple[int, int]] = set()
+        self._before: Mapping[str, int] = {}
+
+    def hear(self, events: list[Event]) -> None:
+        """Count events."""
+        for event in events:
+            self._kinds[event.kind] += 1
+            if event.kind == DISPLACED or event.detail == _DISPLACED_DETAIL:
+                self._censored.add((event.artefact_id, event.stamp_ns))
+
+    def begin_with(self, message: Metrics) -> None:
+        """Take the counts of a message as the truth about what was missed."""
+        self._before = {}
+        counts = self.since_start()
+        self._before = {name: int(getattr(message, name)) - n for name, n in counts.items()}
+
+    def since_start(self) -> dict[str, int]:
+        """Return the counts by their names."""
+        counts = {
+            "arrivals": self._kinds[ARRIVED],
+            "departures": self._kinds[DEPARTED],
+            "blocked": self._kinds[BLOCKED],
+            "displaced": len(self._censored),
+            "robot_contacts": self._kinds[ROBOT_CONTACT],
+        }
+        return {name: number + self._before.get(name, 0) for name, number in counts.items()}
+
+
+def _perceived_ids(record: Record) -> dict[int, frozenset[int]]:
+    """Return the ids of `~/perceived` by time."""
+    return {message.at_ns: message.ids for message in record.perceived}
+
+
+def check_perceived(record: Record) -> CheckResult:
+    """Every perceived one is alive, with more than tau pixels in a region inside the image."""
+    name = "perceived"
+    if record.parameters is None:
+        return skipped(name, "there is no effective.yaml, which says tau")
+    tally = Tally(name, "sighting")
+    alive = {scene.at_ns: set(scene.ids.tolist()) for scene in record.scenes}
+    for message in record.perceived:
+        at_ns = message.at_ns
+        if record.is_live and at_ns not in alive:
+            tally.leave_out("message", "without a list of the living")
+            continue
+        sizes = _image_sizes(record, at_ns)
+        if not sizes:
+            hint = "without its CameraInfo" if record.is_live else "without --with-inputs"
+            tally.note(f"the size of the camera's image is not known {hint}")
+        before = -1
+        for one in message.sightings:
+            tally.look()
+            faults = [
+                "is not alive" if one.artefact_id not in alive.get(at_ns, ()) else "",
+                "is not listed in the order of ids" if one.artefact_id <= before else "",
+                _sighting_fault(one, record.parameters.occlusion.tau, at_ns),
+                _roi_fault(one.roi, sizes),
+            ]
+            before = one.artefact_id
+            for fault in filter(None, faults):
+                tally.fail(f"{at_s(at_ns)} id {one.artefact_id} {fault}")
+    return tally.result()
+
+
+def _sighting_fault(one: Sighting, tau: int, at_ns: int) -> str:
+    """Check the numbers of one sighting."""
+    visible, whole = one.visible_pixels, one.unoccluded_pixels
+    if visible <= tau:
+        return f"has {counted(visible, 'visible pixel')}, tau is {tau}"
+    if visible > whole or abs(one.visible_fraction - visible / whole) > 1e-6:
+        pixels = counted(whole, "pixel")
+        return f"has {visible} of {pixels}, and the fraction {one.visible_fraction}"
+    if not 0.0 <= one.existence <= 1.0 or one.range_m < 0.0:
+        return f"has the existence {one.existence} and the range {one.range_m} m"
+    total = sum(one.probabilities)
+    if len(one.classes) != len(one.probabilities) or abs(total - 1.0) > 1e-4:
+        return f"has class probabilities that sum to {total:g}"
+    _, _, width, height = one.roi
+    if width * height < visible:
+        return f"has {counted(visible, 'pixel')} in a region of {width} x {height}"
+    return "was last seen in the future" if one.last_seen_ns > at_ns else ""
+
+
+def _image_sizes(record: Record, at_ns: int) -> list[tuple[int, int]]:
+    """Return the sizes (width, height) that the image may have; none where nothing tells them."""
+    camera = record.settings.camera
+    if camera.model is not CameraModel.AUTO:
+        return [(camera.width, camera.height)]
+    if record.is_live:  # a CameraInfo came a little before or after it was recorded
+        return sorted({(image.width, image.height) for image in record.images})
+    if record.images:
+        known = [(image.width, image.height) for image in record.images if image.at_ns < at_ns]
+        # What is held since the look before may be in the image of the info before.
+        return known[-2:] or [(camera.width, camera.height)]
+    return [(camera.width, camera.height)] if record.has_inputs() else []
+
+
+def _roi_fault(roi: tuple[int, int, int, int], sizes: list[tuple[int, int]]) -> str:
+    x, y, width, height = roi
+    if not sizes or any(x + width <= w and y + height <= h for w, h in sizes):
+        return ""
+    return f"has a region of {width} x {height} at {x}, {y}"
+
+
+def check_sight_events(record: Record) -> CheckResult:
+    """PERCEIVED and LOST tell the differences between one tick's perceived and the next one's."""
+    tally = Tally("sight events", "tick")
+    unknown = None if record.is_live else frozenset[int]()
+    seen, before = _perceived_ids(record), unknown
+    for scene, events, since_ns in events_by_tick(record):
+        now = seen.get(scene.at_ns, unknown)
+        is_gap = record.is_live and scene.stamp_ns - since_ns > _NEXT_TICK * record.period_ns
+        if now is None or before is None or is_gap or record.runs.is_fresh(scene.stamp_ns):
+            tally.leave_out("tick", "after a beginning or a gap")
+        else:
+            tally.look()
+            _compare(tally, scene, events, now, before)
+        before = now
+    return tally.result()
+
+
+def _compare(
+    tally: Tally, scene: Scene, events: list[Event], now: frozenset[int], before: frozenset[int]
+) -> None:
+    alive = set(scene.ids.tolist())
+    for kind, text, wanted in (
+        (PERCEIVED, "PERCEIVED", now - before),
+        (LOST, "LOST", (before - now) & alive),
+    ):
+        told = sorted(event.artefact_id for event in events if event.kind == kind)
+        if told != sorted(wanted):
+            told_text = f"{text} tells of the ids {told}"
+            tally.fail(f"{at_s(scene.stamp_ns)} {told_text}, the lists of {sorted(wanted)}")
+
+
+def check_farewells(record: Record) -> CheckResult:
+    """When a live node takes its leave, or is paused, nothing virtual stays in what it gives out.
+
+    With the empty list of artefacts nobody is perceived or counted, and a DELETEALL goes out. The
+    grids of a farewell are looked at with the other grids.
+    """
+    tally = Tally("farewells", "farewell")
+    wiped = {
+        show.at_ns
+        for show in record.shows
+        if any(change.action == DELETE_ALL for change in show.changes)
+    }
+    for stamp_ns in record.farewells_ns:
+        tally.look()
+        if PREFIX + "markers" in record.topics and stamp_ns not in wiped:
+            if any(scene.stamp_ns > stamp_ns for scene in record.scenes):
+                tally.fail(f"{at_s(stamp_ns)} the markers are not deleted")
+            else:
+                tally.note("the recording ends before the markers are deleted")
+    for message in record.last_words:
+        if isinstance(message, Perceived):
+            count = len(message.sightings)
+        else:
+            count = message.alive + message.perceived
+        if count:
+            told = f"there is still word of {counted(count, 'artefact')}"
+            tally.fail(f"{at_s(message.at_ns)} {told}")
+    return tally.result()
