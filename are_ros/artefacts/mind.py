@@ -28,17 +28,12 @@ SPOT_M, SHUNTS_S, LINGERS_S = 0.3, 3.0, 8.0
 """Who wants to go, and has stayed within a spot for so long, manoeuvres, and then is blocked,
 whatever by: a car that shunts in clutter makes some progress each time, and none in all."""
 
-GIVING_WAY, MANOEUVRING = "giving way", "manoeuvring"
 _WALL = "a wall"
 
 
 @dataclass(eq=False, slots=True)
 class Mind:
-    """One artefact's behaviour, and what became of its last intent.
-
-    While it `is_steady`, what it does, waits and lingers is in a table, at its `slot`, and holds
-    for this `generation` of courses.
-    """
+    """One artefact's behaviour, and what became of its last intent."""
 
     artefact: Artefact
     traveller: Traveller
@@ -55,9 +50,6 @@ class Mind:
     lingered_s: float = 0.0
     known_places: Places | None = None
     places: Places | None = None
-    slot: int = -1
-    is_steady: bool = False
-    generation: int = 0
 
     @property
     def is_out(self) -> bool:
@@ -79,10 +71,7 @@ class Mind:
             self.waits += 1
         elif self.waits and situation.me.speed_mps > GETS_ON_MPS:
             self.waits = 0
-        self.say(_activity(intent, leg, situation, self.lingered_s))
-
-    def say(self, activity: str) -> None:
-        """Let this be its activity."""
+        activity = _activity(intent, leg, situation, self.lingered_s)
         self.artefact.activity = "" if activity == self.artefact.behaviour else activity
 
     def begin_anew(self, behaviour: Behaviour) -> None:
@@ -98,24 +87,16 @@ def name_of_hindrance(what: Hindrance, who: int) -> str:
     return "the robot" if what is Hindrance.ROBOT else _WALL
 
 
-def words_of_hindrance(what: Hindrance, who: int) -> str:
-    """Return what somebody does who is kept from going on."""
-    return _waiting_for(name_of_hindrance(what, who))
-
-
-def _waiting_for(name: str) -> str:
-    return f"{'blocked by' if name == _WALL else 'waiting for'} {name}"
-
-
 def _activity(intent: Intent, leg: Leg, situation: Situation, lingered_s: float) -> str:
     """Return what somebody does just now; what it waits for, where it cannot go on."""
     if leg.no_way:
         return "no way"
     wants_to_go = intent.goal_m is not None
     if wants_to_go and situation.blocked_s >= BLOCKED_S and situation.blocked_by:
-        return _waiting_for(situation.blocked_by)
+        name = situation.blocked_by
+        return f"{'blocked by' if name == _WALL else 'waiting for'} {name}"
     if leg.waits:
-        return GIVING_WAY
+        return "giving way"
     if wants_to_go and lingered_s > SHUNTS_S:
-        return MANOEUVRING
+        return "manoeuvring"
     return intent.activity

@@ -2,8 +2,7 @@
 
 An artefact's decision epochs are a decision period apart, from the first sub-step after its arrival
 on. All that are due in a sub-step decide by what the sub-step before has left, in the order of
-their ids; each draws from a stream of its own. Who wants the same as before for sure goes on
-without being asked (`SteadyMinds`).
+their ids; each draws from a stream of its own.
 """
 
 from bisect import insort
@@ -24,7 +23,6 @@ from are_ros.artefacts.navigation import Leg, Navigation, Wish
 from are_ros.artefacts.onlookers import Onlookers
 from are_ros.artefacts.places import Places
 from are_ros.artefacts.randomness import Purpose, generator
-from are_ros.artefacts.steady_minds import SteadyMinds
 from are_ros.artefacts.traveller import Traveller
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BehaviourError
@@ -41,7 +39,6 @@ class Minds:
         self._navigation = navigation
         self._minds: dict[int, Mind] = {}
         self._due: list[list[Mind]] = [[] for _ in range(self._period)]
-        self._steady = SteadyMinds(navigation)
         self.doers = Doers()
         self.tell_fault: Callable[[BehaviourError], None] | None = None
         """Told of each behaviour of the user's own that fails, whose artefact stands from then on;
@@ -62,7 +59,6 @@ class Minds:
         traveller = Traveller.of(artefact.row, body)
         mind = Mind(artefact, traveller, behaviour, random, phase)
         self._minds[artefact.id] = mind
-        self._steady.admit(mind)
         insort(self._due[phase], mind, key=_id_of)
 
     def dismiss(self, artefact_id: int) -> None:
@@ -72,12 +68,10 @@ class Minds:
         mind = self._minds.pop(artefact_id, None)
         if mind is not None:
             self._due[mind.phase].remove(mind)
-            self._steady.dismiss(mind)
 
     def send_out(self, artefact_id: int) -> None:
         """Let an artefact walk to an exit from its next decision on; its life is over."""
         mind = self._minds[artefact_id]
-        self._steady.drop(mind)
         mind.begin_anew(Leaving())
         self.doers.set(artefact_id, Leaving.name)
 
@@ -95,7 +89,6 @@ class Minds:
     ) -> list[int]:
         """Let all decide who are due in sub-step `index`; return who has left by an exit."""
         minds = self._due_in(index, view)
-        minds = self._steady.carry_on(minds, now_ns, view, traffic, robot)
         out = [mind.artefact.id for mind in minds if mind.is_out]
         deciding = [mind for mind in minds if not mind.is_out]
         ids = [mind.artefact.id for mind in deciding]
@@ -108,7 +101,6 @@ class Minds:
         traffic.give_orders(ids, [leg.order for leg in legs])
         for k, mind in enumerate(deciding):  # not before: others see what the step before has left
             mind.settle(intents[k], legs[k], situations[k])
-            self._note(mind, legs[k], now_ns)
         return out
 
     def _made(self, artefact: Artefact) -> Behaviour:
@@ -129,13 +121,6 @@ class Minds:
         except BehaviourError as fault:
             self._give_up(mind, fault)
         return mind.behaviour.decide(situation)
-
-    def _note(self, mind: Mind, leg: Leg, now_ns: int) -> None:
-        """See whether one that has just decided goes on like that."""
-        try:
-            self._steady.note(mind, leg, now_ns)
-        except BehaviourError as fault:
-            self._give_up(mind, fault)
 
     def _give_up(self, mind: Mind, fault: BehaviourError) -> None:
         """Let one stand for the rest of its life."""

@@ -52,8 +52,7 @@ class Wish(NamedTuple):
 class Leg(NamedTuple):
     """What an intent means for one decision period: the order, and how the goal stands.
 
-    With `waits` it stays for others who are in its way. `way_m` float64 (K, 2). `course` is the
-    number of the course by which that was found, -1: by none.
+    With `waits` it stays for others who are in its way. `way_m` float64 (K, 2).
     """
 
     order: Order
@@ -61,14 +60,12 @@ class Leg(NamedTuple):
     no_way: bool = False
     waits: bool = False
     way_m: npt.NDArray[np.float64] = _NO_WAY
-    course: int = -1
 
 
 class Navigation:
     """Finds ways in the present environment; what was found in the last one is forgotten.
 
-    `period_s` is a decision period, `horizon` the longest in periods. `generation` is another one
-    once courses that were found are no more.
+    `horizon` is the longest, in decision periods.
     """
 
     def __init__(self, settings: BehaviourParameters, terrains: Terrains) -> None:
@@ -79,9 +76,7 @@ class Navigation:
         self._environment: Environment | None = None
         self._known_terrains: dict[float, Terrain] = {}
         epochs = max(1, round(settings.max_horizon / settings.decision_period))
-        self.period_s = settings.decision_period
         self.horizon = epochs
-        self.generation = 0
         self._coarse_maps = CoarseMaps(settings.cell_size)
         self._tables = ValueTables(epochs)
         self._courses = Courses()
@@ -92,7 +87,6 @@ class Navigation:
             self._tables.clear()
             self._courses.clear()
             self._known_terrains.clear()
-            self.generation += 1
         nowhere_m = np.empty((0, 2))  # nothing, but that what gatherers ask for compiles early
         nearest_of(nowhere_m, places.destinations_m)
         Neighbourhood(nowhere_m).points_within(0.0, 0.0, 0.0, np.empty(0, np.int64), 0)
@@ -165,25 +159,14 @@ class Navigation:
                 going, courses.values(), indices, strict=True
             )
         ]
-        found, ways_m = self.steps(np.array(asked, np.int64), view, robot)
-        numbers = [course.number for course in courses.values()]
+        found, ways_m = np.empty((len(asked), FOUND)), np.empty((len(asked), _MOST_POINTS, 2))
+        rows = np.array(asked, np.int64)
+        route_steps(self._courses.arrays, view.crowd, self._around(robot), rows, found, ways_m)
         return {
-            k: _leg(wish, step, way_m, number)
-            for k, wish, step, way_m, number in zip(
-                courses, going, found.tolist(), ways_m, numbers, strict=True
-            )
+            k: _leg(wish, step, way_m)
+            for k, wish, step, way_m in zip(courses, going, found.tolist(), ways_m, strict=True)
             if step[0] != NO_WAY
         }
-
-    def steps(
-        self, asked: npt.NDArray[np.int64], view: Onlookers, robot: RobotView | None
-    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Return the next steps (M, FOUND) and ways (M, K, 2) of some: see `route_steps`."""
-        found, ways_m = np.empty((len(asked), FOUND)), np.empty((len(asked), _MOST_POINTS, 2))
-        if len(asked):
-            around = self._around(robot)
-            route_steps(self._courses.arrays, view.crowd, around, asked, found, ways_m)
-        return found, ways_m
 
     def _around(self, robot: RobotView | None) -> tuple[float, float, float, float]:
         """Return for how long ahead others are looked at [s], where the robot is then, its radius.
@@ -238,15 +221,15 @@ class Navigation:
         return max(1, min(self.horizon, math.ceil(left_s / self._settings.decision_period)))
 
 
-def _leg(wish: Wish, step: Sequence[float], way_m: npt.NDArray[np.float64], course: int) -> Leg:
+def _leg(wish: Wish, step: Sequence[float], way_m: npt.NDArray[np.float64]) -> Leg:
     """Return the leg of a step that `route_steps` has found."""
     what, count, x_m, y_m, is_end = step
     if what == STRAIGHT:
-        return Leg(_order(wish, wish.intent.goal_m), course=course)
+        return Leg(_order(wish, wish.intent.goal_m))
     way_m = way_m[: int(count)]
     if what == WAITS:
-        return Leg(_order(wish, None), waits=True, way_m=way_m, course=course)
-    return Leg(_order(wish, (x_m, y_m), stop_there=is_end != 0.0), way_m=way_m, course=course)
+        return Leg(_order(wish, None), waits=True, way_m=way_m)
+    return Leg(_order(wish, (x_m, y_m), stop_there=is_end != 0.0), way_m=way_m)
 
 
 def _order(wish: Wish, sub_goal_m: Point | None, *, stop_there: bool = True) -> Order:

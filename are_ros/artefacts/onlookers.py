@@ -78,10 +78,6 @@ class Onlookers:
         indices: list[int] = self._ids.searchsorted(artefact_ids).tolist()
         return indices
 
-    def positions_of(self, artefact_ids: npt.NDArray[np.int64]) -> npt.NDArray[np.intp]:
-        """Return the indices (K,) in the arrays of artefacts (K,) that are there."""
-        return self._ids.searchsorted(artefact_ids)
-
     def has(self, artefact_ids: Sequence[int]) -> list[bool]:
         """Say which of some artefacts are there."""
         ids = np.array(artefact_ids, np.int64)
@@ -125,11 +121,6 @@ class Onlookers:
         """Everybody, as `route_step` takes them."""
         cells = self._neighbourhood.cells
         return (*cells, self._poses, self._speeds_mps, self._radii_m)
-
-    @property
-    def motion(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """The poses (N, 4) and speeds (N,) of all."""
-        return self._poses, self._speeds_mps
 
     @cached_property
     def _neighbourhood(self) -> Neighbourhood:

@@ -125,18 +125,8 @@ class Traffic:
     def give_orders(self, artefact_ids: Sequence[int], orders: Sequence[Order]) -> None:
         """Tell some what to do from the next sub-step on, each its own order."""
         rows = np.array([_state.order_record(order) for order in orders], np.float64)
-        ids = np.array(artefact_ids, np.int64)
-        self.give_rows(self.slots_of(ids), rows.reshape(-1, 9))
-
-    def give_rows(self, slots: npt.NDArray[np.int64], rows: _Floats) -> None:
-        """Tell those of some slots (M,) what to do, by rows (M, 9) as `order_record` makes them."""
-        fleet = self._fleet
-        _orders.give(fleet.order, fleet.mind, fleet.due, slots, rows, self._now)
-
-    @property
-    def minds(self) -> _state.Records:
-        """What hinders them and for how long, by slot: records of `_state.MIND`, to be read."""
-        return self._fleet.mind
+        slots, fleet = self._slots_of(artefact_ids), self._fleet
+        _orders.give(fleet.order, fleet.mind, fleet.due, slots, rows.reshape(-1, 9), self._now)
 
     def put(self, artefact_id: int, pose: GroundPose) -> None:
         """Let one stand at another pose; who is on the way there plans anew at once."""
@@ -263,7 +253,7 @@ class Traffic:
 
     def hindrances(self, artefact_ids: Sequence[int]) -> list[tuple[Hindrance, int, float]]:
         """Tell what is in the way of each of some artefacts, as `hindrance`."""
-        slots, columns = self.slots_of(np.array(artefact_ids, np.int64)), self._columns
+        slots, columns = self._slots_of(artefact_ids), self._columns
         blocked_s, kinds = columns.blocked[slots].tolist(), columns.hindrance[slots].tolist()
         by = columns.hindered_by[slots].tolist()
         return [
@@ -271,8 +261,9 @@ class Traffic:
             for kind, who, since_s in zip(kinds, by, blocked_s, strict=True)
         ]
 
-    def slots_of(self, ids: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    def _slots_of(self, artefact_ids: Sequence[int]) -> npt.NDArray[np.int64]:
         """Return the slots (M,) of some (M,) who are there; KeyError if one is not."""
+        ids = np.array(artefact_ids, np.int64)
         places = self._ids.searchsorted(ids)
         if (self._ids.searchsorted(ids, "right") == places).any():
             raise KeyError(f"not all of the artefacts {ids.tolist()} are in the traffic")
