@@ -92,6 +92,9 @@ class PoseHistory:
             return self._poses[after - 1]
         return between(poses[after - 1], poses[after], fraction)
 
+    def close(self) -> None:
+        """Say that no pose is to come."""
+
     def velocity_at(self, t_ns: int) -> tuple[float, float, float]:
         """Return the rates of x, y [m/s] and yaw [rad/s] in the map frame as of `t_ns`.
 

@@ -39,7 +39,6 @@ class PoseTape:
         self.ids: list[_Ints] = []
         self.starts: list[_Floats] = []
         self.ends: list[_Floats] = []
-        self._open: dict[int, TapeHistory] = {}
 
     @property
     def end(self) -> int:
@@ -60,14 +59,7 @@ class PoseTape:
         first = (t_ns, pose, *(goes_to or (t_ns, pose)))
         if first[3] != pose:
             self.still_since_ns = max(self.still_since_ns, first[2])
-        history = self._open[artefact_id] = TapeHistory(self, artefact_id, first)
-        return history
-
-    def stop(self, artefact_id: int) -> None:
-        """Let one, known or not, be in no later frame; its history stays what it is."""
-        history = self._open.pop(artefact_id, None)
-        if history is not None:
-            history.close()
+        return TapeHistory(self, artefact_id, first)
 
     def record(self, t_ns: int, until_ns: int, ids: _Ints, starts: _Floats, ends: _Floats) -> None:
         """Add the frame of a sub-step that begins at `t_ns`; `until_ns` is when it will end."""
@@ -86,9 +78,7 @@ class PoseTape:
             self.first += 1
 
     def clear(self) -> None:
-        """Forget all frames: the clock jumped; histories that are open keep their last poses."""
-        for artefact_id in list(self._open):
-            self.stop(artefact_id)
+        """Forget all frames: the clock jumped. To be called when nobody lives."""
         self.first = self.end
         for kept in (self.times_ns, self.until_ns, self.ids, self.starts, self.ends):
             kept.clear()

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.agents.table import AgentTable
 from are_ros.artefacts.artefact import Artefact
 from are_ros.artefacts.behaviours.situation import RobotView
 from are_ros.artefacts.minds import Minds
@@ -12,12 +13,11 @@ from are_ros.artefacts.motion.robot import RobotMotion
 from are_ros.artefacts.motion.traffic import Traffic
 from are_ros.artefacts.onlookers import Onlookers
 from are_ros.artefacts.track_player import TrackPlayer
-from are_ros.builder.crowd import Crowd
 
 
 def view_of(
     living: Mapping[int, Artefact],
-    crowd: Crowd,
+    table: AgentTable,
     traffic: Traffic,
     minds: Minds,
     player: TrackPlayer,
@@ -31,7 +31,7 @@ def view_of(
         return sorted([*found, *on_track]) if on_track else found
 
     return Onlookers(
-        living, crowd.ids, crowd.poses, traffic.speeds, crowd.radii_m, minds.sees, doers
+        living, table.ids, table.poses, traffic.motion[:, 5], table.radii_m, minds.sees, doers
     )
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.agents.table import AgentTable
 from are_ros.artefacts.artefact import Artefact
-from are_ros.builder.crowd import Crowd
 from are_ros.builder.out_of_view import OutOfView
 from are_ros.conventions import seconds_to_ns
 from are_ros.parameters.choices import Leave
@@ -34,7 +34,7 @@ class Farewells:
     def due(
         self,
         now_ns: int,
-        crowd: Crowd,
+        table: AgentTable,
         exits_m: npt.NDArray[np.float64],
         out_of_view: OutOfView,
     ) -> list[int]:
@@ -45,6 +45,6 @@ class Farewells:
         late = [now_ns - self._since_ns[i] >= self._patience_ns for i in ids]
         if len(exits_m):
             return [i for i, is_late in zip(ids, late, strict=True) if is_late]
-        boxes = crowd.boxes.take(np.array([crowd.index_of(i) for i in ids], np.int64))
+        boxes = table.boxes.take(table.rows_of(ids))
         hidden = out_of_view.hides(boxes).tolist()
         return [i for i, gone in zip(ids, np.logical_or(late, hidden), strict=True) if gone]

@@ -289,7 +289,7 @@ class Lives:
         environment = self._environment
         if environment is None:
             return "there is no map yet"
-        pose, others = offer.pose, self._motions.crowd.taken
+        pose, others = offer.pose, self._motions.table.taken
         if not offer.has_height:
             pose = on_ground(offer.row, pose, environment)
         box, robot = boxes_of([offer.row], [pose]), self._robot
@@ -308,7 +308,7 @@ class Lives:
         near: tuple[float, float] | None,
     ) -> GroundPose | Cause:
         motions, spawning = self._motions, self._spawning
-        boxes, is_clear = motions.crowd.taken, motions.traffic.is_clear
+        boxes, is_clear = motions.table.taken, motions.traffic.is_clear
         pose = spawning.place(row, generator, boxes, self._robot, near, is_clear)
         return pose or spawning.cause
 
@@ -316,7 +316,7 @@ class Lives:
         environment = self._world.environment
         if environment is None:
             return "there is no map yet"
-        others = self._motions.crowd.taken
+        others = self._motions.table.taken
         return self._spawning.why_not(boxes_of([row], [pose]), environment, others, robot)
 
     def _sub_step(self, step_ns: int) -> None:
@@ -366,7 +366,7 @@ class Lives:
             self.remove(artefact_id, step_ns, Cause.LIFE_OVER)
         exits_m = motions.navigation.places.exits_m
         for artefact_id in self._farewells.due(
-            step_ns, motions.crowd, exits_m, spawning.out_of_view
+            step_ns, motions.table, exits_m, spawning.out_of_view
         ):
             self.remove(artefact_id, step_ns, Cause.LIFE_OVER)
 

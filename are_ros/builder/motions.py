@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.agents.table import AgentTable
 from are_ros.artefacts.artefact import Artefact, GroundPose
 from are_ros.artefacts.exits import exits_of
 from are_ros.artefacts.minds import Minds
@@ -23,12 +24,10 @@ from are_ros.artefacts.motion.traffic import Traffic
 from are_ros.artefacts.navigation import Navigation
 from are_ros.artefacts.places import places_in
 from are_ros.artefacts.population_events import Cause
-from are_ros.artefacts.pose_tape import PoseTape
 from are_ros.artefacts.scripted import ScriptedOffer
 from are_ros.artefacts.track_player import TrackPlayer
 from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
 from are_ros.builder.contact_log import ContactLog
-from are_ros.builder.crowd import Crowd
 from are_ros.builder.deciding import robot_view, view_of
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.life_keeper import LifeKeeper
@@ -58,8 +57,7 @@ class Motions:
 
     def __init__(
         self,
-        crowd: Crowd,
-        tape: PoseTape,
+        table: AgentTable,
         minds: Minds,
         navigation: Navigation,
         traffic: Traffic,
@@ -68,8 +66,7 @@ class Motions:
         robot: str,
     ) -> None:
         """Take the parts, and the name of the robot."""
-        self.crowd = crowd
-        self._tape = tape
+        self.table = table
         self.minds = minds
         self.navigation = navigation
         self.traffic = traffic
@@ -84,14 +81,10 @@ class Motions:
 
     def begin(self, artefact: Artefact, script: ScriptedOffer | None) -> None:
         """Let an artefact that has just arrived be there; it has a track, or a mind of its own."""
-        pose = end = artefact.history.latest
         body, goes_to = Body.of(artefact.row), None
         if script is not None and script.track is not None:
             goes_to = self.player.add(artefact, script.track, script.start_ns)
-            end = goes_to[1]
-        artefact.history = self._tape.begin(artefact.id, artefact.arrival_ns, pose, goes_to)
-        self.crowd.add(artefact.id, artefact.row, pose, end)
-        self.traffic.add(artefact.id, end, body)
+        self.table.add(artefact, body, goes_to)
         if goes_to is None:
             self.minds.admit(artefact, body)
         if self.keeper is not None:
@@ -104,9 +97,7 @@ class Motions:
         if artefact_id in self.player and cause is Cause.DISPLACED:
             self.counts.displaced += 1  # the resolver has not counted whom it lets pass
         self.player.remove(artefact_id)
-        self._tape.stop(artefact_id)
-        self.crowd.remove(artefact_id)
-        self.traffic.remove(artefact_id)
+        self.table.remove(artefact_id)
         self.minds.dismiss(artefact_id)
 
     def enter(self, environment: Environment, region: SpawnRegion | None, zones: Zones) -> None:
@@ -121,7 +112,7 @@ class Motions:
 
     def forget(self) -> None:
         """Forget where all were, how the robot moved, and whom it touches: the clock jumped."""
-        self._tape.clear()
+        self.table.history.clear()
         self.contacts.forget()
         self._robot_watch.forget()
         self._robot = None
@@ -129,7 +120,7 @@ class Motions:
     @property
     def still_since_ns(self) -> int:
         """The instant from which on, as far as it is known, nobody moves."""
-        return self._tape.still_since_ns
+        return self.table.history.still_since_ns
 
     def settle(
         self,
@@ -145,7 +136,7 @@ class Motions:
         if self.keeper is not None:
             self.keeper.begin_step(step_ns)
         self._robot = self._robot_watch.see(robot, step_ns) if robot else None
-        crowd = self.crowd
+        crowd = self.table
         was, wish, boxes = crowd.poses, crowd.ends, crowd.end_boxes
         moved: npt.NDArray[np.bool_] = np.zeros(len(wish), np.bool_)
         if wish is not was:
@@ -173,25 +164,25 @@ class Motions:
         self, step_ns: int, period_ns: int, living: Mapping[int, Artefact], plan_m: _Floats
     ) -> list[int]:
         """Let those decide whose turn it is; return who has left by an exit."""
-        view = view_of(living, self.crowd, self.traffic, self.minds, self.player)
+        view = view_of(living, self.table, self.traffic, self.minds, self.player)
         seen = robot_view(self._robot, plan_m) if self._robot else None
         return self.minds.decide(step_ns // period_ns, step_ns, view, self.traffic, seen)
 
     def set_out(self, step_ns: int, period_ns: int, environment: Environment) -> None:
         """Fix where all go until the next sub-step, `period_ns` after the one at `step_ns`."""
-        crowd, traffic, player = self.crowd, self.traffic, self.player
+        crowd, traffic, player = self.table, self.traffic, self.player
         for artefact_id in player.ids:
             ahead = player.ahead(artefact_id, step_ns, _STEPS_AHEAD)
-            traffic.prescribe(artefact_id, ahead)
-        traffic.step(step_ns // period_ns, environment, self._robot)
-        ends, boxes = crowd.proposed(traffic.poses, traffic.moved, environment)
+            traffic.prescribe(crowd.row_of(artefact_id), ahead)
+        planned, moved = traffic.step(step_ns // period_ns, environment, self._robot)
+        ends, boxes = crowd.proposed(planned, moved, environment)
         if player.ids:
             tracked = np.searchsorted(crowd.ids, player.ids)
             legs = player.set_out(step_ns, crowd.poses[tracked])
             if not np.array_equal(legs, ends[tracked]):
                 ends, boxes = crowd.with_poses(ends, tracked, legs)
         crowd.set_out(ends, boxes)
-        self._tape.record(step_ns, step_ns + period_ns, crowd.ids, crowd.poses, ends)
+        self.table.history.record(step_ns, step_ns + period_ns, crowd.ids, crowd.poses, ends)
         if self.keeper is not None:
             self.keeper.step(step_ns, crowd.ids, crowd.poses, ends)
 
@@ -203,7 +194,7 @@ class Motions:
         events: list[ArtefactEvent],
     ) -> tuple[_Floats, OrientedBoxes]:
         """Return where all are when those have jumped whose tracks do, and add the events of it."""
-        crowd = self.crowd
+        crowd = self.table
         which, poses = np.searchsorted(crowd.ids, list(jumps)), list(jumps.values())
         for i, (artefact_id, pose) in zip(which.tolist(), jumps.items(), strict=True):
             end = crowd.ends[i].tolist()
@@ -222,7 +213,7 @@ class Motions:
         happened: Happened,
     ) -> None:
         """Put those where they are who could not be kept."""
-        crowd = self.crowd
+        crowd = self.table
         corrected = np.flatnonzero(resolution.outcomes != Outcome.KEPT)
         settled = wish.copy()
         settled[corrected] = crowd.poses[corrected]
@@ -236,8 +227,8 @@ class Motions:
                 happened.leavers.append((artefact.id, Cause.DISPLACED))
             elif outcome is Outcome.LEAVES_ON_CONTACT:
                 happened.leavers.append((artefact.id, Cause.ROBOT_CONTACT))
-            self.traffic.put(artefact.id, GroundPose(*settled[i].tolist()))
-        crowd.move(settled)
+            crowd.stand(i, GroundPose(*settled[i].tolist()))
+        crowd.move(settled, crowd.boxes_at(settled))
 
 
 def _pose_found(was: Sequence[float], resolution: Resolution, i: int) -> GroundPose:

@@ -108,7 +108,7 @@ def _assess_others(
     most: float,
     has_comfort: bool,
 ) -> tuple[float, int, int]:
-    """Return what a path costs for its nearness to others; the slot of whom it meets first; when.
+    """Return what a path costs for its nearness to others; the row of whom it meets first; when.
 
     That one is put before the others, to be tried first. If such a one was met before, at sub-step
     `met`, then whom it meets at all. Looks no further once the cost is `most`. Without comfort only
@@ -166,7 +166,7 @@ def assess(
     met: int,
     most: float,
 ) -> tuple[float, int, int, int]:
-    """Return what a path costs besides its option, what is in its way, the slot of whom, and when.
+    """Return what a path costs besides its option, what is in its way, the row of whom, and when.
 
     What costs `most` or more is INFEASIBLE. `met`: see `_assess_others`; the others are looked at
     before the walls if one was in the way before.

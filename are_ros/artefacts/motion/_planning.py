@@ -89,7 +89,7 @@ def _search(
     """Try options, cheapest first, until none can be cheaper than the best found by `_WORTH_IT`.
 
     Returns the option chosen (-1: none is feasible), which of the two scratch paths it fills and
-    its last index, what was in the way of the first, and the slot of the first that was in the way.
+    its last index, what was in the way of the first, and the row of the first that was in the way.
     """
     best, chosen, side, last = INFEASIBLE, -1, 0, 0
     hindrance, culprit, is_first, met = UNHINDERED, NOBODY, True, NEVER

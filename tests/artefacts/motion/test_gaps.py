@@ -93,7 +93,7 @@ def test_a_path_runs_into_a_wall_where_its_boxes_do(seed: int, body: Body, comfo
     cells = room(7.0, 6.0)
     wall(cells, (3.0, 3.2), (2.0, 4.0))
     here = environment(cells, (-3.0, -3.0, 0.2))
-    _, floor = Floors(Terrains()).of(here)
+    _, floor = Floors(Terrains()).of(here, [])
     path, record = _path(random, 40), _records(body)[0]
     boxes = boxes_at(path[:, :3], [body] * 40)
     free = here.is_placeable(boxes)
@@ -130,7 +130,7 @@ def test_turning_freely_means_fitting_at_all_headings(seed: int, body: Body) -> 
     random = np.random.default_rng(seed)
     cells = room(7.0, 6.0)
     here = environment(cells)
-    _, floor = Floors(Terrains()).of(here)
+    _, floor = Floors(Terrains()).of(here, [])
     pose = np.zeros(6)
     pose[:2] = random.uniform(0.0, 6.0, 2)
     record = _records(body)[0]
@@ -183,7 +183,7 @@ def test_a_point_has_the_room_that_it_is_said_to_have(seed: int, body: Body) -> 
     cells = room(7.0, 6.0)
     wall(cells, (3.0, 3.2), (2.0, 4.0))
     here = environment(cells)
-    _, floor = Floors(Terrains()).of(here)
+    _, floor = Floors(Terrains()).of(here, [])
     x, y = random.uniform(0.2, 5.8, 2)
     told = _walls.point_room(x, y, _records(body)[0], floor)
     rows, columns = np.nonzero(cells)
