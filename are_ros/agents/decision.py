@@ -199,7 +199,8 @@ class DecisionLayer:
     ) -> Situation:
         """Return what an agent knows when it decides."""
         state.note_place(me.point_m, now_ns)
-        what, who, blocked_s = hindrance
+        what, who, since_s = hindrance
+        blocked_s = 0.0 if what is Hindrance.NONE else since_s
         if state.lingered_s > LINGERS_S:
             blocked_s = max(blocked_s, state.lingered_s)
         departure_ns = agent.artefact.departure_ns

@@ -140,6 +140,10 @@ class AgentTable:
             raise KeyError(f"not all of the agents {ids.tolist()} are there")
         return rows
 
+    def agent_of(self, agent_id: int) -> Agent:
+        """Return an agent by its id; KeyError if it is not there."""
+        return self.agents[int(self.rows_of([agent_id])[0])]
+
     def agents_at(self, rows: Sequence[int]) -> list[tuple[int, Agent]]:
         """Return agents by their rows, each with its row."""
         return [(row, self.agents[row]) for row in rows]

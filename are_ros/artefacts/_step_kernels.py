@@ -24,7 +24,10 @@ MINDED_M: Final = 3.0
 THERE_M: Final = 0.15
 """Who is so near to the first point of its way goes on to the next, round a corner if need be."""
 
-NO_WAY, WAITS, GOES = range(3)
+STRAIGHT_M: Final = 3.0
+"""A goal that is seen and no farther than this is gone to without asking for values."""
+
+NO_WAY, WAITS, GOES, STRAIGHT = range(4)
 
 
 class Worth(NamedTuple):
@@ -35,6 +38,19 @@ class Worth(NamedTuple):
     gains: npt.NDArray[np.float32]
     costs: npt.NDArray[np.float32]
     weights: Floats
+
+
+class Ends(NamedTuple):
+    """Of one who goes: its radius, the goal, and where the values end, which may be beside it.
+
+    Then what it costs an epoch to be near others, and near the robot.
+    """
+
+    radius_m: float
+    goal_m: tuple[float, float]
+    end_m: tuple[float, float]
+    others_price: float
+    robot_price: float
 
 
 class Crowd(NamedTuple):
@@ -51,6 +67,9 @@ class Crowd(NamedTuple):
 GroundArrays = tuple[Any, ...]
 WorthArrays = tuple[Any, ...]
 CrowdArrays = tuple[Any, ...]
+EndsArrays = tuple[float, tuple[float, float], tuple[float, float], float, float]
+CourseArrays = tuple[GroundArrays, WorthArrays, EndsArrays]
+"""The fields of `Ground`, `Worth` and `Ends`."""
 
 
 class Minded(NamedTuple):
@@ -132,24 +151,46 @@ def _find_others(
 def route_step(
     ground: GroundArrays,
     worth: WorthArrays,
+    ends: EndsArrays,
     crowd: CrowdArrays,
-    minded: tuple[int, float, float, float, float, float, float],
-    me: tuple[float, float, float, float],
-    epochs_left: int,
-    goal_m: tuple[float, float],
+    robot: tuple[float, float, float, float],
+    minds: tuple[int, bool, int],
+    is_moving_goal: bool,
     way_m: Floats,
 ) -> tuple[int, int, float, float, bool]:
-    """Take the best action at a pose, and fill in the way (K, 2) that follows it.
+    """Find the next step of one who goes somewhere, and fill in the way (K, 2) that it follows.
 
-    `ground`, `worth` and `minded` are the fields of `Ground`, `Worth` and `Minded`, `crowd` those
-    of `Cells` and the rest of `Crowd`; `me` is x, y, yaw and radius. Returns what that is (no way,
-    waiting for others, going), how many points the way has, the farthest of them that a disc can
-    roll straight to, and whether that is `goal_m`, the end.
+    `ground`, `worth` and `ends` are the fields of `Ground`, `Worth` and `Ends`, `crowd` those of
+    `Cells` and the rest of `Crowd`. `robot` is for how long ahead others are looked at [s], where
+    the robot is then, and its radius; without a robot that is negative. `minds` is the index in the
+    crowd, whether it minds others, and the epochs left. A moving goal is gone to straight from
+    however far. Returns what to do (no way, waiting for others, going, straight to the goal), how
+    many points the way has, the farthest of them that a disc can roll straight to, and whether
+    that is the end.
     """
-    floor, values, others = Ground(*ground), Worth(*worth), Minded(*minded)
+    floor, values, going = Ground(*ground), Worth(*worth), Ends(*ends)
     everybody = crowd_of(crowd)
+    index, is_patient, epochs_left = minds
+    x_m, y_m = everybody.poses[index, 0], everybody.poses[index, 1]
+    away_m = np.hypot(going.goal_m[0] - x_m, going.goal_m[1] - y_m)
+    if (is_moving_goal or away_m <= STRAIGHT_M) and rolls(
+        floor.clearance_m, floor.lattice, (x_m, y_m), going.goal_m, going.radius_m
+    ):
+        return STRAIGHT, 0, going.goal_m[0], going.goal_m[1], True
+    minded = Minded(
+        index if is_patient else -1,
+        robot[0],
+        going.others_price,
+        robot[1],
+        robot[2],
+        robot[3] + going.radius_m,
+        going.robot_price if is_patient and robot[3] >= 0.0 else 0.0,
+    )
+    pose = (x_m, y_m, everybody.poses[index, 3], going.radius_m)
     scratch = scratch_for(everybody.poses.shape[0])
-    return find_step(floor, values, everybody, others, me, epochs_left, goal_m, way_m, scratch)
+    return find_step(
+        floor, values, everybody, minded, pose, epochs_left, going.end_m, way_m, scratch
+    )
 
 
 @borrowing
@@ -164,7 +205,7 @@ def find_step(
     way_m: Floats,
     scratch: Scratch,
 ) -> tuple[int, int, float, float, bool]:
-    """Do as `route_step`, with scratch."""
+    """Take the best action at a pose, and fill in the way (K, 2) that follows it."""
     state = _state(ground, worth, me)
     if state[0] < 0:
         return NO_WAY, 0, 0.0, 0.0, False

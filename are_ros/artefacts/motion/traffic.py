@@ -51,12 +51,12 @@ class Traffic:
         self._floors = Floors(terrains or Terrains())
         self._desk = _state.desk_of(len(table), _state.path_length(table.tempo))
 
-    def give_orders(self, agent_ids: Sequence[int], orders: Sequence[Order]) -> None:
-        """Tell agents what to do from the next sub-step on; KeyError if one is not there."""
-        rows, arrays = self._table.rows_of(agent_ids), self._table.arrays
+    def give_orders(self, rows: Sequence[int], orders: Sequence[Order]) -> None:
+        """Tell the agents of some rows what to do from the next sub-step on."""
+        arrays, which = self._table.arrays, np.array(rows, np.int64)
         records = np.array([_state.order_record(order) for order in orders], np.float64)
         _orders.give(
-            arrays.order, arrays.mind, arrays.due, rows, records.reshape(-1, 9), self._table.now
+            arrays.order, arrays.mind, arrays.due, which, records.reshape(-1, 9), self._table.now
         )
 
     def prescribe(self, row: int, poses: _Floats) -> None:
@@ -113,9 +113,8 @@ class Traffic:
         made, kept, emergencies, _ = self._desk.counters.tolist()
         return TrafficCounters(made, kept, emergencies)
 
-    def trajectory(self, agent_id: int) -> _Floats:
+    def trajectory(self, row: int) -> _Floats:
         """Return x, y, yaw float64 (K, 3), K >= 1, at the next sub-steps; it holds the last."""
-        (row,) = self._table.rows_of([agent_id])
         place = self._table.arrays.place[row]
         first = min(self._table.now + 1 - int(place["begin"]), int(place["last"]))
         return np.array(self._table.arrays.path[row, first : int(place["last"]) + 1, :3])
@@ -133,17 +132,13 @@ class Traffic:
         _steps.mark_clear(clear, self._table.arrays, self._table.now, poses, bodies)
         return clear
 
-    def hindrance(self, agent_id: int) -> tuple[Hindrance, int, float]:
-        """Tell what is in an agent's way, whose id that is (or -1), and since when [s].
+    def hindrances(self, rows: Sequence[int]) -> list[tuple[Hindrance, int, float]]:
+        """Tell what is in the way of some agents, whose id that is (or -1), and since when [s].
 
-        The time is that in which it wanted to move and came nearer to its sub-goal by less than
+        The time is that in which one wanted to move and came nearer to its sub-goal by less than
         0.1 m/s; 0: nothing is in its way.
         """
-        return self.hindrances([agent_id])[0]
-
-    def hindrances(self, agent_ids: Sequence[int]) -> list[tuple[Hindrance, int, float]]:
-        """Tell what is in the way of each of some agents, as `hindrance`."""
-        minds = self._table.arrays.mind[self._table.rows_of(agent_ids)]
+        minds = self._table.arrays.mind[list(rows)]
         fields = (minds[name].tolist() for name in ("hindrance", "hindered_by", "blocked"))
         return [
             (Hindrance(kind), who, since_s) if since_s > 0.0 else _UNHINDERED
