@@ -11,6 +11,7 @@ from are_ros.agents.table import AgentTable
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.motion.body import Body
+from are_ros.artefacts.motion.hindrance import Hindrance
 from are_ros.artefacts.motion.order import Order
 from are_ros.artefacts.motion.robot import RobotMotion
 from are_ros.artefacts.motion.traffic import Traffic
@@ -116,7 +117,15 @@ class Street:
 
     def order(self, one: int, order: Order) -> None:
         """Tell one what to do."""
-        self.traffic.give_orders([one], [order])
+        self.traffic.give_orders([self.table.row_of(one)], [order])
+
+    def hindrance(self, one: int) -> tuple[Hindrance, int, float]:
+        """Tell what is in the way of one."""
+        return self.traffic.hindrances(self.table.rows_of([one]).tolist())[0]
+
+    def trajectory(self, one: int) -> NDArray[np.float64]:
+        """Return what one is committed to."""
+        return self.traffic.trajectory(self.table.row_of(one))
 
     def put(self, one: int, pose: GroundPose) -> None:
         """Let one stand at another pose."""
@@ -185,7 +194,7 @@ class Street:
 
     def longest_wait(self) -> float:
         """Return for how long the one has waited that has waited longest."""
-        return max(self.traffic.hindrance(one)[2] for one in self.bodies)
+        return max(self.hindrance(one)[2] for one in self.bodies)
 
     def _inspect(self) -> None:
         assert self.table.ids.tolist() == sorted(self.bodies)

@@ -94,16 +94,17 @@ def traffic_of(*ids: int) -> Traffic:
     return Traffic(table)
 
 
-def test_whom_nobody_knows_cannot_be_told_or_asked() -> None:
+def test_whom_nobody_knows_has_no_row() -> None:
     """Be it beyond all, or between two."""
-    traffic = traffic_of(3, 8)
+    table = AgentTable(0.05)
+    with pytest.raises(KeyError):
+        table.rows_of([1])
+    for artefact_id in (3, 8):
+        table.add(artefact_at(artefact_id, GroundPose(0.0, 0.0, 0.0, 0.0)), BODY)
     for artefact_ids in ([9], [5], [3, 4], [1]):
         with pytest.raises(KeyError):
-            traffic.give_orders(artefact_ids, [Order(None, 0.0)] * len(artefact_ids))
-        with pytest.raises(KeyError):
-            traffic.hindrances(artefact_ids)
-    with pytest.raises(KeyError):
-        traffic_of().hindrances([1])
+            table.rows_of(artefact_ids)
+    assert table.rows_of([8, 3]).tolist() == [1, 0]
 
 
 def test_no_orders_are_no_orders() -> None:

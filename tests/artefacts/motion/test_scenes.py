@@ -105,7 +105,7 @@ def test_who_is_kept_from_a_gap_by_somebody_in_it_waits_for_that_one() -> None:
     hindrances = set()
     for _ in range(100):
         street.step()
-        what, who, since_s = street.traffic.hindrance(1)
+        what, who, since_s = street.hindrance(1)
         if since_s > 0.5:
             hindrances.add((what, who))
     assert (Hindrance.ARTEFACT, 2) in hindrances
@@ -147,7 +147,7 @@ def test_in_too_narrow_a_corridor_one_backs_off_and_both_turn_away_when_told() -
     hindrances, farthest = set(), {1: 0.0, 2: 12.0}
     for _ in range(30):
         street.run(0.5)
-        hindrances |= {street.traffic.hindrance(one)[:2] for one in (1, 2)}
+        hindrances |= {street.hindrance(one)[:2] for one in (1, 2)}
         x = {one: float(street.pose(one)[0]) for one in (1, 2)}
         farthest = {1: max(farthest[1], x[1]), 2: min(farthest[2], x[2])}
     assert {(Hindrance.ARTEFACT, 1), (Hindrance.ARTEFACT, 2)} & hindrances
@@ -330,7 +330,7 @@ def test_nobody_walks_into_a_robot_that_stands() -> None:
     for _ in range(240):
         street.step(robot)
         assert signed_distance_m(footprint, street.boxes()).min() > 0.0
-    assert street.traffic.hindrance(1)[:2] == (Hindrance.ROBOT, -1)
+    assert street.hindrance(1)[:2] == (Hindrance.ROBOT, -1)
 
 
 def test_one_that_the_robot_has_come_to_touch_can_walk_away() -> None:
@@ -440,7 +440,7 @@ def test_a_displaced_one_breaks_a_path_and_the_walker_avoids_it() -> None:
     street.add(2, 5.0, 1.0, 0.0)
     street.send(1, 12.0, 4.0)
     street.run(2.0)
-    ahead = street.traffic.trajectory(1)[-1]
+    ahead = street.trajectory(1)[-1]
     street.put(2, GroundPose(float(ahead[0]), 4.0, 0.0, 0.0))
     street.forget()
     street.run_until_there(15.0) if street.goals.pop(2, None) else street.run(12.0)

@@ -51,10 +51,10 @@ def test_what_was_promised_is_what_happens_until_it_is_planned_anew() -> None:
     street.send(3, 9.0, 2.0)
     kept = 0
     for _ in range(100):
-        coming = street.traffic.trajectory(3)
+        coming = street.trajectory(3)
         street.step()
         kept += bool((coming[0] == street.pose(3)).all())
-        after = street.traffic.trajectory(3)
+        after = street.trajectory(3)
         assert after.shape[1] == 3
         assert len(after) >= 1
     assert kept >= 75
@@ -72,7 +72,7 @@ def test_trajectories_overlap_nobodys() -> None:
 def _inspect_promises(street: Street) -> None:
     """Lay everybody's trajectory side by side, and test all pairs at each sub-step."""
     ids = street.table.ids.tolist()
-    paths = [street.traffic.trajectory(one) for one in ids]
+    paths = [street.trajectory(one) for one in ids]
     for k in range(max(len(path) for path in paths)):
         poses = np.array([path[min(k, len(path) - 1)] for path in paths])
         boxes = boxes_at(poses, [street.bodies[one] for one in ids])
@@ -152,7 +152,7 @@ def test_an_order_to_stand_brakes() -> None:
     street.run(3.0)
     assert street.speeds[0] == 0.0
     assert street.pose(1)[0] - x < 1.35**2 / 3.0 + 1.35 * 0.3
-    assert street.traffic.hindrance(1) == (Hindrance.NONE, -1, 0.0)
+    assert street.hindrance(1) == (Hindrance.NONE, -1, 0.0)
 
 
 def test_places_that_nobody_comes_to_are_clear() -> None:
@@ -211,7 +211,7 @@ def test_who_waits_says_for_whom_and_how_long() -> None:
     told = []
     for _ in range(40):
         street.run(0.25)
-        told.append(street.traffic.hindrance(1))
+        told.append(street.hindrance(1))
     kind, who, seconds = max(told, key=lambda hindrance: hindrance[2])
     assert (kind, who) == (Hindrance.ARTEFACT, 2)
     assert 2.0 < seconds < 8.0
@@ -230,6 +230,6 @@ def test_a_wall_on_a_new_map_is_not_run_into() -> None:
     told = set()
     for _ in range(20):
         street.run(0.5)
-        told.add(street.traffic.hindrance(1)[0])
+        told.add(street.hindrance(1)[0])
     assert street.pose(1)[0] < column * 0.05
     assert told == {Hindrance.NONE, Hindrance.WALL}
