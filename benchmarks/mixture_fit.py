@@ -2,8 +2,7 @@
 
 The paper's example: rates 15, 7, 3, 21, 5 on 42 rows. The peers take the same steps from the same
 start and end at the same point to 1e-9: one has a responsibility for each sample, one works on the
-histogram in numpy. Then the search with leaps: how many steps it takes to within 1e-6 per sample of
-the top, and how long a whole fit takes. Run:
+histogram in numpy. Then the whole search: how long it takes. Run:
 OMP_NUM_THREADS=1 python benchmarks/mixture_fit.py [rounds [samples [steps]]]
 """
 
@@ -15,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import gammaln
 
-from are_ros.artefacts._mixture_kernels import climb, plain_climb
+from are_ros.artefacts._mixture_em import climb
 from are_ros.artefacts.mixture import TruncatedPoissonMixture
 from are_ros.artefacts.mixture_fit import count_rows, fit_by_bic, fit_mixture, rate_limits
 
@@ -80,7 +79,7 @@ def ours(samples: Ints, steps: int) -> Point:
     """Take steps of EM by the kernel, the making of the histogram included."""
     counts = count_rows(samples, ROWS).astype(np.float64)
     point = start()
-    plain_climb(counts, LOG_FACTORIALS, rate_limits(ROWS), point, np.empty(steps))
+    climb(counts, LOG_FACTORIALS, rate_limits(ROWS), point, np.empty(steps + 1), -np.inf)
     return np.exp(point[: len(START)]), np.exp(point[len(START) :])
 
 
@@ -127,26 +126,9 @@ def compare(samples: Ints, rounds: int, steps: int) -> None:
 
 
 def search(counts: Ints) -> None:
-    """Print how soon leaps and plain steps come within 1e-6 per sample of the top."""
-    top = fit_mixture(counts, len(START)).log_likelihood
-    bar = top - 1e-6 * float(counts.sum())
-    limits, numbers = rate_limits(ROWS), counts.astype(np.float64)
-    plain = np.empty(50_000)
-    plain_climb(numbers, LOG_FACTORIALS, limits, start(), plain)
-    steps = int(np.argmax(plain >= bar)) if plain[-1] >= bar else None
-    allowed = next((n for n in range(10, 20_000, 10) if leaping(numbers, n) >= bar), None)
-    print(
-        f"steps of EM to within 1e-6 per sample of the top: {allowed} with leaps, {steps} without"
-    )
+    """Print how long whole searches take."""
     print(f"fit of 5 components, 10 starts: {milliseconds(lambda: fit_mixture(counts, 5)):.0f} ms")
     print(f"fits of 1 to 8 components: {milliseconds(lambda: fit_by_bic(counts, 8)):.0f} ms")
-
-
-def leaping(numbers: Floats, evaluations: int) -> float:
-    """Return the log-likelihood that the search reaches in so many steps of EM."""
-    trace = np.empty(evaluations)
-    _, kept, _ = climb(numbers, LOG_FACTORIALS, rate_limits(ROWS), start(), trace, 0.0)
-    return float(trace[kept - 1])
 
 
 def main(rounds: int, count: int, steps: int) -> None:

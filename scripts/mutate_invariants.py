@@ -322,7 +322,7 @@ BREAKAGES = (
         SAME,
         "dice without a seed",
         "are_ros/artefacts/randomness.py",
-        "np.random.PCG64(words)",
+        "np.random.PCG64(sequence)",
         "np.random.PCG64()",
         (
             _RUN + "test_the_same_inputs_and_seed_give_the_same_bytes",
@@ -333,8 +333,8 @@ BREAKAGES = (
         SAME,
         "the seed decides nothing",
         "are_ros/artefacts/randomness.py",
-        "seed_words(seed, int",
-        "seed_words(0 * seed, int",
+        "SeedSequence(seed, spawn",
+        "SeedSequence(0 * seed, spawn",
         (_BUILDER + "test_the_seed_decides_everything",),
     ),
     Breakage(

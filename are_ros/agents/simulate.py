@@ -46,8 +46,8 @@ _STEPS_AHEAD: Final = 30
 Depart = Callable[[int, int, Cause], None]
 """(id, instant [ns], cause): let an agent depart."""
 
-Overdue = Callable[[int], Iterable[tuple[int, Cause]]]
-"""Instant [ns] -> who departs then beside those that are out or have to, and why."""
+Overdue = Callable[[int], Iterable[int]]
+"""Instant [ns] -> who departs then that is not at an exit."""
 
 
 @dataclass
@@ -128,8 +128,8 @@ class CrowdSimulator:
         # Decide (section 3.2): those whose epoch it is choose a goal, and the next part of the way.
         for agent_id in self.decisions.decide(index, now_ns, _view_of(robot, plan_m)):
             self._depart(agent_id, now_ns, Cause.LIFE_OVER)
-        for agent_id, cause in self._overdue(now_ns):
-            self._depart(agent_id, now_ns, cause)
+        for agent_id in self._overdue(now_ns):
+            self._depart(agent_id, now_ns, Cause.LIFE_OVER)
 
         # Plan: each commits to a trajectory that meets nobody's; a track is followed as it is.
         tracks = [(i, agent.track) for i, agent in enumerate(table.agents) if agent.track]
@@ -151,11 +151,8 @@ class CrowdSimulator:
         """Add an artefact that has just arrived; it has a track, or decides on its own."""
         track, goes_to = None, None
         if script is not None and script.track is not None:
-            arrival_ns = artefact.arrival_ns
-            track = FollowedTrack(
-                artefact, script.track, script.start_ns, self.period_ns, arrival_ns
-            )
-            goes_to = track.begin()
+            track = FollowedTrack(script.track, script.start_ns, self.period_ns)
+            goes_to = track.begin(artefact)
         agent = self.table.add(artefact, goes_to=goes_to)
         agent.track = track
         if track is None:
@@ -200,8 +197,6 @@ class CrowdSimulator:
         Those who go by a track are where it says, unless they leave for a contact with the robot.
         """
         table = self.table
-        if self.keeper is not None:
-            self.keeper.begin_step(now_ns)
         moved = (table.ends != table.poses).any(axis=1)
         displaced = self._jump(now_ns)
         robots = [robot.footprint] if robot else []

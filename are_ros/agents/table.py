@@ -255,15 +255,7 @@ class AgentTable:
 
     def _views(self) -> Fleet:
         """Return the kernels' view of the rows that are taken."""
-        records = self._records[: len(self)]
-        return Fleet(
-            records["place"],
-            records["body"],
-            records["order"],
-            records["mind"],
-            records["due"],
-            self._paths[: len(self)],
-        )
+        return _state.fleet_of(self._records[: len(self)], self._paths[: len(self)])
 
 
 def with_row(rows: npt.NDArray[Any], index: int, row: npt.ArrayLike) -> npt.NDArray[Any]:

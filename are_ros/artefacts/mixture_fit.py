@@ -5,17 +5,23 @@ that of the histogram, however many samples are in it.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import gammainccinv
+from scipy.special import gammainccinv, gammaln
 
-from are_ros.artefacts._mixture_climb import Climb, Search, Stop
-from are_ros.artefacts._mixture_information import Precision, headroom, precision
-from are_ros.artefacts._mixture_starts import grown, starts_for
+from are_ros.artefacts._mixture_em import (
+    LOWEST_LOG_WEIGHT,
+    Precision,
+    climb,
+    log_laws,
+    log_mixed,
+    precision,
+)
 from are_ros.artefacts.mixture import TruncatedPoissonMixture
 from are_ros.errors import InputError, ParameterError
 from are_ros.wording import counted
@@ -39,11 +45,31 @@ Progress = Callable[[int, int], None]
 """Told how many searches of how many are done."""
 
 LOWEST_RATE: Final = 1e-9
-_EVALUATIONS: Final = 100_000
-_FIRST_EVALUATIONS: Final = 1_500
+_FIRST_STEPS: Final = 1_500
+_STEPS: Final = 100_000
 _FINALISTS: Final = 3
 _RANDOM_STARTS: Final = 8
+_TOLERANCE: Final = 1e-11
+"""Of the log-likelihood per sample."""
 _AT_LIMIT: Final = 1e-6
+_LARGEST_LOG: Final = 700.0
+
+
+class Stop(Enum):
+    """Why a search ended."""
+
+    CONVERGED = "a step of EM gained less than the tolerance"
+    LIMIT = "the limit of steps was reached"
+
+
+@dataclass(frozen=True)
+class Search:
+    """One search: where it began, its steps of EM, its log-likelihood per sample at the end."""
+
+    start: str
+    steps: int
+    log_likelihood: float
+    stop: Stop
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +77,9 @@ class MixtureFit:
     """A mixture of most likely weights and rates, its components in the order of their rates.
 
     `log_likelihood` is the sum over `samples` samples. `trace` (float64) has the log-likelihood
-    per sample at each point of the best climb that counts; it never falls. `precision` has the
-    standard errors. `at_lowest` and `at_highest` (bool (n,)) say which rates lie at the limit of
-    their domain. No mixture of whatever number of components is better by more than
-    `headroom` per sample. `searches` are all climbs, the best first.
+    per sample at each point of the best search; it never falls. `precision` has the standard
+    errors. `at_lowest` and `at_highest` (bool (n,)) say which rates lie at the limit of their
+    domain. `searches` are those from all starts, the best first.
     """
 
     law: TruncatedPoissonMixture
@@ -64,8 +89,6 @@ class MixtureFit:
     precision: Precision
     at_lowest: npt.NDArray[np.bool_]
     at_highest: npt.NDArray[np.bool_]
-    headroom: float
-    growing_rate: float
     searches: tuple[Search, ...]
 
     @property
@@ -171,26 +194,116 @@ def _fits(
 
 
 def _fit(counts: Floats, components: int, seed: int, smaller: MixtureFit | None) -> MixtureFit:
-    """Climb a little from every start, and to the top from the best of them."""
+    """Climb a little from every start, and then from the best of them until nothing is gained."""
     limits = rate_limits(len(counts))
     # The number of components is part of the seed: a fit does not depend on what else is fitted.
     generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, components))))
-    count = _RANDOM_STARTS if components > 1 else 0
-    starts = list(starts_for(counts, components, limits, generator, count))
+    climbs = [_Climb(counts, limits, *start) for start in _starts(counts, components, generator)]
     if smaller is not None:
-        starts.append(grown(smaller.law.weights, smaller.law.rates, smaller.growing_rate))
-    climbs = [Climb(counts, limits, start) for start in starts]
+        climbs.append(_Climb(counts, limits, "grown", *_grown(counts, smaller.law)))
     for each in climbs:
-        each.go_on(_FIRST_EVALUATIONS)
+        each.go_on(_FIRST_STEPS)
     # Sorting is stable: of equals the one that began first is kept.
-    climbs.sort(key=lambda each: -each.log_likelihood)
+    climbs.sort(key=lambda each: -each.trace[-1])
     for each in climbs[:_FINALISTS]:
-        each.go_on(_EVALUATIONS)
-    climbs.sort(key=lambda each: -each.log_likelihood)
+        each.go_on(_STEPS)
+    climbs.sort(key=lambda each: -each.trace[-1])
     return _result(counts, limits, climbs)
 
 
-def _result(counts: Floats, limits: tuple[float, float], climbs: Sequence[Climb]) -> MixtureFit:
+class _Climb:
+    """EM from one start, which can be taken up again where it ended."""
+
+    def __init__(
+        self,
+        counts: Floats,
+        limits: tuple[float, float],
+        start: str,
+        weights: Floats,
+        rates: Floats,
+    ) -> None:
+        with np.errstate(divide="ignore"):
+            log_weights = np.maximum(np.log(weights), LOWEST_LOG_WEIGHT)
+        self.point = np.concatenate((log_weights, np.log(np.clip(rates, *limits))))
+        self.trace = np.empty(0)
+        self._start = start
+        self._is_over = False
+        self._counts, self._limits = counts, limits
+        self._log_factorials = gammaln(np.arange(len(counts)) + 1.0)
+
+    def go_on(self, steps: int) -> None:
+        """Take so many more steps of EM at most; none if the search is over."""
+        if self._is_over:
+            return
+        trace = np.empty(steps)
+        tolerance = _TOLERANCE * float(self._counts.sum())
+        points = climb(
+            self._counts, self._log_factorials, self._limits, self.point, trace, tolerance
+        )
+        self._is_over = points < steps
+        # The last point of the part before is the first of this one.
+        self.trace = np.concatenate((self.trace[:-1], trace[:points]))
+
+    def summary(self, samples: float) -> Search:
+        """Return the record of the search."""
+        stop = Stop.CONVERGED if self._is_over else Stop.LIMIT
+        return Search(self._start, len(self.trace), float(self.trace[-1]) / samples, stop)
+
+
+def _starts(
+    counts: Floats, components: int, generator: np.random.Generator
+) -> Iterator[tuple[str, Floats, Floats]]:
+    """Yield names, weights and rates to start from: quantiles first, then random ones."""
+    weights = np.full(components, 1.0 / components)
+    yield "quantiles", weights, _quantile_means(counts, components)
+    for number in range(_RANDOM_STARTS if components > 1 else 0):
+        rates = _spread_rows(counts, components, generator)
+        yield f"random {number + 1}", generator.dirichlet(np.full(components, 2.0)), rates
+
+
+def _grown(counts: Floats, law: TruncatedPoissonMixture) -> tuple[Floats, Floats]:
+    """Return a mixture with one component more, at the rate where the likelihood rises fastest.
+
+    The slope towards a component is the mean of its law over the mixture's (Lindsay 1983).
+    """
+    rows, used = len(counts), counts > 0.0
+    rates: Floats = np.arange(rows, dtype=np.float64) + 0.5
+    rates = rates[rates <= rate_limits(rows)[1]]
+    log_masses = log_mixed(law.weights, log_laws(law.rates, rows)[:, used])
+    ratios = np.exp(np.minimum(log_laws(rates, rows)[:, used] - log_masses, _LARGEST_LOG))
+    rate, share = rates[np.argmax(ratios @ counts[used])], 1.0 / (len(law.rates) + 1)
+    return np.append(law.weights * (1.0 - share), share), np.append(law.rates, rate)
+
+
+def _quantile_means(counts: Floats, parts: int) -> Floats:
+    """Return the means of so many parts, equal in number, of the ordered samples."""
+    edges = np.linspace(0.0, counts.sum(), parts + 1)
+    below = np.concatenate(((0.0,), np.cumsum(counts)))
+    moments = np.concatenate(((0.0,), np.cumsum(counts * np.arange(len(counts)))))
+    # Samples of one row may belong to two parts: the sum of rows is then divided in proportion.
+    reached = np.interp(edges, below, moments)
+    # EM never separates components that coincide.
+    apart = 1e-3 * np.arange(parts)
+    means: Floats = np.maximum(np.diff(reached) / np.diff(edges), 0.1) + apart
+    return means
+
+
+def _spread_rows(counts: Floats, components: int, generator: np.random.Generator) -> Floats:
+    """Draw rows far from each other, each by its share and its squared distance to the others.
+
+    Distances are between square roots, where every Poisson law is equally wide (k-means++).
+    """
+    roots = np.sqrt(np.arange(len(counts)) + 0.25)
+    odds, chosen = counts.copy(), []
+    nearest = np.full(len(counts), np.inf)
+    for _ in range(components):
+        chosen.append(int(generator.choice(len(counts), p=odds / odds.sum())))
+        nearest = np.minimum(nearest, (roots - roots[chosen[-1]]) ** 2)
+        odds = counts * nearest
+    return np.maximum(np.array(chosen, dtype=np.float64), 0.1)
+
+
+def _result(counts: Floats, limits: tuple[float, float], climbs: Sequence[_Climb]) -> MixtureFit:
     """Return the fit of the best climb, which is the first."""
     best, n = climbs[0], len(climbs[0].point) // 2
     order = np.argsort(best.point[n:], kind="stable")
@@ -200,18 +313,15 @@ def _result(counts: Floats, limits: tuple[float, float], climbs: Sequence[Climb]
     at_lowest = rates <= limits[0] * (1.0 + _AT_LIMIT)
     at_highest = rates >= limits[1] * (1.0 - _AT_LIMIT)
     rates = np.clip(rates, *limits)
-    gain, growing_rate = headroom(counts, weights, rates, limits)
     samples = float(counts.sum())
     return MixtureFit(
         law=TruncatedPoissonMixture(weights.tolist(), rates.tolist(), len(counts)),
         samples=int(samples),
-        log_likelihood=best.log_likelihood,
+        log_likelihood=float(best.trace[-1]),
         trace=best.trace / samples,
         precision=precision(counts, weights, rates, at_lowest | at_highest),
         at_lowest=at_lowest,
         at_highest=at_highest,
-        headroom=gain,
-        growing_rate=growing_rate,
         searches=tuple(each.summary(samples) for each in climbs),
     )
 

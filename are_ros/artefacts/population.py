@@ -33,7 +33,7 @@ Admit = Callable[[ScriptedOffer], GroundPose | str]
 """A scripted artefact that is to arrive -> where it stands, or why it cannot stand there."""
 
 
-def _nobody(_: Artefact, __: int) -> bool:
+def _nobody(_: Artefact) -> bool:
     return False
 
 
@@ -52,8 +52,8 @@ class Population:
     none) counts all the living. Artefacts of rows that live for ever, and those admitted with a
     life of their own, do not take part in the law of departures.
 
-    Of whom `stays_on` says so, the end of its life [ns] is not its departure: it is leaving from
-    then on, no law's business any more but one of those alive, until the caller removes it.
+    If `stays_on` is true, the artefact outlives its end until it is removed: it is leaving, and
+    still counts as alive, but the law of departures no longer applies to it.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Population:
         *,
         max_alive: int | None = 200,
         history_ns: int = 2 * NS_PER_S,
-        stays_on: Callable[[Artefact, int], bool] = _nobody,
+        stays_on: Callable[[Artefact], bool] = _nobody,
         begun: Callable[[Artefact, ScriptedOffer | None], object] = _nothing,
         scripted: ScriptedSource | None = None,
     ) -> None:
@@ -172,10 +172,6 @@ class Population:
             return [self._arrive_by_script(admit)]
         return self._arrive(place)
 
-    def cause_of(self, artefact_id: int) -> Cause:
-        """Return why one leaves at the end of its life."""
-        return self._causes.get(artefact_id, Cause.LIFE_OVER)
-
     def remove(self, artefact_id: int, now_ns: int, cause: Cause) -> PopulationEvent:
         """Let an artefact depart at `now_ns`; `InputError` if none of this id lives.
 
@@ -230,17 +226,15 @@ class Population:
         """Let one depart whose life is over, unless it stays on until it is out."""
         time_ns, artefact_id = departure
         artefact = self._living[artefact_id]
-        if not self._stays_on(artefact, time_ns):
-            return self.remove(artefact_id, time_ns, self.cause_of(artefact_id))
+        if not self._stays_on(artefact):
+            cause = self._causes.get(artefact_id, Cause.LIFE_OVER)
+            return self.remove(artefact_id, time_ns, cause)
         self._lifetimes.end(artefact_id, time_ns)
         artefact.is_leaving, artefact.departure_ns = True, None
         return self._say(time_ns, EventKind.LEAVING, artefact_id, artefact.row, Cause.LIFE_OVER)
 
     def _arrive_by_script(self, admit: Admit) -> PopulationEvent:
         offer = self.scripted.take()
-        if offer.blocked:
-            who, blocked = (offer.artefact_id, offer.row), EventKind.BLOCKED
-            return self._say(offer.time_ns, blocked, *who, Cause.REFUSED, reason=offer.blocked)
         pose = admit(offer)
         if isinstance(pose, str) or self._is_full():
             cause = Cause.REFUSED if isinstance(pose, str) else Cause.MAX_ALIVE

@@ -4,7 +4,6 @@ import math
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -23,32 +22,17 @@ _LAST_ID: Final = 2**62
 _JUMP_NS: Final = 1000
 
 
-@dataclass(frozen=True, slots=True)
-class Doing:
-    """What an artefact does from `t_ns` on, and the end of its life as it is known then (or None).
-
-    Times are nanoseconds since the start of the run.
-    """
-
-    t_ns: int
-    behaviour: str
-    activity: str = ""
-    departs_ns: int | None = None
-
-
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Exact poses in time: linear between them, held outside; two within a microsecond are a jump.
+    """Poses in time: linear between them, held outside; two within a microsecond are a jump.
 
     `times_ns` is int64 (K >= 1,), nanoseconds since the start of the run, ascending strictly;
-    `poses` is float64 (K, 4): x, y, z, yaw on the ground in the map's frame. Both are read-only
-    from here on. `doings`, in the order of time, tell what the artefact is said to do meanwhile.
-    Raises ScenarioError where the poses are not of this kind.
+    `poses` is float64 (K, 4): x, y, z, yaw on the ground in the map's frame. Both become
+    read-only. Raises ScenarioError where the poses are not of this kind.
     """
 
     times_ns: npt.NDArray[np.int64]
     poses: npt.NDArray[np.float64]
-    doings: tuple[Doing, ...] = ()
 
     def __post_init__(self) -> None:
         if not len(self.times_ns):
@@ -58,8 +42,6 @@ class Track:
         late = np.flatnonzero(np.diff(self.times_ns) <= 0)
         if len(late):
             raise ScenarioError(f"pose {late[0] + 1} is not later than the one before it")
-        if any(later.t_ns < earlier.t_ns for earlier, later in pairwise(self.doings)):
-            raise ScenarioError("what it does is not in the order of time")
         self.times_ns.flags.writeable = self.poses.flags.writeable = False
 
     def __len__(self) -> int:
@@ -102,7 +84,6 @@ class Track:
         return poses
 
 
-NOWHERE: Final = GroundPose(0.0, 0.0, 0.0, 0.0)
 """The pose of one that does not arrive; nobody looks at it."""
 
 
@@ -114,8 +95,7 @@ class ScriptedArtefact:
     then, z and all. `stays_ns` of None means for ever, `speed_mps` of None the row's own. It walks
     along `way_m` (x, y), follows the artefact named `follows`, or has a track, of which at most
     one is given; else its behaviour decides. `artefact_id` of None lets the run give one. `origin`
-    and `cause` (of the departure) are those of the run that a scenario was saved from. One that is
-    `blocked`, by this cause or for this reason, does not arrive in any case, as it did not there.
+    and `cause` (of the departure) are those of the run that a scenario was saved from.
     """
 
     row: CatalogueRow
@@ -132,7 +112,6 @@ class ScriptedArtefact:
     name: str = ""
     origin: Origin = Origin.SCRIPTED
     cause: Cause = Cause.LIFE_OVER
-    blocked: str = ""
 
 
 @dataclass(frozen=True, eq=False)

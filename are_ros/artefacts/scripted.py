@@ -19,7 +19,7 @@ class ScriptedOffer:
     means for ever. `row` is that of the catalogue, with the speed that the scenario gives.
     `options` are those of the behaviour: waypoints and repeat of along_way, leader (an id) of
     following. A `track` (None: it moves by itself) counts from `start_ns`. `place` names it in
-    sentences. `cause` is why it leaves at the end of its life; `blocked` why it does not arrive.
+    sentences. `cause` is why it leaves at the end of its life.
     """
 
     time_ns: int
@@ -35,7 +35,6 @@ class ScriptedOffer:
     track: Track | None = None
     origin: Origin = Origin.SCRIPTED
     cause: Cause = Cause.LIFE_OVER
-    blocked: str = ""
 
 
 class ScriptedSource:
@@ -120,7 +119,6 @@ class ScriptedSource:
             track=track,
             origin=artefact.origin,
             cause=artefact.cause,
-            blocked=artefact.blocked,
         )
 
     def _options_of(self, artefact: ScriptedArtefact) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Artefacts that go by a track: their poses and doings as given, whatever happens around them."""
+"""Artefacts on tracks: they are where their tracks say, whatever happens around them."""
 
 from dataclasses import dataclass
 
@@ -19,43 +19,16 @@ class FollowedTrack:
     stands.
     """
 
-    artefact: Artefact
     track: Track
     start_ns: int
     period_ns: int
-    since_ns: int
-    next_doing: int = 0
+    since_ns: int = 0
 
-    def begin(self) -> tuple[int, GroundPose]:
-        """Begin at the arrival; return the next sub-step's instant, and where it is then."""
-        self.tell(self.since_ns)
-        step_ns = -(-self.since_ns // self.period_ns) * self.period_ns
-        return step_ns, self._bound_for(self.artefact.ground_pose_at(self.since_ns), step_ns)
-
-    def next_ns(self) -> int | None:
-        """Return when it does something else, None if never."""
-        if self.next_doing == len(self.track.doings):
-            return None
-        return self.start_ns + self.track.doings[self.next_doing].t_ns
-
-    def tell(self, now_ns: int) -> None:
-        """Let the artefact do what it does at `now_ns`."""
-        while (t_ns := self.next_ns()) is not None and t_ns <= now_ns:
-            doing, artefact = self.track.doings[self.next_doing], self.artefact
-            artefact.behaviour, artefact.activity = doing.behaviour, doing.activity
-            ends_ns = doing.departs_ns
-            artefact.departure_ns = None if ends_ns is None else self.start_ns + ends_ns
-            self.next_doing += 1
-
-    def ends_with_step(self, end_ns: int) -> bool:
-        """Say whether the artefact, whose life is over at `end_ns`, lives through the sub-step.
-
-        It does if its track has a pose at that very instant, at which a sub-step ends: in the run
-        that it was saved from, it moved and was met in it before it left.
-        """
-        if end_ns % self.period_ns:
-            return False
-        return bool(end_ns - self.start_ns in self.track.times_ns)
+    def begin(self, artefact: Artefact) -> tuple[int, GroundPose]:
+        """Begin with the arrival; return the next sub-step's instant, and the pose then."""
+        arrival_ns = self.since_ns = artefact.arrival_ns
+        step_ns = -(-arrival_ns // self.period_ns) * self.period_ns
+        return step_ns, self._bound_for(artefact.ground_pose_at(arrival_ns), step_ns)
 
     def postpone(self, by_ns: int) -> None:
         """Let all that is still to come be so much later: time stood still."""

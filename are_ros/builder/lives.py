@@ -23,7 +23,6 @@ from are_ros.artefacts.population_events import Cause, PopulationEvent
 from are_ros.artefacts.population_events import EventKind as PopulationEventKind
 from are_ros.artefacts.scripted import ScriptedOffer
 from are_ros.artefacts.terrain import Terrains
-from are_ros.artefacts.track_player import FollowedTrack
 from are_ros.builder.collisions import CollisionResolver
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.life_keeper import LifeKeeper
@@ -156,7 +155,8 @@ class Lives:
         while True:
             event_ns = self._next_event_ns()
             if event_ns is not None and event_ns <= min(now_ns, steps.next_ns):
-                self._run_event(event_ns)
+                for event in self.population.handle_next(self._find_place, self._admit):
+                    self._say(event)
             elif steps.next_ns <= now_ns:
                 self._sub_step(steps.next_ns)
                 steps.go_on(now_ns)
@@ -226,9 +226,9 @@ class Lives:
         else:
             by_ns = max(0, now_ns - self._paused_ns)
             self.population.postpone(by_ns)
-            for track in self._tracks():
-                track.postpone(by_ns)
-            self._look_at_doings(now_ns)
+            for agent in self.crowd.table.agents:
+                if agent.track is not None:
+                    agent.track.postpone(by_ns)
         self._set_rates(now_ns)
 
     def reconfigure(self, parameters: Parameters, resolver: CollisionResolver, now_ns: int) -> None:
@@ -243,7 +243,6 @@ class Lives:
         self.population.max_alive = settings.max_alive
         self.population.set_marks(self._catalogue.rows, law, settings.group_size)
         self._set_rates(now_ns)
-        self._look_at_doings(now_ns)
 
     def place(
         self,
@@ -272,21 +271,7 @@ class Lives:
     def _next_event_ns(self) -> int | None:
         if self.is_paused:
             return None
-        instants = (
-            self.population.next_event_ns(),
-            *(track.next_ns() for track in self._tracks()),
-        )
-        return min((t_ns for t_ns in instants if t_ns is not None), default=None)
-
-    def _run_event(self, event_ns: int) -> None:
-        """Let somebody come or go, or those who go by a script do something else."""
-        if self.population.next_event_ns() == event_ns:
-            for event in self.population.handle_next(self._find_place, self._admit):
-                self._say(event)
-        else:
-            for track in self._tracks():
-                track.tell(event_ns)
-        self._look_at_doings(event_ns)
+        return self.population.next_event_ns()
 
     def _admit(self, offer: ScriptedOffer) -> GroundPose | str:
         """Return where a scripted artefact stands, or why it cannot stand there."""
@@ -298,11 +283,6 @@ class Lives:
             pose = on_ground(offer.row, pose, environment)
         box, robot = boxes_of([offer.row], [pose]), self._robot
         return self._spawning.why_not(box, environment, others, robot, 0.0) or pose
-
-    def _look_at_doings(self, t_ns: int) -> None:
-        """Let the keeper, if there is one, see what everybody does."""
-        if self.keeper is not None:
-            self.keeper.look(t_ns, self.population.living)
 
     def _find_place(
         self,
@@ -343,10 +323,6 @@ class Lives:
         if goes_on:
             self.crowd.enter(self._environment, spawning.region, spawning.zones)
             self.crowd.step(step_ns, self._environment, self._robot, self.plan_m)
-            self._look_at_doings(step_ns)
-        else:
-            for artefact_id, cause in self._leaving_tracks():
-                self.remove(artefact_id, step_ns, cause)
 
     def _set_rates(self, now_ns: int) -> None:
         """Let the rates of the parameters hold; nobody arrives before the region is known."""
@@ -361,30 +337,17 @@ class Lives:
     def _depart(self, artefact_id: int, now_ns: int, cause: Cause) -> None:
         self.remove(artefact_id, now_ns, cause)
 
-    def _tracks(self) -> list[FollowedTrack]:
-        """Return the tracks that are followed, in the order of ids."""
-        return [agent.track for agent in self.crowd.table.agents if agent.track is not None]
-
-    def _leaving_tracks(self) -> list[tuple[int, Cause]]:
-        """Return whose tracks are over, which live through the sub-step of that instant."""
-        artefacts = [track.artefact for track in self._tracks()]
-        return [(one.id, self.population.cause_of(one.id)) for one in artefacts if one.is_leaving]
-
-    def _overdue(self, now_ns: int) -> list[tuple[int, Cause]]:
+    def _overdue(self, now_ns: int) -> list[int]:
         """Return who departs in the sub-step at `now_ns` without having come to an exit."""
         patience_ns = seconds_to_ns(self._parameters.population.exit_patience)
         exits_m = self.crowd.navigation.places.exits_m
         out_of_view = self._spawning.out_of_view
-        gone = overdue(self.crowd.table, now_ns, patience_ns, exits_m, out_of_view)
-        return [*((i, Cause.LIFE_OVER) for i in gone), *self._leaving_tracks()]
+        return overdue(self.crowd.table, now_ns, patience_ns, exits_m, out_of_view)
 
-    def _stays_on(self, artefact: Artefact, end_ns: int) -> bool:
-        """Say whether one departs later than its life ends: with the sub-step, or at an exit."""
-        agent = self.crowd.table.agent_of(artefact.id)
-        if agent.track is not None and agent.track.ends_with_step(end_ns):
-            return True
+    def _stays_on(self, artefact: Artefact) -> bool:
+        """Tell whether an artefact departs later than its life ends: at an exit."""
         walks_to_exit = self._parameters.population.leave is Leave.WALK_TO_EXIT
-        return walks_to_exit and agent.state is not None
+        return walks_to_exit and self.crowd.table.agent_of(artefact.id).state is not None
 
     def _say(self, event: PopulationEvent) -> None:
         """Remove from the crowd who went, send out who is to go; keep the event for the outputs."""
@@ -393,13 +356,10 @@ class Lives:
             self.crowd.end(artefact_id, event.time_ns, event.cause or Cause.REMOVED)
         elif event.kind is PopulationEventKind.LEAVING:
             agent = self.crowd.table.agent_of(artefact_id)
-            if agent.track is None:  # else it goes with the sub-step of this instant
-                self.crowd.decisions.send_out(agent)
-                agent.leaving_since_ns = event.time_ns
+            self.crowd.decisions.send_out(agent)
+            agent.leaving_since_ns = event.time_ns
             return
         detail = event.reason or (event.cause.value if event.cause else "")
-        if event.kind is PopulationEventKind.BLOCKED and self.keeper is not None:
-            self.keeper.refused(artefact_id, event.row, event.time_ns, detail)
         kind, label = _EVENT_KINDS[event.kind], event.row.label
         self.crowd.events.append(ArtefactEvent(event.time_ns, kind, artefact_id, label, detail))
 

@@ -21,12 +21,12 @@ def random_population(
     catalogue: Catalogue,
     *,
     begun: Callable[[Artefact, ScriptedOffer | None], object],
-    stays_on: Callable[[Artefact, int], bool],
+    stays_on: Callable[[Artefact], bool],
 ) -> Population:
     """Return the population of the random source; ParameterError where the mixture is bad.
 
-    `begun` is told of each artefact as soon as it lives; `stays_on` says of whom whose life is
-    over at an instant [ns] that it departs later. ScenarioError where the scenario is bad.
+    `begun` is told of each artefact as soon as it lives; `stays_on` tells whether an
+    artefact whose life is over departs later. ScenarioError where the scenario is bad.
     """
     settings, law = parameters.population, mixture_of(parameters, catalogue)
     return Population(

@@ -46,7 +46,7 @@ _SKIPPABLE = ("perception", "grids", "markers")
     "--save-scenario",
     metavar="FILE.yaml",
     type=FILE,
-    help="Write what happens as a scenario, to be repeated exactly.",
+    help="Write the lives of this run as a scenario, to be repeated.",
 )
 @click.option("--with-inputs", is_flag=True, help="Write the inputs beside the outputs.")
 @click.option(

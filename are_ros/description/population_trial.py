@@ -1,8 +1,8 @@
-"""The population alone: arrivals, departures and places over a long simulated time, no motion."""
+"""A simulated sample of the population alone: arrivals, departures and places, no motion."""
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -25,14 +25,14 @@ from are_ros.description.site import Site
 from are_ros.errors import ParameterError
 from are_ros.parameters.model import Parameters
 
-CORRELATIONS: Final = 400
+CORRELATIONS: Final = 100
 """How many correlation times of N a trial lasts, once N has come to its likeliest level."""
-LEAST_GROUPS: Final = 1500
-MOST_MEMBERS: Final = 10_000
+LEAST_GROUPS: Final = 500
+MOST_MEMBERS: Final = 3_000
 
-_WITHOUT_PLACE, _MISFITS, _AT_BOUND, _ENDLESS = "without_place", "misfits", "at_bound", "endless"
+NO_PLACE, MISFIT = "found no place", "fit nowhere"
+AT_BOUND, ENDLESS = "met a full population", "would never leave"
 
-Progress = Callable[[float], None]
 _Floats = npt.NDArray[np.float64]
 
 
@@ -42,11 +42,9 @@ class Trial:
 
     `offers_s` (G,) are the instants of the groups; `rows` int64 (M,) of all members offered, in
     order. N(t) is `alive` int64 (K,) from `changes_s` (K,) on, the first at 0. `lives_s` are those
-    of all who came in the first nine tenths and left, `unfinished` counts who of them did not;
-    `departure_gaps_s` are the times between departures while anyone was alive. `points_m` (P, 2)
-    is where, at `placed_s` (P,), the first of each group appeared. Of those who did not appear,
-    `without_place` found no place though they fit on the empty map, `misfits` fit nowhere on it,
-    `at_bound` met a full population, and `endless` are left out as they would never leave.
+    of all who came in the first nine tenths and left. `points_m` (P, 2) is where, at `placed_s`
+    (P,), the first of each group appeared. `absent` counts those who did not appear, by the reason:
+    NO_PLACE of those that fit on the empty map, MISFIT, AT_BOUND, ENDLESS.
     """
 
     chain: BirthDeath
@@ -56,19 +54,21 @@ class Trial:
     changes_s: _Floats
     alive: npt.NDArray[np.int64]
     lives_s: _Floats
-    unfinished: int
-    departure_gaps_s: _Floats
     points_m: _Floats
     placed_s: _Floats
-    without_place: int
-    misfits: int = 0
-    at_bound: int = 0
-    endless: int = 0
+    absent: Mapping[str, int]
 
     @property
     def appeared(self) -> int:
         """How many of those offered appeared."""
-        return len(self.rows) - self.without_place - self.misfits - self.at_bound - self.endless
+        return len(self.rows) - sum(self.absent.values())
+
+    def time_shares(self) -> _Floats:
+        """Return the shares of time that N(t) spent at 0, 1, ..., as long as `chain.law`."""
+        lasted_s = np.diff(np.append(self.changes_s, self.end_s))
+        spent_s = np.bincount(self.alive, weights=lasted_s, minlength=len(self.chain.law))
+        shares: _Floats = spent_s / self.end_s
+        return shares
 
     @property
     def waits_s(self) -> _Floats:
@@ -76,14 +76,12 @@ class Trial:
         return np.diff(self.offers_s, prepend=0.0)
 
 
-def run_trial(
-    parameters: Parameters, catalogue: Catalogue, site: Site, progress: Progress
-) -> Trial:
-    """Run the population of a configuration on a site until its laws show.
+def run_trial(parameters: Parameters, catalogue: Catalogue, site: Site) -> Trial:
+    """Run the population of a configuration on a site for a while.
 
     Those who would never leave are left out: they would fill the place. On a map everybody stands
-    where he appeared, and is in the way of the others; on a site without one nobody is. `progress`
-    is told the share that is done. Raises ParameterError where nobody ever comes or stays.
+    where he appeared, and is in the way of the others; on a site without one nobody is. Raises
+    ParameterError where nobody ever comes or stays.
     """
     settings = parameters.population
     law = mixture_of(parameters, catalogue)
@@ -101,18 +99,13 @@ def run_trial(
     population.start(0)
     population.set_rates(settings.arrival_rate, site.area_m2, settings.mean_life, 0)
     book = _Book(chain, site.misfits)
-    _run(population, book, _place_on(site, population, settings.group_radius), progress)
-    return book.closed()
-
-
-def _run(population: Population, book: "_Book", place: Place, progress: Progress) -> None:
+    place = _place_on(site, population, settings.group_radius)
     while (now_ns := population.next_event_ns()) is not None and not book.is_full:
-        poses = len(population.living)
+        before = len(population.living)
         for event in population.handle_next(place):
             book.note(event, population)
-        book.count(now_ns / NS_PER_S, poses, len(population.living))
-        progress(book.done)
-    progress(1.0)
+        book.count(now_ns / NS_PER_S, before, len(population.living))
+    return book.closed()
 
 
 @dataclass(eq=False)
@@ -129,10 +122,8 @@ class _Book:
     alive: list[int] = field(default_factory=lambda: [0])
     arrived_s: dict[int, float] = field(default_factory=dict)
     lives: list[tuple[float, float]] = field(default_factory=list)
-    busy_s: float = 0.0
-    gaps_s: list[float] = field(default_factory=list)
     places: list[tuple[float, float, float]] = field(default_factory=list)
-    kept_out: Counter[str] = field(default_factory=Counter)
+    absent: Counter[str] = field(default_factory=Counter)
 
     def __post_init__(self) -> None:
         self._mode = int(np.argmax(self.chain.law))
@@ -141,22 +132,15 @@ class _Book:
         )
 
     @property
-    def done(self) -> float:
-        """The share of the trial that is done."""
-        lasted_s = max(self.now_s - self.settled_s, 0.0)
-        return min(max(lasted_s / self._wanted_s, len(self.rows) / MOST_MEMBERS), 1.0)
-
-    @property
     def is_full(self) -> bool:
         """Whether it lasted long enough."""
-        return self.done >= 1.0
+        lasted_s = max(self.now_s - self.settled_s, 0.0)
+        return lasted_s >= self._wanted_s or len(self.rows) >= MOST_MEMBERS
 
     def note(self, event: PopulationEvent, population: Population) -> None:
         """Note what became of one artefact."""
         at_s = event.time_ns / NS_PER_S
         if event.kind is EventKind.DEPARTED:
-            self.gaps_s.append(self.busy_s + at_s - self.now_s)
-            self.now_s, self.busy_s = at_s, 0.0
             arrived_s = self.arrived_s.pop(event.artefact_id)
             self.lives.append((arrived_s, at_s - arrived_s))
             return
@@ -167,12 +151,10 @@ class _Book:
         if event.kind is EventKind.ARRIVED:
             self._note_place(event, population, at_s)
         else:
-            self.kept_out[self._why_not(event)] += 1
+            self.absent[self._why_not(event)] += 1
 
     def count(self, now_s: float, before: int, alive: int) -> None:
         """Note how many are alive from now on."""
-        if before:
-            self.busy_s += now_s - self.now_s
         self.now_s = now_s
         if alive != before:
             self.changes_s.append(now_s)
@@ -192,20 +174,18 @@ class _Book:
             np.array(self.changes_s),
             np.array(self.alive, np.int64),
             np.array([life_s for arrived_s, life_s in self.lives if arrived_s < early_s]),
-            sum(arrived_s < early_s for arrived_s in self.arrived_s.values()),
-            np.array(self.gaps_s),
             places[:, :2],
             places[:, 2],
-            **{why: self.kept_out[why] for why in (_WITHOUT_PLACE, _MISFITS, _AT_BOUND, _ENDLESS)},
+            self.absent,
         )
 
     def _why_not(self, event: PopulationEvent) -> str:
-        """Return as what of a trial one counts who did not appear."""
+        """Return the reason why an artefact did not appear."""
         if event.cause is Cause.MAX_ALIVE:
-            return _AT_BOUND
+            return AT_BOUND
         if event.row.forever:
-            return _ENDLESS
-        return _MISFITS if event.row.index in self.misfits else _WITHOUT_PLACE
+            return ENDLESS
+        return MISFIT if event.row.index in self.misfits else NO_PLACE
 
     def _note_place(self, event: PopulationEvent, population: Population, at_s: float) -> None:
         self.arrived_s[event.artefact_id] = at_s

@@ -8,7 +8,6 @@ import numpy.typing as npt
 
 from are_ros.description.population_trial import Trial
 from are_ros.description.site import Site, Survey
-from are_ros.description.trial_statistics import square_p_value
 from are_ros.replay._picture_laws import FAINT_INK, INK, time_unit
 from are_ros.replay._picture_map import (
     KnownPart,
@@ -64,19 +63,16 @@ def draw_arrivals(axes: Any, trial: Trial, site: Site, end_s: float, colours: An
     axes.spines[:].set_color("#d3d7db")
     axes.tick_params(labelsize=8.5, colors=FAINT_INK, length=3)
     axes.set_title("arrivals in space", fontsize=10, color=INK, loc="left", weight="bold", pad=6)
-    axes.set_xlabel(_caption(trial, site), fontsize=8.5, color=FAINT_INK)
+    axes.set_xlabel(_caption(trial), fontsize=8.5, color=FAINT_INK)
     axes.set_anchor("N")
     _draw_times(axes.inset_axes((1.015, 0.0, 0.02, 1.0)), end_s, colours)
 
 
-def _caption(trial: Trial, site: Site) -> str:
+def _caption(trial: Trial) -> str:
     """Return how many appeared, and what can be said of where."""
     whose = "the first of each group" if trial.chain.is_grouped else "all"
     count = f"[m]   {counted(len(trial.points_m), 'place')}, of {whose} who appeared"
-    if site.survey is not None:
-        return f"{count}; in colour: in the time shown"
-    p_value = square_p_value(trial.points_m, math.sqrt(site.area_m2))
-    return f"{count}; uniform: chi-square p = {p_value:.2f}"
+    return f"{count}; in colour: in the time shown"
 
 
 def _draw_times(axes: Any, end_s: float, colours: Any) -> None:

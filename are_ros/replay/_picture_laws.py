@@ -1,6 +1,5 @@
 """The laws of a population in its picture: N(t), waiting times, lives and rows, with densities."""
 
-import math
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -8,7 +7,6 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.catalogue import Catalogue
-from are_ros.description import trial_statistics as statistics
 from are_ros.description.birth_death import BirthDeath
 from are_ros.description.population_trial import Trial
 from are_ros.parameters.choices import Departures
@@ -77,7 +75,7 @@ def draw_shares(axes: Any, trial: Trial) -> None:
     from matplotlib.ticker import MaxNLocator
 
     law, levels = trial.chain.law, np.arange(len(trial.chain.law))
-    shares = statistics.time_shares(trial.changes_s, trial.alive, trial.end_s, len(law))
+    shares = trial.time_shares()
     likely = np.flatnonzero((law > 2e-3 * law.max()) | (shares > 2e-3))
     shown = levels[likely[0] : likely[-1] + 1]
     is_short = len(shown) <= _SEPARATE_BARS
@@ -89,10 +87,7 @@ def draw_shares(axes: Any, trial: Trial) -> None:
     dots = "o-" if is_short else "-"
     axes.plot(law[shown], shown, dots, color=_LAW, ms=3.2, lw=1.2)
     axes.set_xlim(0.0, 1.2 * float(max(law.max(), shares.max())))
-    p_value = statistics.path_p_value(
-        trial.changes_s, trial.alive, trial.end_s, law, trial.chain.correlation_s
-    )
-    _write(axes, [_law_name(trial.chain), _p_text("batch means", p_value)])
+    _write(axes, [_law_name(trial.chain)])
     axes.set_title("share of the time", **_title_look())
     axes.set_xlabel("share")
     axes.xaxis.set_major_locator(MaxNLocator(4))
@@ -108,7 +103,7 @@ def draw_waits(axes: Any, trial: Trial) -> None:
     _draw_density(axes, trial.waits_s, times_s, np.exp(-times_s / law_mean_s) / law_mean_s, unit_s)
     noun = "groups" if trial.chain.is_grouped else "arrivals"
     count = f"{len(trial.waits_s)} {noun}, mean {mean_s / unit_s:.3g} {name}"
-    _write(axes, [count, _p_text("KS", statistics.waits_p_value(trial))])
+    _write(axes, [count])
     axes.set_title(f"waiting times between {noun}", **_title_look())
     axes.set(xlabel=f"time [{name}]", ylabel=f"density [1/{name}]")
 
@@ -126,16 +121,14 @@ def draw_lives(axes: Any, trial: Trial) -> None:
     density = -np.diff(chain.survival(reach_s, len(times_s))) / np.diff(times_s)
     middles_s = 0.5 * (times_s[1:] + times_s[:-1])
     _draw_density(axes, lives_s, middles_s, density, unit_s)
-    p_value = _p_text("KS", statistics.lives_p_value(trial))
     lines = [
         f"{len(lives_s)} lives, mean {float(lives_s.mean()) / unit_s:.3g} {name},",
         "of who appeared in the first",
-        "nine tenths of the time"
-        + (f"; {trial.unfinished} more are not over" if trial.unfinished else ""),
+        "nine tenths of the time",
     ]
     if chain.departures is not Departures.INDEPENDENT:
-        lines += ["who leaves is drawn at random;", "between departures:"]
-    _write(axes, [*lines, p_value])
+        lines.append("who leaves is drawn at random")
+    _write(axes, lines)
     axes.set(xlabel=f"time [{name}]", ylabel=f"density [1/{name}]")
 
 
@@ -155,8 +148,7 @@ def draw_rows(
     axes.plot(rows, probabilities, "o-", color=INK, ms=2.4, lw=0.9)
     top = 1.3 * float(max(counted.max(), probabilities.max()))
     axes.set(xlim=(-0.8, len(rows) - 0.2), ylim=(0.0, top))
-    p_value = statistics.rows_p_value(trial, probabilities)
-    _write(axes, [f"{len(trial.rows)} artefacts", _p_text("chi-square", p_value)])
+    _write(axes, [f"{len(trial.rows)} artefacts"])
     axes.set_title("rows of the catalogue, by Eq. 1", **_title_look())
     axes.legend(loc="center right", frameon=False, fontsize=8.5, labelcolor=INK, handlelength=1.0)
     axes.set(xlabel="row", ylabel="share")
@@ -189,12 +181,6 @@ def _law_name(chain: BirthDeath) -> str:
     name = "Poisson" if chain.departures is Departures.INDEPENDENT else "geometric"
     cut = f", cut at {chain.max_alive}" if chain.law[-1] > _CUT_FROM else ""
     return f"{name}({chain.load:.3g}){cut}"
-
-
-def _p_text(test: str, p_value: float) -> str:
-    if math.isnan(p_value):
-        return f"{test}: too short"
-    return f"{test} p = {p_value:.2f}" if p_value >= 0.01 else f"{test} p = {p_value:.1g}"
 
 
 def _write(axes: Any, lines: list[str]) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 import yaml
 
 from are_ros.artefacts.catalogue import Catalogue
@@ -21,8 +22,7 @@ RECORD: Final = "fit.json"
 PICTURE: Final = "fit.png"
 RESULTS: Final = (PARAMETERS, RECORD, PICTURE)
 
-_TIGHT: Final = 1e-3
-_NOTHING: Final = 1e-12
+_RECORDED_STEPS: Final = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,18 +126,16 @@ def record_content(outcome: FitOutcome) -> dict[str, Any]:
         },
         "convergence": {
             "seed": outcome.seed,
-            "gain_of_any_mixture_at_most": chosen.headroom,
-            "gain_left_about": _number(chosen.precision.remaining),
             "searches": [
                 {
                     "start": search.start,
-                    "evaluations": search.evaluations,
+                    "steps": search.steps,
                     "log_likelihood_per_sample": search.log_likelihood,
                     "stop": search.stop.value,
                 }
                 for search in chosen.searches
             ],
-            "log_likelihood_per_sample": chosen.trace.tolist(),
+            "log_likelihood_per_sample": _thinned(chosen.trace),
         },
         "fits": [
             {
@@ -208,18 +206,14 @@ def _bic_lines(outcome: FitOutcome) -> list[str]:
 
 def _search_lines(fit: MixtureFit) -> list[str]:
     best, others = fit.searches[0], len(fit.searches) - 1
-    steps = f"{best.evaluations} steps of EM from the start '{best.start}'"
+    steps = f"{best.steps} steps of EM from the start '{best.start}'"
     beside = f", the best of {others + 1} starts" if others else ""
-    lines = [
+    return [
         f"log-likelihood per sample {fit.log_likelihood_per_sample:.6f}, BIC {fit.bic:.1f}",
         f"{steps}{beside}; it ended when {best.stop.value}"
         if best.stop is Stop.CONVERGED
         else f"{steps}{beside}; {best.stop.value}",
     ]
-    if fit.headroom < _TIGHT:
-        gain = f"more than {fit.headroom:.1e}" if fit.headroom > _NOTHING else "anything"
-        lines.append(f"no other mixture, of however many components, gains {gain} per sample")
-    return lines
 
 
 def _component_content(fit: MixtureFit) -> list[dict[str, Any]]:
@@ -243,6 +237,12 @@ def _class_content(outcome: FitOutcome) -> dict[str, float]:
 def _class_shares(fit: MixtureFit, catalogue: Catalogue) -> Iterator[tuple[str, float]]:
     shares: Sequence[float] = catalogue.class_probabilities(fit.law.probabilities()).tolist()
     yield from zip(catalogue.class_names, shares, strict=True)
+
+
+def _thinned(trace: npt.NDArray[np.float64]) -> list[list[float]]:
+    """Return the numbers of steps, ever farther apart, and the log-likelihood after each."""
+    steps = np.unique(np.geomspace(1, len(trace), _RECORDED_STEPS).astype(np.int64)) - 1
+    return [[int(step), float(trace[step])] for step in steps]
 
 
 def _number(value: float) -> float | None:

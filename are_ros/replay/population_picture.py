@@ -1,15 +1,11 @@
-"""population.png: what a configuration means, drawn from a long run of the population alone."""
+"""population.png: what a configuration means, with a simulated sample of the population alone."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from tqdm import tqdm
-
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.mixture import mixture_of
-from are_ros.description.population_trial import Progress, Trial, run_trial
+from are_ros.description.population_trial import Trial, run_trial
 from are_ros.description.site import Site
 from are_ros.errors import InputError
 from are_ros.parameters.choices import Departures
@@ -34,20 +30,17 @@ _HEIGHTS: Final = (4.3, 2.5)
 _LEFT_IN: Final = 8.2
 _MARGIN_IN: Final = 0.7
 _DPI: Final = 120
-_QUICK_S: Final = 1.0
 
 
 def plot_population(parameters: Parameters, catalogue: Catalogue, site: Site, out: Path) -> Path:
     """Run the population of a configuration alone, draw it, and return the picture's path.
 
-    `out` is a file if its name ends in .png, else a folder; folders are made if need be. A bar
-    shows progress on a terminal's stderr when the run takes longer than a second. Raises InputError
-    where nothing can be written there, ParameterError where nobody ever comes.
+    `out` is a file if its name ends in .png, else a folder; folders are made if need be. Raises
+    InputError where nothing can be written there, ParameterError where nobody ever comes.
     """
     is_file = out.suffix.lower() == ".png" and not out.is_dir()
     path = out if is_file else out / FILE_NAME
-    with _progress() as progress:
-        trial = run_trial(parameters, catalogue, site, progress)
+    trial = run_trial(parameters, catalogue, site)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         draw_population(trial, parameters, catalogue, site, path)
@@ -141,13 +134,7 @@ def _write_head(figure: Any, trial: Trial, parameters: Parameters, site: Site) -
 
 def _appeared_text(trial: Trial) -> str:
     """Return how many of those who arrived appeared, and why the others did not."""
-    reasons = {
-        "found no place": trial.without_place,
-        "fit nowhere": trial.misfits,
-        "met a full population": trial.at_bound,
-        "would never leave": trial.endless,
-    }
-    others = ", ".join(f"{count} {text}" for text, count in reasons.items() if count)
+    others = ", ".join(f"{count} {reason}" for reason, count in trial.absent.items())
     if not others:
         return f"all {len(trial.rows)} who arrived appeared"
     return f"{trial.appeared} of {len(trial.rows)} who arrived appeared: {others}"
@@ -165,15 +152,3 @@ def _time_colours() -> Any:
     from matplotlib.colors import ListedColormap
 
     return ListedColormap(colormaps["plasma"](range(226)), name="arrival times")
-
-
-@contextmanager
-def _progress() -> Iterator[Progress]:
-    """Give what moves a bar on stderr, which appears after a second, on a terminal only."""
-    layout = "population {percentage:3.0f}%|{bar}| [{elapsed}<{remaining}]"
-    with tqdm(total=1.0, bar_format=layout, delay=_QUICK_S, disable=None) as bar:
-
-        def show(done: float) -> None:
-            bar.update(done - bar.n)
-
-        yield show

@@ -128,12 +128,10 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
 
 
 def _save_scenario(options: ReplayOptions, keeper: LifeKeeper, say: Say) -> None:
-    """Write what happened as a scenario; say if it is not the whole run."""
+    """Write the lives of the run as a scenario."""
     path = options.save_scenario
     if path is None:
         return
-    if keeper.notice:
-        say(keeper.notice)
     written = write_scenario(keeper.scenario(path.stem), path)
     say(f"scenario     {', '.join(str(file) for file in written)}")
 

@@ -85,8 +85,9 @@ class Town:
 
     def __init__(self, period_s: float = 1.0, seed: int = 4) -> None:
         self.table, self.ways = AgentTable(0.05), Ways()
-        self.road: Any = Road(self.table)
-        self.layer = DecisionLayer(seed, period_s, self.table, self.ways, self.road)
+        self.road = Road(self.table)
+        road: Any = self.road
+        self.layer = DecisionLayer(seed, period_s, self.table, self.ways, road)
         self.x_m = 0.0
 
     def admit(

@@ -59,7 +59,7 @@ def _population(
     max_alive: int | None = 200,
     group: float = 1.0,
     rows: tuple[CatalogueRow, ...] = ROWS,
-    stays_on: Callable[[Artefact, int], bool] = lambda *_: False,
+    stays_on: Callable[[Artefact], bool] = lambda *_: False,
     begun: Callable[[Artefact, object], object] = lambda *_: None,
 ) -> Population:
     source = RandomSource(seed, rows, MIXTURE, group)
@@ -542,7 +542,7 @@ def test_rates_that_change_do_not_touch_those_who_leave() -> None:
 
 def test_each_stays_on_or_not_on_its_own() -> None:
     """Those of even ids vanish, the others are leaving."""
-    population = _population(3, mean_life_s=1.0, stays_on=lambda one, _: one.id % 2 == 1)
+    population = _population(3, mean_life_s=1.0, stays_on=lambda one: one.id % 2 == 1)
     told = _advance(population, _seconds(20))
     ends = {e.artefact_id: e.kind for e in told if e.cause is Cause.LIFE_OVER}
     assert len(ends) > 10

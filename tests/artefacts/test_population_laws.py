@@ -41,7 +41,7 @@ MIXTURE = TruncatedPoissonMixture((0.5, 0.5), (1.0, 2.0), len(ROWS))
 SPOT = GroundPose(1.0, 1.0, 0.0, 0.0)
 
 
-def _nobody(_: Artefact, __: int) -> bool:
+def _nobody(_: Artefact) -> bool:
     return False
 
 
@@ -51,7 +51,7 @@ def _population(
     *,
     group: float = 1.0,
     max_alive: int | None = None,
-    stays_on: Callable[[Artefact, int], bool] = _nobody,
+    stays_on: Callable[[Artefact], bool] = _nobody,
 ) -> Population:
     source = RandomSource(seed, ROWS, MIXTURE, group)
     law = departure_law(kind, seed, 1.0)

@@ -52,7 +52,7 @@ class Twins:
     def depart(self, artefact_id: int) -> None:
         """Let one go."""
         self.living.remove(artefact_id)
-        self.tape.stop(artefact_id)
+        self.taped[artefact_id].close()
 
     def sub_step(self, t_ns: int) -> None:
         """Let some stand, some move and some jump."""
@@ -192,7 +192,7 @@ def test_the_departed_keep_what_they_had() -> None:
     tape = PoseTape(HISTORY_NS)
     gone, _ = (tape.begin(i, 0, GroundPose(0.0, 0.0, 0.0, 0.0)) for i in (1, 2))
     _march(tape, 4, {1: 1.0, 2: 0.1})
-    tape.stop(1)
+    gone.close()
     ids, rows = np.array([2]), np.zeros((1, 4))
     for k in range(4, 50):
         tape.record(k * STEP_NS, (k + 1) * STEP_NS, ids, rows, rows)

@@ -22,7 +22,7 @@ def test_the_stream_is_that_of_the_documented_seed_sequence() -> None:
 
 
 def test_streams_are_seeded_as_numpy_seeds_them() -> None:
-    """Whatever the sizes of seed and number: of one word, of two, and beyond compiled integers."""
+    """Seed and number may have any size: one word, two words, or more."""
     rng = np.random.default_rng(3)
     numbers = [0, 1, 2**32 - 1, 2**32, 2**63 - 1, 2**63, 2**64 + 7]
     numbers += [int(rng.integers(2 ** int(bits))) for bits in rng.integers(1, 63, 40)]

@@ -9,12 +9,7 @@ from hypothesis import strategies as st
 
 from are_ros.artefacts.artefact import GroundPose, PoseHistory
 from are_ros.artefacts.catalogue_file import read_catalogue
-from are_ros.artefacts.scenario import (
-    Doing,
-    Scenario,
-    ScriptedArtefact,
-    Track,
-)
+from are_ros.artefacts.scenario import Scenario, ScriptedArtefact, Track
 from are_ros.errors import ScenarioError
 
 ROW = read_catalogue().rows[15]
@@ -25,9 +20,9 @@ def _one(artefact_id: int | None = None, name: str = "", follows: str = "") -> S
     return ScriptedArtefact(ROW, POSE, 0, artefact_id=artefact_id, name=name, follows=follows)
 
 
-def _track(times_ns: list[int], *doings: Doing) -> Track:
+def _track(times_ns: list[int]) -> Track:
     poses = np.random.default_rng(len(times_ns)).normal(scale=3.0, size=(len(times_ns), 4))
-    return Track(np.array(times_ns, np.int64), poses, doings)
+    return Track(np.array(times_ns, np.int64), poses)
 
 
 @given(
@@ -67,12 +62,6 @@ def test_what_is_no_track_is_refused(times_ns: list[int], poses: object, reason:
     """Poses there must be, finite and in the order of time."""
     with pytest.raises(ScenarioError, match=reason):
         Track(np.array(times_ns, np.int64), np.array(poses))
-
-
-def test_doings_are_in_the_order_of_time() -> None:
-    """What comes before cannot be told after."""
-    with pytest.raises(ScenarioError, match="not in the order of time"):
-        _track([0], Doing(5, "walking"), Doing(4, "standing"))
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,11 @@
-"""Artefacts on tracks: poses at sub-steps, jumps, doings, and what the others plan by."""
+"""Artefacts on tracks: poses at sub-steps, jumps, and what the others plan by."""
 
 import numpy as np
 import pytest
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue_file import read_catalogue
-from are_ros.artefacts.scenario import Doing, Track
+from are_ros.artefacts.scenario import Track
 from are_ros.artefacts.track_player import FollowedTrack
 
 ROW = read_catalogue().rows[15]
@@ -13,18 +13,17 @@ PERIOD_NS = 50
 START_NS = 10_000
 
 
-def _track(*poses: tuple[int, float], doings: tuple[Doing, ...] = ()) -> Track:
+def _track(*poses: tuple[int, float]) -> Track:
     """Return a track that moves along x only."""
     rows = [(x_m, 1.0, 0.0, 0.0) for _, x_m in poses]
-    return Track(np.array([t_ns for t_ns, _ in poses]), np.array(rows), doings)
+    return Track(np.array([t_ns for t_ns, _ in poses]), np.array(rows))
 
 
 def _following(
     track: Track, arrives_ns: int = START_NS, period_ns: int = PERIOD_NS
 ) -> FollowedTrack:
-    artefact = _artefact(track, arrives_ns)
-    found = FollowedTrack(artefact, track, START_NS, period_ns, arrives_ns)
-    found.begin()
+    found = FollowedTrack(track, START_NS, period_ns)
+    found.begin(_artefact(track, arrives_ns))
     return found
 
 
@@ -75,31 +74,17 @@ def test_a_jump_between_two_sub_steps_waits_for_the_later() -> None:
 
 def test_who_comes_late_is_where_the_track_is() -> None:
     """What the track had before its arrival does not count; the way to the next sub-step does."""
-    following = _following(_track((0, 0.0), (100, 4.0)), START_NS + 30)
-    assert following.artefact.history.latest.x_m == pytest.approx(1.2)
-    assert following.begin() == (START_NS + 50, GroundPose(2.0, 1.0, 0.0, 0.0))
-
-
-def test_doings_are_told_at_their_times() -> None:
-    """Behaviour, activity and what is known of the end; the one of the arrival at once."""
-    doings = (Doing(0, "walking", "pausing", 900), Doing(70, "leaving", "", None))
-    player = _following(_track((0, 0.0), doings=doings))
-    artefact = player.artefact
-    said = (artefact.behaviour, artefact.activity, artefact.departure_ns)
-    assert said == ("walking", "pausing", START_NS + 900)
-    assert player.next_ns() == START_NS + 70
-    player.tell(START_NS + 69)
-    assert artefact.behaviour == "walking"
-    player.tell(START_NS + 70)
-    assert (artefact.behaviour, artefact.activity, artefact.departure_ns) == ("leaving", "", None)
-    assert player.next_ns() is None
+    track = _track((0, 0.0), (100, 4.0))
+    artefact = _artefact(track, START_NS + 30)
+    assert artefact.history.latest.x_m == pytest.approx(1.2)
+    following = FollowedTrack(track, START_NS, PERIOD_NS)
+    assert following.begin(artefact) == (START_NS + 50, GroundPose(2.0, 1.0, 0.0, 0.0))
 
 
 def test_a_pause_shifts_all_that_is_to_come() -> None:
-    """Poses and doings wait for as long as time stood still."""
-    player = _following(_track((0, 0.0), (100, 4.0), doings=(Doing(60, "walking"),)))
+    """Poses wait for as long as time stood still."""
+    player = _following(_track((0, 0.0), (100, 4.0)))
     player.postpone(1000)
-    assert player.next_ns() == START_NS + 1060
     assert _ways(player, START_NS + 1000, 0.0, 1) == [(0.0, 2.0)]
 
 
@@ -108,11 +93,3 @@ def test_others_know_where_it_will_be() -> None:
     player = _following(_track((0, 0.0), (100, 4.0)))
     ahead = player.ahead(START_NS, 4)
     np.testing.assert_allclose(ahead, [[x_m, 1.0, 0.0] for x_m in (2.0, 4.0, 4.0, 4.0)])
-
-
-def test_who_has_a_pose_at_its_end_lives_through_the_sub_step() -> None:
-    """It moves there and is met there before it goes; else its life is over at the instant."""
-    player = _following(_track((0, 0.0), (50, 4.0), (75, 5.0)))
-    assert player.ends_with_step(START_NS + 50)
-    assert not player.ends_with_step(START_NS + 75)  # no sub-step ends then
-    assert not player.ends_with_step(START_NS + 100)

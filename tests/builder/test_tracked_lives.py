@@ -1,4 +1,4 @@
-"""Artefacts on tracks in the real world: their jumps are said, and some leave with a sub-step."""
+"""Artefacts on tracks in the real world: their jumps are said, and they leave on time."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 
-from are_ros.artefacts.population_events import Cause
 from are_ros.builder.events import ArtefactEvent, EventKind
 
 Scene = Any
@@ -54,32 +53,10 @@ def test_a_jump_is_said_and_counted(scripted: Callable[[str], Scene]) -> None:
     assert scene.builder.lives.displaced == 1
 
 
-def test_who_ends_with_a_sub_step_is_met_in_it(scripted: Callable[[str], Scene]) -> None:
-    """It stands where the robot is at its very end: the contact is said, then that it left."""
-    poses = (
-        "[0, 2.5, 2.0, 0, 0], [0.1, 2.5, 2.0, 0, 0], [0.15, 1.1, 2.0, 0, 0], [0.2, 1.1, 2.0, 0, 0]"
-    )
-    contact, departed = told(scripted(CRATE % (0.1, "displaced", poses)), 1.0)
-    assert (contact.kind, departed.kind) == (EventKind.ROBOT_CONTACT, EventKind.DEPARTED)
-    assert contact.stamp_ns == departed.stamp_ns
-    assert departed.detail == Cause.DISPLACED.value
-
-
-def test_who_ends_before_it_is_not(scripted: Callable[[str], Scene]) -> None:
-    """A life that is over when a sub-step ends, with no pose of the track then, is over before."""
-    poses = "[0, 2.5, 2.0, 0, 0], [0.1, 2.5, 2.0, 0, 0], [0.15, 1.1, 2.0, 0, 0]"
+def test_a_life_that_ends_with_a_sub_step_ends_before_it(scripted: Callable[[str], Scene]) -> None:
+    """At the instant of a sub-step a departure comes first: the robot touches nobody."""
+    poses = "[0, 2.5, 2.0, 0, 0], [0.1, 2.5, 2.0, 0, 0], [0.2, 1.1, 2.0, 0, 0]"
     scene = scripted(CRATE % (0.1, "displaced", poses))
     (departed,) = told(scene, 1.0)
     assert (departed.kind, departed.stamp_ns) == (EventKind.DEPARTED, scene.ns(0.2))
     assert scene.builder.lives.displaced == 1
-
-
-def test_who_leaves_with_a_sub_step_goes_though_nothing_moves(
-    scripted: Callable[[str], Scene],
-) -> None:
-    """No input comes in any more, so that nobody moves: its life is over all the same."""
-    poses = "[0, 2.5, 2.0, 0, 0], [9, 2.5, 2.0, 0, 0]"
-    scene = scripted(CRATE % (8.9, "life_over", poses))
-    scene.builder.advance(scene.ns(20.0))
-    *_, departed = scene.builder.lives.take_events()
-    assert (departed.kind, departed.stamp_ns) == (EventKind.DEPARTED, scene.ns(9.0))

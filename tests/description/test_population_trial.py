@@ -9,9 +9,18 @@ from scipy import stats
 
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.description import population_trial
-from are_ros.description.population_trial import Trial, run_trial
+from are_ros.description.birth_death import BirthDeath
+from are_ros.description.population_trial import (
+    AT_BOUND,
+    ENDLESS,
+    MISFIT,
+    NO_PLACE,
+    Trial,
+    run_trial,
+)
 from are_ros.description.site import Site, surveyed
 from are_ros.errors import ParameterError
+from are_ros.parameters.choices import Departures
 from are_ros.parameters.model import Parameters
 from are_ros.world.occupancy_grid import OccupancyGrid
 
@@ -26,7 +35,7 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _trial(parameters: Parameters, catalogue: Catalogue, site: Site) -> Trial:
-    return run_trial(parameters, catalogue, site, lambda _: None)
+    return run_trial(parameters, catalogue, site)
 
 
 @pytest.mark.parametrize("kind", ["independent", "constant_rate"])
@@ -47,13 +56,17 @@ def test_the_books_agree(
     assert trial.waits_s.sum() == pytest.approx(trial.offers_s[-1])
     assert len(trial.rows) >= len(trial.offers_s) >= len(trial.points_m) > 30
     assert (np.diff(trial.placed_s) > 0.0).all()
-    assert trial.at_bound > 0
+    assert trial.absent[AT_BOUND] > 0
     assert trial.appeared == np.maximum(np.diff(trial.alive), 0).sum()
-    fell = -np.diff(trial.alive)
-    assert len(trial.departure_gaps_s) == fell[fell > 0].sum()
-    lasted_s = np.diff(np.append(trial.changes_s, trial.end_s))
-    busy_s = lasted_s[trial.alive > 0].sum()
-    assert trial.departure_gaps_s.sum() <= busy_s < trial.departure_gaps_s.sum() + 600.0
+    assert trial.time_shares().sum() == pytest.approx(1.0)
+
+
+def test_shares_of_time_weigh_by_time() -> None:
+    """A level that lasts twice as long has twice the share, and one never reached has none."""
+    chain, none = BirthDeath(0.5, 1.0, 8.0, Departures.INDEPENDENT, 3), np.empty(0)
+    path = np.array([0.0, 1.0, 4.0]), np.array([0, 2, 1])
+    trial = Trial(chain, 8.0, none, np.empty(0, np.int64), *path, none, none, none, {})
+    assert trial.time_shares().tolist() == [0.125, 0.5, 0.375, 0.0]
 
 
 def test_the_same_seed_gives_the_same_trial(
@@ -77,8 +90,8 @@ def test_on_a_map_everybody_stands_in_the_region_and_in_nobodys_way(
     assert site.misfits == {2}
     assert ((trial.points_m > 0.0) & (trial.points_m < 2.0)).all()
     misfits = int((trial.rows == 2).sum())
-    assert 0 < trial.without_place <= len(trial.rows) - misfits - len(trial.points_m)
-    assert (trial.misfits, trial.endless) == (misfits, 0)
+    assert 0 < trial.absent[NO_PLACE] <= len(trial.rows) - misfits - len(trial.points_m)
+    assert (trial.absent[MISFIT], trial.absent.get(ENDLESS, 0)) == (misfits, 0)
     assert trial.appeared == len(trial.points_m)
 
 
@@ -100,18 +113,8 @@ def test_who_never_leaves_is_left_out(parameters_of: ParametersOf, catalogue: Ca
     trial = _trial(parameters_of(), Catalogue(rows), Site())
     assert (trial.rows == 0).sum() > 50
     assert len(trial.points_m) == (trial.rows != 0).sum()
-    assert trial.without_place == 0
-    assert trial.endless == (trial.rows == 0).sum()
+    assert trial.absent == {ENDLESS: (trial.rows == 0).sum()}
     assert trial.chain.share < 1.0
-
-
-def test_progress_grows_to_one(parameters_of: ParametersOf, catalogue: Catalogue) -> None:
-    """What is told never falls, and ends at 1."""
-    told: list[float] = []
-    run_trial(parameters_of(), catalogue, Site(), told.append)
-    assert told == sorted(told)
-    assert told[-1] == 1.0
-    assert len(told) > 100
 
 
 @pytest.mark.parametrize(

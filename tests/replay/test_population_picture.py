@@ -80,7 +80,7 @@ def test_every_law_has_its_picture(
 def test_every_axis_says_what_it_is() -> None:
     """Times with their unit, and so densities; only the axis shared with N(t) is bare."""
     parameters = with_values(Parameters(), MIXTURE)
-    trial = run_trial(parameters, _catalogue(), Site(), lambda _: None)
+    trial = run_trial(parameters, _catalogue(), Site())
     path, shares, _, waits, lives, rows, *_ = _figure(trial, parameters, _catalogue(), Site()).axes
     assert (path.get_xlabel()[:6], path.get_ylabel()) == ("time [", "alive")
     assert shares.get_xlabel() == "share"
@@ -94,7 +94,7 @@ def test_every_axis_says_what_it_is() -> None:
 def test_means_are_those_of_what_is_counted_beside_them() -> None:
     """Waits as lives: so many, with their own mean, not the law's."""
     parameters = with_values(Parameters(), MIXTURE)
-    trial = run_trial(parameters, _catalogue(), Site(), lambda _: None)
+    trial = run_trial(parameters, _catalogue(), Site())
     *_, waits, lives, _ = _figure(trial, parameters, _catalogue(), Site()).axes[:6]
     for axes, sample_s, noun in ((waits, trial.waits_s, "arrivals"), (lives, trial.lives_s, "l")):
         (text,) = (one.get_text() for one in axes.texts)
@@ -115,14 +115,11 @@ def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
 
 def test_it_says_who_did_not_appear_and_why() -> None:
     """The counts in the second line account for everybody who arrived."""
-    trial: Any = SimpleNamespace(
-        rows=range(10), appeared=4, without_place=1, misfits=2, at_bound=3, endless=0
-    )
+    absent = {"found no place": 1, "fit nowhere": 2, "met a full population": 3}
+    trial: Any = SimpleNamespace(rows=range(10), appeared=4, absent=absent)
     said = "4 of 10 who arrived appeared: 1 found no place, 2 fit nowhere, 3 met a full population"
     assert _appeared_text(trial) == said
-    whole: Any = SimpleNamespace(
-        rows=range(10), appeared=10, without_place=0, misfits=0, at_bound=0, endless=0
-    )
+    whole: Any = SimpleNamespace(rows=range(10), appeared=10, absent={})
     assert _appeared_text(whole) == "all 10 who arrived appeared"
 
 

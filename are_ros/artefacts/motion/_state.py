@@ -192,6 +192,13 @@ def path_length(tempo: Tempo) -> int:
     return tempo.drive + round(_BRAKE_S / tempo.step_s) + 3
 
 
+def fleet_of(records: Records, path: Floats) -> Fleet:
+    """Return the kernels' view of records (N,) of `AGENT`, and paths (N, K, 6)."""
+    names = ("place", "body", "order", "mind", "due")
+    place, body, order, mind, due = (records[name] for name in names)
+    return Fleet(place, body, order, mind, due, path)
+
+
 def desk_of(capacity: int, length: int) -> Desk:
     """Return scratch for that many agents."""
     return Desk(

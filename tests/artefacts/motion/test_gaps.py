@@ -23,7 +23,7 @@ _BODIES = (PERSON, SCOOTER, CAR, Body((0.4, 0.1), (0.2, -0.1)))
 def _records(*bodies: Body) -> _state.Records:
     records = np.zeros(len(bodies), _state.BODY)
     for n, body in enumerate(bodies):
-        _state.write_body(records[n], body, body.speed_mps, 0)
+        _state.write_body(records[n], body, 0)
     return records
 
 
@@ -156,10 +156,11 @@ def test_discs_cover_the_box() -> None:
 def test_buckets_find_all_that_may_meet_a_square(seed: int, count: int) -> None:
     """Nobody whose circle meets the square is missed, nobody comes twice, the order is fixed."""
     random = np.random.default_rng(seed)
-    fleet, desk = _state.fleet_of(count, 2), _state.desk_of(count, 2)
+    fleet = _state.fleet_of(np.zeros(count, _state.AGENT), np.zeros((count, 2, 6)))
+    desk = _state.desk_of(count, 2)
     squares = np.column_stack((random.uniform(-30, 30, (count, 2)), random.uniform(0.1, 6, count)))
     fleet.place["x"], fleet.place["y"], fleet.place["reach"] = squares.T
-    buckets = fill(squares, np.arange(count))
+    buckets = fill(squares)
     for me in range(count):
         found = gather(buckets, tuple(squares[me]), me, fleet, desk.seen, me + 1, desk.near)
         near = desk.near[:found].tolist()

@@ -10,11 +10,9 @@ from hypothesis import strategies as st
 from scipy.special import gammaln
 from scipy.stats import poisson
 
-from are_ros.artefacts._mixture_kernels import (
+from are_ros.artefacts._mixture_em import (
     climb,
     em_step,
-    leap,
-    plain_climb,
     rate_of_mean,
     truncated_mean,
 )
@@ -139,50 +137,25 @@ def test_a_component_without_samples_stays_where_it_is() -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_the_climb_never_falls(seed: int) -> None:
-    """Leaps count only where they do not lose: the trace rises to within a rounding."""
+    """The trace rises to within a rounding, and ends at the point that is left."""
     counts = np.bincount(drawn(5_000, seed), minlength=ROWS).astype(np.float64)
     generator = np.random.default_rng(seed)
     point = point_of(generator.dirichlet(np.ones(5)), generator.uniform(0.5, 30.0, 5))
     trace = np.empty(20_000)
-    evaluations, kept, _ = climb(counts, LOG_FACTORIALS, LIMITS, point, trace, 5e-9)
-    assert kept <= evaluations <= len(trace)
-    assert np.diff(trace[:kept]).min() >= -1e-8
+    points = climb(counts, LOG_FACTORIALS, LIMITS, point, trace, 5e-9)
+    assert points <= len(trace)
+    assert np.diff(trace[:points]).min() >= -1e-8
     np.testing.assert_allclose(np.exp(point[:5]).sum(), 1.0, rtol=1e-12)
-    following = np.empty(10)
-    reached = em_step(counts, LOG_FACTORIALS, LIMITS, point, following)
-    assert reached == trace[kept - 1]
+    assert em_step(counts, LOG_FACTORIALS, LIMITS, point, np.empty(10)) == trace[points - 1]
 
 
-def test_leaps_get_further_than_steps() -> None:
-    """After as many steps of EM, the search with leaps has risen higher."""
-    counts = np.bincount(drawn(100_000, 1), minlength=ROWS).astype(np.float64)
-    start = point_of(np.full(5, 0.2), np.array([1.0, 4.0, 8.0, 16.0, 25.0]))
-    leaping, plain = start.copy(), start.copy()
-    trace, slow = np.empty(2_000), np.empty(2_000)
-    _, kept, _ = climb(counts, LOG_FACTORIALS, LIMITS, leaping, trace, 0.0)
-    plain_climb(counts, LOG_FACTORIALS, LIMITS, plain, slow)
-    # Steps need ten times as many evaluations to get as far.
-    slower = np.empty(20_000)
-    plain_climb(counts, LOG_FACTORIALS, LIMITS, start.copy(), slower)
-    assert trace[kept - 1] > slower[-1] > slow[-1]
-
-
-def test_the_shortest_leap_is_two_steps() -> None:
-    """A leap of length 1 ends where the second step did."""
+def test_a_climb_stops_where_it_is_told_to() -> None:
+    """With room for three points it takes two steps of EM, and ends at the third point."""
     counts = np.bincount(drawn(500, 3), minlength=ROWS).astype(np.float64)
-    points, reached = np.empty((3, 4)), np.empty(4)
-    points[0] = point_of(np.array([0.4, 0.6]), np.array([3.0, 20.0]))
-    for i in (0, 1):
-        em_step(counts, LOG_FACTORIALS, LIMITS, points[i], points[i + 1])
-    assert leap(points, 1.0, LIMITS, reached) == 1.0
-    np.testing.assert_allclose(reached, points[2], rtol=1e-12)
-
-
-def test_a_leap_stays_in_the_domain() -> None:
-    """However far it would go, weights sum to 1 and rates keep to their limits."""
-    points = np.array([[0.0, -1.0, 3.0, 1.0], [-0.1, -0.9, 3.3, 0.2], [-0.19, -0.81, 3.59, -0.59]])
-    reached = np.empty(4)
-    assert leap(points, 1e6, LIMITS, reached) > 5.0
-    assert np.exp(reached[:2]).sum() == pytest.approx(1.0)
-    assert math.log(LIMITS[0]) <= reached[2:].min()
-    assert reached[2:].max() <= math.log(LIMITS[1])
+    start = point_of(np.array([0.4, 0.6]), np.array([3.0, 20.0]))
+    point, expected, following = start.copy(), start.copy(), np.empty(4)
+    assert climb(counts, LOG_FACTORIALS, LIMITS, point, np.empty(3), 0.0) == 3
+    for _ in range(2):
+        em_step(counts, LOG_FACTORIALS, LIMITS, expected, following)
+        expected = following.copy()
+    np.testing.assert_array_equal(point, expected)
