@@ -156,10 +156,6 @@ class Artefact:
         """Return the pose on the ground at `t_ns`, in the map frame."""
         return self.history.pose_at(t_ns)
 
-    def is_present_at(self, t_ns: int) -> bool:
-        """Say whether `t_ns` lies in the artefact's life."""
-        return self.arrival_ns <= t_ns and (self.departure_ns is None or t_ns < self.departure_ns)
-
 
 def map_from_artefact(row: CatalogueRow, pose: GroundPose) -> RigidTransform:
     """Return the pose of F_A (the centre of mass) over the pose on the ground."""

@@ -219,7 +219,12 @@ class Population:
         Complete as far back as the history reaches before the last departure.
         """
         everyone = [*self._departed, *self._living.values()]
-        present = [artefact for artefact in everyone if artefact.is_present_at(t_ns)]
+        present = [
+            artefact
+            for artefact in everyone
+            if artefact.arrival_ns <= t_ns
+            and (artefact.departure_ns is None or t_ns < artefact.departure_ns)
+        ]
         return sorted(present, key=lambda artefact: artefact.id)
 
     def _end(self, departure: Departure) -> PopulationEvent:

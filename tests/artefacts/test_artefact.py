@@ -137,12 +137,9 @@ def test_poses_are_those_of_numpys_interpolation(
     assert history.pose_at(asked).x_m == pytest.approx(float(np.interp(asked, times, xs)))
 
 
-def test_a_life_is_half_open() -> None:
-    """Present from the arrival on, no more at the departure; without one, for ever."""
+def test_one_that_stands_is_where_it_came() -> None:
+    """At any time."""
     artefact = Artefact(4, row(), Origin.SERVICE, 100, PoseHistory(100, HERE), departure_ns=200)
-    assert [artefact.is_present_at(t) for t in (99, 100, 199, 200)] == [False, True, True, False]
-    artefact.departure_ns = None
-    assert artefact.is_present_at(10**18)
     assert artefact.ground_pose_at(150) == HERE
     assert artefact.behaviour == "standing"
 

@@ -15,8 +15,9 @@ from are_ros.builder.mesh_bank import MeshBank
 from are_ros.builder.outputs import ArtefactState
 from are_ros.builder.perception import Sighting
 from are_ros.builder.scene import Scene
-from are_ros.builder.states import StateKeeper, artefact_state, perceived_artefact
+from are_ros.builder.states import StateKeeper, perceived_artefact
 from are_ros.conventions import NS_PER_S
+from tests.builder.truth import artefact_state
 
 HERE = GroundPose(1.0, 2.0, 0.5, math.pi / 2)
 
@@ -35,7 +36,7 @@ def an_artefact(row: CatalogueRow, departure_ns: int | None = 900) -> Artefact:
 
 def states(keeper: StateKeeper, now_ns: int, *artefacts: Artefact) -> list[ArtefactState]:
     """Return what a keeper gives of some."""
-    return keeper.states(Scene.of(artefacts, now_ns), now_ns)
+    return keeper.states(Scene.of(artefacts, now_ns))
 
 
 def test_the_ground_truth_of_one_that_stands(row: CatalogueRow) -> None:

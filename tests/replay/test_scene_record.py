@@ -14,13 +14,14 @@ from are_ros.builder.grids import Grids
 from are_ros.builder.marker_batch import NO_MARKERS
 from are_ros.builder.outputs import SceneMetrics
 from are_ros.builder.perception import Sighting
-from are_ros.builder.states import artefact_state, perceived_artefact
+from are_ros.builder.states import perceived_artefact
 from are_ros.builder.tick import Tick
 from are_ros.replay.scene_record import SceneRecord, SceneRecorder
 from are_ros.world.footprint import Footprint
 from are_ros.world.observer import Camera
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.view_models import PinholeView
+from tests.builder.truth import artefact_state
 
 PERSON = CatalogueRow(0, "tall", "person", (0.4, 0.6, 1.8), (0.1, 0.0, 0.0), Shape.WALL)
 CAR = CatalogueRow(1, "small", "car", (4.0, 1.7, 1.5), (0.0, 0.0, 0.0), Shape.WALL)
