@@ -15,6 +15,7 @@ LAYERS = (
     ("artefacts",),
     ("builder",),
     ("messages",),
+    ("checks",),
     ("description",),
     ("node", "replay", "simulation"),
     ("recording",),

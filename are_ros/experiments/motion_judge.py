@@ -12,8 +12,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
+import numpy as np
+
 from are_ros.builder.outputs import ArtefactState
-from are_ros.experiments._judge_boxes import Walls, boxes_of, met_by_disc, overlapping
+from are_ros.checks.oracle import TOUCHING_M, Outline, PlainBoxes, overlapping
+from are_ros.checks.oracle_solids import Covers, RealMap
 from are_ros.experiments._judge_limits import (
     Limits,
     Motion,
@@ -25,7 +28,7 @@ from are_ros.experiments._judge_limits import (
 from are_ros.experiments._judge_patience import Patience
 from are_ros.experiments.verdict import Verdict
 
-__all__ = ("Limits", "MotionJudge", "Walls")
+__all__ = ("Limits", "MotionJudge")
 
 _STOPS = frozenset({"pausing", "waiting", "talking", "looking round"})
 """Activities at a destination."""
@@ -50,10 +53,10 @@ class _Last:
 class MotionJudge:
     """Takes the ground truth of one sub-step after the other; nothing else is known to it."""
 
-    def __init__(self, walls: Walls, limits: Mapping[str, Limits], step_s: float) -> None:
-        """Take the walls, the limits by label, and the length of a sub-step."""
+    def __init__(self, walls: RealMap, limits: Mapping[str, Limits], step_s: float) -> None:
+        """Take a map of which all cells but 0 are walls, the limits by label, and the sub-step."""
         self.verdict = Verdict()
-        self._walls = walls
+        self._is_wall, self._covers = walls.cells.reshape(-1) != 0, Covers(walls)
         self._limits = limits
         self._step_s = step_s
         self._last: dict[int, _Last] = {}
@@ -93,13 +96,16 @@ class MotionJudge:
         robot: tuple[float, float, float] | None,
         excused: frozenset[int],
     ) -> None:
-        boxes, names = boxes_of(states), [f"{s.label} {s.artefact_id}" for s in states]
-        for i, j in overlapping(boxes):
+        boxes, names = _boxes_of(states), [f"{s.label} {s.artefact_id}" for s in states]
+        for i, j, _ in overlapping(boxes):
             self.verdict.note("overlaps", t_s, f"{names[i]} and {names[j]}")
-        for i in self._walls.met(boxes):
-            self.verdict.note("walls", t_s, names[i])
+        for name, cover in zip(names, self._covers.of(boxes), strict=True):
+            if self._is_wall[cover.sure].any():
+                self.verdict.note("walls", t_s, name)
         if robot is not None:
-            for i in met_by_disc(boxes, *robot):
+            x_m, y_m, radius_m = robot
+            depths_m = Outline.of("", radius_m).depths_m(x_m, y_m, 0.0, boxes)
+            for i in np.flatnonzero(depths_m > TOUCHING_M).tolist():
                 if states[i].artefact_id not in excused:
                     self.verdict.note("robot", t_s, names[i])
 
@@ -157,6 +163,16 @@ class MotionJudge:
     def _moves(self, artefact_id: int) -> bool:
         speed_mps = self._last[artefact_id].speed_mps
         return abs(speed_mps) > _MOVES_MPS
+
+
+def _boxes_of(states: Sequence[ArtefactState]) -> PlainBoxes:
+    """Return the boxes of artefacts, which stand on their ground poses."""
+    poses = [state.ground_pose for state in states]
+    feet_m = np.array([(p.x_m, p.y_m, p.z_m) for p in poses], np.float64).reshape(-1, 3)
+    yaws_rad = np.array([pose.yaw_rad for pose in poses], np.float64)
+    offsets_m = np.array([state.box_centre_m for state in states], np.float64).reshape(-1, 3)
+    sizes_m = np.array([state.size_m for state in states], np.float64).reshape(-1, 3)
+    return PlainBoxes.standing(feet_m, yaws_rad, offsets_m, sizes_m)
 
 
 def _apart_m(one: ArtefactState, other: ArtefactState) -> float:

@@ -14,9 +14,10 @@ from are_ros.builder.events import EventKind
 from are_ros.builder.motion_counts import MotionCounts
 from are_ros.builder.outputs import ArtefactState
 from are_ros.builder.tick import Demand, Tick
+from are_ros.checks.oracle_solids import RealMap
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import MapError, ParameterError
-from are_ros.experiments.motion_judge import Limits, MotionJudge, Walls
+from are_ros.experiments.motion_judge import Limits, MotionJudge
 from are_ros.experiments.roving_robot import RovingRobot
 from are_ros.experiments.verdict import Verdict
 from are_ros.parameters.declaration import with_values
@@ -242,11 +243,12 @@ class _Run:
                 way.points_m.append(here_m)
 
 
-def walls_of(grid: OccupancyGrid, occupied_from: int) -> Walls:
+def walls_of(grid: OccupancyGrid, occupied_from: int) -> RealMap:
     """Return the walls of a map for the judge, from its numbers alone."""
     x_m, y_m, _ = grid.origin.translation_m.tolist()
     _, _, z, w = grid.origin.rotation_xyzw.tolist()
-    return Walls(grid.cells >= occupied_from, grid.resolution_m, (x_m, y_m, 2.0 * math.atan2(z, w)))
+    origin = (x_m, y_m, 2.0 * math.atan2(z, w))
+    return RealMap.of_cells(grid.cells >= occupied_from, grid.resolution_m, origin)
 
 
 def _limits(motion: MotionLimits) -> Limits:

@@ -3,10 +3,10 @@
 from collections.abc import Container, Iterator
 from dataclasses import dataclass
 
+from are_ros.checks.oracle_solids import Cover, RealMap
 from are_ros.conventions import seconds_to_ns
 from are_ros.parameters.choices import CostmapGate
 from are_ros.parameters.model import CostmapParameters
-from are_ros.replay._check_cells import Cover, RealMap
 from are_ros.replay._check_overlaps import covers_by_tick
 from are_ros.replay._check_record import Record
 from are_ros.replay._check_scene import Scene, time_ns

@@ -5,9 +5,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from are_ros.checks.oracle import Outline
+from are_ros.checks.oracle_solids import Cover, RealMap
 from are_ros.parameters.model import Parameters
-from are_ros.replay._check_cells import Cover, RealMap
-from are_ros.replay._check_geometry import Outline
 
 Published = NDArray[np.int8]
 Mask = NDArray[np.bool_]

@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
+from are_ros.checks.oracle_solids import SURE, Cover, RealMap, are_same, layer
 from are_ros.replay._check_admission import AdmittedTick
-from are_ros.replay._check_cells import SURE, Cover, RealMap, are_same, layer
 from are_ros.replay._check_result import Tally, at_s
 
 _NEVER: Final = -(2**63)

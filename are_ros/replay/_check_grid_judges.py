@@ -6,10 +6,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from are_ros.checks.oracle_solids import Cover, RealMap
 from are_ros.conventions import OCCUPIED
 from are_ros.parameters.model import Parameters
 from are_ros.replay._check_admission import AdmittedTick
-from are_ros.replay._check_cells import Cover, RealMap
 from are_ros.replay._check_costmap import Inflation
 from are_ros.replay._check_file import PREFIX
 from are_ros.replay._check_result import Tally, at_s

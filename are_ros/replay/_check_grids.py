@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from are_ros.checks.oracle_solids import RealMap
 from are_ros.conventions import NS_PER_S, OCCUPIED
 from are_ros.parameters.model import Parameters
 from are_ros.replay._check_admission import AdmittedTick, admitted_by_tick
-from are_ros.replay._check_cells import RealMap
 from are_ros.replay._check_currency import Currency
 from are_ros.replay._check_grid_judges import (
     COSTMAP,

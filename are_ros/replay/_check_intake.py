@@ -4,8 +4,8 @@ from collections.abc import Callable
 from types import MappingProxyType
 from typing import Any, Final
 
+from are_ros.checks.oracle_solids import Cloud, RealMap
 from are_ros.parameters.choices import OdometryUse
-from are_ros.replay._check_cells import RealMap
 from are_ros.replay._check_file import PREFIX
 from are_ros.replay._check_frames import ODOMETRY, PARAMETER
 from are_ros.replay._check_marker_decoding import decode_markers
@@ -13,7 +13,6 @@ from are_ros.replay._check_marker_rules import change_of
 from are_ros.replay._check_record import MarkerShow, Record
 from are_ros.replay._check_result import Tally, at_s
 from are_ros.replay._check_scene import read_scene, time_ns
-from are_ros.replay._check_walls import Cloud
 
 MARKERS: Final = PREFIX + "markers"
 ARTEFACTS: Final = PREFIX + "artefacts"

@@ -10,10 +10,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from are_ros.checks.oracle_solids import Cover, RealMap, are_same
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.model import Parameters
 from are_ros.replay._check_admission import AdmittedTick, admitted_by_tick
-from are_ros.replay._check_cells import Cover, RealMap, are_same
 from are_ros.replay._check_grid_judges import (
     UPDATES_OF,
     GridJudge,

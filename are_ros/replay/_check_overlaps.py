@@ -4,11 +4,10 @@ from collections.abc import Iterator
 from math import isnan
 
 import numpy as np
-from numpy.typing import NDArray
 
+from are_ros.checks.oracle import overlapping
+from are_ros.checks.oracle_solids import SURE, Cover, Covers, RealMap, are_same, layer
 from are_ros.parameters.model import Parameters
-from are_ros.replay._check_cells import SURE, Cover, Covers, RealMap, are_same, layer
-from are_ros.replay._check_geometry import TOUCHING_M, overlap_depths_m
 from are_ros.replay._check_record import Record
 from are_ros.replay._check_result import CheckResult, Tally, at_s, skipped
 from are_ros.replay._check_scene import Scene
@@ -101,26 +100,15 @@ def check_neighbours(record: Record) -> CheckResult:
     """No two boxes overlap, in the plane and in height."""
     tally = Tally("overlaps of artefacts", "pair")
     last: Scene | None = None
-    overlapping: list[str] = []
+    found: list[str] = []
     for scene in record.scenes:
-        first, second = np.triu_indices(len(scene.ids), 1)
-        tally.look(len(first))
+        tally.look(len(scene.ids) * (len(scene.ids) - 1) // 2)
         if not scene.is_like(last):
-            overlapping = list(_overlapping(scene, first, second))
-        for text in overlapping:
+            found = [
+                f"ids {scene.ids[i]} and {scene.ids[j]} overlap by {depth_m:.6f} m"
+                for i, j, depth_m in overlapping(scene)
+            ]
+        for text in found:
             tally.fail(f"{at_s(scene.stamp_ns)} {text}")
         last = scene
     return tally.result()
-
-
-def _overlapping(
-    scene: Scene, first: NDArray[np.int64], second: NDArray[np.int64]
-) -> Iterator[str]:
-    radii = np.hypot(*scene.half_sizes_m[:, :2].T)
-    apart = np.hypot(*(scene.centres_m[first] - scene.centres_m[second])[:, :2].T)
-    near = apart < radii[first] + radii[second]
-    first, second = first[near], second[near]
-    depths = overlap_depths_m(scene, first, second)
-    for i in np.flatnonzero(depths > TOUCHING_M):
-        pair = f"ids {scene.ids[first[i]]} and {scene.ids[second[i]]}"
-        yield f"{pair} overlap by {depths[i]:.6f} m"

@@ -7,16 +7,15 @@ from typing import Any, Final
 
 import numpy as np
 
+from are_ros.checks.oracle_solids import Cloud, RealMap
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.model import Parameters
-from are_ros.replay._check_cells import RealMap
 from are_ros.replay._check_file import PREFIX
 from are_ros.replay._check_frames import Frames
 from are_ros.replay._check_marker_rules import MarkerChange
 from are_ros.replay._check_runs import Runs
 from are_ros.replay._check_scan_pairs import ScanPairs
 from are_ros.replay._check_scene import Scene
-from are_ros.replay._check_walls import Cloud
 
 _USUAL_BASES: Final = ("base_footprint", "base_link")
 _REAL_MAP: Final = "/map"

@@ -5,10 +5,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from are_ros.checks.oracle import Outline
 from are_ros.conventions import seconds_to_ns
 from are_ros.parameters.model import Parameters
 from are_ros.replay._check_frames import EVER
-from are_ros.replay._check_geometry import Outline
 from are_ros.replay._check_lives import ROBOT_CONTACT, events_by_tick
 from are_ros.replay._check_record import Record
 from are_ros.replay._check_result import CheckResult, Tally, at_s, skipped

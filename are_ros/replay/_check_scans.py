@@ -5,15 +5,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from are_ros.checks.oracle import distances_m
+from are_ros.checks.oracle_solids import Cloud, Walls
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.parameters.model import FramesParameters
 from are_ros.replay._check_frames import EVER, Pose
-from are_ros.replay._check_geometry import distances_m
 from are_ros.replay._check_places import Box, Places
 from are_ros.replay._check_record import Record
 from are_ros.replay._check_result import CheckResult, Tally, at_s, skipped
 from are_ros.replay._check_scan_pairs import ChangedScan
-from are_ros.replay._check_walls import Cloud, Walls
 from are_ros.wording import counted
 
 Floats = NDArray[np.float64]

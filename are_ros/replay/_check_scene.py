@@ -45,11 +45,6 @@ class Scene:
             and np.array_equal(self.yaws_rad, other.yaws_rad)
         )
 
-    def box_key(self, index: int) -> bytes:
-        """Return a value that equal boxes share."""
-        parts = (self.centres_m[index], self.yaws_rad[index : index + 1], self.half_sizes_m[index])
-        return np.concatenate(parts).tobytes()
-
 
 def time_ns(stamp: Any) -> int:
     """Return a builtin_interfaces Time or Duration in nanoseconds."""

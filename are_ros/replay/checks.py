@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Final
 
+from are_ros.checks.oracle_solids import RealMap
 from are_ros.errors import BagError
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
-from are_ros.replay._check_cells import RealMap
 from are_ros.replay._check_farewells import check_farewells
 from are_ros.replay._check_file import PREFIX, check_file, check_files
 from are_ros.replay._check_grids import check_grids

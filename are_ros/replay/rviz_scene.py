@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.checks.oracle import Outline
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
 from are_ros.messages.cloud import read_points
@@ -15,7 +16,6 @@ from are_ros.messages.headers import read_header
 from are_ros.messages.scan import read_scan
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
-from are_ros.replay._check_geometry import Outline
 from are_ros.replay._check_marker_decoding import MarkerFields
 from are_ros.replay._check_paths import find_recording
 from are_ros.replay.bag_reader import BagMessage, BagReader

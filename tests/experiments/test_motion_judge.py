@@ -11,15 +11,16 @@ import pytest
 
 from are_ros.artefacts.artefact import GroundPose, Origin
 from are_ros.builder.outputs import ArtefactState
+from are_ros.checks.oracle_solids import RealMap
 from are_ros.experiments import motion_judge
-from are_ros.experiments.motion_judge import Limits, MotionJudge, Walls
+from are_ros.experiments.motion_judge import Limits, MotionJudge
 from are_ros.experiments.verdict import FAULTS
 from are_ros.world.rigid_transform import RigidTransform
 
 STEP_S = 0.05
 Pose = tuple[float, float, float]
 LIMITS = {"person": Limits(2.0, 1.5, 3.0, 0.0), "car": Limits(3.0, 1.5, 0.6, 5.0)}
-NO_WALLS = Walls(np.zeros((1, 1), np.bool_), 1.0, (0.0, 0.0, 0.0))
+NO_WALLS = RealMap.of_cells(np.zeros((1, 1), np.bool_), 1.0, (0.0, 0.0, 0.0))
 SIZES = {"person": (0.3, 0.5, 1.7), "car": (4.0, 1.8, 1.5)}
 
 
@@ -56,7 +57,7 @@ def state(
 
 def judged(
     moments: Sequence[Sequence[ArtefactState]],
-    walls: Walls = NO_WALLS,
+    walls: RealMap = NO_WALLS,
     robot: Pose | None = None,
     excused: frozenset[int] = frozenset(),
     jumped: frozenset[int] = frozenset(),
@@ -177,7 +178,7 @@ def test_walls_are_caught_on_a_turned_map(yaw: float, x_m: float, count: int) ->
     """Column 8 of cells of 0.1 m begins 0.8 m along the map: a person reaches 0.15 m ahead."""
     occupied = np.zeros((10, 12), np.bool_)
     occupied[4, 8] = True
-    walls = Walls(occupied, 0.1, (3.0, -1.0, yaw))
+    walls = RealMap.of_cells(occupied, 0.1, (3.0, -1.0, yaw))
     c, s, y_m = math.cos(yaw), math.sin(yaw), 0.45
     at = (3.0 + c * x_m - s * y_m, -1.0 + s * x_m + c * y_m, yaw)
     assert found([[state(at)]], walls=walls).get("walls", 0) == count
@@ -187,7 +188,7 @@ def test_a_wall_inside_of_a_large_box_is_caught() -> None:
     """Also where no corner of either is in the other."""
     occupied = np.zeros((41, 1), np.bool_)
     occupied[:] = True
-    walls = Walls(occupied, 0.1, (0.5, -2.05, 0.0))
+    walls = RealMap.of_cells(occupied, 0.1, (0.5, -2.05, 0.0))
     assert found([[state((0.0, 0.0, 0.0), label="car")]], walls=walls) == {"walls": 1}
 
 
@@ -392,16 +393,17 @@ def test_sentences_are_bounded_and_counts_are_not() -> None:
 
 
 def test_the_judge_shares_no_geometry_with_what_it_judges() -> None:
-    """Of the package it imports the record that it reads, and its own modules."""
+    """Of the package it imports the record that it reads, its own modules, and the oracle."""
     folder = Path(motion_judge.__file__).parent
     names = {
         f"{node.module}.{alias.name}"
-        for file in ("motion_judge", "verdict", "_judge_boxes", "_judge_limits", "_judge_patience")
+        for file in ("motion_judge", "verdict", "_judge_limits", "_judge_patience")
         for node in ast.walk(ast.parse((folder / f"{file}.py").read_text(encoding="utf-8")))
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("are_ros.")
         for alias in node.names
     }
-    others = {name for name in names if not name.startswith("are_ros.experiments.")}
+    own = ("are_ros.experiments.", "are_ros.checks.oracle")
+    others = {name for name in names if not name.startswith(own)}
     assert others == {"are_ros.builder.outputs.ArtefactState"}
 
 

@@ -1,6 +1,7 @@
-"""The real surface as a lattice of solid cells, for the judge of scans; no code of are_ros."""
+"""The real surface as a lattice of solid cells, for the judge of scans; by the oracle."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy.typing as npt
 import yaml
 from PIL import Image
 
-from tests.oracles.judge_kernels import first_solid
+from are_ros.checks.oracle_solids import Walls
 
 Floats = npt.NDArray[np.float64]
 
@@ -28,11 +29,13 @@ class Lattice:
         axes = 2 if self.solid.shape[2] == 1 else 3
         return float(np.linalg.norm(self.size[:axes]))
 
+    @cached_property
+    def _walls(self) -> Walls:
+        return Walls(self.corner, 0.0, self.size, np.argwhere(self.solid))
+
     def first_solid(self, origins: Floats, ways: Floats, reach: Floats) -> Floats:
         """Return how far rays (N, 3) go until they enter a solid cell, inf beyond `reach` (N,)."""
-        return np.asarray(
-            first_solid(origins, ways, reach, self.solid, self.corner, self.size), np.float64
-        )
+        return self._walls.first_solid(origins, ways, reach)
 
 
 def of_map_file(path: Path, wall_height_m: float = 2.5) -> Lattice:

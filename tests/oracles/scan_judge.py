@@ -1,4 +1,4 @@
-"""A judge of augmented scans that shares no code with are_ros.
+"""A judge of augmented scans that shares no code with are_ros but for its oracle.
 
 It knows the real recording (scans, transforms), the truth of the artefacts at every sub-step of
 motion (the topic `artefacts` of a run of the same recording and seed at 20 Hz), the real surface
@@ -28,7 +28,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tests.oracles.judge_kernels import box_distances, box_hits, mesh_distances, mesh_hits
+from are_ros.checks.oracle import ray_hits_m, signed_distances_m
+from tests.oracles.judge_kernels import mesh_distances, mesh_hits
 from tests.oracles.lattices import Lattice
 from tests.oracles.recorded import Frames, Outputs, Pose, Scan
 
@@ -102,7 +103,7 @@ class Body:
         if near.any():
             rays = np.ascontiguousarray(own[near])
             slack = 0.0 if self.triangles is None else 1e-6
-            found[near] = box_hits(start - self.box_centre, rays, self.half + slack)
+            found[near] = ray_hits_m(start, rays, self.box_centre, 0.0, self.half + slack)
         if self.triangles is None:
             return found
         near = np.isfinite(found)
@@ -124,7 +125,7 @@ class Body:
     def distances(self, points: Floats) -> Floats:
         """Return how far points (N, 3) are from its surface."""
         own = np.ascontiguousarray((points - self.pose[:3]) @ _turn(self.pose))
-        found = np.asarray(box_distances(own - self.box_centre, self.half))
+        found = np.abs(signed_distances_m(own, self.box_centre, 0.0, self.half))
         inside = (np.abs(own - self.box_centre) <= self.half).all(axis=1)
         near = inside | (found < 0.1)  # of what is farther from the box that is bound enough
         if self.triangles is not None and near.any():

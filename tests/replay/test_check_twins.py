@@ -13,15 +13,14 @@ from are_ros.builder.marker_batch import DELETE_ALL
 from are_ros.builder.markers import MarkerAction, MarkerBatch, MarkerKind, MarkerLook
 from are_ros.builder.ray_casting import VoxelField
 from are_ros.builder.registration import covered_cells
+from are_ros.checks.oracle import Outline, distances_m, overlap_depths_m
+from are_ros.checks.oracle_solids import Covers, RealMap, Walls
 from are_ros.errors import FrameError
 from are_ros.messages.marker_encoding import MarkerEncoder
-from are_ros.replay._check_cells import Covers, RealMap
 from are_ros.replay._check_frames import TF, Frames
-from are_ros.replay._check_geometry import Outline, distances_m, overlap_depths_m
 from are_ros.replay._check_marker_decoding import decode_markers
 from are_ros.replay._check_marker_rules import change_of
 from are_ros.replay._check_scene import Scene
-from are_ros.replay._check_walls import Walls
 from are_ros.world.footprint import Footprint, penetration_m
 from are_ros.world.frame_tree import FrameTree
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -89,6 +88,20 @@ def test_no_check_imports_what_it_checks() -> None:
             for name in names:
                 assert not name.startswith(("are_ros.builder", "are_ros.artefacts")), file.name
                 assert "kernel" not in name, file.name
+
+
+def test_the_oracle_imports_numpy_and_scipy_only() -> None:
+    """It shares no code with what it judges, nor with anything else of the package."""
+    files = sorted((Path(are_ros.replay.checks.__file__).parents[1] / "checks").glob("oracle*.py"))
+    allowed = {"dataclasses", "functools", "numpy", "scipy", "typing", "yaml"}
+    assert len(files) >= 2
+    for file in files:
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            for name in names:
+                is_own = name.startswith("are_ros.checks.oracle")
+                assert is_own or name.split(".")[0] in allowed, f"{file.name}: {name}"
 
 
 def test_overlaps_are_the_builders() -> None:

@@ -17,8 +17,9 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.artefacts.meshes import mesh_of
+from are_ros.checks.oracle import ray_hits_m, signed_distances_m
 from tests.oracles import lattices, made_scans
-from tests.oracles.judge_kernels import box_distances, box_hits, mesh_distances, mesh_hits
+from tests.oracles.judge_kernels import mesh_distances, mesh_hits
 from tests.oracles.recorded import Outputs, Scan, read_inputs, read_outputs
 from tests.oracles.recordings import Changes, change_recording
 from tests.oracles.scan_judge import Verdict, judge
@@ -202,13 +203,19 @@ def test_the_judges_boxes_are_the_same_as_triangles() -> None:
     half = np.array((0.4, 0.3, 0.9))
     triangles = np.asarray(trimesh.creation.box(2.0 * half).triangles)
     origin, ways = random_rays(4000)
-    by_slabs, by_triangles = box_hits(origin, ways, half), mesh_hits(origin, ways, triangles)
+    by_slabs, by_triangles = (
+        ray_hits_m(origin, ways, np.zeros(3), 0.0, half),
+        mesh_hits(origin, ways, triangles),
+    )
     met = np.isfinite(by_slabs)
     assert met.sum() > 1000
     assert np.array_equal(met, np.isfinite(by_triangles))
     assert np.abs(by_slabs[met] - by_triangles[met]).max() < 1e-9
     points = np.random.default_rng(3).uniform(-1.5, 1.5, (2000, 3))
-    assert np.allclose(box_distances(points, half), mesh_distances(points, triangles))
+    assert np.allclose(
+        np.abs(signed_distances_m(points, np.zeros(3), 0.0, half)),
+        mesh_distances(points, triangles),
+    )
 
 
 def test_the_first_solid_cell_is_that_of_small_steps() -> None:

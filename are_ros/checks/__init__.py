@@ -1,0 +1,1 @@
+"""What judges recordings and live runs, with arithmetic of its own."""
