@@ -100,29 +100,8 @@ class Scratch(NamedTuple):
     brings: Floats
 
 
-@compiled
-def scratch_for(count: int) -> Scratch:
-    """Return scratch for a crowd of so many."""
-    found, squares = np.empty(count, np.int64), np.empty(count)
-    return Scratch(found, squares, np.empty((count + 1, 5)), np.empty(9))
-
-
-@compiled
-def crowd_of(arrays: CrowdArrays) -> Crowd:
-    """Return a crowd by its fields."""
-    return Crowd(Cells(*arrays[:8]), arrays[8], arrays[9], arrays[10])
-
-
-@compiled
-def others_about(crowd: Crowd, minded: Minded, x_m: float, y_m: float, radius_m: float) -> Floats:
-    """Return who is minded about a point, (M, 5) as `action_values` takes them; nearest first."""
-    scratch = scratch_for(crowd.poses.shape[0])
-    count = _find_others(crowd, minded, x_m, y_m, radius_m, scratch)
-    return scratch.moving[:count]
-
-
 @borrowing
-def _find_others(
+def find_others(
     crowd: Crowd, minded: Minded, x_m: float, y_m: float, radius_m: float, scratch: Scratch
 ) -> int:
     """Write who is minded about a point to the scratch, `moving`; return how many they are."""
@@ -169,7 +148,8 @@ def route_step(
     that is the end.
     """
     floor, values, going = Ground(*ground), Worth(*worth), Ends(*ends)
-    everybody = crowd_of(crowd)
+    everybody = Crowd(Cells(*crowd[:8]), crowd[8], crowd[9], crowd[10])
+    size = everybody.poses.shape[0]
     index, is_patient, epochs_left = minds
     x_m, y_m = everybody.poses[index, 0], everybody.poses[index, 1]
     away_m = np.hypot(going.goal_m[0] - x_m, going.goal_m[1] - y_m)
@@ -187,14 +167,15 @@ def route_step(
         going.robot_price if is_patient and robot[3] >= 0.0 else 0.0,
     )
     pose = (x_m, y_m, everybody.poses[index, 3], going.radius_m)
-    scratch = scratch_for(everybody.poses.shape[0])
-    return find_step(
+    found, squares, moving = np.empty(size, np.int64), np.empty(size), np.empty((size + 1, 5))
+    scratch = Scratch(found, squares, moving, np.empty(9))
+    return _find_step(
         floor, values, everybody, minded, pose, epochs_left, going.end_m, way_m, scratch
     )
 
 
 @borrowing
-def find_step(
+def _find_step(
     ground: Ground,
     worth: Worth,
     crowd: Crowd,
@@ -209,8 +190,11 @@ def find_step(
     state = _state(ground, worth, me)
     if state[0] < 0:
         return NO_WAY, 0, 0.0, 0.0, False
-    others = _find_others(crowd, minded, me[0], me[1], me[3], scratch)
-    action = _action(ground, worth, scratch.moving[:others], epochs_left, state, scratch.brings)
+    others = find_others(crowd, minded, me[0], me[1], me[3], scratch)
+    values = worth.planes[max(0, min(epochs_left, worth.planes.shape[0]) - 1)]
+    arrays = (worth.lengths, worth.gains, worth.weights, ground.anchors_m)
+    action_values(values, *arrays, scratch.moving[:others], state, scratch.brings)
+    action = best_action(scratch.brings, state[2])
     here_m, weights = (me[0], me[1]), worth.weights
     is_there = state[0] == weights[7] and state[1] == weights[8]
     if is_there or (
@@ -252,22 +236,6 @@ def _state(
     if not (0 <= row < height and 0 <= col < width) or worth.costs[row, col] == np.inf:
         return -1, -1, -1
     return row, col, heading_of(ground.lattice, me[2])
-
-
-@borrowing
-def _action(
-    ground: Ground,
-    worth: Worth,
-    moving: Floats,
-    epochs_left: int,
-    state: tuple[int, int, int],
-    brings: Floats,
-) -> int:
-    """Return the best action, with so many epochs left, among those who move."""
-    values = worth.planes[max(0, min(epochs_left, worth.planes.shape[0]) - 1)]
-    arrays = (worth.lengths, worth.gains, worth.weights, ground.anchors_m)
-    action_values(values, *arrays, moving, state, brings)
-    return best_action(brings, state[2])
 
 
 @borrowing

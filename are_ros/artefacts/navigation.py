@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 _MOST_POINTS = 128
 """So many coarse cells of the way are looked along for a sub-goal."""
 
+_NO_ENVIRONMENT = "nobody finds a way before there is an environment"
 _NO_WAY = np.empty((0, 2))
 _NOWHERE = Places(np.empty((0, 2)), np.empty((0, 2)))
 
@@ -199,8 +200,10 @@ class Navigation:
         """Set out to a goal; None where no way is known."""
         traveller, me, intent = wish.state.traveller, wish.me, wish.intent
         goal_m, speed_mps, environment = intent.goal_m, intent.speed_mps, self._environment
-        if goal_m is None or environment is None:
+        if goal_m is None:
             return None
+        if environment is None:
+            raise RuntimeError(_NO_ENVIRONMENT)
         for radius_m in dict.fromkeys((traveller.radius_m, traveller.narrow_m)):
             coarse = self._coarse_maps.of(self._terrain(traveller), radius_m)
             model = TravelModel.of(
@@ -224,7 +227,7 @@ class Navigation:
 
     def _terrain(self, traveller: Traveller) -> Terrain:
         if self._environment is None:
-            raise RuntimeError("nobody finds a way before there is an environment")
+            raise RuntimeError(_NO_ENVIRONMENT)
         terrain = self._known_terrains.get(traveller.height_m)
         if terrain is None:
             terrain = self._terrains.of(self._environment, traveller.height_m)

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from are_ros.artefacts._step_kernels import FADE_M, MINDED_M, Crowd, Minded, others_about
+from are_ros.artefacts._step_kernels import FADE_M, MINDED_M, Crowd, Minded, Scratch, find_others
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.behaviours.situation import Fellow
 from are_ros.artefacts.catalogue import CatalogueRow
@@ -105,9 +105,10 @@ def minded(
     """Return who is minded about one, as rows of x, y, radius, fade and weight."""
     arrays = view.crowd
     everybody = Crowd(Cells(*arrays[:8]), *arrays[8:])
-    found: npt.NDArray[np.float64]
-    found = others_about(everybody, others, me.x_m, me.y_m, radius_m)
-    return found
+    size = len(everybody.poses)
+    moving = np.empty((size + 1, 5))
+    scratch = Scratch(np.empty(size, np.int64), np.empty(size), moving, np.empty(9))
+    return moving[: find_others(everybody, others, me.x_m, me.y_m, radius_m, scratch)]
 
 
 @pytest.mark.parametrize("robot_price", [0.0, 0.7])
