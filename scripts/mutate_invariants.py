@@ -101,7 +101,7 @@ def unseen_by_group(_: Any) -> Any:
     """Leave those out of the boxes taken who came last."""
 
     def taken(table: Any) -> Any:
-        arrivals_ns = np.array([agent.artefact.arrival_ns for agent in table.agents], np.int64)
+        arrivals_ns = np.array([one.arrival_ns for one in table.artefacts], np.int64)
         return table.boxes.take(arrivals_ns < arrivals_ns.max(initial=0))
 
     return property(taken)

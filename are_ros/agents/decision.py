@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from are_ros.agents.table import Agent, AgentTable
+from are_ros.agents.table import AgentTable
 from are_ros.artefacts.artefact import Artefact
 from are_ros.artefacts.behaviours.asking import Asked, Failed, intent_of
 from are_ros.artefacts.behaviours.intent import Behaviour, Intent, Point
@@ -44,7 +44,7 @@ SPOT_M, SHUNTS_S, LINGERS_S = 0.3, 3.0, 8.0
 as blocked: a car that shunts in clutter makes some progress each time, and none in all."""
 
 _WALL = "a wall"
-_Asked = tuple[int, Agent, "AgentState"]
+_Asked = tuple[int, Artefact, "AgentState"]
 """The row of one that is asked, what it is, and how it decides."""
 
 
@@ -114,15 +114,14 @@ class DecisionLayer:
         """Let those who arrive later draw from another seed."""
         self._seed = seed
 
-    def admit(self, agent: Agent) -> None:
+    def admit(self, artefact: Artefact) -> None:
         """Give an agent that has just arrived a behaviour, where it can move."""
-        artefact = agent.artefact
         body = Body.of(artefact.row)
         if body.speed_mps <= 0.0:
             return
         traveller = Traveller.of(artefact.row, body)
         random = generator(self._seed, Purpose.GOAL, artefact.id)
-        agent.state = AgentState(traveller, self._made(artefact), random)
+        artefact.state = AgentState(traveller, self._made(artefact), random)
         phase = -(-artefact.arrival_ns // self._step_ns) % self._period
         self._table.phases[self._table.row_of(artefact.id)] = phase
 
@@ -134,13 +133,14 @@ class DecisionLayer:
         """
         table, speeds_mps = self._table, self._traffic.motion[:, 5]
         view = Onlookers(
-            [agent.artefact for agent in table.agents],
+            table.artefacts.copy(),
             (table.ids, table.poses, speeds_mps, table.radii_m),
             self.sees,
         )
         rows = np.flatnonzero(table.phases == index % self._period).tolist()
-        due = [(row, agent, agent.state) for row, agent in table.agents_at(rows) if agent.state]
-        out = [agent.artefact.id for _, agent, state in due if _is_out(state)]
+        agents = [(row, table.artefacts[row]) for row in rows]
+        due = [(row, agent, agent.state) for row, agent in agents if agent.state]
+        out = [agent.id for _, agent, state in due if _is_out(state)]
         asked = [one for one in due if not _is_out(one[2])]
         wishes, situations = self._wishes(asked, now_ns, view, robot)
         legs = self._navigation.legs(wishes, view, robot)
@@ -150,18 +150,18 @@ class DecisionLayer:
         ):
             state.note_result(wish, leg)
             activity = _activity(wish.intent, leg, situation, state.lingered_s)
-            behaviour = agent.artefact.behaviour
-            agent.artefact.activity = "" if activity == behaviour else activity
+            behaviour = agent.behaviour
+            agent.activity = "" if activity == behaviour else activity
         return out
 
-    def send_out(self, agent: Agent) -> None:
+    def send_out(self, agent: Artefact) -> None:
         """Let an agent walk to an exit from its next decision on; its life is over."""
         if agent.state is not None:
             self._begin_anew(agent, agent.state, Leaving())
 
     def sees(self, me: Fellow, x_m: float, y_m: float) -> bool:
         """Say whether an agent could go straight to a point, were nobody in its way."""
-        state = self._table.agents[self._table.row_of(me.id)].state
+        state = self._table.artefacts[self._table.row_of(me.id)].state
         if state is None:
             return False
         return self._navigation.sees(state.traveller, me.point_m, (x_m, y_m))
@@ -189,7 +189,7 @@ class DecisionLayer:
 
     def _situation(
         self,
-        agent: Agent,
+        agent: Artefact,
         state: AgentState,
         me: Fellow,
         hindrance: tuple[Hindrance, int, float],
@@ -203,11 +203,11 @@ class DecisionLayer:
         blocked_s = 0.0 if what is Hindrance.NONE else since_s
         if state.lingered_s > LINGERS_S:
             blocked_s = max(blocked_s, state.lingered_s)
-        departure_ns = agent.artefact.departure_ns
+        departure_ns = agent.departure_ns
         return Situation(
             now_ns,
             me,
-            agent.artefact.row,
+            agent.row,
             self._places_of(state, me),
             state.random,
             view,
@@ -238,7 +238,7 @@ class DecisionLayer:
         artefact.behaviour = Failed.name
         return Failed()
 
-    def _intent(self, agent: Agent, state: AgentState, situation: Situation) -> Intent:
+    def _intent(self, agent: Artefact, state: AgentState, situation: Situation) -> Intent:
         """Return what an agent wants: nothing any more, once its behaviour has failed."""
         try:
             return intent_of(state.behaviour, situation)
@@ -248,8 +248,8 @@ class DecisionLayer:
         return state.behaviour.decide(situation)
 
     @staticmethod
-    def _begin_anew(agent: Agent, state: AgentState, behaviour: Behaviour) -> None:
-        agent.artefact.behaviour = behaviour.name
+    def _begin_anew(agent: Artefact, state: AgentState, behaviour: Behaviour) -> None:
+        agent.behaviour = behaviour.name
         state.begin_anew(behaviour)
 
     def _tell(self, fault: BehaviourError) -> None:

@@ -132,7 +132,7 @@ class CrowdSimulator:
             self._depart(agent_id, now_ns, Cause.LIFE_OVER)
 
         # Plan: each commits to a trajectory that meets nobody's; a track is followed as it is.
-        tracks = [(i, agent.track) for i, agent in enumerate(table.agents) if agent.track]
+        tracks = [(i, agent.track) for i, agent in enumerate(table.artefacts) if agent.track]
         for row, track in tracks:
             self.planner.prescribe(row, track.ahead(now_ns, _STEPS_AHEAD))
         planar, moved = self.planner.step(index, environment, robot)
@@ -153,10 +153,10 @@ class CrowdSimulator:
         if script is not None and script.track is not None:
             track = FollowedTrack(script.track, script.start_ns, self.period_ns)
             goes_to = track.begin(artefact)
-        agent = self.table.add(artefact, goes_to=goes_to)
-        agent.track = track
+        artefact.track = track
+        self.table.add(artefact, goes_to=goes_to)
         if track is None:
-            self.decisions.admit(agent)
+            self.decisions.admit(artefact)
         if self.keeper is not None:
             self.keeper.arrived(artefact)
 
@@ -164,7 +164,7 @@ class CrowdSimulator:
         """Remove an agent whose artefact has departed."""
         if self.keeper is not None:
             self.keeper.departed(agent_id, now_ns, cause)
-        if cause is Cause.DISPLACED and self.table.agent_of(agent_id).track is not None:
+        if cause is Cause.DISPLACED and self.table.artefact_of(agent_id).track is not None:
             self.counts.displaced += 1  # the resolver has not counted whom it lets pass
         self.table.remove(agent_id)
 
@@ -203,10 +203,10 @@ class CrowdSimulator:
         resolution = self.resolver.resolve(
             table.ids, table.end_boxes, table.boxes, environment, robots
         )
-        tracked = [row for row, agent in enumerate(table.agents) if agent.track]
+        tracked = [row for row, agent in enumerate(table.artefacts) if agent.track]
         if tracked:
             resolution = resolution.letting_pass(np.array(tracked))
-        living = {agent.artefact.id: agent.artefact for agent in table.agents}
+        living = {one.id: one for one in table.artefacts}
         self.events += self.contacts.begun(now_ns, resolution.contacts, living)
         self.events += displaced
         self.counts.add(moved, resolution)
@@ -219,7 +219,7 @@ class CrowdSimulator:
         """Let those be elsewhere whose tracks have jumped; return the events of it."""
         table, events = self.table, list[ArtefactEvent]()
         rows, poses = list[int](), list[GroundPose]()
-        for row, agent in enumerate(table.agents):
+        for row, agent in enumerate(table.artefacts):
             pose = agent.track.jump(now_ns) if agent.track else None
             if pose is not None:
                 rows.append(row)
@@ -227,7 +227,7 @@ class CrowdSimulator:
                 end = table.ends[row].tolist()
                 is_back = pose == tuple(table.poses[row].tolist())
                 if list(pose[:2]) != end[:2] and not is_back:
-                    events.append(_displaced(now_ns, agent.artefact, end, pose))
+                    events.append(_displaced(now_ns, agent, end, pose))
                     self.counts.displaced += 1
         if rows:
             table.set_out(*table.with_poses(table.ends, np.array(rows), np.array(poses)))
@@ -240,7 +240,7 @@ class CrowdSimulator:
         settled = table.ends.copy()
         settled[corrected] = table.poses[corrected]
         for i in corrected.tolist():
-            artefact = table.agents[i].artefact
+            artefact = table.artefacts[i]
             outcome, end = Outcome(int(resolution.outcomes[i])), table.ends[i].tolist()
             if outcome is Outcome.DISPLACED_TO_SAFE:
                 settled[i] = pose = _pose_found(table.poses[i].tolist(), resolution, i)

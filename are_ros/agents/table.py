@@ -7,8 +7,7 @@ obstruction, history; and beside them what is no number. An arrival is one `add`
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -25,27 +24,10 @@ from are_ros.parameters.choices import GroundKind
 from are_ros.world.environment import Environment
 from are_ros.world.oriented_boxes import OrientedBoxes
 
-if TYPE_CHECKING:
-    from are_ros.agents.decision import AgentState
-    from are_ros.artefacts.track_player import FollowedTrack
-
 _FIRST_CAPACITY: Final = 64
 
 _Floats = npt.NDArray[np.float64]
 _Mask = npt.NDArray[np.bool_]
-
-
-@dataclass(eq=False, slots=True)
-class Agent:
-    """What is no number of one agent: how it decides, or the track that it follows.
-
-    `leaving_since_ns` is when its life was over and it began to leave, None before that.
-    """
-
-    artefact: Artefact
-    state: "AgentState | None" = None
-    track: "FollowedTrack | None" = None
-    leaving_since_ns: int | None = None
 
 
 class AgentTable:
@@ -57,8 +39,8 @@ class AgentTable:
     that hold the boxes. These arrays are replaced, never written into: what was taken stays.
 
     `arrays` are the records that the local planner's kernels write into (body, command, committed
-    trajectory, obstruction), `agents` what is no number. `history` keeps where all were. `now`
-    counts the sub-steps that were planned; `heights` are those that bodies have, in steps.
+    trajectory, obstruction); `artefacts` have what is no number. `history` keeps where all were.
+    `now` counts the sub-steps planned; `heights` are those that bodies have, in steps of 0.25 m.
     """
 
     def __init__(
@@ -73,7 +55,7 @@ class AgentTable:
         self.history = PoseTape(history_ns)
         self.now = 0
         self.heights: list[int] = []
-        self.agents: list[Agent] = []
+        self.artefacts: list[Artefact] = []
         self.ids = np.empty(0, np.int64)
         self.poses = self.ends = np.empty((0, 4))
         self.radii_m = np.empty(0)
@@ -81,7 +63,6 @@ class AgentTable:
         self._shapes = np.empty((0, 5))
         self._records = np.zeros(_FIRST_CAPACITY, _state.AGENT)
         self._paths = np.zeros((_FIRST_CAPACITY, _state.path_length(self.tempo), 6))
-        self.arrays = self._views()
 
     def __len__(self) -> int:
         """Count the agents."""
@@ -92,7 +73,7 @@ class AgentTable:
         artefact: Artefact,
         body: Body | None = None,
         goes_to: tuple[int, GroundPose] | None = None,
-    ) -> Agent:
+    ) -> None:
         """Add an artefact that has just arrived; ValueError if one of its id is there.
 
         It stands where its history has it, or goes straight to a pose, where it is at an instant
@@ -104,17 +85,17 @@ class AgentTable:
         pose, body = artefact.history.latest, body or Body.of(artefact.row)
         end = goes_to[1] if goes_to else pose
         artefact.history = self.history.begin(artefact.id, artefact.arrival_ns, pose, goes_to)
-        agent = Agent(artefact)
-        self.agents.insert(row, agent)
+        self.artefacts.insert(row, artefact)
         self._add_pose(row, artefact, pose, end)
         self._add_record(row, artefact.id, body)
         self.stand(row, end)
-        return agent
 
     def remove(self, agent_id: int) -> None:
         """Remove an agent; KeyError if it is not there. Its history stays what it is."""
         (row,) = self.rows_of([agent_id]).tolist()
-        self.agents.pop(row).artefact.history.close()
+        artefact = self.artefacts.pop(row)
+        artefact.history.close()
+        artefact.state = artefact.track = None
         is_moving = self.ends is not self.poses
         ends, end_packed = without_row(self.ends, row), without_row(self.end_boxes.packed, row)
         self.ids, self.radii_m = without_row(self.ids, row), without_row(self.radii_m, row)
@@ -126,7 +107,6 @@ class AgentTable:
         count = len(self)
         for array in (self._records, self._paths):
             array[row:count] = array[row + 1 : count + 1]
-        self.arrays = self._views()
 
     def row_of(self, agent_id: int) -> int:
         """Return the row of an agent, or where it would be inserted."""
@@ -140,13 +120,9 @@ class AgentTable:
             raise KeyError(f"not all of the agents {ids.tolist()} are there")
         return rows
 
-    def agent_of(self, agent_id: int) -> Agent:
-        """Return an agent by its id; KeyError if it is not there."""
-        return self.agents[int(self.rows_of([agent_id])[0])]
-
-    def agents_at(self, rows: Sequence[int]) -> list[tuple[int, Agent]]:
-        """Return agents by their rows, each with its row."""
-        return [(row, self.agents[row]) for row in rows]
+    def artefact_of(self, agent_id: int) -> Artefact:
+        """Return an artefact by its id; KeyError if it is not there."""
+        return self.artefacts[int(self.rows_of([agent_id])[0])]
 
     @property
     def phases(self) -> npt.NDArray[np.int64]:
@@ -239,7 +215,6 @@ class AgentTable:
             array[row + 1 : count] = array[row : count - 1]
         self._records[row] = np.zeros((), _state.AGENT)
         self._records["phase"][row] = -1
-        self.arrays = self._views()
         place, mind = self.arrays.place[row], self.arrays.mind[row]
         _state.write_body(self.arrays.body[row], body, self._height_step(body.height_m))
         place["id"], mind["passed_at"], mind["chosen"] = agent_id, _state.NEVER, np.nan
@@ -253,8 +228,9 @@ class AgentTable:
             self.heights.append(steps)
         return self.heights.index(steps)
 
-    def _views(self) -> Fleet:
-        """Return the kernels' view of the rows that are taken."""
+    @property
+    def arrays(self) -> Fleet:
+        """The kernels' view of the records of all."""
         return _state.fleet_of(self._records[: len(self)], self._paths[: len(self)])
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,10 @@ from are_ros.conventions import NS_PER_S
 from are_ros.world.environment import Environment
 from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
+
+if TYPE_CHECKING:
+    from are_ros.agents.decision import AgentState
+    from are_ros.artefacts.track_player import FollowedTrack
 
 _JUMP_NS = 1_000_000
 
@@ -139,6 +143,9 @@ class Artefact:
     `behaviour` names what it does in its life, `activity` what it does just now (empty: that).
     Once its life is over, an artefact that walks to an exit `is_leaving`. `options` are those of
     a behaviour that takes any.
+
+    While it is an agent, `state` is how it decides, None if it does not, and `track` what it
+    follows instead; `leaving_since_ns` is when it began to leave.
     """
 
     id: int
@@ -151,6 +158,9 @@ class Artefact:
     activity: str = ""
     is_leaving: bool = False
     options: Mapping[str, Any] | None = None
+    state: "AgentState | None" = None
+    track: "FollowedTrack | None" = None
+    leaving_since_ns: int | None = None
 
     def ground_pose_at(self, t_ns: int) -> GroundPose:
         """Return the pose on the ground at `t_ns`, in the map frame."""

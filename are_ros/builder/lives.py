@@ -226,7 +226,7 @@ class Lives:
         else:
             by_ns = max(0, now_ns - self._paused_ns)
             self.population.postpone(by_ns)
-            for agent in self.crowd.table.agents:
+            for agent in self.crowd.table.artefacts:
                 if agent.track is not None:
                     agent.track.postpone(by_ns)
         self._set_rates(now_ns)
@@ -347,7 +347,7 @@ class Lives:
     def _stays_on(self, artefact: Artefact) -> bool:
         """Tell whether an artefact departs later than its life ends: at an exit."""
         walks_to_exit = self._parameters.population.leave is Leave.WALK_TO_EXIT
-        return walks_to_exit and self.crowd.table.agent_of(artefact.id).state is not None
+        return walks_to_exit and artefact.state is not None
 
     def _say(self, event: PopulationEvent) -> None:
         """Remove from the crowd who went, send out who is to go; keep the event for the outputs."""
@@ -355,7 +355,7 @@ class Lives:
         if event.kind is PopulationEventKind.DEPARTED:
             self.crowd.end(artefact_id, event.time_ns, event.cause or Cause.REMOVED)
         elif event.kind is PopulationEventKind.LEAVING:
-            agent = self.crowd.table.agent_of(artefact_id)
+            agent = self.crowd.table.artefact_of(artefact_id)
             self.crowd.decisions.send_out(agent)
             agent.leaving_since_ns = event.time_ns
             return
@@ -377,7 +377,7 @@ def overdue(
     """
     leaving = [
         (row, now_ns - agent.leaving_since_ns >= patience_ns)
-        for row, agent in enumerate(table.agents)
+        for row, agent in enumerate(table.artefacts)
         if agent.leaving_since_ns is not None
     ]
     if not leaving:

@@ -100,12 +100,13 @@ class Town:
         """Let one live."""
         history = PoseHistory(arrival_ns, GroundPose(0.0, 0.0, 0.0, 0.0))
         one = Artefact(artefact_id, row, Origin.RANDOM, arrival_ns, history, behaviour=behaviour)
-        self.layer.admit(self.table.add(one))
+        self.table.add(one)
+        self.layer.admit(one)
         return one
 
     def state(self, artefact_id: int) -> AgentState:
         """Return how one decides."""
-        state = self.table.agent_of(artefact_id).state
+        state = self.table.artefact_of(artefact_id).state
         assert state is not None
         return state
 
@@ -205,7 +206,7 @@ def test_what_cannot_move_does_not_decide() -> None:
     town = Town()
     post = CatalogueRow(0, "post", "thing", (0.3, 0.5, 1.7), (0, 0, 0), Shape.CRATE)
     town.admit(1, 0, row=post)
-    assert town.table.agent_of(1).state is None
+    assert town.table.artefact_of(1).state is None
     assert town.decide(0) == []
     town.table.remove(1)
     assert ENTRIES == []
@@ -320,7 +321,7 @@ def test_who_is_sent_out_goes_to_the_exit_and_is_out_there() -> None:
     town = Town()
     one = town.admit(1, 0)
     town.decide(0)
-    town.layer.send_out(town.table.agent_of(1))
+    town.layer.send_out(town.table.artefact_of(1))
     assert one.behaviour == "leaving"
     assert [town.decide(index) for index in (20, 40, 60)] == [[], [], [1]]
     assert town.road.orders[1].subgoal_m is None
@@ -390,7 +391,7 @@ def test_who_has_a_behaviour_that_fails_stands_and_the_others_go_on(name: str) -
     assert (failed.behaviour, failed.activity) == ("standing", "its behaviour failed")
     assert town.road.orders[5].subgoal_m is None
     assert draws_of(3) == undisturbed
-    town.layer.send_out(town.table.agent_of(5))
+    town.layer.send_out(town.table.artefact_of(5))
     _run(town, 200, 220)
     assert failed.behaviour == "leaving"
     assert len(told) == 1

@@ -68,7 +68,7 @@ def test_all_are_in_the_order_of_their_ids(crowd: AgentTable) -> None:
         [np.hypot(1.4, 0.5), np.hypot(0.15, 0.25), np.hypot(0.15, 0.25)]
     )
     assert [crowd.row_of(i) for i in (3, 7, 9)] == [0, 1, 2]
-    assert [agent.artefact.id for agent in crowd.agents] == [3, 7, 9]
+    assert [one.id for one in crowd.artefacts] == [3, 7, 9]
 
 
 def test_who_is_gone_leaves_no_trace(crowd: AgentTable) -> None:
@@ -78,7 +78,7 @@ def test_who_is_gone_leaves_no_trace(crowd: AgentTable) -> None:
     np.testing.assert_allclose(crowd.boxes.packed, as_rows(crowd), atol=1e-12)
     for artefact_id in (9, 3):
         crowd.remove(artefact_id)
-    assert len(crowd.boxes) == len(crowd.ids) == len(crowd.radii_m) == len(crowd.agents) == 0
+    assert len(crowd.boxes) == len(crowd.ids) == len(crowd.radii_m) == len(crowd.artefacts) == 0
     assert len(crowd.arrays.place) == len(crowd.arrays.path) == 0
 
 
