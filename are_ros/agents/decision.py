@@ -136,12 +136,17 @@ class DecisionLayer:
             table.artefacts.copy(),
             (table.ids, table.poses, speeds_mps, table.radii_m),
             self.sees,
+            table.doing,
         )
-        rows = np.flatnonzero(table.phases == index % self._period).tolist()
-        agents = [(row, table.artefacts[row]) for row in rows]
-        due = [(row, agent, agent.state) for row, agent in agents if agent.state]
-        out = [agent.id for _, agent, state in due if _is_out(state)]
-        asked = [one for one in due if not _is_out(one[2])]
+        out, asked = list[int](), list[_Asked]()
+        for row in np.flatnonzero(table.phases == index % self._period).tolist():
+            agent = table.artefacts[row]
+            if agent.state is None:
+                continue
+            if isinstance(agent.state.behaviour, Leaving) and agent.state.behaviour.has_left:
+                out.append(agent.id)
+            else:
+                asked.append((row, agent, agent.state))
         wishes, situations = self._wishes(asked, now_ns, view, robot)
         legs = self._navigation.legs(wishes, view, robot)
         self._traffic.give_orders([row for row, _, _ in asked], [leg.order for leg in legs])
@@ -154,10 +159,9 @@ class DecisionLayer:
             agent.activity = "" if activity == behaviour else activity
         return out
 
-    def send_out(self, agent: Artefact) -> None:
+    def send_out(self, row: int) -> None:
         """Let an agent walk to an exit from its next decision on; its life is over."""
-        if agent.state is not None:
-            self._begin_anew(agent, agent.state, Leaving())
+        self._begin_anew(row, Leaving())
 
     def sees(self, me: Fellow, x_m: float, y_m: float) -> bool:
         """Say whether an agent could go straight to a point, were nobody in its way."""
@@ -180,11 +184,11 @@ class DecisionLayer:
             Wish(
                 state,
                 situation.me,
-                self._intent(agent, state, situation),
+                self._intent(row, state, situation),
                 situation.left_s,
                 state.waits < PATIENCE,
             )
-            for (_, agent, state), situation in zip(asked, situations, strict=True)
+            for (row, _, state), situation in zip(asked, situations, strict=True)
         ], situations
 
     def _situation(
@@ -235,32 +239,28 @@ class DecisionLayer:
             return make_behaviour(artefact.behaviour, artefact.options, asked)
         except BehaviourError as fault:
             self._tell(fault)
-        artefact.behaviour = Failed.name
+        self._table.set_behaviour(self._table.row_of(artefact.id), Failed.name)
         return Failed()
 
-    def _intent(self, agent: Artefact, state: AgentState, situation: Situation) -> Intent:
+    def _intent(self, row: int, state: AgentState, situation: Situation) -> Intent:
         """Return what an agent wants: nothing any more, once its behaviour has failed."""
         try:
             return intent_of(state.behaviour, situation)
         except BehaviourError as fault:
             self._tell(fault)
-        self._begin_anew(agent, state, Failed())
+        self._begin_anew(row, Failed())
         return state.behaviour.decide(situation)
 
-    @staticmethod
-    def _begin_anew(agent: Artefact, state: AgentState, behaviour: Behaviour) -> None:
-        agent.behaviour = behaviour.name
-        state.begin_anew(behaviour)
+    def _begin_anew(self, row: int, behaviour: Behaviour) -> None:
+        state = self._table.artefacts[row].state
+        if state is not None:
+            self._table.set_behaviour(row, behaviour.name)
+            state.begin_anew(behaviour)
 
     def _tell(self, fault: BehaviourError) -> None:
         if self.tell_fault is None:
             raise fault
         self.tell_fault(fault)
-
-
-def _is_out(state: AgentState) -> bool:
-    """Tell whether an agent has left by an exit."""
-    return isinstance(state.behaviour, Leaving) and state.behaviour.has_left
 
 
 def _name_of(what: Hindrance, who: int) -> str:

@@ -132,14 +132,16 @@ class CrowdSimulator:
             self._depart(agent_id, now_ns, Cause.LIFE_OVER)
 
         # Plan: each commits to a trajectory that meets nobody's; a track is followed as it is.
-        tracks = [(i, agent.track) for i, agent in enumerate(table.artefacts) if agent.track]
+        tracks = table.tracks
         for row, track in tracks:
             self.planner.prescribe(row, track.ahead(now_ns, _STEPS_AHEAD))
         planar, moved = self.planner.step(index, environment, robot)
 
         # Move: from now on it is certain where all are until the next sub-step.
         ends, boxes = table.proposed(planar, moved, environment)
-        table.set_out(*self._on_tracks(now_ns, tracks, ends, boxes))
+        if tracks:
+            ends, boxes = self._on_tracks(now_ns, tracks, ends, boxes)
+        table.set_out(ends, boxes)
 
         # Record: the histories of all are views of this.
         until_ns = now_ns + self.period_ns
@@ -198,15 +200,15 @@ class CrowdSimulator:
         """
         table = self.table
         moved = (table.ends != table.poses).any(axis=1)
-        displaced = self._jump(now_ns)
+        tracks = table.tracks
+        displaced = self._jump(now_ns, tracks) if tracks else []
         robots = [robot.footprint] if robot else []
         resolution = self.resolver.resolve(
             table.ids, table.end_boxes, table.boxes, environment, robots
         )
-        tracked = [row for row, agent in enumerate(table.artefacts) if agent.track]
-        if tracked:
-            resolution = resolution.letting_pass(np.array(tracked))
-        living = {one.id: one for one in table.artefacts}
+        if tracks:
+            resolution = resolution.letting_pass(np.array([row for row, _ in tracks]))
+        living = {one.id: one for one in table.artefacts} if resolution.contacts else {}
         self.events += self.contacts.begun(now_ns, resolution.contacts, living)
         self.events += displaced
         self.counts.add(moved, resolution)
@@ -215,19 +217,21 @@ class CrowdSimulator:
             return []
         return self._correct(now_ns, resolution)
 
-    def _jump(self, now_ns: int) -> list[ArtefactEvent]:
+    def _jump(
+        self, now_ns: int, tracks: Sequence[tuple[int, FollowedTrack]]
+    ) -> list[ArtefactEvent]:
         """Let those be elsewhere whose tracks have jumped; return the events of it."""
         table, events = self.table, list[ArtefactEvent]()
         rows, poses = list[int](), list[GroundPose]()
-        for row, agent in enumerate(table.artefacts):
-            pose = agent.track.jump(now_ns) if agent.track else None
+        for row, track in tracks:
+            pose = track.jump(now_ns)
             if pose is not None:
                 rows.append(row)
                 poses.append(pose)
                 end = table.ends[row].tolist()
                 is_back = pose == tuple(table.poses[row].tolist())
                 if list(pose[:2]) != end[:2] and not is_back:
-                    events.append(_displaced(now_ns, agent, end, pose))
+                    events.append(_displaced(now_ns, table.artefacts[row], end, pose))
                     self.counts.displaced += 1
         if rows:
             table.set_out(*table.with_poses(table.ends, np.array(rows), np.array(poses)))
@@ -261,8 +265,6 @@ class CrowdSimulator:
         boxes: OrientedBoxes,
     ) -> tuple[_Floats, OrientedBoxes]:
         """Return the ends (N, 4) and boxes (N), where those on tracks go where these lead."""
-        if not tracks:
-            return ends, boxes
         rows = np.array([row for row, _ in tracks])
         poses = map(GroundPose._make, self.table.poses[rows].tolist())
         legs = [track.set_out(now_ns, pose) for (_, track), pose in zip(tracks, poses, strict=True)]

@@ -15,10 +15,11 @@ import numpy.typing as npt
 from are_ros.artefacts.artefact import Artefact, GroundPose, shape_of
 from are_ros.artefacts.motion import _state
 from are_ros.artefacts.motion._patience import forget_blockade
-from are_ros.artefacts.motion._state import STAND_ROW, Fleet, Tempo
+from are_ros.artefacts.motion._state import STAND_ROW, STAYS, Fleet, Tempo
 from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.pose_tape import PoseTape
 from are_ros.artefacts.terrain import HEIGHT_STEP_M
+from are_ros.artefacts.track_player import FollowedTrack
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import GroundKind
 from are_ros.world.environment import Environment
@@ -56,6 +57,7 @@ class AgentTable:
         self.now = 0
         self.heights: list[int] = []
         self.artefacts: list[Artefact] = []
+        self._behaviours: list[str] = []
         self.ids = np.empty(0, np.int64)
         self.poses = self.ends = np.empty((0, 4))
         self.radii_m = np.empty(0)
@@ -88,6 +90,8 @@ class AgentTable:
         self.artefacts.insert(row, artefact)
         self._add_pose(row, artefact, pose, end)
         self._add_record(row, artefact.id, body)
+        self.arrays.place["is_scripted"][row] = artefact.track is not None
+        self.set_behaviour(row, artefact.behaviour)
         self.stand(row, end)
 
     def remove(self, agent_id: int) -> None:
@@ -106,7 +110,7 @@ class AgentTable:
         self.end_boxes = _boxes_at(ends, end_packed) if is_moving else self.boxes
         count = len(self)
         for array in (self._records, self._paths):
-            array[row:count] = array[row + 1 : count + 1]
+            _move_rows(array, row + 1, count + 1, row)
 
     def row_of(self, agent_id: int) -> int:
         """Return the row of an agent, or where it would be inserted."""
@@ -123,6 +127,33 @@ class AgentTable:
     def artefact_of(self, agent_id: int) -> Artefact:
         """Return an artefact by its id; KeyError if it is not there."""
         return self.artefacts[int(self.rows_of([agent_id])[0])]
+
+    def set_behaviour(self, row: int, behaviour: str) -> None:
+        """Let the agent of a row be of a behaviour."""
+        if behaviour not in self._behaviours:
+            self._behaviours.append(behaviour)
+        self._records["behaviour"][row] = self._behaviours.index(behaviour)
+        self.artefacts[row].behaviour = behaviour
+
+    def doing(self, behaviour: str) -> npt.NDArray[np.int64]:
+        """Return the rows of those of a behaviour, ascending."""
+        if behaviour not in self._behaviours:
+            return np.empty(0, np.int64)
+        numbers = self._records["behaviour"][: len(self)]
+        return np.flatnonzero(numbers == self._behaviours.index(behaviour))
+
+    @property
+    def tracks(self) -> list[tuple[int, FollowedTrack]]:
+        """The tracks that are followed, with the rows of those who do."""
+        rows = np.flatnonzero(self.arrays.place["is_scripted"]).tolist()
+        tracks = [(row, self.artefacts[row].track) for row in rows]
+        return [(row, track) for row, track in tracks if track is not None]
+
+    @property
+    def leaving_ns(self) -> npt.NDArray[np.int64]:
+        """Since when each is on its way out, (N,); STAYS for the others."""
+        since_ns: npt.NDArray[np.int64] = self._records["leaving"][: len(self)]
+        return since_ns
 
     @property
     def phases(self) -> npt.NDArray[np.int64]:
@@ -212,9 +243,9 @@ class AgentTable:
             self._records = np.concatenate((self._records, np.zeros_like(self._records)))
             self._paths = np.concatenate((self._paths, np.zeros_like(self._paths)))
         for array in (self._records, self._paths):
-            array[row + 1 : count] = array[row : count - 1]
+            _move_rows(array, row, count - 1, row + 1)
         self._records[row] = np.zeros((), _state.AGENT)
-        self._records["phase"][row] = -1
+        self._records["phase"][row], self._records["leaving"][row] = -1, STAYS
         place, mind = self.arrays.place[row], self.arrays.mind[row]
         _state.write_body(self.arrays.body[row], body, self._height_step(body.height_m))
         place["id"], mind["passed_at"], mind["chosen"] = agent_id, _state.NEVER, np.nan
@@ -232,6 +263,13 @@ class AgentTable:
     def arrays(self) -> Fleet:
         """The kernels' view of the records of all."""
         return _state.fleet_of(self._records[: len(self)], self._paths[: len(self)])
+
+
+def _move_rows(array: npt.NDArray[Any], start: int, stop: int, to: int) -> None:
+    """Move rows [start, stop) to another place: as bytes, of which numpy makes no copy first."""
+    data = array.reshape(-1).view(np.uint8)
+    size = data.size // len(array)
+    data[to * size : (to + stop - start) * size] = data[start * size : stop * size]
 
 
 def with_row(rows: npt.NDArray[Any], index: int, row: npt.ArrayLike) -> npt.NDArray[Any]:

@@ -145,7 +145,7 @@ class Artefact:
     a behaviour that takes any.
 
     While it is an agent, `state` is how it decides, None if it does not, and `track` what it
-    follows instead; `leaving_since_ns` is when it began to leave.
+    follows instead.
     """
 
     id: int
@@ -160,7 +160,6 @@ class Artefact:
     options: Mapping[str, Any] | None = None
     state: "AgentState | None" = None
     track: "FollowedTrack | None" = None
-    leaving_since_ns: int | None = None
 
     def ground_pose_at(self, t_ns: int) -> GroundPose:
         """Return the pose on the ground at `t_ns`, in the map frame."""

@@ -167,12 +167,14 @@ class Navigation:
         """
         if not courses:
             return {}
-        around, legs = self._around(robot), {}
-        for k, course in courses.items():
-            wish, way_m = wishes[k], np.empty((_MOST_POINTS, 2))
-            minds = (view.index_of(wish.me.id), wish.is_patient, self._epochs(wish.left_s))
+        around, crowd, legs = self._around(robot), view.crowd, dict[int, Leg]()
+        ways_m = np.empty((len(courses), _MOST_POINTS, 2))
+        indices = view.indices_of([wishes[k].me.id for k in courses])
+        for (k, course), way_m, index in zip(courses.items(), ways_m, indices, strict=True):
+            wish = wishes[k]
+            minds = (index, wish.is_patient, self._epochs(wish.left_s))
             is_moving_goal = wish.intent.is_moving_goal
-            step = route_step(*course.arrays, view.crowd, around, minds, is_moving_goal, way_m)
+            step = route_step(*course.arrays, crowd, around, minds, is_moving_goal, way_m)
             if step[0] != NO_WAY:
                 legs[k] = _leg(wish, step, way_m)
         return legs

@@ -21,7 +21,8 @@ class Onlookers:
 
     `ids` int64 (N,), `poses` float64 (N, 4), x, y, z, yaw in the map frame, `speeds_mps` float64
     (N,) along the yaw, `radii_m` float64 (N,) of the circles about (x, y) that hold the bodies.
-    `sees` tells whether an artefact could go straight from where it is to a point.
+    `sees` tells whether an artefact could go straight from where it is to a point, `doing` at
+    which indices those of a behaviour are, ascending.
     """
 
     def __init__(
@@ -29,13 +30,14 @@ class Onlookers:
         artefacts: Sequence[Artefact],
         columns: tuple[npt.NDArray[np.int64], _Floats, _Floats, _Floats],
         sees: Callable[[Fellow, float, float], bool],
+        doing: Callable[[str], npt.NDArray[np.int64]],
     ) -> None:
         """Take the artefacts, and the columns: ids, poses, speeds, radii."""
         self._artefacts = artefacts
         self._ids, poses, speeds_mps, self._radii_m = columns
         self._poses = np.ascontiguousarray(poses)
         self._speeds_mps = np.ascontiguousarray(speeds_mps)
-        self._sees = sees
+        self._sees, self._doing = sees, doing
         self._fellows: dict[int, Fellow] = {}
         self._groups: dict[tuple[str, ...], _Group] = {}
 
@@ -62,6 +64,11 @@ class Onlookers:
     def index_of(self, artefact_id: int) -> int:
         """Return the index in the arrays of an artefact that is there."""
         return int(self._ids.searchsorted(artefact_id))
+
+    def indices_of(self, artefact_ids: Sequence[int]) -> list[int]:
+        """Return the indices in the arrays of artefacts that are there."""
+        indices: list[int] = self._ids.searchsorted(artefact_ids).tolist()
+        return indices
 
     def fellows(self, indices: Sequence[int]) -> list[Fellow]:
         """Return who is at some indices of the arrays, each made once."""
@@ -113,14 +120,10 @@ class Onlookers:
         """Return those of one behaviour, at one of these activities if any: indices, ids, where."""
         key = (behaviour, *activities)
         if key not in self._groups:
-            indices = np.array(
-                [
-                    i
-                    for i, one in enumerate(self._artefacts)
-                    if one.behaviour == behaviour and (not activities or one.activity in activities)
-                ],
-                np.int64,
-            )
+            indices = self._doing(behaviour)
+            if activities:
+                at = [self._artefacts[i].activity in activities for i in indices.tolist()]
+                indices = indices[np.array(at, np.bool_)]
             points_m = self._poses[indices, :2]
             self._groups[key] = indices, self._ids[indices], Neighbourhood(points_m)
         return self._groups[key]

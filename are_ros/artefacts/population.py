@@ -4,6 +4,7 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from itertools import accumulate, islice
+from operator import attrgetter
 from types import MappingProxyType
 
 import numpy as np
@@ -225,7 +226,7 @@ class Population:
             if artefact.arrival_ns <= t_ns
             and (artefact.departure_ns is None or t_ns < artefact.departure_ns)
         ]
-        return sorted(present, key=lambda artefact: artefact.id)
+        return sorted(present, key=attrgetter("id"))
 
     def _end(self, departure: Departure) -> PopulationEvent:
         """Let one depart whose life is over, unless it stays on until it is out."""

@@ -19,6 +19,7 @@ from are_ros.agents.table import AgentTable
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, boxes_of, on_ground
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.mixture import mixture_of
+from are_ros.artefacts.motion._state import STAYS
 from are_ros.artefacts.population_events import Cause, PopulationEvent
 from are_ros.artefacts.population_events import EventKind as PopulationEventKind
 from are_ros.artefacts.scripted import ScriptedOffer
@@ -226,9 +227,8 @@ class Lives:
         else:
             by_ns = max(0, now_ns - self._paused_ns)
             self.population.postpone(by_ns)
-            for agent in self.crowd.table.artefacts:
-                if agent.track is not None:
-                    agent.track.postpone(by_ns)
+            for _, track in self.crowd.table.tracks:
+                track.postpone(by_ns)
         self._set_rates(now_ns)
 
     def reconfigure(self, parameters: Parameters, resolver: CollisionResolver, now_ns: int) -> None:
@@ -355,9 +355,9 @@ class Lives:
         if event.kind is PopulationEventKind.DEPARTED:
             self.crowd.end(artefact_id, event.time_ns, event.cause or Cause.REMOVED)
         elif event.kind is PopulationEventKind.LEAVING:
-            agent = self.crowd.table.artefact_of(artefact_id)
-            self.crowd.decisions.send_out(agent)
-            agent.leaving_since_ns = event.time_ns
+            row = self.crowd.table.row_of(artefact_id)
+            self.crowd.decisions.send_out(row)
+            self.crowd.table.leaving_ns[row] = event.time_ns
             return
         detail = event.reason or (event.cause.value if event.cause else "")
         kind, label = _EVENT_KINDS[event.kind], event.row.label
@@ -375,14 +375,10 @@ def overdue(
 
     These are out of patience on their way to an exit, or unseen where there is no exit.
     """
-    leaving = [
-        (row, now_ns - agent.leaving_since_ns >= patience_ns)
-        for row, agent in enumerate(table.artefacts)
-        if agent.leaving_since_ns is not None
-    ]
-    if not leaving:
+    rows = np.flatnonzero(table.leaving_ns != STAYS)
+    if not rows.size:
         return []
-    rows, gone = (np.array(column) for column in zip(*leaving, strict=True))
+    gone = now_ns - table.leaving_ns[rows] >= patience_ns
     if not len(exits_m):
         gone = gone | out_of_view.hides(table.boxes.take(rows))
     ids: list[int] = table.ids[rows[gone]].tolist()

@@ -41,7 +41,7 @@ class Scene:
     @cached_property
     def rows(self) -> tuple[CatalogueRow, ...]:
         """The rows of the artefacts."""
-        return tuple(artefact.row for artefact in self.artefacts)
+        return tuple([artefact.row for artefact in self.artefacts])
 
     def __len__(self) -> int:
         """Count the artefacts."""

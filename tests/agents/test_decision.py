@@ -321,7 +321,7 @@ def test_who_is_sent_out_goes_to_the_exit_and_is_out_there() -> None:
     town = Town()
     one = town.admit(1, 0)
     town.decide(0)
-    town.layer.send_out(town.table.artefact_of(1))
+    town.layer.send_out(town.table.row_of(1))
     assert one.behaviour == "leaving"
     assert [town.decide(index) for index in (20, 40, 60)] == [[], [], [1]]
     assert town.road.orders[1].subgoal_m is None
@@ -391,7 +391,7 @@ def test_who_has_a_behaviour_that_fails_stands_and_the_others_go_on(name: str) -
     assert (failed.behaviour, failed.activity) == ("standing", "its behaviour failed")
     assert town.road.orders[5].subgoal_m is None
     assert draws_of(3) == undisturbed
-    town.layer.send_out(town.table.artefact_of(5))
+    town.layer.send_out(town.table.row_of(5))
     _run(town, 200, 220)
     assert failed.behaviour == "leaving"
     assert len(told) == 1

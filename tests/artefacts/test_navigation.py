@@ -32,6 +32,7 @@ WALK = MotionLimits(1.3, 1.5, 3.0, 0.0, 1.8)
 ROW = CatalogueRow(0, "one", "person", (0.3, 0.5, 1.7), (0, 0, 0), Shape.PERSON, motion=WALK)
 LONG = replace(ROW, size_m=(4.0, 1.8, 1.5), motion=MotionLimits(3.0, 1.5, 0.6, 5.0, 1.0))
 SHY = replace(ROW, rewards=RewardWeights(time=0.02, personal_space=3.0, robot=3.0))
+NOBODY = np.empty(0, np.int64)
 PLACES = Places(np.array([[1.0, 1.0]]), np.empty((0, 2)))
 DOOR = slice(90, 110)
 
@@ -71,7 +72,7 @@ def view_of(*poses: tuple[float, float, float], speed_mps: float = 0.0) -> Onloo
     speeds[0] = 0.0
     ids, radii_m = np.arange(len(poses)), np.full(len(poses), 0.3)
     columns = (ids, ground, speeds, radii_m)
-    return Onlookers(list(living.values()), columns, lambda *_: True)
+    return Onlookers(list(living.values()), columns, lambda *_: True, lambda _: NOBODY)
 
 
 def me_in(view: Onlookers) -> Fellow:

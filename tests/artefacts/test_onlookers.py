@@ -35,7 +35,11 @@ def crowd(
         living[artefact_id] = Artefact(artefact_id, ROW, Origin.RANDOM, 0, history)
     radii_m = 0.2 + 0.01 * np.arange(count, dtype=np.float64)
     columns = (ids, numbers[:, :4], numbers[:, 4], radii_m)
-    return Onlookers(list(living.values()), columns, left_half), living, numbers
+
+    def doing(behaviour: str) -> npt.NDArray[np.int64]:
+        return np.flatnonzero([one.behaviour == behaviour for one in living.values()])
+
+    return Onlookers(list(living.values()), columns, left_half, doing), living, numbers
 
 
 def test_a_fellow_is_what_the_arrays_say() -> None:

@@ -39,7 +39,7 @@ def crowd_at(*xs_m: float) -> AgentTable:
 
 def leave(table: AgentTable, artefact_id: int, t_s: float) -> None:
     """Let one be leaving."""
-    table.artefact_of(artefact_id).leaving_since_ns = round(t_s * NS_PER_S)
+    table.leaving_ns[table.row_of(artefact_id)] = round(t_s * NS_PER_S)
 
 
 def due(

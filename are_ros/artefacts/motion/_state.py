@@ -22,6 +22,7 @@ X, Y, YAW, COS, SIN, SPEED = range(6)
 NOBODY: Final = -1
 UNHINDERED, BY_WALL, BY_ARTEFACT, BY_ROBOT = range(4)
 NEVER: Final = 1 << 60
+STAYS: Final = -(1 << 62)
 
 _WALK_S: Final = 1.0
 _DRIVE_S: Final = 1.5
@@ -103,6 +104,8 @@ AGENT = np.dtype(
         ("mind", MIND),
         ("due", "i8"),
         ("phase", "i8"),  # in which sub-steps of a decision period it decides, -1: never
+        ("behaviour", "i8"),  # the number of its behaviour
+        ("leaving", "i8"),  # since when [ns] it is on its way out, STAYS: it is not
     ]
 )
 """A row of the agent table, as far as it is numbers that the kernels write into."""
@@ -194,9 +197,8 @@ def path_length(tempo: Tempo) -> int:
 
 def fleet_of(records: Records, path: Floats) -> Fleet:
     """Return the kernels' view of records (N,) of `AGENT`, and paths (N, K, 6)."""
-    names = ("place", "body", "order", "mind", "due")
-    place, body, order, mind, due = (records[name] for name in names)
-    return Fleet(place, body, order, mind, due, path)
+    place, body, order = records["place"], records["body"], records["order"]
+    return Fleet(place, body, order, records["mind"], records["due"], path)
 
 
 def desk_of(capacity: int, length: int) -> Desk:
