@@ -297,7 +297,7 @@ class Population:
         behaviour = behaviour or self._drawn_behaviour(artefact_id, row)
         is_for_ever = row.forever or (offer is not None and end_ns is None)
         end_ns = self._lifetimes.begin(artefact_id, now_ns, end_ns, is_for_ever=is_for_ever)
-        history = PoseHistory(now_ns, pose, self._history_ns)
+        history = PoseHistory(now_ns, pose)
         artefact = Artefact(artefact_id, row, origin, now_ns, history, end_ns, behaviour)
         artefact.options = offer.options if offer else None
         self._living[artefact_id] = artefact

@@ -92,7 +92,7 @@ class TapeHistory(PoseHistory):
         self, tape: PoseTape, artefact_id: int, first: tuple[int, GroundPose, int, GroundPose]
     ) -> None:
         """Take from when and where until when and whither it goes before its first frame."""
-        super().__init__(first[0], first[1], tape.history_ns)
+        super().__init__(first[0], first[1])
         self.tape = tape
         self.artefact_id = artefact_id
         self._came = first

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from are_ros.artefacts.artefact import GroundPose, PoseHistory, between, rates_between
+from are_ros.artefacts.artefact import GroundPose, between, rates_between
 from are_ros.artefacts.pose_tape import PoseTape, TapeHistory, motions_at
 from are_ros.conventions import NS_PER_S
+from tests.artefacts.histories import GivenPoses
 
 STEP_NS = NS_PER_S // 20
 HISTORY_NS = NS_PER_S
@@ -191,7 +192,7 @@ def test_the_departed_keep_what_they_had() -> None:
 def test_histories_of_no_tape_are_read_beside() -> None:
     """As those of artefacts that go by a track."""
     tape, pose = PoseTape(HISTORY_NS), GroundPose(0.0, 0.0, 0.0, 0.0)
-    walking, plain = tape.begin(1, 0, pose), PoseHistory(0, pose)
+    walking, plain = tape.begin(1, 0, pose), GivenPoses(0, pose)
     assert [array.tolist() for array in motions_at([], 5)] == [[], []]
     assert motions_at([plain, walking], 5)[0].tolist() == [[*pose], [*pose]]
     _march(tape, 2, {1: 1.0})
