@@ -36,20 +36,6 @@ def _is_moving(place: Any, now: int) -> bool:
 
 
 @borrowing
-def _meets_robot(fleet: Fleet, i: int, now: int, robot: RobotPath, box: Floats) -> bool:
-    """Tell whether what is left of a path leads into the robot, where it is or will be."""
-    place = fleet.place[i]
-    reach = place.reach + robot.reach
-    if abs(place.x - robot.x) > reach or abs(place.y - robot.y) > reach:
-        return False
-    start, pace = now - place.begin, place.pace + robot.pace
-    _, predicted, present = robot_conflict(
-        fleet.path[i], start, place.last, fleet.body[i], robot, 0.0, pace, box
-    )
-    return bool(predicted != NEVER or present != NEVER)
-
-
-@borrowing
 def _is_due(fleet: Fleet, i: int, now: int, robot: RobotPath, box: Floats) -> bool:
     """Tell whether an artefact plans in this sub-step."""
     if now < fleet.due[i] and robot.outlines.shape[0] == 0:
@@ -59,7 +45,16 @@ def _is_due(fleet: Fleet, i: int, now: int, robot: RobotPath, box: Floats) -> bo
         return False
     moves = _is_moving(place, now)
     if now < fleet.due[i]:
-        return moves and _meets_robot(fleet, i, now, robot, box)
+        # only where what is left of its path leads into the robot, where it is or will be
+        reach = place.reach + robot.reach
+        is_far = abs(place.x - robot.x) > reach or abs(place.y - robot.y) > reach
+        if is_far or not moves:
+            return False
+        start, pace = now - place.begin, place.pace + robot.pace
+        _, predicted, present = robot_conflict(
+            fleet.path[i], start, place.last, fleet.body[i], robot, 0.0, pace, box
+        )
+        return bool(predicted != NEVER or present != NEVER)
     return bool(moves or fleet.order[i].has_goal == 1 or now < fleet.mind[i].pushed_until)
 
 
