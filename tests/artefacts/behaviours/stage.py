@@ -8,13 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.behaviours.intent import Behaviour, Intent, Point
+from are_ros.artefacts.behaviours.open_view import OpenView
 from are_ros.artefacts.behaviours.situation import Fellow, RobotView, Situation
 from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits
 from are_ros.artefacts.places import Places
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.artefacts.shapes import Shape
 from are_ros.conventions import NS_PER_S
-from tests.artefacts.behaviours.open_view import OpenView
 
 WALKER = MotionLimits(1.2, 1.5, 3.0, 0.0, 2.0)
 NO_WALLS: tuple[tuple[Point, Point], ...] = ()

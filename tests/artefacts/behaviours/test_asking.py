@@ -8,12 +8,12 @@ import pytest
 
 from are_ros.artefacts.behaviours.asking import Asked, intent_of
 from are_ros.artefacts.behaviours.intent import Intent, stand
+from are_ros.artefacts.behaviours.open_view import OpenView
 from are_ros.artefacts.behaviours.registry import make_behaviour, why_not
 from are_ros.artefacts.behaviours.situation import Situation
 from are_ros.artefacts.behaviours.walking import Walking
 from are_ros.errors import BehaviourError
 from tests.artefacts import failing
-from tests.artefacts.behaviours.open_view import OpenView
 from tests.artefacts.behaviours.stage import fellow_at, lattice, row_of, stream
 
 FILE = Path(failing.__file__)
