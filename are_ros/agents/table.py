@@ -63,8 +63,8 @@ class AgentTable:
         self.radii_m = np.empty(0)
         self.boxes = self.end_boxes = OrientedBoxes.empty()
         self._shapes = np.empty((0, 5))
-        self._records = np.zeros(_FIRST_CAPACITY, _state.AGENT)
-        self._paths = np.zeros((_FIRST_CAPACITY, _state.path_length(self.tempo), 6))
+        self._records = _state.fleet_of(_FIRST_CAPACITY, _state.path_length(self.tempo))
+        self._lives = np.zeros(_FIRST_CAPACITY, _state.LIFE)
 
     def __len__(self) -> int:
         """Count the agents."""
@@ -109,7 +109,7 @@ class AgentTable:
         self.ends = ends if is_moving else self.poses
         self.end_boxes = _boxes_at(ends, end_packed) if is_moving else self.boxes
         count = len(self)
-        for array in (self._records, self._paths):
+        for array in (*self._records, self._lives):
             _move_rows(array, row + 1, count + 1, row)
 
     def row_of(self, agent_id: int) -> int:
@@ -132,14 +132,14 @@ class AgentTable:
         """Let the agent of a row be of a behaviour."""
         if behaviour not in self._behaviours:
             self._behaviours.append(behaviour)
-        self._records["behaviour"][row] = self._behaviours.index(behaviour)
+        self._lives["behaviour"][row] = self._behaviours.index(behaviour)
         self.artefacts[row].behaviour = behaviour
 
     def doing(self, behaviour: str) -> npt.NDArray[np.int64]:
         """Return the rows of those of a behaviour, ascending."""
         if behaviour not in self._behaviours:
             return np.empty(0, np.int64)
-        numbers = self._records["behaviour"][: len(self)]
+        numbers = self._lives["behaviour"][: len(self)]
         return np.flatnonzero(numbers == self._behaviours.index(behaviour))
 
     @property
@@ -152,13 +152,13 @@ class AgentTable:
     @property
     def leaving_ns(self) -> npt.NDArray[np.int64]:
         """Since when each is on its way out, (N,); STAYS for the others."""
-        since_ns: npt.NDArray[np.int64] = self._records["leaving"][: len(self)]
+        since_ns: npt.NDArray[np.int64] = self._lives["leaving"][: len(self)]
         return since_ns
 
     @property
     def phases(self) -> npt.NDArray[np.int64]:
         """In which sub-steps of a decision period each decides, (N,); -1 never."""
-        phases: npt.NDArray[np.int64] = self._records["phase"][: len(self)]
+        phases: npt.NDArray[np.int64] = self._lives["phase"][: len(self)]
         return phases
 
     @property
@@ -239,13 +239,15 @@ class AgentTable:
     def _add_record(self, row: int, agent_id: int, body: Body) -> None:
         """Insert into the arrays that the kernels write into."""
         count = len(self)
-        if count > len(self._records):
-            self._records = np.concatenate((self._records, np.zeros_like(self._records)))
-            self._paths = np.concatenate((self._paths, np.zeros_like(self._paths)))
-        for array in (self._records, self._paths):
+        if count > len(self._lives):
+            self._lives = np.concatenate((self._lives, np.zeros_like(self._lives)))
+            self._records = Fleet(
+                *(np.concatenate((array, np.zeros_like(array))) for array in self._records)
+            )
+        for array in (*self._records, self._lives):
             _move_rows(array, row, count - 1, row + 1)
-        self._records[row] = np.zeros((), _state.AGENT)
-        self._records["phase"][row], self._records["leaving"][row] = -1, STAYS
+            array[row] = np.zeros((), array.dtype)
+        self._lives["phase"][row], self._lives["leaving"][row] = -1, STAYS
         place, mind = self.arrays.place[row], self.arrays.mind[row]
         _state.write_body(self.arrays.body[row], body, self._height_step(body.height_m))
         place["id"], mind["passed_at"], mind["chosen"] = agent_id, _state.NEVER, np.nan
@@ -262,7 +264,10 @@ class AgentTable:
     @property
     def arrays(self) -> Fleet:
         """The kernels' view of the records of all."""
-        return _state.fleet_of(self._records[: len(self)], self._paths[: len(self)])
+        (place, body, order, mind, due, path), count = self._records, len(self)
+        return Fleet(
+            place[:count], body[:count], order[:count], mind[:count], due[:count], path[:count]
+        )
 
 
 def _move_rows(array: npt.NDArray[Any], start: int, stop: int, to: int) -> None:

@@ -113,7 +113,7 @@ class Lives:
         return self.crowd.keeper
 
     def tell_faults(self, tell: Callable[[BehaviourError], None]) -> None:
-        """Let who has a behaviour that fails stand from then on, and tell; else that is raised."""
+        """Report a behaviour that fails, and stop its artefact; without a callback it is raised."""
         self.crowd.decisions.tell_fault = tell
 
     @property

@@ -96,19 +96,14 @@ MIND = np.dtype(
         ("can_yield", "i8"),  # whether that one could get out of the way
     ]
 )
-AGENT = np.dtype(
+LIFE = np.dtype(
     [
-        ("place", PLACE),
-        ("body", BODY),
-        ("order", ORDER),
-        ("mind", MIND),
-        ("due", "i8"),
         ("phase", "i8"),  # in which sub-steps of a decision period it decides, -1: never
         ("behaviour", "i8"),  # the number of its behaviour
         ("leaving", "i8"),  # since when [ns] it is on its way out, STAYS: it is not
     ]
 )
-"""A row of the agent table, as far as it is numbers that the kernels write into."""
+"""What no kernel asks for."""
 
 
 class Fleet(NamedTuple):
@@ -195,10 +190,15 @@ def path_length(tempo: Tempo) -> int:
     return tempo.drive + round(_BRAKE_S / tempo.step_s) + 3
 
 
-def fleet_of(records: Records, path: Floats) -> Fleet:
-    """Return the kernels' view of records (N,) of `AGENT`, and paths (N, K, 6)."""
-    place, body, order = records["place"], records["body"], records["order"]
-    return Fleet(place, body, order, records["mind"], records["due"], path)
+def fleet_of(capacity: int, length: int) -> Fleet:
+    """Return the records of so many agents, for paths of `length` poses.
+
+    Each kind is an array of its own: a column of a record is contiguous for one agent only, and
+    kernels would be compiled for both.
+    """
+    place, body, order, mind = (np.zeros(capacity, kind) for kind in (PLACE, BODY, ORDER, MIND))
+    due = np.zeros(capacity, np.int64)
+    return Fleet(place, body, order, mind, due, np.zeros((capacity, length, 6)))
 
 
 def desk_of(capacity: int, length: int) -> Desk:

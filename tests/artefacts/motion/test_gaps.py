@@ -156,7 +156,7 @@ def test_discs_cover_the_box() -> None:
 def test_buckets_find_all_that_may_meet_a_square(seed: int, count: int) -> None:
     """Nobody whose circle meets the square is missed, nobody comes twice, the order is fixed."""
     random = np.random.default_rng(seed)
-    fleet = _state.fleet_of(np.zeros(count, _state.AGENT), np.zeros((count, 2, 6)))
+    fleet = _state.fleet_of(count, 2)
     desk = _state.desk_of(count, 2)
     squares = np.column_stack((random.uniform(-30, 30, (count, 2)), random.uniform(0.1, 6, count)))
     fleet.place["x"], fleet.place["y"], fleet.place["reach"] = squares.T

@@ -53,7 +53,7 @@ def drawn_order(rng: np.random.Generator, before: Order) -> Order:
 
 def drawn_fleet(rng: np.random.Generator, count: int) -> _state.Fleet:
     """Return records of minds in any state, who all stand."""
-    fleet = _state.fleet_of(np.zeros(count, _state.AGENT), np.zeros((count, 4, 6)))
+    fleet = _state.fleet_of(count, 4)
     for name in ("blocked", "credit", "patience"):
         fleet.mind[name] = rng.uniform(-1.0, 1.0, count)
     for name in ("passed_at", "hindrance", "hindered_by"):
