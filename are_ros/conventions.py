@@ -8,9 +8,6 @@ OCCUPIED: Final = 100
 
 NS_PER_S: Final = 1_000_000_000
 
-FOR_EVER_NS: Final = 1 << 62
-"""An instant that no clock reaches: the end of what has no end that is known."""
-
 
 def seconds_to_ns(seconds: float) -> int:
     """Return a duration in seconds as the nearest integer nanosecond."""

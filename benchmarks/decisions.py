@@ -147,11 +147,16 @@ def decide() -> None:
     x_m, y_m = coarse.anchors_m[60, 60].tolist()
     poses = np.zeros((11, 4))
     poses[:, :2] = random.random((11, 2)) * 3.0 + (x_m - 1.5, y_m - 1.5)
+    poses[0, :2] = x_m, y_m
     cells = Neighbourhood(poses[:, :2]).cells
     crowd = (*cells, poses, np.ones(11), np.full(11, 0.3))
-    minded, me, way_m = (0, 1.0, 0.5, 0.0, 0.0, 0.0, 0.0), (x_m, y_m, 0.0, 0.25), np.empty((16, 2))
-    ground, worth = tuple(coarse.ground), tuple(table.worth)
-    step = (ground, worth, crowd, minded, me, 30, goals_m[0], way_m)
+    ends, nobody, way_m = (
+        (0.25, goals_m[0], goals_m[0], 0.5, 0.0),
+        (1.0, 0.0, 0.0, -1.0),
+        np.empty((16, 2)),
+    )
+    course = (tuple(coarse.ground), tuple(table.worth), ends)
+    step = (*course, crowd, nobody, (0, True, 30), False, way_m)
     calls: dict[str, Callable[[], object]] = {
         "values of a known goal": functools.partial(tables.value, coarse, model, goals_m[0]),
         "a step, 10 others": functools.partial(route_step, *step),

@@ -97,11 +97,14 @@ def put(owner: Any, name: str, value: Any) -> bool:
     return False
 
 
-def unseen_by_group(real: Any, crowd: Any, *one: Any) -> None:
-    """Add one to a crowd, and leave the boxes what they were."""
-    before = crowd.boxes, crowd.end_boxes
-    real(crowd, *one)
-    crowd._boxes, crowd._end_boxes = before  # noqa: SLF001 - it is broken on purpose
+def unseen_by_group(_: Any) -> Any:
+    """Leave those out of the boxes taken who came last."""
+
+    def taken(table: Any) -> Any:
+        arrivals_ns = np.array([one.arrival_ns for one in table.artefacts], np.int64)
+        return table.boxes.take(arrivals_ns < arrivals_ns.max(initial=0))
+
+    return property(taken)
 
 
 def replacing_nearer(real: Any, scan: Any, *rest: Any) -> Any:
@@ -162,7 +165,7 @@ BREAKAGES = (
              _WALL_TEST),
     Breakage(OTHERS, "arrivals do not look at the others", "artefacts.placement:overlaps_any",
              none, _LIVES + "test_arrivals_overlap_nothing_at_the_instant_they_come"),
-    Breakage(OTHERS, "members of a group do not see each other", "builder.crowd:Crowd.add",
+    Breakage(OTHERS, "members of a group do not see each other", "agents.table:AgentTable.taken",
              unseen_by_group,
              _LIVES + "test_arrivals_overlap_nothing_at_the_instant_they_come[4.0]"),
     Breakage(OTHERS, "who is placed by service may overlap", "builder.spawning:overlaps_any", none,
@@ -185,8 +188,11 @@ BREAKAGES = (
              lambda real, *arguments: replace(real(*arguments), vacated=()), _CELLS_TEST,
              _BUILDER + "test_a_departed_artefact_leaves_nothing_behind"),
     Breakage(DEPARTED, "lives have no end for lists and scans",
-             "artefacts.artefact:Artefact.is_present_at",
-             lambda _, self, t_ns: self.arrival_ns <= t_ns, _DEPARTED_TEST,
+             "artefacts.population:Population.present_at",
+             lambda _, self, t_ns:
+                 [one for one in (*self._departed, *self._living.values())
+                  if one.arrival_ns <= t_ns],
+             _DEPARTED_TEST,
              _BUILDER + "test_a_departed_artefact_leaves_nothing_behind"),
     Breakage(RELAY, "no grid before the robot is known", "builder.ar_builder:ArBuilder._augment",
              lambda real, self, now_ns, seen, patches:

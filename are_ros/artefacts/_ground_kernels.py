@@ -109,22 +109,12 @@ def _nearest_main(
             i, j = r - start[0] + reach, c - start[1] + reach
             if not (0 <= i < side and 0 <= j < side) or seen[i, j]:
                 continue
-            if _may_go(clearance_m, least_m, row, col, r, c):
+            if not (0 <= r < clearance_m.shape[0] and 0 <= c < clearance_m.shape[1]):
+                continue
+            # never to less room: from enough to too little, or from a free cell into a closed one
+            here_m, there_m = clearance_m[row, col], clearance_m[r, c]
+            if there_m >= least_m or (here_m < least_m and (there_m > 0.0 or here_m == 0.0)):
                 seen[i, j] = True
                 queue[size, 0], queue[size, 1] = r, c
                 size += 1
     return -1, -1
-
-
-@compiled
-def _may_go(
-    clearance_m: npt.NDArray[np.float32], least_m: float, row: int, col: int, r: int, c: int
-) -> bool:
-    """Tell whether the search may go from (row, col) to its neighbour (r, c): never to less room.
-
-    Less room means from enough room to too little, or from a free cell into one that is not.
-    """
-    if not (0 <= r < clearance_m.shape[0] and 0 <= c < clearance_m.shape[1]):
-        return False
-    here_m, there_m = clearance_m[row, col], clearance_m[r, c]
-    return bool(there_m >= least_m or (here_m < least_m and (there_m > 0.0 or here_m == 0.0)))

@@ -78,18 +78,13 @@ def _epoch(process: Process, old: np.uint64, new: np.uint64, scratch: Floats) ->
         if in_place and start > 0:
             changed |= _put(flat, old + first - ROW, ROW, plane, scratch, at, changed)
     if not in_place:
-        return _any_differs(flat, old, new, 4 * cells)
+        for start in range(0, 4 * cells, CHUNK):
+            first, count = np.uint64(start), np.uint64(min(CHUNK, 4 * cells - start))
+            if _differ(flat, old + first, flat, new + first, count):
+                return True
+        return False
     last, at = np.uint64((cells - 1) // CHUNK * CHUNK), _HALF - at
     return changed | _put(flat, old + last, plane - last, plane, scratch, at, changed)
-
-
-@compiled
-def _any_differs(flat: Floats, old: np.uint64, new: np.uint64, size: int) -> bool:
-    for start in range(0, size, CHUNK):
-        at, count = np.uint64(start), np.uint64(min(CHUNK, size - start))
-        if _differ(flat, old + at, flat, new + at, count):
-            return True
-    return False
 
 
 @compiled

@@ -3,7 +3,6 @@
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import compiled
 from are_ros.artefacts._coarse_kernels import COL_STEPS, ROW_STEPS
 from are_ros.artefacts.motion._borrowing import borrowing
 
@@ -13,23 +12,6 @@ Lengths = npt.NDArray[np.uint8]
 
 TIE = 1e-6
 """Actions whose values differ by less count as equal: rather straight on, and rather going."""
-
-
-@compiled
-def look_ahead(
-    planes: Floats,
-    lengths: Lengths,
-    gains: Floats,
-    weights: Doubles,
-    anchors_m: Doubles,
-    moving: Doubles,
-    place: int,
-    state: tuple[int, int, int],
-) -> int:
-    """Return the best action with the values of epoch `place` to come, as `action_values`."""
-    brings = np.empty(9)
-    action_values(planes[place], lengths, gains, weights, anchors_m, moving, state, brings)
-    return best_action(brings, state[2])
 
 
 @borrowing
@@ -62,7 +44,8 @@ def action_values(
             brings[direction] -= _swept(anchors_m, weights, state, direction, length, moving)
     for direction in range(4):
         sides = brings[(direction + 1) % 4] + brings[(direction + 3) % 4]
-        turn = _turn_price(weights, heading, direction)
+        apart = (direction - heading) % 4
+        turn = 0.0 if apart == 0 else weights[3 if apart == 2 else 2]
         result[1 + direction] = weights[0] * brings[direction] + weights[1] * sides - turn
 
 
@@ -99,14 +82,6 @@ def _bother(anchors_m: Doubles, weights: Doubles, row: int, col: int, moving: Do
 
 
 @borrowing
-def _turn_price(weights: Doubles, heading: int, direction: int) -> float:
-    apart = (direction - heading) % 4
-    if apart == 0:
-        return 0.0
-    return float(weights[3]) if apart == 2 else float(weights[2])
-
-
-@borrowing
 def best_action(brings: Doubles, heading: int) -> int:
     """Return the best action; of equal ones the first of ahead, left, right, back and stay."""
     best = 1 + heading
@@ -115,27 +90,6 @@ def best_action(brings: Doubles, heading: int) -> int:
         if brings[action] > brings[best] + TIE:
             best = action
     return 0 if brings[0] > brings[best] + TIE else best
-
-
-@compiled
-def greedy_way(
-    planes: Floats,
-    lengths: Lengths,
-    gains: Floats,
-    weights: Doubles,
-    anchors_m: Doubles,
-    state: tuple[int, int, int],
-    action: int,
-    points_m: Doubles,
-) -> tuple[int, float]:
-    """Fill in the anchors (K, 2) that an action and then the best ones lead along, without slips.
-
-    Returns how many there are, and the epochs that this takes: to the goal, or to where the
-    points are all used; inf if neither is ever reached.
-    """
-    brings, nobody = np.empty(9), np.empty((0, 5))
-    arrays = (planes, lengths, gains, weights, anchors_m)
-    return follow(*arrays, state, action, points_m, brings, nobody)
 
 
 @borrowing
@@ -151,7 +105,12 @@ def follow(
     brings: Doubles,
     nobody: Doubles,
 ) -> tuple[int, float]:
-    """Do as `greedy_way`, with scratch (9,), and an array (0, 5)."""
+    """Fill in the anchors (K, 2) that an action and then the best ones lead along, without slips.
+
+    Returns how many there are, and the epochs that this takes: to the goal, or to where the
+    points are all used; inf if neither is ever reached. Scratch are `brings` (9,) and `nobody`
+    (0, 5).
+    """
     row, col, heading = state
     values = planes[planes.shape[0] - 1]
     count, epochs = 0, 0.0

@@ -24,7 +24,10 @@ MINDED_M: Final = 3.0
 THERE_M: Final = 0.15
 """Who is so near to the first point of its way goes on to the next, round a corner if need be."""
 
-NO_WAY, WAITS, GOES = range(3)
+STRAIGHT_M: Final = 3.0
+"""A goal that is seen and no farther than this is gone to without asking for values."""
+
+NO_WAY, WAITS, GOES, STRAIGHT = range(4)
 
 
 class Worth(NamedTuple):
@@ -35,6 +38,19 @@ class Worth(NamedTuple):
     gains: npt.NDArray[np.float32]
     costs: npt.NDArray[np.float32]
     weights: Floats
+
+
+class Ends(NamedTuple):
+    """Of one who goes: its radius, the goal, and where the values end, which may be beside it.
+
+    Then what it costs an epoch to be near others, and near the robot.
+    """
+
+    radius_m: float
+    goal_m: tuple[float, float]
+    end_m: tuple[float, float]
+    others_price: float
+    robot_price: float
 
 
 class Crowd(NamedTuple):
@@ -51,6 +67,9 @@ class Crowd(NamedTuple):
 GroundArrays = tuple[Any, ...]
 WorthArrays = tuple[Any, ...]
 CrowdArrays = tuple[Any, ...]
+EndsArrays = tuple[float, tuple[float, float], tuple[float, float], float, float]
+CourseArrays = tuple[GroundArrays, WorthArrays, EndsArrays]
+"""The fields of `Ground`, `Worth` and `Ends`."""
 
 
 class Minded(NamedTuple):
@@ -81,29 +100,8 @@ class Scratch(NamedTuple):
     brings: Floats
 
 
-@compiled
-def scratch_for(count: int) -> Scratch:
-    """Return scratch for a crowd of so many."""
-    found, squares = np.empty(count, np.int64), np.empty(count)
-    return Scratch(found, squares, np.empty((count + 1, 5)), np.empty(9))
-
-
-@compiled
-def crowd_of(arrays: CrowdArrays) -> Crowd:
-    """Return a crowd by its fields."""
-    return Crowd(Cells(*arrays[:8]), arrays[8], arrays[9], arrays[10])
-
-
-@compiled
-def others_about(crowd: Crowd, minded: Minded, x_m: float, y_m: float, radius_m: float) -> Floats:
-    """Return who is minded about a point, (M, 5) as `action_values` takes them; nearest first."""
-    scratch = scratch_for(crowd.poses.shape[0])
-    count = _find_others(crowd, minded, x_m, y_m, radius_m, scratch)
-    return scratch.moving[:count]
-
-
 @borrowing
-def _find_others(
+def find_others(
     crowd: Crowd, minded: Minded, x_m: float, y_m: float, radius_m: float, scratch: Scratch
 ) -> int:
     """Write who is minded about a point to the scratch, `moving`; return how many they are."""
@@ -132,28 +130,52 @@ def _find_others(
 def route_step(
     ground: GroundArrays,
     worth: WorthArrays,
+    ends: EndsArrays,
     crowd: CrowdArrays,
-    minded: tuple[int, float, float, float, float, float, float],
-    me: tuple[float, float, float, float],
-    epochs_left: int,
-    goal_m: tuple[float, float],
+    robot: tuple[float, float, float, float],
+    minds: tuple[int, bool, int],
+    is_moving_goal: bool,
     way_m: Floats,
 ) -> tuple[int, int, float, float, bool]:
-    """Take the best action at a pose, and fill in the way (K, 2) that follows it.
+    """Find the next step of one who goes somewhere, and fill in the way (K, 2) that it follows.
 
-    `ground`, `worth` and `minded` are the fields of `Ground`, `Worth` and `Minded`, `crowd` those
-    of `Cells` and the rest of `Crowd`; `me` is x, y, yaw and radius. Returns what that is (no way,
-    waiting for others, going), how many points the way has, the farthest of them that a disc can
-    roll straight to, and whether that is `goal_m`, the end.
+    `ground`, `worth` and `ends` are the fields of `Ground`, `Worth` and `Ends`, `crowd` those of
+    `Cells` and the rest of `Crowd`. `robot` is for how long ahead others are looked at [s], where
+    the robot is then, and its radius; without a robot that is negative. `minds` is the index in the
+    crowd, whether it minds others, and the epochs left. A moving goal is gone to straight from
+    however far. Returns what to do (no way, waiting for others, going, straight to the goal), how
+    many points the way has, the farthest of them that a disc can roll straight to, and whether
+    that is the end.
     """
-    floor, values, others = Ground(*ground), Worth(*worth), Minded(*minded)
-    everybody = crowd_of(crowd)
-    scratch = scratch_for(everybody.poses.shape[0])
-    return find_step(floor, values, everybody, others, me, epochs_left, goal_m, way_m, scratch)
+    floor, values, going = Ground(*ground), Worth(*worth), Ends(*ends)
+    everybody = Crowd(Cells(*crowd[:8]), crowd[8], crowd[9], crowd[10])
+    size = everybody.poses.shape[0]
+    index, is_patient, epochs_left = minds
+    x_m, y_m = everybody.poses[index, 0], everybody.poses[index, 1]
+    away_m = np.hypot(going.goal_m[0] - x_m, going.goal_m[1] - y_m)
+    if (is_moving_goal or away_m <= STRAIGHT_M) and rolls(
+        floor.clearance_m, floor.lattice, (x_m, y_m), going.goal_m, going.radius_m
+    ):
+        return STRAIGHT, 0, going.goal_m[0], going.goal_m[1], True
+    minded = Minded(
+        index if is_patient else -1,
+        robot[0],
+        going.others_price,
+        robot[1],
+        robot[2],
+        robot[3] + going.radius_m,
+        going.robot_price if is_patient and robot[3] >= 0.0 else 0.0,
+    )
+    pose = (x_m, y_m, everybody.poses[index, 3], going.radius_m)
+    found, squares, moving = np.empty(size, np.int64), np.empty(size), np.empty((size + 1, 5))
+    scratch = Scratch(found, squares, moving, np.empty(9))
+    return _find_step(
+        floor, values, everybody, minded, pose, epochs_left, going.end_m, way_m, scratch
+    )
 
 
 @borrowing
-def find_step(
+def _find_step(
     ground: Ground,
     worth: Worth,
     crowd: Crowd,
@@ -164,12 +186,15 @@ def find_step(
     way_m: Floats,
     scratch: Scratch,
 ) -> tuple[int, int, float, float, bool]:
-    """Do as `route_step`, with scratch."""
+    """Take the best action at a pose, and fill in the way (K, 2) that follows it."""
     state = _state(ground, worth, me)
     if state[0] < 0:
         return NO_WAY, 0, 0.0, 0.0, False
-    others = _find_others(crowd, minded, me[0], me[1], me[3], scratch)
-    action = _action(ground, worth, scratch.moving[:others], epochs_left, state, scratch.brings)
+    others = find_others(crowd, minded, me[0], me[1], me[3], scratch)
+    values = worth.planes[max(0, min(epochs_left, worth.planes.shape[0]) - 1)]
+    arrays = (worth.lengths, worth.gains, worth.weights, ground.anchors_m)
+    action_values(values, *arrays, scratch.moving[:others], state, scratch.brings)
+    action = best_action(scratch.brings, state[2])
     here_m, weights = (me[0], me[1]), worth.weights
     is_there = state[0] == weights[7] and state[1] == weights[8]
     if is_there or (
@@ -211,22 +236,6 @@ def _state(
     if not (0 <= row < height and 0 <= col < width) or worth.costs[row, col] == np.inf:
         return -1, -1, -1
     return row, col, heading_of(ground.lattice, me[2])
-
-
-@borrowing
-def _action(
-    ground: Ground,
-    worth: Worth,
-    moving: Floats,
-    epochs_left: int,
-    state: tuple[int, int, int],
-    brings: Floats,
-) -> int:
-    """Return the best action, with so many epochs left, among those who move."""
-    values = worth.planes[max(0, min(epochs_left, worth.planes.shape[0]) - 1)]
-    arrays = (worth.lengths, worth.gains, worth.weights, ground.anchors_m)
-    action_values(values, *arrays, moving, state, brings)
-    return best_action(brings, state[2])
 
 
 @borrowing

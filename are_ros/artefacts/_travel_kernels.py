@@ -57,7 +57,11 @@ def way_prices(edges: Mask, price: Floats, reach: int, goal: tuple[int, int]) ->
     """
     height, width = price.shape
     count = height * width
-    steps, cheapest, dearest = _steps(price.reshape(count), np.float32(reach))
+    steps, cheapest, dearest = np.empty(count, np.float32), np.float32(np.inf), np.float32(0.0)
+    prices = price.reshape(count)
+    for i in range(count):
+        steps[i] = step = prices[i] / np.float32(reach)
+        cheapest, dearest = min(cheapest, step), max(dearest, step)
     bucket = max(cheapest, dearest / np.float32(MOST_BUCKETS))
     ring = 1
     while ring < int(dearest / bucket) + 3:
@@ -112,17 +116,6 @@ def _spread(
                 waiting += 1
                 made += 1
     return True
-
-
-@compiled
-def _steps(price: Floats, reach: np.float32) -> tuple[Floats, np.float32, np.float32]:
-    """Return what a step into each cell costs, the least of them and the most."""
-    steps = np.empty_like(price)
-    cheapest, dearest = np.float32(np.inf), np.float32(0.0)
-    for i in range(price.shape[0]):
-        steps[i] = step = price[i] / reach
-        cheapest, dearest = min(cheapest, step), max(dearest, step)
-    return steps, cheapest, dearest
 
 
 @compiled

@@ -1,12 +1,11 @@
 """One artefact: a row of the catalogue with a life and a pose that is a function of time."""
 
 import math
-from bisect import bisect_left, bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +14,10 @@ from are_ros.conventions import NS_PER_S
 from are_ros.world.environment import Environment
 from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
+
+if TYPE_CHECKING:
+    from are_ros.agents.decision import AgentState
+    from are_ros.artefacts.track_player import FollowedTrack
 
 _JUMP_NS = 1_000_000
 
@@ -37,76 +40,35 @@ class GroundPose(NamedTuple):
 
 
 class PoseHistory:
-    """The operators p(., t) and q(., t): linear between the poses given, held outside them.
+    """The operators p(., t) and q(., t) of an artefact that stands where it came."""
 
-    Poses older than `history_ns` before the newest are forgotten, but for the one that is needed
-    to interpolate there. An artefact that stands still keeps one pose for ever; before it sets
-    off, the pose at the instant of the start is appended again, or it would drift from the old
-    instant on.
-    """
-
-    def __init__(self, t_ns: int, pose: GroundPose, history_ns: int = 2 * NS_PER_S) -> None:
-        self._history_ns = history_ns
-        self._times_ns = [t_ns]
-        self._poses = [pose]
-
-    def __len__(self) -> int:
-        """Count the poses kept."""
-        return len(self._times_ns)
+    def __init__(self, t_ns: int, pose: GroundPose) -> None:
+        self._came_ns, self._pose = t_ns, pose
 
     @property
     def latest_ns(self) -> int:
         """Time of the newest pose."""
-        return self._times_ns[-1]
+        return self._came_ns
 
     @property
     def latest(self) -> GroundPose:
-        """The newest pose; the same object until there is a newer one."""
-        return self._poses[-1]
+        """The newest pose."""
+        return self._pose
 
-    def append(self, t_ns: int, pose: GroundPose) -> None:
-        """Say where the artefact is at `t_ns`; what was known of that instant or later goes."""
-        times, poses = self._times_ns, self._poses
-        while times and times[-1] >= t_ns:
-            times.pop()
-            poses.pop()
-        if len(times) > 1 and poses[-1] == pose and poses[-2] == pose:
-            times[-1] = t_ns
-        else:
-            times.append(t_ns)
-            poses.append(pose)
-        while len(times) > 1 and times[1] <= t_ns - self._history_ns:
-            del times[0], poses[0]
+    def pose_at(self, t_ns: int) -> GroundPose:  # noqa: ARG002 - it is there at all times
+        """Return the pose at `t_ns`."""
+        return self._pose
 
-    def pose_at(self, t_ns: int) -> GroundPose:
-        """Return the pose at `t_ns`: yaw by the shorter arc, in [-pi, pi] where interpolated."""
-        times, poses = self._times_ns, self._poses
-        after = bisect_right(times, t_ns)
-        if after == 0:
-            return self._poses[0]
-        if after == len(times):
-            return self._poses[-1]
-        start_ns = times[after - 1]
-        fraction = (t_ns - start_ns) / (times[after] - start_ns)
-        if fraction == 0.0 or poses[after - 1] == poses[after]:
-            return self._poses[after - 1]
-        return between(poses[after - 1], poses[after], fraction)
+    def velocity_at(self, t_ns: int) -> tuple[float, float, float]:  # noqa: ARG002 - it stands
+        """Return the rates of x, y [m/s] and yaw [rad/s] in the map frame as of `t_ns`."""
+        return 0.0, 0.0, 0.0
 
-    def velocity_at(self, t_ns: int) -> tuple[float, float, float]:
-        """Return the rates of x, y [m/s] and yaw [rad/s] in the map frame as of `t_ns`.
-
-        At an instant where two motions meet it is that of the earlier one. A jump (two poses
-        within a millisecond) is no motion, and outside the poses there is none.
-        """
-        times, poses = self._times_ns, self._poses
-        end = bisect_left(times, t_ns)
-        if not 0 < end < len(times):
-            return 0.0, 0.0, 0.0
-        return rates_between(times[end - 1], poses[end - 1], times[end], poses[end])
+    def close(self) -> None:
+        """Say that no pose is to come."""
 
 
 def between(start: GroundPose, end: GroundPose, fraction: float) -> GroundPose:
-    """Interpolate from `start` (0) to `end` (1)."""
+    """Interpolate from `start` (0) to `end` (1): yaw by the shorter arc, in [-pi, pi]."""
     x_m, y_m, z_m, yaw_rad = start
     turn_rad = math.remainder(end.yaw_rad - yaw_rad, math.tau)
     return GroundPose(
@@ -136,6 +98,9 @@ class Artefact:
     `behaviour` names what it does in its life, `activity` what it does just now (empty: that).
     Once its life is over, an artefact that walks to an exit `is_leaving`. `options` are those of
     a behaviour that takes any.
+
+    While it is an agent, `state` is how it decides, None if it does not, and `track` what it
+    follows instead.
     """
 
     id: int
@@ -148,14 +113,12 @@ class Artefact:
     activity: str = ""
     is_leaving: bool = False
     options: Mapping[str, Any] | None = None
+    state: "AgentState | None" = None
+    track: "FollowedTrack | None" = None
 
     def ground_pose_at(self, t_ns: int) -> GroundPose:
         """Return the pose on the ground at `t_ns`, in the map frame."""
         return self.history.pose_at(t_ns)
-
-    def is_present_at(self, t_ns: int) -> bool:
-        """Say whether `t_ns` lies in the artefact's life."""
-        return self.arrival_ns <= t_ns and (self.departure_ns is None or t_ns < self.departure_ns)
 
 
 def map_from_artefact(row: CatalogueRow, pose: GroundPose) -> RigidTransform:

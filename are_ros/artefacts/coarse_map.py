@@ -75,9 +75,11 @@ class CoarseMap:
         self._side = max(1, round(cell_size_m / resolution_m))
         self.cell_size_m = self._side * resolution_m
         self.key = (terrain.environment.version, terrain.height_m, radius_m, self.cell_size_m)
-        self._clearance_m = np.ascontiguousarray(terrain.clearance_m, np.float32)
+        self._clearance_m = np.ascontiguousarray(terrain.clearance_m, np.float32)[...]
+        self._clearance_m.flags.writeable = False
         self._least_m = np.float32(radius_m + 0.5 * resolution_m)
         is_main = self._coarsen()
+        is_main.flags.writeable = False
         self.ground = _ground_kernels.Ground(
             is_main,
             self._clearance_m,

@@ -6,17 +6,22 @@ the way from there. The sub-goal is the goal if that is seen, else a far point o
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts._leg_kernels import FOUND, STRAIGHT, STRAIGHT_M, route_steps
-from are_ros.artefacts._step_kernels import NO_WAY, WAITS
+from are_ros.artefacts._step_kernels import (
+    NO_WAY,
+    STRAIGHT,
+    STRAIGHT_M,
+    WAITS,
+    CourseArrays,
+    route_step,
+)
 from are_ros.artefacts.behaviours.intent import Intent, Point
 from are_ros.artefacts.behaviours.situation import Fellow, RobotView
 from are_ros.artefacts.coarse_map import CoarseMaps
-from are_ros.artefacts.courses import Course, Courses
 from are_ros.artefacts.mdp import TravelModel
 from are_ros.artefacts.motion.order import Order
 from are_ros.artefacts.neighbourhood import Neighbourhood, nearest_of
@@ -29,9 +34,13 @@ from are_ros.artefacts.value_tables import ValueTables
 from are_ros.parameters.model import BehaviourParameters
 from are_ros.world.environment import Environment
 
+if TYPE_CHECKING:
+    from are_ros.agents.decision import AgentState
+
 _MOST_POINTS = 128
 """So many coarse cells of the way are looked along for a sub-goal."""
 
+_NO_ENVIRONMENT = "nobody finds a way before there is an environment"
 _NO_WAY = np.empty((0, 2))
 _NOWHERE = Places(np.empty((0, 2)), np.empty((0, 2)))
 
@@ -42,18 +51,30 @@ class Wish(NamedTuple):
     Who is not patient does not wait for others, but leaves it to the traffic to get past them.
     """
 
-    traveller: Traveller
+    state: "AgentState"
     me: Fellow
     intent: Intent
     left_s: float | None = None
     is_patient: bool = True
 
 
+class Course(NamedTuple):
+    """Where an agent was going at its last decision, how fast, and what that is worth.
+
+    It holds in one environment. `arrays` are what kernels take of it: the fields of `Ground` and
+    `Worth`, and `Ends`.
+    """
+
+    goal_m: Point
+    speed_mps: float
+    environment: Environment
+    arrays: CourseArrays
+
+
 class Leg(NamedTuple):
     """What an intent means for one decision period: the order, and how the goal stands.
 
-    With `waits` it stays for others who are in its way. `way_m` float64 (K, 2). `course` is the
-    number of the course by which that was found, -1: by none.
+    With `waits` it stays for others who are in its way. `way_m` float64 (K, 2).
     """
 
     order: Order
@@ -61,14 +82,12 @@ class Leg(NamedTuple):
     no_way: bool = False
     waits: bool = False
     way_m: npt.NDArray[np.float64] = _NO_WAY
-    course: int = -1
 
 
 class Navigation:
     """Finds ways in the present environment; what was found in the last one is forgotten.
 
-    `period_s` is a decision period, `horizon` the longest in periods. `generation` is another one
-    once courses that were found are no more.
+    `horizon` is the longest, in decision periods.
     """
 
     def __init__(self, settings: BehaviourParameters, terrains: Terrains) -> None:
@@ -79,20 +98,15 @@ class Navigation:
         self._environment: Environment | None = None
         self._known_terrains: dict[float, Terrain] = {}
         epochs = max(1, round(settings.max_horizon / settings.decision_period))
-        self.period_s = settings.decision_period
         self.horizon = epochs
-        self.generation = 0
         self._coarse_maps = CoarseMaps(settings.cell_size)
         self._tables = ValueTables(epochs)
-        self._courses = Courses()
 
     def enter(self, environment: Environment, places: Places) -> None:
         """Go on in another environment, or with other places in it."""
         if environment is not self._environment:
             self._tables.clear()
-            self._courses.clear()
             self._known_terrains.clear()
-            self.generation += 1
         nowhere_m = np.empty((0, 2))  # nothing, but that what gatherers ask for compiles early
         nearest_of(nowhere_m, places.destinations_m)
         Neighbourhood(nowhere_m).points_within(0.0, 0.0, 0.0, np.empty(0, np.int64), 0)
@@ -106,10 +120,6 @@ class Navigation:
         coarse = self._coarse_maps.of(self._terrain(traveller), traveller.narrow_m)
         spare_m = max(0.0, traveller.radius_m - coarse.radius_m)
         return self._reach.places_from(coarse, point_m, spare_m)
-
-    def forget(self, artefact_id: int) -> None:
-        """Forget where somebody was going, known or not."""
-        self._courses.forget(artefact_id)
 
     def sees(self, traveller: Traveller, from_m: Point, to_m: Point) -> bool:
         """Say whether a type can go straight from one point to another, walls alone considered."""
@@ -140,7 +150,7 @@ class Navigation:
         if away_m <= intent.arrive_within_m:
             return Leg(_order(wish, None), arrived=True)
         is_near = intent.is_moving_goal or away_m <= STRAIGHT_M
-        if course is None and is_near and self.sees(wish.traveller, me.point_m, goal_m):
+        if course is None and is_near and self.sees(wish.state.traveller, me.point_m, goal_m):
             return Leg(_order(wish, goal_m))
         return None
 
@@ -157,33 +167,17 @@ class Navigation:
         """
         if not courses:
             return {}
-        going = [wishes[k] for k in courses]
-        indices = view.indices_of([wish.me.id for wish in going])
-        asked = [
-            (index, course.number, self._epochs(left_s), is_patient, intent.is_moving_goal)
-            for (_, _, intent, left_s, is_patient), course, index in zip(
-                going, courses.values(), indices, strict=True
-            )
-        ]
-        found, ways_m = self.steps(np.array(asked, np.int64), view, robot)
-        numbers = [course.number for course in courses.values()]
-        return {
-            k: _leg(wish, step, way_m, number)
-            for k, wish, step, way_m, number in zip(
-                courses, going, found.tolist(), ways_m, numbers, strict=True
-            )
-            if step[0] != NO_WAY
-        }
-
-    def steps(
-        self, asked: npt.NDArray[np.int64], view: Onlookers, robot: RobotView | None
-    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Return the next steps (M, FOUND) and ways (M, K, 2) of some: see `route_steps`."""
-        found, ways_m = np.empty((len(asked), FOUND)), np.empty((len(asked), _MOST_POINTS, 2))
-        if len(asked):
-            around = self._around(robot)
-            route_steps(self._courses.arrays, view.crowd, around, asked, found, ways_m)
-        return found, ways_m
+        around, crowd, legs = self._around(robot), view.crowd, dict[int, Leg]()
+        ways_m = np.empty((len(courses), _MOST_POINTS, 2))
+        indices = view.indices_of([wishes[k].me.id for k in courses])
+        for (k, course), way_m, index in zip(courses.items(), ways_m, indices, strict=True):
+            wish = wishes[k]
+            minds = (index, wish.is_patient, self._epochs(wish.left_s))
+            is_moving_goal = wish.intent.is_moving_goal
+            step = route_step(*course.arrays, crowd, around, minds, is_moving_goal, way_m)
+            if step[0] != NO_WAY:
+                legs[k] = _leg(wish, step, way_m)
+        return legs
 
     def _around(self, robot: RobotView | None) -> tuple[float, float, float, float]:
         """Return for how long ahead others are looked at [s], where the robot is then, its radius.
@@ -198,19 +192,20 @@ class Navigation:
 
     def _course(self, wish: Wish) -> Course | None:
         """Return the course of one who was going there already, as fast."""
-        course, intent = self._courses.get(wish.me.id), wish.intent
-        if course is None or course.traveller is not wish.traveller:
+        course, intent = wish.state.course, wish.intent
+        if course is None or course.environment is not self._environment:
             return None
         is_the_same = course.goal_m == intent.goal_m and course.speed_mps == intent.speed_mps
         return course if is_the_same else None
 
     def _set_out(self, wish: Wish) -> Course | None:
         """Set out to a goal; None where no way is known."""
-        traveller, me, intent, *_ = wish
-        goal_m, speed_mps = intent.goal_m, intent.speed_mps
+        traveller, me, intent = wish.state.traveller, wish.me, wish.intent
+        goal_m, speed_mps, environment = intent.goal_m, intent.speed_mps, self._environment
         if goal_m is None:
             return None
-        wanted = (traveller, goal_m, speed_mps)
+        if environment is None:
+            raise RuntimeError(_NO_ENVIRONMENT)
         for radius_m in dict.fromkeys((traveller.radius_m, traveller.narrow_m)):
             coarse = self._coarse_maps.of(self._terrain(traveller), radius_m)
             model = TravelModel.of(
@@ -219,12 +214,22 @@ class Navigation:
             start = coarse.cell_of(me.x_m, me.y_m)
             table = self._tables.value(coarse, model, goal_m, start)
             if table is not None and start is not None and table.reaches(start):
-                return self._courses.set_out(me.id, wanted, coarse, table)
+                ends = (
+                    min(traveller.radius_m, coarse.radius_m),
+                    goal_m,
+                    table.goal_m,
+                    traveller.others_price,
+                    traveller.robot_price,
+                )
+                arrays = (tuple(coarse.ground), tuple(table.worth), ends)
+                course = Course(goal_m, speed_mps, environment, arrays)
+                wish.state.course = course
+                return course
         return None
 
     def _terrain(self, traveller: Traveller) -> Terrain:
         if self._environment is None:
-            raise RuntimeError("nobody finds a way before there is an environment")
+            raise RuntimeError(_NO_ENVIRONMENT)
         terrain = self._known_terrains.get(traveller.height_m)
         if terrain is None:
             terrain = self._terrains.of(self._environment, traveller.height_m)
@@ -238,20 +243,20 @@ class Navigation:
         return max(1, min(self.horizon, math.ceil(left_s / self._settings.decision_period)))
 
 
-def _leg(wish: Wish, step: Sequence[float], way_m: npt.NDArray[np.float64], course: int) -> Leg:
+def _leg(wish: Wish, step: Sequence[float], way_m: npt.NDArray[np.float64]) -> Leg:
     """Return the leg of a step that `route_steps` has found."""
     what, count, x_m, y_m, is_end = step
     if what == STRAIGHT:
-        return Leg(_order(wish, wish.intent.goal_m), course=course)
+        return Leg(_order(wish, wish.intent.goal_m))
     way_m = way_m[: int(count)]
     if what == WAITS:
-        return Leg(_order(wish, None), waits=True, way_m=way_m, course=course)
-    return Leg(_order(wish, (x_m, y_m), stop_there=is_end != 0.0), way_m=way_m, course=course)
+        return Leg(_order(wish, None), waits=True, way_m=way_m)
+    return Leg(_order(wish, (x_m, y_m), stop_there=is_end != 0.0), way_m=way_m)
 
 
 def _order(wish: Wish, sub_goal_m: Point | None, *, stop_there: bool = True) -> Order:
     """Return the order to go to a point, or to stand; at the end to look where the intent says."""
-    intent, comfort, face_rad = wish.intent, wish.traveller.comfort, None
+    intent, comfort, face_rad = wish.intent, wish.state.traveller.comfort, None
     if intent.face_m is not None and stop_there:
         face_rad = math.atan2(intent.face_m[1] - wish.me.y_m, intent.face_m[0] - wish.me.x_m)
     robot_m = comfort.robot_m if intent.robot_comfort_m is None else intent.robot_comfort_m

@@ -73,14 +73,16 @@ def nearest_of(points_m: _Floats, places_m: _Floats) -> _Indices:
 
 @compiled
 def _near(cells: CellArrays, x_m: float, y_m: float, radius_m: float) -> _Indices:
-    return near(Cells(*cells), x_m, y_m, radius_m)
+    count = cells[0].shape[0]
+    found = np.empty(count, np.int64)
+    return found[: find_near(Cells(*cells), x_m, y_m, radius_m, found, np.empty(count))]
 
 
 @compiled
 def _points_near(
     cells: CellArrays, x_m: float, y_m: float, radius_m: float, ids: _Indices, but_id: int
 ) -> _Floats:
-    found = near(Cells(*cells), x_m, y_m, radius_m)
+    found = _near(cells, x_m, y_m, radius_m)
     points_m, count = np.empty((found.shape[0], 2)), 0
     for i in found:
         if ids[i] != but_id:
@@ -119,19 +121,11 @@ def _sorted_into_cells(points_m: _Floats, cell_m: float) -> CellArrays:
     return points_m, order, starts, corner[0], corner[1], cell_m, shape[0], shape[1]
 
 
-@compiled
-def near(cells: Cells, x_m: float, y_m: float, radius_m: float) -> _Indices:
-    """Return the indices of the points within the closed disc, as `Neighbourhood.within`."""
-    count = cells.points_m.shape[0]
-    found = np.empty(count, np.int64)
-    return found[: find_near(cells, x_m, y_m, radius_m, found, np.empty(count))]
-
-
 @borrowing
 def find_near(
     cells: Cells, x_m: float, y_m: float, radius_m: float, found: _Indices, squares: _Floats
 ) -> int:
-    """Do as `near`, but write to `found`; return how many they are.
+    """Do as `Neighbourhood.within`, but write to `found`; return how many they are.
 
     The first of `squares` are then their squared distances. Both have room for all points.
     """

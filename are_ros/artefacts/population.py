@@ -4,6 +4,7 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from itertools import accumulate, islice
+from operator import attrgetter
 from types import MappingProxyType
 
 import numpy as np
@@ -217,8 +218,13 @@ class Population:
         Complete as far back as the history reaches before the last departure.
         """
         everyone = [*self._departed, *self._living.values()]
-        present = [artefact for artefact in everyone if artefact.is_present_at(t_ns)]
-        return sorted(present, key=lambda artefact: artefact.id)
+        present = [
+            artefact
+            for artefact in everyone
+            if artefact.arrival_ns <= t_ns
+            and (artefact.departure_ns is None or t_ns < artefact.departure_ns)
+        ]
+        return sorted(present, key=attrgetter("id"))
 
     def _end(self, departure: Departure) -> PopulationEvent:
         """Let one depart whose life is over, unless it stays on until it is out."""
@@ -289,7 +295,7 @@ class Population:
         behaviour = behaviour or self._drawn_behaviour(artefact_id, row)
         is_for_ever = row.forever or (offer is not None and end_ns is None)
         end_ns = self._lifetimes.begin(artefact_id, now_ns, end_ns, is_for_ever=is_for_ever)
-        history = PoseHistory(now_ns, pose, self._history_ns)
+        history = PoseHistory(now_ns, pose)
         artefact = Artefact(artefact_id, row, origin, now_ns, history, end_ns, behaviour)
         artefact.options = offer.options if offer else None
         self._living[artefact_id] = artefact

@@ -1,9 +1,8 @@
 """The poses of all the living, sub-step by sub-step, kept once: their histories are views of it."""
 
 import math
-import struct
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +12,6 @@ from are_ros.conventions import NS_PER_S
 
 _Floats = npt.NDArray[np.float64]
 _Ints = npt.NDArray[np.int64]
-_POSE = struct.Struct("4d")
 
 
 class PoseTape:
@@ -39,7 +37,6 @@ class PoseTape:
         self.ids: list[_Ints] = []
         self.starts: list[_Floats] = []
         self.ends: list[_Floats] = []
-        self._open: dict[int, TapeHistory] = {}
 
     @property
     def end(self) -> int:
@@ -60,14 +57,7 @@ class PoseTape:
         first = (t_ns, pose, *(goes_to or (t_ns, pose)))
         if first[3] != pose:
             self.still_since_ns = max(self.still_since_ns, first[2])
-        history = self._open[artefact_id] = TapeHistory(self, artefact_id, first)
-        return history
-
-    def stop(self, artefact_id: int) -> None:
-        """Let one, known or not, be in no later frame; its history stays what it is."""
-        history = self._open.pop(artefact_id, None)
-        if history is not None:
-            history.close()
+        return TapeHistory(self, artefact_id, first)
 
     def record(self, t_ns: int, until_ns: int, ids: _Ints, starts: _Floats, ends: _Floats) -> None:
         """Add the frame of a sub-step that begins at `t_ns`; `until_ns` is when it will end."""
@@ -86,62 +76,46 @@ class PoseTape:
             self.first += 1
 
     def clear(self) -> None:
-        """Forget all frames: the clock jumped; histories that are open keep their last poses."""
-        for artefact_id in list(self._open):
-            self.stop(artefact_id)
+        """Forget all frames: the clock jumped. To be called when nobody lives."""
         self.first = self.end
         for kept in (self.times_ns, self.until_ns, self.ids, self.starts, self.ends):
             kept.clear()
 
 
 class TapeHistory(PoseHistory):
-    """The history of one artefact on a tape: how it came, and its frames since."""
+    """The history of one artefact on a tape: how it came, and its frames since.
+
+    These are `first` and those that follow, before `end` once it is closed.
+    """
 
     def __init__(
         self, tape: PoseTape, artefact_id: int, first: tuple[int, GroundPose, int, GroundPose]
     ) -> None:
         """Take from when and where until when and whither it goes before its first frame."""
-        super().__init__(first[0], first[1], tape.history_ns)
-        self._tape = tape
+        super().__init__(first[0], first[1])
+        self.tape = tape
         self.artefact_id = artefact_id
         self._came = first
-        self._first = tape.end
-        self._end: int | None = None
-        self._last = self._kept = first[3]
-        self._raw = _POSE.pack(*self._kept)
+        self.first = tape.end
+        self.end: int | None = None
+        self._last = first[3]
 
     @property
     def latest_ns(self) -> int:
         """The time at which it is at the newest pose: as far as it is known where it will be."""
         low, high = self._frames()
-        return self._tape.until_ns[high - 1] if low < high else self._came[2]
+        return self.tape.until_ns[high - 1] if low < high else self._came[2]
 
     @property
     def latest(self) -> GroundPose:
-        """The newest pose, that of `latest_ns`; the same object until there is another one."""
+        """The newest pose, that of `latest_ns`."""
         low, high = self._frames()
-        return self._seen(self._tape.ends, high - 1) if low < high else self._last
-
-    def see(self, raw: bytes) -> GroundPose:
-        """Return the pose of these bytes, four float64; the same object as the last if equal."""
-        if raw != self._raw:  # by their bits: -0.0 is not 0.0 in the bytes of a message
-            self._raw, self._kept = raw, GroundPose._make(_POSE.unpack(raw))
-        return self._kept
-
-    @property
-    def tape(self) -> PoseTape:
-        """Where its frames are."""
-        return self._tape
+        return self._read(self.tape.ends, high - 1) if low < high else self._last
 
     def close(self) -> None:
         """Have no frames but those of now."""
         self._last = self.latest
-        self._end = self._tape.end
-
-    def is_in(self, index: int) -> bool:
-        """Say whether frame `index` of those kept is its own."""
-        number = self._tape.first + index
-        return self._first <= number and (self._end is None or number < self._end)
+        self.end = self.tape.end
 
     def pose_at(self, t_ns: int) -> GroundPose:
         """Return the pose at `t_ns`: yaw by the shorter arc, in [-pi, pi] where interpolated."""
@@ -165,72 +139,68 @@ class TapeHistory(PoseHistory):
 
     def _frames(self) -> tuple[int, int]:
         """Return the bounds [low, high) of its frames among those kept."""
-        tape = self._tape
-        high = len(tape.times_ns) if self._end is None else max(self._end - tape.first, 0)
-        return min(max(self._first - tape.first, 0), high), high
+        tape = self.tape
+        high = len(tape.times_ns) if self.end is None else max(self.end - tape.first, 0)
+        return min(max(self.first - tape.first, 0), high), high
 
     def _leg(self, t_ns: int) -> tuple[int, GroundPose, int, GroundPose]:
         """Return from when and where to when and where it goes as of `t_ns`.
 
         Where earlier frames are forgotten it stands before the first.
         """
-        tape, (low, high) = self._tape, self._frames()
+        tape, (low, high) = self.tape, self._frames()
         frame = bisect_right(tape.times_ns, t_ns, low, high) - 1
         if frame >= low:
             times_ns = tape.times_ns[frame], tape.until_ns[frame]
-            start = self._seen(tape.starts, frame)
-            return times_ns[0], start, times_ns[1], self._seen(tape.ends, frame)
-        if self._first >= tape.first:
+            start = self._read(tape.starts, frame)
+            return times_ns[0], start, times_ns[1], self._read(tape.ends, frame)
+        if self.first >= tape.first:
             return self._came
-        pose = self._seen(tape.starts, low) if low < high else self._last
+        pose = self._read(tape.starts, low) if low < high else self._last
         return t_ns, pose, t_ns, pose
 
-    def _seen(self, poses: list[_Floats], index: int) -> GroundPose:
-        row = self._tape.ids[index].searchsorted(self.artefact_id)
-        return self.see(poses[index][row].tobytes())
+    def _read(self, poses: list[_Floats], index: int) -> GroundPose:
+        row = self.tape.ids[index].searchsorted(self.artefact_id)
+        return GroundPose._make(poses[index][row].tolist())
 
 
-def poses_at(histories: Sequence[PoseHistory], t_ns: int) -> list[GroundPose]:
-    """Return the poses of many at `t_ns` at once, each as its `pose_at` gives it."""
+def motions_at(histories: Sequence[PoseHistory], t_ns: int) -> tuple[_Floats, _Floats]:
+    """Return the poses (N, 4) of many at `t_ns`, and the rates (N, 3) of x, y, yaw from then on.
+
+    Each is what its `pose_at` and `velocity_at` give; those in one frame of a tape at once.
+    """
+    poses, rates = np.empty((len(histories), 4)), np.zeros((len(histories), 3))
     tape = next((one.tape for one in histories if isinstance(one, TapeHistory)), None)
     frame = -1 if tape is None else bisect_right(tape.times_ns, t_ns) - 1
-    if tape is None or frame < 0:
-        return [one.pose_at(t_ns) for one in histories]
-    together = [
-        one
-        for one in histories
-        if isinstance(one, TapeHistory) and one.tape is tape and one.is_in(frame)
-    ]
-    poses = dict(zip(map(id, together), _read(tape, frame, together, t_ns), strict=True))
-    return [poses.get(id(one)) or one.pose_at(t_ns) for one in histories]
-
-
-def _read(
-    tape: PoseTape, frame: int, histories: Sequence[TapeHistory], t_ns: int
-) -> Iterator[GroundPose]:
-    """Yield the poses at `t_ns` of those who are in a frame that holds then."""
-    wanted = np.array([one.artefact_id for one in histories], np.int64)
-    rows = tape.ids[frame].searchsorted(wanted)
-    start_ns, until_ns = tape.times_ns[frame], tape.until_ns[frame]
-    starts, ends = tape.starts[frame], tape.ends[frame]
-    if starts is ends or t_ns == start_ns or t_ns >= until_ns:
-        poses = (starts if t_ns == start_ns else ends)[rows]
-    else:
-        poses = _all_between(starts[rows], ends[rows], (t_ns - start_ns) / (until_ns - start_ns))
-    raw = poses.tobytes()
+    inside, ids = list[int](), list[int]()
     for k, one in enumerate(histories):
-        yield one.see(raw[32 * k : 32 * k + 32])
+        if isinstance(one, TapeHistory) and one.tape is tape and frame >= 0:
+            number = tape.first + frame
+            if one.first <= number and (one.end is None or number < one.end):
+                inside.append(k)
+                ids.append(one.artefact_id)
+                continue
+        poses[k], rates[k] = one.pose_at(t_ns), one.velocity_at(t_ns)
+    if tape is not None and inside:
+        poses[inside], rates[inside] = _frame_at(tape, frame, np.array(ids), t_ns)
+    return poses, rates
 
 
-def _all_between(starts: _Floats, ends: _Floats, fraction: float) -> _Floats:
-    """Interpolate from poses (N, 4) to others, to the bit as `between` does; who stands stays."""
-    steps: _Floats = ends - starts
+def _frame_at(tape: PoseTape, frame: int, ids: _Ints, t_ns: int) -> tuple[_Floats, _Floats]:
+    """Return the poses (M, 4) and rates (M, 3) at `t_ns` of some who are in a frame that holds."""
+    rows, starts, ends = tape.ids[frame].searchsorted(ids), tape.starts[frame], tape.ends[frame]
+    start_ns, until_ns = tape.times_ns[frame], tape.until_ns[frame]
+    poses = (starts if t_ns == start_ns else ends)[rows]
+    if starts is ends or t_ns >= until_ns:
+        return poses, np.zeros((len(rows), 3))
+    steps = ends[rows] - starts[rows]
     steps[:, 3] = _wrapped(steps[:, 3])
-    poses: _Floats = starts + fraction * steps
-    poses[:, 3] = _wrapped(poses[:, 3])
-    stands = (starts == ends).all(axis=1)
-    poses[stands] = starts[stands]
-    return poses
+    if t_ns != start_ns:
+        poses = starts[rows] + (t_ns - start_ns) / (until_ns - start_ns) * steps
+        poses[:, 3] = _wrapped(poses[:, 3])
+        stands = (starts[rows] == ends[rows]).all(axis=1)
+        poses[stands] = starts[rows[stands]]
+    return poses, steps[:, [0, 1, 3]] * (NS_PER_S / (until_ns - start_ns))
 
 
 def _wrapped(angles_rad: _Floats) -> _Floats:

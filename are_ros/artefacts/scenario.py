@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.arrivals import FIRST_ID
-from are_ros.artefacts.artefact import GroundPose, Origin, PoseHistory
+from are_ros.artefacts.artefact import GroundPose, Origin, between
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.population_events import Cause
 from are_ros.errors import ScenarioError
@@ -53,13 +53,15 @@ class Track:
         return GroundPose(*self.poses[k].tolist())
 
     def pose_at(self, t_ns: int) -> GroundPose:
-        """Return the pose at `t_ns`, as `PoseHistory` has it."""
+        """Return the pose at `t_ns`: linear between two, the first and the last outside."""
         after = int(np.searchsorted(self.times_ns, t_ns, side="right"))
         if after in {0, len(self)} or self.times_ns[after - 1] == t_ns:
             return self.pose(max(after - 1, 0))
-        between = PoseHistory(int(self.times_ns[after - 1]), self.pose(after - 1))
-        between.append(int(self.times_ns[after]), self.pose(after))
-        return between.pose_at(t_ns)
+        start, end = self.pose(after - 1), self.pose(after)
+        start_ns, end_ns = self.times_ns[after - 1 : after + 1].tolist()
+        return (
+            start if start == end else between(start, end, (t_ns - start_ns) / (end_ns - start_ns))
+        )
 
     def jump_within(self, after_ns: int, until_ns: int) -> int | None:
         """Return the number of the first pose in (after, until] to which it jumps, None if none.

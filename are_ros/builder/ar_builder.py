@@ -123,7 +123,7 @@ class ArBuilder(Reality):
         """Run one tick: register, occlude, gate, augment (section 3.3)."""
         self.advance(now_ns)
         scene = self.lives.scene_at(now_ns)
-        states = self._states.states(scene, now_ns)
+        states = self._states.states(scene)
         observation = self._observe(now_ns, scene)
         patches = self._register(scene)
         grids = self._augment(now_ns, observation, patches)

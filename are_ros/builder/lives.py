@@ -14,20 +14,21 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.agents.simulate import CrowdSimulator, MotionCounts
+from are_ros.agents.table import AgentTable
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, boxes_of, on_ground
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.mixture import mixture_of
+from are_ros.artefacts.motion._state import STAYS
 from are_ros.artefacts.population_events import Cause, PopulationEvent
 from are_ros.artefacts.population_events import EventKind as PopulationEventKind
 from are_ros.artefacts.scripted import ScriptedOffer
 from are_ros.artefacts.terrain import Terrains
 from are_ros.builder.collisions import CollisionResolver
 from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.farewells import Farewells
 from are_ros.builder.life_keeper import LifeKeeper
-from are_ros.builder.motion_counts import MotionCounts
-from are_ros.builder.out_of_view import Viewpoint
-from are_ros.builder.populations import motions_of, random_population
+from are_ros.builder.out_of_view import OutOfView, Viewpoint
+from are_ros.builder.populations import random_population
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.robots import RobotPose, RobotTracker
 from are_ros.builder.scene import Scene
@@ -35,6 +36,7 @@ from are_ros.builder.spawning import Spawning
 from are_ros.builder.step_clock import StepClock
 from are_ros.conventions import seconds_to_ns
 from are_ros.errors import BehaviourError, PlacementError
+from are_ros.parameters.choices import Leave
 from are_ros.parameters.model import Parameters
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint
@@ -62,9 +64,11 @@ class Lives:
         resolver: CollisionResolver,
     ) -> None:
         terrains = Terrains()
-        self._motions = motions_of(parameters, robots.observer.name, resolver, terrains)
+        self.crowd = CrowdSimulator(
+            parameters, robots.observer.name, resolver, terrains, self._depart, self._overdue
+        )
         self.population = random_population(
-            parameters, catalogue, begun=self._motions.begin, stays_on=self._stays_on
+            parameters, catalogue, begun=self.crowd.begin, stays_on=self._stays_on
         )
         self.is_paused = False
         self._paused_ns = 0
@@ -76,11 +80,9 @@ class Lives:
         self._world = world
         self._robots = robots
         self._spawning = Spawning(parameters, robots.observer.footprint, terrains)
-        self._farewells = Farewells(parameters.population)
         self._steps = StepClock(seconds_to_ns(parameters.motion.step))
         self._robot: RobotPose | None = None
         self._viewpoints: Sequence[Viewpoint] = ()
-        self._events: list[ArtefactEvent] = []
         self._environment: Environment | None = None
         self._scene = Scene.of((), 0)
         self._scene_ns = 0
@@ -93,31 +95,31 @@ class Lives:
     @property
     def robot_contacts(self) -> int:
         """How often the robot has come to touch an artefact."""
-        return self._motions.contacts.count
+        return self.crowd.contacts.count
 
     @property
     def displaced(self) -> int:
         """How often an artefact had to be put elsewhere, or to leave, for want of a safe pose."""
-        return self._motions.counts.displaced
+        return self.crowd.counts.displaced
 
     @property
     def keeper(self) -> LifeKeeper | None:
         """What is told all that happens, so that it can be saved; None if nobody is."""
-        return self._motions.keeper
+        return self.crowd.keeper
 
     def keep(self) -> LifeKeeper:
         """Keep all that happens from the start on; to be called before anything does."""
-        self._motions.keeper = LifeKeeper(self._steps.period_ns)
-        return self._motions.keeper
+        self.crowd.keeper = LifeKeeper(self._steps.period_ns)
+        return self.crowd.keeper
 
     def tell_faults(self, tell: Callable[[BehaviourError], None]) -> None:
-        """Let who has a behaviour that fails stand from then on, and tell; else that is raised."""
-        self._motions.minds.tell_fault = tell
+        """Report a behaviour that fails, and stop its artefact; without a callback it is raised."""
+        self.crowd.decisions.tell_fault = tell
 
     @property
     def motion_counts(self) -> MotionCounts:
         """How many sub-steps artefacts have lived and moved, and how many had to be resolved."""
-        return self._motions.counts
+        return self.crowd.counts
 
     @property
     def environment(self) -> Environment | None:
@@ -132,15 +134,14 @@ class Lives:
         artefacts = self.population.present_at(t_ns)
         if arrived_by_ns is not None:
             artefacts = [one for one in artefacts if one.arrival_ns <= arrived_by_ns]
-        all_stood = self._motions.still_since_ns <= min(t_ns, self._scene_ns)
+        all_stood = self.crowd.table.history.still_since_ns <= min(t_ns, self._scene_ns)
         if not all_stood or self._scene.artefacts != tuple(artefacts):
             self._scene, self._scene_ns = Scene.of(artefacts, t_ns), t_ns
         return self._scene
 
     def take_events(self) -> list[ArtefactEvent]:
         """Return what happened since the last call, in the order of time."""
-        events, self._events = self._events, []
-        return events
+        return self.crowd.take_events()
 
     def touch(self, received_ns: int) -> None:
         """Say that an input came in: the next sub-steps have something to look at."""
@@ -190,14 +191,13 @@ class Lives:
 
     def _forget(self) -> None:
         """Forget the robot and what was planned: the clock jumped."""
-        self._motions.forget()
+        self.crowd.forget()
         self._robot = self.goal = None
         self._viewpoints = ()
         self.plan_m = np.empty((0, 2))
 
     def _start(self, now_ns: int) -> None:
         self.population.start(now_ns)
-        self._motions.player.clear()
         if self.keeper is not None:
             self.keeper.start(now_ns)
 
@@ -215,7 +215,7 @@ class Lives:
     def reseed(self, seed: int, now_ns: int) -> None:
         """Let all that is drawn from `now_ns` on come from another seed; the living stay."""
         self.population.reseed(seed, now_ns)
-        self._motions.minds.reseed(seed)
+        self.crowd.decisions.reseed(seed)
 
     def pause(self, now_ns: int, *, is_paused: bool) -> None:
         """Stop or resume arrivals, what is left of all lives, and collisions."""
@@ -227,7 +227,8 @@ class Lives:
         else:
             by_ns = max(0, now_ns - self._paused_ns)
             self.population.postpone(by_ns)
-            self._motions.player.postpone(by_ns)
+            for _, track in self.crowd.table.tracks:
+                track.postpone(by_ns)
         self._set_rates(now_ns)
 
     def reconfigure(self, parameters: Parameters, resolver: CollisionResolver, now_ns: int) -> None:
@@ -238,8 +239,7 @@ class Lives:
         settings = parameters.population
         law = mixture_of(parameters, self._catalogue)
         self._spawning.reconfigure(parameters)
-        self._parameters, self._motions.resolver = parameters, resolver
-        self._farewells.reconfigure(settings)
+        self._parameters, self.crowd.resolver = parameters, resolver
         self.population.max_alive = settings.max_alive
         self.population.set_marks(self._catalogue.rows, law, settings.group_size)
         self._set_rates(now_ns)
@@ -278,7 +278,7 @@ class Lives:
         environment = self._environment
         if environment is None:
             return "there is no map yet"
-        pose, others = offer.pose, self._motions.crowd.taken
+        pose, others = offer.pose, self.crowd.table.taken
         if not offer.has_height:
             pose = on_ground(offer.row, pose, environment)
         box, robot = boxes_of([offer.row], [pose]), self._robot
@@ -291,8 +291,8 @@ class Lives:
         generator: np.random.Generator,
         near: tuple[float, float] | None,
     ) -> GroundPose | Cause:
-        motions, spawning = self._motions, self._spawning
-        boxes, is_clear = motions.crowd.taken, motions.traffic.is_clear
+        crowd, spawning = self.crowd, self._spawning
+        boxes, is_clear = crowd.table.taken, crowd.planner.is_clear
         pose = spawning.place(row, generator, boxes, self._robot, near, is_clear)
         return pose or spawning.cause
 
@@ -300,7 +300,7 @@ class Lives:
         environment = self._world.environment
         if environment is None:
             return "there is no map yet"
-        others = self._motions.crowd.taken
+        others = self.crowd.table.taken
         return self._spawning.why_not(boxes_of([row], [pose]), environment, others, robot)
 
     def _sub_step(self, step_ns: int) -> None:
@@ -321,9 +321,8 @@ class Lives:
         self.population.scripted.open(step_ns)
         goes_on = bool(self.population.living) and not (self.is_paused or self._steps.is_idle)
         if goes_on:
-            self._settle(step_ns, self._environment)
-        if goes_on:
-            self._motions.set_out(step_ns, self._steps.period_ns, self._environment)
+            self.crowd.enter(self._environment, spawning.region, spawning.zones)
+            self.crowd.step(step_ns, self._environment, self._robot, self.plan_m)
 
     def _set_rates(self, now_ns: int) -> None:
         """Let the rates of the parameters hold; nobody arrives before the region is known."""
@@ -335,36 +334,52 @@ class Lives:
             rate, mean_life_s = 0.0, float("inf")
         self.population.set_rates(rate, area_m2, mean_life_s, now_ns)
 
-    def _settle(self, step_ns: int, environment: Environment) -> None:
-        """Keep the living apart, let them decide; let those go who are out, or have to."""
-        motions, spawning, living = self._motions, self._spawning, self.population.living
-        motions.enter(environment, spawning.region, spawning.zones)
-        happened = motions.settle(step_ns, living, environment, self._robot)
-        self._events += happened.events
-        for artefact_id, cause in happened.leavers:
-            self.remove(artefact_id, step_ns, cause)
-        for artefact_id in motions.decide(step_ns, self._steps.period_ns, living, self.plan_m):
-            self.remove(artefact_id, step_ns, Cause.LIFE_OVER)
-        exits_m = motions.navigation.places.exits_m
-        for artefact_id in self._farewells.due(
-            step_ns, motions.crowd, exits_m, spawning.out_of_view
-        ):
-            self.remove(artefact_id, step_ns, Cause.LIFE_OVER)
+    def _depart(self, artefact_id: int, now_ns: int, cause: Cause) -> None:
+        self.remove(artefact_id, now_ns, cause)
+
+    def _overdue(self, now_ns: int) -> list[int]:
+        """Return who departs in the sub-step at `now_ns` without having come to an exit."""
+        patience_ns = seconds_to_ns(self._parameters.population.exit_patience)
+        exits_m = self.crowd.navigation.places.exits_m
+        out_of_view = self._spawning.out_of_view
+        return overdue(self.crowd.table, now_ns, patience_ns, exits_m, out_of_view)
 
     def _stays_on(self, artefact: Artefact) -> bool:
         """Tell whether an artefact departs later than its life ends: at an exit."""
-        return self._farewells.walks_to_exit and self._motions.minds.has(artefact.id)
+        walks_to_exit = self._parameters.population.leave is Leave.WALK_TO_EXIT
+        return walks_to_exit and artefact.state is not None
 
     def _say(self, event: PopulationEvent) -> None:
-        """Tell the motions who went or is to go, and keep the event for the outputs."""
+        """Remove from the crowd who went, send out who is to go; keep the event for the outputs."""
         artefact_id = event.artefact_id
         if event.kind is PopulationEventKind.DEPARTED:
-            self._motions.end(artefact_id, event.time_ns, event.cause or Cause.REMOVED)
-            self._farewells.end(artefact_id)
+            self.crowd.end(artefact_id, event.time_ns, event.cause or Cause.REMOVED)
         elif event.kind is PopulationEventKind.LEAVING:
-            self._motions.minds.send_out(artefact_id)
-            self._farewells.begin(self.population.living[artefact_id], event.time_ns)
+            row = self.crowd.table.row_of(artefact_id)
+            self.crowd.decisions.send_out(row)
+            self.crowd.table.leaving_ns[row] = event.time_ns
             return
         detail = event.reason or (event.cause.value if event.cause else "")
         kind, label = _EVENT_KINDS[event.kind], event.row.label
-        self._events.append(ArtefactEvent(event.time_ns, kind, artefact_id, label, detail))
+        self.crowd.events.append(ArtefactEvent(event.time_ns, kind, artefact_id, label, detail))
+
+
+def overdue(
+    table: AgentTable,
+    now_ns: int,
+    patience_ns: int,
+    exits_m: npt.NDArray[np.float64],
+    out_of_view: OutOfView,
+) -> list[int]:
+    """Return the ids of those leaving who vanish now, ascending (section 3.2).
+
+    These are out of patience on their way to an exit, or unseen where there is no exit.
+    """
+    rows = np.flatnonzero(table.leaving_ns != STAYS)
+    if not rows.size:
+        return []
+    gone = now_ns - table.leaving_ns[rows] >= patience_ns
+    if not len(exits_m):
+        gone = gone | out_of_view.hides(table.boxes.take(rows))
+    ids: list[int] = table.ids[rows[gone]].tolist()
+    return ids

@@ -7,20 +7,11 @@ from are_ros.artefacts.arrivals import RandomSource
 from are_ros.artefacts.artefact import Artefact
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.departures import departure_law
-from are_ros.artefacts.minds import Minds
 from are_ros.artefacts.mixture import mixture_of
-from are_ros.artefacts.motion.traffic import Traffic
-from are_ros.artefacts.navigation import Navigation
 from are_ros.artefacts.population import Population
-from are_ros.artefacts.pose_tape import PoseTape
 from are_ros.artefacts.scenario import Scenario
 from are_ros.artefacts.scenario_file import read_scenario
 from are_ros.artefacts.scripted import ScriptedOffer, ScriptedSource
-from are_ros.artefacts.terrain import Terrains
-from are_ros.artefacts.track_player import TrackPlayer
-from are_ros.builder.collisions import CollisionResolver
-from are_ros.builder.crowd import Crowd
-from are_ros.builder.motions import Motions
 from are_ros.conventions import seconds_to_ns
 from are_ros.parameters.model import Parameters
 
@@ -48,20 +39,6 @@ def random_population(
         stays_on=stays_on,
         scripted=ScriptedSource(scenario_of(parameters, catalogue)),
     )
-
-
-def motions_of(
-    parameters: Parameters, robot: str, resolver: CollisionResolver, terrains: Terrains
-) -> Motions:
-    """Return what moves the artefacts; `robot` is its name in the events."""
-    settings, step_s = parameters.behaviour, parameters.motion.step
-    navigation = Navigation(settings, terrains)
-    minds = Minds(parameters.seed, step_s, settings.decision_period, navigation)
-    crowd = Crowd(parameters.world.ground)
-    traffic = Traffic(step_s, terrains)
-    player = TrackPlayer(seconds_to_ns(step_s))
-    tape = PoseTape(seconds_to_ns(parameters.poses.history))
-    return Motions(crowd, tape, minds, navigation, traffic, player, resolver, robot)
 
 
 def scenario_of(parameters: Parameters, catalogue: Catalogue) -> Scenario:

@@ -1,57 +1,43 @@
 """The artefacts as what goes out: ground truth, and what is perceived of it."""
 
 import math
-from collections.abc import Mapping
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, map_from_artefact
-from are_ros.builder.outputs import ArtefactState, PerceivedArtefact, Vector3
+from are_ros.builder.outputs import ArtefactState, PerceivedArtefact
 from are_ros.builder.perception import Sighting
 from are_ros.builder.scene import Scene
 
 _CERTAIN = (0.0,) * 36
+_Key = tuple[bytes, int | None, str, str]
 
 
 class StateKeeper:
-    """Gives the state of each living artefact; of one that stands, the same object again."""
+    """Gives the state of each artefact of a scene; of one that has not changed, the same object."""
 
     def __init__(self) -> None:
-        self._kept: dict[int, ArtefactState] = {}
+        self._known: dict[int, tuple[_Key, ArtefactState]] = {}
 
-    def states(self, scene: Scene, now_ns: int) -> list[ArtefactState]:
-        """Return the ground truth of all of the scene of `now_ns`, in their order."""
-        pairs = zip(scene.artefacts, scene.poses, strict=True)
-        states = [self._state(artefact, pose, now_ns) for artefact, pose in pairs]
-        self._kept = {state.artefact_id: state for state in states}
+    def states(self, scene: Scene) -> list[ArtefactState]:
+        """Return the ground truth of all of a scene, in their order."""
+        raw, known, states = scene.motions.tobytes(), self._known, list[ArtefactState]()
+        self._known = {}
+        for k, artefact in enumerate(scene.artefacts):
+            # by their bits: -0.0 is not 0.0 in the bytes of a message
+            what = (artefact.departure_ns, artefact.behaviour, artefact.activity)
+            key = (raw[56 * k : 56 * k + 56], *what)
+            before = known.get(artefact.id)
+            if before is None or before[0] != key:
+                before = (key, _state_of(artefact, scene.poses[k], scene.motions[k, 4:].tolist()))
+            self._known[artefact.id] = before
+            states.append(before[1])
         return states
 
-    def _state(self, artefact: Artefact, pose: GroundPose, now_ns: int) -> ArtefactState:
-        kept, velocity = self._kept.get(artefact.id), artefact.history.velocity_at(now_ns)
-        if kept is not None and not any(velocity) and _still_holds(kept, artefact, pose):
-            return kept
-        return _state_of(artefact, pose, velocity)
 
-
-def _still_holds(state: ArtefactState, artefact: Artefact, pose: GroundPose) -> bool:
-    """Tell whether a state is also that of one who stands at a pose."""
-    return (
-        state.ground_pose is pose
-        and not any((*state.linear_velocity_m_s, *state.angular_velocity_rad_s))
-        and state.departure_ns == (artefact.departure_ns or 0)
-        and state.behaviour == artefact.behaviour
-        and state.activity == artefact.activity
-    )
-
-
-def artefact_state(artefact: Artefact, now_ns: int) -> ArtefactState:
-    """Return the ground truth of an artefact at `now_ns`, in the map's frame."""
-    history = artefact.history
-    return _state_of(artefact, history.pose_at(now_ns), history.velocity_at(now_ns))
-
-
-def _state_of(artefact: Artefact, pose: GroundPose, velocity: Vector3) -> ArtefactState:
+def _state_of(artefact: Artefact, pose: GroundPose, rates: list[float]) -> ArtefactState:
     """Return the ground truth of an artefact at a pose; rates of x, y, yaw in the map's frame."""
-    row = artefact.row
-    linear_m_s, angular_rad_s = _twist(pose.yaw_rad, velocity)
+    row, activity = artefact.row, artefact.activity
+    vx_m_s, vy_m_s, turn_rad_s = rates
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
     return ArtefactState(
         artefact_id=artefact.id,
         row=row.index,
@@ -61,20 +47,15 @@ def _state_of(artefact: Artefact, pose: GroundPose, velocity: Vector3) -> Artefa
         ground_pose=pose,
         box_centre_m=row.box_centre_in_artefact_m,
         size_m=row.size_m,
-        linear_velocity_m_s=linear_m_s,
-        angular_velocity_rad_s=angular_rad_s,
+        linear_velocity_m_s=(cos * vx_m_s + sin * vy_m_s, cos * vy_m_s - sin * vx_m_s, 0.0),
+        angular_velocity_rad_s=(0.0, 0.0, turn_rad_s),
         behaviour=artefact.behaviour,
-        activity=artefact.activity,
+        activity=activity,
         arrival_ns=artefact.arrival_ns,
         departure_ns=artefact.departure_ns or 0,
         origin=artefact.origin,
-        features=_features(row.features, artefact.activity),
+        features={**row.features, "activity": activity} if activity else row.features,
     )
-
-
-def _features(features: Mapping[str, str], activity: str) -> Mapping[str, str]:
-    """Return the row's features, and what the artefact does just now where that is to be said."""
-    return {**features, "activity": activity} if activity else features
 
 
 def perceived_artefact(state: ArtefactState, sighting: Sighting, seen_ns: int) -> PerceivedArtefact:
@@ -98,11 +79,3 @@ def perceived_artefact(state: ArtefactState, sighting: Sighting, seen_ns: int) -
         roi_px=sighting.roi_px,
         last_seen_ns=seen_ns,
     )
-
-
-def _twist(yaw_rad: float, velocity: Vector3) -> tuple[Vector3, Vector3]:
-    """Return the velocities in F_A, linear and angular, of the rates of x, y and yaw."""
-    vx_m_s, vy_m_s, turn_rad_s = velocity
-    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-    forward_m_s, left_m_s = cos * vx_m_s + sin * vy_m_s, cos * vy_m_s - sin * vx_m_s
-    return (forward_m_s, left_m_s, 0.0), (0.0, 0.0, turn_rad_s)

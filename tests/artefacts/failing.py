@@ -1,10 +1,9 @@
 """Behaviours that fail, each in a way of its own, named in catalogues as `module:Class`."""
 
-import math
 import time
 from typing import Any, ClassVar
 
-from are_ros.artefacts.behaviours.intent import Intent, Steady, stand
+from are_ros.artefacts.behaviours.intent import Intent, stand
 from are_ros.artefacts.behaviours.situation import Situation
 
 MODULE = "tests.artefacts.failing"
@@ -75,24 +74,3 @@ class Helpless:
         """Ask for the distance from nowhere."""
         nowhere: Any = None
         return stand(str(situation.distance_m(nowhere)))
-
-
-class Unsteady:
-    """Decides, and fails when it is asked for how long."""
-
-    name: ClassVar[str] = "unsteady"
-    patience_s: ClassVar[float] = math.inf
-
-    def __init__(self) -> None:
-        self._intent = stand("waiting")
-
-    @property
-    def steady(self) -> Steady:
-        """Fail, unless it has a patience that is none."""
-        if math.isnan(self.patience_s):
-            return Steady(self._intent, patience_s=self.patience_s)
-        raise KeyError("for ever")
-
-    def decide(self, situation: Situation) -> Intent:  # noqa: ARG002 - it never changes its mind
-        """Wait."""
-        return self._intent

@@ -18,6 +18,7 @@ from are_ros.artefacts.artefact import (
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.shapes import Shape
 from are_ros.conventions import NS_PER_S
+from tests.artefacts.histories import GivenPoses
 
 MS = 1_000_000
 HERE = GroundPose(1.0, 2.0, 0.0, 0.5)
@@ -33,12 +34,13 @@ def test_a_standing_artefact_keeps_one_pose_for_ever() -> None:
     """With a single pose every instant has that pose."""
     history = PoseHistory(5 * MS, HERE)
     assert [history.pose_at(t) for t in (-1, 0, 5 * MS, 10**18)] == [HERE] * 4
-    assert len(history) == 1
+    assert (history.latest, history.latest_ns) == (HERE, 5 * MS)
+    assert history.velocity_at(5 * MS) == (0.0, 0.0, 0.0)
 
 
 def test_between_two_poses_position_and_yaw_are_linear() -> None:
     """Half way in time is half way in space and turn; outside, the ends are held."""
-    history = PoseHistory(0, HERE)
+    history = GivenPoses(0, HERE)
     history.append(50 * MS, THERE)
     half = history.pose_at(25 * MS)
     assert (half.x_m, half.y_m, half.z_m, half.yaw_rad) == pytest.approx((2.0, 1.0, 0.1, 1.0))
@@ -48,7 +50,7 @@ def test_between_two_poses_position_and_yaw_are_linear() -> None:
 
 def test_yaw_takes_the_shorter_arc_across_the_seam() -> None:
     """From 170 to -170 degrees the way leads over 180, not over 0."""
-    history = PoseHistory(0, GroundPose(0.0, 0.0, 0.0, math.radians(170)))
+    history = GivenPoses(0, GroundPose(0.0, 0.0, 0.0, math.radians(170)))
     history.append(100 * MS, GroundPose(0.0, 0.0, 0.0, math.radians(-170)))
     assert history.pose_at(25 * MS).yaw_rad == pytest.approx(math.radians(175))
     assert history.pose_at(75 * MS).yaw_rad == pytest.approx(math.radians(-175))
@@ -65,7 +67,7 @@ def test_interpolated_yaw_is_that_of_the_interpolated_quaternion(
     arc = math.remainder(end - start, math.tau)
     if abs(arc) > math.pi - 1e-6:
         return
-    history = PoseHistory(0, GroundPose(0.0, 0.0, 0.0, start))
+    history = GivenPoses(0, GroundPose(0.0, 0.0, 0.0, start))
     history.append(100, GroundPose(0.0, 0.0, 0.0, end))
     yaw = history.pose_at(percent).yaw_rad
     a, b = np.exp(0.5j * start), np.exp(0.5j * end)
@@ -78,57 +80,13 @@ def test_interpolated_yaw_is_that_of_the_interpolated_quaternion(
     assert abs(turned - 1.0) < 1e-6
 
 
-def test_only_two_seconds_are_remembered() -> None:
-    """The whole window can be asked for; what is older is held at its edge, and forgotten."""
-    history = PoseHistory(0, HERE)
-    for step in range(1, 201):
-        history.append(50 * MS * step, GroundPose(step * 0.05, 0.0, 0.0, 0.0))
-    assert len(history) == 41
-    assert history.latest_ns == 10_000 * MS
-    assert history.latest.x_m == pytest.approx(10.0)
-    assert history.pose_at(8_000 * MS).x_m == pytest.approx(8.0)
-    assert history.pose_at(8_025 * MS).x_m == pytest.approx(8.025)
-    assert history.pose_at(0).x_m == pytest.approx(8.0)
-
-
-def test_the_window_can_be_asked_for_between_two_rare_poses() -> None:
-    """A pose older than the window stays as long as the window's edge lies after it."""
-    history = PoseHistory(0, HERE, history_ns=1_000 * MS)
-    history.append(5_000 * MS, THERE)
-    assert history.pose_at(4_000 * MS).x_m == pytest.approx(1.0 + 0.8 * 2.0)
-    history.append(7_000 * MS, THERE)
-    assert len(history) == 2
-
-
-def test_repeated_equal_poses_cost_nothing() -> None:
-    """Standing still at each sub-step keeps two poses, and the start is where motion begins."""
-    history = PoseHistory(0, HERE)
-    for step in range(1, 21):
-        history.append(50 * MS * step, HERE)
-    assert len(history) == 2
-    history.append(1_050 * MS, THERE)
-    assert history.pose_at(1_000 * MS) == HERE
-    assert history.pose_at(1_025 * MS).x_m == pytest.approx(2.0)
-
-
-def test_a_pose_replaces_what_was_known_of_its_instant_or_later() -> None:
-    """A correction in the same sub-step wins, and so does a clock that jumped back."""
-    history = PoseHistory(0, HERE)
-    history.append(50 * MS, THERE)
-    history.append(100 * MS, HERE)
-    history.append(100 * MS, THERE)
-    assert history.pose_at(100 * MS) == THERE
-    history.append(-10 * MS, HERE)
-    assert (len(history), history.latest_ns, history.latest) == (1, -10 * MS, HERE)
-
-
 @given(st.lists(st.tuples(st.integers(0, 3_000), st.floats(-5, 5)), max_size=40), st.data())
 def test_poses_are_those_of_numpys_interpolation(
     steps: list[tuple[int, float]], data: st.DataObject
 ) -> None:
-    """Within the window, x is numpy's linear interpolation of all poses ever appended."""
+    """X is numpy's linear interpolation of all poses."""
     times, xs = [0], [0.0]
-    history = PoseHistory(0, GroundPose(0.0, 0.0, 0.0, 0.0), history_ns=2_000)
+    history = GivenPoses(0, GroundPose(0.0, 0.0, 0.0, 0.0))
     for wait, x in steps:
         times.append(times[-1] + wait + 1)
         xs.append(x)
@@ -137,12 +95,9 @@ def test_poses_are_those_of_numpys_interpolation(
     assert history.pose_at(asked).x_m == pytest.approx(float(np.interp(asked, times, xs)))
 
 
-def test_a_life_is_half_open() -> None:
-    """Present from the arrival on, no more at the departure; without one, for ever."""
+def test_one_that_stands_is_where_it_came() -> None:
+    """At any time."""
     artefact = Artefact(4, row(), Origin.SERVICE, 100, PoseHistory(100, HERE), departure_ns=200)
-    assert [artefact.is_present_at(t) for t in (99, 100, 199, 200)] == [False, True, True, False]
-    artefact.departure_ns = None
-    assert artefact.is_present_at(10**18)
     assert artefact.ground_pose_at(150) == HERE
     assert artefact.behaviour == "standing"
 
@@ -180,7 +135,7 @@ def test_no_artefacts_have_no_boxes() -> None:
 
 def test_velocity_is_that_of_the_motion_under_way() -> None:
     """Between two poses their slope, at rest and outside the poses nothing, a jump is no motion."""
-    history = PoseHistory(0, GroundPose(0.0, 0.0, 0.0, 3.0))
+    history = GivenPoses(0, GroundPose(0.0, 0.0, 0.0, 3.0))
     history.append(NS_PER_S // 2, GroundPose(1.0, -0.5, 0.0, -3.0))
     turn_rad_s = 2.0 * (math.tau - 6.0)
     assert history.velocity_at(NS_PER_S // 4) == pytest.approx((2.0, -1.0, turn_rad_s))

@@ -1,6 +1,8 @@
 """Ways: from an intent to an order, by the values of the decision process."""
 
+import gc
 import math
+import weakref
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise, permutations
@@ -9,9 +11,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from are_ros.agents.decision import AgentState
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.behaviours.intent import Intent, Point, stand
 from are_ros.artefacts.behaviours.situation import Fellow, RobotView
+from are_ros.artefacts.behaviours.standing import Standing
 from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits, RewardWeights
 from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.navigation import Leg, Navigation, Wish
@@ -28,6 +32,7 @@ WALK = MotionLimits(1.3, 1.5, 3.0, 0.0, 1.8)
 ROW = CatalogueRow(0, "one", "person", (0.3, 0.5, 1.7), (0, 0, 0), Shape.PERSON, motion=WALK)
 LONG = replace(ROW, size_m=(4.0, 1.8, 1.5), motion=MotionLimits(3.0, 1.5, 0.6, 5.0, 1.0))
 SHY = replace(ROW, rewards=RewardWeights(time=0.02, personal_space=3.0, robot=3.0))
+NOBODY = np.empty(0, np.int64)
 PLACES = Places(np.array([[1.0, 1.0]]), np.empty((0, 2)))
 DOOR = slice(90, 110)
 
@@ -51,6 +56,11 @@ def traveller(row: CatalogueRow = ROW) -> Traveller:
     return Traveller.of(row, Body.of(row))
 
 
+def state(row: CatalogueRow = ROW) -> AgentState:
+    """Return one of a row that has not decided yet."""
+    return AgentState(traveller(row), Standing(), np.random.default_rng(0))
+
+
 def view_of(*poses: tuple[float, float, float], speed_mps: float = 0.0) -> Onlookers:
     """Return people at x, y, yaw with the ids 0, 1 ..., of whom 0 stands."""
     living = {
@@ -61,7 +71,8 @@ def view_of(*poses: tuple[float, float, float], speed_mps: float = 0.0) -> Onloo
     speeds = np.full(len(poses), speed_mps)
     speeds[0] = 0.0
     ids, radii_m = np.arange(len(poses)), np.full(len(poses), 0.3)
-    return Onlookers(living, ids, ground, speeds, radii_m, lambda *_: True)
+    columns = (ids, ground, speeds, radii_m)
+    return Onlookers(list(living.values()), columns, lambda *_: True, lambda _: NOBODY)
 
 
 def me_in(view: Onlookers) -> Fellow:
@@ -85,7 +96,7 @@ def leg(
     view = view_of(*(poses or ((2.0, 5.0, 0.0),)))
     intent = Intent(goal_m, 1.2, is_moving_goal=is_moving_goal)
     found = ways or navigation()
-    wish = Wish(traveller(row), me_in(view), intent, left_s, is_patient)
+    wish = Wish(state(row), me_in(view), intent, left_s, is_patient)
     return found.legs([wish], view, robot)[0]
 
 
@@ -96,7 +107,7 @@ def test_without_a_goal_one_stands_and_looks() -> None:
     """The order is to stand, facing the point; the robot's distance is the intent's own."""
     view = view_of((2.0, 5.0, 0.0))
     intent = replace(stand("pausing", (2.0, 9.0)), robot_comfort_m=2.5)
-    (found,) = navigation().legs([Wish(traveller(), me_in(view), intent)], view, None)
+    (found,) = navigation().legs([Wish(state(), me_in(view), intent)], view, None)
     assert found.order.subgoal_m is None
     assert found.order.face_rad == pytest.approx(math.pi / 2)
     assert found.order.robot_comfort_m == 2.5
@@ -310,18 +321,17 @@ def test_the_robot_in_the_door_is_waited_for() -> None:
 # --- many at once
 
 
-def wishes_of(view: Onlookers, count: int, seed: int) -> list[Wish]:
-    """Return what so many people of a view want, of two types: to stand, or to go somewhere."""
+def wishes_of(view: Onlookers, states: Sequence[AgentState], seed: int) -> list[Wish]:
+    """Return what the people of a view want: to stand, or to go somewhere."""
     rng, goals_m = np.random.default_rng(seed), [(8.0, 5.0), (2.0, 9.0), (9.0, 1.0), (5.1, 5.0)]
-    kinds = [traveller(row) for row in (ROW, SHY, LONG)]
     wishes = []
-    for k in range(count):
+    for k, one in enumerate(states):
         me = view.fellow(k)
         assert me is not None
         goal_m = None if rng.random() < 0.1 else goals_m[rng.integers(len(goals_m))]
         intent = Intent(goal_m, 1.2, is_moving_goal=bool(rng.random() < 0.2))
         left_s = None if rng.random() < 0.5 else float(rng.uniform(0.0, 90.0))
-        wishes.append(Wish(kinds[rng.integers(3)], me, intent, left_s, bool(rng.random() < 0.7)))
+        wishes.append(Wish(one, me, intent, left_s, bool(rng.random() < 0.7)))
     return wishes
 
 
@@ -332,9 +342,11 @@ def are_alike(one: Leg, other: Leg) -> bool:
 
 @pytest.mark.parametrize("robot", [None, RobotView(5.0, 5.0, 0.0, 0.4, 0.0, 0.3, np.empty((0, 2)))])
 def test_many_at_once_find_what_each_alone_would(robot: RobotView | None) -> None:
-    """When they set out, when they go on from elsewhere, and when some have gone."""
+    """When they set out, when they go on from elsewhere, and when some have forgotten their way."""
     rng, together, count = np.random.default_rng(5), navigation(), 30
     alone = [navigation() for _ in range(count)]
+    rows = [(ROW, SHY, LONG)[k] for k in rng.integers(3, size=count)]
+    states, lonely = ([state(row) for row in rows] for _ in range(2))
     kinds = set()
     for round_ in range(4):
         points_m = rng.uniform(0.5, 9.5, (count, 2)).tolist()
@@ -343,13 +355,13 @@ def test_many_at_once_find_what_each_alone_would(robot: RobotView | None) -> Non
             *((x_m, y_m, yaw) for (x_m, y_m), yaw in zip(points_m, yaws_rad, strict=True)),
             speed_mps=0.5,
         )
-        wishes = wishes_of(view, count, seed=round_ // 2)  # twice the same goals
+        wishes = wishes_of(view, states, seed=round_ // 2)  # twice the same goals
         if round_ == 3:
-            for one in (4, 9, 20):
-                together.forget(one)
+            for k in (4, 9, 20):
+                states[k].course = None
         legs = together.legs(wishes, view, robot)
         for k, wish in enumerate(wishes):
-            (expected,) = alone[k].legs([wish], view, robot)
+            (expected,) = alone[k].legs([wish._replace(state=lonely[k])], view, robot)
             assert are_alike(legs[k], expected)
             kinds.add((legs[k].no_way, legs[k].waits, legs[k].order.subgoal_m is None))
     assert len(kinds) > 2
@@ -414,3 +426,21 @@ def _in_cells(environment: Environment, point_m: Point) -> tuple[float, float]:
     local = environment.grid.origin.inverse().apply(np.array([[*point_m, 0.0]]))[0]
     unit = environment.grid.resolution_m
     return float(local[1]) / unit, float(local[0]) / unit
+
+
+def test_values_that_nobody_goes_by_are_let_go() -> None:
+    """When one sets out to somewhere else, or is gone itself."""
+    for goal_m in ((9.0, 1.0), None):
+        ways, one, view = navigation(), state(), view_of((2.0, 5.0, 0.0))
+        ways.legs([Wish(one, me_in(view), Intent((8.0, 5.0), 1.2))], view, None)
+        assert one.course is not None
+        owner = weakref.ref(one.course.arrays[1][0])
+        ways.enter(rooms(version=1), PLACES)
+        gc.collect()
+        assert owner() is not None
+        if goal_m is None:
+            del one
+        else:
+            ways.legs([Wish(one, me_in(view), Intent(goal_m, 1.2))], view, None)
+        gc.collect()
+        assert owner() is None

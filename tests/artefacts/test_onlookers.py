@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from are_ros.artefacts._step_kernels import FADE_M, MINDED_M, Crowd, Minded, others_about
+from are_ros.artefacts._step_kernels import FADE_M, MINDED_M, Crowd, Minded, Scratch, find_others
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.behaviours.situation import Fellow
 from are_ros.artefacts.catalogue import CatalogueRow
@@ -34,8 +34,12 @@ def crowd(
         history = PoseHistory(0, GroundPose(x, y, z, yaw))
         living[artefact_id] = Artefact(artefact_id, ROW, Origin.RANDOM, 0, history)
     radii_m = 0.2 + 0.01 * np.arange(count, dtype=np.float64)
-    view = Onlookers(living, ids, numbers[:, :4], numbers[:, 4], radii_m, left_half)
-    return view, living, numbers
+    columns = (ids, numbers[:, :4], numbers[:, 4], radii_m)
+
+    def doing(behaviour: str) -> npt.NDArray[np.int64]:
+        return np.flatnonzero([one.behaviour == behaviour for one in living.values()])
+
+    return Onlookers(list(living.values()), columns, left_half, doing), living, numbers
 
 
 def test_a_fellow_is_what_the_arrays_say() -> None:
@@ -58,42 +62,19 @@ def test_a_fellow_is_what_the_arrays_say() -> None:
 
 
 def test_who_does_not_live_is_nobody() -> None:
-    """Neither an id that never was, nor one between two, nor one that has gone."""
-    view, living, _ = crowd(3)
+    """Neither an id that never was, nor one between two."""
+    view, _, _ = crowd(3)
     assert [view.fellow(i) for i in (0, 4, 99)] == [None] * 3
-    del living[6]
-    assert view.fellow(6) is None
 
 
 def test_many_are_the_same_as_one_by_one() -> None:
     """Before those about them were asked for, and afterwards."""
     (view, living, _), (other, others, _) = crowd(20), crowd(20)
     some = list(living)[4:15:3]
-    assert view.fellows([living[i] for i in some]) == [other.fellow(i) for i in some]
+    assert view.fellows(list(range(4, 15, 3))) == [other.fellow(i) for i in some]
     view.within(0.0, 0.0, 7.0)
-    assert view.fellows(list(living.values())) == [other.fellow(i) for i in others]
+    assert view.fellows(list(range(20))) == [other.fellow(i) for i in others]
     assert view.fellows([]) == []
-
-
-def test_who_is_there_is_whose_id_is_in_the_arrays() -> None:
-    """The first and the last; not what is before, between or beyond."""
-    view, _, _ = crowd(5)
-    assert view.has([0, 3, 4, 15, 16]) == [False, True, False, True, False]
-    nobody, _, _ = crowd(0)
-    assert nobody.has([3]) == [False]
-
-
-def test_who_is_of_a_behaviour_may_be_known() -> None:
-    """Then nobody is looked at for it, and who is not known to be of it is not found."""
-    view, living, numbers = crowd(30)
-    ids, radii_m = np.array(list(living)), np.full(30, 0.3)
-    known = {"gathering": [9, 30, 33]}
-    view = Onlookers(
-        living, ids, numbers[:, :4], numbers[:, 4], radii_m, left_half, known.__getitem__
-    )
-    living[30].activity = "talking"
-    assert {f.id for f in view.within(0.0, 0.0, 50.0, "gathering")} == {9, 30, 33}
-    assert [f.id for f in view.within(0.0, 0.0, 50.0, "gathering", ["talking"])] == [30]
 
 
 @pytest.mark.parametrize("radius_m", [0.0, 2.0, 7.0, 50.0])
@@ -128,9 +109,10 @@ def minded(
     """Return who is minded about one, as rows of x, y, radius, fade and weight."""
     arrays = view.crowd
     everybody = Crowd(Cells(*arrays[:8]), *arrays[8:])
-    found: npt.NDArray[np.float64]
-    found = others_about(everybody, others, me.x_m, me.y_m, radius_m)
-    return found
+    size = len(everybody.poses)
+    moving = np.empty((size + 1, 5))
+    scratch = Scratch(np.empty(size, np.int64), np.empty(size), moving, np.empty(9))
+    return moving[: find_others(everybody, others, me.x_m, me.y_m, radius_m, scratch)]
 
 
 @pytest.mark.parametrize("robot_price", [0.0, 0.7])

@@ -1,7 +1,6 @@
 """Histories on a tape are the legs that each artefact was given."""
 
 import math
-import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -10,9 +9,10 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from are_ros.artefacts.artefact import GroundPose, PoseHistory, between, rates_between
-from are_ros.artefacts.pose_tape import PoseTape, TapeHistory, poses_at
+from are_ros.artefacts.artefact import GroundPose, between, rates_between
+from are_ros.artefacts.pose_tape import PoseTape, TapeHistory, motions_at
 from are_ros.conventions import NS_PER_S
+from tests.artefacts.histories import GivenPoses
 
 STEP_NS = NS_PER_S // 20
 HISTORY_NS = NS_PER_S
@@ -52,7 +52,7 @@ class Twins:
     def depart(self, artefact_id: int) -> None:
         """Let one go."""
         self.living.remove(artefact_id)
-        self.tape.stop(artefact_id)
+        self.taped[artefact_id].close()
 
     def sub_step(self, t_ns: int) -> None:
         """Let some stand, some move and some jump."""
@@ -96,11 +96,11 @@ class Twins:
                 assert self.taped[i].latest_ns == self.plain[i][-1].until_ns or not any(
                     self.taped[i].velocity_at(self.plain[i][-1].start_ns)
                 )
-        together = poses_at([self.taped[i] for i in there], t_ns)
+        poses, rates = motions_at([self.taped[i] for i in there], t_ns)
         alone = [self.taped[i].pose_at(t_ns) for i in there]
-        assert [struct.pack("4d", *pose) for pose in together] == [
-            struct.pack("4d", *pose) for pose in alone
-        ]
+        assert poses.tobytes() == np.array(alone, np.float64).tobytes()
+        own_rates = [self.taped[i].velocity_at(t_ns) for i in there]
+        assert rates.tobytes() == np.array(own_rates, np.float64).tobytes()
 
     def _pose(self) -> GroundPose:
         x_m, y_m, z_m = self.random.normal(size=3).tolist()
@@ -171,28 +171,12 @@ def test_the_tape_knows_since_when_all_stand() -> None:
     assert tape.still_since_ns == 6 * STEP_NS
 
 
-def test_who_stands_has_the_same_pose_object_for_ever() -> None:
-    """Though others move, and however it is asked for; another pose is another object."""
-    tape = PoseTape(HISTORY_NS)
-    standing, walking = (tape.begin(i, 0, GroundPose(0.0, 0.0, 0.0, 0.0)) for i in (1, 2))
-    pose, start = standing.latest, walking.latest
-    _march(tape, 50, {1: 0.0, 2: 0.1})
-    end_ns = 50 * STEP_NS
-    assert standing.latest is pose
-    assert standing.pose_at(end_ns - 5) is pose
-    for t_ns in (end_ns, end_ns - 5):
-        assert poses_at([standing, walking], t_ns)[0] is pose
-    assert walking.latest is not start
-    assert walking.latest is walking.latest is poses_at([standing, walking], end_ns)[1]
-    assert walking.latest_ns == end_ns
-
-
 def test_the_departed_keep_what_they_had() -> None:
     """While the tape has it; then where they were last."""
     tape = PoseTape(HISTORY_NS)
     gone, _ = (tape.begin(i, 0, GroundPose(0.0, 0.0, 0.0, 0.0)) for i in (1, 2))
     _march(tape, 4, {1: 1.0, 2: 0.1})
-    tape.stop(1)
+    gone.close()
     ids, rows = np.array([2]), np.zeros((1, 4))
     for k in range(4, 50):
         tape.record(k * STEP_NS, (k + 1) * STEP_NS, ids, rows, rows)
@@ -208,11 +192,12 @@ def test_the_departed_keep_what_they_had() -> None:
 def test_histories_of_no_tape_are_read_beside() -> None:
     """As those of artefacts that go by a track."""
     tape, pose = PoseTape(HISTORY_NS), GroundPose(0.0, 0.0, 0.0, 0.0)
-    walking, plain = tape.begin(1, 0, pose), PoseHistory(0, pose)
-    assert poses_at([], 5) == []
-    assert poses_at([plain, walking], 5) == [pose, pose]
+    walking, plain = tape.begin(1, 0, pose), GivenPoses(0, pose)
+    assert [array.tolist() for array in motions_at([], 5)] == [[], []]
+    assert motions_at([plain, walking], 5)[0].tolist() == [[*pose], [*pose]]
     _march(tape, 2, {1: 1.0})
     plain.append(2 * STEP_NS, pose._replace(yaw_rad=1.0))
-    halves = poses_at([plain, walking], STEP_NS)
-    assert halves == [pose._replace(yaw_rad=0.5), pose._replace(x_m=1.0)]
-    assert math.isclose(poses_at([walking], 3 * STEP_NS // 2)[0].x_m, 1.5)
+    halves, rates = motions_at([plain, walking], STEP_NS)
+    assert halves.tolist() == [[0.0, 0.0, 0.0, 0.5], [1.0, 0.0, 0.0, 0.0]]
+    assert rates[1].tolist() == [1.0 / (STEP_NS / NS_PER_S), 0.0, 0.0]
+    assert math.isclose(motions_at([walking], 3 * STEP_NS // 2)[0][0, 0], 1.5)

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.artefacts.artefact import GroundPose, PoseHistory
+from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.artefacts.scenario import Scenario, ScriptedArtefact, Track
 from are_ros.errors import ScenarioError
+from tests.artefacts.histories import GivenPoses
 
 ROW = read_catalogue().rows[15]
 POSE = GroundPose(1.0, 2.0, 0.0, 0.0)
@@ -30,9 +31,9 @@ def _track(times_ns: list[int]) -> Track:
     st.integers(-(10**8), 3 * 10**9),
 )
 def test_a_track_is_a_history_of_poses(times_ns: list[int], t_ns: int) -> None:
-    """Its pose at any instant is that of a `PoseHistory` with the same poses, to the last bit."""
+    """Its pose at any instant is that of a history with the same poses, to the last bit."""
     track = _track(sorted(times_ns))
-    history = PoseHistory(int(track.times_ns[0]), track.pose(0), 10**12)
+    history = GivenPoses(int(track.times_ns[0]), track.pose(0))
     for k in range(1, len(track)):
         history.append(int(track.times_ns[k]), track.pose(k))
     assert track.pose_at(t_ns) == history.pose_at(t_ns)

@@ -35,17 +35,18 @@ def choose(
     state = _state(table, coarse, x_m, y_m, coarse.heading_of(yaw_rad))
     if state is None:
         return Action.STAY
-    action = _route_kernels.look_ahead(
-        table.planes,
+    brings = np.empty(9)
+    _route_kernels.action_values(
+        table.planes[table.place(epochs_left - 1)],
         table.lengths,
         table.gains,
         table.weights,
         coarse.anchors_m,
         _packed(moving_m, radii_m, weights),
-        table.place(epochs_left - 1),
         state,
+        brings,
     )
-    return _ACTIONS[action]
+    return _ACTIONS[_route_kernels.best_action(brings, state[2])]
 
 
 def way(
@@ -68,7 +69,7 @@ def way(
     if state is None:
         return np.empty((0, 2)), math.inf
     points_m = np.empty((max_points, 2))
-    count, epochs = _route_kernels.greedy_way(
+    count, epochs = _route_kernels.follow(
         table.planes,
         table.lengths,
         table.gains,
@@ -77,6 +78,8 @@ def way(
         state,
         int(action),
         points_m,
+        np.empty(9),
+        np.empty((0, 5)),
     )
     if epochs == 0.0:
         return np.array([table.goal_m]), epochs

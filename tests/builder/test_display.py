@@ -12,10 +12,10 @@ from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.builder.display import Display, marker_subject, poses_of
 from are_ros.builder.markers import MarkerAction, MarkerBatch, MarkerBoard, MarkerKind
 from are_ros.builder.occlusion.meshes import MeshBank
-from are_ros.builder.states import artefact_state
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Labels, Shape
 from are_ros.world.rigid_transform import RigidTransform
+from tests.builder.truth import artefact_state
 
 HERE = GroundPose(1.0, 2.0, 0.5, 0.7)
 

@@ -15,8 +15,10 @@ from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.outputs import ArtefactState
 from are_ros.builder.perception import Sighting
 from are_ros.builder.scene import Scene
-from are_ros.builder.states import StateKeeper, artefact_state, perceived_artefact
+from are_ros.builder.states import StateKeeper, perceived_artefact
 from are_ros.conventions import NS_PER_S
+from tests.artefacts.histories import GivenPoses
+from tests.builder.truth import artefact_state
 
 HERE = GroundPose(1.0, 2.0, 0.5, math.pi / 2)
 
@@ -35,7 +37,7 @@ def an_artefact(row: CatalogueRow, departure_ns: int | None = 900) -> Artefact:
 
 def states(keeper: StateKeeper, now_ns: int, *artefacts: Artefact) -> list[ArtefactState]:
     """Return what a keeper gives of some."""
-    return keeper.states(Scene.of(artefacts, now_ns), now_ns)
+    return keeper.states(Scene.of(artefacts, now_ns))
 
 
 def test_the_ground_truth_of_one_that_stands(row: CatalogueRow) -> None:
@@ -60,13 +62,15 @@ def test_the_twist_of_one_that_moves_is_in_its_own_frame(row: CatalogueRow) -> N
     """Heading +y at 2 m/s along +y is 2 m/s forward; a turn is about z."""
     artefact = an_artefact(row, None)
     start_ns, end_ns = NS_PER_S, 2 * NS_PER_S
-    artefact.history.append(start_ns, HERE)
-    artefact.history.append(end_ns, GroundPose(1.0, 4.0, 0.5, math.pi / 2))
+    artefact.history = moved = GivenPoses(100, HERE)
+    moved.append(start_ns, HERE)
+    moved.append(end_ns, GroundPose(1.0, 4.0, 0.5, math.pi / 2))
     state = artefact_state(artefact, NS_PER_S * 3 // 2)
     assert state.linear_velocity_m_s == pytest.approx((2.0, 0.0, 0.0), abs=1e-6)
     turning = an_artefact(row, None)
-    turning.history.append(start_ns, HERE)
-    turning.history.append(end_ns, GroundPose(1.0, 2.0, 0.5, math.pi / 2 + 0.8))
+    turning.history = turned = GivenPoses(100, HERE)
+    turned.append(start_ns, HERE)
+    turned.append(end_ns, GroundPose(1.0, 2.0, 0.5, math.pi / 2 + 0.8))
     assert artefact_state(turning, NS_PER_S * 3 // 2).angular_velocity_rad_s == pytest.approx(
         (0.0, 0.0, 0.8)
     )
@@ -82,8 +86,9 @@ def test_the_state_of_one_that_stands_is_the_same_object_again(row: CatalogueRow
     assert second.departure_ns == 800
     artefact.behaviour = "stopping"
     assert states(keeper, 300, artefact)[0].behaviour == "stopping"
-    artefact.history.append(399, HERE)
-    artefact.history.append(400, GroundPose(1.5, 2.0, 0.5, 0.0))
+    artefact.history = moved = GivenPoses(100, HERE)
+    moved.append(399, HERE)
+    moved.append(400, GroundPose(1.5, 2.0, 0.5, 0.0))
     assert states(keeper, 400, artefact)[0].ground_pose.x_m == 1.5
     assert states(keeper, 500) == []
 

@@ -14,7 +14,7 @@ from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.marker_batch import NO_MARKERS
 from are_ros.builder.outputs import SceneMetrics
 from are_ros.builder.perception import Sighting
-from are_ros.builder.states import artefact_state, perceived_artefact
+from are_ros.builder.states import perceived_artefact
 from are_ros.builder.tick import Tick
 from are_ros.draw.scene import SceneRecord
 from are_ros.replay.scene_record import SceneRecorder
@@ -22,6 +22,8 @@ from are_ros.world.footprint import Footprint
 from are_ros.world.observer import Camera
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.view_models import PinholeView
+from tests.artefacts.histories import GivenPoses
+from tests.builder.truth import artefact_state
 
 PERSON = CatalogueRow(0, "tall", "person", (0.4, 0.6, 1.8), (0.1, 0.0, 0.0), Shape.WALL)
 CAR = CatalogueRow(1, "small", "car", (4.0, 1.7, 1.5), (0.0, 0.0, 0.0), Shape.WALL)
@@ -104,8 +106,9 @@ def test_poses_are_kept_once_per_change() -> None:
     """Standing still costs one pose; the poses are those of the box's centre."""
     person = _artefact(7, PERSON, STILL)
     ticks = [_tick(100, [person]), _tick(200, [person])]
-    person.history.append(250, STILL)
-    person.history.append(300, GroundPose(3.0, 2.0, 0.0, math.pi / 2))
+    person.history = moved = GivenPoses(50, STILL)
+    moved.append(250, STILL)
+    moved.append(300, GroundPose(3.0, 2.0, 0.0, math.pi / 2))
     record = _record([*ticks, _tick(300, [person])])
     track = record.lives[0].footprints
     assert track.stamps_ns.tolist() == [100, 300]

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 import are_ros
-from are_ros.artefacts.behaviours.intent import Behaviour, Intent, Steady, stand
+from are_ros.artefacts.behaviours.intent import Behaviour, Intent, stand
 from are_ros.artefacts.behaviours.situation import Situation
 from are_ros.artefacts.behaviours.standing import Standing
 from are_ros.conventions import NS_PER_S
@@ -27,7 +27,6 @@ FAILED: Final = "its behaviour failed"
 _PACKAGE: Final = are_ros.__name__
 _FOLDER: Final = str(Path(are_ros.__file__).parent)
 _FARTHEST_M: Final = 1e9
-_END_NS: Final = 2**63
 _NUMBERS: Final = (int, float, np.integer, np.floating)
 
 
@@ -76,24 +75,6 @@ def intent_of(behaviour: Behaviour, situation: Situation) -> Intent:
     return intent
 
 
-def steady_of(behaviour: Behaviour, asked: Asked) -> Steady | None:
-    """Return what a behaviour says of its intent. BehaviourError where one's own fails."""
-    kind = type(behaviour)
-    if not tells(kind):
-        return None
-    try:
-        steady = getattr(behaviour, "steady", None)
-    except Exception as cause:
-        if not _is_own(kind):
-            raise
-        raise _raised(kind, asked, cause, "steady") from cause
-    if not isinstance(steady, Steady):
-        return None
-    if _is_own(kind) and (reason := next(_why_not_steady(steady), None)) is not None:
-        raise _failure(kind, asked, f"steady has {reason}", _start_of(kind, "steady"))
-    return steady
-
-
 def who_is_asked(frame: FrameType | None) -> str:
     """Return which behaviour of the user's own a thread is in, and where, by its newest frame.
 
@@ -116,16 +97,6 @@ def who_is_asked(frame: FrameType | None) -> str:
 def _is_own(kind: type) -> bool:
     """Tell whether a class is the user's."""
     return kind.__module__.partition(".")[0] != _PACKAGE
-
-
-@lru_cache
-def tells(kind: type) -> bool:
-    """Tell whether a class has a `steady` that is made for its way to decide.
-
-    One inherited is not, where it decides otherwise than the class that it inherits from.
-    """
-    first = next((one for one in kind.__mro__ if {"decide", "steady"} & vars(one).keys()), None)
-    return first is not None and "steady" in vars(first)
 
 
 def _why_no_intent(intent: object) -> Iterator[str]:
@@ -157,18 +128,6 @@ def _is_point(point_m: object) -> bool:
 
 def _is_number(number: object) -> bool:
     return isinstance(number, _NUMBERS) and math.isfinite(number)
-
-
-def _why_not_steady(steady: Steady) -> Iterator[str]:
-    """Yield what is wrong with how long an intent is to hold."""
-    times: tuple[tuple[str, object], ...]
-    times = (("until_ns", steady.until_ns), ("since_ns", steady.since_ns))
-    for name, t_ns in times:
-        if not (isinstance(t_ns, int | np.integer) and abs(int(t_ns)) < _END_NS):
-            yield f"the {name} {t_ns!r}: a whole number of nanoseconds is needed"
-    patience_s: object = steady.patience_s
-    if not isinstance(patience_s, _NUMBERS) or math.isnan(patience_s):
-        yield f"the patience_s {patience_s!r}: a number of seconds is needed"
 
 
 def _raised(kind: type, asked: Asked, cause: Exception, method: str) -> BehaviourError:
@@ -223,5 +182,5 @@ def _file_of(kind: type) -> str | None:
         return None
 
 
-_QUESTIONS: Final = {function.__code__ for function in (made, intent_of, steady_of)}
+_QUESTIONS: Final = {function.__code__ for function in (made, intent_of)}
 """The code that calls the user's; each has `kind` and `asked`."""

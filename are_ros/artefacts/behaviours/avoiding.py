@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.behaviours.intent import Intent, Point, Steady, stand
+from are_ros.artefacts.behaviours.intent import Intent, Point, stand
 from are_ros.artefacts.behaviours.situation import RobotView, Situation
 from are_ros.artefacts.behaviours.trip import any_destination
 from are_ros.artefacts.behaviours.walking import Walking
@@ -47,12 +47,6 @@ class Avoiding:
         if was_away_going:
             self._walk.change_destination()
         return self._walk.decide(situation)
-
-    @property
-    def steady(self) -> Steady | None:
-        """What it wants while it walks and there is no robot."""
-        steady = self._walk.steady
-        return None if steady is None else steady._replace(heeds_robot=True)
 
     @staticmethod
     def _go_away(robot: RobotView, situation: Situation) -> Intent:

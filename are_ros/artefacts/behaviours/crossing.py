@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.behaviours.intent import Intent, Point, Steady, stand
+from are_ros.artefacts.behaviours.intent import Intent, Point, stand
 from are_ros.artefacts.behaviours.pause import Pause
 from are_ros.artefacts.behaviours.robot_path import RobotPath
 from are_ros.artefacts.behaviours.situation import RobotView, Situation
@@ -65,12 +65,6 @@ class Crossing:
         if self._goal_m is None:
             return self._approach(situation)
         return self._cross(self._goal_m, situation)
-
-    @property
-    def steady(self) -> Steady | None:
-        """What it wants while it walks and there is no robot."""
-        steady = self._walk.steady
-        return None if steady is None else steady._replace(heeds_robot=True)
 
     def _cross(self, goal_m: Point, situation: Situation) -> Intent:
         return Intent(

@@ -1,10 +1,7 @@
 """What an artefact wants until its next decision, and the interface of whatever decides it."""
 
-import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Protocol
-
-from are_ros.conventions import FOR_EVER_NS
+from typing import TYPE_CHECKING, ClassVar, Final, Protocol
 
 if TYPE_CHECKING:
     from are_ros.artefacts.behaviours.situation import Situation
@@ -37,27 +34,11 @@ class Intent:
     robot_comfort_m: float | None = None
 
 
-class Steady(NamedTuple):
-    """That an intent holds: asked again a behaviour would return it again, and change in nothing.
-
-    It holds until `until_ns`, unless the goal is reached or no way leads there, or the artefact,
-    which has wanted this since `since_ns`, has been kept from going on for longer than
-    `patience_s`; with `heeds_robot` only as long as there is no robot.
-    """
-
-    intent: Intent
-    until_ns: int = FOR_EVER_NS
-    since_ns: int = 0
-    patience_s: float = math.inf
-    heeds_robot: bool = False
-
-
 class Behaviour(Protocol):
     """Decides for one artefact; each artefact has an instance of its own, which may keep state.
 
     The class is made without arguments. Its choices depend on nothing but the situations: random
-    numbers come from `situation.random`, the time from `situation.now_ns`. One that has a `steady`
-    (`Steady`, or None) is not asked again while that holds, which is much quicker.
+    numbers come from `situation.random`, the time from `situation.now_ns`.
     """
 
     name: ClassVar[str]

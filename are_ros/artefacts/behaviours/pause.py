@@ -14,11 +14,6 @@ class Pause:
     def __init__(self) -> None:
         self._until_ns: int | None = None
 
-    @property
-    def until_ns(self) -> int | None:
-        """When the pause is over, None if there is none."""
-        return self._until_ns
-
     def begin(self, now_ns: int, random: np.random.Generator) -> None:
         """Pause from now on."""
         length_s = SHORTEST_S + float(random.exponential(_MEAN_ABOVE_SHORTEST_S))

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.behaviours.intent import Intent, Point, Steady
+from are_ros.artefacts.behaviours.intent import Point
 from are_ros.artefacts.behaviours.situation import Situation
 from are_ros.conventions import NS_PER_S
 
@@ -66,10 +66,6 @@ class Trip:
         self._shunned_m: deque[Point] = deque(maxlen=_REMEMBERED)
         self._begun_ns = 0
         self._patience_s = 0.0
-
-    def steady(self, intent: Intent) -> Steady:
-        """Return for how long the intent to go there holds."""
-        return Steady(intent, since_ns=self._begun_ns, patience_s=self._patience_s)
 
     def is_reached(self, situation: Situation) -> bool:
         """Say whether the artefact has arrived; the trip is over then."""

@@ -5,7 +5,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.behaviours.intent import Intent, Steady, stand
+from are_ros.artefacts.behaviours.intent import Intent, stand
 from are_ros.artefacts.behaviours.pause import Pause
 from are_ros.artefacts.behaviours.situation import Situation
 from are_ros.artefacts.behaviours.trip import (
@@ -50,16 +50,6 @@ class Walking:
             speed_mps, within_m = self.speed_mps(situation), arrival_m(situation)
             self._intent = Intent(goal_m, speed_mps, within_m, activity=self.name)
         return self._intent
-
-    @property
-    def steady(self) -> Steady | None:
-        """What it wants, for as long as it surely wants that."""
-        until_ns, intent = self._pause.until_ns, self._intent
-        if until_ns is not None:
-            return Steady(_PAUSING, until_ns)
-        if intent is None or intent.goal_m != self._trip.goal_m:
-            return None
-        return self._trip.steady(intent)
 
     def change_destination(self) -> None:
         """Be on the way to somewhere else, from this decision on."""
@@ -133,14 +123,6 @@ class Stopping(Walking):
         elif self._stop_ns is None:
             self._stop_ns = now_ns + seconds_to_ns(situation.drawn_between(*self._BETWEEN_STOPS_S))
         return intent
-
-    @property
-    def steady(self) -> Steady | None:
-        """What it wants, for as long as it surely wants that."""
-        steady = super().steady
-        if steady is None or self._stop_ns is None:
-            return steady
-        return steady._replace(until_ns=min(steady.until_ns, self._stop_ns))
 
 
 def arrival_m(situation: Situation) -> float:

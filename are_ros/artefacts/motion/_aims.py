@@ -94,7 +94,9 @@ def kind_of(fleet: Fleet, i: int, pose: Floats, now: int, second: int) -> int:
         if mind.passed_at != NEVER:
             return COASTING
     elif abs(pose[SPEED]) < _STANDS and has_arrived(pose, order, body):
-        return FACING if _can_face(pose, order, body) else STANDING
+        if np.isnan(order.face) or body.turn_radius > 0.0:  # no heading wanted, or no turn there
+            return STANDING
+        return FACING if abs(wrapped(order.face - pose[YAW])) >= _FACED else STANDING
     return DETOURING if now < mind.detour_until else GOING
 
 
@@ -119,14 +121,6 @@ def aim_of(fleet: Fleet, i: int, pose: Floats, now: int, second: int) -> Aim:
         return Aim(DETOURING, heading + mind.detour, np.inf, speed, stop_cost, 0.0, False)
     ends = order.stops == 1 or mind.passed_at != NEVER
     return Aim(GOING, heading, way_to(pose, order), speed, stop_cost, 0.0, ends)
-
-
-@borrowing
-def _can_face(pose: Floats, order: Any, body: Any) -> bool:
-    """Tell whether one that has arrived still is to turn on the spot."""
-    if np.isnan(order.face) or body.turn_radius > 0.0:
-        return False
-    return bool(abs(wrapped(order.face - pose[YAW])) >= _FACED)
 
 
 @borrowing

@@ -57,40 +57,27 @@ def _assess_robot(
 
 
 @borrowing
-def _wanted_gap(fleet: Fleet, i: int, j: int, pose: Floats, other: Floats) -> float:
-    """Return the gap that i wants from j: its comfort, or what there is if that is less."""
-    body, comfort = fleet.body[i], fleet.order[i].comfort
-    if distance(pose, other) >= comfort + body.radius + fleet.body[j].radius:
-        return float(comfort)
-    return float(min(max(separation(pose, body, other, fleet.body[j]), 0.0), comfort))
-
-
-@borrowing
 def look_round(
     fleet: Fleet, i: int, pose: Floats, reach: float, now: int, desk: Desk, found: int
 ) -> int:
     """Strike those out of the first of `desk.near` whom nothing within `reach` of a pose can meet.
 
-    Writes the gap wanted from each of the others; returns how many they are.
+    Writes the gap wanted from each of the others: its comfort, or what there is if that is less.
+    Returns how many they are.
     """
-    count = 0
+    count, body, comfort = 0, fleet.body[i], fleet.order[i].comfort
     for n in range(found):
         j = desk.near[n]
         place = fleet.place[j]
         dx, dy, far = place.x - pose[X], place.y - pose[Y], place.reach + reach
         if dx * dx + dy * dy < far * far:
             other = fleet.path[j, min(now - place.begin, place.last)]
-            desk.near[count], desk.wanted[count] = j, _wanted_gap(fleet, i, j, pose, other)
+            desk.near[count], desk.wanted[count] = j, comfort
+            if distance(pose, other) < comfort + body.radius + fleet.body[j].radius:
+                gap = max(separation(pose, body, other, fleet.body[j]), 0.0)
+                desk.wanted[count] = min(gap, comfort)
             count += 1
     return count
-
-
-@borrowing
-def _meets_again(fleet: Fleet, i: int, path: Floats, last: int, now: int, j: int, k: int) -> bool:
-    """Tell whether a path meets j just when another did."""
-    place = fleet.place[j]
-    other = fleet.path[j, min(now - place.begin + k, place.last)]
-    return bool(separation(path[min(k, last)], fleet.body[i], other, fleet.body[j]) < -TOUCH)
 
 
 @borrowing
@@ -108,7 +95,7 @@ def _assess_others(
     most: float,
     has_comfort: bool,
 ) -> tuple[float, int, int]:
-    """Return what a path costs for its nearness to others; the slot of whom it meets first; when.
+    """Return what a path costs for its nearness to others; the row of whom it meets first; when.
 
     That one is put before the others, to be tried first. If such a one was met before, at sub-step
     `met`, then whom it meets at all. Looks no further once the cost is `most`. Without comfort only
@@ -166,14 +153,17 @@ def assess(
     met: int,
     most: float,
 ) -> tuple[float, int, int, int]:
-    """Return what a path costs besides its option, what is in its way, the slot of whom, and when.
+    """Return what a path costs besides its option, what is in its way, the row of whom, and when.
 
     What costs `most` or more is INFEASIBLE. `met`: see `_assess_others`; the others are looked at
     before the walls if one was in the way before.
     """
-    if met != NEVER and _meets_again(fleet, i, path, last, now, desk.near[0], met):
-        return INFEASIBLE, BY_ARTEFACT, desk.near[0], met
     body, order = fleet.body[i], fleet.order[i]
+    if met != NEVER:  # the one that another path met, at the same sub-step
+        j, place = desk.near[0], fleet.place[desk.near[0]]
+        other = fleet.path[j, min(now - place.begin + met, place.last)]
+        if separation(path[min(met, last)], body, other, fleet.body[j]) < -TOUCH:
+            return INFEASIBLE, BY_ARTEFACT, j, met
     pace = pace_of(path, last, body, tempo.step_s)
     circle = circle_of(path, last)
     home = fleet.path[i, fleet.place[i].last]

@@ -20,11 +20,11 @@ def _span(x: float, y: float, half: float) -> tuple[int, int, int, int]:
 
 
 @owning
-def fill(squares: Floats, slots: Integers) -> Buckets:
-    """Return the grid of squares (N, 3) of the slots (N,); a bucket keeps their order."""
+def fill(squares: Floats) -> Buckets:
+    """Return the grid of the squares (N, 3) of all rows; a bucket keeps their order."""
     total = 0
-    spans = np.empty((slots.shape[0], 4), np.int64)
-    for n in range(slots.shape[0]):
+    spans = np.empty((squares.shape[0], 4), np.int64)
+    for n in range(squares.shape[0]):
         left, right, low, high = _span(squares[n, 0], squares[n, 1], squares[n, 2])
         spans[n, 0], spans[n, 1], spans[n, 2], spans[n, 3] = left, right, low, high
         total += (right - left + 1) * (high - low + 1)
@@ -33,7 +33,7 @@ def fill(squares: Floats, slots: Integers) -> Buckets:
         bits += 1
     mask = (1 << bits) - 1
     starts = np.zeros((1 << (2 * bits)) + 1, np.int64)
-    for n in range(slots.shape[0]):
+    for n in range(squares.shape[0]):
         left, right, low, high = spans[n, 0], spans[n, 1], spans[n, 2], spans[n, 3]
         for row in range(low, high + 1):
             for col in range(left, right + 1):
@@ -42,12 +42,12 @@ def fill(squares: Floats, slots: Integers) -> Buckets:
         starts[bucket] += starts[bucket - 1]
     ends = starts.copy()
     entries = np.empty(total, np.int64)
-    for n in range(slots.shape[0]):
+    for n in range(squares.shape[0]):
         left, right, low, high = spans[n, 0], spans[n, 1], spans[n, 2], spans[n, 3]
         for row in range(low, high + 1):
             for col in range(left, right + 1):
                 bucket = (row & mask) << bits | (col & mask)
-                entries[ends[bucket]] = slots[n]
+                entries[ends[bucket]] = n
                 ends[bucket] += 1
     return Buckets(starts, entries, bits)
 
@@ -62,7 +62,7 @@ def gather(
     stamp: int,
     near: Integers,
 ) -> int:
-    """Write to `near` the slots, without `me`, whose circle may meet a square (x, y, half side).
+    """Write to `near` the rows, without `me`, whose circle may meet a square (x, y, half side).
 
     Returns how many. `stamp` is larger than all that were given before with the same `seen`.
     """
@@ -74,13 +74,13 @@ def gather(
         for col in range(left, right + 1):
             bucket = (row & mask) << buckets.bits | (col & mask)
             for entry in range(buckets.starts[bucket], buckets.starts[bucket + 1]):
-                slot = buckets.slots[entry]
-                if seen[slot] == stamp:
+                other = buckets.rows[entry]
+                if seen[other] == stamp:
                     continue
-                seen[slot] = stamp
-                place = fleet.place[slot]
+                seen[other] = stamp
+                place = fleet.place[other]
                 reach = place.reach + square[2]
                 if abs(place.x - square[0]) < reach and abs(place.y - square[1]) < reach:
-                    near[count] = slot
+                    near[count] = other
                     count += 1
     return count

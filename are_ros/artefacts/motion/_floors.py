@@ -1,5 +1,6 @@
 """The ground of the newest environment for the kernels, one layer for each height of bodies."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,32 +13,27 @@ from are_ros.world.lattice_cover import lattice_row
 
 
 class Floors:
-    """Remembers which heights there are, and lays the floor for them."""
+    """Lays the floor of an environment for the heights that there are."""
 
     def __init__(self, terrains: Terrains) -> None:
         self._terrains = terrains
-        self._levels: list[int] = []
         self._environment: Environment | None = None
+        self._levels: list[int] = []
         self._floor: Floor | None = None
 
-    def level_of(self, height_m: float) -> int:
-        """Return which layer is that of a body's height, rounded up to 0.25 m."""
-        steps = int(np.ceil(height_m / HEIGHT_STEP_M))
-        if steps not in self._levels:
-            self._levels.append(steps)
-            self._floor = None
-        return self._levels.index(steps)
+    def of(self, environment: Environment, levels: Sequence[int]) -> tuple[bool, Floor]:
+        """Return whether the environment is new, and its floor, a layer for each level of height.
 
-    def of(self, environment: Environment) -> tuple[bool, Floor]:
-        """Return whether the environment is new, and its floor."""
+        Levels are heights in steps of `HEIGHT_STEP_M`.
+        """
         is_new = environment is not self._environment
-        if is_new or self._floor is None:
-            self._environment = environment
-            self._floor = self._lay(environment)
+        if is_new or self._floor is None or self._levels != levels:
+            self._environment, self._levels = environment, list(levels)
+            self._floor = self._lay(environment, levels or [1])
         return is_new, self._floor
 
-    def _lay(self, environment: Environment) -> Floor:
-        grid, levels = environment.grid, self._levels or [1]
+    def _lay(self, environment: Environment, levels: Sequence[int]) -> Floor:
+        grid = environment.grid
         terrains = [self._terrains.of(environment, HEIGHT_STEP_M * level) for level in levels]
         if not has_own_voxels(environment):  # all layers are one
             del terrains[1:]

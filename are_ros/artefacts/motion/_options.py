@@ -12,7 +12,7 @@ import numpy as np
 from are_ros.artefacts.motion._aims import GOING, PUSHED, Aim
 from are_ros.artefacts.motion._borrowing import borrowing
 from are_ros.artefacts.motion._rollouts import BRAKE, HEADING, POINT, RETREAT, wrapped
-from are_ros.artefacts.motion._state import COS, SIN, SPEED, Floats, Tempo
+from are_ros.artefacts.motion._state import COS, SIN, Floats, Tempo
 from are_ros.artefacts.motion._vehicles import vehicle_options
 
 _DELTAS = np.radians(
@@ -161,12 +161,6 @@ def rule_out_twin(options: Floats, count: int, n: int, k: int, last: int, steps:
             and options[other, 2] == options[n, 2]
         ):
             options[other, 3] = np.inf
-
-
-@borrowing
-def is_at_rest(aim: Aim, pose: Floats) -> bool:
-    """Tell whether there is nothing to do."""
-    return bool(aim.speed <= 0.0 and np.isnan(aim.heading) and pose[SPEED] == 0.0)
 
 
 @borrowing

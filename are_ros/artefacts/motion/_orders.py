@@ -18,30 +18,34 @@ def give(
     orders: Records,
     minds: Records,
     due: Integers,
-    slots: Integers,
-    rows: npt.NDArray[np.float64],
+    rows: Integers,
+    commands: npt.NDArray[np.float64],
     now: int,
 ) -> None:
-    """Write orders into the records of some slots (M,); `rows` (M, 9) as `order_record`.
+    """Write orders into the records of some rows (M,); `commands` (M, 9) as `order_record`.
 
     Whose sub-goal or speed is news plans at once; what was in the way to another is forgotten.
     """
-    for k in range(slots.shape[0]):
-        slot = slots[k]
-        before, mind = orders[slot], minds[slot]
-        shift_m = _shift_m(before.has_goal != 0, before.x, before.y, rows[k])
-        if shift_m > _NEWS_M or rows[k, 3] != before.speed:
-            due[slot] = now
+    for k in range(rows.shape[0]):
+        i = rows[k]
+        before, mind = orders[i], minds[i]
+        shift_m = _shift_m(before.has_goal != 0, before.x, before.y, commands[k])
+        if shift_m > _NEWS_M or commands[k, 3] != before.speed:
+            due[i] = now
         if shift_m > 0.0:
             mind.passed_at = NEVER
         if shift_m > _ELSEWHERE_M and mind.credit < 0.0:
             mind.credit = 0.0  # what it went back from the old one is no loss
-        if rows[k, 0] == 0.0 and shift_m > 0.0:
+        if commands[k, 0] == 0.0 and shift_m > 0.0:
             forget_blockade(mind)
-        before.has_goal, before.x, before.y = np.int64(rows[k, 0]), rows[k, 1], rows[k, 2]
-        before.speed, before.stops = rows[k, 3], np.int64(rows[k, 4])
-        before.face, before.comfort = rows[k, 5], rows[k, 6]
-        before.robot_comfort, before.wall_comfort = rows[k, 7], rows[k, 8]
+        before.has_goal, before.x, before.y = (
+            np.int64(commands[k, 0]),
+            commands[k, 1],
+            commands[k, 2],
+        )
+        before.speed, before.stops = commands[k, 3], np.int64(commands[k, 4])
+        before.face, before.comfort = commands[k, 5], commands[k, 6]
+        before.robot_comfort, before.wall_comfort = commands[k, 7], commands[k, 8]
 
 
 @compiled

@@ -12,7 +12,6 @@ import numpy as np
 from are_ros.artefacts.motion._aims import COASTING, FACING, STANDING, Aim, kind_of, way_to
 from are_ros.artefacts.motion._borrowing import borrowing
 from are_ros.artefacts.motion._state import (
-    BY_ARTEFACT,
     NOBODY,
     UNHINDERED,
     YAW,
@@ -131,10 +130,3 @@ def forget_blockade(mind: Any) -> None:
     """Let one that does not want to move, or has got going, be patient again."""
     mind.blocked, mind.credit, mind.patience = 0.0, 0.0, _FIRST_DETOUR
     mind.hindrance, mind.hindered_by = UNHINDERED, NOBODY
-
-
-@borrowing
-def note_hindrance(mind: Any, kind: int, who: int) -> None:
-    """Remember what was in the way of what it would have liked best."""
-    mind.hindrance = kind
-    mind.hindered_by = who if kind == BY_ARTEFACT else NOBODY

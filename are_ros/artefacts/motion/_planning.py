@@ -12,10 +12,9 @@ from are_ros.artefacts.motion._options import (
     cheapest,
     direction_of,
     fill_options,
-    is_at_rest,
     rule_out_twin,
 )
-from are_ros.artefacts.motion._patience import can_yield, consider_detour, note_hindrance, push
+from are_ros.artefacts.motion._patience import can_yield, consider_detour, push
 from are_ros.artefacts.motion._rollouts import BRAKE, circle_of, pace_of, roll_out
 from are_ros.artefacts.motion._state import (
     BY_ARTEFACT,
@@ -89,7 +88,7 @@ def _search(
     """Try options, cheapest first, until none can be cheaper than the best found by `_WORTH_IT`.
 
     Returns the option chosen (-1: none is feasible), which of the two scratch paths it fills and
-    its last index, what was in the way of the first, and the slot of the first that was in the way.
+    its last index, what was in the way of the first, and the row of the first that was in the way.
     """
     best, chosen, side, last = INFEASIBLE, -1, 0, 0
     hindrance, culprit, is_first, met = UNHINDERED, NOBODY, True, NEVER
@@ -131,15 +130,6 @@ def _search(
 
 
 @borrowing
-def _backs_off(mind: Any, body: Any, pose: Floats, floor: Floor) -> bool:
-    """Tell whether one that walks has been kept, or is backing off, where walls let it not turn."""
-    if body.turn_radius > 0.0 or pose[SPEED] > 0.0:
-        return False
-    is_kept = mind.blocked > _BACKS_OFF_AFTER or mind.gear < 0
-    return bool(is_kept and not turns_freely(pose, body, floor))
-
-
-@borrowing
 def plan(
     fleet: Fleet,
     i: int,
@@ -160,10 +150,14 @@ def plan(
     copy_pose(pose, desk.paths[1, 0])
     consider_detour(mind, place.id, now, tempo.second)
     aim = aim_of(fleet, i, pose, now, tempo.second)
-    if is_at_rest(aim, pose) and start == place.last:
+    is_at_rest = aim.speed <= 0.0 and np.isnan(aim.heading) and pose[SPEED] == 0.0
+    if is_at_rest and start == place.last:
         place.must_plan = 0
         return
-    backs_off = _backs_off(mind, body, pose, floor)
+    # one that walks has been kept, or is backing off, where walls let it not turn
+    backs_off = body.turn_radius == 0.0 and pose[SPEED] <= 0.0
+    backs_off = backs_off and (mind.blocked > _BACKS_OFF_AFTER or mind.gear < 0)
+    backs_off = backs_off and not turns_freely(pose, body, floor)
     options = fill_options(desk.options, aim, pose, body, order, mind, tempo, backs_off)
     desk.counters[STAMP] += 1
     reach = reach_of(body, tempo)
@@ -181,7 +175,7 @@ def plan(
         hindrance = BY_ARTEFACT  # the walls would have left it a way
     who = fleet.place[culprit].id if culprit != NOBODY else NOBODY
     if aim.kind == GOING:
-        note_hindrance(mind, hindrance, who)
+        mind.hindrance, mind.hindered_by = hindrance, who if hindrance == BY_ARTEFACT else NOBODY
         mind.can_yield = (
             hindrance == BY_ARTEFACT and culprit != NOBODY and can_yield(fleet, culprit)
         )

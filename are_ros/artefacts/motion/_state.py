@@ -1,6 +1,6 @@
-"""What the kernels of the planner work on: records by slot, and what surrounds them.
+"""What the kernels of the planner work on: the records of the agent table, and what surrounds them.
 
-A slot is where an artefact's records lie; slots are reused, and nothing depends on which one it is.
+A row of the records is an agent's; the rows are in the order of the ids.
 """
 
 import math
@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.motion.body import Body
-from are_ros.artefacts.motion.order import Order
+from are_ros.artefacts.motion.order import STAND, Order
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -22,6 +22,11 @@ X, Y, YAW, COS, SIN, SPEED = range(6)
 NOBODY: Final = -1
 UNHINDERED, BY_WALL, BY_ARTEFACT, BY_ROBOT = range(4)
 NEVER: Final = 1 << 60
+STAYS: Final = -(1 << 62)
+
+_WALK_S: Final = 1.0
+_DRIVE_S: Final = 1.5
+_BRAKE_S: Final = 2.5
 
 PLACE = np.dtype(
     [
@@ -34,6 +39,7 @@ PLACE = np.dtype(
         ("pace", "f8"),  # the highest speed of any point of the box on the path
         ("must_plan", "i8"),  # its path was broken
         ("is_scripted", "i8"),
+        ("is_news", "i8"),  # its path was changed from outside: the others look at theirs
     ]
 )
 BODY = np.dtype(
@@ -90,10 +96,18 @@ MIND = np.dtype(
         ("can_yield", "i8"),  # whether that one could get out of the way
     ]
 )
+LIFE = np.dtype(
+    [
+        ("phase", "i8"),  # in which sub-steps of a decision period it decides, -1: never
+        ("behaviour", "i8"),  # the number of its behaviour
+        ("leaving", "i8"),  # since when [ns] it is on its way out, STAYS: it is not
+    ]
+)
+"""What no kernel asks for."""
 
 
 class Fleet(NamedTuple):
-    """Records of all slots (C,); `path` float64 (C, K, 6).
+    """Records of N agents, in the order of their ids; `path` float64 (N, K, 6).
 
     `due`: the sub-steps at which they plan next, if there is anything to do.
     """
@@ -104,16 +118,6 @@ class Fleet(NamedTuple):
     mind: Records
     due: Integers
     path: Floats
-
-
-class Columns(NamedTuple):
-    """Fields of the minds of all slots, to be read and written one by one from Python."""
-
-    passed_at: Integers
-    credit: Floats
-    blocked: Floats
-    hindrance: Integers
-    hindered_by: Integers
 
 
 class Tempo(NamedTuple):
@@ -149,10 +153,10 @@ class RobotPath(NamedTuple):
 
 
 class Buckets(NamedTuple):
-    """A hash grid: where the slots of each bucket start, and the slots in the order of ids."""
+    """A hash grid: where the rows of each bucket start, and the rows in the order of ids."""
 
     starts: Integers
-    slots: Integers
+    rows: Integers
     bits: int
 
 
@@ -176,20 +180,29 @@ PLANS, KEPT, EMERGENCIES, STAMP = range(4)
 """Counters: accepted, old trajectory kept, broken ones with no way out, marks given so far."""
 
 
+def tempo_of(step_s: float) -> Tempo:
+    """Return the times of manoeuvres for the length of a sub-step [s]."""
+    return Tempo(step_s, round(_WALK_S / step_s), round(_DRIVE_S / step_s), round(1.0 / step_s))
+
+
+def path_length(tempo: Tempo) -> int:
+    """Return how many poses the longest path has: a manoeuvre, and braking to a stand."""
+    return tempo.drive + round(_BRAKE_S / tempo.step_s) + 3
+
+
 def fleet_of(capacity: int, length: int) -> Fleet:
-    """Return the records of empty slots for paths of `length` poses."""
+    """Return the records of so many agents, for paths of `length` poses.
+
+    Each kind is an array of its own: a column of a record is contiguous for one agent only, and
+    kernels would be compiled for both.
+    """
     place, body, order, mind = (np.zeros(capacity, kind) for kind in (PLACE, BODY, ORDER, MIND))
     due = np.zeros(capacity, np.int64)
     return Fleet(place, body, order, mind, due, np.zeros((capacity, length, 6)))
 
 
-def columns_of(fleet: Fleet) -> Columns:
-    """Return views of single fields."""
-    return Columns(*(fleet.mind[name] for name in Columns._fields))
-
-
 def desk_of(capacity: int, length: int) -> Desk:
-    """Return scratch for that many slots."""
+    """Return scratch for that many agents."""
     return Desk(
         np.zeros((2, length, 6)),
         np.zeros(capacity, np.int64),
@@ -202,14 +215,14 @@ def desk_of(capacity: int, length: int) -> Desk:
     )
 
 
-def write_body(record: Any, body: Body, top_speed: float, terrain: int) -> None:
-    """Write a body into its record; its speed is limited to `top_speed`."""
+def write_body(record: Any, body: Body, terrain: int) -> None:
+    """Write a body into its record; it goes no faster than it can brake within a path."""
     count, gap, radius = body.discs()
     lengthwise = body.half_size_m[0] >= body.half_size_m[1]
     record["half_x"], record["half_y"] = body.half_size_m
     record["centre_x"], record["centre_y"] = body.centre_m
     record["radius"] = body.radius_m
-    record["speed"] = min(body.speed_mps, top_speed)
+    record["speed"] = min(body.speed_mps, body.acceleration_mps2 * _BRAKE_S)
     record["acceleration"] = body.acceleration_mps2
     record["turn_rate"] = body.turn_rate_radps
     record["turn_radius"] = body.turn_radius_m
@@ -234,3 +247,6 @@ def order_record(order: Order) -> tuple[float, ...]:
         order.robot_comfort_m,
         order.wall_comfort_m,
     )
+
+
+STAND_ROW: Final = order_record(STAND)

@@ -18,7 +18,6 @@ from are_ros.artefacts.motion._state import (
     Fleet,
     Floats,
     Floor,
-    Integers,
     Records,
     RobotPath,
     Tempo,
@@ -37,20 +36,6 @@ def _is_moving(place: Any, now: int) -> bool:
 
 
 @borrowing
-def _meets_robot(fleet: Fleet, i: int, now: int, robot: RobotPath, box: Floats) -> bool:
-    """Tell whether what is left of a path leads into the robot, where it is or will be."""
-    place = fleet.place[i]
-    reach = place.reach + robot.reach
-    if abs(place.x - robot.x) > reach or abs(place.y - robot.y) > reach:
-        return False
-    start, pace = now - place.begin, place.pace + robot.pace
-    _, predicted, present = robot_conflict(
-        fleet.path[i], start, place.last, fleet.body[i], robot, 0.0, pace, box
-    )
-    return bool(predicted != NEVER or present != NEVER)
-
-
-@borrowing
 def _is_due(fleet: Fleet, i: int, now: int, robot: RobotPath, box: Floats) -> bool:
     """Tell whether an artefact plans in this sub-step."""
     if now < fleet.due[i] and robot.outlines.shape[0] == 0:
@@ -60,112 +45,94 @@ def _is_due(fleet: Fleet, i: int, now: int, robot: RobotPath, box: Floats) -> bo
         return False
     moves = _is_moving(place, now)
     if now < fleet.due[i]:
-        return moves and _meets_robot(fleet, i, now, robot, box)
+        # only where what is left of its path leads into the robot, where it is or will be
+        reach = place.reach + robot.reach
+        is_far = abs(place.x - robot.x) > reach or abs(place.y - robot.y) > reach
+        if is_far or not moves:
+            return False
+        start, pace = now - place.begin, place.pace + robot.pace
+        _, predicted, present = robot_conflict(
+            fleet.path[i], start, place.last, fleet.body[i], robot, 0.0, pace, box
+        )
+        return bool(predicted != NEVER or present != NEVER)
     return bool(moves or fleet.order[i].has_goal == 1 or now < fleet.mind[i].pushed_until)
 
 
 @borrowing
-def _widen(
-    squares: Floats, fleet: Fleet, slots: Integers, due: _Mask, now: int, tempo: Tempo
-) -> None:
-    """Make the squares (N, 3), x, y, half side, hold what those who are due may commit to."""
-    for n in range(slots.shape[0]):
-        if due[n]:
-            place = fleet.place[slots[n]]
-            pose = fleet.path[slots[n], min(now - place.begin, place.last)]
-            away = max(abs(pose[X] - place.x), abs(pose[Y] - place.y))
-            reach = reach_of(fleet.body[slots[n]], tempo)
-            squares[n, 0], squares[n, 1] = pose[X], pose[Y]
-            squares[n, 2] = max(reach, away + place.reach)
-
-
-@borrowing
 def _mark_due(
-    due: _Mask, fleet: Fleet, slots: Integers, now: int, robot: RobotPath, box: Floats
+    due: _Mask, squares: Floats, fleet: Fleet, now: int, robot: RobotPath, desk: Desk, tempo: Tempo
 ) -> int:
-    """Write who plans in this sub-step to `due` (N,); return how many they are."""
+    """Write who plans in this sub-step to `due` (N,); return how many they are.
+
+    And to `squares` (N, 3), x, y, half side, what holds all that each is or may commit to.
+    """
     count = 0
-    for n in range(slots.shape[0]):
-        due[n] = _is_due(fleet, slots[n], now, robot, box)
-        count += due[n]
+    for i in range(due.shape[0]):
+        place = fleet.place[i]
+        squares[i, 0], squares[i, 1], squares[i, 2] = place.x, place.y, place.reach
+        due[i] = _is_due(fleet, i, now, robot, desk.box)
+        if due[i]:
+            count += 1
+            pose = fleet.path[i, min(now - place.begin, place.last)]
+            away = max(abs(pose[X] - place.x), abs(pose[Y] - place.y))
+            squares[i, 0], squares[i, 1] = pose[X], pose[Y]
+            squares[i, 2] = max(reach_of(fleet.body[i], tempo), away + place.reach)
     return count
 
 
 @owning
 def run(
-    fleet: Fleet,
-    slots: Integers,
-    circles: Floats,
-    now: int,
-    index: int,
-    tempo: Tempo,
-    floor: Floor,
-    robot: RobotPath,
-    desk: Desk,
-) -> tuple[_Mask, Floats, Floats]:
-    """Let those who are due plan at sub-step `now`, in the order given, then all go on to the next.
+    fleet: Fleet, now: int, index: int, tempo: Tempo, floor: Floor, robot: RobotPath, desk: Desk
+) -> tuple[_Mask, Floats]:
+    """Let those who are due plan at sub-step `now`, in the order of ids, then all go on.
 
-    Circles as of `survey`. Returns bool (N,): whose pose has changed; and then what `survey` does
-    of the next sub-step.
+    Returns bool (N,): whose pose has changed; and the poses (N, 6) at the next sub-step.
     """
-    due = np.empty(slots.shape[0], np.bool_)
-    if _mark_due(due, fleet, slots, now, robot, desk.box) > 0:
-        squares = circles.copy()
-        _widen(squares, fleet, slots, due, now, tempo)
-        buckets = fill(squares, slots)
+    size = fleet.place.shape[0]
+    due, squares = np.empty(size, np.bool_), np.empty((size, 3))
+    if _mark_due(due, squares, fleet, now, robot, desk, tempo) > 0:
+        buckets = fill(squares)
         epoch = index // (_RANKS_LAST_SECONDS * tempo.second)
-        for n in range(slots.shape[0]):
-            if due[n]:
-                plan(fleet, slots[n], now, epoch, tempo, floor, robot, buckets, desk)
-    moved = np.empty(slots.shape[0], np.bool_)
-    _go_on(moved, fleet, slots, now, tempo)
-    poses, circles = survey(fleet, slots, now + 1)
-    return moved, poses, circles
+        for i in range(size):
+            if due[i]:
+                plan(fleet, i, now, epoch, tempo, floor, robot, buckets, desk)
+    moved, poses = np.empty(size, np.bool_), np.empty((size, 6))
+    _go_on(moved, poses, fleet, now, tempo)
+    return moved, poses
 
 
 @borrowing
-def _go_on(moved: _Mask, fleet: Fleet, slots: Integers, now: int, tempo: Tempo) -> None:
-    """Note for all what progress they make to the next sub-step, and write who moves, bool (N,)."""
-    for n in range(slots.shape[0]):
-        i = slots[n]
+def _go_on(moved: _Mask, poses: Floats, fleet: Fleet, now: int, tempo: Tempo) -> None:
+    """Note what progress all make to the next sub-step; write who moves (N,), and to where."""
+    for i in range(moved.shape[0]):
         place, path = fleet.place[i], fleet.path[i]
         before = path[min(now - place.begin, place.last)]
         after = path[min(now + 1 - place.begin, place.last)]
-        moved[n] = before[X] != after[X] or before[Y] != after[Y] or before[YAW] != after[YAW]
+        copy_pose(after, poses[i])
+        moved[i] = before[X] != after[X] or before[Y] != after[Y] or before[YAW] != after[YAW]
         if fleet.order[i].has_goal:
             note_progress(fleet, i, before, after, now + 1, tempo)
 
 
-@owning
-def survey(fleet: Fleet, slots: Integers, now: int) -> tuple[Floats, Floats]:
-    """Return everybody's pose (N, 6) at sub-step `now`, and the circles (N, 3) of their paths.
-
-    A circle (x, y, reach) holds a body on all of its path.
-    """
-    poses, circles = np.empty((slots.shape[0], 6)), np.empty((slots.shape[0], 3))
-    _survey(poses, circles, fleet, slots, now)
-    return poses, circles
+@borrowing
+def poses_at(fleet: Fleet, now: int, poses: Floats) -> None:
+    """Write everybody's pose (N, 6) at sub-step `now`."""
+    for i in range(poses.shape[0]):
+        place = fleet.place[i]
+        copy_pose(fleet.path[i, min(now - place.begin, place.last)], poses[i])
 
 
 @borrowing
-def _survey(poses: Floats, circles: Floats, fleet: Fleet, slots: Integers, now: int) -> None:
-    for n in range(slots.shape[0]):
-        place = fleet.place[slots[n]]
-        copy_pose(fleet.path[slots[n], min(now - place.begin, place.last)], poses[n])
-        circles[n, 0], circles[n, 1], circles[n, 2] = place.x, place.y, place.reach
-
-
-@borrowing
-def _are_near(circles: Floats, n: int, x: float, y: float, reach: float) -> bool:
-    """Tell whether circle n meets another."""
-    dx, dy, far = circles[n, 0] - x, circles[n, 1] - y, circles[n, 2] + reach
+def _is_near(place: Any, x: float, y: float, reach: float) -> bool:
+    """Tell whether the circle that holds a body on all of its path meets another."""
+    dx, dy, far = place.x - x, place.y - y, place.reach + reach
     return bool(dx * dx + dy * dy < far * far)
 
 
 @borrowing
-def mark_closed(fleet: Fleet, slots: Integers, now: int, floor: Floor, box: Floats) -> None:
+def mark_closed(fleet: Fleet, now: int, floor: Floor, box: Floats) -> None:
     """Let those plan at once whose path a new floor has closed."""
-    for i in slots:
+    for i in range(fleet.place.shape[0]):
         place, body = fleet.place[i], fleet.body[i]
         if place.is_scripted or not _is_moving(place, now):
             continue
@@ -180,17 +147,17 @@ def mark_closed(fleet: Fleet, slots: Integers, now: int, floor: Floor, box: Floa
 
 
 @borrowing
-def mark_broken(
-    fleet: Fleet, slots: Integers, circles: Floats, intruders: Integers, now: int
-) -> None:
-    """Let those plan at once whose path an intruder (a slot) has broken; circles as of `survey`."""
-    for j in intruders:
+def mark_broken(fleet: Fleet, now: int) -> None:
+    """Let those plan at once whose path one that `is_news` has broken; it is so no more."""
+    for j in range(fleet.place.shape[0]):
         other = fleet.place[j]
-        for n in range(slots.shape[0]):
-            i = slots[n]
-            if i == j or not _are_near(circles, n, other.x, other.y, other.reach):
-                continue
+        if not other.is_news:
+            continue
+        other.is_news = 0
+        for i in range(fleet.place.shape[0]):
             place = fleet.place[i]
+            if i == j or not _is_near(place, other.x, other.y, other.reach):
+                continue
             if place.is_scripted or not _is_moving(place, now):
                 continue
             rest = fleet.path[i][now - place.begin : place.last + 1]
@@ -213,23 +180,15 @@ def mark_broken(
 
 
 @borrowing
-def mark_clear(
-    clear: _Mask,
-    fleet: Fleet,
-    slots: Integers,
-    circles: Floats,
-    now: int,
-    poses: Floats,
-    bodies: Records,
-) -> None:
+def mark_clear(clear: _Mask, fleet: Fleet, now: int, poses: Floats, bodies: Records) -> None:
     """Strike out of `clear` (M,) the bodies (M,) that somebody's path meets.
 
-    They stand at poses (M, 6) from now on. Circles as of `survey`.
+    They stand at poses (M, 6) from now on.
     """
     for m in range(poses.shape[0]):
-        for n in range(slots.shape[0]):
-            near = _are_near(circles, n, poses[m, X], poses[m, Y], bodies[m].radius)
-            if near and _meets(fleet, slots[n], now, poses[m : m + 1], bodies[m]):
+        for i in range(fleet.place.shape[0]):
+            near = _is_near(fleet.place[i], poses[m, X], poses[m, Y], bodies[m].radius)
+            if near and _meets(fleet, i, now, poses[m : m + 1], bodies[m]):
                 clear[m] = False
                 break
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from are_ros.artefacts.behaviours.asking import Asked, intent_of, made, steady_of
+from are_ros.artefacts.behaviours.asking import Asked, intent_of
 from are_ros.artefacts.behaviours.intent import Intent, stand
 from are_ros.artefacts.behaviours.open_view import OpenView
 from are_ros.artefacts.behaviours.registry import make_behaviour, why_not
@@ -120,16 +120,6 @@ def test_a_decide_that_takes_something_else_is_refused_by_the_catalogue(
     assert str(why_not("odd_decides:Alone")).startswith(words)
     assert str(why_not("odd_decides:Greedy")).startswith(words)
     assert why_not("odd_decides:Static") is why_not("odd_decides:Any") is None
-
-
-def test_a_steady_that_fails_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What it raises, and what it holds."""
-    behaviour = made(failing.Unsteady, ASKED)
-    with pytest.raises(BehaviourError, match="KeyError: 'for ever'"):
-        steady_of(behaviour, ASKED)
-    monkeypatch.setattr(failing.Unsteady, "patience_s", math.nan)
-    with pytest.raises(BehaviourError, match="steady has the patience_s nan: a number"):
-        steady_of(behaviour, ASKED)
 
 
 def test_a_bug_of_ours_is_no_failure_of_the_users(monkeypatch: pytest.MonkeyPatch) -> None:

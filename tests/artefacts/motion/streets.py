@@ -7,11 +7,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.artefacts.artefact import GroundPose
+from are_ros.agents.table import AgentTable
+from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.motion.body import Body
+from are_ros.artefacts.motion.hindrance import Hindrance
 from are_ros.artefacts.motion.order import Order
 from are_ros.artefacts.motion.robot import RobotMotion
 from are_ros.artefacts.motion.traffic import Traffic
+from are_ros.artefacts.shapes import Shape
 from are_ros.conventions import FREE, OCCUPIED
 from are_ros.world.environment import Environment
 from are_ros.world.ground import PlaneGround
@@ -29,6 +33,9 @@ PERSON = Body((0.155, 0.275))
 SCOOTER = Body((0.63, 0.29), (0.02, 0.0), 1.0, 1.6, 0.8, 1.0, 1.3)
 CAR = Body((2.2, 0.9), (0.1, 0.0), 1.5, 3.0, 1.5, 0.6, 5.3)
 PALLET = Body((0.6, 0.4), (0.0, 0.0), 0.144, 0.0)
+
+ROW = CatalogueRow(0, "one", "kind", (0.31, 0.55, 1.7), (0.0, 0.0, 0.0), Shape.PERSON)
+"""Of everybody on a street; the planner goes by their bodies."""
 
 Cells = NDArray[np.int8]
 Robot = Callable[[int], RobotMotion]
@@ -75,12 +82,18 @@ def boxes_at(poses: NDArray[np.float64], bodies: list[Body]) -> OrientedBoxes:
     return OrientedBoxes(np.column_stack((x, y, np.full(len(x), 0.5))), poses[:, 2], halves)
 
 
+def artefact_at(artefact_id: int, pose: GroundPose) -> Artefact:
+    """Return one that has just arrived at a pose."""
+    return Artefact(artefact_id, ROW, Origin.RANDOM, 0, PoseHistory(0, pose))
+
+
 @dataclass
 class Street:
     """A traffic in an environment, run and inspected sub-step by sub-step."""
 
     environment: Environment
-    traffic: Traffic = field(default_factory=lambda: Traffic(STEP_S))
+    table: AgentTable = field(default_factory=lambda: AgentTable(STEP_S))
+    traffic: Traffic = field(init=False)
     bodies: dict[int, Body] = field(default_factory=dict)
     index: int = 0
     inspects: bool = True
@@ -89,23 +102,53 @@ class Street:
     _poses: NDArray[np.float64] | None = None
     _speeds: NDArray[np.float64] | None = None
 
+    def __post_init__(self) -> None:
+        self.traffic = Traffic(self.table)
+        self.moved = np.zeros(0, np.bool_)
+
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """Where all are: x, y, yaw."""
+        return self.traffic.motion[:, :3]
+
+    @property
+    def speeds(self) -> NDArray[np.float64]:
+        """How fast all are."""
+        return self.traffic.motion[:, 5]
+
+    def order(self, one: int, order: Order) -> None:
+        """Tell one what to do."""
+        self.traffic.give_orders([self.table.row_of(one)], [order])
+
+    def hindrance(self, one: int) -> tuple[Hindrance, int, float]:
+        """Tell what is in the way of one."""
+        return self.traffic.hindrances(self.table.rows_of([one]).tolist())[0]
+
+    def trajectory(self, one: int) -> NDArray[np.float64]:
+        """Return what one is committed to."""
+        return self.traffic.trajectory(self.table.row_of(one))
+
+    def put(self, one: int, pose: GroundPose) -> None:
+        """Let one stand at another pose."""
+        self.table.stand(self.table.row_of(one), pose)
+
     def add(self, one: int, x_m: float, y_m: float, yaw_rad: float, body: Body = PERSON) -> None:
         """Let one more be there."""
         self.bodies[one] = body
-        self.traffic.add(one, GroundPose(x_m, y_m, 0.0, yaw_rad), body)
+        self.table.add(artefact_at(one, GroundPose(x_m, y_m, 0.0, yaw_rad)), body)
         self.forget()
 
     def remove(self, one: int) -> None:
         """Let one be gone."""
         del self.bodies[one]
-        self.traffic.remove(one)
+        self.table.remove(one)
         self.forget()
 
     def send(self, one: int, x_m: float, y_m: float, *, stop_there: bool = True) -> None:
         """Order one to go to a place at its speed."""
         self.goals[one] = (x_m, y_m)
         speed = self.bodies[one].speed_mps
-        self.traffic.order(one, Order((x_m, y_m), speed, stop_there))
+        self.order(one, Order((x_m, y_m), speed, stop_there))
 
     def forget(self) -> None:
         """Compare no motion across an interference from outside."""
@@ -114,10 +157,11 @@ class Street:
     def step(self, robot: RobotMotion | None = None) -> None:
         """Go one sub-step on, and inspect."""
         if self._poses is None:
-            self._poses = self.traffic.poses.copy()
-        self.traffic.step(self.index, self.environment, robot)
+            self._poses = self.poses
+        planned, self.moved = self.traffic.step(self.index, self.environment, robot)
+        assert np.array_equal(planned, self.poses)
         self.index += 1
-        self.track.append(self.traffic.poses.copy())
+        self.track.append(self.poses)
         if self.inspects:
             self._inspect()
 
@@ -138,8 +182,7 @@ class Street:
 
     def pose(self, one: int) -> NDArray[np.float64]:
         """Return x, y, yaw of one."""
-        poses: NDArray[np.float64] = self.traffic.poses
-        pose: NDArray[np.float64] = poses[int(np.searchsorted(self.traffic.ids, one))]
+        pose: NDArray[np.float64] = self.poses[self.table.row_of(one)]
         return pose
 
     def distance(self, one: int) -> float:
@@ -148,21 +191,21 @@ class Street:
 
     def boxes(self) -> OrientedBoxes:
         """Return the boxes of all, in the order of ids."""
-        return boxes_at(self.traffic.poses, [self.bodies[one] for one in sorted(self.bodies)])
+        return boxes_at(self.poses, [self.bodies[one] for one in sorted(self.bodies)])
 
     def longest_wait(self) -> float:
         """Return for how long the one has waited that has waited longest."""
-        return max(self.traffic.hindrance(one)[2] for one in self.bodies)
+        return max(self.hindrance(one)[2] for one in self.bodies)
 
     def _inspect(self) -> None:
-        assert self.traffic.ids.tolist() == sorted(self.bodies)
-        boxes, poses = self.boxes(), self.traffic.poses.copy()
+        assert self.table.ids.tolist() == sorted(self.bodies)
+        boxes, poses = self.boxes(), self.poses
         assert len(overlapping_pairs(boxes)) == 0
         assert self.environment.is_placeable(boxes).all()
         assert self._poses is not None
         self._speeds = inspect_motion(self._poses, poses, self._speeds, self.bodies)
         changed = (poses != self._poses).any(axis=1)
-        assert (changed == self.traffic.moved).all()
+        assert (changed == self.moved).all()
         self._poses = poses
 
 

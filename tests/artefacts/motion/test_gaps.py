@@ -23,7 +23,7 @@ _BODIES = (PERSON, SCOOTER, CAR, Body((0.4, 0.1), (0.2, -0.1)))
 def _records(*bodies: Body) -> _state.Records:
     records = np.zeros(len(bodies), _state.BODY)
     for n, body in enumerate(bodies):
-        _state.write_body(records[n], body, body.speed_mps, 0)
+        _state.write_body(records[n], body, 0)
     return records
 
 
@@ -93,7 +93,7 @@ def test_a_path_runs_into_a_wall_where_its_boxes_do(seed: int, body: Body, comfo
     cells = room(7.0, 6.0)
     wall(cells, (3.0, 3.2), (2.0, 4.0))
     here = environment(cells, (-3.0, -3.0, 0.2))
-    _, floor = Floors(Terrains()).of(here)
+    _, floor = Floors(Terrains()).of(here, [])
     path, record = _path(random, 40), _records(body)[0]
     boxes = boxes_at(path[:, :3], [body] * 40)
     free = here.is_placeable(boxes)
@@ -130,7 +130,7 @@ def test_turning_freely_means_fitting_at_all_headings(seed: int, body: Body) -> 
     random = np.random.default_rng(seed)
     cells = room(7.0, 6.0)
     here = environment(cells)
-    _, floor = Floors(Terrains()).of(here)
+    _, floor = Floors(Terrains()).of(here, [])
     pose = np.zeros(6)
     pose[:2] = random.uniform(0.0, 6.0, 2)
     record = _records(body)[0]
@@ -156,10 +156,11 @@ def test_discs_cover_the_box() -> None:
 def test_buckets_find_all_that_may_meet_a_square(seed: int, count: int) -> None:
     """Nobody whose circle meets the square is missed, nobody comes twice, the order is fixed."""
     random = np.random.default_rng(seed)
-    fleet, desk = _state.fleet_of(count, 2), _state.desk_of(count, 2)
+    fleet = _state.fleet_of(count, 2)
+    desk = _state.desk_of(count, 2)
     squares = np.column_stack((random.uniform(-30, 30, (count, 2)), random.uniform(0.1, 6, count)))
     fleet.place["x"], fleet.place["y"], fleet.place["reach"] = squares.T
-    buckets = fill(squares, np.arange(count))
+    buckets = fill(squares)
     for me in range(count):
         found = gather(buckets, tuple(squares[me]), me, fleet, desk.seen, me + 1, desk.near)
         near = desk.near[:found].tolist()
@@ -183,7 +184,7 @@ def test_a_point_has_the_room_that_it_is_said_to_have(seed: int, body: Body) -> 
     cells = room(7.0, 6.0)
     wall(cells, (3.0, 3.2), (2.0, 4.0))
     here = environment(cells)
-    _, floor = Floors(Terrains()).of(here)
+    _, floor = Floors(Terrains()).of(here, [])
     x, y = random.uniform(0.2, 5.8, 2)
     told = _walls.point_room(x, y, _records(body)[0], floor)
     rows, columns = np.nonzero(cells)

@@ -5,11 +5,13 @@ import math
 import numpy as np
 import pytest
 
+from are_ros.agents.table import AgentTable
 from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.motion import _orders, _patience, _state
 from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.motion.order import Order
 from are_ros.artefacts.motion.traffic import Traffic
+from tests.artefacts.motion.streets import artefact_at
 
 BODY = Body((0.2, 0.3))
 
@@ -84,48 +86,53 @@ def test_orders_change_what_the_twin_changes() -> None:
 
 def traffic_of(*ids: int) -> Traffic:
     """Return a traffic of people a metre apart."""
-    found = Traffic(0.05)
+    table = AgentTable(0.05)
     for artefact_id in ids:
-        found.add(artefact_id, GroundPose(float(artefact_id), 0.0, 0.0, 0.0), BODY)
-    return found
+        table.add(artefact_at(artefact_id, GroundPose(float(artefact_id), 0.0, 0.0, 0.0)), BODY)
+    return Traffic(table)
 
 
-def test_whom_nobody_knows_cannot_be_told_or_asked() -> None:
+def test_whom_nobody_knows_has_no_row() -> None:
     """Be it beyond all, or between two."""
-    traffic = traffic_of(3, 8)
+    table = AgentTable(0.05)
+    with pytest.raises(KeyError):
+        table.rows_of([1])
+    for artefact_id in (3, 8):
+        table.add(artefact_at(artefact_id, GroundPose(0.0, 0.0, 0.0, 0.0)), BODY)
     for artefact_ids in ([9], [5], [3, 4], [1]):
         with pytest.raises(KeyError):
-            traffic.give_orders(artefact_ids, [Order(None, 0.0)] * len(artefact_ids))
-        with pytest.raises(KeyError):
-            traffic.hindrances(artefact_ids)
-    with pytest.raises(KeyError):
-        Traffic(0.05).hindrances([1])
+            table.rows_of(artefact_ids)
+    assert table.rows_of([8, 3]).tolist() == [1, 0]
 
 
 def test_no_orders_are_no_orders() -> None:
     """Nobody needs to be there."""
-    traffic = Traffic(0.05)
+    traffic = traffic_of()
     traffic.give_orders([], [])
     assert traffic.hindrances([]) == []
 
 
 def test_where_all_are_is_kept_up_to_date() -> None:
     """Who comes, goes or is put elsewhere: as if it were looked for anew; old arrays stay."""
-    traffic, rng, there = Traffic(0.05), np.random.default_rng(3), list[int]()
+    table, rng, there = AgentTable(0.05), np.random.default_rng(3), dict[int, GroundPose]()
+    traffic = Traffic(table)
     for step in range(300):
-        before, copy = traffic.poses, traffic.poses.copy()
+        before, copy = table.poses, table.poses.copy()
         artefact_id = int(rng.integers(1000))
         x_m, y_m, yaw_rad = rng.uniform(-3.0, 3.0, 3).tolist()
         pose = GroundPose(x_m, y_m, 0.0, yaw_rad)
         if artefact_id not in there and (len(there) < 9 or step % 3 == 0):
-            traffic.add(artefact_id, pose, BODY)
-            there.append(artefact_id)
-        elif step % 3 == 1:
-            traffic.remove(there.pop(int(rng.integers(len(there)))))
+            table.add(artefact_at(artefact_id, pose), BODY)
+            there[artefact_id] = pose
         else:
-            traffic.put(there[int(rng.integers(len(there)))], pose)
+            artefact_id = list(there)[int(rng.integers(len(there)))]
+            del there[artefact_id]
+            if step % 3 == 1:
+                table.remove(artefact_id)
+            else:
+                table.stand(table.row_of(artefact_id), pose)
+                there[artefact_id] = pose
         np.testing.assert_array_equal(before, copy)
-        kept = traffic._surveyed()
-        traffic._survey = None
-        for found, expected in zip(kept, traffic._surveyed(), strict=True):
-            np.testing.assert_array_equal(found, expected)
+        assert table.ids.tolist() == table.arrays.place["id"].tolist() == sorted(there)
+        expected = [(*pose[:2], pose.yaw_rad) for _, pose in sorted(there.items())]
+        np.testing.assert_array_equal(traffic.motion[:, :3], np.array(expected).reshape(-1, 3))

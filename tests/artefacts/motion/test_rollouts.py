@@ -32,7 +32,7 @@ def _rolled(
     yaw, speed = start
     path[0] = (0.0, 0.0, yaw, math.cos(yaw), math.sin(yaw), speed)
     record = np.zeros(1, _state.BODY)
-    _state.write_body(record[0], body, body.speed_mps, 0)
+    _state.write_body(record[0], body, 0)
     row = np.array(option)
     last = _rollouts.roll_out(path, row, np.array(goal), record[0], _TEMPO)
     assert path[last, _state.SPEED] == 0.0

@@ -35,7 +35,7 @@ def test_a_walker_arrives_without_oscillation_and_turns_to_the_face() -> None:
     street = Street(environment(room(12.0, 8.0)))
     street.add(1, 2.0, 2.0, 2.0)
     street.goals[1] = (9.0, 5.0)
-    street.traffic.order(1, Order((9.0, 5.0), 1.3, face_rad=-2.0))
+    street.order(1, Order((9.0, 5.0), 1.3, face_rad=-2.0))
     street.run(12.0)
     distances = [math.dist(poses[0, :2], (9.0, 5.0)) for poses in street.track]
     start = int(np.argmax(distances))
@@ -55,7 +55,7 @@ def test_a_sub_goal_on_the_way_is_passed_at_full_speed() -> None:
         if k == 40:
             street.send(1, 12.0, 6.0)
         street.step()
-        speeds.append(float(street.traffic.speeds[0]))
+        speeds.append(float(street.speeds[0]))
     assert min(speeds) > 1.2
 
 
@@ -66,7 +66,7 @@ def test_one_that_has_passed_its_sub_goal_comes_back_to_it() -> None:
     street.send(1, 6.0, 4.0, stop_there=False)
     street.run(12.0)
     assert street.distance(1) < 0.12
-    assert street.traffic.speeds[0] == 0.0
+    assert street.speeds[0] == 0.0
 
 
 def test_one_that_stands_beside_a_sub_goal_on_the_way_goes_to_it() -> None:
@@ -105,7 +105,7 @@ def test_who_is_kept_from_a_gap_by_somebody_in_it_waits_for_that_one() -> None:
     hindrances = set()
     for _ in range(100):
         street.step()
-        what, who, since_s = street.traffic.hindrance(1)
+        what, who, since_s = street.hindrance(1)
         if since_s > 0.5:
             hindrances.add((what, who))
     assert (Hindrance.ARTEFACT, 2) in hindrances
@@ -147,7 +147,7 @@ def test_in_too_narrow_a_corridor_one_backs_off_and_both_turn_away_when_told() -
     hindrances, farthest = set(), {1: 0.0, 2: 12.0}
     for _ in range(30):
         street.run(0.5)
-        hindrances |= {street.traffic.hindrance(one)[:2] for one in (1, 2)}
+        hindrances |= {street.hindrance(one)[:2] for one in (1, 2)}
         x = {one: float(street.pose(one)[0]) for one in (1, 2)}
         farthest = {1: max(farthest[1], x[1]), 2: min(farthest[2], x[2])}
     assert {(Hindrance.ARTEFACT, 1), (Hindrance.ARTEFACT, 2)} & hindrances
@@ -192,7 +192,7 @@ def _guide(street: Street, terrain: Terrain, one: int) -> None:
         way = way[3:]
     seen = [point for point in way if terrain.sees((x_m, y_m), point, 0.33)] or way[:1]
     speed = PERSON.speed_mps
-    street.traffic.order(one, Order(seen[-1], speed, stop_there=seen[-1] == goal))
+    street.order(one, Order(seen[-1], speed, stop_there=seen[-1] == goal))
 
 
 @pytest.mark.parametrize(("width_m", "seconds"), [(0.8, 150.0), (1.0, 120.0), (1.2, 90.0)])
@@ -330,7 +330,7 @@ def test_nobody_walks_into_a_robot_that_stands() -> None:
     for _ in range(240):
         street.step(robot)
         assert signed_distance_m(footprint, street.boxes()).min() > 0.0
-    assert street.traffic.hindrance(1)[:2] == (Hindrance.ROBOT, -1)
+    assert street.hindrance(1)[:2] == (Hindrance.ROBOT, -1)
 
 
 def test_one_that_the_robot_has_come_to_touch_can_walk_away() -> None:
@@ -440,8 +440,8 @@ def test_a_displaced_one_breaks_a_path_and_the_walker_avoids_it() -> None:
     street.add(2, 5.0, 1.0, 0.0)
     street.send(1, 12.0, 4.0)
     street.run(2.0)
-    ahead = street.traffic.trajectory(1)[-1]
-    street.traffic.put(2, GroundPose(float(ahead[0]), 4.0, 0.0, 0.0))
+    ahead = street.trajectory(1)[-1]
+    street.put(2, GroundPose(float(ahead[0]), 4.0, 0.0, 0.0))
     street.forget()
     street.run_until_there(15.0) if street.goals.pop(2, None) else street.run(12.0)
     assert street.distance(1) < 0.12

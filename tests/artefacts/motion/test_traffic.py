@@ -6,17 +6,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.motion.hindrance import Hindrance
 from are_ros.artefacts.motion.order import STAND, Order
-from are_ros.artefacts.motion.traffic import Traffic
 from are_ros.world.oriented_boxes import overlaps_any
 from tests.artefacts.motion.streets import (
     PALLET,
     PERSON,
-    STEP_S,
     Street,
     boxes_at,
     environment,
@@ -54,10 +51,10 @@ def test_what_was_promised_is_what_happens_until_it_is_planned_anew() -> None:
     street.send(3, 9.0, 2.0)
     kept = 0
     for _ in range(100):
-        coming = street.traffic.trajectory(3)
+        coming = street.trajectory(3)
         street.step()
         kept += bool((coming[0] == street.pose(3)).all())
-        after = street.traffic.trajectory(3)
+        after = street.trajectory(3)
         assert after.shape[1] == 3
         assert len(after) >= 1
     assert kept >= 75
@@ -74,8 +71,8 @@ def test_trajectories_overlap_nobodys() -> None:
 
 def _inspect_promises(street: Street) -> None:
     """Lay everybody's trajectory side by side, and test all pairs at each sub-step."""
-    ids = street.traffic.ids.tolist()
-    paths = [street.traffic.trajectory(one) for one in ids]
+    ids = street.table.ids.tolist()
+    paths = [street.trajectory(one) for one in ids]
     for k in range(max(len(path) for path in paths)):
         poses = np.array([path[min(k, len(path) - 1)] for path in paths])
         boxes = boxes_at(poses, [street.bodies[one] for one in ids])
@@ -84,7 +81,7 @@ def _inspect_promises(street: Street) -> None:
             assert not overlaps_any(boxes.at(n), boxes.take(slice(n + 1, None)))[0]
 
 
-def test_neither_slots_nor_the_order_of_arrival_matter() -> None:
+def test_the_order_of_arrival_does_not_matter() -> None:
     """The same ids at the same places do the same, to the last bit, whatever was there before."""
     first, second = Street(_HERE), Street(_HERE)
     ids = [5, 9, 12, 40, 77, 78, 90, 101, 150]
@@ -99,16 +96,18 @@ def test_neither_slots_nor_the_order_of_arrival_matter() -> None:
     for _ in range(150):
         first.step()
         second.step()
-        assert first.traffic.poses.tobytes() == second.traffic.poses.tobytes()
+        assert first.poses.tobytes() == second.poses.tobytes()
 
 
 def test_many_more_than_at_first_find_room() -> None:
     """The number of artefacts grows beyond any that was foreseen, and poses stay what they were."""
-    traffic = Traffic(STEP_S)
+    street = Street(_HERE, inspects=False)
     for one in range(300):
-        traffic.add(one, GroundPose(0.5 + 0.05 * one, 5.0, 0.0, 0.1), PALLET)
-    assert traffic.poses[:, 0] == pytest.approx(0.5 + 0.05 * np.arange(300))
-    assert not traffic.moved.any()
+        street.add(one, 0.5 + 0.05 * one, 5.0, 0.1, PALLET)
+    assert street.poses[:, 0] == pytest.approx(0.5 + 0.05 * np.arange(300))
+    street.step()
+    assert street.poses[:, 0] == pytest.approx(0.5 + 0.05 * np.arange(300))
+    assert not street.moved.any()
 
 
 def test_who_is_there_changes_at_once() -> None:
@@ -116,18 +115,19 @@ def test_who_is_there_changes_at_once() -> None:
     street = Street(_HERE)
     street.add(7, 3.0, 3.0, 0.0)
     street.add(2, 5.0, 5.0, 1.0)
-    assert street.traffic.ids.tolist() == [2, 7]
-    assert street.traffic.poses[:, 0].tolist() == [5.0, 3.0]
+    assert street.table.ids.tolist() == [2, 7]
+    assert street.poses[:, 0].tolist() == [5.0, 3.0]
     street.step()
     street.remove(2)
-    assert street.traffic.poses.tolist() == [[3.0, 3.0, 0.0]]
-    assert street.traffic.speeds.tolist() == [0.0]
-    assert street.traffic.moved.tolist() == [False]
-    street.traffic.clear()
-    assert len(street.traffic.ids) == 0
-    street.traffic.add(4, GroundPose(1.0, 1.0, 0.0, 0.0), PERSON)
+    assert street.poses.tolist() == [[3.0, 3.0, 0.0]]
+    assert street.speeds.tolist() == [0.0]
+    street.step()
+    assert street.moved.tolist() == [False]
+    street.remove(7)
+    assert len(street.table.ids) == 0
+    street.add(4, 1.0, 1.0, 0.0)
     with pytest.raises(ValueError, match="already"):
-        street.traffic.add(4, GroundPose(5.0, 1.0, 0.0, 0.0), PERSON)
+        street.add(4, 5.0, 1.0, 0.0)
 
 
 def test_those_without_orders_make_no_plans() -> None:
@@ -135,10 +135,10 @@ def test_those_without_orders_make_no_plans() -> None:
     street = Street(_HERE)
     _crowd(street, list(range(10)))
     for one in range(10):
-        street.traffic.order(one, STAND)
+        street.order(one, STAND)
     street.run(2.0)
     assert street.traffic.counters.plans_made == 0
-    assert not street.traffic.moved.any()
+    assert not street.moved.any()
 
 
 def test_an_order_to_stand_brakes() -> None:
@@ -148,11 +148,11 @@ def test_an_order_to_stand_brakes() -> None:
     street.send(1, 12.0, 5.0)
     street.run(3.0)
     x = float(street.pose(1)[0])
-    street.traffic.order(1, STAND)
+    street.order(1, STAND)
     street.run(3.0)
-    assert street.traffic.speeds[0] == 0.0
+    assert street.speeds[0] == 0.0
     assert street.pose(1)[0] - x < 1.35**2 / 3.0 + 1.35 * 0.3
-    assert street.traffic.hindrance(1) == (Hindrance.NONE, -1, 0.0)
+    assert street.hindrance(1) == (Hindrance.NONE, -1, 0.0)
 
 
 def test_places_that_nobody_comes_to_are_clear() -> None:
@@ -181,8 +181,8 @@ def test_a_scripted_one_follows_its_poses_and_the_others_plan_around_it() -> Non
     street.add(2, 8.0, 3.0, 0.5 * math.pi)
     street.send(2, 8.0, 9.3)
     script = _circle(200)
-    street.traffic.prescribe(1, script)
-    for row in script:
+    for k, row in enumerate(script):
+        street.traffic.prescribe(0, script[k : k + 30])
         street.step()
         assert (street.pose(1) == row).all()
         assert not overlaps_any(street.boxes().at(0), street.boxes().at(1))[0]
@@ -191,18 +191,15 @@ def test_a_scripted_one_follows_its_poses_and_the_others_plan_around_it() -> Non
     assert street.distance(2) < 0.12
 
 
-def test_a_script_can_be_ended_and_then_orders_hold() -> None:
-    """With no poses prescribed the artefact stands where it is, and does as it is ordered."""
+def test_a_script_that_is_not_continued_ends_in_a_stand() -> None:
+    """As far as it is prescribed the artefact follows it, and then stands, whatever it is told."""
     street = Street(_HERE, inspects=False)
     street.add(1, 11.0, 5.0, 0.0)
-    street.traffic.prescribe(1, _circle(200))
-    street.run(1.0)
-    street.traffic.prescribe(1, np.empty((0, 3)))
-    before = street.pose(1).copy()
-    street.step()
-    assert (street.pose(1) == before).all()
+    street.traffic.prescribe(0, _circle(200)[:20])
     street.send(1, 4.0, 2.0)
-    street.run_until_there(15.0)
+    street.run(3.0)
+    assert (street.pose(1) == _circle(200)[19]).all()
+    assert street.speeds[0] == 0.0
 
 
 def test_who_waits_says_for_whom_and_how_long() -> None:
@@ -210,11 +207,11 @@ def test_who_waits_says_for_whom_and_how_long() -> None:
     street = Street(environment(room(8.0, 2.4)))
     street.add(1, 1.0, 1.2, 0.0)
     street.add(2, 5.0, 1.2, 0.0, Body((0.2, 1.0), speed_mps=0.0))
-    street.traffic.order(1, Order((7.0, 1.2), 1.3))
+    street.order(1, Order((7.0, 1.2), 1.3))
     told = []
     for _ in range(40):
         street.run(0.25)
-        told.append(street.traffic.hindrance(1))
+        told.append(street.hindrance(1))
     kind, who, seconds = max(told, key=lambda hindrance: hindrance[2])
     assert (kind, who) == (Hindrance.ARTEFACT, 2)
     assert 2.0 < seconds < 8.0
@@ -233,6 +230,6 @@ def test_a_wall_on_a_new_map_is_not_run_into() -> None:
     told = set()
     for _ in range(20):
         street.run(0.5)
-        told.add(street.traffic.hindrance(1)[0])
+        told.add(street.hindrance(1)[0])
     assert street.pose(1)[0] < column * 0.05
     assert told == {Hindrance.NONE, Hindrance.WALL}

@@ -1,4 +1,4 @@
-"""Minds: when each decides, with which random numbers, and what is said of it."""
+"""Decisions: when each is due, with which random numbers, and what is said of it."""
 
 from collections.abc import Iterator, Sequence
 from types import SimpleNamespace
@@ -7,16 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.agents.decision import AgentState, DecisionLayer
+from are_ros.agents.table import AgentTable
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.behaviours.intent import Intent
 from are_ros.artefacts.behaviours.situation import Situation
 from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits
-from are_ros.artefacts.minds import Minds
-from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.motion.hindrance import Hindrance
 from are_ros.artefacts.motion.order import Order
 from are_ros.artefacts.navigation import Leg, Navigation, Wish
-from are_ros.artefacts.onlookers import Onlookers
 from are_ros.artefacts.places import Places
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.artefacts.shapes import Shape
@@ -30,7 +29,6 @@ from tests.artefacts.failing import MODULE
 STEP_NS = NS_PER_S // 20
 WALK = MotionLimits(1.3, 1.5, 3.0, 0.0, 1.8)
 ROW = CatalogueRow(0, "one", "person", (0.3, 0.5, 1.7), (0, 0, 0), Shape.PERSON, motion=WALK)
-BODY = Body.of(ROW)
 
 
 class Ways(Navigation):
@@ -62,44 +60,63 @@ class Ways(Navigation):
 class Road:
     """A traffic that takes orders, and is in the way if the test says so."""
 
-    def __init__(self) -> None:
+    def __init__(self, table: AgentTable) -> None:
+        self.table = table
         self.orders: dict[int, Order] = {}
         self.way = (Hindrance.NONE, -1, 0.0)
+        self.speed_mps = 0.0
 
-    def give_orders(self, artefact_ids: Sequence[int], orders: Sequence[Order]) -> None:
+    def give_orders(self, rows: Sequence[int], orders: Sequence[Order]) -> None:
         """Keep the orders."""
-        self.orders |= dict(zip(artefact_ids, orders, strict=True))
+        self.orders |= dict(zip(self.table.ids[list(rows)].tolist(), orders, strict=True))
 
-    def hindrances(self, artefact_ids: Sequence[int]) -> list[tuple[Hindrance, int, float]]:
+    def hindrances(self, rows: Sequence[int]) -> list[tuple[Hindrance, int, float]]:
         """Say what is in the way."""
-        return [self.way for _ in artefact_ids]
+        return [self.way for _ in rows]
+
+    @property
+    def motion(self) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+        """All are as fast."""
+        return np.full((len(self.table), 6), self.speed_mps)
 
 
 class Town:
-    """Minds, and everybody who has one, at (0, 0) or `x_m` east of it."""
+    """The decision layer, and those who decide, at (0, 0) or `x_m` east of it."""
 
     def __init__(self, period_s: float = 1.0, seed: int = 4) -> None:
-        self.ways, self.road = Ways(), Road()
-        self.minds = Minds(seed, 0.05, period_s, self.ways)
-        self.living: dict[int, Artefact] = {}
+        self.table, self.ways = AgentTable(0.05), Ways()
+        self.road = Road(self.table)
+        road: Any = self.road
+        self.layer = DecisionLayer(seed, period_s, self.table, self.ways, road)
         self.x_m = 0.0
 
-    def admit(self, artefact_id: int, arrival_ns: int, behaviour: str = DIARY) -> Artefact:
+    def admit(
+        self,
+        artefact_id: int,
+        arrival_ns: int,
+        behaviour: str = DIARY,
+        row: CatalogueRow = ROW,
+    ) -> Artefact:
         """Let one live."""
         history = PoseHistory(arrival_ns, GroundPose(0.0, 0.0, 0.0, 0.0))
-        one = Artefact(artefact_id, ROW, Origin.RANDOM, arrival_ns, history, behaviour=behaviour)
-        self.living[artefact_id] = one
-        self.minds.admit(one, BODY)
+        one = Artefact(artefact_id, row, Origin.RANDOM, arrival_ns, history, behaviour=behaviour)
+        self.table.add(one)
+        self.layer.admit(one)
         return one
+
+    def state(self, artefact_id: int) -> AgentState:
+        """Return how one decides."""
+        state = self.table.artefact_of(artefact_id).state
+        assert state is not None
+        return state
 
     def decide(self, index: int, speed_mps: float = 0.0) -> list[int]:
         """Run a sub-step, all being so fast; return who is out."""
-        ids = np.array(sorted(self.living), np.int64)
-        poses, ones = np.zeros((len(ids), 4)), np.ones(len(ids))
+        poses = np.zeros((len(self.table), 4))
         poses[:, 0] = self.x_m
-        view = Onlookers(self.living, ids, poses, speed_mps * ones, ones, self.minds.sees)
-        road: Any = self.road
-        return self.minds.decide(index, index * STEP_NS, view, road, None)
+        self.table.move(poses, self.table.boxes_at(poses))
+        self.road.speed_mps = speed_mps
+        return self.layer.decide(index, index * STEP_NS, None)
 
 
 @pytest.fixture(autouse=True)
@@ -158,8 +175,7 @@ def test_each_draws_from_a_stream_of_its_own() -> None:
         town.admit(artefact_id, 0)
     for index in range(200):
         if index == 90:
-            town.minds.dismiss(4)
-            del town.living[4]
+            town.table.remove(4)
         if index == 130:
             town.admit(3, 130 * STEP_NS)
         town.decide(index)
@@ -173,7 +189,7 @@ def test_a_new_seed_is_for_those_who_come_later() -> None:
     town = Town(seed=9)
     town.admit(1, 0)
     town.decide(0)
-    town.minds.reseed(10)
+    town.layer.reseed(10)
     town.admit(2, STEP_NS)
     for index in range(1, 21):
         town.decide(index)
@@ -182,38 +198,28 @@ def test_a_new_seed_is_for_those_who_come_later() -> None:
     assert draws_of(2) == [float(new.random())]
 
 
-# --- who has a mind
+# --- who decides
 
 
-def test_what_cannot_move_has_no_mind() -> None:
-    """It is never asked, and can be dismissed."""
+def test_what_cannot_move_does_not_decide() -> None:
+    """It is never asked, and can be removed."""
     town = Town()
     post = CatalogueRow(0, "post", "thing", (0.3, 0.5, 1.7), (0, 0, 0), Shape.CRATE)
-    history = PoseHistory(0, GroundPose(0.0, 0.0, 0.0, 0.0))
-    town.minds.admit(Artefact(1, post, Origin.RANDOM, 0, history, behaviour=DIARY), Body.of(post))
-    assert not town.minds.has(1)
-    town.minds.dismiss(1)
+    town.admit(1, 0, row=post)
+    assert town.table.artefact_of(1).state is None
     assert town.decide(0) == []
+    town.table.remove(1)
+    assert ENTRIES == []
 
 
-def test_who_is_dismissed_decides_no_more() -> None:
+def test_who_is_removed_decides_no_more() -> None:
     """Others of the same phase go on."""
     town = Town()
     town.admit(1, 0)
     town.admit(2, 0)
-    town.minds.dismiss(1)
+    town.table.remove(1)
     town.decide(0)
-    assert not town.minds.has(1)
     assert [i for _, i, _ in ENTRIES] == [2]
-
-
-def test_who_lives_no_more_is_not_asked() -> None:
-    """Between its death and its dismissal."""
-    town = Town()
-    town.admit(1, 0)
-    del town.living[1]
-    town.decide(0)
-    assert ENTRIES == []
 
 
 # --- what is said
@@ -257,13 +263,14 @@ def test_what_others_do_is_known_from_the_sub_step_before() -> None:
     town, seen = Town(), list[str]()
     town.admit(1, 0)
     town.admit(2, 0)
-    mind, behaviour = town.minds._minds[2], town.minds._minds[2].behaviour
+    state = town.state(2)
+    behaviour = state.behaviour
 
     def decide(situation: Situation) -> Intent:
         seen.extend(fellow.activity for fellow in situation.fellows_within(1.0))
         return behaviour.decide(situation)
 
-    mind.behaviour = SimpleNamespace(name="spy", decide=decide)  # type: ignore[assignment]
+    state.behaviour = SimpleNamespace(name="spy", decide=decide)  # type: ignore[assignment]
     town.decide(0)
     town.decide(20)
     assert seen == ["", "writing"]
@@ -314,7 +321,7 @@ def test_who_is_sent_out_goes_to_the_exit_and_is_out_there() -> None:
     town = Town()
     one = town.admit(1, 0)
     town.decide(0)
-    town.minds.send_out(1)
+    town.layer.send_out(town.table.row_of(1))
     assert one.behaviour == "leaving"
     assert [town.decide(index) for index in (20, 40, 60)] == [[], [], [1]]
     assert town.road.orders[1].subgoal_m is None
@@ -324,8 +331,7 @@ def test_the_rest_of_a_life_is_known_to_who_decides() -> None:
     """As seconds; None where the end is not known."""
     town, told = Town(), []
     one = town.admit(1, 0)
-    mind = town.minds._minds[1]
-    mind.behaviour = SimpleNamespace(name="spy", decide=lambda s: told.append(s.left_s))  # type: ignore[assignment]
+    town.state(1).behaviour = SimpleNamespace(name="spy", decide=lambda s: told.append(s.left_s))  # type: ignore[assignment]
     for index, end_ns in ((0, None), (20, 3 * NS_PER_S)):
         one.departure_ns = end_ns
         with pytest.raises(BehaviourError):
@@ -360,7 +366,7 @@ def test_who_stands_of_its_own_will_does_not_manoeuvre() -> None:
 # ------------------------------------------------------------------- behaviours that fail
 
 
-@pytest.mark.parametrize("name", ["Late", "Unmade", "Returns", "Unsteady"])
+@pytest.mark.parametrize("name", ["Late", "Unmade", "Returns"])
 def test_a_behaviour_that_fails_ends_the_run_unless_somebody_is_told(name: str) -> None:
     """Nothing goes on in silence."""
     town = Town()
@@ -368,7 +374,7 @@ def test_a_behaviour_that_fails_ends_the_run_unless_somebody_is_told(name: str) 
         _run_with(town, name)
 
 
-@pytest.mark.parametrize("name", ["Late", "Unmade", "Returns", "Unsteady"])
+@pytest.mark.parametrize("name", ["Late", "Unmade", "Returns"])
 def test_who_has_a_behaviour_that_fails_stands_and_the_others_go_on(name: str) -> None:
     """It is told once, says so, and is sent out at the end of its life as anybody else."""
     alone = Town()
@@ -378,15 +384,14 @@ def test_who_has_a_behaviour_that_fails_stands_and_the_others_go_on(name: str) -
     undisturbed = draws_of(3)
     ENTRIES.clear()
     town = Town()
-    town.minds.tell_fault = told.append
+    town.layer.tell_fault = told.append
     town.admit(3, 0, "tests.artefacts.diary:Stroller")
     failed = _run_with(town, name)
     assert [fault.behaviour for fault in told] == [f"{MODULE}:{name}"]
     assert (failed.behaviour, failed.activity) == ("standing", "its behaviour failed")
-    assert town.minds.doers.of("standing") == [5]
     assert town.road.orders[5].subgoal_m is None
     assert draws_of(3) == undisturbed
-    town.minds.send_out(5)
+    town.layer.send_out(town.table.row_of(5))
     _run(town, 200, 220)
     assert failed.behaviour == "leaving"
     assert len(told) == 1

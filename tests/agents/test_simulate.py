@@ -7,14 +7,13 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from are_ros.agents.simulate import CrowdSimulator
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.population_events import Cause
 from are_ros.artefacts.terrain import Terrains
 from are_ros.builder import assembly
 from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
-from are_ros.builder.events import EventKind
-from are_ros.builder.motions import Happened, Motions
-from are_ros.builder.populations import motions_of
+from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.parameters.model import Parameters
 from are_ros.world.environment import Environment
 from are_ros.world.ground import PlaneGround
@@ -55,13 +54,14 @@ def environment_of(grid: OccupancyGrid) -> Environment:
 
 
 class Stage:
-    """Motions, and those who are moved."""
+    """A simulator, and those who are moved."""
 
     def __init__(self, resolver: CollisionResolver | None = None) -> None:
         parameters = Parameters()
         resolver = resolver or assembly.collision_resolver(parameters)
-        self.motions: Motions = motions_of(parameters, "robot", resolver, Terrains())
+        self.crowd = CrowdSimulator(parameters, "robot", resolver, Terrains(), self.depart)
         self.living: dict[int, Artefact] = {}
+        self.departed: list[tuple[int, Cause]] = []
         self.enter(hall(10.0, 8.0))
 
     def enter(self, grid: OccupancyGrid) -> None:
@@ -69,7 +69,7 @@ class Stage:
         self.environment = environment_of(grid)
         free = self.environment.classes.free
         region = SpawnRegion(free, free.astype(np.float32), 1.0)
-        self.motions.enter(self.environment, region, Zones())
+        self.crowd.enter(self.environment, region, Zones())
 
     def add(self, artefact_id: int, kind: int, x_m: float, y_m: float) -> Artefact:
         """Let one be there from time 0 on."""
@@ -79,30 +79,33 @@ class Stage:
         one = Artefact(artefact_id, row, Origin.RANDOM, 0, history, behaviour=behaviour)
         self.living[artefact_id] = one
         self.living = dict(sorted(self.living.items()))
-        self.motions.begin(one, None)
+        self.crowd.begin(one, None)
         return one
 
-    def step(self, index: int) -> Happened:
-        """Run the sub-step of a number."""
-        motions, now_ns = self.motions, index * STEP_NS
-        happened = motions.settle(now_ns, self.living, self.environment, None)
-        if not happened.leavers:
-            motions.decide(now_ns, STEP_NS, self.living, NO_PLAN)
-            motions.set_out(now_ns, STEP_NS, self.environment)
-        return happened
+    def step(self, index: int) -> list[ArtefactEvent]:
+        """Run the sub-step of a number; return what happened."""
+        self.crowd.step(index * STEP_NS, self.environment, None, NO_PLAN)
+        return self.crowd.take_events()
+
+    def depart(self, artefact_id: int, now_ns: int, cause: Cause) -> None:
+        """Let one go."""
+        self.departed.append((artefact_id, cause))
+        del self.living[artefact_id]
+        self.crowd.end(artefact_id, now_ns, cause)
 
 
-def test_only_what_can_move_has_a_mind_and_all_are_in_the_traffic() -> None:
+def test_only_what_can_move_decides_and_all_are_in_the_table() -> None:
     """In the order of ids, whoever came first; who ends is nowhere."""
     stage = Stage()
     stage.add(5, POST, 2.0, 2.0)
     stage.add(3, WALKER, 5.0, 4.0)
-    motions = stage.motions
-    assert motions.crowd.ids.tolist() == motions.traffic.ids.tolist() == [3, 5]
-    assert [motions.minds.has(i) for i in (3, 5)] == [True, False]
-    motions.end(3, 0, Cause.REMOVED)
-    assert motions.crowd.ids.tolist() == motions.traffic.ids.tolist() == [5]
-    assert not motions.minds.has(3)
+    table = stage.crowd.table
+    assert table.ids.tolist() == [3, 5]
+    assert [table.artefact_of(i).state is None for i in (3, 5)] == [False, True]
+    stage.crowd.end(3, 0, Cause.REMOVED)
+    assert table.ids.tolist() == [5]
+    with pytest.raises(KeyError):
+        table.artefact_of(3)
 
 
 def test_sub_steps_are_counted_by_artefact() -> None:
@@ -115,7 +118,7 @@ def test_sub_steps_are_counted_by_artefact() -> None:
         stage.step(index)
         start = stage.living[2].ground_pose_at(index * STEP_NS)
         moved += index < 60 and stage.living[2].history.latest != start
-    counts = stage.motions.counts
+    counts = stage.crowd.counts
     assert counts.artefact_steps == 120
     assert counts.moving_steps == moved > 20
     assert (counts.moved_back, counts.displaced) == (0, 0)
@@ -128,8 +131,8 @@ def test_poses_of_crowd_traffic_and_history_are_one() -> None:
         stage.add(k, WALKER, 2.0 + k, 4.0)
     for index in range(1, 81):
         stage.step(index)
-        crowd = stage.motions.crowd
-        assert np.array_equal(crowd.ends[:, [0, 1, 3]], stage.motions.traffic.poses)
+        crowd = stage.crowd.table
+        assert np.array_equal(crowd.ends[:, [0, 1, 3]], stage.crowd.planner.motion[:, :3])
         for k, poses in ((0, crowd.poses), (1, crowd.ends)):
             now = [one.ground_pose_at((index + k) * STEP_NS) for one in stage.living.values()]
             assert np.array_equal(poses, np.array(now))
@@ -173,7 +176,7 @@ def walking(verdicts: Verdicts) -> tuple[Stage, int]:
     stage.add(1, WALKER, 5.0, 4.0)
     for index in range(1, 100):
         stage.step(index)
-        if stage.motions.traffic.speeds[0] > 0.5:
+        if stage.crowd.planner.motion[0, 5] > 0.5:
             return stage, index
     raise AssertionError
 
@@ -185,12 +188,10 @@ def test_who_is_moved_back_stands_where_it_was() -> None:
     one, now_ns = stage.living[1], (index + 1) * STEP_NS
     before = one.ground_pose_at(now_ns - STEP_NS)
     verdicts.outcomes = {0: Outcome.MOVED_BACK}
-    happened = stage.motions.settle(now_ns, stage.living, stage.environment, None)
-    assert (happened.events, happened.leavers) == ([], [])
-    assert stage.motions.crowd.poses[0].tolist() == list(before)
-    assert stage.motions.traffic.speeds[0] == 0.0
-    assert stage.motions.counts.moved_back == 1
-    stage.motions.set_out(now_ns, STEP_NS, stage.environment)
+    assert stage.step(index + 1) == []
+    assert stage.departed == []
+    assert stage.crowd.table.poses[0].tolist() == list(before)
+    assert stage.crowd.counts.moved_back == 1
     after = one.ground_pose_at(now_ns + STEP_NS)
     assert one.ground_pose_at(now_ns) == before
     assert math.dist(before[:2], after[:2]) <= 1.5 * 0.05 * 0.05 + 1e-9
@@ -203,16 +204,15 @@ def test_who_is_displaced_jumps_at_the_instant() -> None:
     one, now_ns = stage.living[1], (index + 1) * STEP_NS
     before, bound_for = one.ground_pose_at(now_ns - STEP_NS), one.history.latest
     verdicts.outcomes = {0: Outcome.DISPLACED_TO_SAFE}
-    (event,) = stage.motions.settle(now_ns, stage.living, stage.environment, None).events
-    assert stage.motions.traffic.poses[0, 0] == before.x_m + 1.0
-    stage.motions.set_out(now_ns, STEP_NS, stage.environment)
+    (event,) = stage.step(index + 1)
+    assert stage.crowd.table.poses[0, 0] == before.x_m + 1.0
     assert (event.kind, event.artefact_id, event.stamp_ns) == (EventKind.DISPLACED, 1, now_ns)
     landed = before._replace(x_m=before.x_m + 1.0)
     assert event.value == math.dist(landed[:2], bound_for[:2])
     assert one.ground_pose_at(now_ns - 1)[:2] == pytest.approx(bound_for[:2], abs=1e-8)
     assert one.ground_pose_at(now_ns) == landed
     assert max(map(abs, one.history.velocity_at(now_ns)[:2])) <= 1.5 * 0.05 + 1e-9
-    assert stage.motions.counts.displaced == 1
+    assert stage.crowd.counts.displaced == 1
 
 
 @pytest.mark.parametrize(
@@ -220,26 +220,25 @@ def test_who_is_displaced_jumps_at_the_instant() -> None:
     [(Outcome.LEAVES, Cause.DISPLACED), (Outcome.LEAVES_ON_CONTACT, Cause.ROBOT_CONTACT)],
 )
 def test_who_has_to_leave_is_told_with_the_cause(outcome: Outcome, cause: Cause) -> None:
-    """The caller lets it go before the others set out."""
+    """The caller lets it go before the others set out; then nothing more happens."""
     verdicts = Verdicts()
     stage, index = walking(verdicts)
     verdicts.outcomes = {0: outcome}
-    assert stage.step(index + 1).leavers == [(1, cause)]
-    stage.motions.end(1, (index + 1) * STEP_NS, cause)
+    assert stage.step(index + 1) == []
+    assert stage.departed == [(1, cause)]
     verdicts.outcomes = {}
-    del stage.living[1]
-    assert stage.step(index + 2) == Happened()
+    assert stage.step(index + 2) == []
 
 
 def test_places_follow_the_map() -> None:
     """Another map has other places; the same one is not surveyed again."""
     stage = Stage()
-    first = stage.motions.navigation.places
+    first = stage.crowd.navigation.places
     assert len(first.destinations_m) >= 4
-    stage.motions.enter(stage.environment, None, Zones())
-    assert stage.motions.navigation.places is first
+    stage.crowd.enter(stage.environment, None, Zones())
+    assert stage.crowd.navigation.places is first
     stage.enter(hall(10.0, 8.0, (4.0, 5.0, 2.0, 6.0), gap=(9.9, 10.0, 2.0, 6.0)))
-    second = stage.motions.navigation.places
+    second = stage.crowd.navigation.places
     assert second is not first
     assert len(first.exits_m) == 0
     assert len(second.exits_m) >= 1
@@ -247,4 +246,4 @@ def test_places_follow_the_map() -> None:
 
 def test_an_empty_stage_steps() -> None:
     """Nobody moves, nothing happens."""
-    assert Stage().step(1) == Happened()
+    assert Stage().step(1) == []

@@ -1,0 +1,304 @@
+"""The simulation of the agents, sub-step by sub-step: they decide, plan, move, and are kept apart.
+
+A sub-step begins where the one before has taken everybody. `CrowdSimulator.step` shows it.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.agents.decision import DecisionLayer
+from are_ros.agents.table import AgentTable
+from are_ros.artefacts.artefact import Artefact, GroundPose
+from are_ros.artefacts.behaviours.situation import RobotView
+from are_ros.artefacts.exits import exits_of
+from are_ros.artefacts.motion.robot import RobotMotion
+from are_ros.artefacts.motion.traffic import Traffic
+from are_ros.artefacts.navigation import Navigation
+from are_ros.artefacts.places import places_in
+from are_ros.artefacts.population_events import Cause
+from are_ros.artefacts.scripted import ScriptedOffer
+from are_ros.artefacts.terrain import Terrains
+from are_ros.artefacts.track_player import FollowedTrack
+from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
+from are_ros.builder.contact_log import ContactLog
+from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.builder.life_keeper import LifeKeeper
+from are_ros.builder.robot_motion import RobotWatch
+from are_ros.builder.robots import RobotPose
+from are_ros.conventions import seconds_to_ns
+from are_ros.parameters.model import Parameters
+from are_ros.world.environment import Environment
+from are_ros.world.oriented_boxes import OrientedBoxes
+from are_ros.world.region import SpawnRegion
+from are_ros.world.zones import Zones
+
+_Floats = npt.NDArray[np.float64]
+_Mask = npt.NDArray[np.bool_]
+
+_STEPS_AHEAD: Final = 30
+"""So many sub-steps of a track the others know in advance."""
+
+Depart = Callable[[int, int, Cause], None]
+"""(id, instant [ns], cause): let an agent depart."""
+
+Overdue = Callable[[int], Iterable[int]]
+"""Instant [ns] -> who departs then that is not at an exit."""
+
+
+@dataclass
+class MotionCounts:
+    """Sub-steps of artefacts so far: all, those of who moved, and those that the resolver changed.
+
+    `moved_back` and `displaced` over `artefact_steps` is the share of artefact-seconds in which a
+    collision had to be resolved because planning had not avoided it.
+    """
+
+    artefact_steps: int = 0
+    moving_steps: int = 0
+    moved_back: int = 0
+    displaced: int = 0
+
+    def add(self, moved: _Mask, resolution: Resolution) -> None:
+        """Count a sub-step of N artefacts; `moved` (N,) tells who wanted to move."""
+        self.artefact_steps += len(moved)
+        self.moving_steps += int(np.count_nonzero(moved))
+        if not resolution.is_all_kept:
+            outcomes = resolution.outcomes
+            self.moved_back += int(np.count_nonzero(outcomes == Outcome.MOVED_BACK))
+            self.displaced += int(np.count_nonzero(outcomes >= Outcome.DISPLACED_TO_SAFE))
+
+
+class CrowdSimulator:
+    """Moves the agents of a table, all at once, from one sub-step to the next."""
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        robot: str,
+        resolver: CollisionResolver,
+        terrains: Terrains,
+        depart: Depart,
+        overdue: Overdue = lambda _: (),
+    ) -> None:
+        """Take the parameters, the name of the robot, and what to do with those who depart."""
+        settings, step_s = parameters.behaviour, parameters.motion.step
+        history_ns = seconds_to_ns(parameters.poses.history)
+        self.table = AgentTable(step_s, parameters.world.ground, history_ns)
+        self.navigation = Navigation(settings, terrains)
+        self.planner = Traffic(self.table, terrains)
+        self.decisions = DecisionLayer(
+            parameters.seed, settings.decision_period, self.table, self.navigation, self.planner
+        )
+        self.resolver = resolver
+        self.keeper: LifeKeeper | None = None
+        self.counts = MotionCounts()
+        self.contacts = ContactLog(robot)
+        self.events: list[ArtefactEvent] = []
+        """What happened since the last `take_events`; arrivals and departures are told, too."""
+        self.period_ns = seconds_to_ns(step_s)
+        self._depart = depart
+        self._overdue = overdue
+        self._robot_watch = RobotWatch()
+        self._entered: tuple[Environment, SpawnRegion] | None = None
+
+    def step(
+        self,
+        now_ns: int,
+        environment: Environment,
+        robot_pose: RobotPose | None,
+        plan_m: _Floats,
+    ) -> None:
+        """Run the sub-step at `now_ns`: all are where the last one sent them, and are sent on.
+
+        Until the next sub-step all go straight there, whatever comes in. `plan_m` (K, 2) is what
+        the robot plans.
+        """
+        table, index = self.table, now_ns // self.period_ns
+        robot = self._robot_watch.see(robot_pose, now_ns) if robot_pose else None
+
+        # Resolve (section 3.3): an agent stays where it is bound for, is moved, or departs.
+        for agent_id, cause in self._resolve(now_ns, environment, robot_pose):
+            self._depart(agent_id, now_ns, cause)
+
+        # Decide (section 3.2): those whose epoch it is choose a goal, and the next part of the way.
+        for agent_id in self.decisions.decide(index, now_ns, _view_of(robot, plan_m)):
+            self._depart(agent_id, now_ns, Cause.LIFE_OVER)
+        for agent_id in self._overdue(now_ns):
+            self._depart(agent_id, now_ns, Cause.LIFE_OVER)
+
+        # Plan: each commits to a trajectory that meets nobody's; a track is followed as it is.
+        tracks = table.tracks
+        for row, track in tracks:
+            self.planner.prescribe(row, track.ahead(now_ns, _STEPS_AHEAD))
+        planar, moved = self.planner.step(index, environment, robot)
+
+        # Move: from now on it is certain where all are until the next sub-step.
+        ends, boxes = table.proposed(planar, moved, environment)
+        if tracks:
+            ends, boxes = self._on_tracks(now_ns, tracks, ends, boxes)
+        table.set_out(ends, boxes)
+
+        # Record: the histories of all are views of this.
+        until_ns = now_ns + self.period_ns
+        table.history.record(now_ns, until_ns, table.ids, table.poses, table.ends)
+        if self.keeper is not None:
+            self.keeper.step(now_ns, table.ids, table.poses, table.ends)
+
+    def begin(self, artefact: Artefact, script: ScriptedOffer | None) -> None:
+        """Add an artefact that has just arrived; it has a track, or decides on its own."""
+        track, goes_to = None, None
+        if script is not None and script.track is not None:
+            track = FollowedTrack(script.track, script.start_ns, self.period_ns)
+            goes_to = track.begin(artefact)
+        artefact.track = track
+        self.table.add(artefact, goes_to=goes_to)
+        if track is None:
+            self.decisions.admit(artefact)
+        if self.keeper is not None:
+            self.keeper.arrived(artefact)
+
+    def end(self, agent_id: int, now_ns: int, cause: Cause) -> None:
+        """Remove an agent whose artefact has departed."""
+        if self.keeper is not None:
+            self.keeper.departed(agent_id, now_ns, cause)
+        if cause is Cause.DISPLACED and self.table.artefact_of(agent_id).track is not None:
+            self.counts.displaced += 1  # the resolver has not counted whom it lets pass
+        self.table.remove(agent_id)
+
+    def enter(self, environment: Environment, region: SpawnRegion | None, zones: Zones) -> None:
+        """Go on in this environment and region; where they are others, so are places and exits."""
+        if region is None or (environment, region) == self._entered:
+            return
+        self._entered = (environment, region)
+        grid, clearance_m = environment.grid, environment.clearance_m
+        exits_m = exits_of(environment, region.mask, zones)
+        places = places_in(grid, region.mask, clearance_m, exits_m=exits_m)
+        self.navigation.enter(environment, places)
+
+    def forget(self) -> None:
+        """Forget where all were, how the robot moved, and whom it touches: the clock jumped."""
+        self.table.history.clear()
+        self.contacts.forget()
+        self._robot_watch.forget()
+
+    def take_events(self) -> list[ArtefactEvent]:
+        """Return what happened since the last call, in the order of time."""
+        events, self.events = self.events, []
+        return events
+
+    def _resolve(
+        self, now_ns: int, environment: Environment, robot: RobotPose | None
+    ) -> list[tuple[int, Cause]]:
+        """Let all be where they are bound for, or where the resolver has them; return who leaves.
+
+        Those who go by a track are where it says, unless they leave for a contact with the robot.
+        """
+        table = self.table
+        moved = (table.ends != table.poses).any(axis=1)
+        tracks = table.tracks
+        displaced = self._jump(now_ns, tracks) if tracks else []
+        robots = [robot.footprint] if robot else []
+        resolution = self.resolver.resolve(
+            table.ids, table.end_boxes, table.boxes, environment, robots
+        )
+        if tracks:
+            resolution = resolution.letting_pass(np.array([row for row, _ in tracks]))
+        living = {one.id: one for one in table.artefacts} if resolution.contacts else {}
+        self.events += self.contacts.begun(now_ns, resolution.contacts, living)
+        self.events += displaced
+        self.counts.add(moved, resolution)
+        if resolution.is_all_kept:
+            table.move(table.ends, table.end_boxes)
+            return []
+        return self._correct(now_ns, resolution)
+
+    def _jump(
+        self, now_ns: int, tracks: Sequence[tuple[int, FollowedTrack]]
+    ) -> list[ArtefactEvent]:
+        """Let those be elsewhere whose tracks have jumped; return the events of it."""
+        table, events = self.table, list[ArtefactEvent]()
+        rows, poses = list[int](), list[GroundPose]()
+        for row, track in tracks:
+            pose = track.jump(now_ns)
+            if pose is not None:
+                rows.append(row)
+                poses.append(pose)
+                end = table.ends[row].tolist()
+                is_back = pose == tuple(table.poses[row].tolist())
+                if list(pose[:2]) != end[:2] and not is_back:
+                    events.append(_displaced(now_ns, table.artefacts[row], end, pose))
+                    self.counts.displaced += 1
+        if rows:
+            table.set_out(*table.with_poses(table.ends, np.array(rows), np.array(poses)))
+        return events
+
+    def _correct(self, now_ns: int, resolution: Resolution) -> list[tuple[int, Cause]]:
+        """Put those where they are who could not be kept; return who leaves, and why."""
+        table, leavers = self.table, list[tuple[int, Cause]]()
+        corrected = np.flatnonzero(resolution.outcomes != Outcome.KEPT)
+        settled = table.ends.copy()
+        settled[corrected] = table.poses[corrected]
+        for i in corrected.tolist():
+            artefact = table.artefacts[i]
+            outcome, end = Outcome(int(resolution.outcomes[i])), table.ends[i].tolist()
+            if outcome is Outcome.DISPLACED_TO_SAFE:
+                settled[i] = pose = _pose_found(table.poses[i].tolist(), resolution, i)
+                self.events.append(_displaced(now_ns, artefact, end, pose))
+            elif outcome is Outcome.LEAVES:
+                leavers.append((artefact.id, Cause.DISPLACED))
+            elif outcome is Outcome.LEAVES_ON_CONTACT:
+                leavers.append((artefact.id, Cause.ROBOT_CONTACT))
+            table.stand(i, GroundPose(*settled[i].tolist()))
+        table.move(settled, table.boxes_at(settled))
+        return leavers
+
+    def _on_tracks(
+        self,
+        now_ns: int,
+        tracks: Sequence[tuple[int, FollowedTrack]],
+        ends: _Floats,
+        boxes: OrientedBoxes,
+    ) -> tuple[_Floats, OrientedBoxes]:
+        """Return the ends (N, 4) and boxes (N), where those on tracks go where these lead."""
+        rows = np.array([row for row, _ in tracks])
+        poses = map(GroundPose._make, self.table.poses[rows].tolist())
+        legs = [track.set_out(now_ns, pose) for (_, track), pose in zip(tracks, poses, strict=True)]
+        if np.array_equal(legs, ends[rows]):
+            return ends, boxes
+        return self.table.with_poses(ends, rows, np.array(legs))
+
+
+def _view_of(robot: RobotMotion | None, plan_m: _Floats) -> RobotView | None:
+    """Return the robot as the behaviours see it."""
+    if robot is None:
+        return None
+    return RobotView(
+        robot.x_m,
+        robot.y_m,
+        robot.yaw_rad,
+        robot.vx_mps,
+        robot.vy_mps,
+        robot.footprint.circumscribed_radius_m,
+        plan_m,
+    )
+
+
+def _pose_found(was: Sequence[float], resolution: Resolution, i: int) -> GroundPose:
+    """Return the pose that the search has found for an artefact, from its last safe one."""
+    dx_m, dy_m = resolution.shifts_m[i].tolist()
+    bottom_m = resolution.boxes.centres_m[i, 2] - resolution.boxes.half_sizes_m[i, 2]
+    return GroundPose(was[0] + dx_m, was[1] + dy_m, float(bottom_m), was[3])
+
+
+def _displaced(
+    now_ns: int, artefact: Artefact, was: Sequence[float], now: Sequence[float]
+) -> ArtefactEvent:
+    """Return the event of a jump on the ground; the value is how far."""
+    kind, label = EventKind.DISPLACED, artefact.row.label
+    distance_m = math.hypot(now[0] - was[0], now[1] - was[1])
+    return ArtefactEvent(now_ns, kind, artefact.id, label, "moved", distance_m)

@@ -1,0 +1,294 @@
+"""The table of agents: one row for each artefact alive, in the order of their ids.
+
+It is the only place where the columns of an artefact stand: pose, velocity, shape, plan,
+obstruction, history; and beside them what is no number. An arrival is one `add`, a departure one
+`remove`. Kernels take the arrays, everything else reads them.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.artefacts.artefact import Artefact, GroundPose, shape_of
+from are_ros.artefacts.motion import _state
+from are_ros.artefacts.motion._patience import forget_blockade
+from are_ros.artefacts.motion._state import STAND_ROW, STAYS, Fleet, Tempo
+from are_ros.artefacts.motion.body import Body
+from are_ros.artefacts.pose_tape import PoseTape
+from are_ros.artefacts.terrain import HEIGHT_STEP_M
+from are_ros.artefacts.track_player import FollowedTrack
+from are_ros.conventions import NS_PER_S
+from are_ros.parameters.choices import GroundKind
+from are_ros.world.environment import Environment
+from are_ros.world.oriented_boxes import OrientedBoxes
+
+_FIRST_CAPACITY: Final = 64
+
+_Floats = npt.NDArray[np.float64]
+_Mask = npt.NDArray[np.bool_]
+
+
+class AgentTable:
+    """N agents, in the ascending order of their ids.
+
+    `ids` int64 (N,). `poses` float64 (N, 4) are x, y, z, yaw in the map frame when the present
+    sub-step began, or at an arrival since; `ends` float64 (N, 4) those when the next one begins
+    (the same array where nobody moves). `radii_m` float64 (N,) are of the circles about (x, y)
+    that hold the boxes. These arrays are replaced, never written into: what was taken stays.
+
+    `arrays` are the records that the local planner's kernels write into (body, command, committed
+    trajectory, obstruction); `artefacts` have what is no number. `history` keeps where all were.
+    `now` counts the sub-steps planned; `heights` are those that bodies have, in steps of 0.25 m.
+    """
+
+    def __init__(
+        self,
+        step_s: float,
+        ground: GroundKind = GroundKind.PLANE,
+        history_ns: int = 2 * NS_PER_S,
+    ) -> None:
+        """Take the length of a sub-step [s], what the ground is, and how long poses are kept."""
+        self._is_plane = ground is GroundKind.PLANE
+        self.tempo: Final[Tempo] = _state.tempo_of(step_s)
+        self.history = PoseTape(history_ns)
+        self.now = 0
+        self.heights: list[int] = []
+        self.artefacts: list[Artefact] = []
+        self._behaviours: list[str] = []
+        self.ids = np.empty(0, np.int64)
+        self.poses = self.ends = np.empty((0, 4))
+        self.radii_m = np.empty(0)
+        self.boxes = self.end_boxes = OrientedBoxes.empty()
+        self._shapes = np.empty((0, 5))
+        self._records = _state.fleet_of(_FIRST_CAPACITY, _state.path_length(self.tempo))
+        self._lives = np.zeros(_FIRST_CAPACITY, _state.LIFE)
+
+    def __len__(self) -> int:
+        """Count the agents."""
+        return len(self.ids)
+
+    def add(
+        self,
+        artefact: Artefact,
+        body: Body | None = None,
+        goes_to: tuple[int, GroundPose] | None = None,
+    ) -> None:
+        """Add an artefact that has just arrived; ValueError if one of its id is there.
+
+        It stands where its history has it, or goes straight to a pose, where it is at an instant
+        [ns]. From then on its history is a view of the table's. Without a body it has its row's.
+        """
+        row = self.row_of(artefact.id)
+        if row < len(self) and self.ids[row] == artefact.id:
+            raise ValueError(f"agent {artefact.id} is in the table already")
+        pose, body = artefact.history.latest, body or Body.of(artefact.row)
+        end = goes_to[1] if goes_to else pose
+        artefact.history = self.history.begin(artefact.id, artefact.arrival_ns, pose, goes_to)
+        self.artefacts.insert(row, artefact)
+        self._add_pose(row, artefact, pose, end)
+        self._add_record(row, artefact.id, body)
+        self.arrays.place["is_scripted"][row] = artefact.track is not None
+        self.set_behaviour(row, artefact.behaviour)
+        self.stand(row, end)
+
+    def remove(self, agent_id: int) -> None:
+        """Remove an agent; KeyError if it is not there. Its history stays what it is."""
+        (row,) = self.rows_of([agent_id]).tolist()
+        artefact = self.artefacts.pop(row)
+        artefact.history.close()
+        artefact.state = artefact.track = None
+        is_moving = self.ends is not self.poses
+        ends, end_packed = without_row(self.ends, row), without_row(self.end_boxes.packed, row)
+        self.ids, self.radii_m = without_row(self.ids, row), without_row(self.radii_m, row)
+        self._shapes = without_row(self._shapes, row)
+        self.poses = without_row(self.poses, row)
+        self.boxes = _boxes_at(self.poses, without_row(self.boxes.packed, row))
+        self.ends = ends if is_moving else self.poses
+        self.end_boxes = _boxes_at(ends, end_packed) if is_moving else self.boxes
+        count = len(self)
+        for array in (*self._records, self._lives):
+            _move_rows(array, row + 1, count + 1, row)
+
+    def row_of(self, agent_id: int) -> int:
+        """Return the row of an agent, or where it would be inserted."""
+        return int(self.ids.searchsorted(agent_id))
+
+    def rows_of(self, agent_ids: Sequence[int]) -> npt.NDArray[np.int64]:
+        """Return the rows (M,) of agents; KeyError if one is not there."""
+        ids = np.array(agent_ids, np.int64)
+        rows = self.ids.searchsorted(ids)
+        if (self.ids.searchsorted(ids, "right") == rows).any():
+            raise KeyError(f"not all of the agents {ids.tolist()} are there")
+        return rows
+
+    def artefact_of(self, agent_id: int) -> Artefact:
+        """Return an artefact by its id; KeyError if it is not there."""
+        return self.artefacts[int(self.rows_of([agent_id])[0])]
+
+    def set_behaviour(self, row: int, behaviour: str) -> None:
+        """Let the agent of a row be of a behaviour."""
+        if behaviour not in self._behaviours:
+            self._behaviours.append(behaviour)
+        self._lives["behaviour"][row] = self._behaviours.index(behaviour)
+        self.artefacts[row].behaviour = behaviour
+
+    def doing(self, behaviour: str) -> npt.NDArray[np.int64]:
+        """Return the rows of those of a behaviour, ascending."""
+        if behaviour not in self._behaviours:
+            return np.empty(0, np.int64)
+        numbers = self._lives["behaviour"][: len(self)]
+        return np.flatnonzero(numbers == self._behaviours.index(behaviour))
+
+    @property
+    def tracks(self) -> list[tuple[int, FollowedTrack]]:
+        """The tracks that are followed, with the rows of those who do."""
+        rows = np.flatnonzero(self.arrays.place["is_scripted"]).tolist()
+        tracks = [(row, self.artefacts[row].track) for row in rows]
+        return [(row, track) for row, track in tracks if track is not None]
+
+    @property
+    def leaving_ns(self) -> npt.NDArray[np.int64]:
+        """Since when each is on its way out, (N,); STAYS for the others."""
+        since_ns: npt.NDArray[np.int64] = self._lives["leaving"][: len(self)]
+        return since_ns
+
+    @property
+    def phases(self) -> npt.NDArray[np.int64]:
+        """In which sub-steps of a decision period each decides, (N,); -1 never."""
+        phases: npt.NDArray[np.int64] = self._lives["phase"][: len(self)]
+        return phases
+
+    @property
+    def taken(self) -> OrientedBoxes:
+        """The boxes (N or 2 N) where all are and where they will be: nobody may arrive there."""
+        if self.ends is self.poses:
+            return self.boxes
+        packed = np.concatenate((self.boxes.packed, self.end_boxes.packed))
+        return _boxes_at(np.concatenate((self.poses, self.ends)), packed)
+
+    def stand(self, row: int, pose: GroundPose) -> None:
+        """Let the agent of a row stand at a pose, with nothing committed; others plan anew."""
+        place, yaw = self.arrays.place[row], pose.yaw_rad
+        self.arrays.path[row, 0] = pose.x_m, pose.y_m, yaw, np.cos(yaw), np.sin(yaw), 0.0
+        place["begin"], place["last"], place["pace"] = self.now, 0, 0.0
+        place["x"], place["y"] = pose.x_m, pose.y_m
+        place["reach"] = self.arrays.body["radius"][row]
+        place["must_plan"], place["is_news"], self.arrays.due[row] = 0, 1, self.now
+
+    def proposed(
+        self, planar: _Floats, moved: _Mask, environment: Environment
+    ) -> tuple[_Floats, OrientedBoxes]:
+        """Return the poses (N, 4) and boxes if those `moved` (N,) were at `planar` (N, 3).
+
+        These are x, y, yaw. The others keep their numbers, to the bit.
+        """
+        if not moved.any():
+            return self.poses, self.boxes
+        poses, packed = self.poses.copy(), self.boxes.packed.copy()
+        poses[moved, :2], poses[moved, 3] = planar[moved, :2], planar[moved, 2]
+        boxes = OrientedBoxes.standing(poses[moved], self._shapes[moved])
+        if not self._is_plane:
+            poses[moved, 2] = environment.ground_heights_m(boxes)
+            boxes = OrientedBoxes.standing(poses[moved], self._shapes[moved])
+        packed[moved] = boxes.packed
+        return poses, _boxes_at(poses, packed)
+
+    def with_poses(
+        self, poses: _Floats, rows: npt.NDArray[np.int64], others: _Floats
+    ) -> tuple[_Floats, OrientedBoxes]:
+        """Return poses (N, 4), and the boxes there, where those of some are `others` (M, 4)."""
+        poses = poses.copy()
+        poses[rows] = others
+        return poses, self.boxes_at(poses)
+
+    def boxes_at(self, poses: _Floats) -> OrientedBoxes:
+        """Return the boxes (N) of all if they were at poses (N, 4)."""
+        return OrientedBoxes.standing(poses, self._shapes)
+
+    def move(self, poses: _Floats, boxes: OrientedBoxes) -> None:
+        """Let all be at `poses` (N, 4), with these boxes, and stay there."""
+        self.poses = self.ends = poses
+        self.boxes = self.end_boxes = boxes
+
+    def set_out(self, ends: _Floats, boxes: OrientedBoxes) -> None:
+        """Let all be bound for `ends` (N, 4), which is `poses` where nobody moves, with boxes."""
+        self.ends, self.end_boxes = ends, boxes
+
+    def _add_pose(self, row: int, artefact: Artefact, pose: GroundPose, end: GroundPose) -> None:
+        """Insert into the arrays that are replaced."""
+        half_x_m, half_y_m, _, offset_x_m, offset_y_m = shape = shape_of(artefact.row)
+        radius_m = math.hypot(half_x_m + abs(offset_x_m), half_y_m + abs(offset_y_m))
+        box, end_box = (
+            OrientedBoxes.standing(np.array([one]), np.array([shape])) for one in (pose, end)
+        )
+        is_moving = self.ends is not self.poses or end != pose
+        ends, end_packed = with_row(self.ends, row, end), self.end_boxes.packed
+        self.ids = with_row(self.ids, row, artefact.id)
+        self.radii_m = with_row(self.radii_m, row, radius_m)
+        self._shapes = with_row(self._shapes, row, shape)
+        self.poses = with_row(self.poses, row, pose)
+        self.boxes = _boxes_at(self.poses, with_row(self.boxes.packed, row, box.packed))
+        self.ends = ends if is_moving else self.poses
+        self.end_boxes = self.boxes
+        if is_moving:
+            self.end_boxes = _boxes_at(ends, with_row(end_packed, row, end_box.packed))
+
+    def _add_record(self, row: int, agent_id: int, body: Body) -> None:
+        """Insert into the arrays that the kernels write into."""
+        count = len(self)
+        if count > len(self._lives):
+            self._lives = np.concatenate((self._lives, np.zeros_like(self._lives)))
+            self._records = Fleet(
+                *(np.concatenate((array, np.zeros_like(array))) for array in self._records)
+            )
+        for array in (*self._records, self._lives):
+            _move_rows(array, row, count - 1, row + 1)
+            array[row] = np.zeros((), array.dtype)
+        self._lives["phase"][row], self._lives["leaving"][row] = -1, STAYS
+        place, mind = self.arrays.place[row], self.arrays.mind[row]
+        _state.write_body(self.arrays.body[row], body, self._height_step(body.height_m))
+        place["id"], mind["passed_at"], mind["chosen"] = agent_id, _state.NEVER, np.nan
+        self.arrays.order[row] = STAND_ROW
+        forget_blockade(mind)
+
+    def _height_step(self, height_m: float) -> int:
+        """Return which of the heights is a body's, rounded up to 0.25 m."""
+        steps = math.ceil(height_m / HEIGHT_STEP_M)
+        if steps not in self.heights:
+            self.heights.append(steps)
+        return self.heights.index(steps)
+
+    @property
+    def arrays(self) -> Fleet:
+        """The kernels' view of the records of all."""
+        (place, body, order, mind, due, path), count = self._records, len(self)
+        return Fleet(
+            place[:count], body[:count], order[:count], mind[:count], due[:count], path[:count]
+        )
+
+
+def _move_rows(array: npt.NDArray[Any], start: int, stop: int, to: int) -> None:
+    """Move rows [start, stop) to another place: as bytes, of which numpy makes no copy first."""
+    data = array.reshape(-1).view(np.uint8)
+    size = data.size // len(array)
+    data[to * size : (to + stop - start) * size] = data[start * size : stop * size]
+
+
+def with_row(rows: npt.NDArray[Any], index: int, row: npt.ArrayLike) -> npt.NDArray[Any]:
+    """Return rows with one more, before the one at an index; much quicker than `np.insert`."""
+    wider = np.empty((len(rows) + 1, *rows.shape[1:]), rows.dtype)
+    wider[:index], wider[index], wider[index + 1 :] = rows[:index], row, rows[index:]
+    return wider
+
+
+def without_row(rows: npt.NDArray[Any], index: int) -> npt.NDArray[Any]:
+    """Return rows without the one at an index; much quicker than by a mask."""
+    return np.concatenate((rows[:index], rows[index + 1 :]))
+
+
+def _boxes_at(poses: _Floats, packed: _Floats) -> OrientedBoxes:
+    """Return packed boxes (N, 8) of bodies at poses (N, 4)."""
+    return OrientedBoxes.of_packed(packed, poses[:, 3])
