@@ -38,9 +38,9 @@ from are_ros.bag.recording import (
     runs_of,
     walls_of,
 )
-from are_ros.checks.frames import ODOMETRY, PARAMETER, TF, Frames
 from are_ros.checks.marker_rules import MarkerChange, change_of
-from are_ros.checks.oracle_solids import Cloud, RealMap
+from are_ros.checks.oracle.frames import ODOMETRY, PARAMETER, TF, Frames
+from are_ros.checks.oracle.solids import Cloud, RealMap
 from are_ros.checks.result import Tally, at_s
 from are_ros.checks.scan_pairs import ScanPairs
 from are_ros.conventions import NS_PER_S

@@ -15,8 +15,8 @@ from types import MappingProxyType
 import numpy as np
 
 from are_ros.builder.outputs import ArtefactState
-from are_ros.checks.oracle import TOUCHING_M, Outline, PlainBoxes, overlapping
-from are_ros.checks.oracle_solids import Covers, RealMap
+from are_ros.checks.oracle.plane import TOUCHING_M, Outline, PlainBoxes, overlapping
+from are_ros.checks.oracle.solids import Covers, RealMap
 from are_ros.experiments._judge_limits import (
     Limits,
     Motion,

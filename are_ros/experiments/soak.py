@@ -14,7 +14,7 @@ from are_ros.builder.events import EventKind
 from are_ros.builder.motion_counts import MotionCounts
 from are_ros.builder.outputs import ArtefactState
 from are_ros.builder.tick import Demand, Tick
-from are_ros.checks.oracle_solids import RealMap
+from are_ros.checks.oracle.solids import RealMap
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import MapError, ParameterError
 from are_ros.experiments._judge_limits import Limits

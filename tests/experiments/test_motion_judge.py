@@ -11,7 +11,7 @@ import pytest
 
 from are_ros.artefacts.artefact import GroundPose, Origin
 from are_ros.builder.outputs import ArtefactState
-from are_ros.checks.oracle_solids import RealMap
+from are_ros.checks.oracle.solids import RealMap
 from are_ros.experiments import motion_judge
 from are_ros.experiments.motion_judge import Limits, MotionJudge
 from are_ros.experiments.verdict import FAULTS

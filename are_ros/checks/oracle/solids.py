@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.checks.oracle import TOUCHING_M, Boxes, rectangle_depths_m, slab
+from are_ros.checks.oracle.plane import TOUCHING_M, Boxes, rectangle_depths_m, slab
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.int64]
