@@ -20,7 +20,7 @@ LAYERS = (
     ("draw",),
     ("node", "checks"),
     ("replay",),
-    ("record",),
+    ("record", "fit"),
     ("experiments",),
     ("cli",),
     ("__main__",),

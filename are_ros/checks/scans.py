@@ -227,8 +227,6 @@ def _reach_m(scene: Scene, i: int, speeds: tuple[float, float], span_ns: int) ->
 # The augmented scans: a beam changed only where an artefact stood in its way, before any wall.
 
 
-Floats = NDArray[np.float64]
-
 _EXACT_SLACK_M: Final = 0.02
 _HELD_SLACK_M: Final = 0.10
 

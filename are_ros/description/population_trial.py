@@ -19,7 +19,7 @@ from are_ros.artefacts.population import Place, Population
 from are_ros.artefacts.population_events import Cause, EventKind, PopulationEvent
 from are_ros.conventions import NS_PER_S
 from are_ros.description.birth_death import BirthDeath
-from are_ros.description.population_lines import staying_share
+from are_ros.description.configuration import staying_share
 from are_ros.description.site import Site
 from are_ros.errors import ParameterError
 from are_ros.parameters.model import Parameters

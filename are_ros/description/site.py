@@ -12,9 +12,9 @@ from are_ros.artefacts.placement import Placer
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.builder.assembly import robot_footprint
 from are_ros.builder.real_world import RealWorld
-from are_ros.description.catalogue_lines import percent
 from are_ros.parameters.choices import Region
 from are_ros.parameters.model import Parameters
+from are_ros.wording import percent
 from are_ros.world.environment import Environment
 from are_ros.world.frame_tree import FrameTree
 from are_ros.world.occupancy_grid import OccupancyGrid

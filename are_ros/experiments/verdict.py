@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
+from are_ros.wording import aligned
+
 FAULTS: Final = {
     "overlaps": "overlaps of artefacts",
     "walls": "overlaps with walls",
@@ -170,11 +172,4 @@ class Verdict:
 
 def _columns(rows: Sequence[tuple[str, ...]]) -> list[str]:
     """Return rows of cells as lines; all columns but the first to the right."""
-    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
-    return [
-        "  ".join(
-            cell.rjust(width) if k else cell.ljust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in rows
-    ]
+    return [line[2:] for line in aligned(rows, range(1, len(rows[0])))]
