@@ -105,15 +105,16 @@ def stretches_of(
 ) -> Stretches:
     """Return the stretches of the window [start_ns, stop_ns) of the log that are to be replayed.
 
-    Gaps are measured by the clock, the last one up to what moves next behind the window. A stray
-    message between two gaps belongs to them. `files` are
-    the (name, start, stop) of those that make up the recording.
+    Gaps are measured by the clock, the first one from what moved last before the window, the last
+    one up to what moves next behind it. A stray message between two gaps belongs to them. `files`
+    are the (name, start, stop) of those that make up the recording.
     """
     log_ns = times.moving_log_ns
     if not len(log_ns):
         return Stretches(((start_ns, stop_ns),), ())
     next_ns = stop_ns if times.next_moving_ns is None else times.next_moving_ns
-    edges_ns = np.concatenate(([start_ns], log_ns, [next_ns]))
+    since_ns = start_ns if times.still_since_ns is None else times.still_since_ns
+    edges_ns = np.concatenate(([since_ns], log_ns, [next_ns]))
     is_gap = np.diff(clock.at_many(edges_ns)) >= GAP_NS
     first = np.flatnonzero(is_gap[:-1] | (np.arange(len(log_ns)) == 0))
     last = np.append(first[1:], len(log_ns)) - 1
