@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -232,6 +232,9 @@ _EVENT: Final = "are_msgs/msg/ArtefactEvent"
 _ARRAY: Final = "are_msgs/msg/ArtefactArray"
 _COUNTED: Final = ("arrived", "blocked", "without an event")
 
+Fates = dict[str, Counter[str]]
+"""Labels and how many artefacts had them, by what became of these."""
+
 
 class _Key(NamedTuple):
     """One coming: a node's name, the artefact's id, and when. A node begun anew counts anew."""
@@ -278,18 +281,18 @@ class Census:
                 if known.origin == Origin.SCRIPTED and key.artefact_id < FIRST_ADMITTED_ID:
                     self.low_scripted.add(node)
 
-    def comers(self) -> "Comers":
-        """Return the labels of those whom the mixture sent within the recording."""
-        comers = Comers()
-        for key, label in self.arrived.items():
-            comers.take("arrived" if self._is_random(key) else "asked for", label)
-        for key, label in self.blocked.items():
-            comers.take("blocked" if self._is_random(key) else "asked for", label)
-        for key in (each for each in self.seen if each not in self.arrived):
-            within = key.time_ns >= self.begun_ns[key.node]
-            what = "without an event" if within else "there before"
-            comers.take(what if self._is_random(key) else "asked for", self.seen[key].label)
-        return comers
+    def labels_by_fate(self) -> Fates:
+        """Return the labels of all, counted, by what became of them within the recording."""
+        fates: Fates = defaultdict(Counter)
+        told = [("arrived", *one) for one in self.arrived.items()]
+        told += [("blocked", *one) for one in self.blocked.items()]
+        for key, known in self.seen.items():
+            if key not in self.arrived:
+                within = key.time_ns >= self.begun_ns[key.node]
+                told.append(("without an event" if within else "there before", key, known.label))
+        for fate, key, label in told:
+            fates[fate if self._is_random(key) else "asked for"][label] += 1
+        return fates
 
     def _is_random(self, key: _Key) -> bool:
         """Tell whether the mixture drew it; without the ground truth its id tells."""
@@ -298,25 +301,6 @@ class Census:
             return known.origin == Origin.RANDOM
         is_low = 0 < key.artefact_id < FIRST_ADMITTED_ID
         return is_low and key.node not in self.low_scripted
-
-
-@dataclass
-class Comers:
-    """Labels and how many of them, by what became of them."""
-
-    by_fate: dict[str, Counter[str]] = field(default_factory=dict)
-
-    def take(self, fate: str, label: str) -> None:
-        """Count one."""
-        self.by_fate.setdefault(fate, Counter())[label] += 1
-
-    def how_many(self, fate: str) -> int:
-        """Return how many had this fate."""
-        return sum(self.by_fate.get(fate, Counter()).values())
-
-    def counted(self) -> Counter[str]:
-        """Return the labels of those who count."""
-        return sum((self.by_fate.get(fate, Counter()) for fate in _COUNTED), Counter())
 
 
 def read_recording(path: Path, space: RowSpace, open_progress: OpenProgress) -> ObservedRows:
@@ -342,13 +326,13 @@ def read_recording(path: Path, space: RowSpace, open_progress: OpenProgress) -> 
                 census.take_scene(node, value)
             move(message.log_ns)
         move(end_ns)
-    comers = census.comers()
+    fates = census.labels_by_fate()
     rows = _rows_by_label(path, census, space)
     counts = np.zeros(space.rows, dtype=np.int64)
-    for label, count in comers.counted().items():
+    for label, count in sum((fates[fate] for fate in _COUNTED), Counter()).items():
         counts[_row(path, label, rows)] += count
     kinds = {types[topic] for topic in topics}
-    return ObservedRows(counts, tuple(_notes(comers, has_events=_EVENT in kinds)))
+    return ObservedRows(counts, tuple(_notes(fates, has_events=_EVENT in kinds)))
 
 
 def _rows_by_label(path: Path, census: Census, space: RowSpace) -> dict[str, int]:
@@ -375,18 +359,18 @@ def _row(path: Path, label: str, rows: dict[str, int]) -> int:
     return rows[label]
 
 
-def _notes(comers: Comers, *, has_events: bool) -> list[str]:
+def _notes(fates: Fates, *, has_events: bool) -> list[str]:
     """Say what was counted and what was left out."""
-    parts = [f"{comers.how_many('arrived')} arrivals", f"{comers.how_many('blocked')} blocked"]
-    untold = comers.how_many("without an event")
-    if untold:
+    count = Counter({fate: sum(labels.values()) for fate, labels in fates.items()})
+    parts = [f"{count['arrived']} arrivals", f"{count['blocked']} blocked"]
+    if untold := count["without an event"]:
         parts.append(f"{untold} that came within the recording without an event")
     notes = [f"counted: {', '.join(parts)}"]
     left_out = [
-        (comers.how_many("there before"), "there before the recording began"),
-        (comers.how_many("asked for"), "scripted or asked for"),
+        (count["there before"], "there before the recording began"),
+        (count["asked for"], "scripted or asked for"),
     ]
-    told = [f"{count} {reason}" for count, reason in left_out if count]
+    told = [f"{number} {reason}" for number, reason in left_out if number]
     if told:
         notes.append(f"left out: {', '.join(told)}")
     if not has_events:

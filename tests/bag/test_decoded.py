@@ -8,10 +8,9 @@ import pytest
 
 from are_ros.bag.decoded import Event, Grid, GridUpdate, Metrics, Perceived, Scan, Scene, Transforms
 from are_ros.bag.marker_decoding import MarkerFields
-from are_ros.bag.recording import INPUT_TYPES, Recording, RecordingFiles, find_recording
+from are_ros.bag.recording import Recording, RecordingFiles, find_recording
 from are_ros.errors import InputError
-from tests.checks.test_checks import LIVES_NS, PLACES, TICKS_NS, Draft, make_draft
-from tests.replay.test_tick_writer import MS
+from tests.checks.test_checks import INPUT_TYPES, LIVES_NS, MS, PLACES, TICKS_NS, Draft, make_draft
 
 
 @pytest.fixture

@@ -38,16 +38,6 @@ class RealMap:
         return cls(grid.cells, grid.resolution_m, (x, y, yaw), z, grid.frame_id)
 
     @classmethod
-    def of_message(cls, message: Any, log_ns: int) -> "RealMap":
-        """Return the map of a nav_msgs/OccupancyGrid; ValueError where its size is wrong."""
-        info, place = message.info, message.info.origin
-        cells = np.asarray(message.data, np.int8).reshape(info.height, info.width)
-        yaw = 2.0 * float(np.arctan2(place.orientation.z, place.orientation.w))
-        corner = (place.position.x, place.position.y, yaw)
-        frame_id = message.header.frame_id.lstrip("/")
-        return cls(cells, info.resolution, corner, place.position.z, frame_id, log_ns)
-
-    @classmethod
     def of_cells(
         cls, occupied: NDArray[np.bool_], cell_m: float, origin: tuple[float, float, float]
     ) -> "RealMap":
