@@ -20,12 +20,12 @@ from are_ros.conventions import NS_PER_S
 from are_ros.wording import counted, duration_text
 
 GAP_NS: Final = IDLE_NS
-"""As long as the world waits for an input before it stands still."""
+"""The time after which the simulation stands still without an input."""
 _STRAY_NS: Final = NS_PER_S
-"""What moves for less than this, with a gap on either side, is no drive."""
+"""A shorter stretch of movement with gaps on both sides is left out."""
 _SHOWN_GAPS: Final = 3
 _REACH: Final = 0.75
-"""A scan may wait for so much of the time for which poses are kept: it may be late by itself."""
+"""A scan may wait for this share of `poses.history`; the rest is for its own delay."""
 _WAIT_STEP_NS: Final = NS_PER_S // 100
 
 Span = tuple[int, int]

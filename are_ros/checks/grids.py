@@ -37,7 +37,7 @@ COSTMAP: Final = PREFIX + "augmented_costmap"
 
 _NEVER: Final = -(2**63)
 _GRACE_NS: Final = NS_PER_S
-"""For so long, beyond the interval of publication, a recorder may have missed the last grid."""
+"""After the interval of publication a live recorder may lack the last grid for this time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +56,9 @@ class AdmittedTick:
 
 
 def admitted_by_tick(record: Record, settings: CostmapParameters) -> Iterator[AdmittedTick]:
-    """Yield every tick with the artefacts that `costmap.gate` admits to the grids.
+    """Yield each tick with the artefacts that `costmap.gate` admits to the grids.
 
-    These are all alive, or those perceived at most `costmap.memory` before.
+    These are all artefacts, or those perceived at most `costmap.memory` before.
     """
     seen_ns: dict[int, int] = {}
     # With a camera that is slower than the ticks the last look was before the tick.
@@ -181,10 +181,10 @@ class GridJudge:
 
 
 class Currency:
-    """Of a replay: a change goes out at the first tick that may publish it.
+    """For a replay: a change is published at the first tick that may publish it.
 
-    That is the next one where somebody appears or goes, or else when the interval is over; before,
-    nothing goes out.
+    That is the next tick if an artefact appears or leaves, else the first one after the interval.
+    Nothing is published before.
     """
 
     def __init__(self, topic: str, tally: Tally, parameters: Parameters) -> None:
@@ -193,7 +193,7 @@ class Currency:
         self._interval_ns = _interval_ns(parameters)
         threshold = parameters.world.occupied_threshold
         self._full_value = threshold if topic == COSTMAP else OCCUPIED
-        """From this value on a real cell hides an artefact in it."""
+        """A real cell with this value or more hides an artefact."""
         self._sent_ns = self._last_ns = _NEVER
         self._last: tuple[RealMap, list[Cover]] | None = None
         self._ids: frozenset[int] = frozenset()
@@ -243,7 +243,7 @@ class Currency:
 
 
 class Held:
-    """Of a live recording: what a late subscriber would get, and since when it is wrong."""
+    """For a live recording: the grid that a late subscriber gets, and since when it is wrong."""
 
     def __init__(self, topic: str, tally: Tally, parameters: Parameters, judge: GridJudge) -> None:
         self._topic = topic
@@ -262,7 +262,7 @@ class Held:
         is_new: bool,
         is_sent: bool,
     ) -> None:
-        """Fail once it has shown other artefacts than those of the ticks for too long."""
+        """Fail when the last grid has shown other artefacts than the ticks for too long."""
         del is_new, is_sent
         if grid is None or not tick.is_sure:
             self._wrong_ns = None
@@ -446,7 +446,7 @@ class _GridChecks:
         return tick.real is not None
 
     def _take_others(self, record: Record, messages: list[GridMessage]) -> None:
-        """Judge grids that belong to no tick: bare ones, or those of ticks that were missed."""
+        """Judge grids without a tick: real maps, or grids of ticks that the recording missed."""
         for topic, message in messages:
             of_map = topic.removesuffix("_updates")
             if not self._is_live:

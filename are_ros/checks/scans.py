@@ -1,9 +1,8 @@
-"""Where the artefacts stood at any instant between two ticks: exactly, or within what they can do.
+"""The augmented scans, and where the artefacts were between two ticks.
 
-Between two sub-steps of motion an artefact goes straight on, as the twist of a tick says. So up to
-the first sub-step after a tick it is known exactly where it was, and in the last sub-step before
-the next tick, too. Where there is more time in between, it may be wherever its speed lets it get to
-on its way.
+A beam may change only where an artefact stands in its way, before any wall. Between two sub-steps
+an artefact moves straight on, with the twist of the tick. Its position is exact up to the first
+sub-step after a tick and in the last one before the next tick; in between its speed bounds it.
 """
 
 import math
@@ -31,8 +30,8 @@ Floats = NDArray[np.float64]
 _FASTER: Final = 1.1
 _FASTER_MPS: Final = 0.3
 _TURNS_RADPS: Final = 3.2
-"""Beyond what the ticks show of its label, an artefact that moves may go so much faster in between,
-and turn so fast."""
+"""Between ticks a moving artefact may be this much faster than the ticks show of its label, and turn
+this fast."""
 
 _HERE_M: Final = 1e-3
 
@@ -74,9 +73,9 @@ class Places:
         self._fastest = _fastest(record.scenes)
 
     def at(self, stamp_ns: int) -> list[Box] | None:
-        """Return the boxes of those visible; None after the last tick, or where one is unknown.
+        """Return the boxes of the visible artefacts; None if one is unknown or after the last tick.
 
-        Visible are those who had arrived by the last tick that was due, and have not departed.
+        Visible are the artefacts that arrived by the last due tick and have not departed.
         """
         record = self._record
         after = bisect_right(self._stamps, stamp_ns)
@@ -99,7 +98,7 @@ class Places:
     def _arrived(
         self, earlier: Scene | None, later: Scene, stamp_ns: int, due_ns: int
     ) -> list[Box]:
-        """Return those who are listed at the next tick only, because one before it is missing."""
+        """Return the artefacts that only the next tick lists, as the tick before is missing."""
         known = set() if earlier is None else set(earlier.ids.tolist())
         boxes = []
         for i, number in enumerate(later.ids.tolist()):
@@ -110,7 +109,7 @@ class Places:
         return boxes
 
     def _came_and_went(self, earlier: Scene, due_ns: int) -> bool:
-        """Tell whether one departed after a missing tick, that alone would have shown it."""
+        """Tell whether an artefact departed that only a missing tick could have shown."""
         listed = set(earlier.ids.tolist())
         return any(
             earlier.stamp_ns < departed_ns <= due_ns and number not in listed
@@ -118,7 +117,7 @@ class Places:
         )
 
     def _present(self, earlier: Scene, later: Scene, stamp_ns: int) -> list[Box]:
-        """Return those of the tick before who are still there."""
+        """Return the artefacts of the tick before that have not departed."""
         numbers = {int(number): j for j, number in enumerate(later.ids)}
         boxes = []
         for i, number in enumerate(earlier.ids.tolist()):
@@ -129,7 +128,7 @@ class Places:
     def _between(
         self, earlier: Scene, i: int, later: Scene, j: int | None, stamp_ns: int
     ) -> list[Box]:
-        """Return where one may be: one box, or one about each of the places that it came to."""
+        """Return where an artefact may be: one box, or one before and one after a jump."""
         step_ns = self._step_ns
         first_ns = (earlier.stamp_ns // step_ns + 1) * step_ns
         went_s = (min(stamp_ns, first_ns) - earlier.stamp_ns) / NS_PER_S
@@ -160,7 +159,7 @@ class Places:
         return [_box(earlier, i, way, aside_m + turned_m)]
 
     def _jumped_m(self, number: int, after_ns: int, until_ns: int) -> float:
-        """Return how far one was put in all, after one instant and up to another."""
+        """Return the length of all displacements of an artefact in (after, until]."""
         jumps = self._jumps.get(number, ())
         return sum(apart_m for t_ns, apart_m in jumps if after_ns < t_ns <= until_ns)
 
@@ -190,7 +189,7 @@ def _spot(scene: Scene, i: int) -> _Spot:
 
 
 def _box(scene: Scene, i: int, spot: _Spot, slack_m: float) -> Box:
-    """Return the box of one that is at a spot."""
+    """Return the box of an artefact at a spot."""
     dx_m, dy_m = scene.box_centres_m[i, :2].tolist()
     cos, sin = math.cos(spot.yaw_rad), math.sin(spot.yaw_rad)
     x_m, y_m = spot.x_m + cos * dx_m - sin * dy_m, spot.y_m + sin * dx_m + cos * dy_m
@@ -224,7 +223,7 @@ def _reach_m(scene: Scene, i: int, speeds: tuple[float, float], span_ns: int) ->
     return (speeds[0] + _radius_m(scene, i) * speeds[1]) * span_ns / NS_PER_S
 
 
-# The augmented scans: a beam changed only where an artefact stood in its way, before any wall.
+# The checks of scans.
 
 
 _EXACT_SLACK_M: Final = 0.02

@@ -116,7 +116,7 @@ def _text(value: Value) -> str:
     return repr(value) if value == "" else str(value)
 
 
-# Who comes, how many live at once, how they come and go: the birth-death process in figures.
+# The population: arrivals, lives, and the law of the number alive.
 
 
 _WORTH_A_WORD = 0.001
@@ -148,7 +148,7 @@ def population_lines(
 
 
 def appearing_lines(parameters: Parameters) -> list[str]:
-    """Return where artefacts appear, and what they do when their life is over."""
+    """Return where artefacts appear, and what they do at the end of their life."""
     settings = parameters.population
     appear = {
         Appear.ANYWHERE: "anywhere in the region where there is room",
@@ -260,7 +260,7 @@ def _memory_rows(chain: BirthDeath) -> list[tuple[str, str]]:
 def _forever_rows(
     chain: BirthDeath, probabilities: Numbers, catalogue: Catalogue, site: Site
 ) -> list[tuple[str, str]]:
-    """Return how those who never leave add up, nothing if nobody stays."""
+    """Return how artefacts that never leave accumulate, nothing if all leave."""
     staying = [row.index for row in catalogue.rows if row.forever and row.index not in site.misfits]
     share = float(probabilities[staying].sum())
     if share <= 0.0:
@@ -285,7 +285,7 @@ def _duration(duration_s: float) -> str:
     return f"{duration_s:.3g} s"
 
 
-# Of which kind the artefacts are, and what they do: the mixture and the catalogue in figures.
+# The mixture and the catalogue.
 
 
 _A_LINE: Final = 5
@@ -359,7 +359,7 @@ def _range(numbers: Sequence[float], layout: str) -> str:
 
 
 def _behaviours(rows: tuple[CatalogueRow, ...], probabilities: Numbers) -> dict[str, float]:
-    """Return the probability of each behaviour of one that is of these rows."""
+    """Return the probability of each behaviour, given one of these rows."""
     shares: dict[str, float] = {}
     for row in rows:
         for name, chance in row.behaviours.items():

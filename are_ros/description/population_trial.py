@@ -194,7 +194,7 @@ class _Book:
 
 
 def _place_on(site: Site, population: Population, group_radius_m: float) -> Place:
-    """Return what finds a place on a site, for those who once leave."""
+    """Return what finds a place on a site for artefacts that leave some time."""
     place = _in_the_open(math.sqrt(site.area_m2), group_radius_m)
     if site.survey is not None:
         placer = Placer(site.survey.environment, site.survey.region)

@@ -1,9 +1,8 @@
-"""A judge of motion that shares no geometry with what it judges: it reads the ground truth only.
+"""A judge of motion. It reads the ground truth only, and shares no geometry with the builder.
 
-At each sub-step it tests, by arithmetic of its own, whether anybody overlaps a wall, another
-artefact or the robot, and whether anybody moves as its type cannot; over time, whether those who
-move get anywhere, whether followers are near whom they follow, whether anybody stands for long
-without a cause that can be named, and whether some wait for each other.
+At each sub-step it tests for overlaps with walls, artefacts and the robot, and for motion beyond
+the limits of the type. Over time it tests whether moving artefacts arrive, whether followers stay
+near their leaders, whether an artefact stands for long without a named cause, and for deadlocks.
 """
 
 import math
@@ -22,7 +21,7 @@ from are_ros.experiments.verdict import LongStand, Verdict
 
 __all__ = ("Limits", "MotionJudge")
 
-# Whether a body can move so: speed, acceleration, turning, and no sliding sideways.
+# Limits of motion: speed, acceleration, turning, and no sliding sideways.
 
 
 _FASTER, _STRONGER = 1.001, 1.02
@@ -46,7 +45,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Motion:
-    """What a body did in a sub-step: along its mean heading, across it, and turning."""
+    """The motion in a sub-step: along the mean heading, across it, and the turn."""
 
     step_s: float
     along_m: float
@@ -85,7 +84,7 @@ def excess(speed_mps: float, turn_rate: float, limits: Limits) -> str:
 
 
 def breach(motion: Motion, before_mps: float, limits: Limits) -> str:
-    """Return how a motion, after a speed (NaN: unknown), breaks the limits; empty if not."""
+    """Return how a motion after a speed (NaN: unknown) breaks the limits, empty if it does not."""
     speed_mps, turn_rate = motion.speed_mps, abs(motion.turn_rad) / motion.step_s
     too_fast = excess(motion.length_m / motion.step_s, turn_rate, limits)
     if too_fast:
@@ -119,7 +118,7 @@ def _is_beyond(change_mps2: float, limits: Limits) -> bool:
     return abs(change_mps2) > limits.acceleration_mps2 * _STRONGER + 1e-3
 
 
-# Who stands for long, why, and who waits for whom: by places and activities over time.
+# Artefacts that stand for long, their causes, and deadlocks.
 
 
 STILL_S = 60.0
@@ -139,7 +138,7 @@ _WITHOUT_CAUSE = frozenset(
         "on its way",
     }
 )
-"""Activities of those who get on: no reason to stand."""
+"""Activities of moving artefacts: none is a reason to stand."""
 
 _WAITS_FOR = re.compile(r"waiting for artefact (\d+)")
 
@@ -168,7 +167,7 @@ class _Stand:
 
 
 class Patience:
-    """Looks at everybody once in each sub-step, and notes in the verdict who stands too long."""
+    """Looks at all artefacts in each sub-step, and reports those that stand too long."""
 
     def __init__(self, verdict: Verdict, step_s: float) -> None:
         self._verdict = verdict
@@ -177,7 +176,7 @@ class Patience:
         self._deadlocks: set[frozenset[int]] = set()
 
     def see(self, t_s: float, states: Iterable[ArtefactState]) -> None:
-        """Take a sub-step; who is not among the states is gone."""
+        """Take a sub-step; an artefact that is not among the states has departed."""
         before, self._stands = self._stands, {}
         for state in states:
             pose = state.ground_pose
@@ -212,7 +211,7 @@ class Patience:
         verdict.longest_s[kind] = max(verdict.longest_s.get(kind, 0.0), stood_s)
 
     def _find_deadlocks(self, t_s: float) -> None:
-        """Note those who have stood for long, each waiting for the next of a circle."""
+        """Report artefacts that have stood for long and wait for each other in a circle."""
         awaited = {}
         for artefact_id, stand in self._stands.items():
             if stand.cause is not None and (match := _WAITS_FOR.fullmatch(stand.main_cause())):
@@ -232,7 +231,7 @@ def _noted(state: ArtefactState, stand: _Stand) -> LongStand:
 
 
 def _gets_on(activity: str) -> bool:
-    """Tell whether an activity, whomever it concerns, is that of one who gets on."""
+    """Tell whether an activity is that of a moving artefact."""
     return activity.partition(" artefact ")[0] in _WITHOUT_CAUSE
 
 
@@ -274,7 +273,7 @@ class MotionJudge:
     """Takes the ground truth of one sub-step after the other; nothing else is known to it."""
 
     def __init__(self, walls: RealMap, limits: Mapping[str, Limits], step_s: float) -> None:
-        """Take a map of which all cells but 0 are walls, the limits by label, and the sub-step."""
+        """Take a map whose cells are walls unless 0, the limits by label, and the sub-step [s]."""
         self.verdict = Verdict()
         self._is_wall, self._covers = walls.cells.reshape(-1) != 0, Covers(walls)
         self._limits = limits
@@ -366,9 +365,9 @@ class MotionJudge:
     def _judge_company(
         self, state: ArtefactState, leader: str | None, states: Sequence[ArtefactState]
     ) -> None:
-        """Count how near a follower is: to its leader, or to the nearest who moves if none is said.
+        """Count the distance of a follower to its leader, else to the nearest moving artefact.
 
-        One that walks for want of a leader does not follow anybody.
+        A follower without a leader walks, and does not count.
         """
         others = [s for s in states if s.artefact_id != state.artefact_id]
         if leader is not None:

@@ -39,7 +39,7 @@ _PATIENCE_S = 8.0
 
 
 class RovingRobot:
-    """Drives straight from point to point that it sees; every other time it stops for artefacts.
+    """Drives straight to points in view; on every other way it stops for artefacts.
 
     Raises MapError where it fits nowhere.
     """
@@ -72,7 +72,7 @@ class RovingRobot:
         self.y_m += way_m * math.sin(heading)
 
     def _choose(self) -> None:
-        """Take another goal that is seen, if one is found; what it waited for is forgotten."""
+        """Choose another goal in view, if there is one, and reset the wait."""
         self._waited_s = 0.0
         here = np.array((self.x_m, self.y_m))
         for _ in range(30):
@@ -117,9 +117,9 @@ _ALONG_AXIS_RAD = math.radians(5.0)
 
 @dataclass(eq=False)
 class Way:
-    """Where one artefact was, twice a second; `jumps` are the points it did not walk to.
+    """The positions of an artefact, twice a second; `jumps` are the points it was displaced to.
 
-    `behaviour` is what it came to do.
+    `behaviour` is the one with which it arrived.
     """
 
     row: CatalogueRow
@@ -213,10 +213,10 @@ def soak(
     longest_s: float = math.inf,
     progress: Callable[[float], object] = lambda _: None,
 ) -> SoakResult:
-    """Let artefacts live on a map for so many minutes in all, judged at each sub-step.
+    """Simulate artefacts on a map for some artefact-minutes, and judge each sub-step.
 
-    It ends earlier after `longest_s`; `progress` is told the artefact-minutes so far. Raises
-    ParameterError where nobody ever arrives, MapError where there is no room for anybody.
+    It ends earlier after `longest_s`; `progress` gets the artefact-minutes so far. Raises
+    ParameterError where the arrival rate is 0, MapError where no artefact has room.
     """
     if parameters.population.arrival_rate <= 0.0:
         raise ParameterError("population.arrival_rate is 0: nobody would live to be judged")
@@ -296,7 +296,7 @@ class _Run:
         )
 
     def _arrived(self, tick: Tick) -> dict[int, tuple[float, tuple[float, float, float]]]:
-        """Return when [s] and where (x, y, yaw) those came who did since the last tick."""
+        """Return time [s] and pose (x, y, yaw) of the arrivals since the last tick, by id."""
         arrived = {}
         for event in tick.events:
             if event.kind is EventKind.ARRIVED:
@@ -349,7 +349,7 @@ def _named(tick: Tick, kind: EventKind) -> frozenset[int]:
 
 
 def _near(tick: Tick, robot: RovingRobot, radius_m: float) -> set[int]:
-    """Return who is near enough to the robot to be in contact still."""
+    """Return the ids that are near enough to the robot to be in contact still."""
     near = set()
     for state in tick.artefacts:
         reach_m = radius_m + 0.5 * math.hypot(*state.size_m[:2]) + 0.2

@@ -22,7 +22,7 @@ from are_ros.errors import BagError, InputError
 from are_ros.wording import counted
 
 OpenProgress = Callable[[int, int], Callable[[int], None]]
-"""Given the first and the last time [ns], returns what is told how far the reading has come."""
+"""Takes the first and the last time [ns]; returns a callback for the time reached."""
 
 _TABLES: Final = (".csv", ".txt")
 _RECORDINGS: Final = (".mcap", ".db3")
@@ -30,7 +30,7 @@ _RECORDINGS: Final = (".mcap", ".db3")
 
 @dataclass(frozen=True, eq=False)
 class RowSpace:
-    """The rows that can occur: how many, and whose labels they have (None: nobody knows)."""
+    """The rows that can occur: how many, and the catalogue with their labels (None: unknown)."""
 
     rows: int
     catalogue: Catalogue | None = None
@@ -225,7 +225,7 @@ def _unreadable(path: Path, cause: Exception) -> InputError:
     return InputError(f"{path.name} cannot be read ({str(reason).lower()})")
 
 
-# Observed rows out of a recording: who the mixture sent, by the events and the ground truth.
+# The rows of a recording: random arrivals, by the events and the ground truth.
 
 
 _EVENT: Final = "are_msgs/msg/ArtefactEvent"
@@ -237,7 +237,7 @@ Fates = dict[str, Counter[str]]
 
 
 class _Key(NamedTuple):
-    """One coming: a node's name, the artefact's id, and when. A node begun anew counts anew."""
+    """One arrival: node name, artefact id and time. A restarted node counts anew."""
 
     node: str
     artefact_id: int
@@ -254,14 +254,14 @@ class _Known(NamedTuple):
 
 @dataclass
 class Census:
-    """Who came, who could not, and who was there, each of them once however often it is told."""
+    """The artefacts that arrived, were blocked, or were listed; each counts once."""
 
     arrived: dict[_Key, str] = field(default_factory=dict)
     blocked: dict[_Key, str] = field(default_factory=dict)
     seen: dict[_Key, _Known] = field(default_factory=dict)
     begun_ns: dict[str, int] = field(default_factory=dict)
     low_scripted: set[str] = field(default_factory=set)
-    """Nodes whose scenario gives low ids; nobody comes at random beside such a scenario."""
+    """Nodes whose scenario gives low ids; such a scenario excludes random arrivals."""
 
     def take_event(self, node: str, event: Event) -> None:
         """Keep an event of a node."""
@@ -295,7 +295,7 @@ class Census:
         return fates
 
     def _is_random(self, key: _Key) -> bool:
-        """Tell whether the mixture drew it; without the ground truth its id tells."""
+        """Tell whether the mixture drew the artefact; without the ground truth the id decides."""
         known = self.seen.get(key)
         if known is not None:
             return known.origin == Origin.RANDOM
@@ -306,8 +306,8 @@ class Census:
 def read_recording(path: Path, space: RowSpace, open_progress: OpenProgress) -> ObservedRows:
     """Count the arrivals of random artefacts, those blocked included, in a recording.
 
-    Rows come from the ground truth, else from the labels of the catalogue. Those that were there
-    before it began do not count: who stays long would be counted more often. InputError where a
+    Rows come from the ground truth, else from the labels of the catalogue. Artefacts that were
+    alive before it began do not count: long lives would be counted too often. InputError where a
     label's row is not known, or the recording was made with another catalogue.
     """
     census = Census()

@@ -39,9 +39,6 @@ from are_ros.world.scan_matching import (
     wrapped,
 )
 
-# The scans of a recording as one cloud, in the frame at the root of the tree they hang in.
-
-
 Floats = npt.NDArray[np.float64]
 
 _FRAME_ROLES: Final = ("tf", "tf_static", "odom")
@@ -158,7 +155,7 @@ def gather(
 
 
 def _longest_drive(placed: list[PlacedScan]) -> tuple[list[PlacedScan], list[str]]:
-    """Return the scans of the longest stretch without a gap, and what is said of the others.
+    """Return the scans of the longest stretch without a gap, and a notice about the others.
 
     Odometry begins anew after a gap: no one transform holds on both sides of it.
     """
@@ -217,7 +214,7 @@ class _Collector:
         return "; ".join(self.notices()) or "no beam has a return"
 
     def notices(self) -> list[str]:
-        """Return what is to be said of scans that are not used."""
+        """Return notices about scans that are not used."""
         of = f"of {self._taken} scans"
         notices: list[str] = []
         if self.placed and len(self.placed) > _ENOUGH_SHARE * self._taken:

@@ -17,7 +17,7 @@ _SOURCE_NAMES: Final = {
     TransformSource.PARAMETER: "what is given",
 }
 _AHEAD_NS = NS_PER_S // 10
-"""Stamps later than the recording by more than this are worth a word."""
+"""Stamps later than the recording by more than this are reported."""
 
 
 @dataclass(frozen=True)

@@ -80,7 +80,7 @@ _NOTHING = Cover(np.empty(0, np.int64), np.empty(0, np.int64))
 
 
 class Covers:
-    """The cells of the boxes of scenes on one map; a box that stands still is computed once."""
+    """The cells that boxes cover on one map; a box that stands still is computed once."""
 
     def __init__(self, real: RealMap) -> None:
         self.real = real
@@ -312,6 +312,6 @@ class Cloud:
         return cls(centres, message.header.frame_id.lstrip("/"), log_ns)
 
     def is_like(self, other: "Cloud") -> bool:
-        """Tell whether another one says the same."""
+        """Tell whether another cloud has the same points and frame."""
         is_same = np.array_equal(self.centres_m, other.centres_m, equal_nan=True)
         return is_same and self.frame_id == other.frame_id
