@@ -7,7 +7,7 @@ out is up to date: of a replay to the tick, of a live recording with patience.
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -180,6 +180,17 @@ class GridJudge:
         return self._inflation
 
 
+class LatestGrid(NamedTuple):
+    """The last grid of a topic as of a tick.
+
+    `is_new`: it went out at the tick; `is_sent`: it did, or one that shares its interval.
+    """
+
+    grid: RealMap | None
+    is_new: bool
+    is_sent: bool
+
+
 class Currency:
     """For a replay: a change is published at the first tick that may publish it.
 
@@ -198,36 +209,24 @@ class Currency:
         self._last: tuple[RealMap, list[Cover]] | None = None
         self._ids: frozenset[int] = frozenset()
 
-    def take(
-        self,
-        tick: AdmittedTick,
-        real: RealMap,
-        grid: RealMap | None,
-        *,
-        is_new: bool,
-        is_sent: bool,
-    ) -> None:
-        """Follow one tick; fail where a grid goes out too early, or a change does not.
-
-        `is_new`: it went out at this tick; `is_sent`: it did, or one that shares its interval.
-        """
-        del grid
+    def take(self, tick: AdmittedTick, real: RealMap, latest: LatestGrid) -> None:
+        """Follow one tick; fail where a grid goes out too early, or a change does not."""
         now_ns, real = tick.scene.stamp_ns, drawn_on(self._topic, real)
         self._tally.look()
         is_early = 0 <= now_ns - self._sent_ns < self._interval_ns and tick.ids == self._ids
-        if is_early and is_new:
+        if is_early and latest.is_new:
             after = f"{(now_ns - self._sent_ns) / 1e9:g} s after the last one"
             self._tally.fail(f"{at_s(now_ns)} it goes out {after}, though nobody came or went")
-        if is_new:
+        if latest.is_new:
             self._last_ns, self._last = now_ns, (real, tick.covers)
         elif self._last is None:
             # A map of that very time may have come after the tick.
             if real.since_ns < now_ns:
                 self._tally.fail(f"{at_s(now_ns)} there is a real map, but nothing was published")
-        elif (is_sent or not is_early) and self._is_stale(*self._last, tick, real):
+        elif (latest.is_sent or not is_early) and self._is_stale(*self._last, tick, real):
             text = f"shows the artefacts of {at_s(self._last_ns).removeprefix('at ')}"
             self._tally.fail(f"{at_s(now_ns)} the last one still {text}")
-        self._sent_ns, self._ids = now_ns if is_sent else self._sent_ns, tick.ids
+        self._sent_ns, self._ids = now_ns if latest.is_sent else self._sent_ns, tick.ids
 
     def _is_stale(
         self, last_real: RealMap, last: list[Cover], tick: AdmittedTick, real: RealMap
@@ -253,17 +252,9 @@ class Held:
         self._wrong_ns: int | None = None
         self._last: tuple[RealMap, RealMap, list[Cover], bool] | None = None
 
-    def take(
-        self,
-        tick: AdmittedTick,
-        real: RealMap,
-        grid: RealMap | None,
-        *,
-        is_new: bool,
-        is_sent: bool,
-    ) -> None:
+    def take(self, tick: AdmittedTick, real: RealMap, latest: LatestGrid) -> None:
         """Fail when the last grid has shown other artefacts than the ticks for too long."""
-        del is_new, is_sent
+        grid = latest.grid
         if grid is None or not tick.is_sure:
             self._wrong_ns = None
             self._tally.leave_out("tick", "for which it is open what was, or ought to be, shown")
@@ -433,8 +424,7 @@ class _GridChecks:
                     self._judge.judge(topic, tick, tick.real, own[topic])
             if tick.real is not None:
                 is_sent = is_map_sent if topic in UPDATES_OF else topic in own
-                is_new, grid = topic in own, self._held[topic]
-                age.take(tick, tick.real, grid, is_new=is_new, is_sent=is_sent)
+                age.take(tick, tick.real, LatestGrid(self._held[topic], topic in own, is_sent))
         for topic, of_updates in UPDATES_OF.items():
             self._follow_updates(record, tick, topic, updates.get(of_updates), topic in own)
         self._take_others(record, others)

@@ -30,8 +30,8 @@ Floats = NDArray[np.float64]
 _FASTER: Final = 1.1
 _FASTER_MPS: Final = 0.3
 _TURNS_RADPS: Final = 3.2
-"""Between ticks a moving artefact may be this much faster than the ticks show of its label, and turn
-this fast."""
+"""Between ticks a moving artefact may be this much faster than the ticks show of its label, and
+turn this fast."""
 
 _HERE_M: Final = 1e-3
 
