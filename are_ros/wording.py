@@ -1,4 +1,4 @@
-"""How sentences for a person say how many there are, and which."""
+"""Text for a person: how many there are and which, durations, and columns."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -17,6 +17,12 @@ def counted(count: int, noun: str) -> str:
 def several(noun: str) -> str:
     """Return the plural of a regular noun: "messages", "boxes"."""
     return noun + ("es" if noun.endswith(("ch", "s", "sh", "x")) else "s")
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent, with one digit."""
+    number = 100.0 * share
+    return f"{number:.1f} %" if number >= 0.05 or number == 0.0 else "< 0.1 %"
 
 
 def why_refused(cause: OSError) -> str:
@@ -40,3 +46,21 @@ def duration_text(duration_ns: int) -> str:
         if duration_s >= 2.0 * length_s:
             return f"{duration_s / length_s:.1f} {unit}"
     return f"{duration_s:.2f} s" if duration_s < _SHORT_S else f"{duration_s:.1f} s"
+
+
+def aligned(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> list[str]:
+    """Return rows of cells as lines, two spaces indented; columns in `numbers` to the right."""
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        cells = [
+            cell.rjust(width) if column in numbers else cell.ljust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        lines.append(("  " + "  ".join(cells)).rstrip())
+    return lines
+
+
+def section(title: str, lines: Sequence[str]) -> list[str]:
+    """Return a title, its lines, and an empty line."""
+    return [title, *lines, ""]

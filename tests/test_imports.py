@@ -21,7 +21,7 @@ LAYERS = (
     ("draw",),
     ("node", "checks"),
     ("replay",),
-    ("record",),
+    ("record", "fit"),
     ("experiments",),
     ("cli",),
     ("__main__",),

@@ -7,6 +7,7 @@ written. Poses would be too old or still to come; so the clock of the stamps is 
 """
 
 from array import array
+from collections import deque
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -18,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.bag.reader import BagMessage, BagReader
+from are_ros.builder.step_clock import IDLE_NS
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.wording import duration_text, listed
@@ -76,7 +78,8 @@ class RecordedTimes:
     (parent, child) of odometry and /tf, `static_edges` those of /tf_static. `scans` are the topics
     of the scans, by name, and `scan_frames` their frames. `moving_log_ns`, int64 (N,) ascending,
     are the times of recording of all messages that move; `next_moving_ns` is that of the first one
-    behind the window, None where the window ends with the recording.
+    behind the window, None where the window ends with the recording. `still_since_ns` is that of
+    the last one before the window, or a minute before it; None where the recording begins with it.
     """
 
     bag_start_ns: int
@@ -87,6 +90,7 @@ class RecordedTimes:
     scan_frames: Mapping[str, str]
     moving_log_ns: Ints
     next_moving_ns: int | None = None
+    still_since_ns: int | None = None
 
     @classmethod
     def read(
@@ -131,6 +135,7 @@ class RecordedTimes:
             scan_frames={topic: _frame_of(reader, topic) for topic in scans},
             moving_log_ns=np.sort(np.concatenate([_ints(log) for log in logs.values()] or [_NONE])),
             next_moving_ns=first_time(reader, moving, stop_ns),
+            still_since_ns=_still_since(reader, moving, start_ns),
         )
 
 
@@ -142,6 +147,15 @@ def first_time(
         return None
     first = next(reader.messages(list(topics), start_ns), None)
     return None if first is None else first.log_time_ns
+
+
+def _still_since(reader: BagReader, moving: Collection[str], start_ns: int) -> int | None:
+    """Return the log time of the last message before a window, or a minute before the window."""
+    if not moving or start_ns <= reader.start_ns:
+        return None
+    since_ns = max(start_ns - IDLE_NS, reader.start_ns)
+    last = deque(reader.messages(list(moving), since_ns, start_ns), maxlen=1)
+    return last[0].log_time_ns if last else since_ns
 
 
 class _Transforms:

@@ -20,12 +20,12 @@ from are_ros.conventions import NS_PER_S
 from are_ros.wording import counted, duration_text
 
 GAP_NS: Final = IDLE_NS
-"""As long as the world waits for an input before it stands still."""
+"""The time after which the simulation stands still without an input."""
 _STRAY_NS: Final = NS_PER_S
-"""What moves for less than this, with a gap on either side, is no drive."""
+"""A shorter stretch of movement with gaps on both sides is left out."""
 _SHOWN_GAPS: Final = 3
 _REACH: Final = 0.75
-"""A scan may wait for so much of the time for which poses are kept: it may be late by itself."""
+"""A scan may wait for this share of `poses.history`; the rest is for its own delay."""
 _WAIT_STEP_NS: Final = NS_PER_S // 100
 
 Span = tuple[int, int]
@@ -105,15 +105,16 @@ def stretches_of(
 ) -> Stretches:
     """Return the stretches of the window [start_ns, stop_ns) of the log that are to be replayed.
 
-    Gaps are measured by the clock, the last one up to what moves next behind the window. A stray
-    message between two gaps belongs to them. `files` are
-    the (name, start, stop) of those that make up the recording.
+    Gaps are measured by the clock, the first one from what moved last before the window, the last
+    one up to what moves next behind it. A stray message between two gaps belongs to them. `files`
+    are the (name, start, stop) of those that make up the recording.
     """
     log_ns = times.moving_log_ns
     if not len(log_ns):
         return Stretches(((start_ns, stop_ns),), ())
     next_ns = stop_ns if times.next_moving_ns is None else times.next_moving_ns
-    edges_ns = np.concatenate(([start_ns], log_ns, [next_ns]))
+    since_ns = start_ns if times.still_since_ns is None else times.still_since_ns
+    edges_ns = np.concatenate(([since_ns], log_ns, [next_ns]))
     is_gap = np.diff(clock.at_many(edges_ns)) >= GAP_NS
     first = np.flatnonzero(is_gap[:-1] | (np.arange(len(log_ns)) == 0))
     last = np.append(first[1:], len(log_ns)) - 1

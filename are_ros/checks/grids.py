@@ -1,29 +1,323 @@
-"""The maps, their updates and the costmap, tick by tick, through the loops of the clock.
+"""What a grid must show at a tick: the real map, or its inflation, with the admitted artefacts.
 
-In a replay every grid belongs to a tick. Live, grids are latched with a depth of one, so a recorder
-may miss one that the next followed at once; and while the node is not active, or takes its leave,
-the real map is given out as it is.
+`GridJudge` compares a grid with that. `Currency` and `Held` judge whether the last one that went
+out is up to date: of a replay to the tick, of a live recording with patience.
 """
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final, NamedTuple
 
-from are_ros.bag.decoded import Grid, GridUpdate
-from are_ros.checks.grid_judges import (
-    UPDATES_OF,
-    AdmittedTick,
-    Cells,
-    Currency,
-    GridJudge,
-    GridTallies,
-    Held,
-    admitted_by_tick,
-    first_difference,
-    updated,
-)
-from are_ros.checks.oracle_solids import RealMap
+import numpy as np
+from numpy.typing import NDArray
+
+from are_ros.bag.decoded import Grid, GridUpdate, Scene
+from are_ros.bag.recording import PREFIX
+from are_ros.checks.oracle.inflation import Costs, Inflation
+from are_ros.checks.oracle.plane import Outline
+from are_ros.checks.oracle.solids import SURE, Cover, RealMap, are_same, layer
+from are_ros.checks.overlaps import covers_by_tick
 from are_ros.checks.record import GridMessage, Record, real_map
-from are_ros.checks.result import CheckResult, at_s, skipped
-from are_ros.parameters.model import Parameters
+from are_ros.checks.result import CheckResult, Tally, at_s, skipped
+from are_ros.conventions import NS_PER_S, OCCUPIED, seconds_to_ns
+from are_ros.parameters.choices import CostmapGate
+from are_ros.parameters.model import CostmapParameters, Parameters
+from are_ros.wording import counted
+
+Cells = NDArray[np.int8]
+
+MAP: Final = PREFIX + "augmented_map"
+ARTEFACT_MAP: Final = PREFIX + "artefact_map"
+UPDATES_OF: Final = MappingProxyType(
+    {MAP: PREFIX + "augmented_map_updates", ARTEFACT_MAP: PREFIX + "artefact_map_updates"}
+)
+"""The maps that go out as updates, too, with the topics of these."""
+COSTMAP: Final = PREFIX + "augmented_costmap"
+
+_NEVER: Final = -(2**63)
+_GRACE_NS: Final = NS_PER_S
+"""After the interval of publication a live recorder may lack the last grid for this time."""
+
+
+@dataclass(frozen=True, eq=False)
+class AdmittedTick:
+    """A tick with the real map that it knew (None: none yet), and the admitted boxes' cells.
+
+    `ids` are those of the admitted. `is_sure` is unset where a live recording does not tell who
+    was perceived.
+    """
+
+    scene: Scene
+    real: RealMap | None
+    covers: list[Cover]
+    ids: frozenset[int]
+    is_sure: bool = True
+
+
+def admitted_by_tick(record: Record, settings: CostmapParameters) -> Iterator[AdmittedTick]:
+    """Yield each tick with the artefacts that `costmap.gate` admits to the grids.
+
+    These are all artefacts, or those perceived at most `costmap.memory` before.
+    """
+    seen_ns: dict[int, int] = {}
+    # With a camera that is slower than the ticks the last look was before the tick.
+    perceived = {
+        message.at_ns: {one.artefact_id: one.last_seen_ns for one in message.sightings}
+        for message in record.perceived
+    }
+    memory_ns = seconds_to_ns(settings.memory)
+    unsure_until_ns = _NEVER
+    for scene, real, covers in covers_by_tick(record):
+        ids = scene.ids.tolist()
+        if settings.gate is CostmapGate.ALL:
+            yield AdmittedTick(scene, real, covers, frozenset(ids))
+            continue
+        is_beginning = bool(memory_ns) and record.runs.is_beginning(scene.stamp_ns)
+        if record.is_live and (scene.at_ns not in perceived or is_beginning):
+            unsure_until_ns = max(unsure_until_ns, scene.stamp_ns + memory_ns + 1)
+        now_seen = perceived.get(scene.at_ns, {})
+        seen_ns |= now_seen
+        seen_ns = {number: seen_ns[number] for number in ids if number in seen_ns}
+        limit_ns = scene.stamp_ns - memory_ns
+        shown = frozenset(i for i, at_ns in seen_ns.items() if i in now_seen or at_ns >= limit_ns)
+        both = zip(ids, covers, strict=False)  # without a map there are no covers
+        chosen = [cover for number, cover in both if number in shown]
+        yield AdmittedTick(scene, real, chosen, shown, scene.stamp_ns >= unsure_until_ns)
+
+
+class GridTallies:
+    """The nine outcomes, in their order: of each grid, by topic, and how it keeps up."""
+
+    def __init__(self) -> None:
+        self.grids = {
+            MAP: Tally("augmented map", "message"),
+            ARTEFACT_MAP: Tally("artefact map", "message"),
+            COSTMAP: Tally("costmap", "message"),
+        }
+        self.ages = {
+            MAP: Tally("augmented map is current", "tick"),
+            ARTEFACT_MAP: Tally("artefact map is current", "tick"),
+            COSTMAP: Tally("costmap is current", "tick"),
+        }
+        self.updates = {
+            MAP: Tally("map updates", "message"),
+            ARTEFACT_MAP: Tally("artefact map updates", "message"),
+        }
+        self.floor = Tally("costmap is never lower than the real map's", "message")
+
+    def all(self) -> tuple[Tally, ...]:
+        """Return all of them."""
+        maps = [
+            tally
+            for topic in UPDATES_OF
+            for tally in (self.grids[topic], self.ages[topic], self.updates[topic])
+        ]
+        return (*maps, self.floor, self.grids[COSTMAP], self.ages[COSTMAP])
+
+
+class GridJudge:
+    """Compares grids with what artefacts make of the real map."""
+
+    def __init__(self, parameters: Parameters, tallies: GridTallies) -> None:
+        self._parameters = parameters
+        self._tallies = tallies
+        self._inflation: Inflation | None = None
+
+    def judge(self, topic: str, tick: AdmittedTick, real: RealMap, message: Grid) -> None:
+        """Compare a grid with what it must be."""
+        tally, where = self._tallies.grids[topic], at_s(tick.scene.stamp_ns)
+        tally.look()
+        is_stamped = message.stamp_ns == tick.scene.stamp_ns
+        tally.require(is_stamped, f"{where} it has another stamp")
+        try:
+            grid = real_map(message)
+        except ValueError:
+            tally.fail(f"{where} its data do not fit its size")
+            return
+        if not grid.has_geometry_of(real):
+            tally.fail(f"{where} its geometry is not that of the real map")
+        elif topic == COSTMAP:
+            self._judge_costs(where, real, grid.cells, tick.covers)
+        else:
+            expected = expected_map(grid.cells, drawn_on(topic, real), tick.covers)
+            if not np.array_equal(expected, grid.cells):
+                tally.fail(f"{where} {first_difference(expected, grid.cells)}")
+
+    def shows(self, topic: str, grid: RealMap, real: RealMap, covers: list[Cover]) -> bool:
+        """Tell whether a map or costmap shows these artefacts on the real map, and nothing else."""
+        if not grid.has_geometry_of(real):
+            return False
+        if topic in UPDATES_OF:
+            expected = expected_map(grid.cells, drawn_on(topic, real), covers)
+            return np.array_equal(expected, grid.cells)
+        return np.array_equal(self._nearest_costs(grid.cells, real, covers), grid.cells)
+
+    def _judge_costs(self, where: str, real: RealMap, cells: Cells, covers: list[Cover]) -> None:
+        """Compare a costmap with an inflation of our own."""
+        self._tallies.floor.look()
+        floor = self._inflation_of(real).static_low
+        if (cells < floor).any():
+            text = first_difference(np.maximum(cells, floor), cells)
+            self._tallies.floor.fail(f"{where} {text}")
+        within = self._nearest_costs(cells, real, covers)
+        if not np.array_equal(within, cells):
+            self._tallies.grids[COSTMAP].fail(f"{where} {first_difference(within, cells)}")
+
+    def _nearest_costs(self, cells: Cells, real: RealMap, covers: list[Cover]) -> Cells:
+        """Return the costmap that may be, nearest to the one given."""
+        low, high = self._inflation_of(real).bounds(covers)
+        return np.clip(cells, low, high)
+
+    def _inflation_of(self, real: RealMap) -> Inflation:
+        if self._inflation is None or self._inflation.real is not real:
+            robot, costmap = self._parameters.robot, self._parameters.costmap
+            inscribed_m = Outline.of(robot.footprint, robot.radius).inscribed_m()
+            costs = Costs(costmap.inflation_radius, costmap.cost_scaling_factor, inscribed_m)
+            world = self._parameters.world
+            thresholds = world.occupied_threshold, world.free_threshold
+            self._inflation = Inflation(real, costs, *thresholds)
+        return self._inflation
+
+
+class LatestGrid(NamedTuple):
+    """The last grid of a topic as of a tick.
+
+    `is_new`: it went out at the tick; `is_sent`: it did, or one that shares its interval.
+    """
+
+    grid: RealMap | None
+    is_new: bool
+    is_sent: bool
+
+
+class Currency:
+    """For a replay: a change is published at the first tick that may publish it.
+
+    That is the next tick if an artefact appears or leaves, else the first one after the interval.
+    Nothing is published before.
+    """
+
+    def __init__(self, topic: str, tally: Tally, parameters: Parameters) -> None:
+        self._topic = topic
+        self._tally = tally
+        self._interval_ns = _interval_ns(parameters)
+        threshold = parameters.world.occupied_threshold
+        self._full_value = threshold if topic == COSTMAP else OCCUPIED
+        """A real cell with this value or more hides an artefact."""
+        self._sent_ns = self._last_ns = _NEVER
+        self._last: tuple[RealMap, list[Cover]] | None = None
+        self._ids: frozenset[int] = frozenset()
+
+    def take(self, tick: AdmittedTick, real: RealMap, latest: LatestGrid) -> None:
+        """Follow one tick; fail where a grid goes out too early, or a change does not."""
+        now_ns, real = tick.scene.stamp_ns, drawn_on(self._topic, real)
+        self._tally.look()
+        is_early = 0 <= now_ns - self._sent_ns < self._interval_ns and tick.ids == self._ids
+        if is_early and latest.is_new:
+            after = f"{(now_ns - self._sent_ns) / 1e9:g} s after the last one"
+            self._tally.fail(f"{at_s(now_ns)} it goes out {after}, though nobody came or went")
+        if latest.is_new:
+            self._last_ns, self._last = now_ns, (real, tick.covers)
+        elif self._last is None:
+            # A map of that very time may have come after the tick.
+            if real.since_ns < now_ns:
+                self._tally.fail(f"{at_s(now_ns)} there is a real map, but nothing was published")
+        elif (latest.is_sent or not is_early) and self._is_stale(*self._last, tick, real):
+            text = f"shows the artefacts of {at_s(self._last_ns).removeprefix('at ')}"
+            self._tally.fail(f"{at_s(now_ns)} the last one still {text}")
+        self._sent_ns, self._ids = now_ns if latest.is_sent else self._sent_ns, tick.ids
+
+    def _is_stale(
+        self, last_real: RealMap, last: list[Cover], tick: AdmittedTick, real: RealMap
+    ) -> bool:
+        """Tell whether some cell is certainly another than when the last one went out."""
+        if real is not last_real:
+            return not np.array_equal(real.cells, last_real.cells)
+        if are_same(last, tick.covers):
+            return False
+        before, now = layer(last, real), layer(tick.covers, real)
+        changed = np.abs(before - now) == SURE
+        return bool((real.cells.reshape(-1)[changed] < self._full_value).any())
+
+
+class Held:
+    """For a live recording: the grid that a late subscriber gets, and since when it is wrong."""
+
+    def __init__(self, topic: str, tally: Tally, parameters: Parameters, judge: GridJudge) -> None:
+        self._topic = topic
+        self._tally = tally
+        self._judge = judge
+        self._patience_ns = _interval_ns(parameters) + _GRACE_NS
+        self._wrong_ns: int | None = None
+        self._last: tuple[RealMap, RealMap, list[Cover], bool] | None = None
+
+    def take(self, tick: AdmittedTick, real: RealMap, latest: LatestGrid) -> None:
+        """Fail when the last grid has shown other artefacts than the ticks for too long."""
+        grid = latest.grid
+        if grid is None or not tick.is_sure:
+            self._wrong_ns = None
+            self._tally.leave_out("tick", "for which it is open what was, or ought to be, shown")
+            return
+        self._tally.look()
+        now_ns = tick.scene.stamp_ns
+        if self._is_right(grid, real, tick.covers):
+            self._wrong_ns = None
+            return
+        self._wrong_ns = now_ns if self._wrong_ns is None else self._wrong_ns
+        if now_ns - self._wrong_ns >= self._patience_ns:
+            text = f"the last one has not shown the artefacts since {at_s(self._wrong_ns)[3:]}"
+            self._tally.fail(f"{at_s(now_ns)} {text}")
+
+    def _is_right(self, grid: RealMap, real: RealMap, covers: list[Cover]) -> bool:
+        if self._last is not None:
+            last_grid, last_real, last_covers, is_right = self._last
+            if last_grid is grid and last_real is real and are_same(last_covers, covers):
+                return is_right
+        is_right = self._judge.shows(self._topic, grid, real, covers)
+        self._last = (grid, real, covers, is_right)
+        return is_right
+
+
+def _interval_ns(parameters: Parameters) -> int:
+    return -int(-NS_PER_S // parameters.augmented_map.max_rate)
+
+
+def drawn_on(topic: str, real: RealMap) -> RealMap:
+    """Return what a map shows without artefacts: the real map, or nothing."""
+    return real.blank if topic == ARTEFACT_MAP else real
+
+
+def expected_map(found: Cells, real: RealMap, covers: list[Cover]) -> Cells:
+    """Return the map that artefacts on `real` may make, nearest to the one found."""
+    expected, flat = real.cells.flatten(), found.reshape(-1)
+    for cover in covers:
+        expected[cover.sure] = OCCUPIED
+        expected[cover.touched[flat[cover.touched] == OCCUPIED]] = OCCUPIED
+    return expected.reshape(found.shape)
+
+
+def updated(cells: Cells, update: GridUpdate) -> Cells | None:
+    """Return cells with an update applied, None if it does not fit."""
+    height, width = cells.shape
+    fits = 0 <= update.x <= width - update.width and 0 <= update.y <= height - update.height
+    if not fits or update.data.size != update.width * update.height:
+        return None
+    applied: Cells = cells.copy()
+    rows, cols = slice(update.y, update.y + update.height), slice(update.x, update.x + update.width)
+    applied[rows, cols] = update.data.reshape(update.height, update.width)
+    return applied
+
+
+def first_difference(wanted: Cells, found: Cells) -> str:
+    """Return the first cell where two grids differ, and how many do."""
+    cells = np.argwhere(wanted != found)
+    row, col = (int(index) for index in cells[0])
+    values = f"is {found[row, col]}, it must be {wanted[row, col]}"
+    return f"cell ({row}, {col}) {values}; {counted(len(cells), 'such cell')}"
+
+
+# The maps, their updates and the costmap, tick by tick, through the loops of the clock.
 
 
 def check_grids(loops: Iterable[tuple[Record, Iterator[GridMessage]]]) -> list[CheckResult]:
@@ -130,8 +424,7 @@ class _GridChecks:
                     self._judge.judge(topic, tick, tick.real, own[topic])
             if tick.real is not None:
                 is_sent = is_map_sent if topic in UPDATES_OF else topic in own
-                is_new, grid = topic in own, self._held[topic]
-                age.take(tick, tick.real, grid, is_new=is_new, is_sent=is_sent)
+                age.take(tick, tick.real, LatestGrid(self._held[topic], topic in own, is_sent))
         for topic, of_updates in UPDATES_OF.items():
             self._follow_updates(record, tick, topic, updates.get(of_updates), topic in own)
         self._take_others(record, others)
@@ -143,7 +436,7 @@ class _GridChecks:
         return tick.real is not None
 
     def _take_others(self, record: Record, messages: list[GridMessage]) -> None:
-        """Judge grids that belong to no tick: bare ones, or those of ticks that were missed."""
+        """Judge grids without a tick: real maps, or grids of ticks that the recording missed."""
         for topic, message in messages:
             of_map = topic.removesuffix("_updates")
             if not self._is_live:

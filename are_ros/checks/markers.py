@@ -15,23 +15,23 @@ from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Labels
 
 FADING_NS: Final = 3 * NS_PER_S
-"""So long at most a marker is seen after it was last given out."""
+"""A marker is visible for at most this time after it was sent last."""
 
 _FOREVER_NS: Final = 2**63 - 1
 _BODY, _LABEL = "body", "label"
 _ID_RANGE: Final = 2**31
 _REFRESH_NS: Final = 13 * NS_PER_S // 10
-"""Live, after so long a viewer has been shown everybody: each is shown again every second."""
+"""Live: after this time a viewer has every artefact, because each is sent again every second."""
 
 
 @dataclass
 class _Viewer:
-    """What rviz has: until when, by namespace and id."""
+    """What rviz shows: the end of each marker by namespace and id."""
 
     until_ns: dict[tuple[str, int], int] = field(default_factory=dict)
     namespaces: set[str] = field(default_factory=set)
     opaque: set[int] = field(default_factory=set)
-    """Whose body was last drawn opaque: who is perceived."""
+    """Ids whose body was last drawn opaque: the perceived artefacts."""
 
     def take(self, at_ns: int, change: MarkerChange) -> None:
         """Follow one marker."""
@@ -100,9 +100,9 @@ def _begins_anew(show: MarkerShow) -> bool:
 
 
 def check_marker_state(record: Record) -> CheckResult:
-    """At each tick every namespace shows the artefacts alive, and nobody else.
+    """At each tick every namespace shows exactly the artefacts alive.
 
-    But labels: they are those of the perceived, of all or of nobody, as `markers.labels` says.
+    Labels are an exception: `markers.labels` chooses the perceived, all or none.
     """
     tally = Tally("markers of the living", "tick")
     if not record.shows:
@@ -135,7 +135,7 @@ def check_marker_state(record: Record) -> CheckResult:
 
 
 def _labelled(record: Record, alive: set[int], opaque: set[int]) -> list[set[int]]:
-    """Return whose labels there are to be; live, where it may be set anew, any of the choices."""
+    """Return the ids that may have labels; live, any choice, because the parameter may change."""
     choices = {Labels.PERCEIVED: opaque, Labels.ALL: alive, Labels.NONE: set[int]()}
     if record.is_live or record.parameters is None:
         return list(choices.values())
@@ -145,7 +145,7 @@ def _labelled(record: Record, alive: set[int], opaque: set[int]) -> list[set[int
 def _sure_since(
     record: Record, scene: Scene, shows: list[MarkerShow], before_ns: int | None
 ) -> int | None:
-    """Return from when on a viewer shows everybody; None while nothing was given out, live."""
+    """Return the time from which a viewer shows all; None while a live node sent no marker."""
     if not record.is_live:
         return scene.stamp_ns
     begins = [show.at_ns for show in shows if _begins_anew(show)]

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from are_ros.bag.decoded import ROBOT_CONTACT, Scene
-from are_ros.checks.frames import EVER
-from are_ros.checks.oracle import Outline, overlapping
-from are_ros.checks.oracle_solids import SURE, Cover, Covers, RealMap, are_same, layer
+from are_ros.checks.oracle.frames import EVER
+from are_ros.checks.oracle.plane import Outline, overlapping
+from are_ros.checks.oracle.solids import SURE, Cover, Covers, RealMap, are_same, layer
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
 from are_ros.checks.ticks import events_by_tick

@@ -1,4 +1,4 @@
-"""What a recording holds of interest to the checks: a record for each loop of the clock."""
+"""What the checks need of a recording: one record for each loop of the clock."""
 
 import heapq
 from bisect import bisect_right
@@ -38,9 +38,9 @@ from are_ros.bag.recording import (
     runs_of,
     walls_of,
 )
-from are_ros.checks.frames import ODOMETRY, PARAMETER, TF, Frames
 from are_ros.checks.marker_rules import MarkerChange, change_of
-from are_ros.checks.oracle_solids import Cloud, RealMap
+from are_ros.checks.oracle.frames import ODOMETRY, PARAMETER, TF, Frames
+from are_ros.checks.oracle.solids import Cloud, RealMap
 from are_ros.checks.result import Tally, at_s
 from are_ros.checks.scan_pairs import ScanPairs
 from are_ros.conventions import NS_PER_S
@@ -52,11 +52,11 @@ _USUAL_BASES: Final = ("base_footprint", "base_link")
 _REAL_MAP: Final = "/map"
 _CLOUD: Final = "sensor_msgs/msg/PointCloud2"
 _MAP_SLACK_NS: Final = NS_PER_S
-"""Live, how near to the reception of a new map it is open which one a tick knew."""
+"""Live: this near to the reception of a new map, it is unknown which map a tick used."""
 _REORDER_NS: Final = NS_PER_S
 _OBJECT_BYTES: Final = 16_000_000
 _SAMPLE: Final = 16
-"""After so many bytes of markers rosbags reads each 16th message only: an object per corner."""
+"""After this many bytes of markers rosbags reads each 16th message only: it is slow there."""
 
 GridMessage = tuple[str, Grid | GridUpdate]
 
@@ -120,7 +120,7 @@ class Record:
         return int(np.median([b.stamp_ns - a.stamp_ns for a, b in pairwise(self.scenes)]))
 
     def choose_maps(self, given: RealMap | None) -> None:
-        """Settle which real maps there were: the one given, else those of one topic."""
+        """Choose the real maps: the given one, else those of one topic."""
         topics = self.maps_by_topic
         name = _REAL_MAP if _REAL_MAP in topics or len(topics) != 1 else next(iter(topics))
         found = [real for real in topics.get(name, ()) if real.is_usable(self.world_frame)]

@@ -14,7 +14,7 @@ from are_ros.bag.recording import (
 from are_ros.checks.file import check_files
 from are_ros.checks.grids import check_grids
 from are_ros.checks.markers import check_marker_fading, check_marker_rules, check_marker_state
-from are_ros.checks.oracle_solids import RealMap
+from are_ros.checks.oracle.solids import RealMap
 from are_ros.checks.overlaps import check_clutter, check_neighbours, check_robot, check_walls
 from are_ros.checks.record import Reading
 from are_ros.checks.result import CheckResult, Outcome, merged

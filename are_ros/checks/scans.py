@@ -1,22 +1,230 @@
-"""The augmented scans: a beam changed only where an artefact stood in its way, before any wall."""
+"""The augmented scans, and where the artefacts were between two ticks.
 
-from typing import Final
+A beam may change only where an artefact stands in its way, before any wall. Between two sub-steps
+an artefact moves straight on, with the twist of the tick. Its position is exact up to the first
+sub-step after a tick and in the last one before the next tick; in between its speed bounds it.
+"""
+
+import math
+from bisect import bisect_right
+from collections import defaultdict
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.checks.frames import EVER, Pose
-from are_ros.checks.oracle import distances_m
-from are_ros.checks.oracle_solids import Cloud, Walls
-from are_ros.checks.places import Box, Places
+from are_ros.bag.decoded import DISPLACED, Scene
+from are_ros.checks.oracle.frames import EVER, Pose
+from are_ros.checks.oracle.plane import distances_m
+from are_ros.checks.oracle.solids import Cloud, Walls
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
 from are_ros.checks.scan_pairs import ChangedScan
+from are_ros.checks.ticks import departures_ns
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.parameters.model import FramesParameters
 from are_ros.wording import counted
 
 Floats = NDArray[np.float64]
+
+_FASTER: Final = 1.1
+_FASTER_MPS: Final = 0.3
+_TURNS_RADPS: Final = 3.2
+"""Between ticks a moving artefact may be this much faster than the ticks show of its label, and
+turn this fast."""
+
+_HERE_M: Final = 1e-3
+
+
+class Box(NamedTuple):
+    """An artefact's box; any point of it may be `slack_m` elsewhere."""
+
+    centre_m: Floats
+    yaw_rad: float
+    half_m: Floats
+    slack_m: float
+
+
+class _Spot(NamedTuple):
+    """Where F_A is: x, y, yaw, and the height of the box's centre."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    z_m: float
+
+    def apart_m(self, other: "_Spot") -> float:
+        """Return how far another is."""
+        return math.hypot(self.x_m - other.x_m, self.y_m - other.y_m)
+
+
+class Places:
+    """Where the artefacts of a recording stood, live of one run."""
+
+    def __init__(self, record: Record) -> None:
+        self._record = record
+        self._stamps = [scene.stamp_ns for scene in record.scenes]
+        self._step_ns = seconds_to_ns(record.settings.motion.step)
+        self._departures_ns = departures_ns(record)
+        self._jumps: dict[int, list[tuple[int, float]]] = defaultdict(list)
+        for event in record.events:
+            if event.kind == DISPLACED:
+                self._jumps[event.artefact_id].append((event.stamp_ns, event.value))
+        self._fastest = _fastest(record.scenes)
+
+    def at(self, stamp_ns: int) -> list[Box] | None:
+        """Return the boxes of the visible artefacts; None if one is unknown or after the last tick.
+
+        Visible are the artefacts that arrived by the last due tick and have not departed.
+        """
+        record = self._record
+        after = bisect_right(self._stamps, stamp_ns)
+        if after == len(self._stamps):
+            return None
+        later = record.scenes[after]
+        earlier = record.scenes[after - 1] if after else None
+        if record.runs.spans_ns and (
+            earlier is None or not record.runs.are_together(earlier.stamp_ns, later.stamp_ns)
+        ):
+            return None
+        due_ns = stamp_ns // record.period_ns * record.period_ns
+        boxes = self._arrived(earlier, later, stamp_ns, due_ns)
+        if earlier is not None:
+            boxes += self._present(earlier, later, stamp_ns)
+            if self._came_and_went(earlier, due_ns):
+                return None
+        return boxes
+
+    def _arrived(
+        self, earlier: Scene | None, later: Scene, stamp_ns: int, due_ns: int
+    ) -> list[Box]:
+        """Return the artefacts that only the next tick lists, as the tick before is missing."""
+        known = set() if earlier is None else set(earlier.ids.tolist())
+        boxes = []
+        for i, number in enumerate(later.ids.tolist()):
+            if number not in known and later.arrivals_ns[i] <= due_ns:
+                left_ns = later.stamp_ns - max(stamp_ns, int(later.arrivals_ns[i]))
+                speeds = self._fastest[later.labels[i]]
+                boxes.append(_box(later, i, _spot(later, i), _reach_m(later, i, speeds, left_ns)))
+        return boxes
+
+    def _came_and_went(self, earlier: Scene, due_ns: int) -> bool:
+        """Tell whether an artefact departed that only a missing tick could have shown."""
+        listed = set(earlier.ids.tolist())
+        return any(
+            earlier.stamp_ns < departed_ns <= due_ns and number not in listed
+            for number, departed_ns in self._departures_ns.items()
+        )
+
+    def _present(self, earlier: Scene, later: Scene, stamp_ns: int) -> list[Box]:
+        """Return the artefacts of the tick before that have not departed."""
+        numbers = {int(number): j for j, number in enumerate(later.ids)}
+        boxes = []
+        for i, number in enumerate(earlier.ids.tolist()):
+            if stamp_ns < self._departures_ns.get(number, later.stamp_ns + 1):
+                boxes += self._between(earlier, i, later, numbers.get(number), stamp_ns)
+        return boxes
+
+    def _between(
+        self, earlier: Scene, i: int, later: Scene, j: int | None, stamp_ns: int
+    ) -> list[Box]:
+        """Return where an artefact may be: one box, or one before and one after a jump."""
+        step_ns = self._step_ns
+        first_ns = (earlier.stamp_ns // step_ns + 1) * step_ns
+        went_s = (min(stamp_ns, first_ns) - earlier.stamp_ns) / NS_PER_S
+        start = _gone(_spot(earlier, i), earlier.rates[i], went_s)
+        if stamp_ns <= first_ns:
+            return [_box(earlier, i, start, 0.0)]
+        speeds = self._fastest[earlier.labels[i]]
+        since_ns, span_ns = stamp_ns - first_ns, later.stamp_ns - first_ns
+        number = int(earlier.ids[i])
+        jumped_m = self._jumped_m(number, earlier.stamp_ns, stamp_ns)
+        if j is None:
+            return [_box(earlier, i, start, jumped_m + _reach_m(earlier, i, speeds, since_ns))]
+        end, left_ns = _spot(later, j), span_ns - since_ns
+        slack_m = _HERE_M + speeds[0] * span_ns / NS_PER_S
+        jumps_m = self._jumped_m(number, stamp_ns, later.stamp_ns)
+        if jumped_m or jumps_m or start.apart_m(end) > slack_m:
+            return [
+                _box(earlier, i, start, jumped_m + _reach_m(earlier, i, speeds, since_ns)),
+                _box(later, j, end, jumps_m + _reach_m(later, j, speeds, left_ns)),
+            ]
+        way = _way(start, end, since_ns / span_ns)
+        if span_ns <= step_ns:
+            return [_box(earlier, i, way, 0.0)]
+        root_s = math.sqrt(since_ns * left_ns) / NS_PER_S
+        mean_mps = start.apart_m(end) / (span_ns / NS_PER_S)
+        aside_m = root_s * math.sqrt(max(speeds[0] ** 2 - mean_mps**2, 0.0))
+        turned_m = _radius_m(earlier, i) * root_s * speeds[1]
+        return [_box(earlier, i, way, aside_m + turned_m)]
+
+    def _jumped_m(self, number: int, after_ns: int, until_ns: int) -> float:
+        """Return the length of all displacements of an artefact in (after, until]."""
+        jumps = self._jumps.get(number, ())
+        return sum(apart_m for t_ns, apart_m in jumps if after_ns < t_ns <= until_ns)
+
+
+def _fastest(scenes: list[Scene]) -> dict[str, tuple[float, float]]:
+    """Return how fast [m/s, rad/s] an artefact of each label may be between two ticks."""
+    seen: dict[str, tuple[float, float]] = defaultdict(lambda: (0.0, 0.0))
+    for scene in scenes:
+        speeds = np.hypot(scene.rates[:, 0], scene.rates[:, 1]).tolist()
+        turns = np.abs(scene.rates[:, 2]).tolist()
+        for label, speed_mps, turn_radps in zip(scene.labels, speeds, turns, strict=True):
+            before = seen[label]
+            seen[label] = max(before[0], speed_mps), max(before[1], turn_radps)
+    moving = ((label, speeds) for label, speeds in seen.items() if any(speeds))
+    fastest = {
+        label: (_FASTER * speed_mps + _FASTER_MPS, max(_TURNS_RADPS, turn_radps))
+        for label, (speed_mps, turn_radps) in moving
+    }
+    return defaultdict(lambda: (0.0, 0.0), fastest)
+
+
+def _spot(scene: Scene, i: int) -> _Spot:
+    yaw_rad, (dx_m, dy_m) = float(scene.yaws_rad[i]), scene.box_centres_m[i, :2].tolist()
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+    x_m, y_m, z_m = scene.centres_m[i].tolist()
+    return _Spot(x_m - cos * dx_m + sin * dy_m, y_m - sin * dx_m - cos * dy_m, yaw_rad, z_m)
+
+
+def _box(scene: Scene, i: int, spot: _Spot, slack_m: float) -> Box:
+    """Return the box of an artefact at a spot."""
+    dx_m, dy_m = scene.box_centres_m[i, :2].tolist()
+    cos, sin = math.cos(spot.yaw_rad), math.sin(spot.yaw_rad)
+    x_m, y_m = spot.x_m + cos * dx_m - sin * dy_m, spot.y_m + sin * dx_m + cos * dy_m
+    return Box(np.array((x_m, y_m, spot.z_m)), spot.yaw_rad, scene.half_sizes_m[i], slack_m)
+
+
+def _gone(spot: _Spot, rates: Floats, seconds: float) -> _Spot:
+    x_mps, y_mps, turn_radps = rates.tolist()
+    yaw_rad = spot.yaw_rad + seconds * turn_radps
+    return _Spot(spot.x_m + seconds * x_mps, spot.y_m + seconds * y_mps, yaw_rad, spot.z_m)
+
+
+def _way(start: _Spot, end: _Spot, share: float) -> _Spot:
+    turn_rad = math.remainder(end.yaw_rad - start.yaw_rad, math.tau)
+    return _Spot(
+        start.x_m + share * (end.x_m - start.x_m),
+        start.y_m + share * (end.y_m - start.y_m),
+        start.yaw_rad + share * turn_rad,
+        start.z_m + share * (end.z_m - start.z_m),
+    )
+
+
+def _radius_m(scene: Scene, i: int) -> float:
+    """Return how far from F_A any point of a box may be on the ground."""
+    offset_m, half_m = scene.box_centres_m[i, :2], scene.half_sizes_m[i]
+    return float(np.hypot(*offset_m) + np.hypot(half_m[0], half_m[1]))
+
+
+def _reach_m(scene: Scene, i: int, speeds: tuple[float, float], span_ns: int) -> float:
+    """Return how far any point of a box may get in a time."""
+    return (speeds[0] + _radius_m(scene, i) * speeds[1]) * span_ns / NS_PER_S
+
+
+# The checks of scans.
+
 
 _EXACT_SLACK_M: Final = 0.02
 _HELD_SLACK_M: Final = 0.10

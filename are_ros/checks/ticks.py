@@ -1,4 +1,4 @@
-"""Ticks: each gives out its lists and counts, and with the events they tell one story of lives.
+"""The ticks: their lists, counts and events have to agree.
 
 Every tick has its artefacts, perceived and metrics, stamped alike, at its time, in the world frame.
 """
@@ -34,9 +34,9 @@ from are_ros.parameters.choices import CameraModel
 from are_ros.wording import counted
 
 _OTHER_CLOCK_NS: Final = 10 * NS_PER_S
-"""Farther apart, log times and stamps are of two clocks."""
+"""If log times and stamps differ by more, two clocks made them."""
 _NEXT_TICK: Final = 1.5
-"""In periods: what is farther apart is not one tick and the next."""
+"""In periods: two ticks that are farther apart are not consecutive."""
 _KINDS: Final = (ARRIVED, DEPARTED, BLOCKED, DISPLACED, PERCEIVED, LOST, ROBOT_CONTACT)
 _DISPLACED_DETAIL: Final = "displaced"
 
@@ -138,7 +138,7 @@ def _lag_text(lags_ns: list[int]) -> str:
 
 
 def check_lives(record: Record) -> CheckResult:
-    """Ids are never reused, and each tick lists those who arrived and did not depart."""
+    """Ids are never reused, and each tick lists the artefacts that arrived and did not depart."""
     tally = Tally("lives", "tick")
     story = _Story(tally)
     for scene, events, since_ns in events_by_tick(record):
@@ -161,7 +161,7 @@ def check_lives(record: Record) -> CheckResult:
 
 
 class _Story:
-    """Who lives, as the events tell it, event by event."""
+    """The artefacts alive according to the events."""
 
     def __init__(self, tally: Tally) -> None:
         self.arrived_ns: dict[int, int] = {}
@@ -185,11 +185,11 @@ class _Story:
             self._tally.fail(f"an event {at_s(stamp_ns)} is of kind {event.kind}")
 
     def living(self) -> list[int]:
-        """Return the ids of those who came and have not gone."""
+        """Return the ids that arrived and did not depart."""
         return sorted(self.arrived_ns.keys() - self.departed_ns.keys())
 
     def begin_with(self, scene: Scene) -> None:
-        """Take a list as the truth about what was missed; those whose end was told stay away."""
+        """Take a list as true where events were missed; departed ids stay departed."""
         arrivals = dict(zip(scene.ids.tolist(), scene.arrivals_ns.tolist(), strict=True))
         self.arrived_ns = {**arrivals, **self.arrived_ns}
         for number in set(self.living()) - arrivals.keys():
@@ -377,10 +377,10 @@ def _compare(
 
 
 def check_farewells(record: Record) -> CheckResult:
-    """When a live node takes its leave, or is paused, nothing virtual stays in what it gives out.
+    """When a live node shuts down or is paused, its outputs show no artefact any more.
 
-    With the empty list of artefacts nobody is perceived or counted, and a DELETEALL goes out. The
-    grids of a farewell are looked at with the other grids.
+    The list of artefacts is empty, no artefact is perceived or counted, and a DELETEALL is sent.
+    The grids of a farewell are checked with the other grids.
     """
     tally = Tally("farewells", "farewell")
     wiped = {

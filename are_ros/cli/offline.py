@@ -279,7 +279,7 @@ def fit(**options: Any) -> None:
     those that were blocked too. The output folder gets fitted.yaml, which node and replay take
     with --params, fit.png and fit.json.
     """
-    from are_ros.replay.fit_command import FitOptions, fit_command
+    from are_ros.fit.command import FitOptions, fit_command
 
     if options["rows"] is not None and options["catalogue_file"] is not None:
         raise click.UsageError("--rows is for where there is no --catalogue: give one of them.")

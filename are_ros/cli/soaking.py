@@ -34,7 +34,7 @@ def soak(**options: Any) -> None:
     """
     from are_ros.builder.assembly import catalogue_of
     from are_ros.experiments.soak import soak as run
-    from are_ros.experiments.soak_report import write_soak
+    from are_ros.experiments.soak_picture import write_soak
     from are_ros.replay.command import effective_parameters
     from are_ros.world.map_file import read_map_file
 

@@ -19,7 +19,7 @@ from are_ros.artefacts.population import Place, Population
 from are_ros.artefacts.population_events import Cause, EventKind, PopulationEvent
 from are_ros.conventions import NS_PER_S
 from are_ros.description.birth_death import BirthDeath
-from are_ros.description.population_lines import staying_share
+from are_ros.description.configuration import staying_share
 from are_ros.description.site import Site
 from are_ros.errors import ParameterError
 from are_ros.parameters.model import Parameters
@@ -194,7 +194,7 @@ class _Book:
 
 
 def _place_on(site: Site, population: Population, group_radius_m: float) -> Place:
-    """Return what finds a place on a site, for those who once leave."""
+    """Return what finds a place on a site for artefacts that leave some time."""
     place = _in_the_open(math.sqrt(site.area_m2), group_radius_m)
     if site.survey is not None:
         placer = Placer(site.survey.environment, site.survey.region)

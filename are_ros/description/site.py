@@ -12,9 +12,9 @@ from are_ros.artefacts.placement import Placer
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.builder.assembly import robot_footprint
 from are_ros.builder.real_world import RealWorld
-from are_ros.description.catalogue_lines import percent
 from are_ros.parameters.choices import Region
 from are_ros.parameters.model import Parameters
+from are_ros.wording import percent
 from are_ros.world.environment import Environment
 from are_ros.world.frame_tree import FrameTree
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -22,7 +22,7 @@ from are_ros.world.region import SpawnRegion, region_finder
 from are_ros.world.zones import Zones, read_zones_file
 
 UNIT_AREA_M2: Final = 100.0
-"""What is spoken of where there is no map."""
+"""The area that figures refer to without a map."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ def surveyed(grid: OccupancyGrid, parameters: Parameters, catalogue: Catalogue) 
 def site_rows(
     site: Site, parameters: Parameters, catalogue: Catalogue, probabilities: npt.NDArray[np.float64]
 ) -> list[tuple[str, str]]:
-    """Return what is to be said of the map, the region, and who does not fit there."""
+    """Return the rows on the map, the region, and the artefacts that do not fit there."""
     rate = f"{parameters.population.arrival_rate:g} arrivals/(m^2 s)"
     kind = parameters.population.region
     if site.survey is None:

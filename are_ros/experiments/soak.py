@@ -4,27 +4,110 @@ Nothing is rendered: ticks run at the sub-steps, and their ground truth goes to 
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from are_ros.agents.simulate import MotionCounts
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow, MotionLimits
+from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.events import EventKind
 from are_ros.builder.outputs import ArtefactState
 from are_ros.builder.tick import Demand, Tick
-from are_ros.checks.oracle_solids import RealMap
+from are_ros.checks.oracle.solids import RealMap
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import MapError, ParameterError
-from are_ros.experiments._judge_limits import Limits
-from are_ros.experiments.motion_judge import MotionJudge
-from are_ros.experiments.roving_robot import RovingRobot
+from are_ros.experiments.motion_judge import Limits, MotionJudge
 from are_ros.experiments.verdict import Verdict
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.wording import counted
+from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
+
+# A robot that drives about on a map, as an experiment's stand-in for a real one.
+
+
+_ROBOT_MPS = 0.5
+_LOOK_AHEAD_M = 0.9
+_ROOM_M = 0.15
+_PATIENCE_S = 8.0
+
+
+class RovingRobot:
+    """Drives straight to points in view; on every other way it stops for artefacts.
+
+    Raises MapError where it fits nowhere.
+    """
+
+    def __init__(self, environment: Environment, radius_m: float, seed: int) -> None:
+        self._environment = environment
+        self._radius_m = radius_m
+        self._random = generator(seed, Purpose.REQUEST, 0)
+        self._points_m = _open_points(environment, radius_m)
+        self.x_m, self.y_m = self._points_m[0].tolist()
+        self.yaw_rad = 0.0
+        self._goal = (self.x_m, self.y_m)
+        self._is_careful = True
+        self._waited_s = 0.0
+
+    def drive(self, dt_s: float, states: Sequence[ArtefactState]) -> None:
+        """Go on for one sub-step."""
+        if math.dist((self.x_m, self.y_m), self._goal) < 0.05 or self._waited_s > _PATIENCE_S:
+            self._choose()
+        heading = math.atan2(self._goal[1] - self.y_m, self._goal[0] - self.x_m)
+        turn = math.remainder(heading - self.yaw_rad, math.tau)
+        self.yaw_rad += max(-1.5 * dt_s, min(1.5 * dt_s, turn))
+        if abs(turn) > 0.1:
+            return
+        if self._is_careful and self._is_blocked(states):
+            self._waited_s += dt_s
+            return
+        way_m = min(_ROBOT_MPS * dt_s, math.dist((self.x_m, self.y_m), self._goal))
+        self.x_m += way_m * math.cos(heading)
+        self.y_m += way_m * math.sin(heading)
+
+    def _choose(self) -> None:
+        """Choose another goal in view, if there is one, and reset the wait."""
+        self._waited_s = 0.0
+        here = np.array((self.x_m, self.y_m))
+        for _ in range(30):
+            goal = self._points_m[int(self._random.integers(len(self._points_m)))]
+            count = max(2, int(math.dist(here, goal) / 0.05))
+            way = here + np.linspace(0.0, 1.0, count)[:, None] * (goal - here)
+            if (self._environment.lookup(way) > self._radius_m + 0.1).all():
+                self._goal = (float(goal[0]), float(goal[1]))
+                self._is_careful = not self._is_careful
+                return
+
+    def _is_blocked(self, states: Sequence[ArtefactState]) -> bool:
+        ahead = (
+            self.x_m + _LOOK_AHEAD_M * math.cos(self.yaw_rad),
+            self.y_m + _LOOK_AHEAD_M * math.sin(self.yaw_rad),
+        )
+        return any(
+            math.dist(ahead, (s.ground_pose.x_m, s.ground_pose.y_m)) < _LOOK_AHEAD_M for s in states
+        )
+
+
+def _open_points(environment: Environment, radius_m: float) -> npt.NDArray[np.float64]:
+    """Return up to 500 points of the largest part of the map where the robot fits."""
+    import cv2
+
+    open_cells = environment.clearance_m > radius_m + _ROOM_M
+    if not open_cells.any():
+        raise MapError("the robot fits nowhere on the map")
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(open_cells.view(np.uint8))
+    largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    cells = np.argwhere(labels == largest)
+    chosen = cells[:: max(1, len(cells) // 500)]
+    middle = chosen[np.argsort(np.abs(chosen - chosen.mean(axis=0)).sum(axis=1), kind="stable")]
+    return environment.grid.cells_to_points(middle)
+
 
 _NOTHING_SHOWN = Demand(perception=False, grids=False, markers=False)
 _WAY_STEP_S = 0.5
@@ -34,9 +117,9 @@ _ALONG_AXIS_RAD = math.radians(5.0)
 
 @dataclass(eq=False)
 class Way:
-    """Where one artefact was, twice a second; `jumps` are the points it did not walk to.
+    """The positions of an artefact, twice a second; `jumps` are the points it was displaced to.
 
-    `behaviour` is what it came to do.
+    `behaviour` is the one with which it arrived.
     """
 
     row: CatalogueRow
@@ -130,10 +213,10 @@ def soak(
     longest_s: float = math.inf,
     progress: Callable[[float], object] = lambda _: None,
 ) -> SoakResult:
-    """Let artefacts live on a map for so many minutes in all, judged at each sub-step.
+    """Simulate artefacts on a map for some artefact-minutes, and judge each sub-step.
 
-    It ends earlier after `longest_s`; `progress` is told the artefact-minutes so far. Raises
-    ParameterError where nobody ever arrives, MapError where there is no room for anybody.
+    It ends earlier after `longest_s`; `progress` gets the artefact-minutes so far. Raises
+    ParameterError where the arrival rate is 0, MapError where no artefact has room.
     """
     if parameters.population.arrival_rate <= 0.0:
         raise ParameterError("population.arrival_rate is 0: nobody would live to be judged")
@@ -213,7 +296,7 @@ class _Run:
         )
 
     def _arrived(self, tick: Tick) -> dict[int, tuple[float, tuple[float, float, float]]]:
-        """Return when [s] and where (x, y, yaw) those came who did since the last tick."""
+        """Return time [s] and pose (x, y, yaw) of the arrivals since the last tick, by id."""
         arrived = {}
         for event in tick.events:
             if event.kind is EventKind.ARRIVED:
@@ -266,7 +349,7 @@ def _named(tick: Tick, kind: EventKind) -> frozenset[int]:
 
 
 def _near(tick: Tick, robot: RovingRobot, radius_m: float) -> set[int]:
-    """Return who is near enough to the robot to be in contact still."""
+    """Return the ids that are near enough to the robot to be in contact still."""
     near = set()
     for state in tick.artefacts:
         reach_m = radius_m + 0.5 * math.hypot(*state.size_m[:2]) + 0.2

@@ -1,5 +1,6 @@
-"""soak.png: the paths of all artefacts of a soak on its map."""
+"""What a soak leaves behind: soak.json, and soak.png with the paths of all artefacts."""
 
+import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path as File
@@ -26,8 +27,9 @@ from are_ros.draw.sheet import (
     mark_sign,
     patch_sign,
 )
+from are_ros.errors import InputError
 from are_ros.experiments.soak import SoakResult, Way
-from are_ros.wording import counted
+from are_ros.wording import counted, why_refused
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 Floats = npt.NDArray[np.float64]
@@ -120,3 +122,22 @@ def _subtitle(result: SoakResult) -> list[str]:
         f"{counted(result.blocked, 'arrival')} blocked",
         f"seed {result.seed}",
     ]
+
+
+# What a soak leaves behind: soak.json, and soak.png with all ways on the map.
+
+
+NUMBERS: Final = "soak.json"
+PICTURE: Final = "soak.png"
+
+
+def write_soak(result: SoakResult, grid: OccupancyGrid, folder: File) -> None:
+    """Write numbers and picture into a folder, made if need be; InputError where that fails."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(result.as_json(), indent=2)
+        (folder / NUMBERS).write_text(text + "\n", encoding="utf-8")
+        draw_soak(result, grid, folder / PICTURE)
+    except OSError as cause:
+        message = f"{folder}: the results cannot be written ({why_refused(cause)})"
+        raise InputError(message) from cause

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
+from are_ros.wording import aligned
+
 FAULTS: Final = {
     "overlaps": "overlaps of artefacts",
     "walls": "overlaps with walls",
@@ -13,14 +15,14 @@ FAULTS: Final = {
     "still": "a minute's stand without a cause",
     "deadlocks": "waiting for each other over a minute",
 }
-"""What must not be, by kind: the words of the table."""
+"""Faults by kind: the words of the table."""
 
 _KEPT_SENTENCES = 50
 
 
 @dataclass
 class Company:
-    """How near followers were to whom they follow, over all seconds in which they followed."""
+    """The distance of followers from their leaders, over all seconds of following."""
 
     followed_s: float = 0.0
     near_s: float = 0.0
@@ -34,12 +36,12 @@ class Company:
 
     @property
     def near_share(self) -> float:
-        """The share of the time near the leader; 1 where nobody followed."""
+        """The share of the time near the leader; 1 without followers."""
         return self.near_s / self.followed_s if self.followed_s else 1.0
 
     @property
     def mean_gap_m(self) -> float:
-        """The mean distance from the leader; 0 where nobody followed."""
+        """The mean distance from the leader; 0 without followers."""
         return self.gaps_m / self.followed_s if self.followed_s else 0.0
 
 
@@ -101,7 +103,7 @@ class Verdict:
         self.hardest_mps2 = max(self.hardest_mps2, deceleration_mps2)
 
     def arrivals_per_minute(self, behaviour: str) -> float:
-        """Return how often those who behave so stop at a destination, per minute of one of them."""
+        """Return how often an artefact of a behaviour stops at a destination, per minute."""
         lived_s = self.lived_s.get(behaviour, 0.0)
         return 60.0 * self.arrivals[behaviour] / lived_s if lived_s else 0.0
 
@@ -170,11 +172,4 @@ class Verdict:
 
 def _columns(rows: Sequence[tuple[str, ...]]) -> list[str]:
     """Return rows of cells as lines; all columns but the first to the right."""
-    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
-    return [
-        "  ".join(
-            cell.rjust(width) if k else cell.ljust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in rows
-    ]
+    return [line[2:] for line in aligned(rows, range(1, len(rows[0])))]

@@ -11,8 +11,7 @@ from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Final, Protocol
 
-from are_ros.bag.qos import OfferedQos
-from are_ros.bag.writer import BagWriter
+from are_ros.bag.writer import BagWriter, OfferedQos
 from are_ros.conventions import NS_PER_S
 from are_ros.record.inbox import Received, Stamped
 

@@ -10,10 +10,9 @@ from typing import Any, Final
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from are_ros.bag.qos import OfferedQos
 from are_ros.bag.roles import slashed
 from are_ros.bag.types import InstalledTypes
-from are_ros.bag.writer import partial_path
+from are_ros.bag.writer import OfferedQos, partial_path
 from are_ros.errors import BagError, InputError, NodeError
 from are_ros.node.message_classes import message_class
 from are_ros.record.file import CLOCK_TOPIC, CLOCK_TYPE, Announcement, FileWriter

@@ -20,7 +20,7 @@ from are_ros.errors import BagError, FrameError, InputError, MapError
 from are_ros.messages.grid import read_grid
 from are_ros.messages.scan import read_scan
 from are_ros.replay._recorded_frames import RecordedFrames
-from are_ros.replay.frame_survey import root_above
+from are_ros.replay.frame_survey import connected_to, root_above
 from are_ros.replay.progress import Progress, ProgressBar, said_if_slow
 from are_ros.replay.timeline import WITHOUT_MAP, ReplayOptions, topics_to_read
 from are_ros.wording import counted, why_refused
@@ -38,9 +38,6 @@ from are_ros.world.scan_matching import (
     ScanMatcher,
     wrapped,
 )
-
-# The scans of a recording as one cloud, in the frame at the root of the tree they hang in.
-
 
 Floats = npt.NDArray[np.float64]
 
@@ -158,7 +155,7 @@ def gather(
 
 
 def _longest_drive(placed: list[PlacedScan]) -> tuple[list[PlacedScan], list[str]]:
-    """Return the scans of the longest stretch without a gap, and what is said of the others.
+    """Return the scans of the longest stretch without a gap, and a notice about the others.
 
     Odometry begins anew after a gap: no one transform holds on both sides of it.
     """
@@ -217,7 +214,7 @@ class _Collector:
         return "; ".join(self.notices()) or "no beam has a return"
 
     def notices(self) -> list[str]:
-        """Return what is to be said of scans that are not used."""
+        """Return notices about scans that are not used."""
         of = f"of {self._taken} scans"
         notices: list[str] = []
         if self.placed and len(self.placed) > _ENOUGH_SHARE * self._taken:
@@ -365,18 +362,10 @@ def _frames_of(
 
 def _root(tree: FrameTree, laser: str, options: ReplayOptions) -> str:
     """Return the frame that the map is to be joined to; BagError where it is joined already."""
-    edges = tree.edges()
-    parents = {edge.child: edge.parent for edge in edges}
+    parents = {edge.child: edge.parent for edge in tree.edges()}
     map_frame = options.parameters.frames.map
     root = root_above(laser, parents)
-    joined, waiting = {laser}, [laser]
-    while waiting:
-        frame = waiting.pop()
-        beside = {parents[frame]} if frame in parents else set()
-        beside |= {edge.child for edge in edges if edge.parent == frame}
-        waiting += beside - joined
-        joined |= beside
-    if map_frame in joined:
+    if map_frame in connected_to(laser, ((parent, child) for child, parent in parents.items())):
         raise BagError(
             f"{map_frame} and {laser} hang together already: to find where another map lies, name"
             f" its frame, as with --map-frame site; the transform is then that of site -> {root}"

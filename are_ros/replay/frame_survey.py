@@ -17,7 +17,7 @@ _SOURCE_NAMES: Final = {
     TransformSource.PARAMETER: "what is given",
 }
 _AHEAD_NS = NS_PER_S // 10
-"""Stamps later than the recording by more than this are worth a word."""
+"""Stamps later than the recording by more than this are reported."""
 
 
 @dataclass(frozen=True)
@@ -73,16 +73,7 @@ class FrameSurvey:
 
     def connected_to(self, frame: str) -> frozenset[str]:
         """Return the frames that a chain of edges joins to `frame`, itself among them."""
-        neighbours: dict[str, set[str]] = defaultdict(set)
-        for edge in self.edges:
-            neighbours[edge.parent].add(edge.child)
-            neighbours[edge.child].add(edge.parent)
-        reached, waiting = {frame}, [frame]
-        while waiting:
-            new = neighbours[waiting.pop()] - reached
-            reached |= new
-            waiting.extend(new)
-        return frozenset(reached)
+        return connected_to(frame, ((edge.parent, edge.child) for edge in self.edges))
 
     def root_of(self, frame: str) -> str:
         """Return the frame at the top of the tree that holds `frame`."""
@@ -203,6 +194,20 @@ def _still_ns(tally: _Tally, gaps: Sequence[tuple[int, int]]) -> int:
 def hertz(rate_hz: float) -> str:
     """Return a rate in words, a rare one with one digit that counts."""
     return f"{rate_hz:.1f} Hz" if rate_hz >= 0.05 else f"{rate_hz:.1g} Hz"
+
+
+def connected_to(frame: str, edges: Iterable[tuple[str, str]]) -> frozenset[str]:
+    """Return the frames that a chain of edges (parent, child) joins to `frame`, and itself."""
+    neighbours: dict[str, set[str]] = defaultdict(set)
+    for parent, child in edges:
+        neighbours[parent].add(child)
+        neighbours[child].add(parent)
+    reached, waiting = {frame}, [frame]
+    while waiting:
+        new = neighbours[waiting.pop()] - reached
+        reached |= new
+        waiting.extend(new)
+    return frozenset(reached)
 
 
 def root_above(frame: str, parents: Mapping[str, str]) -> str:

@@ -9,14 +9,13 @@ from are_ros.bag.reader import BagReader, BagTopic
 from are_ros.bag.roles import ROLE_TYPES, RolesFound, find_roles
 from are_ros.bag.stretches import Stretches, scan_waits, stretches_of, wait_sentence
 from are_ros.conventions import NS_PER_S
-from are_ros.description._tables import aligned, section
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.camera_info import read_camera_info
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import PosesParameters, SensorsParameters
 from are_ros.replay.frame_survey import FrameSurvey, FrameSurveyor, hertz, static_tf_option
 from are_ros.replay.timeline import LATE_CAMERA_NS, WITHOUT_CAMERA_INFO
-from are_ros.wording import counted
+from are_ros.wording import aligned, counted, section
 from are_ros.world.transforms.table import TransformSource
 
 _CAMERA = "camera/camera_info"

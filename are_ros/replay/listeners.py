@@ -182,9 +182,9 @@ class All(Listener):
 
 
 _SHARE: Final = 0.1
-"""A robot that grazes a wall for a while is not worth a word."""
+"""No doubt is reported while at most this share of the ticks is outside of free cells."""
 _LEAST_AREA_M2: Final = 3.0
-"""Who turns on the spot needs about as much: no place that a robot is driven in is smaller."""
+"""A robot needs about this area to turn on the spot; a smaller region cannot be right."""
 
 
 class StandingWatch(Listener):

@@ -211,7 +211,7 @@ def _save_scenario(options: ReplayOptions, keeper: LifeKeeper, say: Say) -> None
 
 
 def _with_replay_policy(options: ReplayOptions) -> ReplayOptions:
-    """Let artefacts make way, unless told otherwise: a recorded robot cannot react."""
+    """Displace artefacts on contact by default: a recorded robot cannot react."""
     if options.parameters.collisions.on_robot_contact is not OnRobotContact.AUTO:
         return options
     policy = {"collisions.on_robot_contact": OnRobotContact.DISPLACE}
@@ -219,7 +219,7 @@ def _with_replay_policy(options: ReplayOptions) -> ReplayOptions:
 
 
 def _with_wait(options: ReplayOptions, needed_s: float) -> ReplayOptions:
-    """Let scans wait as long as they need, unless told otherwise: in a replay it costs nothing."""
+    """Let scans wait as long as they need unless the user set the wait: a replay can."""
     if options.is_wait_given or needed_s <= options.parameters.sensors.tf_wait:
         return options
     wait = {"sensors.tf_wait": needed_s}

@@ -28,7 +28,7 @@ _READ_ROLES = (*FED_BEFORE_START, "odom", SCAN_ROLE, "plan")
 
 
 LATE_CAMERA_NS: Final = NS_PER_S
-"""A first CameraInfo that comes later than this is worth a word."""
+"""A first CameraInfo that comes later than this is reported."""
 WITHOUT_CAMERA_INFO: Final = (
     "--set camera.model:=pinhole takes the camera of the parameters (camera.*) instead"
 )
@@ -133,7 +133,7 @@ def topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound)
 
 
 def _is_replaced(role: str, options: ReplayOptions) -> bool:
-    """Say whether a file stands in for a topic."""
+    """Tell whether a file replaces a topic."""
     by_file = {"map": options.map_file, "octomap_point_cloud_centers": options.octomap_file}
     return by_file.get(role) is not None
 

@@ -10,7 +10,7 @@ from are_ros.bag.decoded import Event, Grid, GridUpdate, Metrics, Perceived, Sca
 from are_ros.bag.marker_decoding import MarkerFields
 from are_ros.bag.recording import Recording, RecordingFiles, find_recording
 from are_ros.errors import InputError
-from tests.replay.test_checks import INPUT_TYPES, LIVES_NS, MS, PLACES, TICKS_NS, Draft, make_draft
+from tests.checks.test_checks import INPUT_TYPES, LIVES_NS, MS, PLACES, TICKS_NS, Draft, make_draft
 
 
 @pytest.fixture

@@ -5,9 +5,8 @@ from pathlib import Path
 import yaml
 from rosbags.rosbag2 import Reader as Ros2Reader
 
-from are_ros.bag.qos import OfferedQos
 from are_ros.bag.reader import BagReader, BagTopic
-from are_ros.bag.writer import BagWriter, describe_folder
+from are_ros.bag.writer import BagWriter, OfferedQos, describe_folder
 
 STRING = "std_msgs/msg/String"
 DATA = b"\x00\x01\x00\x00\x02\x00\x00\x00x\x00"

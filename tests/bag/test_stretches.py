@@ -79,6 +79,33 @@ def test_a_window_that_ends_in_a_gap_ends_with_what_moves() -> None:
         assert found.spans == ((0, stop_ns),)
 
 
+def test_a_window_that_begins_in_a_gap_begins_with_what_moves() -> None:
+    """However little of the gap lies in it: the time since which nothing moves tells the gap."""
+    moving = every(S, 100 * S, 111 * S)
+    for since_ns, start_ns in ((41 * S, 90 * S), (40 * S, 100 * S)):
+        times = replace(times_of(moving), still_since_ns=since_ns)
+        found = stretches_of(times, BagClock.of(times), 90 * S, 111 * S)
+        assert found.spans == ((start_ns, 111 * S),)
+        assert (found.ahead is None) == (start_ns == 90 * S)
+
+
+def test_what_moved_before_a_window_is_looked_for_a_minute_back(
+    sample_records: Records, write_bag: WriteBag, tmp_path: Path
+) -> None:
+    """The last message before it, else that minute's beginning; nothing at the recording's own."""
+    parted, middle_ns, again_ns = with_gap(list(sample_records), 100 * S)
+    with BagReader([write_bag(tmp_path / "b.mcap", parted)]) as reader:
+
+        def since_ns(start_ns: int) -> int | None:
+            roles = {"/odom": "odom"}
+            return RecordedTimes.read(reader, roles, start_ns, reader.end_ns).still_since_ns
+
+        odometry = [at for topic, at, _ in parted if topic == "/odom" and at < middle_ns]
+        assert since_ns(reader.start_ns) is None
+        assert since_ns(middle_ns + 30 * S) == odometry[-1]
+        assert since_ns(again_ns - 10 * S) == again_ns - 70 * S
+
+
 @pytest.mark.parametrize("ahead_s", [-12.0, -7.6, -0.6, 0.3, 7.6, 12.0])
 @pytest.mark.parametrize("late_s", [0.0, 0.4])
 def test_stamps_of_another_clock_are_gone_by(ahead_s: float, late_s: float) -> None:

@@ -24,7 +24,7 @@ from are_ros.builder.markers import MarkerAction
 from are_ros.builder.outputs import ArtefactState
 from are_ros.builder.sensor_path import ReleasedScan
 from are_ros.builder.tick import Tick
-from are_ros.checks.oracle import (
+from are_ros.checks.oracle.plane import (
     Outline,
     PlainBoxes,
     overlapping,

@@ -7,8 +7,7 @@ import pytest
 
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.mixture import mixture_of
-from are_ros.description.configuration import describe_lines
-from are_ros.description.population_lines import staying_share
+from are_ros.description.configuration import describe_lines, staying_share
 from are_ros.description.site import Site, surveyed
 from are_ros.errors import ParameterError
 from are_ros.parameters.model import Parameters

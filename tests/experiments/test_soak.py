@@ -14,10 +14,8 @@ from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.draw.palette import behaviour_marks, class_colours
 from are_ros.errors import InputError, MapError, ParameterError
 from are_ros.experiments.motion_judge import MotionJudge
-from are_ros.experiments.roving_robot import RovingRobot
-from are_ros.experiments.soak import SoakResult, Way, soak
-from are_ros.experiments.soak_picture import draw_soak, legends, paths_of
-from are_ros.experiments.soak_report import write_soak
+from are_ros.experiments.soak import RovingRobot, SoakResult, Way, soak
+from are_ros.experiments.soak_picture import draw_soak, legends, paths_of, write_soak
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.world.environment import Environment

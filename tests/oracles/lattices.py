@@ -10,7 +10,7 @@ import numpy.typing as npt
 import yaml
 from PIL import Image
 
-from are_ros.checks.oracle_solids import Walls
+from are_ros.checks.oracle.solids import Walls
 
 Floats = npt.NDArray[np.float64]
 

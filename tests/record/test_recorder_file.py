@@ -9,9 +9,8 @@ from mcap.exceptions import EndOfFile
 from mcap.records import Message, Metadata
 from mcap.stream_reader import StreamReader
 
-from are_ros.bag.qos import OfferedQos
 from are_ros.bag.reader import BagReader
-from are_ros.bag.writer import BagWriter
+from are_ros.bag.writer import BagWriter, OfferedQos
 from are_ros.errors import BagError
 from are_ros.record.file import Announcement, FileWriter
 from are_ros.record.inbox import LossCount, Stamped

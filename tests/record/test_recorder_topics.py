@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from are_ros.bag.qos import OfferedQos
+from are_ros.bag.writer import OfferedQos
 from are_ros.errors import BagError
 from are_ros.record.topics import RecordOptions
 

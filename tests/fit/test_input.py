@@ -7,7 +7,7 @@ import pytest
 
 from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.errors import BagError, InputError
-from are_ros.replay.fit_input import RowSpace, read_observed
+from are_ros.fit.observed import RowSpace, read_observed
 
 TEN = RowSpace(10)
 

@@ -13,10 +13,8 @@ from are_ros.artefacts.mixture_fit import Progress, best_by_bic, fit_by_bic, fit
 from are_ros.bag.recording import find_recording
 from are_ros.draw.plots import draw_fit
 from are_ros.errors import InputError, ParameterError
-from are_ros.parameters.model import Parameters
-from are_ros.parameters.ros_yaml import with_file
-from are_ros.replay.fit_input import ObservedRows, RowSpace, is_recording, read_observed
-from are_ros.replay.fit_results import (
+from are_ros.fit.observed import ObservedRows, RowSpace, is_recording, read_observed
+from are_ros.fit.results import (
     PICTURE,
     RECORD,
     RESULTS,
@@ -25,6 +23,8 @@ from are_ros.replay.fit_results import (
     record_content,
     write_parameters,
 )
+from are_ros.parameters.model import Parameters
+from are_ros.parameters.ros_yaml import with_file
 from are_ros.replay.output_folder import all_or_nothing
 from are_ros.replay.progress import ProgressBar
 from are_ros.replay.results import write_json

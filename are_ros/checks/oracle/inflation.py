@@ -1,13 +1,12 @@
-"""The augmented costmap against an inflation of our own: scipy's distances and Nav2's formula."""
+"""The inflation of a costmap by scipy's distances and Nav2's formula."""
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.checks.oracle import Outline
-from are_ros.checks.oracle_solids import Cover, RealMap
-from are_ros.parameters.model import Parameters
+from are_ros.checks.oracle.solids import Cover, RealMap
 
 Published = NDArray[np.int8]
 Mask = NDArray[np.bool_]
@@ -16,31 +15,40 @@ _SLACK: Final = 3e-7
 """Relative, for resolutions of single precision: 14 cells of 0.05 m may be 0.7 m or more."""
 
 
+@dataclass(frozen=True)
+class Costs:
+    """Nav2's cost of a distance: lengths in metres, `scaling` in 1/m."""
+
+    radius_m: float
+    scaling: float
+    inscribed_m: float
+
+    def at(self, distances_m: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the costs 0 to 254 at distances from an obstacle; 0 beyond the radius."""
+        beyond_m = np.maximum(distances_m - self.inscribed_m, 0.0)
+        costs = np.floor(252.0 * np.exp(-self.scaling * beyond_m)).astype(np.int64)
+        costs[distances_m <= self.inscribed_m] = 253
+        costs[distances_m > self.radius_m] = 0
+        costs[distances_m == 0.0] = 254
+        return costs
+
+
 class Inflation:
-    """The costs that a costmap may have, as Nav2 publishes them: between a low and a high one.
+    """The costmaps, as Nav2 publishes them, that a map with artefacts may have: a low and a high.
 
     They differ by rounding, and about cells that a box only touches. -1, unknown, is the lowest.
     """
 
-    def __init__(self, real: RealMap, parameters: Parameters) -> None:
-        settings, robot = parameters.costmap, parameters.robot
+    def __init__(
+        self, real: RealMap, costs: Costs, occupied_threshold: int, free_threshold: int
+    ) -> None:
         self.real = real
-        self._radius = int(np.ceil(settings.inflation_radius / real.resolution_m * (1.0 + _SLACK)))
+        self._radius = int(np.ceil(costs.radius_m / real.resolution_m * (1.0 + _SLACK)))
         self._radius = min(self._radius, sum(real.cells.shape))
         distances_m = np.sqrt(np.arange((self._radius + 2) ** 2)) * real.resolution_m
-        inscribed_m = Outline.of(robot.footprint, robot.radius).inscribed_m()
-        self._low, self._high = (
-            _costs(
-                distances_m * slack,
-                settings.inflation_radius,
-                settings.cost_scaling_factor,
-                inscribed_m,
-            )
-            for slack in (1.0 + _SLACK, 1.0 - _SLACK)
-        )
-        thresholds = parameters.world
-        occupied = real.cells >= thresholds.occupied_threshold
-        self._unknown = ~occupied & ((real.cells < 0) | (real.cells > thresholds.free_threshold))
+        self._low, self._high = (costs.at(distances_m * (1.0 + s)) for s in (_SLACK, -_SLACK))
+        occupied = real.cells >= occupied_threshold
+        self._unknown = ~occupied & ((real.cells < 0) | (real.cells > free_threshold))
         squares = self._squares(occupied)
         everywhere = (slice(None), slice(None))
         self.static_low = self._published(self._low[squares], everywhere)
@@ -98,25 +106,11 @@ class Inflation:
         return scaled.astype(np.int8)
 
 
+@dataclass(frozen=True, eq=False)
 class _Patch:
-    """The costs about one box; the cover is kept, so that its identity is not given away."""
+    """The costs about one box. It holds the cover, because `id` finds the patch again."""
 
-    def __init__(
-        self, cover: Cover, window: tuple[slice, slice], low: Published, high: Published
-    ) -> None:
-        self.cover = cover
-        self.window = window
-        self.low = low
-        self.high = high
-
-
-def _costs(
-    distances_m: NDArray[np.float64], radius_m: float, factor: float, inscribed_m: float
-) -> NDArray[np.int64]:
-    """Return Nav2's costs at distances, int64; the last is beyond the radius."""
-    beyond_m = np.maximum(distances_m - inscribed_m, 0.0)
-    costs = np.floor(252.0 * np.exp(-factor * beyond_m)).astype(np.int64)
-    costs[distances_m <= inscribed_m] = 253
-    costs[distances_m > radius_m] = 0
-    costs[distances_m == 0.0] = 254
-    return costs
+    cover: Cover
+    window: tuple[slice, slice]
+    low: Published
+    high: Published

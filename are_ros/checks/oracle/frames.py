@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 ODOMETRY, TF, PARAMETER = 0, 1, 2
-"""Of several sources of one edge the highest counts."""
+"""If an edge has several sources, the highest number wins."""
 
 EVER: Final = 2**63 - 1
-"""As a time by which something was known: all that there is."""
+"""As a time of knowledge: everything in the recording."""
 
 
 class Pose(NamedTuple):
@@ -82,7 +82,7 @@ class _Edge:
 
 
 class Frames:
-    """The edges by child frame; `known_by_ns` limits a question to what had been received then."""
+    """The edges by child frame; a lookup uses only what was received by `known_by_ns`."""
 
     def __init__(self) -> None:
         self._edges: dict[str, dict[int, _Edge]] = {}

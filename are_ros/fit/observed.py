@@ -2,21 +2,27 @@
 
 import csv
 import json
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from are_ros.artefacts.artefact import Origin
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.mixture_fit import Counts, why_no_row
-from are_ros.errors import InputError
+from are_ros.artefacts.scenario import FIRST_ADMITTED_ID
+from are_ros.bag.decoded import ARRIVED, BLOCKED, Event, Scene
+from are_ros.bag.recording import Recording, find_recording
+from are_ros.errors import BagError, InputError
+from are_ros.wording import counted
 
 OpenProgress = Callable[[int, int], Callable[[int], None]]
-"""Given the first and the last time [ns], returns what is told how far the reading has come."""
+"""Takes the first and the last time [ns]; returns a callback for the time reached."""
 
 _TABLES: Final = (".csv", ".txt")
 _RECORDINGS: Final = (".mcap", ".db3")
@@ -24,7 +30,7 @@ _RECORDINGS: Final = (".mcap", ".db3")
 
 @dataclass(frozen=True, eq=False)
 class RowSpace:
-    """The rows that can occur: how many, and whose labels they have (None: nobody knows)."""
+    """The rows that can occur: how many, and the catalogue with their labels (None: unknown)."""
 
     rows: int
     catalogue: Catalogue | None = None
@@ -55,8 +61,6 @@ def read_observed(path: Path, space: RowSpace, open_progress: OpenProgress) -> O
     Raises InputError, naming the file, the line or field and the reason, for what is no row of
     `space`, and BagError for a recording that cannot be read.
     """
-    from are_ros.replay._fit_recording import read_recording
-
     if is_recording(path):
         return read_recording(path, space, open_progress)
     if not path.exists():
@@ -219,3 +223,156 @@ def _unreadable(path: Path, cause: Exception) -> InputError:
     reason = "not UTF-8 text" if isinstance(cause, UnicodeError) else None
     reason = reason or getattr(cause, "strerror", None) or str(cause)
     return InputError(f"{path.name} cannot be read ({str(reason).lower()})")
+
+
+# The rows of a recording: random arrivals, by the events and the ground truth.
+
+
+_EVENT: Final = "are_msgs/msg/ArtefactEvent"
+_ARRAY: Final = "are_msgs/msg/ArtefactArray"
+_COUNTED: Final = ("arrived", "blocked", "without an event")
+
+Fates = dict[str, Counter[str]]
+"""Labels and how many artefacts had them, by what became of these."""
+
+
+class _Key(NamedTuple):
+    """One arrival: node name, artefact id and time. A restarted node counts anew."""
+
+    node: str
+    artefact_id: int
+    time_ns: int
+
+
+class _Known(NamedTuple):
+    """What the ground truth says of an artefact."""
+
+    row: int
+    label: str
+    origin: int
+
+
+@dataclass
+class Census:
+    """The artefacts that arrived, were blocked, or were listed; each counts once."""
+
+    arrived: dict[_Key, str] = field(default_factory=dict)
+    blocked: dict[_Key, str] = field(default_factory=dict)
+    seen: dict[_Key, _Known] = field(default_factory=dict)
+    begun_ns: dict[str, int] = field(default_factory=dict)
+    low_scripted: set[str] = field(default_factory=set)
+    """Nodes whose scenario gives low ids; such a scenario excludes random arrivals."""
+
+    def take_event(self, node: str, event: Event) -> None:
+        """Keep an event of a node."""
+        self.begun_ns.setdefault(node, event.stamp_ns)
+        kinds = {ARRIVED: self.arrived, BLOCKED: self.blocked}
+        if event.kind in kinds:
+            kinds[event.kind][_Key(node, event.artefact_id, event.stamp_ns)] = event.label
+
+    def take_scene(self, node: str, scene: Scene) -> None:
+        """Keep a list of the living of a node."""
+        self.begun_ns.setdefault(node, scene.stamp_ns)
+        columns = (scene.ids, scene.arrivals_ns, scene.rows, scene.labels, scene.origins)
+        for artefact_id, arrival_ns, row, label, origin in zip(*columns, strict=True):
+            key = _Key(node, int(artefact_id), int(arrival_ns))
+            if key not in self.seen:
+                known = self.seen[key] = _Known(int(row), label, int(origin))
+                if known.origin == Origin.SCRIPTED and key.artefact_id < FIRST_ADMITTED_ID:
+                    self.low_scripted.add(node)
+
+    def labels_by_fate(self) -> Fates:
+        """Return the labels of all, counted, by what became of them within the recording."""
+        fates: Fates = defaultdict(Counter)
+        told = [("arrived", *one) for one in self.arrived.items()]
+        told += [("blocked", *one) for one in self.blocked.items()]
+        for key, known in self.seen.items():
+            if key not in self.arrived:
+                within = key.time_ns >= self.begun_ns[key.node]
+                told.append(("without an event" if within else "there before", key, known.label))
+        for fate, key, label in told:
+            fates[fate if self._is_random(key) else "asked for"][label] += 1
+        return fates
+
+    def _is_random(self, key: _Key) -> bool:
+        """Tell whether the mixture drew the artefact; without the ground truth the id decides."""
+        known = self.seen.get(key)
+        if known is not None:
+            return known.origin == Origin.RANDOM
+        is_low = 0 < key.artefact_id < FIRST_ADMITTED_ID
+        return is_low and key.node not in self.low_scripted
+
+
+def read_recording(path: Path, space: RowSpace, open_progress: OpenProgress) -> ObservedRows:
+    """Count the arrivals of random artefacts, those blocked included, in a recording.
+
+    Rows come from the ground truth, else from the labels of the catalogue. Artefacts that were
+    alive before it began do not count: long lives would be counted too often. InputError where a
+    label's row is not known, or the recording was made with another catalogue.
+    """
+    census = Census()
+    with Recording(find_recording(path)) as recording:
+        types = recording.types
+        topics = [name for name, kind in types.items() if kind in {_EVENT, _ARRAY}]
+        if not topics:
+            raise BagError(f"{path}: there are neither events nor artefacts of ar_builder in it")
+        start_ns, end_ns = recording.span_ns
+        move = open_progress(start_ns, end_ns)
+        for message in recording.in_log_order(topics):
+            node, value = message.topic.rpartition("/")[0], recording.decode(message)
+            if isinstance(value, Event):
+                census.take_event(node, value)
+            else:
+                census.take_scene(node, value)
+            move(message.log_ns)
+        move(end_ns)
+    fates = census.labels_by_fate()
+    rows = _rows_by_label(path, census, space)
+    counts = np.zeros(space.rows, dtype=np.int64)
+    for label, count in sum((fates[fate] for fate in _COUNTED), Counter()).items():
+        counts[_row(path, label, rows)] += count
+    kinds = {types[topic] for topic in topics}
+    return ObservedRows(counts, tuple(_notes(fates, has_events=_EVENT in kinds)))
+
+
+def _rows_by_label(path: Path, census: Census, space: RowSpace) -> dict[str, int]:
+    """Return the row of each label known; InputError where recording and catalogue differ."""
+    rows = dict(space.row_of_label)
+    for known in census.seen.values():
+        if known.row >= space.rows:
+            message = f"{path}: artefacts: row {known.row} ({known.label}) is beyond the "
+            raise InputError(f"{message}{counted(space.rows, 'row')} (--rows, --catalogue)")
+        if rows.setdefault(known.label, known.row) != known.row or (
+            space.catalogue is not None and known.label not in space.row_of_label
+        ):
+            message = (
+                f"{path}: artefacts: {known.label} is row {known.row}, not so in the catalogue"
+            )
+            raise InputError(f"{message}: it was recorded with another (--catalogue)")
+    return rows
+
+
+def _row(path: Path, label: str, rows: dict[str, int]) -> int:
+    if label not in rows:
+        message = f"{path}: events: the row of {label!r} is not known, neither from the ground "
+        raise InputError(f"{message}truth nor from a catalogue (--catalogue)")
+    return rows[label]
+
+
+def _notes(fates: Fates, *, has_events: bool) -> list[str]:
+    """Say what was counted and what was left out."""
+    count = Counter({fate: sum(labels.values()) for fate, labels in fates.items()})
+    parts = [f"{count['arrived']} arrivals", f"{count['blocked']} blocked"]
+    if untold := count["without an event"]:
+        parts.append(f"{untold} that came within the recording without an event")
+    notes = [f"counted: {', '.join(parts)}"]
+    left_out = [
+        (count["there before"], "there before the recording began"),
+        (count["asked for"], "scripted or asked for"),
+    ]
+    told = [f"{number} {reason}" for number, reason in left_out if number]
+    if told:
+        notes.append(f"left out: {', '.join(told)}")
+    if not has_events:
+        notes.append("no events were recorded, so blocked arrivals and the shortest lives lack")
+    return notes

@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 TOUCHING_M: Final = 1e-6
-"""What overlaps by no more than this, or is no farther apart, may count as either."""
+"""Boxes that overlap by at most this, or are at most this far apart, may count as either."""
 
 
 class Boxes(Protocol):
@@ -37,7 +37,7 @@ class Boxes(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class PlainBoxes:
-    """Boxes of whoever has no other form of them."""
+    """Boxes as plain arrays."""
 
     centres_m: Floats
     yaws_rad: Floats

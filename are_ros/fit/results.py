@@ -12,10 +12,9 @@ import yaml
 
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.mixture_fit import MixtureFit, Stop
-from are_ros.description._tables import aligned, section
+from are_ros.fit.observed import ObservedRows, RowSpace
 from are_ros.parameters.ros_yaml import read_ros_parameters
-from are_ros.replay.fit_input import ObservedRows, RowSpace
-from are_ros.wording import counted
+from are_ros.wording import aligned, counted, section
 
 PARAMETERS: Final = "fitted.yaml"
 RECORD: Final = "fit.json"

@@ -14,8 +14,8 @@ from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.events import EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
+from are_ros.fit.observed import ObservedRows, RowSpace, read_observed
 from are_ros.messages.common import make_header, make_time
-from are_ros.replay.fit_input import ObservedRows, RowSpace, read_observed
 
 CATALOGUE = read_catalogue()
 SPACE = RowSpace.of(CATALOGUE)

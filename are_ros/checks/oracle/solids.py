@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.checks.oracle import TOUCHING_M, Boxes, rectangle_depths_m, slab
+from are_ros.checks.oracle.plane import TOUCHING_M, Boxes, rectangle_depths_m, slab
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.int64]
@@ -36,16 +36,6 @@ class RealMap:
         x, y, z = (float(value) for value in grid.origin.translation_m)
         yaw = 2.0 * float(np.arctan2(*grid.origin.rotation_xyzw[2:]))
         return cls(grid.cells, grid.resolution_m, (x, y, yaw), z, grid.frame_id)
-
-    @classmethod
-    def of_message(cls, message: Any, log_ns: int) -> "RealMap":
-        """Return the map of a nav_msgs/OccupancyGrid; ValueError where its size is wrong."""
-        info, place = message.info, message.info.origin
-        cells = np.asarray(message.data, np.int8).reshape(info.height, info.width)
-        yaw = 2.0 * float(np.arctan2(place.orientation.z, place.orientation.w))
-        corner = (place.position.x, place.position.y, yaw)
-        frame_id = message.header.frame_id.lstrip("/")
-        return cls(cells, info.resolution, corner, place.position.z, frame_id, log_ns)
 
     @classmethod
     def of_cells(
@@ -90,7 +80,7 @@ _NOTHING = Cover(np.empty(0, np.int64), np.empty(0, np.int64))
 
 
 class Covers:
-    """The cells of the boxes of scenes on one map; a box that stands still is computed once."""
+    """The cells that boxes cover on one map; a box that stands still is computed once."""
 
     def __init__(self, real: RealMap) -> None:
         self.real = real
@@ -322,6 +312,6 @@ class Cloud:
         return cls(centres, message.header.frame_id.lstrip("/"), log_ns)
 
     def is_like(self, other: "Cloud") -> bool:
-        """Tell whether another one says the same."""
+        """Tell whether another cloud has the same points and frame."""
         is_same = np.array_equal(self.centres_m, other.centres_m, equal_nan=True)
         return is_same and self.frame_id == other.frame_id

@@ -1,0 +1,1 @@
+"""`are fit`: observed rows in, the Poisson mixture that explains them out."""
