@@ -1,6 +1,7 @@
 """Departures: the two readings of the paper's leaving rate mu (section 3.2), and ends of lives."""
 
 from bisect import bisect_left, insort
+from enum import Enum
 from typing import NamedTuple, Protocol
 
 from are_ros.artefacts.arrivals import ArrivalProcess, due_ns
@@ -8,6 +9,23 @@ from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import ParameterError
 from are_ros.parameters.choices import Departures
+
+
+class Cause(Enum):
+    """Why an artefact departed or was blocked."""
+
+    LIFE_OVER = "life_over"
+    DISPLACED = "displaced"
+    REMOVED = "removed"
+    ROBOT_CONTACT = "robot_contact"
+    CLOCK_JUMPED_BACK = "clock_jumped_back"
+    CLOCK_LEAPT = "clock_leapt"
+    RECORDING_GAP = "recording_gap"
+    MAX_ALIVE = "max_alive"
+    NO_PLACE = "no_place"
+    REFUSED = "refused"
+    NO_HIDDEN_PLACE = "no_hidden_place"
+    """There is a place, but a camera sees each (population.appear: out_of_view)."""
 
 
 class Departure(NamedTuple):

@@ -3,6 +3,8 @@
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
 from itertools import accumulate, islice
 from types import MappingProxyType
 
@@ -11,13 +13,68 @@ import numpy as np
 from are_ros.artefacts.arrivals import RandomSource, RowLaw, checked_rate
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.departures import Departure, DepartureLaw, Lifetimes, leaving_rate_per_s
-from are_ros.artefacts.population_events import Cause, Counts, EventKind, PopulationEvent
+from are_ros.artefacts.departures import (
+    Cause,
+    Departure,
+    DepartureLaw,
+    Lifetimes,
+    leaving_rate_per_s,
+)
 from are_ros.artefacts.randomness import Purpose, generator
-from are_ros.artefacts.scenario import Scenario
-from are_ros.artefacts.scripted import ScriptedOffer, ScriptedSource
+from are_ros.artefacts.scenario import Scenario, ScriptedOffer, ScriptedSource
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError, PlacementError
+
+
+class EventKind(Enum):
+    """What happened to an artefact."""
+
+    ARRIVED = "arrived"
+    DEPARTED = "departed"
+    BLOCKED = "blocked"
+    LEAVING = "leaving"
+    """Its life is over, and it walks to an exit: it departs there."""
+
+
+@dataclass(frozen=True, eq=False)
+class PopulationEvent:
+    """One artefact came, went, or could not come, at `time_ns`; an arrival has no cause.
+
+    `reason` says in words why one that was scripted is refused.
+    """
+
+    time_ns: int
+    kind: EventKind
+    artefact_id: int
+    row: CatalogueRow
+    cause: Cause | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Counts:
+    """How many so far: offered = arrived + blocked, alive = arrived - departed.
+
+    `displaced` are those of the departed who had to go for want of a safe pose: censored lives.
+    """
+
+    offered: int = 0
+    arrived: int = 0
+    blocked: int = 0
+    departed: int = 0
+    displaced: int = 0
+
+    def after(self, event: PopulationEvent) -> "Counts":
+        """Return the counts with one more event."""
+        kind = event.kind
+        return Counts(
+            offered=self.offered + (kind in {EventKind.ARRIVED, EventKind.BLOCKED}),
+            arrived=self.arrived + (kind is EventKind.ARRIVED),
+            blocked=self.blocked + (kind is EventKind.BLOCKED),
+            departed=self.departed + (kind is EventKind.DEPARTED),
+            displaced=self.displaced + (event.cause is Cause.DISPLACED),
+        )
+
 
 Place = Callable[
     [int, CatalogueRow, np.random.Generator, tuple[float, float] | None], GroundPose | Cause | None

@@ -9,14 +9,14 @@ from typing import Any, Final
 import numpy as np
 import yaml
 
-from are_ros.artefacts._fields import Fields
 from are_ros.artefacts.artefact import GroundPose, Origin
 from are_ros.artefacts.behaviours.along_way import AlongWay
 from are_ros.artefacts.behaviours.following import Following
 from are_ros.artefacts.behaviours.registry import why_not
 from are_ros.artefacts.behaviours.standing import Standing
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
-from are_ros.artefacts.population_events import Cause
+from are_ros.artefacts.catalogue_file import Fields
+from are_ros.artefacts.departures import Cause
 from are_ros.artefacts.scenario import Scenario, ScriptedArtefact, Track
 from are_ros.artefacts.track_file import ns_of_seconds, read_tracks, seconds_text, write_tracks
 from are_ros.errors import CatalogueError, ScenarioError

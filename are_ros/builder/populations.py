@@ -13,9 +13,8 @@ from are_ros.artefacts.motion.traffic import Traffic
 from are_ros.artefacts.navigation import Navigation
 from are_ros.artefacts.population import Population
 from are_ros.artefacts.pose_tape import PoseTape
-from are_ros.artefacts.scenario import Scenario
+from are_ros.artefacts.scenario import Scenario, ScriptedOffer, ScriptedSource
 from are_ros.artefacts.scenario_file import read_scenario
-from are_ros.artefacts.scripted import ScriptedOffer, ScriptedSource
 from are_ros.artefacts.terrain import Terrains
 from are_ros.artefacts.track_player import TrackPlayer
 from are_ros.builder.collisions import CollisionResolver

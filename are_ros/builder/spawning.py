@@ -8,8 +8,8 @@ import numpy.typing as npt
 
 from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.artefacts.departures import Cause
 from are_ros.artefacts.placement import Disc, KeepOut, Placer, Surroundings
-from are_ros.artefacts.population_events import Cause
 from are_ros.artefacts.terrain import Terrains
 from are_ros.builder.out_of_view import OutOfView, Viewpoint
 from are_ros.builder.robots import RobotPose

@@ -12,11 +12,10 @@ import numpy.typing as npt
 from are_ros.artefacts.arrivals import RandomSource
 from are_ros.artefacts.artefact import GroundPose, boxes_of
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
-from are_ros.artefacts.departures import departure_law
+from are_ros.artefacts.departures import Cause, departure_law
 from are_ros.artefacts.mixture import mixture_of
 from are_ros.artefacts.placement import Disc, Placer, Surroundings
-from are_ros.artefacts.population import Place, Population
-from are_ros.artefacts.population_events import Cause, EventKind, PopulationEvent
+from are_ros.artefacts.population import EventKind, Place, Population, PopulationEvent
 from are_ros.conventions import NS_PER_S
 from are_ros.description.birth_death import BirthDeath
 from are_ros.description.population_lines import staying_share

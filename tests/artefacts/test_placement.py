@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from are_ros.artefacts._candidates import CandidateCells
 from are_ros.artefacts._leeway import Leeway, leeway_of
 from are_ros.artefacts.artefact import GroundPose, boxes_of
 from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits
 from are_ros.artefacts.placement import (
     HEADINGS,
+    CandidateCells,
     Disc,
     KeepOut,
     Placer,
