@@ -148,16 +148,6 @@ class Offer:
     members: tuple[tuple[int, CatalogueRow], ...]
 
 
-class Source(Protocol):
-    """Offers artefacts at instants of its own."""
-
-    def next_ns(self) -> int | None:
-        """Return the instant of the next offer [ns], None if none comes as things stand."""
-
-    def take(self) -> Offer:
-        """Take the next offer; `ParameterError` if none comes."""
-
-
 class RowLaw(Protocol):
     """The law of the row's index, such as the Poisson mixture (Eq. 1)."""
 

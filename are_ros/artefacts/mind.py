@@ -12,7 +12,7 @@ from are_ros.artefacts.behaviours.leaving import Leaving
 from are_ros.artefacts.behaviours.situation import Fellow, Situation
 from are_ros.artefacts.motion.hindrance import Hindrance
 from are_ros.artefacts.navigation import Leg
-from are_ros.artefacts.places import Places
+from are_ros.artefacts.places import Destinations
 from are_ros.artefacts.traveller import Traveller
 from are_ros.conventions import NS_PER_S
 
@@ -53,8 +53,8 @@ class Mind:
     spot_m: Point | None = None
     spot_since_ns: int = 0
     lingered_s: float = 0.0
-    known_places: Places | None = None
-    places: Places | None = None
+    known_places: Destinations | None = None
+    places: Destinations | None = None
     slot: int = -1
     is_steady: bool = False
     generation: int = 0

@@ -22,7 +22,7 @@ from are_ros.artefacts.motion.hindrance import Hindrance
 from are_ros.artefacts.motion.traffic import Traffic
 from are_ros.artefacts.navigation import Leg, Navigation, Wish
 from are_ros.artefacts.onlookers import Onlookers
-from are_ros.artefacts.places import Places
+from are_ros.artefacts.places import Destinations
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.artefacts.steady_minds import SteadyMinds
 from are_ros.artefacts.traveller import Traveller
@@ -197,7 +197,7 @@ class Minds:
             )
         return situations
 
-    def _places_of(self, mind: Mind, me: Fellow) -> Places:
+    def _places_of(self, mind: Mind, me: Fellow) -> Destinations:
         """Return the places that one can get to, looked for anew where it has found no way."""
         known = self._navigation.places
         if mind.places is None or mind.known_places is not known or mind.no_way:

@@ -252,7 +252,6 @@ __all__ = (
 )
 
 Counts = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float64]
 Progress = Callable[[int, int], None]
 """Told how many searches of how many are done."""
 

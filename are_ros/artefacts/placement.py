@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.artefacts._leeway import Leeway, leeway_of
+from are_ros.artefacts._departure_constraint import DepartureConstraint, departure_constraint_of
 from are_ros.artefacts.artefact import GroundPose, shape_of
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.terrain import Terrains
@@ -67,8 +67,8 @@ class CandidateCells:
         if self.cumulative is None:
             chosen = (uniforms * len(self.flat)).astype(np.int64)
         else:
-            sought = uniforms * self.cumulative[-1]
-            chosen = np.searchsorted(self.cumulative, sought, side="right")
+            quantile = uniforms * self.cumulative[-1]
+            chosen = np.searchsorted(self.cumulative, quantile, side="right")
         return self.flat[np.minimum(chosen, len(self.flat) - 1)].astype(np.int64)
 
 
@@ -184,7 +184,7 @@ class KeepOut:
 
 
 @dataclass(frozen=True, eq=False)
-class Surroundings:
+class PlacementConstraints:
     """What moves: the boxes of the other artefacts, and what they keep away from.
 
     `allowed` may refuse more: it tells for N boxes which may stand there, bool (N,).
@@ -270,34 +270,34 @@ class PoseLattice:
 
 
 @dataclass(frozen=True, eq=False)
-class Sought:
-    """What a pose is sought for: a row, what is about it, a disc to be in, room to set out.
+class PlacementQuery:
+    """What a pose is drawn for: a row, the constraints, an optional disc, and how it departs.
 
-    Without a `leeway` the artefact need not be able to set out from there.
+    Without a `departure` the artefact need not be able to set out from there.
     """
 
     row: CatalogueRow
-    around: Surroundings
+    around: PlacementConstraints
     within: Disc | None
-    leeway: Leeway | None
+    departure: DepartureConstraint | None
 
     @property
     def key(self) -> tuple[float, ...]:
         """What decides, of all this, where the static map has room."""
-        row, leeway = self.row, self.leeway
+        row, departure = self.row, self.departure
         shape = (*row.size_m, *row.box_centre_in_artefact_m[:2])
-        return shape if leeway is None else shape + leeway.key
+        return shape if departure is None else shape + departure.key
 
     @property
     def radius_m(self) -> float:
-        """Radius of a disc about F_A that is clear of walls in every pose sought."""
-        return _inscribed_radius_m(self.row) if self.leeway is None else self.leeway.radius_m
+        """Radius of a disc about F_A that is clear of walls in every such pose."""
+        return _inscribed_radius_m(self.row) if self.departure is None else self.departure.radius_m
 
     def leading_out(
         self, poses: npt.NDArray[np.float64], which: npt.NDArray[np.int64]
     ) -> npt.NDArray[np.int64]:
         """Return those indices, of some, of poses (N, 4), x, y, 0, yaw, that lead out."""
-        return which if self.leeway is None else which[self.leeway.leads_out(poses[which])]
+        return which if self.departure is None else which[self.departure.leads_out(poses[which])]
 
 
 def _inscribed_radius_m(row: CatalogueRow) -> float:
@@ -332,14 +332,13 @@ class Placer:
     """Draws poses in one environment and one spawn region of it.
 
     A pose is feasible if F_A's point on the ground lies in the region, the box covers free cells
-    only and hits no wall, and the surroundings leave room for it. Poses are uniform over the
+    only and hits no wall, and the constraints leave room for it. Poses are uniform over the
     feasible ones (position continuous, heading in [-pi, pi)), or by the region's weights.
 
-    What turns on the spot could hardly leave a place where the disc that it sweeps meets a closed
-    cell, and a vehicle none where its first metres do, straight or at full lock, or no way leads
-    on. It is placed, by the same law, among the feasible poses from which it can set out
-    (`Leeway`); only if what is said below finds none of these, for vehicles without the lattice,
-    among all feasible ones.
+    A body that rotates in place cannot leave a pose where the disc that it sweeps meets a closed
+    cell; a vehicle cannot leave one without a free first arc, or without free space beyond. Such
+    artefacts are placed, by the same law, among the feasible poses that meet their
+    `DepartureConstraint`; only if none is found, among all feasible poses.
 
     Poses are drawn until one is feasible, some thousands at most. Then a lattice decides: the
     centres of cells times `HEADINGS` headings. (Where more than 2**17 cells have room, it takes
@@ -359,14 +358,14 @@ class Placer:
         self._lattice = lattice_row(environment.grid.origin, resolution_m, resolution_m)
         self._poses = PoseLattice(environment.grid)
         self._static: dict[tuple[float, ...], _Static] = {}
-        self._leeways: dict[CatalogueRow, Leeway | None] = {}
+        self._departures: dict[CatalogueRow, DepartureConstraint | None] = {}
         self._roomy: dict[float, CandidateCells] = {}
 
     def place(
         self,
         row: CatalogueRow,
         generator: np.random.Generator,
-        surroundings: Surroundings | None = None,
+        constraints: PlacementConstraints | None = None,
         within: Disc | None = None,
     ) -> GroundPose | None:
         """Draw a feasible pose for an artefact of this row, None if the lattice holds none.
@@ -374,40 +373,42 @@ class Placer:
         `within` restricts its point on the ground. All draws come from `generator`; how many
         depends on nothing but this artefact's own attempts.
         """
-        around = surroundings or Surroundings()
-        sought = Sought(row, around, within, None)
-        static = self._static.get(sought.key)
+        around = constraints or PlacementConstraints()
+        query = PlacementQuery(row, around, within, None)
+        static = self._static.get(query.key)
         if static is not None and not static.size:
             return None
         cells = self._cells if within is None else self._cells_near(within)
-        leeway = self._leeway_of(row)
+        departure = self._departure_of(row)
         pose = None
-        if leeway is not None:
-            pose = self._found(Sought(row, around, within, leeway), cells, generator)
-        return pose or self._found(sought, cells, generator)
+        if departure is not None:
+            pose = self._found(PlacementQuery(row, around, within, departure), cells, generator)
+        return pose or self._found(query, cells, generator)
 
-    def _leeway_of(self, row: CatalogueRow) -> Leeway | None:
+    def _departure_of(self, row: CatalogueRow) -> DepartureConstraint | None:
         """Return what a row's artefacts need to set out; None too where the map has it nowhere."""
-        if row not in self._leeways:
-            leeway = leeway_of(row, self._environment, self._terrains, self._region.mask)
-            self._leeways[row] = leeway if leeway and leeway.is_anywhere else None
-        return self._leeways[row]
+        if row not in self._departures:
+            departure = departure_constraint_of(
+                row, self._environment, self._terrains, self._region.mask
+            )
+            self._departures[row] = departure if departure and departure.is_anywhere else None
+        return self._departures[row]
 
     def _found(
-        self, sought: Sought, cells: CandidateCells, generator: np.random.Generator
+        self, query: PlacementQuery, cells: CandidateCells, generator: np.random.Generator
     ) -> GroundPose | None:
         """Draw some thousands of poses, then search the lattice, unless that would take long."""
-        cells = self._with_room(cells, sought.radius_m)
+        cells = self._with_room(cells, query.radius_m)
         if not cells.flat.size:
             return None
         for size in _BATCHES:
             poses = self._drawn(cells, generator.random((size, 4)))
             for piece in (poses[:_FEW], poses[_FEW:]):
-                found = self._first_feasible(sought, piece)
+                found = self._first_feasible(query, piece)
                 if found is not None:
                     return found
-        is_searched = sought.leeway is None or sought.leeway.is_searched_for
-        return self._searched(sought, cells, generator) if is_searched else None
+        is_searched = query.departure is None or query.departure.is_searched_for
+        return self._searched(query, cells, generator) if is_searched else None
 
     def _with_room(self, cells: CandidateCells, radius_m: float) -> CandidateCells:
         """Return the cells that may have room for a disc; of all cells, once for each radius."""
@@ -423,20 +424,20 @@ class Placer:
         flat = cells.draw(uniforms[:, 0])
         return poses_in_cells(flat, self._grid.width, uniforms, self._lattice)
 
-    def _first_feasible(self, sought: Sought, poses: _Floats) -> GroundPose | None:
+    def _first_feasible(self, query: PlacementQuery, poses: _Floats) -> GroundPose | None:
         """Return the first feasible one of poses (N, 4), None if none is.
 
         What moves is asked about few at once: mostly the first that the map allows is free.
         """
-        if sought.leeway is not None:
-            poses = poses[sought.leeway.is_free_at(poses)]
-        boxes, heights_m = self._standing(sought.row, poses)
-        allowed = self._allowed_by_map(sought, boxes, poses)
+        if query.departure is not None:
+            poses = poses[query.departure.is_free_at(poses)]
+        boxes, heights_m = self._standing(query.row, poses)
+        allowed = self._allowed_by_map(query, boxes, poses)
         start, size = 0, 1
         while start < allowed.size:
             piece = allowed[start : start + size]
-            piece = piece[sought.around.leave_room_for(boxes.take(piece))]
-            free = sought.leading_out(poses, piece)  # last, as it takes the most time
+            piece = piece[query.around.leave_room_for(boxes.take(piece))]
+            free = query.leading_out(poses, piece)  # last, as it takes the most time
             if free.size:
                 first = free[0]
                 return _ground_pose(poses[first], heights_m[first])
@@ -444,12 +445,12 @@ class Placer:
         return None
 
     def _allowed_by_map(
-        self, sought: Sought, boxes: OrientedBoxes, poses: _Floats
+        self, query: PlacementQuery, boxes: OrientedBoxes, poses: _Floats
     ) -> npt.NDArray[np.int64]:
         """Return the indices of the poses that the map, and the disc to be in, leave."""
         allowed = self._environment.is_placeable(boxes)
-        if sought.within is not None:
-            allowed &= sought.within.contains(poses)
+        if query.within is not None:
+            allowed &= query.within.contains(poses)
         return np.flatnonzero(allowed)
 
     def _standing(self, row: CatalogueRow, poses: _Floats) -> tuple[OrientedBoxes, _Floats]:
@@ -464,13 +465,13 @@ class Placer:
         return OrientedBoxes.standing(ground, shape), heights_m
 
     def _searched(
-        self, sought: Sought, cells: CandidateCells, generator: np.random.Generator
+        self, query: PlacementQuery, cells: CandidateCells, generator: np.random.Generator
     ) -> GroundPose | None:
         """Visit the whole lattice; the feasible pose with the least exponential clock wins."""
         best: tuple[float, _Floats, float] | None = None
-        for piece, is_checked in self._lattice_poses(sought, cells):
+        for piece, is_checked in self._lattice_poses(query, cells):
             poses = self._poses.poses(piece)
-            found, heights_m = self._feasible(sought, poses, is_checked=is_checked)
+            found, heights_m = self._feasible(query, poses, is_checked=is_checked)
             weights = self._weights(piece[found] // HEADINGS)
             clocks = generator.standard_exponential(found.size) / weights
             first = int(np.argmin(clocks)) if found.size else -1
@@ -479,46 +480,46 @@ class Placer:
         return None if best is None else _ground_pose(best[1], best[2])
 
     def _feasible(
-        self, sought: Sought, poses: _Floats, *, is_checked: bool
+        self, query: PlacementQuery, poses: _Floats, *, is_checked: bool
     ) -> tuple[_Poses, _Floats]:
         """Return the indices of the feasible poses, and the ground's height (N,) under all.
 
         The map is asked about those only that the others leave, and not of poses that are checked:
         where the lattice is searched it is crowded.
         """
-        boxes, heights_m = self._standing(sought.row, poses)
-        left = sought.around.are_clear(boxes)
-        if sought.within is not None:
-            left &= sought.within.contains(poses)
+        boxes, heights_m = self._standing(query.row, poses)
+        left = query.around.are_clear(boxes)
+        if query.within is not None:
+            left &= query.within.contains(poses)
         found = np.flatnonzero(left)
         if not is_checked:
             found = found[self._environment.is_placeable(boxes.take(found))]
-        return found[sought.around.are_allowed(boxes.take(found))], heights_m
+        return found[query.around.are_allowed(boxes.take(found))], heights_m
 
     def _lattice_poses(
-        self, sought: Sought, cells: CandidateCells
+        self, query: PlacementQuery, cells: CandidateCells
     ) -> Iterator[tuple[_Poses, bool]]:
         """Yield, in pieces, lattice poses, all that the map allows among them; whether all are."""
-        if sought.within is not None:
-            yield from ((piece, False) for piece in self._scan(sought, cells))
+        if query.within is not None:
+            yield from ((piece, False) for piece in self._scan(query, cells))
             return
-        known = self._static.get(sought.key)
+        known = self._static.get(query.key)
         if known is None:
-            pieces = [np.empty(0, np.int64), *self._scan(sought, cells)]
+            pieces = [np.empty(0, np.int64), *self._scan(query, cells)]
             known = _Static(np.empty(0, np.int64), np.concatenate(pieces))
-        known = self._checked_on(sought, known)
-        self._remember(sought.key, known)
+        known = self._checked_on(query, known)
+        self._remember(query.key, known)
         for poses, is_checked in ((known.allowed, True), (known.unchecked, False)):
             for start in range(0, poses.size, _CHUNK_POSES):
                 yield poses[start : start + _CHUNK_POSES], is_checked
 
-    def _checked_on(self, sought: Sought, known: "_Static") -> "_Static":
+    def _checked_on(self, query: PlacementQuery, known: "_Static") -> "_Static":
         """Return what is known of a footprint's poses once the map is asked about some more.
 
         All at once would take longer than the search itself.
         """
         piece = known.unchecked[:_CHUNK_POSES]
-        boxes, _ = self._standing(sought.row, self._poses.poses(piece))
+        boxes, _ = self._standing(query.row, self._poses.poses(piece))
         allowed = piece[self._environment.is_placeable(boxes)]
         allowed = np.concatenate((known.allowed, allowed))
         return _Static(allowed, known.unchecked[_CHUNK_POSES:])
@@ -529,9 +530,9 @@ class Placer:
             self._static = {none: known for none, known in self._static.items() if not known.size}
         self._static[key] = static
 
-    def _scan(self, sought: Sought, cells: CandidateCells) -> Iterator[_Poses]:
+    def _scan(self, query: PlacementQuery, cells: CandidateCells) -> Iterator[_Poses]:
         """Yield the lattice poses over some cells that the static map may allow."""
-        row, leeway, flat = sought.row, sought.leeway, self._poses.thinned(cells.flat)
+        row, departure, flat = query.row, query.departure, self._poses.thinned(cells.flat)
         resolution_m = self._grid.resolution_m
         half_m = (0.5 * row.size_m[0], 0.5 * row.size_m[1])
         spine_m, radius_m = spine_of(*half_m, row.box_centre_in_artefact_m[:2])
@@ -540,8 +541,8 @@ class Placer:
         least = needed_cells(radius_m / resolution_m)
         for start in range(0, flat.size, _CHUNK_CELLS):
             piece = flat[start : start + _CHUNK_CELLS]
-            if leeway is not None:
-                piece = piece[leeway.is_free_at(self._poses.centres_m(piece))]
+            if departure is not None:
+                piece = piece[departure.is_free_at(self._poses.centres_m(piece))]
             yield spines_are_clear(
                 piece, self._clearance_cells, spine_m / resolution_m, turns, least
             )

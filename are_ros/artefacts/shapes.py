@@ -32,7 +32,6 @@ _HEADLIGHT: Colour = (1.0, 0.95, 0.7, 1.0)
 _TAIL_LIGHT: Colour = (0.8, 0.05, 0.05, 1.0)
 _SEAT: Colour = (0.15, 0.15, 0.15, 1.0)
 _FRAME: Colour = (0.3, 0.3, 0.32, 1.0)
-_PLATFORM: Colour = (0.45, 0.4, 0.35, 1.0)
 _WOOD: Colour = (0.72, 0.55, 0.35, 1.0)
 _CARDBOARD: Colour = (0.7, 0.53, 0.34, 1.0)
 _WHITE: Colour = (0.95, 0.95, 0.95, 1.0)
@@ -311,23 +310,11 @@ class Shape(Enum):
 
 
 _MAKERS: Mapping[Shape, Callable[[Colour], Solid]] = {
-    Shape.PERSON: person,
-    Shape.DISC_ROBOT: disc_robot,
-    Shape.CART_ROBOT: cart_robot,
-    Shape.SERVING_ROBOT: serving_robot,
-    Shape.CAR: car,
-    Shape.VAN: van,
-    Shape.LORRY: lorry,
-    Shape.BUGGY: buggy,
-    Shape.SCOOTER: scooter,
-    Shape.PALLET: pallet,
-    Shape.LOADED_PALLET: loaded_pallet,
-    Shape.WALL: wall,
-    Shape.DOOR: door,
-    Shape.BARRIER: barrier,
-    Shape.CONE: cone,
-    Shape.PILLAR: pillar,
-    Shape.CRATE: crate,
+    Shape(maker.__name__): maker
+    for maker in (
+        *(person, disc_robot, cart_robot, serving_robot, car, van, lorry, buggy, scooter),
+        *(pallet, loaded_pallet, wall, door, barrier, cone, pillar, crate),
+    )
 }
 
 

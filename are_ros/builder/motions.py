@@ -22,7 +22,7 @@ from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.motion.robot import RobotMotion
 from are_ros.artefacts.motion.traffic import Traffic
 from are_ros.artefacts.navigation import Navigation
-from are_ros.artefacts.places import places_in
+from are_ros.artefacts.places import destinations_in
 from are_ros.artefacts.pose_tape import PoseTape
 from are_ros.artefacts.scenario import ScriptedOffer
 from are_ros.artefacts.track_player import TrackPlayer
@@ -116,7 +116,7 @@ class Motions:
         self._entered = (environment, region)
         grid, clearance_m = environment.grid, environment.clearance_m
         exits_m = exits_of(environment, region.mask, zones)
-        places = places_in(grid, region.mask, clearance_m, exits_m=exits_m)
+        places = destinations_in(grid, region.mask, clearance_m, exits_m=exits_m)
         self.navigation.enter(environment, places)
 
     def forget(self) -> None:

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from types import TracebackType
-from typing import Final, Protocol
+from typing import Final
 
 from are_ros.bag.qos import OfferedQos
 from are_ros.bag.writer import BagWriter
@@ -149,42 +149,30 @@ _MOST_WAITING_BYTES = 256 * 1024 * 1024
 """What waits for the first /clock at most."""
 
 
-class LogClock(Protocol):
-    """What gives messages their log time; `dropped` are those that waited for it in vain."""
-
-    dropped: Counter[str]
-
-    def now_ns(self) -> int | None:
-        """Return a time by which to measure the length of a recording; None before it runs."""
-
-    def stamp(self, messages: Sequence[Received]) -> Iterator[Stamped]:
-        """Yield messages that came in this order with their log times, some of them later."""
-
-    def rest(self) -> Iterator[Stamped]:
-        """Yield what still waits when the recording ends."""
-
-
 class WallClock:
-    """Log time is when the middleware received a message, publish time when it was sent."""
+    """Gives messages their log time: when the middleware received them; publish time: when sent.
+
+    `dropped` counts the messages that waited for a log time in vain.
+    """
 
     def __init__(self) -> None:
         self.dropped: Counter[str] = Counter()
 
-    def now_ns(self) -> int:
-        """Return a time that never jumps."""
+    def now_ns(self) -> int | None:
+        """Return a time that measures the length of a recording; None before it runs."""
         return time.monotonic_ns()
 
     def stamp(self, messages: Sequence[Received]) -> Iterator[Stamped]:
-        """Yield all messages at once."""
+        """Yield messages, in their order of arrival, with log times; some wait for a later call."""
         for message in messages:
             yield Stamped(message.topic, message.received_ns, message.published_ns, message.data)
 
     def rest(self) -> Iterator[Stamped]:
-        """Yield nothing: nothing waits."""
+        """Yield the messages that still wait when the recording ends."""
         return iter(())
 
 
-class SimulatedClock:
+class SimulatedClock(WallClock):
     """Log time is the last /clock before a message, and never decreases.
 
     What comes before the first /clock waits in memory and then counts as then. If the clock jumps
@@ -193,13 +181,13 @@ class SimulatedClock:
     """
 
     def __init__(self, say: Callable[[str], None]) -> None:
+        super().__init__()
         self._say = say
         self._now_ns: int | None = None
         self._last_ns = 0
         self._waiting: list[Received] = []
         self._waiting_bytes = 0
         self._has_jumped = False
-        self.dropped: Counter[str] = Counter()
 
     def now_ns(self) -> int | None:
         """Return the log time reached, None before the first /clock."""

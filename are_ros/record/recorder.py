@@ -11,7 +11,7 @@ from rclpy.node import Node
 
 from are_ros.bag.writer import BagWriter, describe_folder
 from are_ros.conventions import NS_PER_S, seconds_to_ns
-from are_ros.record.file import FileWriter, LogClock, SimulatedClock, WallClock
+from are_ros.record.file import FileWriter, SimulatedClock, WallClock
 from are_ros.record.inbox import Inbox, Received, Stamped
 from are_ros.record.session import ros_session
 from are_ros.record.topics import RecordOptions, TopicFollower, TopicTypes
@@ -157,7 +157,7 @@ class _Recording:
         answers: Answers,
         follower: TopicFollower,
         file: FileWriter,
-        clock: LogClock,
+        clock: WallClock,
     ) -> None:
         self._options = options
         self._inbox = inbox
