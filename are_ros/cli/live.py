@@ -50,7 +50,7 @@ def node(
     What follows `--ros-args` goes to ROS as it is: -p, -r, --params-file, --log-level.
     """
     _require_ros()
-    from are_ros.node.main import main as run_node
+    from are_ros.node.startup import main as run_node
     from are_ros.parameters.ros_yaml import assignment_for_ros, in_any_namespace
 
     _check_ros_args(ros_args)

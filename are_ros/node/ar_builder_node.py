@@ -17,15 +17,15 @@ from are_ros.builder.assembly import catalogue_of
 from are_ros.builder.warm_up import warm_up
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, NodeError
-from are_ros.node.diagnostics import CameraWatch
+from are_ros.node.diagnostics import Reporter
 from are_ros.node.guard import offer_heartbeat
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.parameters import ParameterBridge
 from are_ros.node.publishers import Publishers
-from are_ros.node.reporter import Reporter
+from are_ros.node.qos import advertise
 from are_ros.node.services import Services
 from are_ros.node.subscriptions import Subscriptions, WireDecoding, WireMessage
-from are_ros.node.watches import BusyWatch, HangWatch
+from are_ros.node.watches import BusyWatch, CameraWatch, HangWatch
 from are_ros.parameters.choices import OnRobotContact
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
@@ -65,7 +65,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self._requests = Services(
             self, self._active_live, self.now_ns, self._set_paused, self._turn
         )
-        self._reporter = Reporter(self)
+        diagnostics = advertise(self, "diagnostic_msgs/msg/DiagnosticArray", "/diagnostics")
+        self._reporter = Reporter(self, diagnostics)
         self._camera_watch, self._stand_in = CameraWatch(), ""
         self._busy = BusyWatch()
         self._hangs: HangWatch | None = None
@@ -103,7 +104,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         """Let artefacts live, and put them into what goes out."""
         del state
         self._is_active, self._is_paused = True, False
-        self._reporter.activated(monotonic_ns())
+        self._reporter.active_since_ns = monotonic_ns()
         with self._turn("transitions"):
             self._resume()
         self.get_logger().info("active: artefacts arrive")
@@ -126,7 +127,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         """Delete every marker, and leave the real map behind."""
         del state
         self.retire()
-        self._reporter.shut_down()
+        self._reporter.is_shut_down = True
         return _DONE
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -135,13 +136,19 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self._close()
         return _DONE
 
+    def starts_itself(self) -> bool:
+        """Configure and activate, if `autostart` says so; tell whether that was possible."""
+        if not self.bridge.node_values.autostart:
+            return True
+        return bool(self.trigger_configure() == _DONE and self.trigger_activate() == _DONE)
+
     def retire(self) -> None:
         """Delete every marker, leave the real map behind, and rest; at any moment."""
         if self.live is not None and self.live.is_running:
             with self._turn("transitions"):
                 self.live.pause(self.now_ns())
         self._is_active = self._is_paused = False
-        self._reporter.deactivated()
+        self._reporter.active_since_ns = None
         self._timer.cancel()
 
     def flush(self, timeout_s: float) -> None:

@@ -1,15 +1,23 @@
-"""What a process of ROS needs before rclpy starts: its signals, and room for its messages."""
+"""Processes of the node: signals, room for messages, start, spin, and an orderly end.
+
+Nothing here imports rclpy at the top: signals are handled before anything slow is imported.
+"""
 
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from are_ros.errors import NodeError
+from are_ros.errors import AreError, NodeError
+
+if TYPE_CHECKING:
+    from are_ros.node.ar_builder_node import ArBuilderNode
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+_WAIT_S: Final = 0.1
+_FLUSH_S: Final = 2.0
 
 
 class Stop:
@@ -90,3 +98,71 @@ def refusals_of_ros() -> Iterator[None]:
     except (RuntimeError, ParameterException) as cause:
         reason = str(cause).partition(", at /")[0]
         raise NodeError(f"ROS does not start: {reason}") from cause
+
+
+# `ar_builder`, the program.
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node until a signal ends it; return the exit status, 1 if it could not run.
+
+    On SIGINT and SIGTERM, at any moment, every marker is deleted and the last map is the real one.
+    """
+    with stop_on_signals() as stop:
+        return run(arguments, stop)
+
+
+def run(arguments: Sequence[str] | None, stop: Stop) -> int:
+    """Run the node until `stop` is set; return the exit status, 1 if it could not run."""
+    import rclpy
+    from rclpy.context import Context
+    from rclpy.logging import get_logger
+    from rclpy.signals import SignalHandlerOptions
+
+    from are_ros.node.ar_builder_node import NAME, ArBuilderNode
+
+    if stop.is_set:
+        return 0
+    make_room()
+    context = Context()
+    try:
+        with refusals_of_ros():
+            rclpy.init(
+                args=None if arguments is None else list(arguments),
+                context=context,
+                signal_handler_options=SignalHandlerOptions.NO,
+            )
+            node = ArBuilderNode(context=context)
+        return 0 if _spin(node, stop) else 1
+    except AreError as cause:
+        get_logger(NAME).fatal(str(cause))
+        return 1
+    finally:
+        context.try_shutdown()
+
+
+def _spin(node: "ArBuilderNode", stop: Stop) -> bool:
+    """Run the node until it is to stop, then publish the real outputs; tell whether it started."""
+    node.is_wanted = lambda: not stop.is_set
+    try:
+        executor = _executor(node.context)
+        executor.add_node(node)
+        is_running = stop.is_set or node.starts_itself()
+        while is_running and not stop.is_set and node.context.ok():
+            executor.spin_once(timeout_sec=_WAIT_S)
+    finally:
+        node.retire()
+        node.flush(_FLUSH_S)
+        node.destroy_node()
+    return is_running or stop.is_set
+
+
+def _executor(context: Any) -> Any:
+    """Return the cheapest executor: EventsExecutor where this rclpy has one."""
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError:
+        from rclpy.executors import SingleThreadedExecutor
+
+        return SingleThreadedExecutor(context=context)
+    return EventsExecutor(context=context)

@@ -11,7 +11,6 @@ import pytest
 from are_ros.bag.types import RosbagsFactory, jazzy_typestore
 from are_ros.node.diagnostics import (
     ContactSnapshot,
-    InputSnapshot,
     Level,
     NodeSnapshot,
     NodeState,
@@ -21,7 +20,13 @@ from are_ros.node.diagnostics import (
     make_diagnostics,
     statuses,
 )
-from are_ros.node.watches import BusyFigures, FaultSnapshot, InputFigures, TickFigures
+from are_ros.node.watches import (
+    BusyFigures,
+    FaultSnapshot,
+    InputFigures,
+    InputSnapshot,
+    TickFigures,
+)
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "diagnostics.md"
 MAP = InputSnapshot(
