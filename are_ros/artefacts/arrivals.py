@@ -89,7 +89,7 @@ class ArrivalProcess:
         return index
 
     def set_rate(self, rate_per_s: float, now_ns: int) -> None:
-        """Let another rate [1/s] hold from `now_ns` on; the same rate again changes nothing.
+        """Set the rate [1/s] from `now_ns` on; the same rate again changes nothing.
 
         Events due up to `now_ns` that were not taken yet keep their times. A `now_ns` before the
         last change or event counts as that instant.
@@ -192,7 +192,7 @@ class RandomSource:
         return Offer(time_ns or 0, tuple((member, self._row_of(member)) for member in ids))
 
     def set_rate(self, rate_per_s: float, now_ns: int) -> None:
-        """Let groups arrive at another rate [1/s] from `now_ns` on."""
+        """Set the rate of groups [1/s] from `now_ns` on."""
         self._arrivals.set_rate(rate_per_s, now_ns)
 
     def set_rows(self, rows: Sequence[CatalogueRow], law: RowLaw) -> None:

@@ -37,7 +37,7 @@ class Departure(NamedTuple):
 
 
 class DepartureLaw(ABC):
-    """Who leaves, and when; times are integer nanoseconds, ids those of living artefacts."""
+    """Which artefact departs next, and when; times are integer nanoseconds."""
 
     def __init__(self, seed: int, mean_life_s: float) -> None:
         self._seed = seed
@@ -45,7 +45,7 @@ class DepartureLaw(ABC):
 
     @abstractmethod
     def arrived(self, artefact_id: int, now_ns: int) -> None:
-        """Let a life begin at `now_ns`; ids are never reused."""
+        """Begin a life at `now_ns`; ids are never reused."""
 
     @abstractmethod
     def removed(self, artefact_id: int, now_ns: int) -> None:
@@ -53,7 +53,7 @@ class DepartureLaw(ABC):
 
     @abstractmethod
     def set_mean_life(self, mean_life_s: float, now_ns: int) -> None:
-        """Let the mean 1/mu hold from `now_ns` on, also for what is left of present lives."""
+        """Set the mean 1/mu from `now_ns` on, also for the rest of present lives."""
 
     @abstractmethod
     def next(self) -> Departure | None:
@@ -88,7 +88,7 @@ class DepartureLaw(ABC):
 
 
 def departure_law(kind: Departures, seed: int, mean_life_s: float) -> DepartureLaw:
-    """Return the law of `population.departures` with nobody alive."""
+    """Return the law of `population.departures`, without artefacts."""
     if kind is Departures.INDEPENDENT:
         return IndependentLives(seed, mean_life_s)
     return ConstantRateDepartures(seed, mean_life_s)
@@ -171,14 +171,14 @@ class ConstantRateDepartures(DepartureLaw):
         self._someone_since_ns = now_ns
 
     def arrived(self, artefact_id: int, now_ns: int) -> None:
-        """Count the artefact among those who may leave."""
+        """Add the artefact to those that can depart."""
         if not self._alive:
             self._someone_since_ns = now_ns
         insort(self._alive, artefact_id)
         self._process.set_rate(self._rate_per_s, now_ns)
 
     def removed(self, artefact_id: int, now_ns: int) -> None:
-        """Take the artefact from those who may leave; with the last one the clock stands."""
+        """Remove the artefact from those that can depart; without any the process stops."""
         place = bisect_left(self._alive, artefact_id)
         if self._alive[place : place + 1] == [artefact_id]:
             del self._alive[place]
@@ -192,7 +192,7 @@ class ConstantRateDepartures(DepartureLaw):
             self._process.set_rate(self._rate_per_s, now_ns)
 
     def next(self) -> Departure | None:
-        """Return the next departure if nobody comes or goes before."""
+        """Return the next departure if no artefact arrives or departs before."""
         time_ns = self._process.next_ns() if self._alive else None
         if time_ns is None:
             return None
@@ -258,9 +258,9 @@ def check_stationary(members_per_s: float, mean_life_s: float, max_alive: int | 
 
 
 class Lifetimes:
-    """The ends of the lives of all who live, in the order of time; instants are nanoseconds.
+    """The ends of all present lives, in the order of time; instants are nanoseconds.
 
-    Who has an end of its own, or none at all, takes no part in the `law`.
+    An artefact with a given end, or without one, is not subject to the `law`.
     """
 
     def __init__(self, law: DepartureLaw) -> None:
@@ -271,7 +271,7 @@ class Lifetimes:
     def begin(
         self, artefact_id: int, now_ns: int, end_ns: int | None = None, *, is_for_ever: bool = False
     ) -> int | None:
-        """Let a life begin, and return its end where it is known; one not given is drawn."""
+        """Begin a life, and return its end where it is known; the law draws one not given."""
         if end_ns is not None:
             insort(self._given, Departure(end_ns, artefact_id))
         if end_ns is not None or is_for_ever:
@@ -301,11 +301,11 @@ class Lifetimes:
             self.law.pop()
 
     def is_by_law(self, artefact_id: int) -> bool:
-        """Say whether it is the law that ends this life."""
+        """Return whether the law ends this life."""
         return artefact_id not in self._outside_the_law
 
     def postpone(self, by_ns: int) -> list[Departure]:
-        """Let the ends that were given come so much later; return them."""
+        """Move the given ends later; return them."""
         self._given = [Departure(end.time_ns + by_ns, end.artefact_id) for end in self._given]
         return self._given
 

@@ -253,7 +253,7 @@ __all__ = (
 
 Counts = npt.NDArray[np.int64]
 Progress = Callable[[int, int], None]
-"""Told how many searches of how many are done."""
+"""Called with the number of finished searches, and of all."""
 
 LOWEST_RATE: Final = 1e-9
 _FIRST_STEPS: Final = 1_500
@@ -538,7 +538,7 @@ def _result(counts: Floats, limits: tuple[float, float], climbs: Sequence[_Climb
 
 
 def _check_counts(counts: Counts) -> None:
-    """Refuse a histogram from which nothing can be told."""
+    """Refuse an empty or degenerate histogram."""
     if counts.ndim != 1 or counts.dtype.kind not in "iu":
         raise InputError("the histogram is no list of whole numbers")
     if counts.size and counts.min() < 0:

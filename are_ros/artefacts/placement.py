@@ -185,7 +185,7 @@ class KeepOut:
 
 @dataclass(frozen=True, eq=False)
 class PlacementConstraints:
-    """What moves: the boxes of the other artefacts, and what they keep away from.
+    """The boxes of the other artefacts, and the shapes to keep away from.
 
     `allowed` may refuse more: it tells for N boxes which may stand there, bool (N,).
     """
@@ -195,7 +195,7 @@ class PlacementConstraints:
     allowed: Callable[[OrientedBoxes], npt.NDArray[np.bool_]] | None = None
 
     def leave_room_for(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
-        """Tell which boxes are clear of all that, each on its own: bool (N,)."""
+        """Tell which boxes meet all constraints, each on its own: bool (N,)."""
         clear = self.are_clear(boxes)
         clear[clear] = self.are_allowed(boxes.take(clear))
         return clear

@@ -1,4 +1,4 @@
-"""Where artefacts go: open points of a map, well spread, and the ways out of it."""
+"""Destinations: open points of a map, well spread, and its exits."""
 
 import math
 from dataclasses import dataclass

@@ -33,7 +33,7 @@ class EventKind(Enum):
     DEPARTED = "departed"
     BLOCKED = "blocked"
     LEAVING = "leaving"
-    """Its life is over, and it walks to an exit: it departs there."""
+    """Its life is over: it walks to an exit, and departs there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,7 @@ class Population:
         begun: Callable[[Artefact, ScriptedOffer | None], object] = _nothing,
         scripted: ScriptedSource | None = None,
     ) -> None:
-        """Take the parts; `begun` is told of each artefact as soon as it lives, and its script."""
+        """Take the parts; `begun(artefact, offer)` is called for each arrival."""
         self.scripted = scripted or ScriptedSource(Scenario())
         self.max_alive = max_alive
         self._begun = begun
@@ -143,9 +143,9 @@ class Population:
         return MappingProxyType(self._living)
 
     def start(self, now_ns: int) -> None:
-        """Begin at `now_ns`, or again after the clock jumped: nobody lives; ids and counts go on.
+        """Begin at `now_ns`, or again after a clock jump, without artefacts; ids go on.
 
-        Who was alive is forgotten without an event.
+        Present artefacts are dropped without an event.
         """
         self._living.clear()
         self._departed.clear()
@@ -172,7 +172,7 @@ class Population:
     def set_rates(
         self, arrival_rate: float, area_m2: float, mean_life_s: float, now_ns: int
     ) -> None:
-        """Let lambda [1/(m^2 s)], nu(M2D) [m^2] and 1/mu [s] hold from `now_ns` on.
+        """Set lambda [1/(m^2 s)], nu(M2D) [m^2] and 1/mu [s] from `now_ns` on.
 
         Values that are already in force change nothing, bit for bit. Raises `ParameterError`, and
         changes nothing, where one is out of its domain or the law of departures refuses them.
@@ -189,12 +189,12 @@ class Population:
                 artefact.departure_ns = law.departure_of(artefact.id)
 
     def set_marks(self, rows: Sequence[CatalogueRow], law: RowLaw, mean_group_size: float) -> None:
-        """Let later arrivals be drawn from other rows, by another law, in other groups."""
+        """Set rows, law and mean group size of later arrivals."""
         self._source.set_mean_group_size(mean_group_size)
         self._source.set_rows(rows, law)
 
     def postpone(self, by_ns: int) -> None:
-        """Let the lives that were given end so much later: time stood still for them.
+        """Move the given ends of lives later, after a pause.
 
         Scripted artefacts still to come do so as much later, too.
         """
@@ -228,7 +228,7 @@ class Population:
         return self._arrive(place)
 
     def remove(self, artefact_id: int, now_ns: int, cause: Cause) -> PopulationEvent:
-        """Let an artefact depart at `now_ns`; `InputError` if none of this id lives.
+        """Remove an artefact at `now_ns`; `InputError` if the id is unknown.
 
         It stays known to `present_at` for the history's length.
         """
@@ -253,7 +253,7 @@ class Population:
         life_ns: int | None = None,
         behaviour: str = "",
     ) -> PopulationEvent:
-        """Let a scripted or requested artefact live at a pose that the caller found free.
+        """Add a scripted or requested artefact at a pose that the caller found free.
 
         A given life [ns] ends on its own; None draws one by the law of departures, or for a row
         that lives for ever gives no end. A behaviour that is not given is drawn from the row's.
@@ -269,7 +269,7 @@ class Population:
         return self._begin(artefact_id, row, pose, now_ns, origin, end_ns, behaviour)
 
     def present_at(self, t_ns: int) -> list[Artefact]:
-        """Return who was there at `t_ns` (arrival <= t < departure), in the order of their ids.
+        """Return the artefacts present at `t_ns` (arrival <= t < departure), by id.
 
         Complete as far back as the history reaches before the last departure.
         """
@@ -278,7 +278,7 @@ class Population:
         return sorted(present, key=lambda artefact: artefact.id)
 
     def _end(self, departure: Departure) -> PopulationEvent:
-        """Let one depart whose life is over, unless it stays on until it is out."""
+        """End a life: the artefact departs, or leaves by an exit first."""
         time_ns, artefact_id = departure
         artefact = self._living[artefact_id]
         if not self._stays_on(artefact):
@@ -386,7 +386,7 @@ class Population:
         return self.max_alive is not None and len(self._living) >= self.max_alive
 
     def _forget_before(self, t_ns: int) -> None:
-        """Forget who departed up to then; they are in the order of their departures."""
+        """Drop artefacts departed up to then; they are in the order of departures."""
         departed = self._departed
         while departed and (departed[0].departure_ns or 0) <= t_ns:
             departed.popleft()

@@ -1,4 +1,4 @@
-"""A scenario: who arrives when and where, doing what, for how long, along which way."""
+"""Scenarios: artefacts with given arrivals, poses, behaviours, lives and tracks."""
 
 import math
 from collections import Counter
@@ -116,7 +116,7 @@ class Scenario:
     """Scripted artefacts; `random` tells whether artefacts arrive at random beside them.
 
     Raises ScenarioError, a sentence that names the artefact by its index and name, where names or
-    ids are not unique, an id is one that random arrivals have, or somebody follows in vain.
+    ids are not unique, an id is one of random arrivals, or a leader is unknown.
     """
 
     artefacts: tuple[ScriptedArtefact, ...] = ()
@@ -165,7 +165,7 @@ class Scenario:
         return ""
 
     def _leaders_of(self, artefact: ScriptedArtefact) -> Iterator[str]:
-        """Yield whom an artefact follows, whom that one follows, and so on, each once."""
+        """Yield the leaders of an artefact: its own, that one's, and so on, each once."""
         leader_of = {one.name: one.follows for one in self.artefacts if one.name}
         leader, seen = artefact.follows, set[str]()
         while leader and leader not in seen:
@@ -207,7 +207,7 @@ class ScriptedSource:
     """Offers the artefacts of a scenario, in the order of time, and of the file at one instant.
 
     All times are integer nanoseconds; those of the scenario count from the start of the run, which
-    `restart` gives. Nobody is offered before `open`: who is due before comes then.
+    `restart` gives. Nothing is offered before `open`; what is due earlier arrives then.
 
     It gives out all ids of those who do not come at random. A scenario's own ids come back exactly
     the first time; when it runs again (the clock jumped back), its artefacts are others, with ids
@@ -229,7 +229,7 @@ class ScriptedSource:
         self._opens_ns: int | None = None
 
     def new_id(self) -> int:
-        """Return an id that nobody had or will have: for who is admitted by request."""
+        """Return a new id, for an artefact admitted by request."""
         self._next_id += 1
         return self._next_id - 1
 
@@ -250,7 +250,7 @@ class ScriptedSource:
         return self._offer(index, time_ns, self._start_ns)
 
     def restart(self, now_ns: int) -> None:
-        """Begin with the scenario at `now_ns`, earlier or later; who was offered is so again."""
+        """Begin the scenario again at `now_ns`, earlier or later."""
         for index in self._order[: self._taken]:
             self._ids[index] = self.new_id()
         self._taken = 0
@@ -259,12 +259,12 @@ class ScriptedSource:
             self._opens_ns = now_ns
 
     def open(self, now_ns: int) -> None:
-        """Let them arrive from `now_ns` on: there is a map now. Again changes nothing."""
+        """Allow arrivals from `now_ns` on, once there is a map. A second call changes nothing."""
         if self._opens_ns is None:
             self._opens_ns = now_ns
 
     def postpone(self, by_ns: int) -> None:
-        """Let those still to come arrive so much later: time stood still for them."""
+        """Move the arrivals still to come later, after a pause."""
         if self._start_ns is not None:
             self._start_ns += by_ns
 

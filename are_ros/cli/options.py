@@ -67,13 +67,13 @@ PARAMETER: Final = Assignment("NAME:=VALUE", "population.arrival_rate:=0.001")
 
 
 class Film(click.Path):
-    """The file of an animation; a recording that was taken for one is told so."""
+    """The file of an animation; a recording is refused with a hint."""
 
     def __init__(self) -> None:
         super().__init__(path_type=Path)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        """Return the path, if its name tells of a format that can be written."""
+        """Return the path; its suffix must be that of a format that can be written."""
         path = Path(value)
         if reason := why_no_animation(path):
             self.fail(f"{reason}; where none is meant, --animate goes last", param, ctx)
@@ -119,7 +119,7 @@ def parameter_options(command: _Command) -> _Command:
 
 
 def say(sentence: str) -> None:
-    """Tell the user something that is no result."""
+    """Print a notice on stderr: not part of the result."""
     click.echo(sentence, err=True)
 
 

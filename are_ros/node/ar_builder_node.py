@@ -36,7 +36,7 @@ _MOST_SENTENCES: Final = 1000
 _LEAPS: Final = JumpThreshold(
     min_forward=Duration(seconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
 )
-"""After such leaps of its clock no timer tells the truth about what is due."""
+"""After such a jump of the clock the timers are wrong: the node checks what is due."""
 _DONE, _FAILED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
@@ -86,7 +86,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         return int(self.get_clock().now().nanoseconds)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Read the parameters, compile the kernels, and begin to listen and to relay."""
+        """Read the parameters, compile the kernels, subscribe, and relay."""
         del state
         try:
             with self._turn("transitions"):
@@ -101,7 +101,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         return _DONE
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let artefacts live, and put them into what goes out."""
+        """Start the population, and add artefacts to the outputs."""
         del state
         self._is_active, self._is_paused = True, False
         self._reporter.active_since_ns = monotonic_ns()
@@ -111,20 +111,20 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         return _DONE
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let the artefacts vanish from what goes out; the real map is relayed on."""
+        """Remove the artefacts from the outputs; the real map is still relayed."""
         del state
         self.retire()
         self.get_logger().info("inactive: the real map is relayed")
         return _DONE
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forget everything, and neither listen nor publish any more."""
+        """Drop all state, subscriptions and publishers."""
         del state
         self._close()
         return _DONE
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Delete every marker, and leave the real map behind."""
+        """Delete every marker and publish the real map."""
         del state
         self.retire()
         self._reporter.is_shut_down = True
@@ -143,7 +143,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         return bool(self.trigger_configure() == _DONE and self.trigger_activate() == _DONE)
 
     def retire(self) -> None:
-        """Delete every marker, leave the real map behind, and rest; at any moment."""
+        """Delete every marker and publish the real map; callable at any time."""
         if self.live is not None and self.live.is_running:
             with self._turn("transitions"):
                 self.live.pause(self.now_ns())
@@ -204,7 +204,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
 
     @contextmanager
     def _turn(self, what: str) -> Iterator[None]:
-        """Measure for how long nobody else is answered, and say whom that was waited for."""
+        """Time a callback, and report a behaviour that blocked it."""
         self._busy.begin(monotonic_ns(), what)
         try:
             yield
@@ -239,7 +239,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self._work()
 
     def _work(self) -> None:
-        """Do what is due, and wake up when something is due next."""
+        """Do what is due, and set the timer for the next due time."""
         live, publishers = self.live, self._outputs
         if live is None or publishers is None:
             self._timer.cancel()
@@ -267,7 +267,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self._work()
 
     def _report(self) -> None:
-        """Once a second: follow the publishers, drain what waits, say how the node does."""
+        """Once a second: follow the publishers, do what is due, publish diagnostics."""
         with self._turn("diagnostics"):
             self._look_and_report()
 
@@ -285,7 +285,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self._say(self._reporter.clock_doubt)
 
     def _look_for_camera(self, live: LiveBuilder, subscriptions: Subscriptions) -> None:
-        """Let the default camera stand in where nobody offers to tell another, and say so later."""
+        """Use the default camera where no CameraInfo is published, and warn later."""
         now_ns, is_offered = monotonic_ns(), subscriptions.is_offered("camera/camera_info")
         is_missing = self._is_active and not is_offered and live.builder.camera is None
         if is_offered or live.builder.camera is None:

@@ -45,7 +45,7 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Status:
-    """What is said about one part of the node: a sentence, and the figures behind it."""
+    """The status of one part of the node: a sentence and its figures."""
 
     level: Level
     name: str
@@ -60,7 +60,7 @@ def figure(value: float | None, unit: str = "", digits: int = 1) -> str:
     return f"{value:.{digits}f} {unit}".rstrip()
 
 
-# What there is to say about a node at one moment, as plain values.
+# The state of a node at one moment, as plain values.
 
 
 class NodeState(Enum):
@@ -74,7 +74,7 @@ class NodeState(Enum):
 
 @dataclass(frozen=True)
 class ScanSnapshot:
-    """How the scans of a topic left: in all, and as they came, without artefacts, of late."""
+    """The augmented scans of a topic: totals, and those recently passed through unchanged."""
 
     topic: str
     exact: int = 0
@@ -84,12 +84,12 @@ class ScanSnapshot:
     """In the last 10 s."""
     last_problem: str = ""
     late_s: float = 0.0
-    """How long after a scan its transform came, at most, of those that came too late lately."""
+    """The largest delay of a transform behind its scan, of those recently too late."""
 
 
 @dataclass(frozen=True)
 class PopulationSnapshot:
-    """The counts of the population since the start, and of arrivals in the last minute."""
+    """The counts of the population: totals, and arrivals in the last minute."""
 
     alive: int = 0
     arrivals: int = 0
@@ -98,14 +98,14 @@ class PopulationSnapshot:
     displaced: int = 0
     arrivals_lately: int = 0
     blocked_lately: int = 0
-    """Artefacts that found no place; `arrivals` holds none of them."""
+    """Artefacts without a feasible pose; not part of `arrivals`."""
     is_map_closed: bool = False
     """There is a map, but no free cell in it."""
 
 
 @dataclass(frozen=True)
 class ContactSnapshot:
-    """The robot's contacts with artefacts: how many, and how long ago which was the last."""
+    """The robot's contacts with artefacts: their number, and the last one."""
 
     count: int = 0
     last: str = ""
@@ -142,7 +142,7 @@ class NodeSnapshot:
     faults: FaultSnapshot = field(default_factory=FaultSnapshot)
 
 
-# What the diagnostics say of an input.
+# The status of an input.
 
 
 _STALE_PERIODS: Final = 5.0
@@ -223,7 +223,7 @@ _STATES: Final = {
 
 
 def statuses(snapshot: NodeSnapshot) -> list[Status]:
-    """Return what is said of each part of the node.
+    """Return the status of each part of the node.
 
     Of an inactive node these are state, clock and inputs; of an unconfigured one, state and clock.
     """
@@ -287,7 +287,7 @@ def _clock(snapshot: NodeSnapshot) -> Status:
 
 
 def clock_doubt(snapshot: NodeSnapshot) -> str:
-    """Return what is to be said where stamps and the node's clock are of different times."""
+    """Return a warning if stamps and the node's clock differ by days; else ""."""
     ahead_s = snapshot.stamps_ahead_s
     if ahead_s is None or abs(ahead_s) < _OTHER_TIMES_S:
         return ""
@@ -457,7 +457,7 @@ class Reporter:
         self._passed: dict[str, CountWatch] = {}
         self._last_contact: tuple[str, int] | None = None
         self.clock_doubt = ""
-        """What the log should say of the clock after the last report, empty if nothing."""
+        """A warning about the clock for the log, empty if there is none."""
 
     def happened(self, events: tuple[ArtefactEvent, ...], now_ns: int) -> None:
         """Take what happened since the last tick."""

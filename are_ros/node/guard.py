@@ -44,7 +44,7 @@ _WAIT_S: Final = 0.1
 
 
 def offer_heartbeat(node: Node) -> Any:
-    """Let a guard know that this process runs; return the publisher, which is to be kept."""
+    """Publish the heartbeat of this process; the caller keeps the publisher."""
     kind, profile = message_class(_HEARTBEAT_TYPE), _heartbeat_qos(_OFFERED_S)
     return node.create_publisher(kind, f"~/{_HEARTBEAT}", profile)
 
@@ -84,7 +84,7 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
         return str(self.resolve_topic_name(_GUARDED))
 
     def _advertise(self) -> dict[str, Any]:
-        """Offer the node's maps before they are needed: who listens is known by then."""
+        """Advertise the node's maps early, so that subscribers are matched when they are needed."""
         return {
             name: self.create_publisher(self._grid, f"{_GUARDED}/{name}", _LATCHED)
             for name in _MAPS

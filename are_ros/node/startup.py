@@ -32,7 +32,7 @@ class Stop:
         self.is_set = True
 
     def should_stop(self) -> bool:
-        """Tell whether a signal came."""
+        """Tell whether a signal was received."""
         return self.is_set
 
 

@@ -57,11 +57,11 @@ class TickWatch:
         self._forget_before(now_ns - WINDOW_NS)
 
     def skipped(self, ticks: int = 1) -> None:
-        """Count ticks whose time went by without them."""
+        """Count ticks that were left out."""
         self.skipped_count += ticks
 
     def figures(self, now_ns: int) -> TickFigures:
-        """Return what is to be said now."""
+        """Return the figures at this moment."""
         self._forget_before(now_ns - WINDOW_NS)
         durations = sorted(duration_ns for _, duration_ns in self._durations)
         return TickFigures(
@@ -89,7 +89,7 @@ def _percentile_ms(durations_ns: list[int], percent: int) -> float | None:
     return durations_ns[max(rank, 1) - 1] / _NS_PER_MS
 
 
-# For how long the node did not answer, and what it did meanwhile.
+# How long the node was blocked, and by which work.
 
 
 WINDOW_S: Final = 60
@@ -109,13 +109,13 @@ class Turn:
 
 @dataclass(frozen=True)
 class BusyFigures:
-    """The longest times without an answer in the last minute [ms], by what was done meanwhile."""
+    """The longest blocking time in the last minute [ms], by kind of work."""
 
     longest_ms: Mapping[str, float] = field(default_factory=dict)
 
 
 class BusyWatch:
-    """Times each turn that the executor gives to the node: until its end nobody else has one.
+    """Times each callback of the node; the executor runs one at a time.
 
     The times are those of a clock that never jumps. `turn` is the one that goes on, if any; other
     threads may look at it.
@@ -153,7 +153,7 @@ class BusyWatch:
         self._note(now_ns, MACHINE, now_ns - max(due_ns, self._ended_ns))
 
     def figures(self, now_ns: int) -> BusyFigures:
-        """Return what is to be said now."""
+        """Return the figures at this moment."""
         self._forget_before(now_ns // NS_PER_S - WINDOW_S)
         longest_ms: dict[str, float] = {}
         for _, durations in self._longest:
@@ -175,11 +175,11 @@ class BusyWatch:
             self._longest.popleft()
 
 
-# Behaviours of the user's own that failed: what is to be logged of them, and how often.
+# User behaviours that failed: what is logged of them, and how often.
 
 
 _REST_NS: Final = 60 * NS_PER_S
-"""So long nothing more is logged of a behaviour, however often it fails."""
+"""The least time between two log entries of one behaviour."""
 
 
 @dataclass(frozen=True)
@@ -202,7 +202,7 @@ class _Fault:
 
 
 class FaultWatch:
-    """Told of each fault; says of each behaviour the first at once, then one a minute at most."""
+    """Collects faults; logs the first of each behaviour at once, then at most one a minute."""
 
     def __init__(self) -> None:
         self._counts: Counter[str] = Counter()
@@ -218,7 +218,7 @@ class FaultWatch:
         known.sentence, known.untold = self._last, known.untold + 1
 
     def sentences(self, now_ns: int) -> list[str]:
-        """Return what is to be logged now, by a clock that never jumps."""
+        """Return the sentences to log now; `now_ns` is monotonic."""
         due = [fault for fault in self._faults.values() if _is_due(fault, now_ns)]
         sentences = [f"{fault.sentence}; it stands from now on{_more(fault)}" for fault in due]
         for fault in due:
@@ -226,7 +226,7 @@ class FaultWatch:
         return sentences
 
     def snapshot(self) -> FaultSnapshot:
-        """Return what there is to say for the diagnostics."""
+        """Return the counts for the diagnostics."""
         return FaultSnapshot(dict(sorted(self._counts.items())), self._last, self.hung)
 
 
@@ -240,7 +240,7 @@ def _more(fault: _Fault) -> str:
     return f", as {counted(others, 'other')} before it" if others else ""
 
 
-# Behaviours of the user's own that do not return: said at once, by a thread of its own.
+# User behaviours that do not return: a watchdog thread logs them at once.
 
 
 PATIENCE_NS: Final = NS_PER_S
@@ -248,7 +248,7 @@ _LOOKS_PER_S: Final = 4
 
 
 class HangWatch:
-    """Looks from outside whom a node waits for that has not answered for a second.
+    """A watchdog thread: logs the behaviour that has blocked the node for a second.
 
     `say(sentence)` is called from the thread of this watch, so it must not publish anything. What
     holds the interpreter's lock, as compiled code may, lets nobody look.
@@ -263,7 +263,7 @@ class HangWatch:
         self._thread.start()
 
     def take(self) -> tuple[Turn, str] | None:
-        """Return the turn in which somebody was waited for so long, and whom; each once.
+        """Return the blocked turn and the behaviour that blocked it; each once.
 
         To be asked between turns.
         """
@@ -294,11 +294,11 @@ class HangWatch:
                 self._say(f"{who} has not returned for a second; the node stands still")
 
 
-# How much a counter has grown of late.
+# How much a counter has grown recently.
 
 
 class CountWatch:
-    """Sees a counter's totals, and tells its growth over a sliding window."""
+    """Measures a counter's growth over a sliding window."""
 
     def __init__(self, window_ns: int) -> None:
         self._window_ns = window_ns
@@ -375,7 +375,7 @@ class InputWatch:
         self._refusals.update(now_ns, self.refused_count)
 
     def figures(self, now_ns: int) -> InputFigures:
-        """Return what is to be said now."""
+        """Return the figures at this moment."""
         return InputFigures(
             count=self.count,
             refused=self.refused_count,
@@ -405,7 +405,7 @@ class InputSnapshot:
     publishers: int = 0
 
 
-# How long nobody has offered to tell of the camera, and when that is worth a word.
+# How long no CameraInfo has been published, and when to warn.
 
 
 GRACE_S: Final = 5.0
@@ -414,7 +414,7 @@ _STAND_IN_S: Final = 3.0
 
 
 class CameraWatch:
-    """Tells when the default camera is to stand in, and when it is to be said that it does.
+    """Decides when the default camera is used, and when the node warns of it.
 
     Times are those of a clock that never jumps. Publishers are discovered one after the other,
     and a robot may be started after the node: so nothing is said before a map has been on offer
@@ -426,12 +426,12 @@ class CameraWatch:
         self._mapped_since_ns: int | None = None
 
     def is_to_stand_in(self, now_ns: int, *, is_missing: bool) -> bool:
-        """Tell whether a camera has been missing, and no CameraInfo on offer, for some seconds."""
+        """Return whether there has been neither a camera nor a CameraInfo publisher for 3 s."""
         self._blind_since_ns = _since(self._blind_since_ns, now_ns, holds=is_missing)
         return _has_lasted(self._blind_since_ns, now_ns, _STAND_IN_S)
 
     def is_to_be_said(self, now_ns: int, *, is_only_map_offered: bool) -> bool:
-        """Tell whether there has been a map on offer, but no CameraInfo, for the grace."""
+        """Return whether a map, but no CameraInfo, has been published for `GRACE_S`."""
         self._mapped_since_ns = _since(self._mapped_since_ns, now_ns, holds=is_only_map_offered)
         return _has_lasted(self._mapped_since_ns, now_ns, GRACE_S)
 

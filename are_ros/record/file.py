@@ -1,4 +1,4 @@
-"""The file of a recording, written by a thread of its own, so that a slow disk delays nobody."""
+"""The file of a recording, written by its own thread, so that a slow disk delays nothing."""
 
 import struct
 import threading
@@ -75,7 +75,7 @@ class FileWriter:
                 raise error
 
     def announce(self, topic: str, announcement: Announcement) -> None:
-        """Say what a topic is; again, while it has no message, if that has changed."""
+        """Announce a topic; callable again, with changes, until its first message."""
         self._announced[topic] = announcement
 
     def put(self, messages: Sequence[Stamped]) -> None:
@@ -177,7 +177,7 @@ class SimulatedClock(WallClock):
 
     What comes before the first /clock waits in memory and then counts as then. If the clock jumps
     back, log times stay where they are until it has caught up, so that a reader gets the messages
-    in the order in which they came; that is said once.
+    in the order in which they came; one notice is given.
     """
 
     def __init__(self, say: Callable[[str], None]) -> None:
@@ -206,7 +206,7 @@ class SimulatedClock(WallClock):
             yield _at(self._now_ns, message)
 
     def rest(self) -> Iterator[Stamped]:
-        """Yield at time 0 what waits for a clock that never came, which is said."""
+        """Yield at time 0 what waits for a clock that never came, with a notice."""
         if self._waiting:
             self._say("no /clock came: everything is recorded at time 0")
             yield from self._release(0)

@@ -20,7 +20,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, NodeError
 from are_ros.node.message_classes import message_class
 
-# What is asked of a player.
+# The options of the player.
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class PlayedTopics:
         return str(self._publishers[topic].topic_name)
 
     def has_listeners(self, topic: str) -> bool:
-        """Tell whether anybody subscribes to a topic, by its recorded name."""
+        """Tell whether a topic, by its recorded name, has subscribers."""
         return bool(self._publishers[topic].get_subscription_count())
 
     def wait_until_acknowledged(self, topic: str, timeout_s: float) -> bool:
@@ -200,7 +200,7 @@ def _qos(topic: BagTopic, options: PlayOptions) -> QoSProfile:
     )
 
 
-# /clock: the time of a recording, told while it is played.
+# /clock: the time of the recording while it is played.
 
 
 class ClockTeller:
@@ -228,7 +228,7 @@ class ClockTeller:
             publisher.publish(message)
 
 
-# Waiting for those who want to hear: so that the first messages are not lost.
+# Waiting for subscribers, so that the first messages are not lost.
 
 
 _GRACE_S: Final = 2.0
@@ -265,7 +265,7 @@ def await_subscribers(
 
 
 class _Patience:
-    """Says what is waited for, now and then, until it has been too long."""
+    """Reports, now and then, which node is waited for; fails after a limit."""
 
     def __init__(self, wait_s: float, say: Callable[[str], None]) -> None:
         self._wait_s, self._say = wait_s, say
@@ -273,7 +273,7 @@ class _Patience:
         self._say_after_s = _SILENT_S
 
     def wait_for(self, name: str) -> None:
-        """Say that a node is waited for, if it is time to; NodeError where it has been too long."""
+        """Report that a node is waited for, now and then; NodeError after `wait_s`."""
         passed_s = time.monotonic() - self._began_s
         if passed_s > self._wait_s:
             message = f"{name} is waited for, but it listened to nothing within"
@@ -296,7 +296,7 @@ def _await_connections(
     is_somebody_awaited: bool,
     should_stop: Callable[[], bool],
 ) -> bool:
-    """Wait until nobody comes any more; tell whether to go on."""
+    """Wait until no more subscribers come; return whether to go on."""
     deadline_s = time.monotonic() + (_GRACE_S if is_somebody_awaited else _SHORT_GRACE_S)
     connected, since_s = -1, time.monotonic()
     while time.monotonic() < deadline_s:

@@ -14,7 +14,7 @@ from are_ros.node.startup import make_room
 
 @contextmanager
 def ros_session(name: str, *, has_services: bool = False) -> Iterator[Node]:
-    """Give out a node that nobody spins; destroyed in the end.
+    """Yield a node that no executor spins; it is destroyed at the end.
 
     `has_services`: those of its parameters, which somebody is then to answer.
     """

@@ -1,4 +1,4 @@
-"""The topics of a recording: which are wanted, who publishes them, and how they are subscribed."""
+"""The topics of a recording: selection, publishers, quality of service, subscriptions."""
 
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -128,7 +128,7 @@ _BULKY: Final = frozenset(
     }.items()
     for name in names
 )
-"""Types of whose messages a thousand would fill the memory."""
+"""A thousand messages of these types would fill the memory."""
 
 
 def offered_by(profile: QoSProfile) -> OfferedQos:
@@ -159,7 +159,7 @@ def matching(offered: Sequence[OfferedQos], type_name: str) -> QoSProfile:
     )
 
 
-# Which topics are published, by whom, and what has changed since it was last asked.
+# The published topics, and what has changed since the last look.
 
 
 _RECHECK_S = 1.0
@@ -250,7 +250,7 @@ class TopicTypes:
         return self._installed.store
 
     def class_of(self, type_name: str) -> type[Any]:
-        """Return rclpy's class of a type whose definition is known then as well.
+        """Return rclpy's class of a type, and learn the type's definition.
 
         InputError or NodeError, with the reason, where one of the two is not installed.
         """
@@ -261,7 +261,7 @@ class TopicTypes:
     def is_as_published(self, type_name: str, type_hash: str) -> bool:
         """Tell whether a publisher's type hash is that of the definition known here.
 
-        Publishers that tell no hash, as those of older middlewares, are believed.
+        Publishers without a hash, as of older middlewares, are accepted.
         """
         if not type_hash.startswith("RIHS01_") or type_hash == _NO_HASH:
             return True
@@ -272,7 +272,7 @@ _LONGEST_LOOK_S: Final = 0.02
 
 
 class TopicFollower:
-    """Subscribes to what is to be recorded, announces it to the file, says what cannot be.
+    """Subscribes to the selected topics, and announces them to the file.
 
     `skipped` are the topics that are not recorded, with the reason.
     """
@@ -298,7 +298,7 @@ class TopicFollower:
         self.skipped: dict[str, str] = {}
 
     def look(self) -> bool:
-        """Ask who publishes what; return False if some of it was left for the next time.
+        """Look for topics and publishers; return False if the look is to be continued.
 
         Types take long to load, and messages must not wait. NodeError where /clock is needed and
         is no clock.
@@ -320,7 +320,7 @@ class TopicFollower:
         return all(name in self.skipped or self._inbox.is_connected(name) for name in topics)
 
     def finish(self) -> None:
-        """Look for the last time, and say what was asked for and never seen."""
+        """Look for the last time, and report topics asked for by name that never came."""
         self.look()
         for name in self._options.named_topics():
             if name not in self.skipped and name not in self._type_names:
@@ -356,7 +356,7 @@ class TopicFollower:
             self._inbox.subscribe(topic.name, message_class, qos)
 
     def _say_doubts(self, topic: PublishedTopic, type_name: str) -> None:
-        """Say once where a publisher means another type, or another definition of it."""
+        """Warn once where a publisher has another type, or another definition of it."""
         if topic.name in self._doubted:
             return
         others = [name for name in topic.type_names if name != type_name]
