@@ -57,8 +57,10 @@ class Fields:
         """Raise CatalogueError for a field."""
         raise CatalogueError(f"{self._place}: {self._path}{key} {reason}")
 
-    def text(self, key: str) -> str:
-        """Return a text that is there and not empty."""
+    def text(self, key: str, default: str | None = None) -> str:
+        """Return a text that is not empty."""
+        if default is not None and key not in self._values:
+            return default
         value = self._get(key, str)
         if not value.strip():
             self.refuse(key, "is empty")
