@@ -338,7 +338,7 @@ def _artefact(given: Fields, catalogue: Catalogue, files: _TrackFiles) -> Script
         row=row,
         pose=_pose(given) if track is None else track.pose_at(arrives_ns),
         arrives_ns=arrives_ns,
-        stays_ns=None if stays in {None, "forever"} else _ns(given, "stays", stays),
+        stays_ns=None if stays is None or stays == "forever" else _ns(given, "stays", stays),
         behaviour=_behaviour(given, row),
         way_m=_way(given),
         loop=given.flag("loop", default=False),

@@ -93,6 +93,43 @@ def animate_option(command: _Command) -> _Command:
     return option(command)
 
 
+_RECORDING_OPTIONS = (
+    click.argument("bags", metavar="BAG...", nargs=-1, required=True, type=FILE),
+    click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="Map of map_server."),
+    click.option("--map-frame", metavar="NAME", help="Frame of the map, the world frame. [map]"),
+    click.option(
+        "--static-tf",
+        "static_transforms",
+        metavar="TF",
+        multiple=True,
+        help='"X Y Z YAW PITCH ROLL PARENT CHILD", metres and radians. Repeatable.',
+    ),
+    click.option(
+        "--topic",
+        "topics",
+        metavar="ROLE:=/TOPIC",
+        type=TOPIC,
+        multiple=True,
+        help="Let a topic play a part: map, octomap_point_cloud_centers, odom, scan, "
+        "camera/camera_info, tf, tf_static. Repeatable; several scans are all augmented.",
+    ),
+)
+
+
+def recording_options(command: _Command) -> _Command:
+    """Add BAG, --map, --map-frame, --static-tf and --topic: a recording, and what it lacks."""
+    for option in reversed(_RECORDING_OPTIONS):
+        command = option(command)
+    return command
+
+
+def start_option(command: _Command) -> _Command:
+    """Add --start, the time in a recording at which to begin."""
+    return click.option("--start", "start_s", type=SECONDS, default=0.0, help="Begin here.")(
+        command
+    )
+
+
 def parameter_options(command: _Command) -> _Command:
     """Add the options that make up the effective parameters."""
     for option in (

@@ -18,7 +18,6 @@ from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import RclpyFactory
 from are_ros.node.watches import (
     GRACE_S,
-    BusyFigures,
     CountWatch,
     FaultSnapshot,
     InputSnapshot,
@@ -135,7 +134,8 @@ class NodeSnapshot:
     cloud_problem: str = ""
     """Why the cloud of voxels that was received is not used yet."""
     ticks: TickFigures | None = None
-    busy: BusyFigures = field(default_factory=BusyFigures)
+    busy_ms: Mapping[str, float] = field(default_factory=dict)
+    """The longest time without an answer in the last minute, by kind of work."""
     population: PopulationSnapshot = field(default_factory=PopulationSnapshot)
     contacts: ContactSnapshot = field(default_factory=ContactSnapshot)
     scans: tuple[ScanSnapshot, ...] = ()
@@ -352,7 +352,7 @@ def _ticks(snapshot: NodeSnapshot) -> Status:
 
 
 def _answers(snapshot: NodeSnapshot) -> Status:
-    longest_ms = snapshot.busy.longest_ms
+    longest_ms = snapshot.busy_ms
     values = {what: figure(duration_ms, "ms") for what, duration_ms in longest_ms.items()}
     if not longest_ms:
         return Status(Level.OK, "answers", "nothing was asked", values)
@@ -470,13 +470,13 @@ class Reporter:
         self,
         live: LiveBuilder | None,
         subscriptions: "Subscriptions | None",
-        busy: BusyFigures,
+        busy_ms: Mapping[str, float],
         now_ns: int,
         *,
         is_paused: bool,
     ) -> None:
         """Publish how the node does."""
-        snapshot = self._snapshot(live, subscriptions, busy, now_ns, is_paused=is_paused)
+        snapshot = self._snapshot(live, subscriptions, busy_ms, now_ns, is_paused=is_paused)
         self.clock_doubt = clock_doubt(snapshot)
         stamp_ns = int(self._node.get_clock().now().nanoseconds)
         name = self._node.get_fully_qualified_name().lstrip("/")
@@ -487,7 +487,7 @@ class Reporter:
         self,
         live: LiveBuilder | None,
         subscriptions: "Subscriptions | None",
-        busy: BusyFigures,
+        busy_ms: Mapping[str, float],
         now_ns: int,
         *,
         is_paused: bool,
@@ -499,7 +499,7 @@ class Reporter:
             "state": self._state(live),
             "is_paused": is_paused,
             "active_s": 0.0 if since_ns is None else (now_ns - since_ns) / NS_PER_S,
-            "busy": busy,
+            "busy_ms": busy_ms,
             "uses_sim_time": uses_sim_time,
             "is_without_clock": is_without_clock,
             "inputs": tuple(subscriptions.snapshots(now_ns)) if subscriptions else (),

@@ -100,6 +100,24 @@ def refusals_of_ros() -> Iterator[None]:
         raise NodeError(f"ROS does not start: {reason}") from cause
 
 
+@contextmanager
+def ros_context(arguments: Sequence[str] | None) -> Iterator[Any]:
+    """Yield an rclpy context of its own, without signal handlers; NodeError if ROS refuses."""
+    import rclpy
+    from rclpy.context import Context
+    from rclpy.signals import SignalHandlerOptions
+
+    make_room()
+    context = Context()
+    try:
+        words = None if arguments is None else list(arguments)
+        with refusals_of_ros():
+            rclpy.init(args=words, context=context, signal_handler_options=SignalHandlerOptions.NO)
+        yield context
+    finally:
+        context.try_shutdown()
+
+
 # `ar_builder`, the program.
 
 
@@ -114,31 +132,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run(arguments: Sequence[str] | None, stop: Stop) -> int:
     """Run the node until `stop` is set; return the exit status, 1 if it could not run."""
-    import rclpy
-    from rclpy.context import Context
-    from rclpy.logging import get_logger
-    from rclpy.signals import SignalHandlerOptions
-
-    from are_ros.node.ar_builder_node import NAME, ArBuilderNode
-
     if stop.is_set:
         return 0
-    make_room()
-    context = Context()
+    from are_ros.node.ar_builder_node import NAME, ArBuilderNode
+
     try:
-        with refusals_of_ros():
-            rclpy.init(
-                args=None if arguments is None else list(arguments),
-                context=context,
-                signal_handler_options=SignalHandlerOptions.NO,
-            )
-            node = ArBuilderNode(context=context)
-        return 0 if _spin(node, stop) else 1
+        with ros_context(arguments) as context:
+            with refusals_of_ros():
+                node = ArBuilderNode(context=context)
+            return 0 if _spin(node, stop) else 1
     except AreError as cause:
-        get_logger(NAME).fatal(str(cause))
-        return 1
-    finally:
-        context.try_shutdown()
+        return fatal(NAME, cause)
+
+
+def fatal(name: str, cause: AreError) -> int:
+    """Log the error that ended a process; return its exit status."""
+    from rclpy.logging import get_logger
+
+    get_logger(name).fatal(str(cause))
+    return 1
 
 
 def _spin(node: "ArBuilderNode", stop: Stop) -> bool:

@@ -3,7 +3,7 @@
 import sys
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import monotonic_ns
 from typing import Final
@@ -107,13 +107,6 @@ class Turn:
     thread: int
 
 
-@dataclass(frozen=True)
-class BusyFigures:
-    """The longest blocking time in the last minute [ms], by kind of work."""
-
-    longest_ms: Mapping[str, float] = field(default_factory=dict)
-
-
 class BusyWatch:
     """Times each callback of the node; the executor runs one at a time.
 
@@ -152,14 +145,14 @@ class BusyWatch:
         """Note by how much a timer was late, as far as no turn explains it."""
         self._note(now_ns, MACHINE, now_ns - max(due_ns, self._ended_ns))
 
-    def figures(self, now_ns: int) -> BusyFigures:
-        """Return the figures at this moment."""
+    def figures(self, now_ns: int) -> dict[str, float]:
+        """Return the longest time without an answer in the last minute [ms], by kind of work."""
         self._forget_before(now_ns // NS_PER_S - WINDOW_S)
         longest_ms: dict[str, float] = {}
         for _, durations in self._longest:
             for what, duration_ns in durations.items():
                 longest_ms[what] = max(longest_ms.get(what, 0.0), duration_ns / _NS_PER_MS)
-        return BusyFigures(dict(sorted(longest_ms.items())))
+        return dict(sorted(longest_ms.items()))
 
     def _note(self, now_ns: int, what: str, duration_ns: int) -> None:
         """Keep the longest duration of each second."""
@@ -219,25 +212,19 @@ class FaultWatch:
 
     def sentences(self, now_ns: int) -> list[str]:
         """Return the sentences to log now; `now_ns` is monotonic."""
-        due = [fault for fault in self._faults.values() if _is_due(fault, now_ns)]
-        sentences = [f"{fault.sentence}; it stands from now on{_more(fault)}" for fault in due]
-        for fault in due:
-            fault.untold, fault.told_ns = 0, now_ns
+        sentences = []
+        for fault in self._faults.values():
+            is_rested = fault.told_ns is None or now_ns - fault.told_ns >= _REST_NS
+            if is_rested and fault.untold > 0:
+                others = fault.untold - 1
+                more = f", as {counted(others, 'other')} before it" if others else ""
+                sentences.append(f"{fault.sentence}; it stands from now on{more}")
+                fault.untold, fault.told_ns = 0, now_ns
         return sentences
 
     def snapshot(self) -> FaultSnapshot:
         """Return the counts for the diagnostics."""
         return FaultSnapshot(dict(sorted(self._counts.items())), self._last, self.hung)
-
-
-def _is_due(fault: _Fault, now_ns: int) -> bool:
-    is_rested = fault.told_ns is None or now_ns - fault.told_ns >= _REST_NS
-    return is_rested and fault.untold > 0
-
-
-def _more(fault: _Fault) -> str:
-    others = fault.untold - 1
-    return f", as {counted(others, 'other')} before it" if others else ""
 
 
 # User behaviours that do not return: a watchdog thread logs them at once.
