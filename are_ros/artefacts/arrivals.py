@@ -97,7 +97,9 @@ class ArrivalProcess:
         rate_per_s = checked_rate(rate_per_s)
         if rate_per_s == self._rate_per_s:
             return
-        self._keep_missed(now_ns)
+        while (instant_ns := self._upcoming_ns()) is not None and instant_ns <= now_ns:
+            self._missed.append(instant_ns)
+            self._advance()
         self._consume_until(max(now_ns, self._anchor_ns))
         self._rate_per_s = rate_per_s
 
@@ -108,11 +110,6 @@ class ArrivalProcess:
         """
         self._missed.clear()
         self._anchor_ns = now_ns
-
-    def _keep_missed(self, now_ns: int) -> None:
-        while (instant_ns := self._upcoming_ns()) is not None and instant_ns <= now_ns:
-            self._missed.append(instant_ns)
-            self._advance()
 
     def _upcoming_ns(self) -> int | None:
         hazard = max(self._exponential - self._consumed, 0.0)
@@ -189,7 +186,13 @@ class RandomSource:
         size = 1 + int(stream.poisson(self._mean_group_size - 1.0))
         ids = range(self._next_id, self._next_id + size)
         self._next_id += size
-        return Offer(time_ns or 0, tuple((member, self._row_of(member)) for member in ids))
+        return Offer(
+            time_ns or 0,
+            tuple(
+                (member, self._rows[self._law.sample(generator(self._seed, Purpose.ROW, member))])
+                for member in ids
+            ),
+        )
 
     def set_rate(self, rate_per_s: float, now_ns: int) -> None:
         """Set the rate of groups [1/s] from `now_ns` on."""
@@ -215,6 +218,3 @@ class RandomSource:
         rate_per_s = self._arrivals.rate_per_s
         self._seed = seed
         self._arrivals = ArrivalProcess(seed, rate_per_s=rate_per_s, now_ns=now_ns)
-
-    def _row_of(self, artefact_id: int) -> CatalogueRow:
-        return self._rows[self._law.sample(generator(self._seed, Purpose.ROW, artefact_id))]

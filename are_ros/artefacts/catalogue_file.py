@@ -45,7 +45,8 @@ class Fields:
         if values is not None:
             self._values = _mapping(place, values, path)
         for key in self._values:
-            self._check_key(key, known)
+            if key not in known:
+                self.refuse(str(key), f"is not known{_nearest(str(key), known)}")
 
     def __contains__(self, key: str) -> bool:
         return key in self._values
@@ -124,11 +125,6 @@ class Fields:
             self.refuse(key, f"is {number:g}, but must be {'positive' if positive else '>= 0'}")
         return number
 
-    def _check_key(self, key: object, known: Collection[str]) -> None:
-        if key not in known:
-            hint = _nearest(str(key), known)
-            self.refuse(str(key), f"is not known{hint}")
-
 
 def _mapping(place: str, values: object, path: str) -> dict[Any, Any]:
     """Return `values` if it is a mapping."""
@@ -150,6 +146,7 @@ def _nearest(word: str, known: Collection[str]) -> str:
 SHIPPED_CATALOGUE: Final = Path(__file__).parent / "data" / "catalogue.yaml"
 
 _LARGEST_M = 100.0
+_HEXADECIMAL = frozenset("0123456789abcdefABCDEF")
 _METRES: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 _AXES = ("x", "y", "z", "-x", "-y", "-z")
 _CLASS_KEYS = ("shape", "colour", "forever", "motion", "behaviours", "rewards", "features")
@@ -328,7 +325,7 @@ def _colour(given: Fields) -> tuple[float, float, float, float]:
     raw = given.raw("colour")
     if isinstance(raw, str):
         digits = raw.removeprefix("#")
-        if not raw.startswith("#") or len(digits) not in {6, 8} or not _is_hexadecimal(digits):
+        if not raw.startswith("#") or len(digits) not in {6, 8} or not set(digits) <= _HEXADECIMAL:
             given.refuse("colour", f"is {raw!r}, but '#rrggbb' or '#rrggbbaa' is needed")
         values = [byte / 255.0 for byte in bytes.fromhex(digits)]
     else:
@@ -337,10 +334,6 @@ def _colour(given: Fields) -> tuple[float, float, float, float]:
             given.refuse("colour", f"is {raw!r}, but each number must be in [0, 1]")
     red, green, blue, alpha = [*values, 1.0][:4]
     return (red, green, blue, alpha)
-
-
-def _is_hexadecimal(digits: str) -> bool:
-    return all(digit in "0123456789abcdefABCDEF" for digit in digits)
 
 
 def _check_labels(path: Path, rows: Sequence[CatalogueRow]) -> None:

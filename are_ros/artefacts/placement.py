@@ -402,7 +402,9 @@ class Placer:
         if not cells.flat.size:
             return None
         for size in _BATCHES:
-            poses = self._drawn(cells, generator.random((size, 4)))
+            uniforms = generator.random((size, 4))
+            flat = cells.draw(uniforms[:, 0])
+            poses = poses_in_cells(flat, self._grid.width, uniforms, self._lattice)
             for piece in (poses[:_FEW], poses[_FEW:]):
                 found = self._first_feasible(query, piece)
                 if found is not None:
@@ -419,11 +421,6 @@ class Placer:
                 self._roomy[radius_m] = known
         return known
 
-    def _drawn(self, cells: CandidateCells, uniforms: _Floats) -> _Floats:
-        """Return poses (N, 4), x, y, 0, yaw in the map frame, from uniform numbers (N, 4)."""
-        flat = cells.draw(uniforms[:, 0])
-        return poses_in_cells(flat, self._grid.width, uniforms, self._lattice)
-
     def _first_feasible(self, query: PlacementQuery, poses: _Floats) -> GroundPose | None:
         """Return the first feasible one of poses (N, 4), None if none is.
 
@@ -432,7 +429,10 @@ class Placer:
         if query.departure is not None:
             poses = poses[query.departure.is_free_at(poses)]
         boxes, heights_m = self._standing(query.row, poses)
-        allowed = self._allowed_by_map(query, boxes, poses)
+        is_allowed = self._environment.is_placeable(boxes)
+        if query.within is not None:
+            is_allowed &= query.within.contains(poses)
+        allowed = np.flatnonzero(is_allowed)
         start, size = 0, 1
         while start < allowed.size:
             piece = allowed[start : start + size]
@@ -443,15 +443,6 @@ class Placer:
                 return _ground_pose(poses[first], heights_m[first])
             start, size = start + size, 4 * size
         return None
-
-    def _allowed_by_map(
-        self, query: PlacementQuery, boxes: OrientedBoxes, poses: _Floats
-    ) -> npt.NDArray[np.int64]:
-        """Return the indices of the poses that the map, and the disc to be in, leave."""
-        allowed = self._environment.is_placeable(boxes)
-        if query.within is not None:
-            allowed &= query.within.contains(poses)
-        return np.flatnonzero(allowed)
 
     def _standing(self, row: CatalogueRow, poses: _Floats) -> tuple[OrientedBoxes, _Floats]:
         """Return the boxes at poses (N, 4), x, y, 0, yaw, on the ground, and its heights (N,)."""

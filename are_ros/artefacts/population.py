@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from itertools import accumulate, islice
+from operator import attrgetter
 from types import MappingProxyType
 
 import numpy as np
@@ -88,18 +89,6 @@ Admit = Callable[[ScriptedOffer], GroundPose | str]
 """A scripted artefact that is to arrive -> where it stands, or why it cannot stand there."""
 
 
-def _nobody(_: Artefact) -> bool:
-    return False
-
-
-def _nothing(_: Artefact, __: ScriptedOffer | None) -> None:
-    return None
-
-
-def _as_scripted(offer: ScriptedOffer) -> GroundPose | str:
-    return offer.pose
-
-
 class Population:
     """The artefacts alive, and the events that change them, one at a time and in order.
 
@@ -119,8 +108,8 @@ class Population:
         *,
         max_alive: int | None = 200,
         history_ns: int = 2 * NS_PER_S,
-        stays_on: Callable[[Artefact], bool] = _nobody,
-        begun: Callable[[Artefact, ScriptedOffer | None], object] = _nothing,
+        stays_on: Callable[[Artefact], bool] = lambda _: False,
+        begun: Callable[[Artefact, ScriptedOffer | None], object] = lambda *_: None,
         scripted: ScriptedSource | None = None,
     ) -> None:
         """Take the parts; `begun(artefact, offer)` is called for each arrival."""
@@ -212,7 +201,7 @@ class Population:
         )
         return min((t_ns for t_ns in instants if t_ns is not None), default=None)
 
-    def handle_next(self, place: Place, admit: Admit = _as_scripted) -> list[PopulationEvent]:
+    def handle_next(self, place: Place, admit: Admit = attrgetter("pose")) -> list[PopulationEvent]:
         """Process the next event: one departure, a scripted arrival, or the arrival of one group.
 
         In this order at one instant. `place` finds a pose for each member in turn; those before it

@@ -127,10 +127,8 @@ class Scenario:
         names = Counter(artefact.name for artefact in self.artefacts if artefact.name)
         ids = Counter(artefact.artefact_id for artefact in self.artefacts)
         for index, artefact in enumerate(self.artefacts):
-            reason = (
-                self._fault_of_id(artefact.artefact_id, ids)
-                or self._fault_of_name(artefact, names)
-                or self._fault_of_leader(artefact, names)
+            reason = self._fault_of_id(artefact.artefact_id, ids) or self._fault_of_names(
+                artefact, names
             )
             if reason:
                 raise ScenarioError(f"{self.place(index)}: {reason}")
@@ -152,12 +150,9 @@ class Scenario:
             return f"id is {artefact_id}, but {low} count those who arrive at random beside it"
         return ""
 
-    def _fault_of_name(self, artefact: ScriptedArtefact, names: Counter[str]) -> str:
+    def _fault_of_names(self, artefact: ScriptedArtefact, names: Counter[str]) -> str:
         if names[artefact.name] > 1:
             return f"name is {artefact.name!r}, which another artefact has too"
-        return ""
-
-    def _fault_of_leader(self, artefact: ScriptedArtefact, names: Counter[str]) -> str:
         if artefact.follows and artefact.follows not in names:
             return f"follows {artefact.follows!r}, but no artefact has this name"
         if artefact.name and artefact.name in self._leaders_of(artefact):

@@ -63,7 +63,11 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self, lambda: self.live is not None, self._check, self._reconfigure
         )
         self._requests = Services(
-            self, self._active_live, self.now_ns, self._set_paused, self._turn
+            self,
+            lambda: self.live if self._is_active else None,
+            self.now_ns,
+            self._set_paused,
+            self._turn,
         )
         diagnostics = advertise(self, "diagnostic_msgs/msg/DiagnosticArray", "/diagnostics")
         self._reporter = Reporter(self, diagnostics)
@@ -162,7 +166,9 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
     def _configure(self, parameters: Parameters) -> None:
         catalogue = self._catalogue = catalogue_of(parameters)
         mixture_of(parameters, catalogue)
-        self._prepare(catalogue)
+        self.get_logger().info("preparing the kernels (a minute or two the first time)")
+        if not warm_up(catalogue, self.is_wanted):
+            raise NodeError("it is not configured: the node is to end")
         self._said.clear()
         subscriptions = self._inputs = Subscriptions(
             self, parameters.sensors.scans, self._store, self._say
@@ -182,11 +188,6 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self._hangs = HangWatch(self._busy, self._cry)
         subscriptions.follow_publishers()
         self.get_logger().info("configured: the real map is relayed")
-
-    def _prepare(self, catalogue: Catalogue) -> None:
-        self.get_logger().info("preparing the kernels (a minute or two the first time)")
-        if not warm_up(catalogue, self.is_wanted):
-            raise NodeError("it is not configured: the node is to end")
 
     def _close(self) -> None:
         self.retire()
@@ -215,12 +216,10 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             if hung is not None:
                 turn, who = hung
                 lasted_s = (ended_ns - turn.began_ns) / NS_PER_S
-                self._tell_hang(f"{who} did not return: for {lasted_s:.1f} s the node stood still")
-
-    def _tell_hang(self, sentence: str) -> None:
-        self.get_logger().error(sentence)
-        if self.live is not None:
-            self.live.faults.hung = sentence
+                sentence = f"{who} did not return: for {lasted_s:.1f} s the node stood still"
+                self.get_logger().error(sentence)
+                if self.live is not None:
+                    self.live.faults.hung = sentence
 
     def _cry(self, sentence: str) -> None:
         """Log from another thread: by a logger that is no node's, so that /rosout has no part."""
@@ -296,9 +295,6 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         is_late = self._camera_watch.is_to_be_said(now_ns, is_only_map_offered=is_only_map_offered)
         if is_late and self._stand_in:
             self._say(f"nobody publishes CameraInfo: {self._stand_in}")
-
-    def _active_live(self) -> LiveBuilder | None:
-        return self.live if self._is_active else None
 
     def _set_paused(self, is_paused: bool) -> str:
         if self.live is None or is_paused == self._is_paused:

@@ -100,7 +100,9 @@ class LiveBuilder:
         self._sink = sink
         self._refused = refused
         self._decoding = decoding
-        self._feed = Feed(decoding, self.builder, _without_clicks(roles))
+        # A click is a request, and no input of the builder.
+        inputs = {topic: role for topic, role in roles.items() if role != "clicked_point"}
+        self._feed = Feed(decoding, self.builder, inputs)
         self._encoder = TickEncoder()
         self._stored: deque[_Stored] = deque()
         self._schedule: TickSchedule | None = None
@@ -360,8 +362,3 @@ class LiveBuilder:
         elif now_ns < self._now_ns:
             return
         self._now_ns = now_ns
-
-
-def _without_clicks(roles: Mapping[str, str]) -> dict[str, str]:
-    """Return the inputs that are the builder's; a click is a request."""
-    return {topic: role for topic, role in roles.items() if role != "clicked_point"}

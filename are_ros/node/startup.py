@@ -70,13 +70,10 @@ def make_room() -> None:
     To be called before rclpy starts. What the user has chosen for Fast DDS stays, and so does its
     default where shared memory is short. Other middlewares do not look.
     """
-    if _is_chosen() or not has_room():
+    is_chosen = any(os.environ.get(name) for name in _CHOICES) or _PROFILE_HERE.exists()
+    if is_chosen or not has_room():
         return
     os.environ[PROFILE_VARIABLE] = str(PROFILE)
-
-
-def _is_chosen() -> bool:
-    return any(os.environ.get(name) for name in _CHOICES) or _PROFILE_HERE.exists()
 
 
 def has_room() -> bool:

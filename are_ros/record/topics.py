@@ -49,7 +49,7 @@ class RecordOptions:
         """Tell whether a topic, by its full name, is to be recorded."""
         if _matches(topic, self.exclude):
             return False
-        return _matches(topic, self.topics) if self.topics else not _is_hidden(topic)
+        return _matches(topic, self.topics) if self.topics else "/_" not in topic  # hidden
 
     def named_topics(self) -> tuple[str, ...]:
         """Return the full names of the topics that were asked for by name."""
@@ -95,22 +95,14 @@ class RecordOptions:
                 f"{partial} is there: a recording that still runs, or was killed"
                 " (`mcap recover` saves it); move it away, or choose another name or --overwrite"
             )
-        is_taken = self.path.exists() and not (self.is_folder and _is_empty_folder(self.path))
+        is_empty = self.is_folder and self.path.is_dir() and not any(self.path.iterdir())
+        is_taken = self.path.exists() and not is_empty
         if is_taken:
             raise BagError(f"{self.path} exists already; choose another name, or --overwrite")
 
 
 def _matches(topic: str, patterns: Sequence[str]) -> bool:
     return any(fnmatchcase(topic, slashed(pattern)) for pattern in patterns)
-
-
-def _is_hidden(topic: str) -> bool:
-    """Tell whether part of the name begins with an underscore, as the topics of actions do."""
-    return "/_" in topic
-
-
-def _is_empty_folder(path: Path) -> bool:
-    return path.is_dir() and not any(path.iterdir())
 
 
 # The quality of service to record with, from what the publishers of a topic offer.
