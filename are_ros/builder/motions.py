@@ -16,12 +16,13 @@ import numpy.typing as npt
 
 from are_ros.artefacts.artefact import Artefact, GroundPose
 from are_ros.artefacts.departures import Cause
+from are_ros.artefacts.exits import exits_of
 from are_ros.artefacts.minds import Minds
 from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.motion.robot import RobotMotion
 from are_ros.artefacts.motion.traffic import Traffic
 from are_ros.artefacts.navigation import Navigation
-from are_ros.artefacts.places import destinations_in, exits_of
+from are_ros.artefacts.places import destinations_in
 from are_ros.artefacts.pose_tape import PoseTape
 from are_ros.artefacts.scenario import ScriptedOffer
 from are_ros.artefacts.track_player import TrackPlayer

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from are_ros.artefacts.places import exits_of
+from are_ros.artefacts.exits import exits_of
 from are_ros.parameters.choices import Region
 from are_ros.world.environment import Environment
 from are_ros.world.ground import PlaneGround
