@@ -24,7 +24,7 @@ from are_ros.artefacts.motion.hindrance import Hindrance
 from are_ros.artefacts.motion.traffic import Traffic
 from are_ros.artefacts.navigation import Course, Leg, Navigation, Wish
 from are_ros.artefacts.onlookers import Onlookers
-from are_ros.artefacts.places import Places
+from are_ros.artefacts.places import Destinations
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.artefacts.traveller import Traveller
 from are_ros.conventions import NS_PER_S, seconds_to_ns
@@ -64,8 +64,8 @@ class AgentState:
     spot_m: Point | None = None
     spot_since_ns: int = 0
     lingered_s: float = 0.0
-    known_places: Places | None = None
-    places: Places | None = None
+    known_places: Destinations | None = None
+    places: Destinations | None = None
 
     def note_place(self, point_m: Point, now_ns: int) -> None:
         """See for how long it has wanted to go and stayed within a spot."""
@@ -224,7 +224,7 @@ class DecisionLayer:
             state.no_way,
         )
 
-    def _places_of(self, state: AgentState, me: Fellow) -> Places:
+    def _places_of(self, state: AgentState, me: Fellow) -> Destinations:
         """Return the places that one can get to, looked for anew where it has found no way."""
         known = self._navigation.places
         if state.places is None or state.known_places is not known or state.no_way:

@@ -15,13 +15,13 @@ from are_ros.agents.decision import DecisionLayer
 from are_ros.agents.table import AgentTable
 from are_ros.artefacts.artefact import Artefact, GroundPose
 from are_ros.artefacts.behaviours.situation import RobotView
+from are_ros.artefacts.departures import Cause
 from are_ros.artefacts.exits import exits_of
 from are_ros.artefacts.motion.robot import RobotMotion
 from are_ros.artefacts.motion.traffic import Traffic
 from are_ros.artefacts.navigation import Navigation
-from are_ros.artefacts.places import places_in
-from are_ros.artefacts.population_events import Cause
-from are_ros.artefacts.scripted import ScriptedOffer
+from are_ros.artefacts.places import destinations_in
+from are_ros.artefacts.scenario import ScriptedOffer
 from are_ros.artefacts.terrain import Terrains
 from are_ros.artefacts.track_player import FollowedTrack
 from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
@@ -177,7 +177,7 @@ class CrowdSimulator:
         self._entered = (environment, region)
         grid, clearance_m = environment.grid, environment.clearance_m
         exits_m = exits_of(environment, region.mask, zones)
-        places = places_in(grid, region.mask, clearance_m, exits_m=exits_m)
+        places = destinations_in(grid, region.mask, clearance_m, exits_m=exits_m)
         self.navigation.enter(environment, places)
 
     def forget(self) -> None:

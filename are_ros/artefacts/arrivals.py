@@ -89,7 +89,7 @@ class ArrivalProcess:
         return index
 
     def set_rate(self, rate_per_s: float, now_ns: int) -> None:
-        """Let another rate [1/s] hold from `now_ns` on; the same rate again changes nothing.
+        """Set the rate [1/s] from `now_ns` on; the same rate again changes nothing.
 
         Events due up to `now_ns` that were not taken yet keep their times. A `now_ns` before the
         last change or event counts as that instant.
@@ -97,7 +97,9 @@ class ArrivalProcess:
         rate_per_s = checked_rate(rate_per_s)
         if rate_per_s == self._rate_per_s:
             return
-        self._keep_missed(now_ns)
+        while (instant_ns := self._upcoming_ns()) is not None and instant_ns <= now_ns:
+            self._missed.append(instant_ns)
+            self._advance()
         self._consume_until(max(now_ns, self._anchor_ns))
         self._rate_per_s = rate_per_s
 
@@ -108,11 +110,6 @@ class ArrivalProcess:
         """
         self._missed.clear()
         self._anchor_ns = now_ns
-
-    def _keep_missed(self, now_ns: int) -> None:
-        while (instant_ns := self._upcoming_ns()) is not None and instant_ns <= now_ns:
-            self._missed.append(instant_ns)
-            self._advance()
 
     def _upcoming_ns(self) -> int | None:
         hazard = max(self._exponential - self._consumed, 0.0)
@@ -146,16 +143,6 @@ class Offer:
 
     time_ns: int
     members: tuple[tuple[int, CatalogueRow], ...]
-
-
-class Source(Protocol):
-    """Offers artefacts at instants of its own."""
-
-    def next_ns(self) -> int | None:
-        """Return the instant of the next offer [ns], None if none comes as things stand."""
-
-    def take(self) -> Offer:
-        """Take the next offer; `ParameterError` if none comes."""
 
 
 class RowLaw(Protocol):
@@ -199,10 +186,16 @@ class RandomSource:
         size = 1 + int(stream.poisson(self._mean_group_size - 1.0))
         ids = range(self._next_id, self._next_id + size)
         self._next_id += size
-        return Offer(time_ns or 0, tuple((member, self._row_of(member)) for member in ids))
+        return Offer(
+            time_ns or 0,
+            tuple(
+                (member, self._rows[self._law.sample(generator(self._seed, Purpose.ROW, member))])
+                for member in ids
+            ),
+        )
 
     def set_rate(self, rate_per_s: float, now_ns: int) -> None:
-        """Let groups arrive at another rate [1/s] from `now_ns` on."""
+        """Set the rate of groups [1/s] from `now_ns` on."""
         self._arrivals.set_rate(rate_per_s, now_ns)
 
     def set_rows(self, rows: Sequence[CatalogueRow], law: RowLaw) -> None:
@@ -225,6 +218,3 @@ class RandomSource:
         rate_per_s = self._arrivals.rate_per_s
         self._seed = seed
         self._arrivals = ArrivalProcess(seed, rate_per_s=rate_per_s, now_ns=now_ns)
-
-    def _row_of(self, artefact_id: int) -> CatalogueRow:
-        return self._rows[self._law.sample(generator(self._seed, Purpose.ROW, artefact_id))]

@@ -32,7 +32,7 @@ class MotionLimits:
 
     `turn_rate_radps` limits the change of yaw [rad/s], `turn_radius_m` is the smallest circle that
     it drives [m] (0: it turns on the spot). A speed of 0 means that it never moves. The speed is
-    that of walking and driving; who runs goes `running_factor` (>= 1) times as fast.
+    that of walking and driving; running is `running_factor` (>= 1) times as fast.
     """
 
     speed_mps: float = 0.0

@@ -1,11 +1,12 @@
 """Reading a catalogue of artefacts from YAML, with a sentence for whatever is wrong in it."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 
-from are_ros.artefacts._fields import Fields
 from are_ros.artefacts.behaviours.registry import BEHAVIOURS, why_not
 from are_ros.artefacts.catalogue import (
     Catalogue,
@@ -19,9 +20,133 @@ from are_ros.artefacts.shapes import Shape
 from are_ros.errors import CatalogueError
 from are_ros.yaml_text import read_yaml
 
+_KINDS: Mapping[type, str] = {
+    bool: "true or false",
+    int: "a number",
+    float: "a number",
+    str: "text",
+    list: "a list",
+    dict: "a mapping",
+    type(None): "nothing",
+}
+
+
+class Fields:
+    """The values of one mapping, the place that a refusal names, and the keys it may have."""
+
+    def __init__(self, place: str, values: object, known: Collection[str], path: str = "") -> None:
+        """Take a mapping as YAML gives it (nothing counts as an empty one).
+
+        CatalogueError if it is no mapping, or has a key that is not known.
+        """
+        self._place = place
+        self._path = path
+        self._values: dict[Any, Any] = {}
+        if values is not None:
+            self._values = _mapping(place, values, path)
+        for key in self._values:
+            if key not in known:
+                self.refuse(str(key), f"is not known{_nearest(str(key), known)}")
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._values
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def refuse(self, key: str, reason: str) -> NoReturn:
+        """Raise CatalogueError for a field."""
+        raise CatalogueError(f"{self._place}: {self._path}{key} {reason}")
+
+    def text(self, key: str, default: str | None = None) -> str:
+        """Return a text that is not empty."""
+        if default is not None and key not in self._values:
+            return default
+        value = self._get(key, str)
+        if not value.strip():
+            self.refuse(key, "is empty")
+        return str(value)
+
+    def choice(self, key: str, known: Collection[str], default: str | None = None) -> str:
+        """Return one of the known texts."""
+        if default is not None and key not in self._values:
+            return default
+        value = self.text(key)
+        if value not in known:
+            self.refuse(key, f"is {value!r}, which is not known{_nearest(value, known)}")
+        return value
+
+    def flag(self, key: str, *, default: bool) -> bool:
+        """Return true or false."""
+        return bool(self._get(key, bool)) if key in self._values else default
+
+    def number(self, key: str, default: float | None = None, *, positive: bool = False) -> float:
+        """Return a finite number that is not negative; with `positive`, not 0 either."""
+        if default is not None and key not in self._values:
+            return default
+        return self._checked(key, self._get(key, float), positive=positive)
+
+    def numbers(self, key: str, counts: Collection[int], *, positive: bool = False) -> list[float]:
+        """Return a list of finite, not negative numbers, as many as one of `counts`."""
+        values = self._get(key, list)
+        if len(values) not in counts:
+            wanted = " or ".join(str(count) for count in counts)
+            self.refuse(key, f"has {len(values)} numbers, but {wanted} are needed")
+        return [
+            self._checked(f"{key}[{i}]", value, positive=positive) for i, value in enumerate(values)
+        ]
+
+    def raw(self, key: str) -> object:
+        """Return a value as it is, None if it is not there."""
+        return self._values.get(key)
+
+    def section(self, key: str, known: Collection[str]) -> "Fields":
+        """Return a mapping inside this one; empty if it is not there."""
+        return Fields(self._place, self._values.get(key), known, f"{self._path}{key}.")
+
+    def _get(self, key: str, kind: type) -> Any:
+        if key not in self._values:
+            self.refuse(key, "is missing")
+        value = self._values[key]
+        self._check_kind(key, value, kind)
+        return value
+
+    def _check_kind(self, key: str, value: object, kind: type) -> None:
+        kinds = (int, float) if kind is float else (kind,)
+        if not isinstance(value, kinds) or (isinstance(value, bool) and kind is not bool):
+            self.refuse(key, f"is {value!r}, but {_KINDS[kind]} is needed")
+
+    def _checked(self, key: str, value: object, *, positive: bool) -> float:
+        self._check_kind(key, value, float)
+        number = float(value)  # type: ignore[arg-type]  # just checked
+        if not math.isfinite(number):
+            self.refuse(key, f"is {number}, but a finite number is needed")
+        if number < 0.0 or (positive and number == 0.0):
+            self.refuse(key, f"is {number:g}, but must be {'positive' if positive else '>= 0'}")
+        return number
+
+
+def _mapping(place: str, values: object, path: str) -> dict[Any, Any]:
+    """Return `values` if it is a mapping."""
+    if isinstance(values, dict):
+        return values
+    subject = f" {path.rstrip('.')}" if path else ""
+    found = _KINDS.get(type(values), type(values).__name__)
+    raise CatalogueError(f"{place}:{subject} is {found}, but a mapping is needed")
+
+
+def _nearest(word: str, known: Collection[str]) -> str:
+    """Name the nearest known word, or all of them if none is near."""
+    near = get_close_matches(word, known, n=1)
+    if near:
+        return f"; did you mean {near[0]!r}?"
+    return f"; known are {', '.join(known)}"
+
+
 SHIPPED_CATALOGUE: Final = Path(__file__).parent / "data" / "catalogue.yaml"
 
 _LARGEST_M = 100.0
+_HEXADECIMAL = frozenset("0123456789abcdefABCDEF")
 _METRES: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 _AXES = ("x", "y", "z", "-x", "-y", "-z")
 _CLASS_KEYS = ("shape", "colour", "forever", "motion", "behaviours", "rewards", "features")
@@ -200,7 +325,7 @@ def _colour(given: Fields) -> tuple[float, float, float, float]:
     raw = given.raw("colour")
     if isinstance(raw, str):
         digits = raw.removeprefix("#")
-        if not raw.startswith("#") or len(digits) not in {6, 8} or not _is_hexadecimal(digits):
+        if not raw.startswith("#") or len(digits) not in {6, 8} or not set(digits) <= _HEXADECIMAL:
             given.refuse("colour", f"is {raw!r}, but '#rrggbb' or '#rrggbbaa' is needed")
         values = [byte / 255.0 for byte in bytes.fromhex(digits)]
     else:
@@ -209,10 +334,6 @@ def _colour(given: Fields) -> tuple[float, float, float, float]:
             given.refuse("colour", f"is {raw!r}, but each number must be in [0, 1]")
     red, green, blue, alpha = [*values, 1.0][:4]
     return (red, green, blue, alpha)
-
-
-def _is_hexadecimal(digits: str) -> bool:
-    return all(digit in "0123456789abcdefABCDEF" for digit in digits)
 
 
 def _check_labels(path: Path, rows: Sequence[CatalogueRow]) -> None:

@@ -1,13 +1,32 @@
 """Departures: the two readings of the paper's leaving rate mu (section 3.2), and ends of lives."""
 
+from abc import ABC, abstractmethod
 from bisect import bisect_left, insort
-from typing import NamedTuple, Protocol
+from enum import Enum
+from typing import NamedTuple
 
 from are_ros.artefacts.arrivals import ArrivalProcess, due_ns
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import ParameterError
 from are_ros.parameters.choices import Departures
+
+
+class Cause(Enum):
+    """Why an artefact departed or was blocked."""
+
+    LIFE_OVER = "life_over"
+    DISPLACED = "displaced"
+    REMOVED = "removed"
+    ROBOT_CONTACT = "robot_contact"
+    CLOCK_JUMPED_BACK = "clock_jumped_back"
+    CLOCK_LEAPT = "clock_leapt"
+    RECORDING_GAP = "recording_gap"
+    MAX_ALIVE = "max_alive"
+    NO_PLACE = "no_place"
+    REFUSED = "refused"
+    NO_HIDDEN_PLACE = "no_hidden_place"
+    """There is a place, but a camera sees each (population.appear: out_of_view)."""
 
 
 class Departure(NamedTuple):
@@ -17,45 +36,65 @@ class Departure(NamedTuple):
     artefact_id: int
 
 
-class DepartureLaw(Protocol):
-    """Who leaves, and when; times are integer nanoseconds, ids those of living artefacts."""
+class DepartureLaw(ABC):
+    """Which artefact departs next, and when; times are integer nanoseconds."""
 
+    def __init__(self, seed: int, mean_life_s: float) -> None:
+        self._seed = seed
+        self._rate_per_s = leaving_rate_per_s(mean_life_s)
+
+    @abstractmethod
     def arrived(self, artefact_id: int, now_ns: int) -> None:
-        """Let a life begin at `now_ns`; ids are never reused."""
+        """Begin a life at `now_ns`; ids are never reused."""
 
+    @abstractmethod
     def removed(self, artefact_id: int, now_ns: int) -> None:
         """Censor a life: the artefact goes for another reason. Unknown ids are ignored."""
 
+    @abstractmethod
     def set_mean_life(self, mean_life_s: float, now_ns: int) -> None:
-        """Let the mean 1/mu hold from `now_ns` on, also for what is left of present lives."""
+        """Set the mean 1/mu from `now_ns` on, also for the rest of present lives."""
 
+    @abstractmethod
     def next(self) -> Departure | None:
         """Return the next departure as it stands now, None if there is none."""
 
     def pop(self) -> Departure:
         """Take the next departure; `ParameterError` if there is none."""
+        departure = self.next()
+        if departure is None:
+            raise ParameterError("no artefact is due to leave")
+        self._taken()
+        self.removed(departure.artefact_id, departure.time_ns)
+        return departure
 
-    def departure_of(self, artefact_id: int) -> int | None:
+    def _taken(self) -> None:  # noqa: B027 - only a law with a process of its own has to do anything
+        """Go on to the departure after the one that is being taken."""
+
+    def departure_of(self, artefact_id: int) -> int | None:  # noqa: ARG002 - some laws use it
         """Return when this artefact leaves [ns], None if that is not known in advance."""
+        return None
 
-    def check(self, members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:
+    def check(self, members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:  # noqa: B027 - a law that is always stationary accepts everything
         """Refuse (`ParameterError`) what would let the number of artefacts grow for ever."""
 
+    @abstractmethod
     def restart(self, now_ns: int) -> None:
         """Forget all lives and go on at `now_ns`, earlier or later."""
 
-    def reseed(self, seed: int, now_ns: int) -> None:
+    def reseed(self, seed: int, now_ns: int) -> None:  # noqa: ARG002 - some laws use it
         """Draw from another seed from `now_ns` on; lives already drawn stay."""
+        self._seed = seed
 
 
 def departure_law(kind: Departures, seed: int, mean_life_s: float) -> DepartureLaw:
-    """Return the law of `population.departures` with nobody alive."""
+    """Return the law of `population.departures`, without artefacts."""
     if kind is Departures.INDEPENDENT:
         return IndependentLives(seed, mean_life_s)
     return ConstantRateDepartures(seed, mean_life_s)
 
 
-class IndependentLives:
+class IndependentLives(DepartureLaw):
     """Every life is exponential on its own: death rate i*mu, stationary law Poisson(lambda/mu).
 
     The life of artefact a ends when mu, integrated since its arrival, reaches the first draw of
@@ -63,8 +102,7 @@ class IndependentLives:
     """
 
     def __init__(self, seed: int, mean_life_s: float) -> None:
-        self._seed = seed
-        self._rate_per_s = leaving_rate_per_s(mean_life_s)
+        super().__init__(seed, mean_life_s)
         self._lives: dict[int, tuple[int, float]] = {}
         self._departure_ns: dict[int, int] = {}
         self._queue: list[Departure] = []
@@ -99,28 +137,15 @@ class IndependentLives:
         """Return the earliest end of a life, of two at once the lower id."""
         return self._queue[0] if self._queue else None
 
-    def pop(self) -> Departure:
-        """Take the earliest end of a life."""
-        departure = _present(self.next())
-        self.removed(departure.artefact_id, departure.time_ns)
-        return departure
-
     def departure_of(self, artefact_id: int) -> int | None:
         """Return the end of a life [ns], which only another mean life changes."""
         return self._departure_ns.get(artefact_id)
-
-    def check(self, members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:
-        """Accept everything: independent lives are always stationary."""
 
     def restart(self, now_ns: int) -> None:  # noqa: ARG002 - the law's interface
         """Forget all lives."""
         self._lives.clear()
         self._departure_ns.clear()
         self._queue.clear()
-
-    def reseed(self, seed: int, now_ns: int) -> None:  # noqa: ARG002 - the law's interface
-        """Draw later lives from another seed."""
-        self._seed = seed
 
     def _schedule(self, artefact_id: int, start_ns: int, hazard: float) -> None:
         self._lives[artefact_id] = (start_ns, hazard)
@@ -130,7 +155,7 @@ class IndependentLives:
             insort(self._queue, Departure(departure_ns, artefact_id))
 
 
-class ConstantRateDepartures:
+class ConstantRateDepartures(DepartureLaw):
     """The paper's transition matrix: one leaves at rate mu while anyone lives (geometric law).
 
     The j-th departure has the unit exponential E_j, the first draw of
@@ -139,22 +164,21 @@ class ConstantRateDepartures:
     """
 
     def __init__(self, seed: int, mean_life_s: float, now_ns: int = 0) -> None:
-        self._seed = seed
-        self._rate_per_s = leaving_rate_per_s(mean_life_s)
+        super().__init__(seed, mean_life_s)
         self._process = ArrivalProcess(seed, Purpose.DEPARTURE, rate_per_s=0.0, now_ns=now_ns)
         self._mark = (-1, 0.0)
         self._alive: list[int] = []
         self._someone_since_ns = now_ns
 
     def arrived(self, artefact_id: int, now_ns: int) -> None:
-        """Count the artefact among those who may leave."""
+        """Add the artefact to those that can depart."""
         if not self._alive:
             self._someone_since_ns = now_ns
         insort(self._alive, artefact_id)
         self._process.set_rate(self._rate_per_s, now_ns)
 
     def removed(self, artefact_id: int, now_ns: int) -> None:
-        """Take the artefact from those who may leave; with the last one the clock stands."""
+        """Remove the artefact from those that can depart; without any the process stops."""
         place = bisect_left(self._alive, artefact_id)
         if self._alive[place : place + 1] == [artefact_id]:
             del self._alive[place]
@@ -168,23 +192,12 @@ class ConstantRateDepartures:
             self._process.set_rate(self._rate_per_s, now_ns)
 
     def next(self) -> Departure | None:
-        """Return the next departure if nobody comes or goes before."""
+        """Return the next departure if no artefact arrives or departs before."""
         time_ns = self._process.next_ns() if self._alive else None
         if time_ns is None:
             return None
         leaver = self._alive[int(self._uniform() * len(self._alive))]
         return Departure(max(time_ns, self._someone_since_ns), leaver)
-
-    def pop(self) -> Departure:
-        """Take the next departure."""
-        departure = _present(self.next())
-        self._process.pop()
-        self.removed(departure.artefact_id, departure.time_ns)
-        return departure
-
-    def departure_of(self, artefact_id: int) -> int | None:  # noqa: ARG002 - the law's interface
-        """Return None: who leaves is only drawn at that instant."""
-        return None
 
     def check(self, members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:
         """Refuse as many arrivals as departures where nothing bounds the number alive."""
@@ -204,6 +217,9 @@ class ConstantRateDepartures:
         self._process = ArrivalProcess(
             seed, Purpose.DEPARTURE, rate_per_s=rate_per_s, now_ns=now_ns
         )
+
+    def _taken(self) -> None:
+        self._process.pop()
 
     def _uniform(self) -> float:
         index = self._process.index
@@ -241,16 +257,10 @@ def check_stationary(members_per_s: float, mean_life_s: float, max_alive: int | 
         raise ParameterError(msg)
 
 
-def _present(departure: Departure | None) -> Departure:
-    if departure is None:
-        raise ParameterError("nobody is due to leave")
-    return departure
-
-
 class Lifetimes:
-    """The ends of the lives of all who live, in the order of time; instants are nanoseconds.
+    """The ends of all present lives, in the order of time; instants are nanoseconds.
 
-    Who has an end of its own, or none at all, takes no part in the `law`.
+    An artefact with a given end, or without one, is not subject to the `law`.
     """
 
     def __init__(self, law: DepartureLaw) -> None:
@@ -261,7 +271,7 @@ class Lifetimes:
     def begin(
         self, artefact_id: int, now_ns: int, end_ns: int | None = None, *, is_for_ever: bool = False
     ) -> int | None:
-        """Let a life begin, and return its end where it is known; one not given is drawn."""
+        """Begin a life, and return its end where it is known; the law draws one not given."""
         if end_ns is not None:
             insort(self._given, Departure(end_ns, artefact_id))
         if end_ns is not None or is_for_ever:
@@ -291,11 +301,11 @@ class Lifetimes:
             self.law.pop()
 
     def is_by_law(self, artefact_id: int) -> bool:
-        """Say whether it is the law that ends this life."""
+        """Return whether the law ends this life."""
         return artefact_id not in self._outside_the_law
 
     def postpone(self, by_ns: int) -> list[Departure]:
-        """Let the ends that were given come so much later; return them."""
+        """Move the given ends later; return them."""
         self._given = [Departure(end.time_ns + by_ns, end.artefact_id) for end in self._given]
         return self._given
 

@@ -1,4 +1,4 @@
-"""Exits: where artefacts go whose life is over (section 3.2)."""
+"""Exits: where artefacts leave at the end of their lives (section 3.2)."""
 
 import math
 from collections.abc import Sequence
@@ -11,9 +11,9 @@ from are_ros.world.environment import Environment
 from are_ros.world.zones import Zone, Zones, polygon_mask
 
 PERSON_WIDTH_M: Final = 0.6
-"""What is narrower lets nobody through."""
+"""Narrower openings are not passable."""
 _REACH_M: Final = 1.0
-"""How far inside of an opening somebody stops who leaves by it."""
+"""How far inside of an opening the exit point is."""
 _APART_M: Final = 1.5
 """A wide opening has a point for each part that is farther than this from those before: many can
 leave by it side by side."""
@@ -33,7 +33,7 @@ def exits_of(
     zones: Zones,
     width_m: float = PERSON_WIDTH_M,
 ) -> npt.NDArray[np.float64]:
-    """Return points to walk to, to be gone there: float64 (E, 2), map frame; E may be 0.
+    """Return the exit points: float64 (E, 2), map frame; E may be 0.
 
     Where `zones` has ways out (exits, else entrances) these are their middles, each moved to the
     nearest point in it where a disc of `width_m` stands free: on `region` (bool, height x width),

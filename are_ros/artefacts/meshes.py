@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts._solids import Colour
 from are_ros.artefacts.catalogue import CatalogueRow, MeshFile
-from are_ros.artefacts.shapes import Shape, build_shape
+from are_ros.artefacts.shapes import Colour, Shape, build_shape
 from are_ros.errors import CatalogueError
 
 if TYPE_CHECKING:

@@ -34,12 +34,10 @@ class TruncatedPoissonMixture:
         _check(weights, rates, rows)
         self._weights: Numbers = np.array(weights, dtype=np.float64) / math.fsum(weights)
         self._rates: Numbers = np.array(rates, dtype=np.float64)
-        log_components = np.array([_log_masses(rate, rows) for rate in rates])
-        self._components: Numbers = np.exp(log_components)
+        self._components: Numbers = np.exp([_log_masses(rate, rows) for rate in rates])
         kept = self._components.sum(axis=1)
         _check_kept(rates, kept, rows)
         self._components /= kept[:, np.newaxis]
-        self._log_components = log_components - np.log(kept)[:, np.newaxis]
         self._probabilities: Numbers = self._weights @ self._components
         self._cumulative = np.cumsum(self._probabilities)
         for array in (self._weights, self._rates, self._components, self._probabilities):
@@ -62,14 +60,6 @@ class TruncatedPoissonMixture:
     def probabilities(self) -> Numbers:
         """Return Pr(X = k) for every row, float64 (rows,), read-only."""
         return self._probabilities
-
-    def log_probability(self, k: int) -> float:
-        """Return log Pr(X = k), exact also where the probability underflows; outside, -inf."""
-        if not 0 <= k < len(self._probabilities):
-            return -math.inf
-        used = self._weights > 0.0
-        terms = np.log(self._weights[used]) + self._log_components[used, k]
-        return float(np.logaddexp.reduce(terms))
 
     def sample(self, generator: np.random.Generator) -> int:
         """Draw a row by inversion, with exactly one uniform number of the generator."""

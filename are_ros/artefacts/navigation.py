@@ -26,7 +26,7 @@ from are_ros.artefacts.mdp import TravelModel
 from are_ros.artefacts.motion.order import Order
 from are_ros.artefacts.neighbourhood import Neighbourhood, nearest_of
 from are_ros.artefacts.onlookers import Onlookers
-from are_ros.artefacts.places import Places
+from are_ros.artefacts.places import Destinations
 from are_ros.artefacts.reach import Reach
 from are_ros.artefacts.terrain import Terrain, Terrains
 from are_ros.artefacts.traveller import Traveller
@@ -42,7 +42,7 @@ _MOST_POINTS = 128
 
 _NO_ENVIRONMENT = "nobody finds a way before there is an environment"
 _NO_WAY = np.empty((0, 2))
-_NOWHERE = Places(np.empty((0, 2)), np.empty((0, 2)))
+_NOWHERE = Destinations(np.empty((0, 2)), np.empty((0, 2)))
 
 
 class Wish(NamedTuple):
@@ -102,7 +102,7 @@ class Navigation:
         self._coarse_maps = CoarseMaps(settings.cell_size)
         self._tables = ValueTables(epochs)
 
-    def enter(self, environment: Environment, places: Places) -> None:
+    def enter(self, environment: Environment, places: Destinations) -> None:
         """Go on in another environment, or with other places in it."""
         if environment is not self._environment:
             self._tables.clear()
@@ -113,7 +113,7 @@ class Navigation:
         self._environment, self.places = environment, places
         self._reach = Reach(places)
 
-    def places_from(self, traveller: Traveller, point_m: Point) -> Places:
+    def places_from(self, traveller: Traveller, point_m: Point) -> Destinations:
         """Return the places that a type can get to from a point; all, where it is shut in."""
         if self._environment is None:
             return self.places

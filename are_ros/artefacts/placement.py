@@ -9,14 +9,8 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts._candidates import (
-    CandidateCells,
-    needed_cells,
-    poses_in_cells,
-    spine_of,
-    spines_are_clear,
-)
-from are_ros.artefacts._leeway import Leeway, leeway_of
+from are_ros._compiled import compiled
+from are_ros.artefacts._departure_constraint import DepartureConstraint, departure_constraint_of
 from are_ros.artefacts.artefact import GroundPose, shape_of
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.terrain import Terrains
@@ -26,6 +20,156 @@ from are_ros.world.lattice_cover import lattice_row
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.oriented_boxes import OrientedBoxes, overlaps_any
 from are_ros.world.region import SpawnRegion
+
+_LEVELS_PER_CELL: Final = 4
+_HIGHEST_LEVEL: Final = 2**16 - 1
+_SLACK_CELLS: Final = math.sqrt(0.5) - 0.5 + 1e-3
+"""A disc about any point of a cell, clear of all squares that are not free, may be wider by this
+than the clearance between the cells' centres: half a diagonal less half an edge, and rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateCells:
+    """Cells in descending order of clearance: those with room for a disc are a prefix.
+
+    `flat` is int32 (N,), row * width + col. `depths` is uint16 (N,), ascending: how many quarters
+    of a cell the clearance, rounded down, falls short of the highest that is told apart.
+    `cumulative` is None or float64 (N,), the running sum of the cells' weights.
+    """
+
+    flat: npt.NDArray[np.int32]
+    depths: npt.NDArray[np.uint16]
+    cumulative: npt.NDArray[np.float64] | None
+
+    @classmethod
+    def ordered(
+        cls,
+        flat: npt.NDArray[np.int32],
+        clearance_cells: npt.NDArray[np.float32],
+        weights: npt.NDArray[np.float64] | None,
+    ) -> "CandidateCells":
+        """Order cells (N,) with their clearance in cells (N,) and their weights (N,)."""
+        depths = _depths(clearance_cells)
+        order = _order(depths)
+        cumulative = None if weights is None else np.cumsum(weights[order])
+        return cls(flat[order], depths[order], cumulative)
+
+    def with_room(self, radius_cells: float) -> "CandidateCells":
+        """Keep the cells that hold a point about which a disc may be clear (a superset)."""
+        level = math.floor(needed_cells(radius_cells) * _LEVELS_PER_CELL)
+        depth = np.uint16(min(max(_HIGHEST_LEVEL - level, 0), _HIGHEST_LEVEL))
+        count = int(np.searchsorted(self.depths, depth, side="right"))
+        cumulative = None if self.cumulative is None else self.cumulative[:count]
+        return CandidateCells(self.flat[:count], self.depths[:count], cumulative)
+
+    def draw(self, uniforms: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+        """Return the cells (n,) that uniform numbers (n,) in [0, 1) choose by weight."""
+        if self.cumulative is None:
+            chosen = (uniforms * len(self.flat)).astype(np.int64)
+        else:
+            quantile = uniforms * self.cumulative[-1]
+            chosen = np.searchsorted(self.cumulative, quantile, side="right")
+        return self.flat[np.minimum(chosen, len(self.flat) - 1)].astype(np.int64)
+
+
+@compiled
+def _depths(clearance_cells: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
+    depths = np.empty(len(clearance_cells), np.uint16)
+    for index, clearance in enumerate(clearance_cells):
+        depths[index] = _HIGHEST_LEVEL - int(min(clearance * _LEVELS_PER_CELL, _HIGHEST_LEVEL))
+    return depths
+
+
+@compiled
+def _order(depths: npt.NDArray[np.uint16]) -> npt.NDArray[np.int32]:
+    """Return the stable ascending order, by counting."""
+    places = np.zeros(_HIGHEST_LEVEL + 2, np.int64)
+    for depth in depths:
+        places[depth + 1] += 1
+    places = np.cumsum(places)
+    order = np.empty(len(depths), np.int32)
+    for index, depth in enumerate(depths):
+        order[places[depth]] = index
+        places[depth] += 1
+    return order
+
+
+@compiled
+def poses_in_cells(
+    flat: npt.NDArray[np.int64],
+    width: int,
+    uniforms: npt.NDArray[np.float64],
+    lattice: npt.NDArray[np.float64],
+) -> npt.NDArray[np.float64]:
+    """Return poses (n, 4), x, y, 0, yaw in the map frame, anywhere in the cells (n,), row * width.
+
+    The columns of `uniforms` (n, 4), in [0, 1), after the first say where in a cell, along its
+    rows and columns, and the heading; `lattice` is the grid's row of `lattice_cover`.
+    """
+    x_m, y_m, cos, sin, cell_m, _ = lattice
+    poses = np.zeros((len(flat), 4))
+    for k in range(len(flat)):
+        along_y_m = (flat[k] // width + uniforms[k, 1]) * cell_m
+        along_x_m = (flat[k] % width + uniforms[k, 2]) * cell_m
+        poses[k, 0] = x_m + along_x_m * cos - along_y_m * sin
+        poses[k, 1] = y_m + along_x_m * sin + along_y_m * cos
+        poses[k, 3] = (2.0 * uniforms[k, 3] - 1.0) * np.pi
+    return poses
+
+
+@compiled
+def spines_are_clear(
+    flat: npt.NDArray[np.int32],
+    clearance_cells: npt.NDArray[np.float32],
+    spine: npt.NDArray[np.float64],
+    turns: npt.NDArray[np.float64],
+    needed_cells: float,
+) -> npt.NDArray[np.int64]:
+    """Return the lattice poses where a box may be clear, as cell * headings + heading.
+
+    A box at the centre of a cell, turned by one of `turns` (H, 2) (cos, sin), is filled by discs
+    about the points `spine` (K, 2) [cells]; each needs the clearance. A necessary condition.
+    """
+    height, width = clearance_cells.shape
+    headings = len(turns)
+    found = np.empty(len(flat) * headings, np.int64)
+    count = 0
+    for cell in flat.astype(np.int64):
+        row, col = cell // width, cell % width
+        for heading in range(headings):
+            c, s = turns[heading]
+            clear = True
+            for x, y in spine:
+                i = int(np.floor(row + 0.5 + s * x + c * y))
+                j = int(np.floor(col + 0.5 + c * x - s * y))
+                inside = 0 <= i < height and 0 <= j < width
+                clear = (clearance_cells[i, j] if inside else 0.0) >= needed_cells
+                if not clear:
+                    break
+            if clear:
+                found[count] = cell * headings + heading
+                count += 1
+    return found[:count]
+
+
+def spine_of(
+    half_length: float, half_width: float, offset: tuple[float, float]
+) -> tuple[npt.NDArray[np.float64], float]:
+    """Return points (K, 2) on a box's long axis, the ends first, and the radius of their discs.
+
+    The discs lie in the box; `offset` is its centre, all lengths are in one unit.
+    """
+    radius = min(half_length, half_width)
+    reach = max(half_length, half_width) - radius
+    along = reach * np.array([-1.0, 1.0, 0.0, -0.5, 0.5] if reach > 0.0 else [0.0])
+    zeros = np.zeros_like(along)
+    points = (along, zeros) if half_length >= half_width else (zeros, along)
+    return np.column_stack(points) + offset, radius
+
+
+def needed_cells(radius_cells: float) -> float:
+    """Return the least clearance between centres that leaves room for a disc (a lower bound)."""
+    return radius_cells - _SLACK_CELLS
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +184,8 @@ class KeepOut:
 
 
 @dataclass(frozen=True, eq=False)
-class Surroundings:
-    """What moves: the boxes of the other artefacts, and what they keep away from.
+class PlacementConstraints:
+    """The boxes of the other artefacts, and the shapes to keep away from.
 
     `allowed` may refuse more: it tells for N boxes which may stand there, bool (N,).
     """
@@ -51,7 +195,7 @@ class Surroundings:
     allowed: Callable[[OrientedBoxes], npt.NDArray[np.bool_]] | None = None
 
     def leave_room_for(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
-        """Tell which boxes are clear of all that, each on its own: bool (N,)."""
+        """Tell which boxes meet all constraints, each on its own: bool (N,)."""
         clear = self.are_clear(boxes)
         clear[clear] = self.are_allowed(boxes.take(clear))
         return clear
@@ -126,34 +270,34 @@ class PoseLattice:
 
 
 @dataclass(frozen=True, eq=False)
-class Sought:
-    """What a pose is sought for: a row, what is about it, a disc to be in, room to set out.
+class PlacementQuery:
+    """What a pose is drawn for: a row, the constraints, an optional disc, and how it departs.
 
-    Without a `leeway` the artefact need not be able to set out from there.
+    Without a `departure` the artefact need not be able to set out from there.
     """
 
     row: CatalogueRow
-    around: Surroundings
+    around: PlacementConstraints
     within: Disc | None
-    leeway: Leeway | None
+    departure: DepartureConstraint | None
 
     @property
     def key(self) -> tuple[float, ...]:
         """What decides, of all this, where the static map has room."""
-        row, leeway = self.row, self.leeway
+        row, departure = self.row, self.departure
         shape = (*row.size_m, *row.box_centre_in_artefact_m[:2])
-        return shape if leeway is None else shape + leeway.key
+        return shape if departure is None else shape + departure.key
 
     @property
     def radius_m(self) -> float:
-        """Radius of a disc about F_A that is clear of walls in every pose sought."""
-        return _inscribed_radius_m(self.row) if self.leeway is None else self.leeway.radius_m
+        """Radius of a disc about F_A that is clear of walls in every such pose."""
+        return _inscribed_radius_m(self.row) if self.departure is None else self.departure.radius_m
 
     def leading_out(
         self, poses: npt.NDArray[np.float64], which: npt.NDArray[np.int64]
     ) -> npt.NDArray[np.int64]:
         """Return those indices, of some, of poses (N, 4), x, y, 0, yaw, that lead out."""
-        return which if self.leeway is None else which[self.leeway.leads_out(poses[which])]
+        return which if self.departure is None else which[self.departure.leads_out(poses[which])]
 
 
 def _inscribed_radius_m(row: CatalogueRow) -> float:
@@ -188,14 +332,13 @@ class Placer:
     """Draws poses in one environment and one spawn region of it.
 
     A pose is feasible if F_A's point on the ground lies in the region, the box covers free cells
-    only and hits no wall, and the surroundings leave room for it. Poses are uniform over the
+    only and hits no wall, and the constraints leave room for it. Poses are uniform over the
     feasible ones (position continuous, heading in [-pi, pi)), or by the region's weights.
 
-    What turns on the spot could hardly leave a place where the disc that it sweeps meets a closed
-    cell, and a vehicle none where its first metres do, straight or at full lock, or no way leads
-    on. It is placed, by the same law, among the feasible poses from which it can set out
-    (`Leeway`); only if what is said below finds none of these, for vehicles without the lattice,
-    among all feasible ones.
+    A body that rotates in place cannot leave a pose where the disc that it sweeps meets a closed
+    cell; a vehicle cannot leave one without a free first arc, or without free space beyond. Such
+    artefacts are placed, by the same law, among the feasible poses that meet their
+    `DepartureConstraint`; only if none is found, among all feasible poses.
 
     Poses are drawn until one is feasible, some thousands at most. Then a lattice decides: the
     centres of cells times `HEADINGS` headings. (Where more than 2**17 cells have room, it takes
@@ -215,14 +358,14 @@ class Placer:
         self._lattice = lattice_row(environment.grid.origin, resolution_m, resolution_m)
         self._poses = PoseLattice(environment.grid)
         self._static: dict[tuple[float, ...], _Static] = {}
-        self._leeways: dict[CatalogueRow, Leeway | None] = {}
+        self._departures: dict[CatalogueRow, DepartureConstraint | None] = {}
         self._roomy: dict[float, CandidateCells] = {}
 
     def place(
         self,
         row: CatalogueRow,
         generator: np.random.Generator,
-        surroundings: Surroundings | None = None,
+        constraints: PlacementConstraints | None = None,
         within: Disc | None = None,
     ) -> GroundPose | None:
         """Draw a feasible pose for an artefact of this row, None if the lattice holds none.
@@ -230,40 +373,44 @@ class Placer:
         `within` restricts its point on the ground. All draws come from `generator`; how many
         depends on nothing but this artefact's own attempts.
         """
-        around = surroundings or Surroundings()
-        sought = Sought(row, around, within, None)
-        static = self._static.get(sought.key)
+        around = constraints or PlacementConstraints()
+        query = PlacementQuery(row, around, within, None)
+        static = self._static.get(query.key)
         if static is not None and not static.size:
             return None
         cells = self._cells if within is None else self._cells_near(within)
-        leeway = self._leeway_of(row)
+        departure = self._departure_of(row)
         pose = None
-        if leeway is not None:
-            pose = self._found(Sought(row, around, within, leeway), cells, generator)
-        return pose or self._found(sought, cells, generator)
+        if departure is not None:
+            pose = self._found(PlacementQuery(row, around, within, departure), cells, generator)
+        return pose or self._found(query, cells, generator)
 
-    def _leeway_of(self, row: CatalogueRow) -> Leeway | None:
+    def _departure_of(self, row: CatalogueRow) -> DepartureConstraint | None:
         """Return what a row's artefacts need to set out; None too where the map has it nowhere."""
-        if row not in self._leeways:
-            leeway = leeway_of(row, self._environment, self._terrains, self._region.mask)
-            self._leeways[row] = leeway if leeway and leeway.is_anywhere else None
-        return self._leeways[row]
+        if row not in self._departures:
+            departure = departure_constraint_of(
+                row, self._environment, self._terrains, self._region.mask
+            )
+            self._departures[row] = departure if departure and departure.is_anywhere else None
+        return self._departures[row]
 
     def _found(
-        self, sought: Sought, cells: CandidateCells, generator: np.random.Generator
+        self, query: PlacementQuery, cells: CandidateCells, generator: np.random.Generator
     ) -> GroundPose | None:
         """Draw some thousands of poses, then search the lattice, unless that would take long."""
-        cells = self._with_room(cells, sought.radius_m)
+        cells = self._with_room(cells, query.radius_m)
         if not cells.flat.size:
             return None
         for size in _BATCHES:
-            poses = self._drawn(cells, generator.random((size, 4)))
+            uniforms = generator.random((size, 4))
+            flat = cells.draw(uniforms[:, 0])
+            poses = poses_in_cells(flat, self._grid.width, uniforms, self._lattice)
             for piece in (poses[:_FEW], poses[_FEW:]):
-                found = self._first_feasible(sought, piece)
+                found = self._first_feasible(query, piece)
                 if found is not None:
                     return found
-        is_searched = sought.leeway is None or sought.leeway.is_searched_for
-        return self._searched(sought, cells, generator) if is_searched else None
+        is_searched = query.departure is None or query.departure.is_searched_for
+        return self._searched(query, cells, generator) if is_searched else None
 
     def _with_room(self, cells: CandidateCells, radius_m: float) -> CandidateCells:
         """Return the cells that may have room for a disc; of all cells, once for each radius."""
@@ -274,39 +421,28 @@ class Placer:
                 self._roomy[radius_m] = known
         return known
 
-    def _drawn(self, cells: CandidateCells, uniforms: _Floats) -> _Floats:
-        """Return poses (N, 4), x, y, 0, yaw in the map frame, from uniform numbers (N, 4)."""
-        flat = cells.draw(uniforms[:, 0])
-        return poses_in_cells(flat, self._grid.width, uniforms, self._lattice)
-
-    def _first_feasible(self, sought: Sought, poses: _Floats) -> GroundPose | None:
+    def _first_feasible(self, query: PlacementQuery, poses: _Floats) -> GroundPose | None:
         """Return the first feasible one of poses (N, 4), None if none is.
 
         What moves is asked about few at once: mostly the first that the map allows is free.
         """
-        if sought.leeway is not None:
-            poses = poses[sought.leeway.is_free_at(poses)]
-        boxes, heights_m = self._standing(sought.row, poses)
-        allowed = self._allowed_by_map(sought, boxes, poses)
+        if query.departure is not None:
+            poses = poses[query.departure.is_free_at(poses)]
+        boxes, heights_m = self._standing(query.row, poses)
+        is_allowed = self._environment.is_placeable(boxes)
+        if query.within is not None:
+            is_allowed &= query.within.contains(poses)
+        allowed = np.flatnonzero(is_allowed)
         start, size = 0, 1
         while start < allowed.size:
             piece = allowed[start : start + size]
-            piece = piece[sought.around.leave_room_for(boxes.take(piece))]
-            free = sought.leading_out(poses, piece)  # last, as it takes the most time
+            piece = piece[query.around.leave_room_for(boxes.take(piece))]
+            free = query.leading_out(poses, piece)  # last, as it takes the most time
             if free.size:
                 first = free[0]
                 return _ground_pose(poses[first], heights_m[first])
             start, size = start + size, 4 * size
         return None
-
-    def _allowed_by_map(
-        self, sought: Sought, boxes: OrientedBoxes, poses: _Floats
-    ) -> npt.NDArray[np.int64]:
-        """Return the indices of the poses that the map, and the disc to be in, leave."""
-        allowed = self._environment.is_placeable(boxes)
-        if sought.within is not None:
-            allowed &= sought.within.contains(poses)
-        return np.flatnonzero(allowed)
 
     def _standing(self, row: CatalogueRow, poses: _Floats) -> tuple[OrientedBoxes, _Floats]:
         """Return the boxes at poses (N, 4), x, y, 0, yaw, on the ground, and its heights (N,)."""
@@ -320,13 +456,13 @@ class Placer:
         return OrientedBoxes.standing(ground, shape), heights_m
 
     def _searched(
-        self, sought: Sought, cells: CandidateCells, generator: np.random.Generator
+        self, query: PlacementQuery, cells: CandidateCells, generator: np.random.Generator
     ) -> GroundPose | None:
         """Visit the whole lattice; the feasible pose with the least exponential clock wins."""
         best: tuple[float, _Floats, float] | None = None
-        for piece, is_checked in self._lattice_poses(sought, cells):
+        for piece, is_checked in self._lattice_poses(query, cells):
             poses = self._poses.poses(piece)
-            found, heights_m = self._feasible(sought, poses, is_checked=is_checked)
+            found, heights_m = self._feasible(query, poses, is_checked=is_checked)
             weights = self._weights(piece[found] // HEADINGS)
             clocks = generator.standard_exponential(found.size) / weights
             first = int(np.argmin(clocks)) if found.size else -1
@@ -335,46 +471,46 @@ class Placer:
         return None if best is None else _ground_pose(best[1], best[2])
 
     def _feasible(
-        self, sought: Sought, poses: _Floats, *, is_checked: bool
+        self, query: PlacementQuery, poses: _Floats, *, is_checked: bool
     ) -> tuple[_Poses, _Floats]:
         """Return the indices of the feasible poses, and the ground's height (N,) under all.
 
         The map is asked about those only that the others leave, and not of poses that are checked:
         where the lattice is searched it is crowded.
         """
-        boxes, heights_m = self._standing(sought.row, poses)
-        left = sought.around.are_clear(boxes)
-        if sought.within is not None:
-            left &= sought.within.contains(poses)
+        boxes, heights_m = self._standing(query.row, poses)
+        left = query.around.are_clear(boxes)
+        if query.within is not None:
+            left &= query.within.contains(poses)
         found = np.flatnonzero(left)
         if not is_checked:
             found = found[self._environment.is_placeable(boxes.take(found))]
-        return found[sought.around.are_allowed(boxes.take(found))], heights_m
+        return found[query.around.are_allowed(boxes.take(found))], heights_m
 
     def _lattice_poses(
-        self, sought: Sought, cells: CandidateCells
+        self, query: PlacementQuery, cells: CandidateCells
     ) -> Iterator[tuple[_Poses, bool]]:
         """Yield, in pieces, lattice poses, all that the map allows among them; whether all are."""
-        if sought.within is not None:
-            yield from ((piece, False) for piece in self._scan(sought, cells))
+        if query.within is not None:
+            yield from ((piece, False) for piece in self._scan(query, cells))
             return
-        known = self._static.get(sought.key)
+        known = self._static.get(query.key)
         if known is None:
-            pieces = [np.empty(0, np.int64), *self._scan(sought, cells)]
+            pieces = [np.empty(0, np.int64), *self._scan(query, cells)]
             known = _Static(np.empty(0, np.int64), np.concatenate(pieces))
-        known = self._checked_on(sought, known)
-        self._remember(sought.key, known)
+        known = self._checked_on(query, known)
+        self._remember(query.key, known)
         for poses, is_checked in ((known.allowed, True), (known.unchecked, False)):
             for start in range(0, poses.size, _CHUNK_POSES):
                 yield poses[start : start + _CHUNK_POSES], is_checked
 
-    def _checked_on(self, sought: Sought, known: "_Static") -> "_Static":
+    def _checked_on(self, query: PlacementQuery, known: "_Static") -> "_Static":
         """Return what is known of a footprint's poses once the map is asked about some more.
 
         All at once would take longer than the search itself.
         """
         piece = known.unchecked[:_CHUNK_POSES]
-        boxes, _ = self._standing(sought.row, self._poses.poses(piece))
+        boxes, _ = self._standing(query.row, self._poses.poses(piece))
         allowed = piece[self._environment.is_placeable(boxes)]
         allowed = np.concatenate((known.allowed, allowed))
         return _Static(allowed, known.unchecked[_CHUNK_POSES:])
@@ -385,9 +521,9 @@ class Placer:
             self._static = {none: known for none, known in self._static.items() if not known.size}
         self._static[key] = static
 
-    def _scan(self, sought: Sought, cells: CandidateCells) -> Iterator[_Poses]:
+    def _scan(self, query: PlacementQuery, cells: CandidateCells) -> Iterator[_Poses]:
         """Yield the lattice poses over some cells that the static map may allow."""
-        row, leeway, flat = sought.row, sought.leeway, self._poses.thinned(cells.flat)
+        row, departure, flat = query.row, query.departure, self._poses.thinned(cells.flat)
         resolution_m = self._grid.resolution_m
         half_m = (0.5 * row.size_m[0], 0.5 * row.size_m[1])
         spine_m, radius_m = spine_of(*half_m, row.box_centre_in_artefact_m[:2])
@@ -396,8 +532,8 @@ class Placer:
         least = needed_cells(radius_m / resolution_m)
         for start in range(0, flat.size, _CHUNK_CELLS):
             piece = flat[start : start + _CHUNK_CELLS]
-            if leeway is not None:
-                piece = piece[leeway.is_free_at(self._poses.centres_m(piece))]
+            if departure is not None:
+                piece = piece[departure.is_free_at(self._poses.centres_m(piece))]
             yield spines_are_clear(
                 piece, self._clearance_cells, spine_m / resolution_m, turns, least
             )

@@ -1,4 +1,4 @@
-"""Where artefacts go: open points of a map, well spread, and the ways out of it."""
+"""Destinations of artefacts: open points of a map, well spread, and its exits."""
 
 import math
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ _Field = npt.NDArray[np.floating]
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class Destinations:
     """Points of the map frame [m], read-only: float64 (K, 2) destinations and (E, 2) exits.
 
     Either may be empty.
@@ -38,14 +38,14 @@ class Places:
         self.exits_m.flags.writeable = False
 
 
-def places_in(
+def destinations_in(
     grid: OccupancyGrid,
     region: npt.NDArray[np.bool_],
     clearance_m: npt.NDArray[np.floating],
     *,
     radius_m: float = 0.35,
     exits_m: npt.NDArray[np.float64] | None = None,
-) -> Places:
+) -> Destinations:
     """Return the places of a map for bodies that need `radius_m` about them.
 
     `region` bool and `clearance_m` [m] from what is not free are (height, width). Destinations are
@@ -60,7 +60,7 @@ def places_in(
     count = min(max(math.ceil(area_m2 / AREA_OF_ONE_M2), FEWEST), MOST, len(candidates))
     chosen = candidates[_spread(candidates, room_m, count)]
     exits_m = np.empty((0, 2)) if exits_m is None else exits_m
-    return Places(grid.cells_to_points(chosen), exits_m)
+    return Destinations(grid.cells_to_points(chosen), exits_m)
 
 
 def _block_maxima(

@@ -3,6 +3,8 @@
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
 from itertools import accumulate, islice
 from operator import attrgetter
 from types import MappingProxyType
@@ -12,13 +14,68 @@ import numpy as np
 from are_ros.artefacts.arrivals import RandomSource, RowLaw, checked_rate
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.departures import Departure, DepartureLaw, Lifetimes, leaving_rate_per_s
-from are_ros.artefacts.population_events import Cause, Counts, EventKind, PopulationEvent
+from are_ros.artefacts.departures import (
+    Cause,
+    Departure,
+    DepartureLaw,
+    Lifetimes,
+    leaving_rate_per_s,
+)
 from are_ros.artefacts.randomness import Purpose, generator
-from are_ros.artefacts.scenario import Scenario
-from are_ros.artefacts.scripted import ScriptedOffer, ScriptedSource
+from are_ros.artefacts.scenario import Scenario, ScriptedOffer, ScriptedSource
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError, PlacementError
+
+
+class EventKind(Enum):
+    """What happened to an artefact."""
+
+    ARRIVED = "arrived"
+    DEPARTED = "departed"
+    BLOCKED = "blocked"
+    LEAVING = "leaving"
+    """Its life is over: it walks to an exit, and departs there."""
+
+
+@dataclass(frozen=True, eq=False)
+class PopulationEvent:
+    """One artefact came, went, or could not come, at `time_ns`; an arrival has no cause.
+
+    `reason` says in words why one that was scripted is refused.
+    """
+
+    time_ns: int
+    kind: EventKind
+    artefact_id: int
+    row: CatalogueRow
+    cause: Cause | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Counts:
+    """How many so far: offered = arrived + blocked, alive = arrived - departed.
+
+    `displaced` are those of the departed who had to go for want of a safe pose: censored lives.
+    """
+
+    offered: int = 0
+    arrived: int = 0
+    blocked: int = 0
+    departed: int = 0
+    displaced: int = 0
+
+    def after(self, event: PopulationEvent) -> "Counts":
+        """Return the counts with one more event."""
+        kind = event.kind
+        return Counts(
+            offered=self.offered + (kind in {EventKind.ARRIVED, EventKind.BLOCKED}),
+            arrived=self.arrived + (kind is EventKind.ARRIVED),
+            blocked=self.blocked + (kind is EventKind.BLOCKED),
+            departed=self.departed + (kind is EventKind.DEPARTED),
+            displaced=self.displaced + (event.cause is Cause.DISPLACED),
+        )
+
 
 Place = Callable[
     [int, CatalogueRow, np.random.Generator, tuple[float, float] | None], GroundPose | Cause | None
@@ -30,18 +87,6 @@ None is short for `Cause.NO_PLACE`."""
 
 Admit = Callable[[ScriptedOffer], GroundPose | str]
 """A scripted artefact that is to arrive -> where it stands, or why it cannot stand there."""
-
-
-def _nobody(_: Artefact) -> bool:
-    return False
-
-
-def _nothing(_: Artefact, __: ScriptedOffer | None) -> None:
-    return None
-
-
-def _as_scripted(offer: ScriptedOffer) -> GroundPose | str:
-    return offer.pose
 
 
 class Population:
@@ -63,11 +108,11 @@ class Population:
         *,
         max_alive: int | None = 200,
         history_ns: int = 2 * NS_PER_S,
-        stays_on: Callable[[Artefact], bool] = _nobody,
-        begun: Callable[[Artefact, ScriptedOffer | None], object] = _nothing,
+        stays_on: Callable[[Artefact], bool] = lambda _: False,
+        begun: Callable[[Artefact, ScriptedOffer | None], object] = lambda *_: None,
         scripted: ScriptedSource | None = None,
     ) -> None:
-        """Take the parts; `begun` is told of each artefact as soon as it lives, and its script."""
+        """Take the parts; `begun(artefact, offer)` is called for each arrival."""
         self.scripted = scripted or ScriptedSource(Scenario())
         self.max_alive = max_alive
         self._begun = begun
@@ -87,9 +132,9 @@ class Population:
         return MappingProxyType(self._living)
 
     def start(self, now_ns: int) -> None:
-        """Begin at `now_ns`, or again after the clock jumped: nobody lives; ids and counts go on.
+        """Begin at `now_ns`, or again after a clock jump, without artefacts; ids go on.
 
-        Who was alive is forgotten without an event.
+        Present artefacts are dropped without an event.
         """
         self._living.clear()
         self._departed.clear()
@@ -116,7 +161,7 @@ class Population:
     def set_rates(
         self, arrival_rate: float, area_m2: float, mean_life_s: float, now_ns: int
     ) -> None:
-        """Let lambda [1/(m^2 s)], nu(M2D) [m^2] and 1/mu [s] hold from `now_ns` on.
+        """Set lambda [1/(m^2 s)], nu(M2D) [m^2] and 1/mu [s] from `now_ns` on.
 
         Values that are already in force change nothing, bit for bit. Raises `ParameterError`, and
         changes nothing, where one is out of its domain or the law of departures refuses them.
@@ -133,12 +178,12 @@ class Population:
                 artefact.departure_ns = law.departure_of(artefact.id)
 
     def set_marks(self, rows: Sequence[CatalogueRow], law: RowLaw, mean_group_size: float) -> None:
-        """Let later arrivals be drawn from other rows, by another law, in other groups."""
+        """Set rows, law and mean group size of later arrivals."""
         self._source.set_mean_group_size(mean_group_size)
         self._source.set_rows(rows, law)
 
     def postpone(self, by_ns: int) -> None:
-        """Let the lives that were given end so much later: time stood still for them.
+        """Move the given ends of lives later, after a pause.
 
         Scripted artefacts still to come do so as much later, too.
         """
@@ -156,7 +201,7 @@ class Population:
         )
         return min((t_ns for t_ns in instants if t_ns is not None), default=None)
 
-    def handle_next(self, place: Place, admit: Admit = _as_scripted) -> list[PopulationEvent]:
+    def handle_next(self, place: Place, admit: Admit = attrgetter("pose")) -> list[PopulationEvent]:
         """Process the next event: one departure, a scripted arrival, or the arrival of one group.
 
         In this order at one instant. `place` finds a pose for each member in turn; those before it
@@ -172,7 +217,7 @@ class Population:
         return self._arrive(place)
 
     def remove(self, artefact_id: int, now_ns: int, cause: Cause) -> PopulationEvent:
-        """Let an artefact depart at `now_ns`; `InputError` if none of this id lives.
+        """Remove an artefact at `now_ns`; `InputError` if the id is unknown.
 
         It stays known to `present_at` for the history's length.
         """
@@ -197,7 +242,7 @@ class Population:
         life_ns: int | None = None,
         behaviour: str = "",
     ) -> PopulationEvent:
-        """Let a scripted or requested artefact live at a pose that the caller found free.
+        """Add a scripted or requested artefact at a pose that the caller found free.
 
         A given life [ns] ends on its own; None draws one by the law of departures, or for a row
         that lives for ever gives no end. A behaviour that is not given is drawn from the row's.
@@ -213,7 +258,7 @@ class Population:
         return self._begin(artefact_id, row, pose, now_ns, origin, end_ns, behaviour)
 
     def present_at(self, t_ns: int) -> list[Artefact]:
-        """Return who was there at `t_ns` (arrival <= t < departure), in the order of their ids.
+        """Return the artefacts present at `t_ns` (arrival <= t < departure), by id.
 
         Complete as far back as the history reaches before the last departure.
         """
@@ -227,7 +272,7 @@ class Population:
         return sorted(present, key=attrgetter("id"))
 
     def _end(self, departure: Departure) -> PopulationEvent:
-        """Let one depart whose life is over, unless it stays on until it is out."""
+        """End a life: the artefact departs, or leaves by an exit first."""
         time_ns, artefact_id = departure
         artefact = self._living[artefact_id]
         if not self._stays_on(artefact):
@@ -335,7 +380,7 @@ class Population:
         return self.max_alive is not None and len(self._living) >= self.max_alive
 
     def _forget_before(self, t_ns: int) -> None:
-        """Forget who departed up to then; they are in the order of their departures."""
+        """Drop artefacts departed up to then; they are in the order of departures."""
         departed = self._departed
         while departed and (departed[0].departure_ns or 0) <= t_ns:
             departed.popleft()

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.coarse_map import Cell, CoarseMap
-from are_ros.artefacts.places import FEWEST, Places
+from are_ros.artefacts.places import FEWEST, Destinations
 
 APART_M: Final = 1.6
 """Places that are added keep so far from all others: a trip is a metre at least, from half a metre
@@ -20,13 +20,13 @@ _Key = tuple[tuple[int, float, float, float], int, float]
 class Reach:
     """The places of one map, sorted by which of them a disc can get to; found when first asked."""
 
-    def __init__(self, places: Places) -> None:
+    def __init__(self, places: Destinations) -> None:
         self._places = places
-        self._known: dict[_Key, Places] = {}
+        self._known: dict[_Key, Destinations] = {}
 
     def places_from(
         self, coarse: CoarseMap, point_m: tuple[float, float], spare_m: float = 0.0
-    ) -> Places:
+    ) -> Destinations:
         """Return the places that can be reached from a point of the map frame.
 
         A place has `spare_m` of room beside the disc of the coarse map. Destinations are those that
@@ -44,13 +44,13 @@ class Reach:
             self._known[key] = self._of_part(coarse, part, spare_m)
         return self._known[key]
 
-    def _of_part(self, coarse: CoarseMap, part: _Mask, spare_m: float) -> Places:
+    def _of_part(self, coarse: CoarseMap, part: _Mask, spare_m: float) -> Destinations:
         points_m = _held(coarse, part, spare_m, self._places.destinations_m)
         if len(points_m) < FEWEST:
             points_m = _with_others(coarse.anchors_m[part], coarse.room_m[part], points_m)
         if not len(points_m):
             return self._places
-        return Places(points_m, self._places.exits_m)
+        return Destinations(points_m, self._places.exits_m)
 
 
 def _held(coarse: CoarseMap, part: _Mask, spare_m: float, points_m: _Points) -> _Points:

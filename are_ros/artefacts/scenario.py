@@ -1,10 +1,10 @@
-"""A scenario: who arrives when and where, doing what, for how long, along which way."""
+"""Scenarios: artefacts with given arrivals, poses, behaviours, lives and tracks."""
 
 import math
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -12,8 +12,8 @@ import numpy.typing as npt
 from are_ros.artefacts.arrivals import FIRST_ID
 from are_ros.artefacts.artefact import GroundPose, Origin, between
 from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.population_events import Cause
-from are_ros.errors import ScenarioError
+from are_ros.artefacts.departures import Cause
+from are_ros.errors import ParameterError, ScenarioError
 
 FIRST_ADMITTED_ID: Final = 1_000_000_000
 """Scripted and requested artefacts count from here, so that they shift no random one's draws."""
@@ -86,9 +86,6 @@ class Track:
         return poses
 
 
-"""The pose of one that does not arrive; nobody looks at it."""
-
-
 @dataclass(frozen=True, eq=False)
 class ScriptedArtefact:
     """One artefact of a scenario; times are nanoseconds, since the start of the run.
@@ -121,7 +118,7 @@ class Scenario:
     """Scripted artefacts; `random` tells whether artefacts arrive at random beside them.
 
     Raises ScenarioError, a sentence that names the artefact by its index and name, where names or
-    ids are not unique, an id is one that random arrivals have, or somebody follows in vain.
+    ids are not unique, an id is one of random arrivals, or a leader is unknown.
     """
 
     artefacts: tuple[ScriptedArtefact, ...] = ()
@@ -132,10 +129,8 @@ class Scenario:
         names = Counter(artefact.name for artefact in self.artefacts if artefact.name)
         ids = Counter(artefact.artefact_id for artefact in self.artefacts)
         for index, artefact in enumerate(self.artefacts):
-            reason = (
-                self._fault_of_id(artefact.artefact_id, ids)
-                or self._fault_of_name(artefact, names)
-                or self._fault_of_leader(artefact, names)
+            reason = self._fault_of_id(artefact.artefact_id, ids) or self._fault_of_names(
+                artefact, names
             )
             if reason:
                 raise ScenarioError(f"{self.place(index)}: {reason}")
@@ -157,12 +152,9 @@ class Scenario:
             return f"id is {artefact_id}, but {low} count those who arrive at random beside it"
         return ""
 
-    def _fault_of_name(self, artefact: ScriptedArtefact, names: Counter[str]) -> str:
+    def _fault_of_names(self, artefact: ScriptedArtefact, names: Counter[str]) -> str:
         if names[artefact.name] > 1:
             return f"name is {artefact.name!r}, which another artefact has too"
-        return ""
-
-    def _fault_of_leader(self, artefact: ScriptedArtefact, names: Counter[str]) -> str:
         if artefact.follows and artefact.follows not in names:
             return f"follows {artefact.follows!r}, but no artefact has this name"
         if artefact.name and artefact.name in self._leaders_of(artefact):
@@ -170,10 +162,140 @@ class Scenario:
         return ""
 
     def _leaders_of(self, artefact: ScriptedArtefact) -> Iterator[str]:
-        """Yield whom an artefact follows, whom that one follows, and so on, each once."""
+        """Yield the leaders of an artefact: its own, that one's, and so on, each once."""
         leader_of = {one.name: one.follows for one in self.artefacts if one.name}
         leader, seen = artefact.follows, set[str]()
         while leader and leader not in seen:
             seen.add(leader)
             yield leader
             leader = leader_of.get(leader, "")
+
+
+# Offering the artefacts of a scenario at their times.
+
+
+@dataclass(frozen=True, eq=False)
+class ScriptedOffer:
+    """One artefact of a scenario that arrives at `time_ns`, if it can stand at `pose`.
+
+    `has_height` tells whether z of the pose counts; else it stands on the ground. `life_ns` of None
+    means for ever. `row` is that of the catalogue, with the speed that the scenario gives.
+    `options` are those of the behaviour: waypoints and repeat of along_way, leader (an id) of
+    following. A `track` (None: it moves by itself) counts from `start_ns`. `place` names it in
+    sentences. `cause` is why it leaves at the end of its life.
+    """
+
+    time_ns: int
+    artefact_id: int
+    row: CatalogueRow
+    pose: GroundPose
+    place: str
+    start_ns: int
+    has_height: bool = False
+    life_ns: int | None = None
+    behaviour: str = "standing"
+    options: Mapping[str, Any] = field(default_factory=dict)
+    track: Track | None = None
+    origin: Origin = Origin.SCRIPTED
+    cause: Cause = Cause.LIFE_OVER
+
+
+class ScriptedSource:
+    """Offers the artefacts of a scenario, in the order of time, and of the file at one instant.
+
+    All times are integer nanoseconds; those of the scenario count from the start of the run, which
+    `restart` gives. Nothing is offered before `open`; what is due earlier arrives then.
+
+    It gives out all ids of those who do not come at random. A scenario's own ids come back exactly
+    the first time; when it runs again (the clock jumped back), its artefacts are others, with ids
+    of their own. `new_id` never gives one of the scenario's.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self._artefacts = scenario.artefacts
+        given = [one.artefact_id for one in self._artefacts if one.artefact_id is not None]
+        self._next_id = max([FIRST_ADMITTED_ID, *(artefact_id + 1 for artefact_id in given)])
+        self._ids = [
+            self.new_id() if one.artefact_id is None else one.artefact_id for one in self._artefacts
+        ]
+        by_time = sorted(enumerate(self._artefacts), key=lambda item: item[1].arrives_ns)
+        self._order = [index for index, _ in by_time]
+        self._taken = 0
+        self._start_ns: int | None = None
+        self._opens_ns: int | None = None
+
+    def new_id(self) -> int:
+        """Return a new id, for an artefact admitted by request."""
+        self._next_id += 1
+        return self._next_id - 1
+
+    def next_ns(self) -> int | None:
+        """Return the instant of the next offer [ns], None if none comes as things stand."""
+        if self._start_ns is None or self._opens_ns is None or self._taken == len(self._order):
+            return None
+        due_ns = self._start_ns + self._artefacts[self._order[self._taken]].arrives_ns
+        return max(due_ns, self._opens_ns)
+
+    def take(self) -> ScriptedOffer:
+        """Take the next offer; `ParameterError` if none comes."""
+        time_ns = self.next_ns()
+        if time_ns is None or self._start_ns is None:
+            raise ParameterError("no artefact of the scenario is due")
+        index = self._order[self._taken]
+        self._taken += 1
+        return self._offer(index, time_ns, self._start_ns)
+
+    def restart(self, now_ns: int) -> None:
+        """Begin the scenario again at `now_ns`, earlier or later."""
+        for index in self._order[: self._taken]:
+            self._ids[index] = self.new_id()
+        self._taken = 0
+        self._start_ns = now_ns
+        if self._opens_ns is not None:
+            self._opens_ns = now_ns
+
+    def open(self, now_ns: int) -> None:
+        """Allow arrivals from `now_ns` on, once there is a map. A second call changes nothing."""
+        if self._opens_ns is None:
+            self._opens_ns = now_ns
+
+    def postpone(self, by_ns: int) -> None:
+        """Move the arrivals still to come later, after a pause."""
+        if self._start_ns is not None:
+            self._start_ns += by_ns
+
+    def _offer(self, index: int, time_ns: int, start_ns: int) -> ScriptedOffer:
+        artefact = self._artefacts[index]
+        track = artefact.track
+        return ScriptedOffer(
+            time_ns=time_ns,
+            artefact_id=self._ids[index],
+            row=_row_of(artefact),
+            pose=artefact.pose if track is None else track.pose_at(time_ns - start_ns),
+            place=self.scenario.place(index),
+            start_ns=start_ns,
+            has_height=track is not None,
+            life_ns=artefact.stays_ns,
+            behaviour=artefact.behaviour,
+            options=self._options_of(artefact),
+            track=track,
+            origin=artefact.origin,
+            cause=artefact.cause,
+        )
+
+    def _options_of(self, artefact: ScriptedArtefact) -> dict[str, Any]:
+        if artefact.way_m:
+            return {"waypoints": artefact.way_m, "repeat": artefact.loop}
+        if artefact.follows:
+            names = [one.name for one in self._artefacts]
+            return {"leader": self._ids[names.index(artefact.follows)]}
+        return {}
+
+
+def _row_of(artefact: ScriptedArtefact) -> CatalogueRow:
+    """Return the artefact's row, as slow as the scenario wants it."""
+    row, speed_mps = artefact.row, artefact.speed_mps
+    if speed_mps is None:
+        return row
+    return replace(row, motion=replace(row.motion, speed_mps=speed_mps))

@@ -1,27 +1,164 @@
-"""Scenarios as YAML, each with its long tracks in a CSV file beside it; see docs/scenarios.md."""
+"""Scenarios as YAML, with their long tracks in a CSV file; see docs/scenarios.md.
 
+The CSV has a line per pose, rounded to a micrometre and a microradian.
+"""
+
+import csv
 import math
-from collections.abc import Iterator
+from array import array
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
+from decimal import Decimal
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import yaml
 
-from are_ros.artefacts._fields import Fields
 from are_ros.artefacts.artefact import GroundPose, Origin
 from are_ros.artefacts.behaviours.along_way import AlongWay
 from are_ros.artefacts.behaviours.following import Following
 from are_ros.artefacts.behaviours.registry import why_not
 from are_ros.artefacts.behaviours.standing import Standing
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
-from are_ros.artefacts.population_events import Cause
+from are_ros.artefacts.catalogue_file import Fields
+from are_ros.artefacts.departures import Cause
 from are_ros.artefacts.scenario import Scenario, ScriptedArtefact, Track
-from are_ros.artefacts.track_file import ns_of_seconds, read_tracks, seconds_text, write_tracks
+from are_ros.conventions import NS_PER_S
 from are_ros.errors import CatalogueError, ScenarioError
 from are_ros.wording import why_refused
 from are_ros.yaml_text import read_yaml
+
+_WHO: Final = "artefact"
+_TIME: Final = "t_s"
+_POSE: Final = ("x_m", "y_m", "z_m", "yaw_rad")
+_NEEDED: Final = (_TIME, *_POSE)
+COLUMNS: Final = (_WHO, *_NEEDED)
+_DECIMALS: Final = 6
+
+_SECOND_DIGITS: Final = 9
+_MOST_S: Final = 10**_SECOND_DIGITS
+
+
+def write_tracks(path: Path, tracks: Mapping[str, Track]) -> None:
+    """Write tracks by the key of their artefact (an id or a name); ScenarioError if that fails."""
+    try:
+        with path.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(COLUMNS)
+            for key, track in tracks.items():
+                for t_ns, pose in zip(track.times_ns.tolist(), track.poses.tolist(), strict=True):
+                    numbers = (round(number, _DECIMALS) for number in pose)
+                    writer.writerow((key, seconds_text(t_ns), *numbers))
+    except OSError as cause:
+        raise ScenarioError(f"{path} cannot be written ({why_refused(cause)})") from cause
+
+
+def read_tracks(path: Path) -> dict[str, Track]:
+    """Read tracks by the key of their artefact, "" in a file without the column `artefact`.
+
+    ScenarioError, a sentence that names file, line, column and reason, for whatever is wrong.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            return _read(path, csv.reader(file))
+    except (OSError, ValueError, csv.Error) as cause:
+        reason = getattr(cause, "strerror", None) or "it is no CSV of UTF-8 text"
+        raise ScenarioError(f"{path} cannot be read ({reason})") from cause
+
+
+@dataclass(eq=False, slots=True)
+class _Reading:
+    """The poses of one artefact so far."""
+
+    times_ns: "array[int]" = field(default_factory=lambda: array("q"))
+    numbers: "array[float]" = field(default_factory=lambda: array("d"))
+
+
+def _read(path: Path, lines: Iterator[list[str]]) -> dict[str, Track]:
+    names = [name.strip() for name in next(lines, [])]
+    _check_columns(path, names)
+    readings: defaultdict[str, _Reading] = defaultdict(_Reading)
+    for number, line in enumerate(lines, start=2):
+        if not line:
+            continue
+        place = f"{path}, line {number}"
+        if len(line) != len(names):
+            raise ScenarioError(f"{place}: it has {len(line)} cells, the first line {len(names)}")
+        cells = dict(zip(names, line, strict=True))
+        reading = readings[cells.get(_WHO, "")]
+        try:
+            reading.times_ns.append(_seconds_of_cell(cells[_TIME]))
+            reading.numbers.extend([_number(column, cells[column]) for column in _POSE])
+        except ValueError as cause:
+            raise ScenarioError(f"{place}: {cause}") from cause
+    return {key: _read_track(path, key, reading) for key, reading in readings.items()}
+
+
+def _read_track(path: Path, key: str, reading: _Reading) -> Track:
+    """Return the track that was read; ScenarioError where it is none."""
+    poses = np.array(reading.numbers).reshape(-1, len(_POSE))
+    try:
+        return Track(np.array(reading.times_ns), poses)
+    except ScenarioError as cause:
+        who = f", artefact {key}" if key else ""
+        raise ScenarioError(f"{path}{who}: {cause}") from cause
+
+
+def _check_columns(path: Path, names: Sequence[str]) -> None:
+    for name in names:
+        if name not in COLUMNS or names.count(name) > 1:
+            fault = "comes twice" if name in COLUMNS else "is not known"
+            msg = f"{path}: its first line names the columns, but {name!r} {fault}"
+            raise ScenarioError(f"{msg}; known are {', '.join(COLUMNS)}")
+    for name in _NEEDED:
+        if name not in names:
+            raise ScenarioError(f"{path}: its first line names the columns, but {name} is missing")
+
+
+def _number(column: str, cell: str) -> float:
+    try:
+        number = float(cell)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"{column} is {cell!r}, but a finite number is needed")
+    return number
+
+
+def _seconds_of_cell(cell: str) -> int:
+    try:
+        return ns_of_seconds(cell)
+    except ValueError as cause:
+        raise ValueError(f"{_TIME} {cause}") from cause
+
+
+def ns_of_seconds(value: object) -> int:
+    """Return a number, or its decimal text, of seconds in [0, 1e9] as the nearest nanosecond.
+
+    A float counts as the shortest text that stands for it, so that 0.1 is 100,000,000 ns. Raises
+    ValueError for anything else; its text goes on from the name of a field.
+    """
+    if isinstance(value, bool):
+        raise ValueError(f"is {value!r}, but seconds are needed")  # noqa: TRY004 - one kind for all
+    text = value.strip() if isinstance(value, str) else repr(value)
+    try:
+        seconds = Decimal(text)
+        is_in_range = 0 <= seconds <= _MOST_S
+    except ArithmeticError as cause:
+        raise ValueError(f"is {value!r}, but seconds are needed") from cause
+    if not is_in_range:
+        raise ValueError(f"is {text}, but seconds from 0 to 1e9 are taken")
+    return int((seconds * NS_PER_S).to_integral_value())
+
+
+def seconds_text(t_ns: int) -> str:
+    """Return nanoseconds >= 0 as seconds, in as many decimals as it takes and no more."""
+    whole, part = divmod(t_ns, NS_PER_S)
+    return f"{whole}.{part:0{_SECOND_DIGITS}d}".rstrip("0").rstrip(".")
+
 
 _EXACT_DIGITS: Final = 15
 """A decimal of so many digits is the shortest text of the float that YAML makes of it."""
@@ -56,7 +193,7 @@ def read_scenario(path: Path, catalogue: Catalogue) -> Scenario:
             _artefact(Fields(_place(path, index, entry), entry, _KEYS), catalogue, files)
             for index, entry in enumerate(entries)
         ]
-        name = head.text("name") if "name" in head else ""
+        name = head.text("name", "")
         random = head.flag("random", default=True)
     try:
         return Scenario(tuple(artefacts), random, name)
@@ -190,19 +327,22 @@ def _artefact(given: Fields, catalogue: Catalogue, files: _TrackFiles) -> Script
     """Read one artefact; CatalogueError, with its place and field, for whatever is wrong."""
     _check_movements(given)
     row = _row(given, catalogue)
-    name = given.text("name") if "name" in given else ""
+    name = given.text("name", "")
     artefact_id = _id(given)
     track = _track(given, files, artefact_id, name)
-    arrives_ns = _arrival_ns(given, track)
+    arrives_ns = 0 if track is None else int(track.times_ns[0])
+    if "arrives" in given:
+        arrives_ns = _ns(given, "arrives", given.raw("arrives"))
+    stays = given.raw("stays")
     return ScriptedArtefact(
         row=row,
         pose=_pose(given) if track is None else track.pose_at(arrives_ns),
         arrives_ns=arrives_ns,
-        stays_ns=_stay_ns(given),
+        stays_ns=None if stays is None or stays == "forever" else _ns(given, "stays", stays),
         behaviour=_behaviour(given, row),
         way_m=_way(given),
         loop=given.flag("loop", default=False),
-        follows=given.text("follows") if "follows" in given else "",
+        follows=given.text("follows", ""),
         track=track,
         speed_mps=_speed_mps(given, row),
         artefact_id=artefact_id,
@@ -256,17 +396,6 @@ def _id(given: Fields) -> int | None:
     return value
 
 
-def _arrival_ns(given: Fields, track: Track | None) -> int:
-    if "arrives" not in given and track is not None:
-        return int(track.times_ns[0])
-    return _ns(given, "arrives", given.raw("arrives")) if "arrives" in given else 0
-
-
-def _stay_ns(given: Fields) -> int | None:
-    stays = given.raw("stays")
-    return None if stays is None or stays == "forever" else _ns(given, "stays", stays)
-
-
 def _ns(given: Fields, key: str, value: object) -> int:
     try:
         return ns_of_seconds(value)
@@ -284,14 +413,14 @@ def _pose(given: Fields) -> GroundPose:
 def _behaviour(given: Fields, row: CatalogueRow) -> str:
     """Return the behaviour; on a track it is only a word for what the artefact is seen to do."""
     if "track" in given:
-        return given.text("behaviour") if "behaviour" in given else Standing.name
+        return given.text("behaviour", Standing.name)
     for key, name in (("way", AlongWay.name), ("follows", Following.name)):
         if key in given:
             _check_moves(given, key, row)
             if "behaviour" in given and given.text("behaviour") != name:
                 given.refuse("behaviour", f"is given beside {key}, which makes it {name}")
             return name
-    behaviour = given.text("behaviour") if "behaviour" in given else Standing.name
+    behaviour = given.text("behaviour", Standing.name)
     reason = why_not(behaviour, row.motion.speed_mps)
     if reason:
         given.refuse("behaviour", f"is {behaviour!r}, which {reason}")

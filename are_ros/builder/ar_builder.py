@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from are_ros.artefacts.catalogue import Catalogue
-from are_ros.artefacts.population_events import Cause
+from are_ros.artefacts.departures import Cause
 from are_ros.builder import assembly
 from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.events import ArtefactEvent

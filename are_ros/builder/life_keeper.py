@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.artefact import Artefact
-from are_ros.artefacts.population_events import Cause
+from are_ros.artefacts.departures import Cause
 from are_ros.artefacts.scenario import Scenario, ScriptedArtefact, Track
 
 

@@ -18,11 +18,12 @@ from are_ros.agents.simulate import CrowdSimulator, MotionCounts
 from are_ros.agents.table import AgentTable
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, boxes_of, on_ground
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
+from are_ros.artefacts.departures import Cause
 from are_ros.artefacts.mixture import mixture_of
 from are_ros.artefacts.motion._state import STAYS
-from are_ros.artefacts.population_events import Cause, PopulationEvent
-from are_ros.artefacts.population_events import EventKind as PopulationEventKind
-from are_ros.artefacts.scripted import ScriptedOffer
+from are_ros.artefacts.population import EventKind as PopulationEventKind
+from are_ros.artefacts.population import PopulationEvent
+from are_ros.artefacts.scenario import ScriptedOffer
 from are_ros.artefacts.terrain import Terrains
 from are_ros.builder.collisions import CollisionResolver
 from are_ros.builder.events import ArtefactEvent, EventKind

@@ -9,9 +9,8 @@ from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.departures import departure_law
 from are_ros.artefacts.mixture import mixture_of
 from are_ros.artefacts.population import Population
-from are_ros.artefacts.scenario import Scenario
+from are_ros.artefacts.scenario import Scenario, ScriptedOffer, ScriptedSource
 from are_ros.artefacts.scenario_file import read_scenario
-from are_ros.artefacts.scripted import ScriptedOffer, ScriptedSource
 from are_ros.conventions import seconds_to_ns
 from are_ros.parameters.model import Parameters
 

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.catalogue import Catalogue
-from are_ros.artefacts.population_events import Cause
+from are_ros.artefacts.departures import Cause
 from are_ros.builder import assembly
 from are_ros.builder.lives import Lives
 from are_ros.builder.occlusion.meshes import MeshBank

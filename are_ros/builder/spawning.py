@@ -8,8 +8,8 @@ import numpy.typing as npt
 
 from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.placement import Disc, KeepOut, Placer, Surroundings
-from are_ros.artefacts.population_events import Cause
+from are_ros.artefacts.departures import Cause
+from are_ros.artefacts.placement import Disc, KeepOut, PlacementConstraints, Placer
 from are_ros.artefacts.terrain import Terrains
 from are_ros.builder.out_of_view import OutOfView, Viewpoint
 from are_ros.builder.robots import RobotPose
@@ -122,7 +122,7 @@ class Spawning:
         within = None if near is None else Disc(*near, self._population.group_radius)
         hidden, wished = _Filter(self._hidden()), _Filter(allowed)
         for tests in ((hidden, wished), (hidden,)):
-            around = Surroundings(others, keep_out, _all_of(tests))
+            around = PlacementConstraints(others, keep_out, _all_of(tests))
             pose = placer.place(row, generator, around, within)
             if pose is not None or not wished.has_refused:
                 break

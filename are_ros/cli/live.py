@@ -18,6 +18,7 @@ from are_ros.cli.options import (
     animate_option,
     parameter_options,
     say,
+    start_option,
 )
 from are_ros.errors import NodeError
 
@@ -50,7 +51,7 @@ def node(
     What follows `--ros-args` goes to ROS as it is: -p, -r, --params-file, --log-level.
     """
     _require_ros()
-    from are_ros.node.main import main as run_node
+    from are_ros.node.startup import main as run_node
     from are_ros.parameters.ros_yaml import assignment_for_ros, in_any_namespace
 
     _check_ros_args(ros_args)
@@ -105,7 +106,7 @@ def guard(namespace: str | None, ros_args: tuple[str, ...]) -> None:
 @click.argument("bags", metavar="BAG...", nargs=-1, required=True, type=FILE)
 @click.option("--rate", type=_RATE, default=1.0, show_default=True, help="Times real time.")
 @click.option("--loop", is_flag=True, help="Play again and again.")
-@click.option("--start", "start_s", type=SECONDS, default=0.0, help="Begin here.")
+@start_option
 @click.option("--duration", "duration_s", type=SECONDS, help="Length to play.")
 @click.option("--topics", metavar="/TOPIC", multiple=True, help="Play these only. Repeatable.")
 @click.option("--exclude", metavar="/TOPIC", multiple=True, help="Leave out. Repeatable.")

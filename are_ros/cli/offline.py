@@ -1,7 +1,6 @@
 """The commands of `are` that read recordings and configurations, and need no ROS."""
 
 import sys
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,35 +10,20 @@ from are_ros.cli.options import (
     FILE,
     IMPERFECT,
     SECONDS,
-    TOPIC,
     animate_option,
     parameter_options,
+    recording_options,
     say,
+    start_option,
 )
 
-_topic_option = partial(
-    click.option, "--topic", "topics", metavar="ROLE:=/TOPIC", type=TOPIC, multiple=True
-)
 _SKIPPABLE = ("perception", "grids", "markers")
 
 
 @click.command(short_help="Replay a recording with artefacts in it.")
-@click.argument("bags", metavar="BAG...", nargs=-1, required=True, type=FILE)
-@click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="Map of map_server.")
-@click.option("--map-frame", metavar="NAME", help="Frame of the map, the world frame. [map]")
+@recording_options
 @click.option("--octomap", "octomap_file", metavar="FILE.bt", type=FILE, help="OctoMap file.")
-@click.option(
-    "--static-tf",
-    "static_transforms",
-    metavar="TF",
-    multiple=True,
-    help='"X Y Z YAW PITCH ROLL PARENT CHILD", metres and radians. Repeatable.',
-)
-@_topic_option(
-    help="Let a topic play a part: map, octomap_point_cloud_centers, odom, scan, "
-    "camera/camera_info, tf, tf_static. Repeatable; several scans are all augmented.",
-)
-@click.option("--start", "start_s", type=SECONDS, default=0.0, help="Begin here.")
+@start_option
 @click.option("--duration", "duration_s", type=SECONDS, help="Length to replay.")
 @click.option("--out", type=FILE, default=Path("out"), show_default=True, help="Output folder.")
 @click.option(
@@ -79,11 +63,7 @@ def replay(**options: Any) -> None:
 
 
 @click.command(short_help="Say what a recording holds, and what it lacks.")
-@click.argument("bags", metavar="BAG...", nargs=-1, required=True, type=FILE)
-@_topic_option(help="As in replay.")
-@click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="As in replay.")
-@click.option("--map-frame", metavar="NAME", default="map", show_default=True, help="As in replay.")
-@click.option("--static-tf", "static_transforms", metavar="TF", multiple=True, help="As in replay.")
+@recording_options
 def inspect(**options: Any) -> None:
     """Say what a recording holds: topics, the roles that they play, how its frames hang together.
 
@@ -92,16 +72,12 @@ def inspect(**options: Any) -> None:
     """
     from are_ros.replay.command import inspect_command
 
-    inspect_command(click.echo, **options)
+    inspect_command(click.echo, **options | {"map_frame": options["map_frame"] or "map"})
 
 
 @click.command(short_help="Find where a map lies, by the scans of a recording.")
-@click.argument("bags", metavar="BAG...", nargs=-1, required=True, type=FILE)
-@click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="Map of map_server.")
-@click.option("--map-frame", metavar="NAME", help="Frame of the map, as in replay. [map]")
-@click.option("--static-tf", "static_transforms", metavar="TF", multiple=True, help="As in replay.")
-@_topic_option(help="As in replay.")
-@click.option("--start", "start_s", type=SECONDS, default=0.0, help="Begin here.")
+@recording_options
+@start_option
 @click.option("--duration", "duration_s", type=SECONDS, help="Length to read.")
 @click.option(
     "--out",

@@ -67,13 +67,13 @@ PARAMETER: Final = Assignment("NAME:=VALUE", "population.arrival_rate:=0.001")
 
 
 class Film(click.Path):
-    """The file of an animation; a recording that was taken for one is told so."""
+    """The file of an animation; a recording is refused with a hint."""
 
     def __init__(self) -> None:
         super().__init__(path_type=Path)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        """Return the path, if its name tells of a format that can be written."""
+        """Return the path; its suffix must be that of a format that can be written."""
         path = Path(value)
         if reason := why_no_animation(path):
             self.fail(f"{reason}; where none is meant, --animate goes last", param, ctx)
@@ -91,6 +91,43 @@ def animate_option(command: _Command) -> _Command:
         help=f"Animate it, as a GIF; a bare name goes into the folder. [{ANIMATION}]",
     )
     return option(command)
+
+
+_RECORDING_OPTIONS = (
+    click.argument("bags", metavar="BAG...", nargs=-1, required=True, type=FILE),
+    click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="Map of map_server."),
+    click.option("--map-frame", metavar="NAME", help="Frame of the map, the world frame. [map]"),
+    click.option(
+        "--static-tf",
+        "static_transforms",
+        metavar="TF",
+        multiple=True,
+        help='"X Y Z YAW PITCH ROLL PARENT CHILD", metres and radians. Repeatable.',
+    ),
+    click.option(
+        "--topic",
+        "topics",
+        metavar="ROLE:=/TOPIC",
+        type=TOPIC,
+        multiple=True,
+        help="Let a topic play a part: map, octomap_point_cloud_centers, odom, scan, "
+        "camera/camera_info, tf, tf_static. Repeatable; several scans are all augmented.",
+    ),
+)
+
+
+def recording_options(command: _Command) -> _Command:
+    """Add BAG, --map, --map-frame, --static-tf and --topic: a recording, and what it lacks."""
+    for option in reversed(_RECORDING_OPTIONS):
+        command = option(command)
+    return command
+
+
+def start_option(command: _Command) -> _Command:
+    """Add --start, the time in a recording at which to begin."""
+    return click.option("--start", "start_s", type=SECONDS, default=0.0, help="Begin here.")(
+        command
+    )
 
 
 def parameter_options(command: _Command) -> _Command:
@@ -119,7 +156,7 @@ def parameter_options(command: _Command) -> _Command:
 
 
 def say(sentence: str) -> None:
-    """Tell the user something that is no result."""
+    """Print a notice on stderr: not part of the result."""
     click.echo(sentence, err=True)
 
 

@@ -70,7 +70,7 @@ _EVERY_S = 60.0
 
 
 class SoakProgress:
-    """Tells on stderr how many of the artefact-minutes are done; to be closed.
+    """Shows on stderr how many artefact-minutes are done; close it at the end.
 
     On a terminal as a bar. Elsewhere (a file, CI) in a line after each minute of the wall clock,
     with an estimate of what is left; a soak that is shorter says nothing.
@@ -92,7 +92,7 @@ class SoakProgress:
             self._bar = tqdm(total=total_min, bar_format=_LAYOUT)
 
     def close(self) -> None:
-        """End the bar, so that what is said after it has a line of its own."""
+        """End the bar, so that later output begins on a new line."""
         if self._bar is not None:
             self._bar.close()
 

@@ -12,11 +12,10 @@ import numpy.typing as npt
 from are_ros.artefacts.arrivals import RandomSource
 from are_ros.artefacts.artefact import GroundPose, boxes_of
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
-from are_ros.artefacts.departures import departure_law
+from are_ros.artefacts.departures import Cause, departure_law
 from are_ros.artefacts.mixture import mixture_of
-from are_ros.artefacts.placement import Disc, Placer, Surroundings
-from are_ros.artefacts.population import Place, Population
-from are_ros.artefacts.population_events import Cause, EventKind, PopulationEvent
+from are_ros.artefacts.placement import Disc, PlacementConstraints, Placer
+from are_ros.artefacts.population import EventKind, Place, Population, PopulationEvent
 from are_ros.conventions import NS_PER_S
 from are_ros.description.birth_death import BirthDeath
 from are_ros.description.configuration import staying_share
@@ -222,7 +221,7 @@ def _on_the_map(placer: Placer, population: Population, radius_m: float) -> Plac
         rows = [artefact.row for artefact in living]
         poses = [artefact.ground_pose_at(artefact.arrival_ns) for artefact in living]
         within = None if near is None else Disc(*near, radius_m)
-        return placer.place(row, stream, Surroundings(boxes_of(rows, poses)), within)
+        return placer.place(row, stream, PlacementConstraints(boxes_of(rows, poses)), within)
 
     return place
 

@@ -17,15 +17,15 @@ from are_ros.builder.assembly import catalogue_of
 from are_ros.builder.warm_up import warm_up
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, NodeError
-from are_ros.node.diagnostics import CameraWatch
+from are_ros.node.diagnostics import Reporter
 from are_ros.node.guard import offer_heartbeat
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.parameters import ParameterBridge
 from are_ros.node.publishers import Publishers
-from are_ros.node.reporter import Reporter
+from are_ros.node.qos import advertise
 from are_ros.node.services import Services
 from are_ros.node.subscriptions import Subscriptions, WireDecoding, WireMessage
-from are_ros.node.watches import BusyWatch, HangWatch
+from are_ros.node.watches import BusyWatch, CameraWatch, HangWatch
 from are_ros.parameters.choices import OnRobotContact
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
@@ -36,7 +36,7 @@ _MOST_SENTENCES: Final = 1000
 _LEAPS: Final = JumpThreshold(
     min_forward=Duration(seconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
 )
-"""After such leaps of its clock no timer tells the truth about what is due."""
+"""After such a jump of the clock the timers are wrong: the node checks what is due."""
 _DONE, _FAILED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
@@ -63,9 +63,14 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self, lambda: self.live is not None, self._check, self._reconfigure
         )
         self._requests = Services(
-            self, self._active_live, self.now_ns, self._set_paused, self._turn
+            self,
+            lambda: self.live if self._is_active else None,
+            self.now_ns,
+            self._set_paused,
+            self._turn,
         )
-        self._reporter = Reporter(self)
+        diagnostics = advertise(self, "diagnostic_msgs/msg/DiagnosticArray", "/diagnostics")
+        self._reporter = Reporter(self, diagnostics)
         self._camera_watch, self._stand_in = CameraWatch(), ""
         self._busy = BusyWatch()
         self._hangs: HangWatch | None = None
@@ -85,7 +90,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         return int(self.get_clock().now().nanoseconds)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Read the parameters, compile the kernels, and begin to listen and to relay."""
+        """Read the parameters, compile the kernels, subscribe, and relay."""
         del state
         try:
             with self._turn("transitions"):
@@ -100,33 +105,33 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         return _DONE
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let artefacts live, and put them into what goes out."""
+        """Start the population, and add artefacts to the outputs."""
         del state
         self._is_active, self._is_paused = True, False
-        self._reporter.activated(monotonic_ns())
+        self._reporter.active_since_ns = monotonic_ns()
         with self._turn("transitions"):
             self._resume()
         self.get_logger().info("active: artefacts arrive")
         return _DONE
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let the artefacts vanish from what goes out; the real map is relayed on."""
+        """Remove the artefacts from the outputs; the real map is still relayed."""
         del state
         self.retire()
         self.get_logger().info("inactive: the real map is relayed")
         return _DONE
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forget everything, and neither listen nor publish any more."""
+        """Drop all state, subscriptions and publishers."""
         del state
         self._close()
         return _DONE
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Delete every marker, and leave the real map behind."""
+        """Delete every marker and publish the real map."""
         del state
         self.retire()
-        self._reporter.shut_down()
+        self._reporter.is_shut_down = True
         return _DONE
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -135,13 +140,19 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self._close()
         return _DONE
 
+    def starts_itself(self) -> bool:
+        """Configure and activate, if `autostart` says so; tell whether that was possible."""
+        if not self.bridge.node_values.autostart:
+            return True
+        return bool(self.trigger_configure() == _DONE and self.trigger_activate() == _DONE)
+
     def retire(self) -> None:
-        """Delete every marker, leave the real map behind, and rest; at any moment."""
+        """Delete every marker and publish the real map; callable at any time."""
         if self.live is not None and self.live.is_running:
             with self._turn("transitions"):
                 self.live.pause(self.now_ns())
         self._is_active = self._is_paused = False
-        self._reporter.deactivated()
+        self._reporter.active_since_ns = None
         self._timer.cancel()
 
     def flush(self, timeout_s: float) -> None:
@@ -155,7 +166,9 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
     def _configure(self, parameters: Parameters) -> None:
         catalogue = self._catalogue = catalogue_of(parameters)
         mixture_of(parameters, catalogue)
-        self._prepare(catalogue)
+        self.get_logger().info("preparing the kernels (a minute or two the first time)")
+        if not warm_up(catalogue, self.is_wanted):
+            raise NodeError("it is not configured: the node is to end")
         self._said.clear()
         subscriptions = self._inputs = Subscriptions(
             self, parameters.sensors.scans, self._store, self._say
@@ -176,11 +189,6 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         subscriptions.follow_publishers()
         self.get_logger().info("configured: the real map is relayed")
 
-    def _prepare(self, catalogue: Catalogue) -> None:
-        self.get_logger().info("preparing the kernels (a minute or two the first time)")
-        if not warm_up(catalogue, self.is_wanted):
-            raise NodeError("it is not configured: the node is to end")
-
     def _close(self) -> None:
         self.retire()
         for part in (self._inputs, self._outputs):
@@ -197,7 +205,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
 
     @contextmanager
     def _turn(self, what: str) -> Iterator[None]:
-        """Measure for how long nobody else is answered, and say whom that was waited for."""
+        """Time a callback, and report a behaviour that blocked it."""
         self._busy.begin(monotonic_ns(), what)
         try:
             yield
@@ -208,12 +216,10 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             if hung is not None:
                 turn, who = hung
                 lasted_s = (ended_ns - turn.began_ns) / NS_PER_S
-                self._tell_hang(f"{who} did not return: for {lasted_s:.1f} s the node stood still")
-
-    def _tell_hang(self, sentence: str) -> None:
-        self.get_logger().error(sentence)
-        if self.live is not None:
-            self.live.faults.hung = sentence
+                sentence = f"{who} did not return: for {lasted_s:.1f} s the node stood still"
+                self.get_logger().error(sentence)
+                if self.live is not None:
+                    self.live.faults.hung = sentence
 
     def _cry(self, sentence: str) -> None:
         """Log from another thread: by a logger that is no node's, so that /rosout has no part."""
@@ -232,7 +238,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self._work()
 
     def _work(self) -> None:
-        """Do what is due, and wake up when something is due next."""
+        """Do what is due, and set the timer for the next due time."""
         live, publishers = self.live, self._outputs
         if live is None or publishers is None:
             self._timer.cancel()
@@ -260,7 +266,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self._work()
 
     def _report(self) -> None:
-        """Once a second: follow the publishers, drain what waits, say how the node does."""
+        """Once a second: follow the publishers, do what is due, publish diagnostics."""
         with self._turn("diagnostics"):
             self._look_and_report()
 
@@ -278,7 +284,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self._say(self._reporter.clock_doubt)
 
     def _look_for_camera(self, live: LiveBuilder, subscriptions: Subscriptions) -> None:
-        """Let the default camera stand in where nobody offers to tell another, and say so later."""
+        """Use the default camera where no CameraInfo is published, and warn later."""
         now_ns, is_offered = monotonic_ns(), subscriptions.is_offered("camera/camera_info")
         is_missing = self._is_active and not is_offered and live.builder.camera is None
         if is_offered or live.builder.camera is None:
@@ -289,9 +295,6 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         is_late = self._camera_watch.is_to_be_said(now_ns, is_only_map_offered=is_only_map_offered)
         if is_late and self._stand_in:
             self._say(f"nobody publishes CameraInfo: {self._stand_in}")
-
-    def _active_live(self) -> LiveBuilder | None:
-        return self.live if self._is_active else None
 
     def _set_paused(self, is_paused: bool) -> str:
         if self.live is None or is_paused == self._is_paused:

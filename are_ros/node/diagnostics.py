@@ -1,16 +1,34 @@
-"""The diagnostics: a snapshot of the node, and the status of each part (docs/diagnostics.md)."""
+"""/diagnostics: a snapshot of the node, the status of each part, and who gathers them.
+
+See docs/diagnostics.md for the page of the user.
+"""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 from operator import itemgetter
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
+from are_ros.builder.ar_builder import ArBuilder
+from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.common import MessageFactory, make_header
-from are_ros.node.watches import BusyFigures, FaultSnapshot, InputFigures, TickFigures
+from are_ros.node.live_builder import LiveBuilder
+from are_ros.node.message_classes import RclpyFactory
+from are_ros.node.watches import (
+    GRACE_S,
+    CountWatch,
+    FaultSnapshot,
+    InputSnapshot,
+    TickFigures,
+)
 from are_ros.wording import counted
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from are_ros.node.subscriptions import Subscriptions
 
 # A line of the diagnostics.
 
@@ -26,7 +44,7 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Status:
-    """What is said about one part of the node: a sentence, and the figures behind it."""
+    """The status of one part of the node: a sentence and its figures."""
 
     level: Level
     name: str
@@ -41,7 +59,7 @@ def figure(value: float | None, unit: str = "", digits: int = 1) -> str:
     return f"{value:.{digits}f} {unit}".rstrip()
 
 
-# What there is to say about a node at one moment, as plain values.
+# The state of a node at one moment, as plain values.
 
 
 class NodeState(Enum):
@@ -54,21 +72,8 @@ class NodeState(Enum):
 
 
 @dataclass(frozen=True)
-class InputSnapshot:
-    """An input: its role, the full name of its topic, and what came in."""
-
-    role: str
-    topic: str
-    figures: InputFigures = field(default_factory=InputFigures)
-    is_required: bool = False
-    is_latched: bool = False
-    """It comes once, or when it changes; so it never goes stale."""
-    publishers: int = 0
-
-
-@dataclass(frozen=True)
 class ScanSnapshot:
-    """How the scans of a topic left: in all, and as they came, without artefacts, of late."""
+    """The augmented scans of a topic: totals, and those recently passed through unchanged."""
 
     topic: str
     exact: int = 0
@@ -78,12 +83,12 @@ class ScanSnapshot:
     """In the last 10 s."""
     last_problem: str = ""
     late_s: float = 0.0
-    """How long after a scan its transform came, at most, of those that came too late lately."""
+    """The largest delay of a transform behind its scan, of those recently too late."""
 
 
 @dataclass(frozen=True)
 class PopulationSnapshot:
-    """The counts of the population since the start, and of arrivals in the last minute."""
+    """The counts of the population: totals, and arrivals in the last minute."""
 
     alive: int = 0
     arrivals: int = 0
@@ -92,14 +97,14 @@ class PopulationSnapshot:
     displaced: int = 0
     arrivals_lately: int = 0
     blocked_lately: int = 0
-    """Artefacts that found no place; `arrivals` holds none of them."""
+    """Artefacts without a feasible pose; not part of `arrivals`."""
     is_map_closed: bool = False
     """There is a map, but no free cell in it."""
 
 
 @dataclass(frozen=True)
 class ContactSnapshot:
-    """The robot's contacts with artefacts: how many, and how long ago which was the last."""
+    """The robot's contacts with artefacts: their number, and the last one."""
 
     count: int = 0
     last: str = ""
@@ -129,18 +134,17 @@ class NodeSnapshot:
     cloud_problem: str = ""
     """Why the cloud of voxels that was received is not used yet."""
     ticks: TickFigures | None = None
-    busy: BusyFigures = field(default_factory=BusyFigures)
+    busy_ms: Mapping[str, float] = field(default_factory=dict)
+    """The longest time without an answer in the last minute, by kind of work."""
     population: PopulationSnapshot = field(default_factory=PopulationSnapshot)
     contacts: ContactSnapshot = field(default_factory=ContactSnapshot)
     scans: tuple[ScanSnapshot, ...] = ()
     faults: FaultSnapshot = field(default_factory=FaultSnapshot)
 
 
-# What the diagnostics say of an input.
+# The status of an input.
 
 
-GRACE_S: Final = 5.0
-"""For so long after activation nothing that is missing is an error."""
 _STALE_PERIODS: Final = 5.0
 _STALE_S: Final = 1.0
 
@@ -219,7 +223,7 @@ _STATES: Final = {
 
 
 def statuses(snapshot: NodeSnapshot) -> list[Status]:
-    """Return what is said of each part of the node.
+    """Return the status of each part of the node.
 
     Of an inactive node these are state, clock and inputs; of an unconfigured one, state and clock.
     """
@@ -283,7 +287,7 @@ def _clock(snapshot: NodeSnapshot) -> Status:
 
 
 def clock_doubt(snapshot: NodeSnapshot) -> str:
-    """Return what is to be said where stamps and the node's clock are of different times."""
+    """Return a warning if stamps and the node's clock differ by days; else ""."""
     ahead_s = snapshot.stamps_ahead_s
     if ahead_s is None or abs(ahead_s) < _OTHER_TIMES_S:
         return ""
@@ -348,7 +352,7 @@ def _ticks(snapshot: NodeSnapshot) -> Status:
 
 
 def _answers(snapshot: NodeSnapshot) -> Status:
-    longest_ms = snapshot.busy.longest_ms
+    longest_ms = snapshot.busy_ms
     values = {what: figure(duration_ms, "ms") for what, duration_ms in longest_ms.items()}
     if not longest_ms:
         return Status(Level.OK, "answers", "nothing was asked", values)
@@ -429,41 +433,149 @@ def _scan(scan: ScanSnapshot) -> Status:
     return Status(Level.OK, name, f"{counted(scan.exact + scan.held, 'scan')} augmented", values)
 
 
-# How long nobody has offered to tell of the camera, and when that is worth a word.
+# Gathering it, once a second.
 
 
-_STAND_IN_S: Final = 3.0
+_MINUTE_NS: Final = 60 * NS_PER_S
+_LATELY_NS: Final = 10 * NS_PER_S
 
 
-class CameraWatch:
-    """Tells when the default camera is to stand in, and when it is to be said that it does.
+class Reporter:
+    """Gathers the diagnostics from the node's parts and publishes them; times are monotonic.
 
-    Times are those of a clock that never jumps. Publishers are discovered one after the other,
-    and a robot may be started after the node: so nothing is said before a map has been on offer
-    for the grace, all the while without a CameraInfo.
+    `active_since_ns` is None while the node is not active.
     """
 
-    def __init__(self) -> None:
-        self._blind_since_ns: int | None = None
-        self._mapped_since_ns: int | None = None
+    active_since_ns: int | None = None
+    is_shut_down = False
 
-    def is_to_stand_in(self, now_ns: int, *, is_missing: bool) -> bool:
-        """Tell whether a camera has been missing, and no CameraInfo on offer, for some seconds."""
-        self._blind_since_ns = _since(self._blind_since_ns, now_ns, holds=is_missing)
-        return _has_lasted(self._blind_since_ns, now_ns, _STAND_IN_S)
+    def __init__(self, node: "Node", publisher: Any) -> None:
+        self._node = node
+        self._publisher = publisher
+        self._factory = RclpyFactory()
+        self._blocked, self._arrived = CountWatch(_MINUTE_NS), CountWatch(_MINUTE_NS)
+        self._passed: dict[str, CountWatch] = {}
+        self._last_contact: tuple[str, int] | None = None
+        self.clock_doubt = ""
+        """A warning about the clock for the log, empty if there is none."""
 
-    def is_to_be_said(self, now_ns: int, *, is_only_map_offered: bool) -> bool:
-        """Tell whether there has been a map on offer, but no CameraInfo, for the grace."""
-        self._mapped_since_ns = _since(self._mapped_since_ns, now_ns, holds=is_only_map_offered)
-        return _has_lasted(self._mapped_since_ns, now_ns, GRACE_S)
+    def happened(self, events: tuple[ArtefactEvent, ...], now_ns: int) -> None:
+        """Take what happened since the last tick."""
+        for event in events:
+            if event.kind is EventKind.ROBOT_CONTACT:
+                last = f"{event.label} {event.artefact_id}, {event.value:.2f} m deep"
+                self._last_contact = (last, now_ns)
+
+    def report(
+        self,
+        live: LiveBuilder | None,
+        subscriptions: "Subscriptions | None",
+        busy_ms: Mapping[str, float],
+        now_ns: int,
+        *,
+        is_paused: bool,
+    ) -> None:
+        """Publish how the node does."""
+        snapshot = self._snapshot(live, subscriptions, busy_ms, now_ns, is_paused=is_paused)
+        self.clock_doubt = clock_doubt(snapshot)
+        stamp_ns = int(self._node.get_clock().now().nanoseconds)
+        name = self._node.get_fully_qualified_name().lstrip("/")
+        message = make_diagnostics(self._factory, stamp_ns, statuses(snapshot), name)
+        self._publisher.publish(message)
+
+    def _snapshot(
+        self,
+        live: LiveBuilder | None,
+        subscriptions: "Subscriptions | None",
+        busy_ms: Mapping[str, float],
+        now_ns: int,
+        *,
+        is_paused: bool,
+    ) -> NodeSnapshot:
+        uses_sim_time = bool(self._node.get_parameter("use_sim_time").value)
+        is_without_clock = uses_sim_time and not self._node.get_clock().now().nanoseconds
+        since_ns = self.active_since_ns
+        common: dict[str, Any] = {
+            "state": self._state(live),
+            "is_paused": is_paused,
+            "active_s": 0.0 if since_ns is None else (now_ns - since_ns) / NS_PER_S,
+            "busy_ms": busy_ms,
+            "uses_sim_time": uses_sim_time,
+            "is_without_clock": is_without_clock,
+            "inputs": tuple(subscriptions.snapshots(now_ns)) if subscriptions else (),
+        }
+        return NodeSnapshot(**common, **(self._of_builder(live, now_ns) if live else {}))
+
+    def _state(self, live: LiveBuilder | None) -> NodeState:
+        if self.is_shut_down:
+            return NodeState.FINALIZED
+        if live is None:
+            return NodeState.UNCONFIGURED
+        return NodeState.INACTIVE if self.active_since_ns is None else NodeState.ACTIVE
+
+    def _of_builder(self, live: LiveBuilder, now_ns: int) -> Mapping[str, Any]:
+        builder = live.builder
+        frame = builder.world.missing_frame()
+        return {
+            "stamps_ahead_s": self._stamps_ahead_s(builder),
+            "robot_problem": builder.robots.missing,
+            "camera_problem": _camera_problem(builder),
+            "cloud_problem": f"nothing joins its frame '{frame}' to the map" if frame else "",
+            "ticks": live.watch.figures(now_ns),
+            "population": self._population(builder, now_ns),
+            "contacts": self._contacts(builder, now_ns),
+            "faults": live.faults.snapshot(),
+            "scans": tuple(self._scans(builder, now_ns)),
+        }
+
+    def _stamps_ahead_s(self, builder: ArBuilder) -> float | None:
+        """Return how much later than the node's time the newest transform is stamped."""
+        clock_ns = int(self._node.get_clock().now().nanoseconds)
+        stamps_ns = [edge.last_ns for edge in builder.frames.edges() if not edge.is_static]
+        return (max(stamps_ns) - clock_ns) / NS_PER_S if stamps_ns and clock_ns else None
+
+    def _population(self, builder: ArBuilder, now_ns: int) -> PopulationSnapshot:
+        lives = builder.lives
+        counts = lives.population.counts
+        self._arrived.update(now_ns, counts.arrived)
+        self._blocked.update(now_ns, counts.blocked)
+        return PopulationSnapshot(
+            alive=len(lives.population.living),
+            arrivals=counts.arrived,
+            departures=counts.departed,
+            blocked=counts.blocked,
+            displaced=lives.displaced,
+            arrivals_lately=self._arrived.growth(now_ns),
+            blocked_lately=self._blocked.growth(now_ns),
+            is_map_closed=builder.world.grid is not None and not builder.world.has_free_cells,
+        )
+
+    def _contacts(self, builder: ArBuilder, now_ns: int) -> ContactSnapshot:
+        count = builder.lives.robot_contacts
+        if self._last_contact is None:
+            return ContactSnapshot(count)
+        last, then_ns = self._last_contact
+        return ContactSnapshot(count, last, (now_ns - then_ns) / NS_PER_S)
+
+    def _scans(self, builder: ArBuilder, now_ns: int) -> Iterator[ScanSnapshot]:
+        problems, late_ns = builder.scan_problems(), builder.scan_lateness_ns()
+        for topic, counts in builder.scan_counts().items():
+            watch = self._passed.setdefault(topic, CountWatch(_LATELY_NS))
+            watch.update(now_ns, counts.passed_through)
+            yield ScanSnapshot(
+                topic=topic,
+                exact=counts.exact,
+                held=counts.held,
+                passed_through=counts.passed_through,
+                passed_through_lately=watch.growth(now_ns),
+                last_problem=problems.get(topic, ""),
+                late_s=late_ns.get(topic, 0) / NS_PER_S,
+            )
 
 
-def _since(before_ns: int | None, now_ns: int, *, holds: bool) -> int | None:
-    """Return since when something has held without a break."""
-    if not holds:
-        return None
-    return now_ns if before_ns is None else before_ns
-
-
-def _has_lasted(since_ns: int | None, now_ns: int, least_s: float) -> bool:
-    return since_ns is not None and now_ns - since_ns >= least_s * NS_PER_S
+def _camera_problem(builder: ArBuilder) -> str:
+    if builder.camera is None:
+        return "no CameraInfo came yet"
+    if builder.world.environment is None:
+        return "there is no map yet"
+    return builder.robots.camera_missing

@@ -13,19 +13,16 @@ from typing import Any, Final
 
 import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks, UnsupportedEventTypeError
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
-from rclpy.signals import SignalHandlerOptions
 
 from are_ros.errors import AreError, NodeError
 from are_ros.node.message_classes import message_class
-from are_ros.node.startup import Stop, make_room, refusals_of_ros, stop_on_signals
+from are_ros.node.startup import fatal, ros_context, stop_on_signals
 
 NAME: Final = "ar_guard"
 _GUARDED: Final = "ar_builder"
@@ -44,7 +41,7 @@ _WAIT_S: Final = 0.1
 
 
 def offer_heartbeat(node: Node) -> Any:
-    """Let a guard know that this process runs; return the publisher, which is to be kept."""
+    """Publish the heartbeat of this process; the caller keeps the publisher."""
     kind, profile = message_class(_HEARTBEAT_TYPE), _heartbeat_qos(_OFFERED_S)
     return node.create_publisher(kind, f"~/{_HEARTBEAT}", profile)
 
@@ -84,7 +81,7 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
         return str(self.resolve_topic_name(_GUARDED))
 
     def _advertise(self) -> dict[str, Any]:
-        """Offer the node's maps before they are needed: who listens is known by then."""
+        """Advertise the node's maps early, so that subscribers are matched when they are needed."""
         return {
             name: self.create_publisher(self._grid, f"{_GUARDED}/{name}", _LATCHED)
             for name in _MAPS
@@ -133,27 +130,16 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the guard until a signal ends it; return the exit status, 1 if it could not run."""
     with stop_on_signals() as stop:
-        return _run(arguments, stop)
-
-
-def _run(arguments: Sequence[str] | None, stop: Stop) -> int:
-    make_room()
-    context = Context()
-    try:
-        words = None if arguments is None else list(arguments)
-        with refusals_of_ros():
-            rclpy.init(args=words, context=context, signal_handler_options=SignalHandlerOptions.NO)
-        guard = Guard(context=context)
-        executor = SingleThreadedExecutor(context=context)
-        executor.add_node(guard)
-        while not stop.is_set and context.ok():
-            executor.spin_once(timeout_sec=_WAIT_S)
-        guard.destroy_node()
-    except AreError as cause:
-        get_logger(NAME).fatal(str(cause))
-        return 1
-    finally:
-        context.try_shutdown()
+        try:
+            with ros_context(arguments) as context:
+                guard = Guard(context=context)
+                executor = SingleThreadedExecutor(context=context)
+                executor.add_node(guard)
+                while not stop.is_set and context.ok():
+                    executor.spin_once(timeout_sec=_WAIT_S)
+                guard.destroy_node()
+        except AreError as cause:
+            return fatal(NAME, cause)
     return 0
 
 

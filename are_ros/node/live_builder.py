@@ -32,7 +32,7 @@ _BACKLOG_NS: Final = NS_PER_S
 """Ticks that are later than this are left out: the machine cannot keep up, or time leapt."""
 _LATCHED: Final = ("map", "octomap_point_cloud_centers", "tf_static")
 _COSTLY: Final = ("map", "octomap_point_cloud_centers")
-"""What takes long to take in is taken at once, so that no tick has to wait for it."""
+"""These take long to process: they are processed on arrival, not before the next tick."""
 _MOST_KEPT: Final = 1000
 _MOVING: Final = ("tf", "odom", "tf_static")
 """What a scan may wait for."""
@@ -43,7 +43,7 @@ _LISTENS_MOST_NS: Final = NS_PER_S
 """So long after its deadline no scan is kept back, however late the node always is."""
 _NONE_NS: Final = -(2**63)
 _SIGHTS: Final = ("perceived", "events", "metrics", "markers")
-"""The outputs that tell who is perceived."""
+"""The outputs that need perception."""
 
 
 class Inbox(Protocol):
@@ -60,7 +60,7 @@ class OutputSink(Protocol):
     """Where outputs go."""
 
     def wanted(self) -> Container[str]:
-        """Return the names of the outputs that somebody listens to, or will want later."""
+        """Return the names of the outputs that have subscribers, or are latched."""
 
     def publish(self, name: str, data: bytes) -> None:
         """Send the bytes of a message."""
@@ -100,7 +100,9 @@ class LiveBuilder:
         self._sink = sink
         self._refused = refused
         self._decoding = decoding
-        self._feed = Feed(decoding, self.builder, _without_clicks(roles))
+        # A click is a request, and no input of the builder.
+        inputs = {topic: role for topic, role in roles.items() if role != "clicked_point"}
+        self._feed = Feed(decoding, self.builder, inputs)
         self._encoder = TickEncoder()
         self._stored: deque[_Stored] = deque()
         self._schedule: TickSchedule | None = None
@@ -183,13 +185,13 @@ class LiveBuilder:
         return tick_ns if deadline_ns is None else min(tick_ns, self._look_ns or deadline_ns)
 
     def resume(self, now_ns: int) -> None:
-        """Let the artefacts live, and the ticks run, from now on."""
+        """Start the population and the ticks."""
         self.work(now_ns)
         self.is_running, self._schedule = True, None
         self.builder.lives.pause(now_ns, is_paused=False)
 
     def pause(self, now_ns: int) -> None:
-        """Let everything virtual vanish from the outputs, and time stand still for it."""
+        """Remove all artefacts from the outputs, and stop their time."""
         self.work(now_ns)
         self.builder.finish(now_ns)
         self._send_scans()
@@ -199,23 +201,23 @@ class LiveBuilder:
         self._send_tick(self.builder.farewell(now_ns))
 
     def reconfigure(self, parameters: Parameters, now_ns: int) -> None:
-        """Let other values of the live parameters hold from now on; ParameterError if refused."""
+        """Apply new values of the live parameters; ParameterError if refused."""
         self.work(now_ns)
         self.builder.reconfigure(parameters, now_ns)
 
     def take_events(self) -> tuple[ArtefactEvent, ...]:
-        """Return what the ticks since the last call told of."""
+        """Return the events since the last call."""
         events, self._events = tuple(self._events), []
         return events
 
     def take_notices(self) -> list[str]:
-        """Return what is to be said of inputs and frames since the last call."""
+        """Return the notices about inputs and frames since the last call."""
         notices = [*self.builder.notices, *self.builder.frames.drain_notices()]
         self.builder.notices.clear()
         return notices
 
     def new_viewer(self) -> None:
-        """Let the next markers be all of them."""
+        """Send all markers at the next tick."""
         self.builder.show_everything()
 
     @property
@@ -266,7 +268,7 @@ class LiveBuilder:
         self._send_scans()
 
     def _took_map(self, now_ns: int) -> None:
-        """Do what a new environment costs; a costmap is latched, so it is never an old one."""
+        """Prepare for a new environment; the latched costmap is replaced at once."""
         self._has_prepared = True
         self.builder.prepare()
         environment = self.builder.world.environment
@@ -275,9 +277,9 @@ class LiveBuilder:
             self._send_tick(self.builder.farewell(now_ns), ("augmented_costmap",))
 
     def _prepare_camera(self) -> None:
-        """Make another camera ready, once lives have begun, which would begin later otherwise.
+        """Prepare a new camera, after the population has begun: it would be delayed otherwise.
 
-        What comes meanwhile is received late, the first pose of the robot, too.
+        Inputs that arrive during it are received late, also the first robot pose.
         """
         camera, area_m2 = self.builder.camera, self.builder.lives.area_m2
         if camera is not None and camera.view is not self._view and area_m2 > 0.0:
@@ -285,7 +287,7 @@ class LiveBuilder:
             self.builder.prepare_camera()
 
     def _click(self, message: RawMessage, received_ns: int) -> None:
-        """Place an artefact where somebody clicked, or refuse it with the reason."""
+        """Spawn an artefact at a clicked point, or refuse it with the reason."""
         try:
             if not self.is_running:
                 raise InputError(f"{message.topic}: nobody lives: not active, or paused")
@@ -298,7 +300,7 @@ class LiveBuilder:
             self._refused(message.topic, str(cause))
 
     def _relay(self, role: str, message: RawMessage) -> None:
-        """Let a navigation stack have what is real while there are no ticks to give it more."""
+        """Relay real scans and maps while no ticks run."""
         if role == "scan":
             self._sink.publish(self._scan_outputs[message.topic], message.data)
         elif role == "map":
@@ -337,7 +339,7 @@ class LiveBuilder:
         self.watch.ran(ended_ns, ended_ns - began_ns, late_ns)
 
     def _demand(self, wanted: Container[str]) -> Demand:
-        """Return what is to be computed; the grids always, for they are latched."""
+        """Return which outputs to compute; grids always, since they are latched."""
         parameters = self.builder.parameters
         by_gates = CostmapGate.PERCEIVED is parameters.costmap.gate
         by_gates = by_gates or SensorGate.PERCEIVED is parameters.sensors.gate
@@ -360,8 +362,3 @@ class LiveBuilder:
         elif now_ns < self._now_ns:
             return
         self._now_ns = now_ns
-
-
-def _without_clicks(roles: Mapping[str, str]) -> dict[str, str]:
-    """Return the inputs that are the builder's; a click is a request."""
-    return {topic: role for topic, role in roles.items() if role != "clicked_point"}

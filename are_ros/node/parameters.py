@@ -70,7 +70,7 @@ def descriptor(item: Description, *, is_read_only: bool = False) -> ParameterDes
 
 
 def _constraints(item: Description, *, is_read_only: bool) -> list[str]:
-    """Return in words what a range cannot say."""
+    """Return the constraints that a range cannot express."""
     found = []
     if item.choices:
         found.append(f"one of: {', '.join(item.choices)}")
@@ -206,7 +206,7 @@ class ParameterBridge:
                 raise ParameterError(message)
 
     def _is_of_others(self, name: str) -> bool:
-        """Tell whether a parameter is one that rclpy or somebody else has declared."""
+        """Tell whether rclpy or other code has declared a parameter."""
         is_ours = name in self._items or name in self._node_items
         return not is_ours and bool(self._node.has_parameter(name))
 

@@ -1,15 +1,23 @@
-"""What a process of ROS needs before rclpy starts: its signals, and room for its messages."""
+"""Processes of the node: signals, room for messages, start, spin, and an orderly end.
+
+Nothing here imports rclpy at the top: signals are handled before anything slow is imported.
+"""
 
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from are_ros.errors import NodeError
+from are_ros.errors import AreError, NodeError
+
+if TYPE_CHECKING:
+    from are_ros.node.ar_builder_node import ArBuilderNode
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+_WAIT_S: Final = 0.1
+_FLUSH_S: Final = 2.0
 
 
 class Stop:
@@ -24,7 +32,7 @@ class Stop:
         self.is_set = True
 
     def should_stop(self) -> bool:
-        """Tell whether a signal came."""
+        """Tell whether a signal was received."""
         return self.is_set
 
 
@@ -62,13 +70,10 @@ def make_room() -> None:
     To be called before rclpy starts. What the user has chosen for Fast DDS stays, and so does its
     default where shared memory is short. Other middlewares do not look.
     """
-    if _is_chosen() or not has_room():
+    is_chosen = any(os.environ.get(name) for name in _CHOICES) or _PROFILE_HERE.exists()
+    if is_chosen or not has_room():
         return
     os.environ[PROFILE_VARIABLE] = str(PROFILE)
-
-
-def _is_chosen() -> bool:
-    return any(os.environ.get(name) for name in _CHOICES) or _PROFILE_HERE.exists()
 
 
 def has_room() -> bool:
@@ -90,3 +95,83 @@ def refusals_of_ros() -> Iterator[None]:
     except (RuntimeError, ParameterException) as cause:
         reason = str(cause).partition(", at /")[0]
         raise NodeError(f"ROS does not start: {reason}") from cause
+
+
+@contextmanager
+def ros_context(arguments: Sequence[str] | None) -> Iterator[Any]:
+    """Yield an rclpy context of its own, without signal handlers; NodeError if ROS refuses."""
+    import rclpy
+    from rclpy.context import Context
+    from rclpy.signals import SignalHandlerOptions
+
+    make_room()
+    context = Context()
+    try:
+        words = None if arguments is None else list(arguments)
+        with refusals_of_ros():
+            rclpy.init(args=words, context=context, signal_handler_options=SignalHandlerOptions.NO)
+        yield context
+    finally:
+        context.try_shutdown()
+
+
+# `ar_builder`, the program.
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node until a signal ends it; return the exit status, 1 if it could not run.
+
+    On SIGINT and SIGTERM, at any moment, every marker is deleted and the last map is the real one.
+    """
+    with stop_on_signals() as stop:
+        return run(arguments, stop)
+
+
+def run(arguments: Sequence[str] | None, stop: Stop) -> int:
+    """Run the node until `stop` is set; return the exit status, 1 if it could not run."""
+    if stop.is_set:
+        return 0
+    from are_ros.node.ar_builder_node import NAME, ArBuilderNode
+
+    try:
+        with ros_context(arguments) as context:
+            with refusals_of_ros():
+                node = ArBuilderNode(context=context)
+            return 0 if _spin(node, stop) else 1
+    except AreError as cause:
+        return fatal(NAME, cause)
+
+
+def fatal(name: str, cause: AreError) -> int:
+    """Log the error that ended a process; return its exit status."""
+    from rclpy.logging import get_logger
+
+    get_logger(name).fatal(str(cause))
+    return 1
+
+
+def _spin(node: "ArBuilderNode", stop: Stop) -> bool:
+    """Run the node until it is to stop, then publish the real outputs; tell whether it started."""
+    node.is_wanted = lambda: not stop.is_set
+    try:
+        executor = _executor(node.context)
+        executor.add_node(node)
+        is_running = stop.is_set or node.starts_itself()
+        while is_running and not stop.is_set and node.context.ok():
+            executor.spin_once(timeout_sec=_WAIT_S)
+    finally:
+        node.retire()
+        node.flush(_FLUSH_S)
+        node.destroy_node()
+    return is_running or stop.is_set
+
+
+def _executor(context: Any) -> Any:
+    """Return the cheapest executor: EventsExecutor where this rclpy has one."""
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError:
+        from rclpy.executors import SingleThreadedExecutor
+
+        return SingleThreadedExecutor(context=context)
+    return EventsExecutor(context=context)

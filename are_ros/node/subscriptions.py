@@ -18,10 +18,9 @@ from are_ros.messages.transforms import (
     is_plain_cdr,
     read_transforms,
 )
-from are_ros.node.diagnostics import InputSnapshot
 from are_ros.node.message_classes import message_class
 from are_ros.node.qos import INPUTS, input_qos, is_latched_by_all, subscribe
-from are_ros.node.watches import InputWatch
+from are_ros.node.watches import InputSnapshot, InputWatch
 
 # What came over DDS: bytes with their topic, and what they say.
 

@@ -3,7 +3,7 @@
 import sys
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import monotonic_ns
 from typing import Final
@@ -57,11 +57,11 @@ class TickWatch:
         self._forget_before(now_ns - WINDOW_NS)
 
     def skipped(self, ticks: int = 1) -> None:
-        """Count ticks whose time went by without them."""
+        """Count ticks that were left out."""
         self.skipped_count += ticks
 
     def figures(self, now_ns: int) -> TickFigures:
-        """Return what is to be said now."""
+        """Return the figures at this moment."""
         self._forget_before(now_ns - WINDOW_NS)
         durations = sorted(duration_ns for _, duration_ns in self._durations)
         return TickFigures(
@@ -89,7 +89,7 @@ def _percentile_ms(durations_ns: list[int], percent: int) -> float | None:
     return durations_ns[max(rank, 1) - 1] / _NS_PER_MS
 
 
-# For how long the node did not answer, and what it did meanwhile.
+# How long the node was blocked, and by which work.
 
 
 WINDOW_S: Final = 60
@@ -107,15 +107,8 @@ class Turn:
     thread: int
 
 
-@dataclass(frozen=True)
-class BusyFigures:
-    """The longest times without an answer in the last minute [ms], by what was done meanwhile."""
-
-    longest_ms: Mapping[str, float] = field(default_factory=dict)
-
-
 class BusyWatch:
-    """Times each turn that the executor gives to the node: until its end nobody else has one.
+    """Times each callback of the node; the executor runs one at a time.
 
     The times are those of a clock that never jumps. `turn` is the one that goes on, if any; other
     threads may look at it.
@@ -152,14 +145,14 @@ class BusyWatch:
         """Note by how much a timer was late, as far as no turn explains it."""
         self._note(now_ns, MACHINE, now_ns - max(due_ns, self._ended_ns))
 
-    def figures(self, now_ns: int) -> BusyFigures:
-        """Return what is to be said now."""
+    def figures(self, now_ns: int) -> dict[str, float]:
+        """Return the longest time without an answer in the last minute [ms], by kind of work."""
         self._forget_before(now_ns // NS_PER_S - WINDOW_S)
         longest_ms: dict[str, float] = {}
         for _, durations in self._longest:
             for what, duration_ns in durations.items():
                 longest_ms[what] = max(longest_ms.get(what, 0.0), duration_ns / _NS_PER_MS)
-        return BusyFigures(dict(sorted(longest_ms.items())))
+        return dict(sorted(longest_ms.items()))
 
     def _note(self, now_ns: int, what: str, duration_ns: int) -> None:
         """Keep the longest duration of each second."""
@@ -175,11 +168,11 @@ class BusyWatch:
             self._longest.popleft()
 
 
-# Behaviours of the user's own that failed: what is to be logged of them, and how often.
+# User behaviours that failed: what is logged of them, and how often.
 
 
 _REST_NS: Final = 60 * NS_PER_S
-"""So long nothing more is logged of a behaviour, however often it fails."""
+"""The least time between two log entries of one behaviour."""
 
 
 @dataclass(frozen=True)
@@ -202,7 +195,7 @@ class _Fault:
 
 
 class FaultWatch:
-    """Told of each fault; says of each behaviour the first at once, then one a minute at most."""
+    """Collects faults; logs the first of each behaviour at once, then at most one a minute."""
 
     def __init__(self) -> None:
         self._counts: Counter[str] = Counter()
@@ -218,29 +211,23 @@ class FaultWatch:
         known.sentence, known.untold = self._last, known.untold + 1
 
     def sentences(self, now_ns: int) -> list[str]:
-        """Return what is to be logged now, by a clock that never jumps."""
-        due = [fault for fault in self._faults.values() if _is_due(fault, now_ns)]
-        sentences = [f"{fault.sentence}; it stands from now on{_more(fault)}" for fault in due]
-        for fault in due:
-            fault.untold, fault.told_ns = 0, now_ns
+        """Return the sentences to log now; `now_ns` is monotonic."""
+        sentences = []
+        for fault in self._faults.values():
+            is_rested = fault.told_ns is None or now_ns - fault.told_ns >= _REST_NS
+            if is_rested and fault.untold > 0:
+                others = fault.untold - 1
+                more = f", as {counted(others, 'other')} before it" if others else ""
+                sentences.append(f"{fault.sentence}; it stands from now on{more}")
+                fault.untold, fault.told_ns = 0, now_ns
         return sentences
 
     def snapshot(self) -> FaultSnapshot:
-        """Return what there is to say for the diagnostics."""
+        """Return the counts for the diagnostics."""
         return FaultSnapshot(dict(sorted(self._counts.items())), self._last, self.hung)
 
 
-def _is_due(fault: _Fault, now_ns: int) -> bool:
-    is_rested = fault.told_ns is None or now_ns - fault.told_ns >= _REST_NS
-    return is_rested and fault.untold > 0
-
-
-def _more(fault: _Fault) -> str:
-    others = fault.untold - 1
-    return f", as {counted(others, 'other')} before it" if others else ""
-
-
-# Behaviours of the user's own that do not return: said at once, by a thread of its own.
+# User behaviours that do not return: a watchdog thread logs them at once.
 
 
 PATIENCE_NS: Final = NS_PER_S
@@ -248,7 +235,7 @@ _LOOKS_PER_S: Final = 4
 
 
 class HangWatch:
-    """Looks from outside whom a node waits for that has not answered for a second.
+    """A watchdog thread: logs the behaviour that has blocked the node for a second.
 
     `say(sentence)` is called from the thread of this watch, so it must not publish anything. What
     holds the interpreter's lock, as compiled code may, lets nobody look.
@@ -263,7 +250,7 @@ class HangWatch:
         self._thread.start()
 
     def take(self) -> tuple[Turn, str] | None:
-        """Return the turn in which somebody was waited for so long, and whom; each once.
+        """Return the blocked turn and the behaviour that blocked it; each once.
 
         To be asked between turns.
         """
@@ -294,11 +281,11 @@ class HangWatch:
                 self._say(f"{who} has not returned for a second; the node stands still")
 
 
-# How much a counter has grown of late.
+# How much a counter has grown recently.
 
 
 class CountWatch:
-    """Sees a counter's totals, and tells its growth over a sliding window."""
+    """Measures a counter's growth over a sliding window."""
 
     def __init__(self, window_ns: int) -> None:
         self._window_ns = window_ns
@@ -375,7 +362,7 @@ class InputWatch:
         self._refusals.update(now_ns, self.refused_count)
 
     def figures(self, now_ns: int) -> InputFigures:
-        """Return what is to be said now."""
+        """Return the figures at this moment."""
         return InputFigures(
             count=self.count,
             refused=self.refused_count,
@@ -390,3 +377,58 @@ class InputWatch:
         if intervals < 1:
             return None
         return (self._stamps[-1] - self._stamps[0]) / intervals / NS_PER_S
+
+
+@dataclass(frozen=True)
+class InputSnapshot:
+    """An input: its role, the full name of its topic, and what came in."""
+
+    role: str
+    topic: str
+    figures: InputFigures = field(default_factory=InputFigures)
+    is_required: bool = False
+    is_latched: bool = False
+    """It comes once, or when it changes; so it never goes stale."""
+    publishers: int = 0
+
+
+# How long no CameraInfo has been published, and when to warn.
+
+
+GRACE_S: Final = 5.0
+"""For so long after activation nothing that is missing is an error."""
+_STAND_IN_S: Final = 3.0
+
+
+class CameraWatch:
+    """Decides when the default camera is used, and when the node warns of it.
+
+    Times are those of a clock that never jumps. Publishers are discovered one after the other,
+    and a robot may be started after the node: so nothing is said before a map has been on offer
+    for the grace, all the while without a CameraInfo.
+    """
+
+    def __init__(self) -> None:
+        self._blind_since_ns: int | None = None
+        self._mapped_since_ns: int | None = None
+
+    def is_to_stand_in(self, now_ns: int, *, is_missing: bool) -> bool:
+        """Return whether there has been neither a camera nor a CameraInfo publisher for 3 s."""
+        self._blind_since_ns = _since(self._blind_since_ns, now_ns, holds=is_missing)
+        return _has_lasted(self._blind_since_ns, now_ns, _STAND_IN_S)
+
+    def is_to_be_said(self, now_ns: int, *, is_only_map_offered: bool) -> bool:
+        """Return whether a map, but no CameraInfo, has been published for `GRACE_S`."""
+        self._mapped_since_ns = _since(self._mapped_since_ns, now_ns, holds=is_only_map_offered)
+        return _has_lasted(self._mapped_since_ns, now_ns, GRACE_S)
+
+
+def _since(before_ns: int | None, now_ns: int, *, holds: bool) -> int | None:
+    """Return since when something has held without a break."""
+    if not holds:
+        return None
+    return now_ns if before_ns is None else before_ns
+
+
+def _has_lasted(since_ns: int | None, now_ns: int, least_s: float) -> bool:
+    return since_ns is not None and now_ns - since_ns >= least_s * NS_PER_S

@@ -127,7 +127,7 @@ def _checked(section: Any, item: Description, value: Any) -> Any:
         return _choice(item, type(default), value)
     if isinstance(default, tuple):
         return _elements(item, value)
-    value = _scalar(item, value)
+    value = _typed(item, value, type(item.default))
     _check_bounds(item, value)
     return value
 
@@ -151,10 +151,6 @@ def _elements(item: Description, value: Any) -> tuple[Any, ...]:
     for one in elements:
         _check_bounds(item, one)
     return elements
-
-
-def _scalar(item: Description, value: Any) -> Any:
-    return _typed(item, value, type(item.default))
 
 
 _TYPE_NAMES = {bool: "true or false", int: "a whole number", float: "a number", str: "a string"}

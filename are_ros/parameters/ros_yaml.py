@@ -114,7 +114,7 @@ def _is_for_us(node: str) -> bool:
 
 
 def _why_for_nobody(content: Mapping[Any, Any], nodes: Sequence[str]) -> str:
-    """Return what a file that addresses nobody of us holds instead."""
+    """Return what a file without a section for this node holds instead."""
     known = {item.path for item in describe(Parameters())}
     known |= {path.split(".", maxsplit=1)[0] for path in known}
     for name in map(str, content):

@@ -1,4 +1,4 @@
-"""What parameters must be beside each other: the checks that no single one can tell."""
+"""Checks of parameters against each other."""
 
 import math
 from dataclasses import replace

@@ -85,7 +85,7 @@ def run_demo(
 
 
 def keep_to_this_machine() -> None:
-    """Let DDS neither reach other machines nor meet what else runs on this one.
+    """Keep DDS on this machine, in a domain of its own.
 
     Before rclpy starts; a ROS_DOMAIN_ID that is set stays.
     """
@@ -155,7 +155,7 @@ def _record_command(options: DemoOptions) -> list[str]:
 
 @contextmanager
 def _process(command: Sequence[str], log: Path) -> Iterator["subprocess.Popen[bytes]"]:
-    """Run a process, its words into a file; in the end let it end in order."""
+    """Run a process with its output in a file; end it with SIGINT."""
     with log.open("wb") as words:
         process = subprocess.Popen(command, stdout=words, stderr=words)  # noqa: S603 - our own
         try:
@@ -193,7 +193,7 @@ def _await_active(
 
 
 def _is_recorded(node: Node) -> bool:
-    """Tell whether the recorder subscribes to all that the node publishes of ticks."""
+    """Tell whether the recorder subscribes to all outputs of the node."""
     return all(
         any(
             info.node_name == NODE_NAME
@@ -205,7 +205,7 @@ def _is_recorded(node: Node) -> bool:
 
 
 def _state(client: Any, executor: Any) -> int:
-    """Return the lifecycle state that the node tells, 0 if it does not answer soon."""
+    """Return the node's lifecycle state, 0 if it does not answer within a second."""
     future = client.call_async(client.srv_type.Request())
     executor.spin_until_future_complete(future, timeout_sec=1.0)
     return int(future.result().current_state.id) if future.done() else 0

@@ -33,7 +33,7 @@ class _Tally:
     events: Counter[int] = field(default_factory=Counter)
     messages: Counter[str] = field(default_factory=Counter)
     in_the_maps: dict[int, set[int]] = field(default_factory=dict)
-    """Ids by tick: who stands where the last artefact map has an artefact."""
+    """Ids by tick: the artefacts on occupied cells of the last artefact map."""
     in_sight: dict[int, set[int]] = field(default_factory=dict)
     _map: OccupancyGrid | None = None
 

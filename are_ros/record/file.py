@@ -1,4 +1,4 @@
-"""The file of a recording, written by a thread of its own, so that a slow disk delays nobody."""
+"""The file of a recording, written by its own thread, so that a slow disk delays nothing."""
 
 import struct
 import threading
@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from types import TracebackType
-from typing import Final, Protocol
+from typing import Final
 
 from are_ros.bag.writer import BagWriter, OfferedQos
 from are_ros.conventions import NS_PER_S
@@ -74,7 +74,7 @@ class FileWriter:
                 raise error
 
     def announce(self, topic: str, announcement: Announcement) -> None:
-        """Say what a topic is; again, while it has no message, if that has changed."""
+        """Announce a topic; callable again, with changes, until its first message."""
         self._announced[topic] = announcement
 
     def put(self, messages: Sequence[Stamped]) -> None:
@@ -148,57 +148,45 @@ _MOST_WAITING_BYTES = 256 * 1024 * 1024
 """What waits for the first /clock at most."""
 
 
-class LogClock(Protocol):
-    """What gives messages their log time; `dropped` are those that waited for it in vain."""
-
-    dropped: Counter[str]
-
-    def now_ns(self) -> int | None:
-        """Return a time by which to measure the length of a recording; None before it runs."""
-
-    def stamp(self, messages: Sequence[Received]) -> Iterator[Stamped]:
-        """Yield messages that came in this order with their log times, some of them later."""
-
-    def rest(self) -> Iterator[Stamped]:
-        """Yield what still waits when the recording ends."""
-
-
 class WallClock:
-    """Log time is when the middleware received a message, publish time when it was sent."""
+    """Gives messages their log time: when the middleware received them; publish time: when sent.
+
+    `dropped` counts the messages that waited for a log time in vain.
+    """
 
     def __init__(self) -> None:
         self.dropped: Counter[str] = Counter()
 
-    def now_ns(self) -> int:
-        """Return a time that never jumps."""
+    def now_ns(self) -> int | None:
+        """Return a time that measures the length of a recording; None before it runs."""
         return time.monotonic_ns()
 
     def stamp(self, messages: Sequence[Received]) -> Iterator[Stamped]:
-        """Yield all messages at once."""
+        """Yield messages, in their order of arrival, with log times; some wait for a later call."""
         for message in messages:
             yield Stamped(message.topic, message.received_ns, message.published_ns, message.data)
 
     def rest(self) -> Iterator[Stamped]:
-        """Yield nothing: nothing waits."""
+        """Yield the messages that still wait when the recording ends."""
         return iter(())
 
 
-class SimulatedClock:
+class SimulatedClock(WallClock):
     """Log time is the last /clock before a message, and never decreases.
 
     What comes before the first /clock waits in memory and then counts as then. If the clock jumps
     back, log times stay where they are until it has caught up, so that a reader gets the messages
-    in the order in which they came; that is said once.
+    in the order in which they came; one notice is given.
     """
 
     def __init__(self, say: Callable[[str], None]) -> None:
+        super().__init__()
         self._say = say
         self._now_ns: int | None = None
         self._last_ns = 0
         self._waiting: list[Received] = []
         self._waiting_bytes = 0
         self._has_jumped = False
-        self.dropped: Counter[str] = Counter()
 
     def now_ns(self) -> int | None:
         """Return the log time reached, None before the first /clock."""
@@ -217,7 +205,7 @@ class SimulatedClock:
             yield _at(self._now_ns, message)
 
     def rest(self) -> Iterator[Stamped]:
-        """Yield at time 0 what waits for a clock that never came, which is said."""
+        """Yield at time 0 what waits for a clock that never came, with a notice."""
         if self._waiting:
             self._say("no /clock came: everything is recorded at time 0")
             yield from self._release(0)

@@ -16,11 +16,11 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-# How many messages of a topic never arrived, told from the gaps in the publisher's numbers.
+# Lost messages of a topic, counted by gaps in the publisher's sequence numbers.
 
 
 class LossCount:
-    """Counts the gaps of one topic while it has one publisher; several cannot be told apart.
+    """Counts sequence gaps of one topic while it has one publisher.
 
     A gap counts only when the publishers are seen to be the same afterwards: a new publisher
     speaks before it is found, and its numbers are its own.
@@ -97,11 +97,11 @@ class Inbox:
         self._topics[topic].subscribe(qos)
 
     def is_connected(self, topic: str) -> bool:
-        """Tell whether a publisher of the topic is known to send to us."""
+        """Tell whether a publisher of the topic is connected."""
         return topic in self._topics and self._topics[topic].is_connected()
 
     def publishers_found(self, topic: str, count: int, *, are_the_same: bool) -> None:
-        """Say how many publishers the topic has, for the count of what was lost."""
+        """Pass the number of publishers of a topic to its loss count."""
         if topic in self._topics:
             self._topics[topic].losses.settle(count, are_the_same=are_the_same)
 

@@ -121,7 +121,7 @@ class LockstepPeer:
 
 
 _PATIENCE_S: Final = 60.0
-"""A node may compile its kernels meanwhile."""
+"""The node may be compiling its kernels."""
 _CLOCK_PATIENCE_S: Final = 5.0
 
 
@@ -199,7 +199,7 @@ class Lockstep(Pace):
         self._meet()
 
     def end(self) -> None:
-        """Wait until everybody has taken everything, also of what the others made of it."""
+        """Wait twice: until the nodes have taken the messages, and the outputs made of them."""
         self._meet()
         self._meet()
 

@@ -20,7 +20,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, NodeError
 from are_ros.node.message_classes import message_class
 
-# What is asked of a player.
+# The options of the player.
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class PlayedTopics:
         return str(self._publishers[topic].topic_name)
 
     def has_listeners(self, topic: str) -> bool:
-        """Tell whether anybody subscribes to a topic, by its recorded name."""
+        """Tell whether a topic, by its recorded name, has subscribers."""
         return bool(self._publishers[topic].get_subscription_count())
 
     def wait_until_acknowledged(self, topic: str, timeout_s: float) -> bool:
@@ -200,7 +200,7 @@ def _qos(topic: BagTopic, options: PlayOptions) -> QoSProfile:
     )
 
 
-# /clock: the time of a recording, told while it is played.
+# /clock: the time of the recording while it is played.
 
 
 class ClockTeller:
@@ -228,7 +228,7 @@ class ClockTeller:
             publisher.publish(message)
 
 
-# Waiting for those who want to hear: so that the first messages are not lost.
+# Waiting for subscribers, so that the first messages are not lost.
 
 
 _GRACE_S: Final = 2.0
@@ -254,40 +254,30 @@ def await_subscribers(
     was recorded), the wait ends after two. Returns whether to go on; NodeError if a node does not
     listen in time. `say` takes what is waited for, now and then.
     """
-    patience = _Patience(options.wait_s, say)
+    began_s, report_after_s = time.monotonic(), _SILENT_S
     for name in options.wait_for:
         while not _is_listening(node, name, publishers):
-            patience.wait_for(name)
+            passed_s = time.monotonic() - began_s
+            if passed_s > options.wait_s:
+                message = f"{name} is waited for, but it listened to nothing within"
+                raise NodeError(f"{message} {options.wait_s:g} s: does it run, and by this name?")
+            if passed_s >= report_after_s:
+                is_first = report_after_s <= _SILENT_S
+                say(_waiting(name, passed_s, options.wait_s, is_first=is_first))
+                report_after_s = passed_s + _SAY_EVERY_S
             if should_stop():
                 return False
             time.sleep(_ASK_S)
     return _await_connections(node, publishers, bool(options.wait_for), should_stop)
 
 
-class _Patience:
-    """Says what is waited for, now and then, until it has been too long."""
-
-    def __init__(self, wait_s: float, say: Callable[[str], None]) -> None:
-        self._wait_s, self._say = wait_s, say
-        self._began_s = time.monotonic()
-        self._say_after_s = _SILENT_S
-
-    def wait_for(self, name: str) -> None:
-        """Say that a node is waited for, if it is time to; NodeError where it has been too long."""
-        passed_s = time.monotonic() - self._began_s
-        if passed_s > self._wait_s:
-            message = f"{name} is waited for, but it listened to nothing within"
-            raise NodeError(f"{message} {self._wait_s:g} s: does it run, and by this name?")
-        if passed_s >= self._say_after_s:
-            if self._say_after_s <= _SILENT_S:
-                self._say(
-                    f"waiting for {name} to listen (the first time, ar_builder compiles its kernels"
-                    " for a minute or two)"
-                )
-            else:
-                given = f"it is given {self._wait_s:g} s"
-                self._say(f"still waiting for {name} after {passed_s:.0f} s; {given}")
-            self._say_after_s = passed_s + _SAY_EVERY_S
+def _waiting(name: str, passed_s: float, wait_s: float, *, is_first: bool) -> str:
+    if is_first:
+        return (
+            f"waiting for {name} to listen (the first time, ar_builder compiles its kernels"
+            " for a minute or two)"
+        )
+    return f"still waiting for {name} after {passed_s:.0f} s; it is given {wait_s:g} s"
 
 
 def _await_connections(
@@ -296,7 +286,7 @@ def _await_connections(
     is_somebody_awaited: bool,
     should_stop: Callable[[], bool],
 ) -> bool:
-    """Wait until nobody comes any more; tell whether to go on."""
+    """Wait until no more subscribers come; return whether to go on."""
     deadline_s = time.monotonic() + (_GRACE_S if is_somebody_awaited else _SHORT_GRACE_S)
     connected, since_s = -1, time.monotonic()
     while time.monotonic() < deadline_s:

@@ -11,7 +11,7 @@ from rclpy.node import Node
 
 from are_ros.bag.writer import BagWriter, describe_folder
 from are_ros.conventions import NS_PER_S, seconds_to_ns
-from are_ros.record.file import FileWriter, LogClock, SimulatedClock, WallClock
+from are_ros.record.file import FileWriter, SimulatedClock, WallClock
 from are_ros.record.inbox import Inbox, Received, Stamped
 from are_ros.record.session import ros_session
 from are_ros.record.topics import RecordOptions, TopicFollower, TopicTypes
@@ -30,7 +30,7 @@ class _Request(NamedTuple):
 
 
 class Answers:
-    """Takes the requests to all services of a node, and answers them when it is told to.
+    """Takes the requests to all services of a node, and answers them on demand.
 
     A player in lockstep asks whether everything from before its request was taken. So a request is
     taken first, then what else is there, and then the request is answered.
@@ -157,7 +157,7 @@ class _Recording:
         answers: Answers,
         follower: TopicFollower,
         file: FileWriter,
-        clock: LogClock,
+        clock: WallClock,
     ) -> None:
         self._options = options
         self._inbox = inbox
@@ -190,7 +190,7 @@ class _Recording:
                 self._answers.wait(_REST_S)
 
     def finish(self) -> None:
-        """Pass on what arrived until now, and nothing that comes meanwhile."""
+        """Pass on what arrived until now, and nothing later."""
         end_ns = time.time_ns()
         while self._pass_on([m for m in self._inbox.take_all() if m.received_ns <= end_ns]):
             pass
@@ -215,7 +215,7 @@ class _Recording:
         return bool(messages)
 
     def _put(self, messages: Iterator[Stamped]) -> None:
-        """Give the file what it is to hold: not a /clock that only tells the time."""
+        """Write the selected messages; an unselected /clock only gives the time."""
         self._file.put([m for m in messages if self._options.is_selected(m.topic)])
 
     def _is_over(self) -> bool:

@@ -3,25 +3,19 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import rclpy
-from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
 
-from are_ros.node.startup import make_room
+from are_ros.node.startup import ros_context
 
 
 @contextmanager
 def ros_session(name: str, *, has_services: bool = False) -> Iterator[Node]:
-    """Give out a node that nobody spins; destroyed in the end.
+    """Yield a node that no executor spins; it is destroyed at the end.
 
-    `has_services`: those of its parameters, which somebody is then to answer.
+    With `has_services` it has the parameter services, whose requests the caller answers.
     """
-    make_room()
-    context = Context()
-    rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
-    try:
+    with ros_context([]) as context:
         node = Node(
             name,
             context=context,
@@ -34,5 +28,3 @@ def ros_session(name: str, *, has_services: bool = False) -> Iterator[Node]:
             yield node
         finally:
             node.destroy_node()
-    finally:
-        context.try_shutdown()

@@ -1,4 +1,4 @@
-"""The topics of a recording: which are wanted, who publishes them, and how they are subscribed."""
+"""The topics of a recording: selection, publishers, quality of service, subscriptions."""
 
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -48,7 +48,7 @@ class RecordOptions:
         """Tell whether a topic, by its full name, is to be recorded."""
         if _matches(topic, self.exclude):
             return False
-        return _matches(topic, self.topics) if self.topics else not _is_hidden(topic)
+        return _matches(topic, self.topics) if self.topics else "/_" not in topic  # hidden
 
     def named_topics(self) -> tuple[str, ...]:
         """Return the full names of the topics that were asked for by name."""
@@ -94,22 +94,14 @@ class RecordOptions:
                 f"{partial} is there: a recording that still runs, or was killed"
                 " (`mcap recover` saves it); move it away, or choose another name or --overwrite"
             )
-        is_taken = self.path.exists() and not (self.is_folder and _is_empty_folder(self.path))
+        is_empty = self.is_folder and self.path.is_dir() and not any(self.path.iterdir())
+        is_taken = self.path.exists() and not is_empty
         if is_taken:
             raise BagError(f"{self.path} exists already; choose another name, or --overwrite")
 
 
 def _matches(topic: str, patterns: Sequence[str]) -> bool:
     return any(fnmatchcase(topic, slashed(pattern)) for pattern in patterns)
-
-
-def _is_hidden(topic: str) -> bool:
-    """Tell whether part of the name begins with an underscore, as the topics of actions do."""
-    return "/_" in topic
-
-
-def _is_empty_folder(path: Path) -> bool:
-    return path.is_dir() and not any(path.iterdir())
 
 
 # The quality of service to record with, from what the publishers of a topic offer.
@@ -127,7 +119,7 @@ _BULKY: Final = frozenset(
     }.items()
     for name in names
 )
-"""Types of whose messages a thousand would fill the memory."""
+"""A thousand messages of these types would fill the memory."""
 
 
 def offered_by(profile: QoSProfile) -> OfferedQos:
@@ -158,7 +150,7 @@ def matching(offered: Sequence[OfferedQos], type_name: str) -> QoSProfile:
     )
 
 
-# Which topics are published, by whom, and what has changed since it was last asked.
+# The published topics, and what has changed since the last look.
 
 
 _RECHECK_S = 1.0
@@ -249,7 +241,7 @@ class TopicTypes:
         return self._installed.store
 
     def class_of(self, type_name: str) -> type[Any]:
-        """Return rclpy's class of a type whose definition is known then as well.
+        """Return rclpy's class of a type, and learn the type's definition.
 
         InputError or NodeError, with the reason, where one of the two is not installed.
         """
@@ -260,7 +252,7 @@ class TopicTypes:
     def is_as_published(self, type_name: str, type_hash: str) -> bool:
         """Tell whether a publisher's type hash is that of the definition known here.
 
-        Publishers that tell no hash, as those of older middlewares, are believed.
+        Publishers without a hash, as of older middlewares, are accepted.
         """
         if not type_hash.startswith("RIHS01_") or type_hash == _NO_HASH:
             return True
@@ -271,7 +263,7 @@ _LONGEST_LOOK_S: Final = 0.02
 
 
 class TopicFollower:
-    """Subscribes to what is to be recorded, announces it to the file, says what cannot be.
+    """Subscribes to the selected topics, and announces them to the file.
 
     `skipped` are the topics that are not recorded, with the reason.
     """
@@ -297,7 +289,7 @@ class TopicFollower:
         self.skipped: dict[str, str] = {}
 
     def look(self) -> bool:
-        """Ask who publishes what; return False if some of it was left for the next time.
+        """Look for topics and publishers; return False if the look is to be continued.
 
         Types take long to load, and messages must not wait. NodeError where /clock is needed and
         is no clock.
@@ -319,7 +311,7 @@ class TopicFollower:
         return all(name in self.skipped or self._inbox.is_connected(name) for name in topics)
 
     def finish(self) -> None:
-        """Look for the last time, and say what was asked for and never seen."""
+        """Look for the last time, and report topics asked for by name that never came."""
         self.look()
         for name in self._options.named_topics():
             if name not in self.skipped and name not in self._type_names:
@@ -355,7 +347,7 @@ class TopicFollower:
             self._inbox.subscribe(topic.name, message_class, qos)
 
     def _say_doubts(self, topic: PublishedTopic, type_name: str) -> None:
-        """Say once where a publisher means another type, or another definition of it."""
+        """Warn once where a publisher has another type, or another definition of it."""
         if topic.name in self._doubted:
             return
         others = [name for name in topic.type_names if name != type_name]

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from are_ros.artefacts.population_events import Cause
+from are_ros.artefacts.departures import Cause
 from are_ros.bag.reader import BagReader, recording_in
 from are_ros.bag.roles import read_overrides, scans_of
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms, replaced_statics

@@ -16,7 +16,7 @@ from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits
 from are_ros.artefacts.motion.hindrance import Hindrance
 from are_ros.artefacts.motion.order import Order
 from are_ros.artefacts.navigation import Leg, Navigation, Wish
-from are_ros.artefacts.places import Places
+from are_ros.artefacts.places import Destinations
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.artefacts.shapes import Shape
 from are_ros.artefacts.terrain import Terrains
@@ -36,7 +36,7 @@ class Ways(Navigation):
 
     def __init__(self) -> None:
         super().__init__(BehaviourParameters(), Terrains())
-        self.places = Places(np.array([[5.0, 5.0], [9.0, 1.0]]), np.array([[0.0, 0.0]]))
+        self.places = Destinations(np.array([[5.0, 5.0], [9.0, 1.0]]), np.array([[0.0, 0.0]]))
         self.is_shut = self.is_crowded = False
         self.patience: list[bool] = []
 

@@ -9,7 +9,7 @@ import pytest
 
 from are_ros.agents.simulate import CrowdSimulator
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
-from are_ros.artefacts.population_events import Cause
+from are_ros.artefacts.departures import Cause
 from are_ros.artefacts.terrain import Terrains
 from are_ros.builder import assembly
 from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution

@@ -175,7 +175,7 @@ def test_restart_forgets_everyone(law_of: Callable[..., DepartureLaw]) -> None:
     law.arrived(1, EPOCH_NS)
     law.restart(50)
     assert law.next() is None
-    with pytest.raises(ParameterError, match="nobody"):
+    with pytest.raises(ParameterError, match="no artefact"):
         law.pop()
     law.arrived(2, 60)
     departure = law.next()

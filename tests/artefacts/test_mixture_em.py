@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from scipy.special import gammaln
 from scipy.stats import poisson
 
-from are_ros.artefacts._mixture_em import (
+from are_ros.artefacts.mixture_fit import (
     climb,
     em_step,
+    rate_limits,
     rate_of_mean,
     truncated_mean,
 )
-from are_ros.artefacts.mixture_fit import rate_limits
 
 Floats = npt.NDArray[np.float64]
 ROWS = 42

@@ -5,7 +5,7 @@ import numpy.typing as npt
 import pytest
 from scipy.stats import poisson
 
-from are_ros.artefacts._mixture_em import derivatives, log_laws, precision
+from are_ros.artefacts.mixture_fit import derivatives, log_laws, precision
 
 Floats = npt.NDArray[np.float64]
 ROWS = 30

@@ -20,7 +20,7 @@ from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits, RewardWeight
 from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.navigation import Leg, Navigation, Wish
 from are_ros.artefacts.onlookers import Onlookers
-from are_ros.artefacts.places import Places
+from are_ros.artefacts.places import Destinations
 from are_ros.artefacts.shapes import Shape
 from are_ros.artefacts.terrain import Terrains
 from are_ros.artefacts.traveller import Comfort, Traveller
@@ -33,7 +33,7 @@ ROW = CatalogueRow(0, "one", "person", (0.3, 0.5, 1.7), (0, 0, 0), Shape.PERSON,
 LONG = replace(ROW, size_m=(4.0, 1.8, 1.5), motion=MotionLimits(3.0, 1.5, 0.6, 5.0, 1.0))
 SHY = replace(ROW, rewards=RewardWeights(time=0.02, personal_space=3.0, robot=3.0))
 NOBODY = np.empty(0, np.int64)
-PLACES = Places(np.array([[1.0, 1.0]]), np.empty((0, 2)))
+PLACES = Destinations(np.array([[1.0, 1.0]]), np.empty((0, 2)))
 DOOR = slice(90, 110)
 
 

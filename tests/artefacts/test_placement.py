@@ -10,18 +10,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from are_ros.artefacts._candidates import CandidateCells
-from are_ros.artefacts._leeway import Leeway, leeway_of
+from are_ros.artefacts._departure_constraint import DepartureConstraint, departure_constraint_of
 from are_ros.artefacts.artefact import GroundPose, boxes_of
 from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits
 from are_ros.artefacts.placement import (
     HEADINGS,
+    CandidateCells,
     Disc,
     KeepOut,
+    PlacementConstraints,
+    PlacementQuery,
     Placer,
     PoseLattice,
-    Sought,
-    Surroundings,
 )
 from are_ros.artefacts.terrain import Terrains
 from are_ros.world.environment import Environment
@@ -192,14 +192,14 @@ def test_blocked_if_and_only_if_the_lattice_holds_none(
     elif min(sizes) > 1e-6:
         assert stands_free(smaller, _array([pose]), free).all()
     boxes, _ = placer._standing(row, np.insert(lattice, 2, 0.0, axis=1))
-    leeway = leeway_of(row, placer._environment, Terrains(), free)
+    departure = departure_constraint_of(row, placer._environment, Terrains(), free)
     placeable = placer._environment.is_placeable(boxes)
     assert _lattice_poses(placer, row, None) == np.count_nonzero(placeable)
-    if leeway is None or (roomy_cells(row, free, -1e-6) != roomy_cells(row, free, 1e-6)).any():
+    if departure is None or (roomy_cells(row, free, -1e-6) != roomy_cells(row, free, 1e-6)).any():
         return
     off = [sets_out(row, lattice, free, slack_m) for slack_m in (-1e-6, 1e-6)]
     least, most = (np.count_nonzero(placeable & gets_off) for gets_off in off)
-    assert least <= _lattice_poses(placer, row, leeway) <= most
+    assert least <= _lattice_poses(placer, row, departure) <= most
     if least:
         assert pose is not None
         assert sets_out(row, _array([pose]), free, 1e-6).all()
@@ -264,12 +264,12 @@ def test_a_vehicle_does_not_arrive_where_no_way_leads_on() -> None:
     assert 40 < np.count_nonzero(poses[:, 0] > 10.0) < 130
 
 
-def _lattice_poses(placer: Placer, row: CatalogueRow, leeway: Leeway | None) -> int:
+def _lattice_poses(placer: Placer, row: CatalogueRow, departure: DepartureConstraint | None) -> int:
     """Count what the static map allows of the lattice."""
-    sought = Sought(row, Surroundings(), Disc(0.0, 0.0, math.inf), leeway)
+    query = PlacementQuery(row, PlacementConstraints(), Disc(0.0, 0.0, math.inf), departure)
     return sum(
-        placer._feasible(sought, placer._poses.poses(piece), is_checked=is_checked)[0].size
-        for piece, is_checked in placer._lattice_poses(sought, placer._cells)
+        placer._feasible(query, placer._poses.poses(piece), is_checked=is_checked)[0].size
+        for piece, is_checked in placer._lattice_poses(query, placer._cells)
     )
 
 
@@ -282,7 +282,7 @@ def test_a_search_gives_the_same_however_much_is_known() -> None:
         is_there: npt.NDArray[np.bool_] = np.hypot(*(boxes.centres_m[:, :2] - spot).T) < 1e-3
         return is_there
 
-    around = Surroundings(allowed=at_the_spot)
+    around = PlacementConstraints(allowed=at_the_spot)
     placer = placer_of(free, 0.1)
     found = [placer.place(row, stream(1), around) for _ in range(12)]
     (static,) = placer._static.values()
@@ -303,7 +303,7 @@ def test_nothing_ever_overlaps() -> None:
     others = OrientedBoxes.empty()
     for number in range(150):
         row = rows[number % 3]
-        pose = placer.place(row, stream(number), Surroundings(others, keep_out))
+        pose = placer.place(row, stream(number), PlacementConstraints(others, keep_out))
         if pose is not None:
             standing.append((row, pose))
             others = boxes_of([row for row, _ in standing], [pose for _, pose in standing])
@@ -324,8 +324,8 @@ def test_a_crowd_blocks_and_its_leaving_frees() -> None:
     placer, row = placer_of(free), row_of(3.0, 1.0)
     poses = [GroundPose(2.5, 1.5, 0.0, 0.0), GroundPose(2.5, 3.5, 0.0, 0.0)]
     both, one = boxes_of([row, row], poses), boxes_of([row], poses[:1])
-    assert placer.place(row, stream(1), Surroundings(both)) is None
-    found = placer.place(row, stream(1), Surroundings(one))
+    assert placer.place(row, stream(1), PlacementConstraints(both)) is None
+    found = placer.place(row, stream(1), PlacementConstraints(one))
     assert found is not None
     assert (found.x_m, found.y_m) == (2.5, 3.5)
 
@@ -360,13 +360,15 @@ def test_what_turns_goes_where_it_cannot_only_if_there_is_no_other_place() -> No
     assert (poses[:, 1] > 3.0).all()
     assert turns_free(row, poses[:, :2], free).all()
     middle = boxes_of([row_of(2.6, 2.6)], [GroundPose(2.5, 4.5, 0.0, 0.0)])
-    placed = [placer.place(row, stream(number), Surroundings(middle)) for number in range(20)]
+    placed = [
+        placer.place(row, stream(number), PlacementConstraints(middle)) for number in range(20)
+    ]
     assert (_array(placed)[:, 1] < 2.0).sum() == 20
     corridor = Disc(4.5, 1.5, 1.0)
     assert placer.place(row, stream(1), within=corridor) is not None
-    assert [placer_of(free).place(row, stream(k), Surroundings(middle)) for k in range(5)] == (
-        placed[:5]
-    )
+    assert [
+        placer_of(free).place(row, stream(k), PlacementConstraints(middle)) for k in range(5)
+    ] == (placed[:5])
 
 
 GARAGE = """
@@ -388,11 +390,13 @@ def test_what_drives_is_wedged_in_only_if_there_is_no_other_place() -> None:
     assert (poses[:, 1] > 3.0).all()
     assert sets_out(row, poses, free, 1e-6).all()
     middle = boxes_of([row_of(8.6, 2.8)], [GroundPose(5.5, 4.5, 0.0, 0.0)])
-    placed = [placer.place(row, stream(number), Surroundings(middle)) for number in range(5)]
+    placed = [
+        placer.place(row, stream(number), PlacementConstraints(middle)) for number in range(5)
+    ]
     assert (_array(placed)[:, 1] < 2.0).sum() == 5
-    assert [placer_of(free).place(row, stream(k), Surroundings(middle)) for k in range(5)] == (
-        placed
-    )
+    assert [
+        placer_of(free).place(row, stream(k), PlacementConstraints(middle)) for k in range(5)
+    ] == (placed)
 
 
 def test_what_can_drive_off_nowhere_is_placed_where_it_fits() -> None:
@@ -411,7 +415,7 @@ def test_what_only_stands_needs_no_room_to_set_out() -> None:
     free = free_cells(GARAGE)
     for motion in (TURNS, DRIVES):
         row = replace(row_of(2.9, 0.9, motion=motion), behaviours={"standing": 1.0})
-        assert leeway_of(row, environment_of(free), Terrains(), free) is None
+        assert departure_constraint_of(row, environment_of(free), Terrains(), free) is None
         as_it_stands = replace(row, motion=STANDS)
         for number in range(20):
             pose = placer_of(free).place(row, stream(number))
@@ -467,11 +471,11 @@ def test_a_turned_map_with_high_ground_agrees_with_the_environment() -> None:
 def test_what_is_not_allowed_is_refused() -> None:
     """A predicate on boxes confines them to x > 7; one that refuses all blocks."""
     placer, row = placer_of(free_cells(ROOMS)), row_of(0.4, 0.4)
-    right = Surroundings(allowed=lambda boxes: boxes.centres_m[:, 0] > 7.0)
+    right = PlacementConstraints(allowed=lambda boxes: boxes.centres_m[:, 0] > 7.0)
     poses = _array([placer.place(row, stream(number), right) for number in range(50)])
     assert len(poses) == 50
     assert poses[:, 0].min() > 7.0
-    nowhere = Surroundings(allowed=lambda boxes: np.zeros(len(boxes), np.bool_))
+    nowhere = PlacementConstraints(allowed=lambda boxes: np.zeros(len(boxes), np.bool_))
     assert placer.place(row, stream(1), nowhere) is None
 
 
@@ -488,7 +492,7 @@ def test_memory_and_distant_neighbours_change_no_draw(row: CatalogueRow) -> None
     assert placer_of(free).place(row, stream(7)) == expected
     far = GroundPose(1.5 if expected.x_m > 5.0 else 8.0, 6.5, 0.0, 0.0)
     others = boxes_of([row_of(0.2, 0.2)], [far])
-    assert used.place(row, stream(7), Surroundings(others)) == expected
+    assert used.place(row, stream(7), PlacementConstraints(others)) == expected
 
 
 def test_a_lattice_of_very_many_cells_is_thinned_evenly() -> None:
@@ -502,7 +506,7 @@ def test_a_lattice_of_very_many_cells_is_thinned_evenly() -> None:
     assert set(rows % 5) == set(cols % 5) == {2}
     few = lattice.thinned(np.arange(1000, dtype=np.int32))
     assert few.size == 1000
-    corner = Surroundings(allowed=lambda boxes: boxes.centres_m[:, :2].max(axis=1) < 0.06)
+    corner = PlacementConstraints(allowed=lambda boxes: boxes.centres_m[:, :2].max(axis=1) < 0.06)
     pose = placer.place(row_of(0.0, 0.0), stream(1), corner)
     assert pose is not None
     assert max(pose.x_m, pose.y_m) < 0.06

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 from scipy import ndimage
 
-from are_ros.artefacts.places import Places, places_in
+from are_ros.artefacts.places import Destinations, destinations_in
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -25,11 +25,11 @@ def clearance_of(free: Mask, resolution_m: float) -> npt.NDArray[np.float32]:
 
 def places_of(
     free: Mask, resolution_m: float = 0.1, origin: RigidTransform | None = None
-) -> tuple[OccupancyGrid, Places]:
+) -> tuple[OccupancyGrid, Destinations]:
     """Return the grid and the places of a map whose region is all that is free."""
     cells = np.where(free, 0, 100).astype(np.int8)
     grid = OccupancyGrid(cells, resolution_m, origin or RigidTransform.identity(), "map")
-    return grid, places_in(grid, free, clearance_of(free, resolution_m))
+    return grid, destinations_in(grid, free, clearance_of(free, resolution_m))
 
 
 def hall(height: int = 200, width: int = 300) -> Mask:
@@ -106,7 +106,7 @@ def test_only_the_region_counts() -> None:
     region[:, 100:] = False
     cells = np.where(free, 0, 100).astype(np.int8)
     grid = OccupancyGrid(cells, 0.1, RigidTransform.identity(), "map")
-    places = places_in(grid, region, clearance_of(free, 0.1))
+    places = destinations_in(grid, region, clearance_of(free, 0.1))
     assert len(places.destinations_m) == 8
     assert places.destinations_m[:, 0].max() < 10.0
 
@@ -117,7 +117,7 @@ def test_exits_are_taken_as_they_are() -> None:
     grid, places = places_of(free)
     assert places.exits_m.shape == (0, 2)
     exits_m = np.array([[1.0, 2.0]])
-    places = places_in(grid, free, clearance_of(free, 0.1), exits_m=exits_m)
+    places = destinations_in(grid, free, clearance_of(free, 0.1), exits_m=exits_m)
     np.testing.assert_array_equal(places.exits_m, [[1.0, 2.0]])
     assert not places.exits_m.flags.writeable
     assert not places.destinations_m.flags.writeable

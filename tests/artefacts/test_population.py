@@ -14,10 +14,14 @@ from scipy import stats
 from are_ros.artefacts.arrivals import FIRST_ID, RandomSource
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin
 from are_ros.artefacts.catalogue import CatalogueRow, MeshFile
-from are_ros.artefacts.departures import ConstantRateDepartures, IndependentLives, departure_law
+from are_ros.artefacts.departures import (
+    Cause,
+    ConstantRateDepartures,
+    IndependentLives,
+    departure_law,
+)
 from are_ros.artefacts.mixture import TruncatedPoissonMixture
-from are_ros.artefacts.population import Place, Population
-from are_ros.artefacts.population_events import Cause, Counts, EventKind, PopulationEvent
+from are_ros.artefacts.population import Counts, EventKind, Place, Population, PopulationEvent
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.artefacts.scenario import FIRST_ADMITTED_ID
 from are_ros.conventions import NS_PER_S

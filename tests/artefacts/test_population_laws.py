@@ -18,10 +18,9 @@ from scipy import stats
 from are_ros.artefacts.arrivals import RandomSource
 from are_ros.artefacts.artefact import Artefact, GroundPose
 from are_ros.artefacts.catalogue import CatalogueRow, MeshFile
-from are_ros.artefacts.departures import departure_law
+from are_ros.artefacts.departures import Cause, departure_law
 from are_ros.artefacts.mixture import TruncatedPoissonMixture
-from are_ros.artefacts.population import Population
-from are_ros.artefacts.population_events import Cause, EventKind, PopulationEvent
+from are_ros.artefacts.population import EventKind, Population, PopulationEvent
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Departures
 

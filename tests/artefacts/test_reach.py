@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from are_ros.artefacts.coarse_map import CoarseMap
-from are_ros.artefacts.places import FEWEST, Places
+from are_ros.artefacts.places import FEWEST, Destinations
 from are_ros.artefacts.reach import APART_M, Reach
 from tests.artefacts.floors import terrain_of, two_rooms
 
@@ -15,9 +15,9 @@ LEFT_M = ((1.0, 1.0), (1.0, 4.0), (2.0, 2.5), (1.0, 2.5))
 RIGHT_M = ((5.0, 1.0), (5.0, 4.0))
 
 
-def places_of(*points_m: tuple[float, float]) -> Places:
+def places_of(*points_m: tuple[float, float]) -> Destinations:
     """Return destinations, and one exit."""
-    return Places(np.array(points_m, np.float64).reshape(-1, 2), np.array([[3.0, 3.0]]))
+    return Destinations(np.array(points_m, np.float64).reshape(-1, 2), np.array([[3.0, 3.0]]))
 
 
 def rooms(door: slice | None = None) -> CoarseMap:

@@ -14,7 +14,7 @@ from are_ros.artefacts.artefact import GroundPose, Origin
 from are_ros.artefacts.behaviours.registry import BEHAVIOURS
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.catalogue_file import read_catalogue
-from are_ros.artefacts.population_events import Cause
+from are_ros.artefacts.departures import Cause
 from are_ros.artefacts.scenario import FIRST_ADMITTED_ID, Scenario, ScriptedArtefact, Track
 from are_ros.artefacts.scenario_file import read_scenario, write_scenario
 from are_ros.errors import ScenarioError

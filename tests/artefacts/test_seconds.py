@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.artefacts.track_file import ns_of_seconds, seconds_text
+from are_ros.artefacts.scenario_file import ns_of_seconds, seconds_text
 
 
 @given(st.integers(0, 10**18))

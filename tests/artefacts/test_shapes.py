@@ -5,8 +5,17 @@ import pytest
 import trimesh
 
 from are_ros.artefacts import shapes
-from are_ros.artefacts._solids import Solid, box, extruded, joined, mirrored, turned, wheel
-from are_ros.artefacts.shapes import Shape, build_shape
+from are_ros.artefacts.shapes import (
+    Shape,
+    Solid,
+    box,
+    build_shape,
+    extruded,
+    joined,
+    mirrored,
+    turned,
+    wheel,
+)
 
 RED = (1.0, 0.0, 0.0, 1.0)
 SIZE_M = (3.0, 2.0, 1.0)

@@ -15,7 +15,7 @@ from scipy import stats
 
 from are_ros.artefacts.artefact import GroundPose, boxes_of
 from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.population_events import Cause
+from are_ros.artefacts.departures import Cause
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.artefacts.shapes import Shape
 from are_ros.builder.occlusion.rays import VoxelField

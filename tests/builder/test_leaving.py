@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.artefacts.population_events import Cause
+from are_ros.artefacts.departures import Cause
 from are_ros.builder.events import EventKind
 from are_ros.parameters.declaration import with_values
 from are_ros.world.occupancy_grid import OccupancyGrid

@@ -9,7 +9,7 @@ import pytest
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue_file import read_catalogue
-from are_ros.artefacts.population_events import Cause
+from are_ros.artefacts.departures import Cause
 from are_ros.artefacts.scenario_file import read_scenario, write_scenario
 from are_ros.builder.life_keeper import LifeKeeper
 from are_ros.conventions import NS_PER_S

@@ -1,7 +1,7 @@
 """When the default camera stands in, and when it is said: a matter of seconds without a break."""
 
 from are_ros.conventions import NS_PER_S
-from are_ros.node.diagnostics import CameraWatch
+from are_ros.node.watches import CameraWatch
 
 
 def test_the_default_stands_in_after_three_seconds_without_a_break() -> None:

@@ -11,7 +11,6 @@ import pytest
 from are_ros.bag.types import RosbagsFactory, jazzy_typestore
 from are_ros.node.diagnostics import (
     ContactSnapshot,
-    InputSnapshot,
     Level,
     NodeSnapshot,
     NodeState,
@@ -21,7 +20,12 @@ from are_ros.node.diagnostics import (
     make_diagnostics,
     statuses,
 )
-from are_ros.node.watches import BusyFigures, FaultSnapshot, InputFigures, TickFigures
+from are_ros.node.watches import (
+    FaultSnapshot,
+    InputFigures,
+    InputSnapshot,
+    TickFigures,
+)
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "diagnostics.md"
 MAP = InputSnapshot(
@@ -210,7 +214,7 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         "ticks take longer than their period, 100.0 ms: p50 80.0 ms, p99 100.5 ms",
     ),
     (
-        {"busy": BusyFigures({"inputs": 3.0, "machine": 130.0, "preparing": 400.0})},
+        {"busy_ms": {"inputs": 3.0, "machine": 130.0, "preparing": 400.0}},
         "answers",
         Level.WARN,
         "for 130.0 ms the node did not answer: machine",
@@ -279,8 +283,8 @@ def test_trouble_is_told_by_the_part_that_has_it(
         {"ticks": TickFigures(0.1, count=9, age_s=1.0, p99_ms=100.0)},
         {"ticks": TickFigures(2.0, count=9, age_s=9.0)},
         {"ticks": replace(SLOW, over=1)},  # the first of all takes long
-        {"busy": BusyFigures({"ticks": 100.0, "preparing": 400.0, "transitions": 9000.0})},
-        {"busy": BusyFigures({"preparing": 400.0})},
+        {"busy_ms": {"ticks": 100.0, "preparing": 400.0, "transitions": 9000.0}},
+        {"busy_ms": {"preparing": 400.0}},
         {"population": PopulationSnapshot(arrivals_lately=1, blocked_lately=2)},
         {"population": PopulationSnapshot(arrivals_lately=5, blocked_lately=5)},
         {"contacts": ContactSnapshot(2, "person_adult 7", 5.1)},

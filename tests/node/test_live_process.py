@@ -17,9 +17,9 @@ from tests.ros import NOT_SET_UP, WAIT_S, RosWorld, nap, running_s, wait_until
 pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
 from are_ros.messages.tick_encoding import OUTPUTS
-from are_ros.node.main import main
 from are_ros.node.message_classes import message_class, service_class
 from are_ros.node.qos import INPUTS, input_qos, output_qos
+from are_ros.node.startup import main
 from are_ros.parameters.model import SensorsParameters
 from tests.node.live_bench import DELETE_ALL, stamp_ns
 from tests.node.live_scene import (
@@ -48,7 +48,7 @@ def listen(number, handler):
     return before
 
 signal.signal = listen
-from are_ros.node.main import main
+from are_ros.node.startup import main
 sys.exit(main(sys.argv[1:]))
 """
 """It says when it listens to signals: before that, one would end any process."""

@@ -18,7 +18,7 @@ with ros_session("one"):
     pass
 """
 _NODE = """
-from are_ros.node.process import run
+from are_ros.node.startup import run
 from are_ros.node.startup import stop_on_signals
 with stop_on_signals() as stop:
     stop.is_set = True

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from are_ros.artefacts.behaviours.intent import Intent, Point
 from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.places import Places
+from are_ros.artefacts.places import Destinations
 
 
 class Fellow(NamedTuple):
@@ -116,7 +116,7 @@ class Situation(NamedTuple):
     now_ns: int
     me: Fellow
     row: CatalogueRow
-    places: Places
+    places: Destinations
     random: np.random.Generator
     view: View
     robot: RobotView | None = None

@@ -11,7 +11,7 @@ from are_ros.artefacts.behaviours.intent import Behaviour, Intent, Point
 from are_ros.artefacts.behaviours.open_view import OpenView
 from are_ros.artefacts.behaviours.situation import Fellow, RobotView, Situation
 from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits
-from are_ros.artefacts.places import Places
+from are_ros.artefacts.places import Destinations
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.artefacts.shapes import Shape
 from are_ros.conventions import NS_PER_S
@@ -26,15 +26,15 @@ def row_of(motion: MotionLimits = WALKER) -> CatalogueRow:
     return CatalogueRow(0, "somebody", "person", size_m, (0, 0, 0), Shape.PERSON, motion=motion)
 
 
-def places_at(destinations_m: Sequence[Point], exits_m: Sequence[Point] = ()) -> Places:
+def places_at(destinations_m: Sequence[Point], exits_m: Sequence[Point] = ()) -> Destinations:
     """Return places of lists of points."""
-    return Places(
+    return Destinations(
         np.array(destinations_m, dtype=float).reshape(-1, 2),
         np.array(exits_m, dtype=float).reshape(-1, 2),
     )
 
 
-def lattice(count: int = 5, spacing_m: float = 5.0) -> Places:
+def lattice(count: int = 5, spacing_m: float = 5.0) -> Destinations:
     """Return count x count destinations about (0, 0)."""
     steps = (np.arange(count) - (count - 1) / 2) * spacing_m
     return places_at([(x, y) for x in steps.tolist() for y in steps.tolist()])
@@ -95,7 +95,7 @@ class Actor:
     def decide(
         self,
         view: OpenView,
-        places: Places,
+        places: Destinations,
         robot: RobotView | None = None,
         now_s: float = 0.0,
     ) -> Intent:
@@ -141,7 +141,7 @@ class Stage:
     """Actors in a plane with a few walls, who decide once a second on what they all did before."""
 
     actors: list[Actor]
-    places: Places = field(default_factory=lattice)
+    places: Destinations = field(default_factory=lattice)
     robot: RobotView | None = None
     walls_m: Sequence[tuple[Point, Point]] = ()
     now_s: float = 0.0
@@ -163,7 +163,7 @@ class Stage:
 
 def alone(
     actor: Actor,
-    places: Places | None = None,
+    places: Destinations | None = None,
     fellows: Sequence[Fellow] = (),
     walls_m: Sequence[tuple[Point, Point]] = NO_WALLS,
     robot: RobotView | None = None,

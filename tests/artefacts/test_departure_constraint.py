@@ -7,7 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.artefacts._leeway import Roaming, SettingOut, Turning, leeway_of
+from are_ros.artefacts._departure_constraint import (
+    ConnectedFreeSpace,
+    RotationCheck,
+    VehicleDepartureCheck,
+    departure_constraint_of,
+)
 from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits
 from are_ros.artefacts.coarse_map import CoarseMaps, rounded_up_m
 from are_ros.artefacts.motion.body import Body
@@ -26,11 +31,11 @@ from tests.artefacts.slow_placement import (
 )
 
 
-def setting_out(row: CatalogueRow, free: Mask) -> SettingOut:
+def setting_out(row: CatalogueRow, free: Mask) -> VehicleDepartureCheck:
     """Return what a vehicle needs on a map of 1 m cells, all of it its region."""
-    leeway = leeway_of(row, environment_of(free), Terrains(), np.ones_like(free))
-    assert isinstance(leeway, SettingOut)
-    return leeway
+    constraint = departure_constraint_of(row, environment_of(free), Terrains(), np.ones_like(free))
+    assert isinstance(constraint, VehicleDepartureCheck)
+    return constraint
 
 
 def lifted(poses: Floats) -> Floats:
@@ -74,8 +79,8 @@ def test_it_sets_out_where_a_way_leads_on_and_its_first_metres_are_free(
     free = random.random((9, 12)) >= share
     row, poses = row_of(length_m, 0.7, motion=DRIVES), random.random((60, 3))
     poses *= (12.0, 9.0, math.tau)
-    leeway = setting_out(row, free)
-    found = leeway.is_free_at(poses) & leeway.leads_out(lifted(poses))
+    constraint = setting_out(row, free)
+    found = constraint.is_free_at(poses) & constraint.leads_out(lifted(poses))
     if not (sets_out(row, poses, free, -1e-5) ^ sets_out(row, poses, free, 1e-5)).any():
         np.testing.assert_array_equal(found, sets_out(row, poses, free))
 
@@ -88,11 +93,11 @@ def test_a_map_that_is_turned_and_fine_gives_the_same() -> None:
     fine = np.kron(coarse, np.ones((10, 10), np.bool_))
     origin = RigidTransform.planar(3.0, -2.0, 1.0)
     environment = environment_of(fine, 0.1, origin)
-    leeway = leeway_of(row, environment, Terrains(), np.ones_like(fine))
-    assert leeway is not None
+    constraint = departure_constraint_of(row, environment, Terrains(), np.ones_like(fine))
+    assert constraint is not None
     turned = (poses[:, 0] + 1j * poses[:, 1]) * np.exp(1j) + complex(3.0, -2.0)
     moved = np.column_stack((turned.real, turned.imag, poses[:, 2] + 1.0))
-    found = leeway.leads_out(lifted(moved))
+    found = constraint.leads_out(lifted(moved))
     assert 20 < found.sum() < 180
     assert not (found & ~drives_off(row, poses, coarse, 1e-6)).any()
 
@@ -114,7 +119,7 @@ def test_a_part_too_short_for_a_trip_is_a_pocket() -> None:
     terrain = Terrains().of(environment_of(free), 1.0)
     points_m = np.array([(4.5, 4.5), (11.0, 4.5)])
     for extent_m, expected in ((0.0, [True, True]), (2.6, [True, True]), (7.2, [False, False])):
-        roaming = Roaming(terrain, 0.4, np.ones_like(free), extent_m)
+        roaming = ConnectedFreeSpace(terrain, 0.4, np.ones_like(free), extent_m)
         assert roaming.is_free_at(points_m).tolist() == expected
 
 
@@ -133,6 +138,8 @@ def test_the_disc_is_that_of_the_map_that_ways_are_looked_for_in(
 def test_what_turns_on_the_spot_leads_out_at_any_heading() -> None:
     """Its disc is all that it needs."""
     free = np.ones((4, 4), np.bool_)
-    leeway = leeway_of(row_of(0.6, 0.4, motion=TURNS), environment_of(free), Terrains(), free)
-    assert isinstance(leeway, Turning)
-    assert leeway.leads_out(np.zeros((3, 4))).all()
+    constraint = departure_constraint_of(
+        row_of(0.6, 0.4, motion=TURNS), environment_of(free), Terrains(), free
+    )
+    assert isinstance(constraint, RotationCheck)
+    assert constraint.leads_out(np.zeros((3, 4))).all()

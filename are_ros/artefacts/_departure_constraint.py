@@ -1,8 +1,7 @@
-"""What an artefact needs beside the room for its box, to set out from where it arrives.
+"""Conditions on an arrival pose, beside room for the box, so that the artefact can depart from it.
 
-A body that turns on the spot needs the disc that it sweeps. A vehicle needs a way that leads on,
-and first metres that meet no wall: between two walls, or in a part of the map that is as wide as
-the vehicle, it would stand for life.
+A body that rotates on the spot needs a free disc. A vehicle needs free space that is connected over
+some metres, and a free first arc: between two walls it could not move for all of its life.
 """
 
 from functools import cached_property
@@ -25,39 +24,92 @@ from are_ros.world.environment import Environment
 from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M
 
 _Mask = npt.NDArray[np.bool_]
+_Floats = npt.NDArray[np.float64]
+
+FIRST_TURN_RAD: Final = 1.0
+"""Angle of the first arc at full lock; the straight one is as long."""
+
+LEAST_PART_M: Final = APART_M + 1.0
+"""A shorter part of the map has no two destinations that are far enough apart for a trip."""
+
+_HALF_CELL: Final = 0.5
+_SURELY_MET: Final = 0.25
+"""As in `terrain.rolls`, in cells."""
+_MET: Final = -1.0
 
 
-class Roaming:
-    """A disc about F_A's point on the ground, and the terrain that it can roam.
+class DepartureConstraint(Protocol):
+    """Tells from which poses an artefact can depart, as far as the static map decides."""
 
-    It can roam the parts of it that are at least `extent_m` long, along the grid's axes, and have
-    a cell of `region`, bool (H, W).
-    """
+    radius_m: float
+    """Radius of a disc about F_A that is free at every such pose."""
 
-    def __init__(self, terrain: Terrain, radius_m: float, region: _Mask, extent_m: float) -> None:
-        self.radius_m = radius_m
-        self._terrain = terrain
-        self._region = region
-        self._extent_m = extent_m
+    @property
+    def is_searched_for(self) -> bool:
+        """Whether the whole pose lattice is searched; then every pose that is free leads out."""
 
     @property
     def key(self) -> tuple[float, ...]:
-        """What tells two of them apart in one environment, beside the shape of the box."""
-        return (self.radius_m, self._terrain.height_m)
+        """What distinguishes two constraints in one environment, beside the shape of the box."""
 
     @property
     def is_anywhere(self) -> bool:
-        """Whether there is a part of the map at all that it can roam."""
+        """Whether the map has any such place."""
+
+    def is_free_at(self, points_m: _Floats) -> _Mask:
+        """Tell at which points (N, >= 2) the disc is free, and can leave: bool (N,)."""
+
+    def leads_out(self, poses: _Floats) -> _Mask:
+        """Tell which poses (N, 4), x, y, 0, yaw, at such points lead out: bool (N,)."""
+
+
+class RotationCheck:
+    """A `DepartureConstraint`: the disc about F_A that the box sweeps when it rotates is free.
+
+    `region` bool (H, W) are the cells that the artefact may be in.
+    """
+
+    is_searched_for = True
+
+    def __init__(self, terrain: Terrain, radius_m: float, region: _Mask) -> None:
+        self.radius_m = radius_m
+        self._terrain = terrain
+        self._region = region
+
+    @property
+    def key(self) -> tuple[float, ...]:
+        return (self.radius_m, self._terrain.height_m)
+
+    @cached_property
+    def is_anywhere(self) -> bool:
+        field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
+        return bool((exact_room(field, self.radius_m, unit_m)[self._region] > 0.0).any())
+
+    def is_free_at(self, points_m: _Floats) -> _Mask:
+        terrain = self._terrain
+        return discs_are_free(terrain.clearance_m, terrain.lattice, points_m, self.radius_m)
+
+    def leads_out(self, poses: _Floats) -> _Mask:
+        return np.ones(len(poses), np.bool_)
+
+
+class ConnectedFreeSpace(RotationCheck):
+    """The disc is free, and in a connected part of the free space that is large enough for a trip.
+
+    Such a part is at least `extent_m` long, along the grid's axes, and has a cell of `region`.
+    """
+
+    def __init__(self, terrain: Terrain, radius_m: float, region: _Mask, extent_m: float) -> None:
+        super().__init__(terrain, radius_m, region)
+        self._extent_m = extent_m
+
+    @cached_property
+    def is_anywhere(self) -> bool:
         return bool(self._roomy.any())
 
-    def is_free_at(self, points_m: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
-        """Tell at which points (N, >= 2) of the map it is free, and can roam a part: bool (N,).
-
-        It can in those cells from whose centres it can, and in those beside them.
-        """
-        terrain = self._terrain
-        free = discs_are_free(terrain.clearance_m, terrain.lattice, points_m, self.radius_m)
-        rows, cols = terrain.grid.points_to_cells(points_m[free, :2]).T
+    def is_free_at(self, points_m: _Floats) -> _Mask:
+        free = super().is_free_at(points_m)
+        rows, cols = self._terrain.grid.points_to_cells(points_m[free, :2]).T
         free[free] = self._roomy[rows, cols]
         return free
 
@@ -87,8 +139,8 @@ def discs_are_free(
 ) -> _Mask:
     """Tell for each point (N, >= 2) whether the disc about it covers open cells only: bool (N,).
 
-    As the traffic has it, which lets nobody end a move elsewhere: `Terrain.sees` from a point to
-    itself, exactly.
+    The local planner has the same condition for the end of a move: `Terrain.sees` from a point to
+    itself.
     """
     free = np.empty(len(points_m), np.bool_)
     for k in range(len(points_m)):
@@ -97,94 +149,28 @@ def discs_are_free(
     return free
 
 
-class Turning:
-    """The disc about F_A's point on the ground that holds a row's box, on the terrain it is on.
+class VehicleDepartureCheck(ConnectedFreeSpace):
+    """The disc of a vehicle's coarse route, narrower than its box is long, and a free first arc.
 
-    `region` bool (H, W) are the cells that it may be in.
-    """
-
-    is_searched_for = True
-
-    def __init__(self, terrain: Terrain, radius_m: float, region: _Mask) -> None:
-        self.radius_m = radius_m
-        self._terrain = terrain
-        self._region = region
-
-    @property
-    def key(self) -> tuple[float, ...]:
-        """What tells two of them apart in one environment, beside the shape of the box."""
-        return (self.radius_m, self._terrain.height_m)
-
-    @cached_property
-    def is_anywhere(self) -> bool:
-        """Whether it is free about the centre of any cell of the region."""
-        field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
-        return bool((exact_room(field, self.radius_m, unit_m)[self._region] > 0.0).any())
-
-    def is_free_at(self, points_m: npt.NDArray[np.float64]) -> _Mask:
-        """Tell at which points (N, >= 2) of the map it is free: bool (N,)."""
-        terrain = self._terrain
-        return discs_are_free(terrain.clearance_m, terrain.lattice, points_m, self.radius_m)
-
-    def leads_out(self, poses: npt.NDArray[np.float64]) -> _Mask:
-        """Tell at which poses (N, 4) it can leave the free disc: bool (N,), all."""
-        return np.ones(len(poses), np.bool_)
-
-
-FIRST_TURN_RAD: Final = 1.0
-"""How far a vehicle turns on its first metres at full lock; straight on they are as long."""
-
-LEAST_PART_M: Final = APART_M + 1.0
-"""So long a part of the map has two places that are far enough apart for a trip, each within half a
-metre of its end. Where no part is, nothing can set out."""
-
-_HALF_CELL: Final = 0.5
-_SURELY_MET: Final = 0.25
-"""As in `terrain.rolls`, in cells."""
-_MET: Final = -1.0
-
-_Floats = npt.NDArray[np.float64]
-
-
-class SettingOut:
-    """The disc of a vehicle's coarse way, which is narrower than the box is long, and its arcs.
-
-    `region` bool (H, W) are the cells that it may be in. Poses are
-    drawn only: where vehicles fit and can nowhere set out, to ask all of a lattice takes seconds.
+    The pose lattice is not searched: to ask it all takes seconds where no vehicle can depart.
     """
 
     is_searched_for = False
 
     def __init__(self, terrain: Terrain, body: Body, way_radius_m: float, region: _Mask) -> None:
-        self._terrain = terrain
-        self._roaming = Roaming(terrain, rounded_up_m(way_radius_m), region, LEAST_PART_M)
+        super().__init__(terrain, rounded_up_m(way_radius_m), region, LEAST_PART_M)
         self._turn_radius_m = body.turn_radius_m
         self._body = _row_of(body)
 
     @property
-    def radius_m(self) -> float:
-        """Radius of the disc about F_A that every pose has room for."""
-        return self._roaming.radius_m
-
-    @property
     def key(self) -> tuple[float, ...]:
-        """What tells two of them apart in one environment, beside the shape of the box."""
-        return (*self._roaming.key, self._turn_radius_m)
-
-    @property
-    def is_anywhere(self) -> bool:
-        """Whether there is a part of the map at all that a way leads through."""
-        return self._roaming.is_anywhere
-
-    def is_free_at(self, points_m: _Floats) -> _Mask:
-        """Tell from which points (N, >= 2) of the map a way leads on: bool (N,)."""
-        return self._roaming.is_free_at(points_m)
+        return (*super().key, self._turn_radius_m)
 
     def leads_out(self, poses: _Floats) -> _Mask:
-        """Tell at which poses (N, 4), x, y, 0, yaw, the first metres are free: bool (N,).
+        """Tell at which poses (N, 4), x, y, 0, yaw, one of six first arcs is free: bool (N,).
 
-        Straight, or along its tightest arc to the left or right, ahead or in reverse, the box
-        covers open cells only on at least one of these six ways, every half a cell or less.
+        Straight or at full lock to the left or right, forward or in reverse; the box is checked
+        every half cell or less.
         """
         terrain, unit_m = self._terrain, self._terrain.grid.resolution_m
         field, lattice = terrain.clearance_m, terrain.lattice
@@ -297,36 +283,10 @@ def _room_m(
     return float(max(room_m, 0.0))
 
 
-class Leeway(Protocol):
-    """Tells from where an artefact can set out, as far as the static map decides."""
-
-    @property
-    def is_searched_for(self) -> bool:
-        """Whether all of the lattice is searched for such a pose; then they lead out at once."""
-
-    @property
-    def radius_m(self) -> float:
-        """Radius of a disc about F_A that is free at every such pose."""
-
-    @property
-    def key(self) -> tuple[float, ...]:
-        """What tells two of them apart in one environment, beside the shape of the box."""
-
-    @property
-    def is_anywhere(self) -> bool:
-        """Whether there is any place on the map where one could set out."""
-
-    def is_free_at(self, points_m: _Floats) -> _Mask:
-        """Tell at which points (N, >= 2) the disc is free, and can leave: bool (N,)."""
-
-    def leads_out(self, poses: _Floats) -> _Mask:
-        """Tell of poses (N, 4), x, y, 0, yaw, at such points which lead out of it: bool (N,)."""
-
-
-def leeway_of(
+def departure_constraint_of(
     row: CatalogueRow, environment: Environment, terrains: Terrains, region: _Mask
-) -> Leeway | None:
-    """Return what a row's artefacts need to set out; None if they only stand.
+) -> DepartureConstraint | None:
+    """Return the constraint of a row's artefacts; None if they only stand.
 
     `region` bool (H, W) are the cells that they may be in.
     """
@@ -335,5 +295,5 @@ def leeway_of(
     body = Body.of(row)
     terrain = terrains.of(environment, body.height_m)
     if body.turn_radius_m <= 0.0:
-        return Turning(terrain, body.radius_m, region)
-    return SettingOut(terrain, body, Traveller.of(row, body).radius_m, region)
+        return RotationCheck(terrain, body.radius_m, region)
+    return VehicleDepartureCheck(terrain, body, Traveller.of(row, body).radius_m, region)

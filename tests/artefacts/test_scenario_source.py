@@ -8,9 +8,15 @@ from hypothesis import strategies as st
 from are_ros.artefacts.artefact import GroundPose, Origin
 from are_ros.artefacts.behaviours.registry import make_behaviour
 from are_ros.artefacts.catalogue_file import read_catalogue
-from are_ros.artefacts.population_events import Cause
-from are_ros.artefacts.scenario import FIRST_ADMITTED_ID, Scenario, ScriptedArtefact, Track
-from are_ros.artefacts.scripted import ScriptedOffer, ScriptedSource
+from are_ros.artefacts.departures import Cause
+from are_ros.artefacts.scenario import (
+    FIRST_ADMITTED_ID,
+    Scenario,
+    ScriptedArtefact,
+    ScriptedOffer,
+    ScriptedSource,
+    Track,
+)
 from are_ros.errors import ParameterError
 
 ROW = read_catalogue().rows[15]

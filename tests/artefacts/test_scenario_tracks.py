@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from are_ros.artefacts.scenario import Track
-from are_ros.artefacts.track_file import read_tracks, write_tracks
+from are_ros.artefacts.scenario_file import read_tracks, write_tracks
 from are_ros.errors import ScenarioError
 
 HEAD = "artefact,t_s,x_m,y_m,z_m,yaw_rad\n"
