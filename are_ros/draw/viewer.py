@@ -53,6 +53,7 @@ _LOWEST_M, _HIGHEST_M = 0.1, 1.0
 
 _UNSEEN_OPACITY: Final = 0.3
 _FAN_RAYS: Final = 40
+_NEAR_M: Final = 2.0
 _GROUND_LIFT_M, _FAN_LIFT_M, _WAY_LIFT_M = 0.005, 0.02, 0.03
 _ROBOT_HEIGHT_M: Final = 0.3
 _LABEL_GAP_M: Final = 0.12
@@ -367,7 +368,9 @@ class ViewedScene:
         rays = np.column_stack((rays / lengths[:, np.newaxis], np.zeros(len(rays))))
         reach_m = self._field.first_hits(start_m, rays, self._place.max_range_m)
         reach_m = np.minimum(reach_m, self._place.max_range_m)[:, np.newaxis]
-        vertices = np.vstack((np.zeros((1, 3)), np.round(rays * reach_m, 2))).astype(np.float32)
+        ends_m = np.vstack((np.zeros((1, 3)), rays * reach_m)) + start_m
+        ends_m[:, 2] = self._place.ground_m + _FAN_LIFT_M
+        vertices = np.round(ends_m, 2).astype(np.float32)
         if self._fan is None:
             ends = np.arange(1, len(rays))
             self._fan = _Node(
@@ -383,8 +386,7 @@ class ViewedScene:
                 )
             )
         self._fan.handle.vertices = vertices
-        height_m = self._place.ground_m + _FAN_LIFT_M
-        self._fan.set(position=(*_rounded(start_m[:2]), height_m), visible=True)
+        self._fan.set(visible=True)
 
     def _show_artefact(self, one: ArtefactAt, *, is_perceived: bool) -> None:
         drawn = self._artefacts.get(one.artefact_id)
@@ -440,7 +442,7 @@ class ViewedScene:
             if node is not None:
                 node.set(visible=False)
             return
-        middle = np.round(points_m.mean(axis=0), 1)
+        middle = np.round(points_m.mean(axis=0) / _NEAR_M) * _NEAR_M  # so it changes rarely
         near = (points_m - middle).astype(np.float16)
         if node is None:
             node = self._scans[name] = _Node(

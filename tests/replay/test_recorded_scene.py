@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from are_ros.errors import BagError
-from are_ros.replay.film_command import draw_recording
+from are_ros.replay.pictures import draw_recording
 from are_ros.replay.recorded_scene import RecordedScene, read_recorded_scene
 from are_ros.replay.results import ReplayCounts, metrics_content
 from tests.replay.conftest import ReplaySample, RunAre
