@@ -129,57 +129,86 @@ def draw_overview(
     or else the walls of the map, and taller artefacts let them reach, and each artefact where it
     ended, with the path that it went. `ids_as_in` names where a reader finds the ids again.
     """
-    part = known_part(grid)
-    hiding, shown_cells = part, part
-    if voxels is not None and len(record.camera):
-        camera_m = float(np.median(record.camera.poses[:, 2]))
-        hiding = hiding_part(grid, part, voxels, camera_m)
-        shown_cells = with_furniture(grid, part, voxels)
-    end_ns = int(record.series.stamps_ns[-1]) if len(record.series.stamps_ns) else 0
-    standing = _in_drawing_order(record.lives, end_ns)
-    moved = displacements(record.events)
-    paths = [path_of(life, moved.get(life.artefact_id, ())) for life in standing]
-    found = companies(record.lives, end_ns)
-    window = window_of(grid, part, _extent_m(record, standing))
-    colours = class_colours([life.row.class_name for life in record.lives])
-    marks = behaviour_marks([path.behaviour for path in paths])
-    legends = _legends(record, colours, marks, has_companies=bool(found))
-    sheet = Sheet.of(window, legends)
-    canvas, view = sheet.canvas, sheet.view
-    draw_map(canvas, view, grid, shown_cells)
-    is_wall = dark_pixels(canvas.finished())
-    shown = _draw_fields_of_view(sheet, record, Sight(grid, hiding, occupied_threshold))
-    drawn = [
-        _Drawn(
-            life,
-            outline_of(view, life.footprints.poses[-1], life.row.size_m),
-            is_gone(life, end_ns),
-        )
-        for life in standing
-    ]
-    draw_paths(canvas, view, paths, colours, marks)
-    draw_companies(canvas, view, found, colours)
-    for item in drawn:
-        look = Look.OPAQUE if item.life.is_perceived else Look.HATCHED
-        colour = colours[item.life.row.class_name]
-        draw_artefact(canvas, item.outline, colour, look, GONE_ALPHA if item.is_gone else 1.0)
-    robots = _draw_robot(sheet, record, shown)
-    avoided = [*robots, *_avoided(record, view, paths)]
-    for places, (name, size_px, face, edge) in zip(
-        mark_places(record), (DISPLACED_MARK, CONTACT_MARK), strict=True
-    ):
-        for place in view.pixels(places):
-            canvas.mark(name, place, size_px, face, edge, 1.2)
-            avoided.append(_square(place, size_px))
-    tags = tag_rectangles(record, view, [item.box for item in drawn])
-    _cover(is_wall, avoided)
-    leaders = {one.follower.artefact_id: one.leader.artefact_id for one in found}
-    labels = Labels(is_wall, view.rectangle, _LABEL_PX)
-    without_id = len(drawn) - _draw_ids(sheet, labels, drawn, tags, leaders)
-    for tag, text, colour in zip(tags, ("start", "end"), (ROBOT, END), strict=False):
-        canvas.tag(text, tag, _TAG_TEXT_PX, colour)
-    duration_s = record.duration_ns / NS_PER_S if len(record.robot) else None
-    sheet.write(path, _title(record), subtitle_of(record, without_id, ids_as_in), duration_s)
+    _Overview(record, grid, occupied_threshold, voxels).write(path, ids_as_in)
+
+
+class _Overview:
+    """The picture in its stages; each one draws upon those before."""
+
+    def __init__(
+        self,
+        record: SceneRecord,
+        grid: OccupancyGrid,
+        occupied_threshold: int,
+        voxels: VoxelMap | None,
+    ) -> None:
+        """Lay out the sheet, and draw the map."""
+        part = known_part(grid)
+        hiding, shown_cells = part, part
+        if voxels is not None and len(record.camera):
+            camera_m = float(np.median(record.camera.poses[:, 2]))
+            hiding = hiding_part(grid, part, voxels, camera_m)
+            shown_cells = with_furniture(grid, part, voxels)
+        self._record = record
+        self._end_ns = int(record.series.stamps_ns[-1]) if len(record.series.stamps_ns) else 0
+        self._standing = _in_drawing_order(record.lives, self._end_ns)
+        moved = displacements(record.events)
+        self._paths = [path_of(life, moved.get(life.artefact_id, ())) for life in self._standing]
+        self._companies = companies(record.lives, self._end_ns)
+        self._colours = class_colours([life.row.class_name for life in record.lives])
+        self._marks = behaviour_marks([path.behaviour for path in self._paths])
+        has_companies = bool(self._companies)
+        legends = _legends(record, self._colours, self._marks, has_companies=has_companies)
+        self._sheet = Sheet.of(window_of(grid, part, _extent_m(record, self._standing)), legends)
+        self._canvas, self._view = self._sheet.canvas, self._sheet.view
+        self._sight = Sight(grid, hiding, occupied_threshold)
+        draw_map(self._canvas, self._view, grid, shown_cells)
+
+    def write(self, path: File, ids_as_in: str) -> None:
+        """Draw everything else, from the ground up, and write the picture."""
+        is_wall = dark_pixels(self._canvas.finished())
+        shown = _draw_fields_of_view(self._sheet, self._record, self._sight)
+        drawn = self._draw_artefacts()
+        robots = _draw_robot(self._sheet, self._record, shown)
+        marks = self._draw_events()
+        _cover(is_wall, [*robots, *_avoided(self._record, self._view, self._paths), *marks])
+        without_id = self._write_texts(drawn, Labels(is_wall, self._view.rectangle, _LABEL_PX))
+        record = self._record
+        duration_s = record.duration_ns / NS_PER_S if len(record.robot) else None
+        subtitle = subtitle_of(record, without_id, ids_as_in)
+        self._sheet.write(path, _title(record), subtitle, duration_s)
+
+    def _draw_artefacts(self) -> list[_Drawn]:
+        """Draw the paths, who followed whom, and each artefact where it ended."""
+        draw_paths(self._canvas, self._view, self._paths, self._colours, self._marks)
+        draw_companies(self._canvas, self._view, self._companies, self._colours)
+        drawn = []
+        for life in self._standing:
+            outline = outline_of(self._view, life.footprints.poses[-1], life.row.size_m)
+            drawn.append(_Drawn(life, outline, is_gone(life, self._end_ns)))
+            look = Look.OPAQUE if life.is_perceived else Look.HATCHED
+            alpha = GONE_ALPHA if drawn[-1].is_gone else 1.0
+            draw_artefact(self._canvas, outline, self._colours[life.row.class_name], look, alpha)
+        return drawn
+
+    def _draw_events(self) -> list[Rectangle]:
+        """Mark displacements and contacts; return the rectangles of the marks."""
+        found = []
+        kinds = zip(mark_places(self._record), (DISPLACED_MARK, CONTACT_MARK), strict=True)
+        for places, (name, size_px, face, edge) in kinds:
+            for place in self._view.pixels(places):
+                self._canvas.mark(name, place, size_px, face, edge, 1.2)
+                found.append(_square(place, size_px))
+        return found
+
+    def _write_texts(self, drawn: Sequence[_Drawn], labels: Labels) -> int:
+        """Write ids, "start" and "end"; return how many ids found no room."""
+        tags = tag_rectangles(self._record, self._view, [item.box for item in drawn])
+        leaders = {one.follower.artefact_id: one.leader.artefact_id for one in self._companies}
+        written = _draw_ids(self._sheet, labels, drawn, tags, leaders)
+        for tag, text, colour in zip(tags, ("start", "end"), (ROBOT, END), strict=False):
+            self._canvas.tag(text, tag, _TAG_TEXT_PX, colour)
+        return len(drawn) - written
 
 
 def tag_rectangles(record: SceneRecord, view: View, taken: Sequence[Rectangle]) -> list[Rectangle]:
