@@ -11,7 +11,7 @@ from are_ros.description.population_trial import run_trial
 from are_ros.description.site import Site
 from are_ros.draw.animation import write_animation
 from are_ros.draw.overview import draw_overview
-from are_ros.draw.population import draw_population
+from are_ros.draw.plots import draw_population
 from are_ros.draw.scene import SceneRecord
 from are_ros.draw.viewer import MISSING_VISER, ViewedPlace, has_viser, write_view
 from are_ros.errors import AreError, BagError, InputError

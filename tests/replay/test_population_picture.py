@@ -16,7 +16,7 @@ from are_ros.artefacts.shapes import Shape
 from are_ros.description import population_trial
 from are_ros.description.population_trial import Trial, run_trial
 from are_ros.description.site import Site, surveyed
-from are_ros.draw.population import appeared_text, draw_trial
+from are_ros.draw.plots import appeared_text, draw_trial
 from are_ros.errors import InputError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
