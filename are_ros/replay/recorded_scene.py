@@ -161,7 +161,7 @@ class SceneReader:
         self._metrics: OrderedDict[int, SceneMetrics] = OrderedDict()
         self._last_metrics = _NO_METRICS
         self._events: list[ArtefactEvent] = []
-        self._rows: dict[int, CatalogueRow] = {}
+        self._rows: dict[tuple[int, str], CatalogueRow] = {}
         self._cloud: Any = None
         self._handlers: Mapping[str, Callable[[Any], None]] = {
             "artefacts": self._take_artefacts,
@@ -225,11 +225,12 @@ class SceneReader:
     def _artefact(self, scene: Scene, i: int) -> ArtefactAt:
         x_m, y_m, z_m, *_, z, w = scene.ground_poses[i].tolist()
         yaw_rad = math.atan2(2.0 * w * z, 1.0 - 2.0 * z * z)
-        number, pose = int(scene.ids[i]), GroundPose(x_m, y_m, z_m, yaw_rad)
-        if number not in self._rows:
-            self._rows[number] = _row(scene, i)
-        doing = scene.behaviours[i], scene.activities[i]
-        return ArtefactAt(number, self._rows[number], pose, *doing, int(scene.arrivals_ns[i]))
+        key = int(scene.rows[i]), scene.labels[i]
+        if key not in self._rows:
+            self._rows[key] = _row(scene, i)
+        pose, doing = GroundPose(x_m, y_m, z_m, yaw_rad), (scene.behaviours[i], scene.activities[i])
+        number, arrival_ns = int(scene.ids[i]), int(scene.arrivals_ns[i])
+        return ArtefactAt(number, self._rows[key], pose, *doing, arrival_ns)
 
     def _take_perceived(self, perceived: Perceived) -> None:
         self._perceived[perceived.stamp_ns] = perceived.ids
