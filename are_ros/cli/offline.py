@@ -190,14 +190,14 @@ def view(
     if animate is not None:
         if out is not None:
             raise click.UsageError("--animate names its file: no --out")
-        from are_ros.replay.film_command import animate_recording
         from are_ros.replay.output_folder import ANIMATION, animation_path
+        from are_ros.replay.pictures import animate_recording
 
         usual = picture_beside(recording, ANIMATION)
         film = usual if str(animate) == ANIMATION else animation_path(animate, usual.parent)
         animate_recording(recording, film, say)
         return
-    from are_ros.replay.view_input import view_recording
+    from are_ros.replay.pictures import view_recording
 
     view_recording(recording, out or picture_beside(recording, VIEW), say)
 

@@ -20,7 +20,6 @@ from are_ros.draw.artefacts import (
     outline_of,
 )
 from are_ros.draw.canvas import Canvas, Image, Rectangle, bounds_of
-from are_ros.draw.labels import Label, Labels, dark_pixels, id_text
 from are_ros.draw.map import View, draw_map, known_part, window_of
 from are_ros.draw.palette import (
     CONTACT,
@@ -39,8 +38,12 @@ from are_ros.draw.robot import Sight, draw_robot, draw_view, fan_at
 from are_ros.draw.scene import Life, SceneRecord
 from are_ros.draw.sheet import (
     Entry,
+    Label,
+    Labels,
+    dark_pixels,
     dashed_sign,
     draw_row,
+    id_text,
     line_sign,
     patch_sign,
     ring_sign,

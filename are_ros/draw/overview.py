@@ -1,8 +1,9 @@
-"""overview.png: a run seen from above, what went where, and what the robot perceived of it."""
+"""Pictures on a map: overview.png of a run, and align.png of laser scans at their places."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path as File
 from typing import Final
 
@@ -37,23 +38,16 @@ from are_ros.draw.artefacts import (
     outline_of,
     path_of,
 )
-from are_ros.draw.canvas import Rectangle, bounds_of
-from are_ros.draw.labels import (
-    Label,
-    Labels,
-    beside,
-    contains,
-    dark_pixels,
-    id_text,
-    is_free,
-)
+from are_ros.draw.canvas import Canvas, Rectangle, bounds_of
 from are_ros.draw.map import View, draw_map, hiding_part, known_part, window_of, with_furniture
 from are_ros.draw.palette import (
+    CONTACT,
     END,
     GREY,
     INK,
     ROBOT,
     SEEN,
+    SERIES,
     Rgb,
     behaviour_marks,
     class_colours,
@@ -75,9 +69,16 @@ from are_ros.draw.robot import (
 from are_ros.draw.scene import Life, SceneRecord
 from are_ros.draw.sheet import (
     Entry,
+    Label,
+    Labels,
     Sheet,
+    beside,
+    contains,
+    dark_pixels,
     dashed_sign,
     hatched_sign,
+    id_text,
+    is_free,
     line_sign,
     mark_sign,
     patch_sign,
@@ -129,57 +130,86 @@ def draw_overview(
     or else the walls of the map, and taller artefacts let them reach, and each artefact where it
     ended, with the path that it went. `ids_as_in` names where a reader finds the ids again.
     """
-    part = known_part(grid)
-    hiding, shown_cells = part, part
-    if voxels is not None and len(record.camera):
-        camera_m = float(np.median(record.camera.poses[:, 2]))
-        hiding = hiding_part(grid, part, voxels, camera_m)
-        shown_cells = with_furniture(grid, part, voxels)
-    end_ns = int(record.series.stamps_ns[-1]) if len(record.series.stamps_ns) else 0
-    standing = _in_drawing_order(record.lives, end_ns)
-    moved = displacements(record.events)
-    paths = [path_of(life, moved.get(life.artefact_id, ())) for life in standing]
-    found = companies(record.lives, end_ns)
-    window = window_of(grid, part, _extent_m(record, standing))
-    colours = class_colours([life.row.class_name for life in record.lives])
-    marks = behaviour_marks([path.behaviour for path in paths])
-    legends = _legends(record, colours, marks, has_companies=bool(found))
-    sheet = Sheet.of(window, legends)
-    canvas, view = sheet.canvas, sheet.view
-    draw_map(canvas, view, grid, shown_cells)
-    is_wall = dark_pixels(canvas.finished())
-    shown = _draw_fields_of_view(sheet, record, Sight(grid, hiding, occupied_threshold))
-    drawn = [
-        _Drawn(
-            life,
-            outline_of(view, life.footprints.poses[-1], life.row.size_m),
-            is_gone(life, end_ns),
-        )
-        for life in standing
-    ]
-    draw_paths(canvas, view, paths, colours, marks)
-    draw_companies(canvas, view, found, colours)
-    for item in drawn:
-        look = Look.OPAQUE if item.life.is_perceived else Look.HATCHED
-        colour = colours[item.life.row.class_name]
-        draw_artefact(canvas, item.outline, colour, look, GONE_ALPHA if item.is_gone else 1.0)
-    robots = _draw_robot(sheet, record, shown)
-    avoided = [*robots, *_avoided(record, view, paths)]
-    for places, (name, size_px, face, edge) in zip(
-        mark_places(record), (DISPLACED_MARK, CONTACT_MARK), strict=True
-    ):
-        for place in view.pixels(places):
-            canvas.mark(name, place, size_px, face, edge, 1.2)
-            avoided.append(_square(place, size_px))
-    tags = tag_rectangles(record, view, [item.box for item in drawn])
-    _cover(is_wall, avoided)
-    leaders = {one.follower.artefact_id: one.leader.artefact_id for one in found}
-    labels = Labels(is_wall, view.rectangle, _LABEL_PX)
-    without_id = len(drawn) - _draw_ids(sheet, labels, drawn, tags, leaders)
-    for tag, text, colour in zip(tags, ("start", "end"), (ROBOT, END), strict=False):
-        canvas.tag(text, tag, _TAG_TEXT_PX, colour)
-    duration_s = record.duration_ns / NS_PER_S if len(record.robot) else None
-    sheet.write(path, _title(record), subtitle_of(record, without_id, ids_as_in), duration_s)
+    _Overview(record, grid, occupied_threshold, voxels).write(path, ids_as_in)
+
+
+class _Overview:
+    """The picture in its stages; each one draws upon those before."""
+
+    def __init__(
+        self,
+        record: SceneRecord,
+        grid: OccupancyGrid,
+        occupied_threshold: int,
+        voxels: VoxelMap | None,
+    ) -> None:
+        """Lay out the sheet, and draw the map."""
+        part = known_part(grid)
+        hiding, shown_cells = part, part
+        if voxels is not None and len(record.camera):
+            camera_m = float(np.median(record.camera.poses[:, 2]))
+            hiding = hiding_part(grid, part, voxels, camera_m)
+            shown_cells = with_furniture(grid, part, voxels)
+        self._record = record
+        self._end_ns = int(record.series.stamps_ns[-1]) if len(record.series.stamps_ns) else 0
+        self._standing = _in_drawing_order(record.lives, self._end_ns)
+        moved = displacements(record.events)
+        self._paths = [path_of(life, moved.get(life.artefact_id, ())) for life in self._standing]
+        self._companies = companies(record.lives, self._end_ns)
+        self._colours = class_colours([life.row.class_name for life in record.lives])
+        self._marks = behaviour_marks([path.behaviour for path in self._paths])
+        has_companies = bool(self._companies)
+        legends = _legends(record, self._colours, self._marks, has_companies=has_companies)
+        self._sheet = Sheet.of(window_of(grid, part, _extent_m(record, self._standing)), legends)
+        self._canvas, self._view = self._sheet.canvas, self._sheet.view
+        self._sight = Sight(grid, hiding, occupied_threshold)
+        draw_map(self._canvas, self._view, grid, shown_cells)
+
+    def write(self, path: File, ids_as_in: str) -> None:
+        """Draw everything else, from the ground up, and write the picture."""
+        is_wall = dark_pixels(self._canvas.finished())
+        shown = _draw_fields_of_view(self._sheet, self._record, self._sight)
+        drawn = self._draw_artefacts()
+        robots = _draw_robot(self._sheet, self._record, shown)
+        marks = self._draw_events()
+        _cover(is_wall, [*robots, *_avoided(self._record, self._view, self._paths), *marks])
+        without_id = self._write_texts(drawn, Labels(is_wall, self._view.rectangle, _LABEL_PX))
+        record = self._record
+        duration_s = record.duration_ns / NS_PER_S if len(record.robot) else None
+        subtitle = subtitle_of(record, without_id, ids_as_in)
+        self._sheet.write(path, _title(record), subtitle, duration_s)
+
+    def _draw_artefacts(self) -> list[_Drawn]:
+        """Draw the paths, who followed whom, and each artefact where it ended."""
+        draw_paths(self._canvas, self._view, self._paths, self._colours, self._marks)
+        draw_companies(self._canvas, self._view, self._companies, self._colours)
+        drawn = []
+        for life in self._standing:
+            outline = outline_of(self._view, life.footprints.poses[-1], life.row.size_m)
+            drawn.append(_Drawn(life, outline, is_gone(life, self._end_ns)))
+            look = Look.OPAQUE if life.is_perceived else Look.HATCHED
+            alpha = GONE_ALPHA if drawn[-1].is_gone else 1.0
+            draw_artefact(self._canvas, outline, self._colours[life.row.class_name], look, alpha)
+        return drawn
+
+    def _draw_events(self) -> list[Rectangle]:
+        """Mark displacements and contacts; return the rectangles of the marks."""
+        found = []
+        kinds = zip(mark_places(self._record), (DISPLACED_MARK, CONTACT_MARK), strict=True)
+        for places, (name, size_px, face, edge) in kinds:
+            for place in self._view.pixels(places):
+                self._canvas.mark(name, place, size_px, face, edge, 1.2)
+                found.append(_square(place, size_px))
+        return found
+
+    def _write_texts(self, drawn: Sequence[_Drawn], labels: Labels) -> int:
+        """Write ids, "start" and "end"; return how many ids found no room."""
+        tags = tag_rectangles(self._record, self._view, [item.box for item in drawn])
+        leaders = {one.follower.artefact_id: one.leader.artefact_id for one in self._companies}
+        written = _draw_ids(self._sheet, labels, drawn, tags, leaders)
+        for tag, text, colour in zip(tags, ("start", "end"), (ROBOT, END), strict=False):
+            self._canvas.tag(text, tag, _TAG_TEXT_PX, colour)
+        return len(drawn) - written
 
 
 def tag_rectangles(record: SceneRecord, view: View, taken: Sequence[Rectangle]) -> list[Rectangle]:
@@ -389,4 +419,84 @@ def _event_entries(record: SceneRecord) -> list[Entry]:
         Entry(f"{text}  {len(events)}", mark_sign(*mark, 1.2))
         for events, mark, text in kinds
         if events
+    ]
+
+
+_NEAR: Final = SERIES[2]
+_FAR: Final = SERIES[0]
+_RIVALS: Final = (SERIES[5], CONTACT, SERIES[1])
+_DOTS_PX: Final = (3.0, 3.0)
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedScans:
+    """Scans at a pose of the map: endpoints (N, 2), and where the laser was (M, 2) [m]."""
+
+    endpoints_m: Floats
+    places_m: Floats
+
+
+def draw_alignment(
+    grid: OccupancyGrid,
+    placed: Sequence[PlacedScans],
+    is_near: npt.NDArray[np.bool_],
+    path: File,
+    *,
+    near_m: float,
+    title: str,
+    subtitle: str,
+) -> None:
+    """Write the map with scans at their best pose, and at those that fit as well, as PNG.
+
+    The best is the first of `placed`, whose endpoints lie near a wall or not, (N,), by `near_m`.
+    The same input gives the same bytes. Raises OSError.
+    """
+    part = known_part(grid)
+    rivals = [*zip(placed[1:], _RIVALS, strict=False)]
+    window = window_of(grid, part, np.concatenate((np.empty((0, 2)), *_paths(placed))))
+    sheet = Sheet.of(window, [_legend(placed, rivals, near_m)])
+    canvas, view = sheet.canvas, sheet.view
+    draw_map(canvas, view, grid, part)
+    for scans, colour in reversed(rivals):
+        _draw_dots(canvas, view, scans.endpoints_m, colour)
+        for start, end in pairwise(view.pixels(scans.places_m)):
+            canvas.dashes(start, end, colour, 1.3, pattern_px=_DOTS_PX)
+    for scans in placed[:1]:
+        _draw_dots(canvas, view, scans.endpoints_m[~is_near], _FAR)
+        _draw_dots(canvas, view, scans.endpoints_m[is_near], _NEAR)
+        points = view.pixels(scans.places_m)
+        canvas.line(points, ROBOT, 2.0)
+        canvas.mark("disc", points[0], 8.0, ROBOT, ROBOT)
+    sheet.write(path, title, [subtitle])
+
+
+def _paths(placed: Sequence[PlacedScans]) -> list[Floats]:
+    return [scans.places_m for scans in placed]
+
+
+def _draw_dots(canvas: Canvas, view: View, points_m: Floats, colour: Rgb) -> None:
+    """Draw points (N, 2) as dots of a pixel and a half."""
+    side, half = round(1.5 * canvas.fine), 0.75
+    corners = np.rint((view.pixels(points_m) - half) * canvas.fine).astype(np.int64)
+    height, width = canvas.pixels.shape[:2]
+    for dx in range(side):
+        for dy in range(side):
+            x, y = np.add(corners, (dx, dy)).T
+            inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+            canvas.pixels[y[inside], x[inside]] = colour
+
+
+def _legend(
+    placed: Sequence[PlacedScans], rivals: Sequence[tuple[PlacedScans, Rgb]], near_m: float
+) -> list[Entry]:
+    def dot(text: str, colour: Rgb) -> Entry:
+        return Entry(text, mark_sign("disc", 6.0, colour, colour))
+
+    if not placed:
+        return []
+    return [
+        dot(f"endpoint within {near_m:g} m of a wall", _NEAR),
+        dot("farther", _FAR),
+        Entry("path of the laser", line_sign(ROBOT, 2.0)),
+        *(dot("fits as well", colour) for _, colour in rivals),
     ]

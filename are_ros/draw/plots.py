@@ -1,4 +1,4 @@
-"""Plots by matplotlib: how they look, and fit.png of the rows of a fit (the paper's Fig. 2)."""
+"""Plots by matplotlib: fit.png of the rows of a fit (the paper's Fig. 2), and population.png."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -10,8 +10,29 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.catalogue import Catalogue
+from are_ros.artefacts.mixture import mixture_of
 from are_ros.artefacts.mixture_fit import MixtureFit
-from are_ros.draw.palette import BAR, EDGE, FAINT_INK, INK, SERIES, class_colours, hex_of
+from are_ros.description.birth_death import BirthDeath
+from are_ros.description.population_trial import Trial
+from are_ros.description.site import Site, Survey
+from are_ros.draw.canvas import Canvas
+from are_ros.draw.map import View, Window, draw_map, known_part, window_of
+from are_ros.draw.palette import (
+    BAND,
+    BAR,
+    EDGE,
+    FAINT_INK,
+    INK,
+    LAW,
+    SERIES,
+    TINT,
+    class_colours,
+    hex_of,
+    mixed,
+)
+from are_ros.parameters.choices import Departures
+from are_ros.parameters.model import Parameters, PopulationParameters
+from are_ros.wording import counted
 
 _DPI: Final = 120
 _SIZE_IN: Final = (11.5, 5.2)
@@ -188,3 +209,321 @@ def _draw_bic(axes: Any, fits: Sequence[MixtureFit], chosen: MixtureFit) -> None
         axes.set_yticks(ticks, [f"{tick:,}" for tick in ticks])
     axes.set_xticks(numbers)
     name_axes(axes, "number of components", "components", "BIC above the least")
+
+
+Floats = npt.NDArray[np.float64]
+
+_HEIGHTS_IN: Final = (4.3, 2.5)
+_LEFT_IN: Final = 8.2
+_MARGIN_IN: Final = 0.7
+_NARROWEST, _WIDEST = 0.55, 1.7
+_LAW: Final = hex_of(LAW)
+_PATH: Final = hex_of(TINT)
+_BINS: Final = 40
+_QUANTILE: Final = 0.995
+_SEPARATE_BARS: Final = 40
+_CUT_FROM: Final = 0.001
+_SHOWN_CORRELATIONS: Final = 25.0
+_SHOWN_GROUPS: Final = (60.0, 250.0)
+_PANEL_PX_PER_IN: Final = 240.0
+_MOST_TINT: Final = 0.16
+
+
+def draw_population(
+    trial: Trial, parameters: Parameters, catalogue: Catalogue, site: Site, path: Path
+) -> None:
+    """Write the picture of a trial as PNG; the same input gives the same bytes.
+
+    N(t) and the share of time at each level against the stationary law; the arrivals in space
+    (Fig. 3b); waiting times (Fig. 3a), lives and rows against theirs. Raises OSError.
+    """
+    window = _shown_window(site)
+    shape = min(max(window.width_m / window.height_m, _NARROWEST), _WIDEST)
+    size_in = (_LEFT_IN + _HEIGHTS_IN[0] * shape + 1.9, sum(_HEIGHTS_IN) + 2.2)
+    with written_figure(path, size_in) as figure:
+        draw_trial(figure, trial, parameters, catalogue, site)
+
+
+def draw_trial(
+    figure: Any, trial: Trial, parameters: Parameters, catalogue: Catalogue, site: Site
+) -> None:
+    """Draw all plots of a trial on a figure."""
+    numbers, shares, space, *below = _axes(figure)
+    colours, end_s = _time_colours(), _shown_s(trial)
+    _draw_numbers(numbers, trial, end_s, colours)
+    _draw_shares(shares, trial)
+    _draw_arrivals(space, trial, site, end_s, colours)
+    _draw_waits(below[0], trial)
+    _draw_lives(below[1], trial)
+    _draw_rows(below[2], trial, catalogue, mixture_of(parameters, catalogue).probabilities())
+    settings, chain = parameters.population, trial.chain
+    noun = f"groups of {settings.group_size:g}" if chain.is_grouped else "arrivals"
+    title = f"{60.0 * chain.groups_per_s:.3g} {noun} per minute, {chain.mean:.3g} alive on average"
+    unit_s, unit = time_unit(trial.end_s)
+    subtitle = [
+        f"{site.area_m2:.4g} m²" + ("" if site.survey else ", a square without obstacles"),
+        _lives_text(settings),
+        f"at most {chain.max_alive} alive",
+        f"{trial.end_s / unit_s:.3g} {unit} simulated, nobody moves, seed {parameters.seed}",
+        appeared_text(trial),
+    ]
+    write_head(figure, _MARGIN_IN, title, subtitle)
+
+
+def time_unit(span_s: float) -> tuple[float, str]:
+    """Return the length [s] and the name of the unit in which a span reads well."""
+    for length_s, name in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
+        if span_s >= 4.0 * length_s:
+            return length_s, name
+    return 1.0, "s"
+
+
+def appeared_text(trial: Trial) -> str:
+    """Return how many of the arrivals appeared, and why the others did not."""
+    others = ", ".join(f"{count} {reason}" for reason, count in trial.absent.items())
+    if not others:
+        return f"all {len(trial.rows)} who arrived appeared"
+    return f"{trial.appeared} of {len(trial.rows)} who arrived appeared: {others}"
+
+
+def _lives_text(settings: PopulationParameters) -> str:
+    if settings.departures is Departures.INDEPENDENT:
+        return f"independent lives, mean {settings.mean_life:g} s"
+    return f"constant_rate, one leaves every {settings.mean_life:g} s"
+
+
+def _axes(figure: Any) -> list[Any]:
+    """Return the axes of N(t), of its shares and of the map; and three below."""
+    width, height = figure.get_size_inches()
+    margins = {"left": _MARGIN_IN / width, "right": 1.0 - 0.65 / width}
+    high, low = _HEIGHTS_IN
+    top = figure.add_gridspec(
+        1,
+        3,
+        width_ratios=(_LEFT_IN - 1.9, 1.9, width - _LEFT_IN - 1.9),
+        wspace=0.10,
+        top=1.0 - 0.95 / height,
+        bottom=1.0 - (0.95 + high) / height,
+        **margins,
+    )
+    bottom = figure.add_gridspec(
+        1, 3, wspace=0.2, top=(0.5 + low) / height, bottom=0.5 / height, **margins
+    )
+    numbers = figure.add_subplot(top[0, 0])
+    shares = figure.add_subplot(top[0, 1], sharey=numbers)
+    space = figure.add_subplot(top[0, 2])
+    return [numbers, shares, space, *(figure.add_subplot(bottom[0, i]) for i in range(3))]
+
+
+def _time_colours() -> Any:
+    """Return colours from the first time to the last that stand out on a pale map."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colormaps["plasma"](range(226)), name="arrival times")
+
+
+def _shown_s(trial: Trial) -> float:
+    """Return how long the beginning of a trial is that is shown [s]."""
+    chain = trial.chain
+    least_s, most_s = (groups / chain.groups_per_s for groups in _SHOWN_GROUPS)
+    wanted_s = min(max(_SHOWN_CORRELATIONS * chain.correlation_s, least_s), most_s)
+    return min(wanted_s, trial.end_s)
+
+
+def _draw_numbers(axes: Any, trial: Trial, end_s: float, colours: Any) -> None:
+    """Draw N(t) from the beginning, its stationary mean and band, and a tick for each arrival."""
+    from matplotlib.ticker import MaxNLocator
+
+    unit_s, name = time_unit(end_s)
+    chain, (low, high) = trial.chain, trial.chain.band()
+    shown = trial.changes_s <= end_s
+    times = np.append(trial.changes_s[shown], end_s) / unit_s
+    levels = np.append(trial.alive[shown], trial.alive[shown][-1])
+    band = f"nine tenths of the time: {low} to {high}"
+    axes.axhspan(low, high, color=hex_of(BAND), lw=0, label=band)
+    axes.axhline(chain.mean, color=_LAW, lw=1.4, label=f"stationary mean {chain.mean:.3g}")
+    axes.step(times, levels, where="post", color=_PATH, lw=1.1, label="alive")
+    offers_s = trial.offers_s[trial.offers_s <= end_s]
+    top = max(float(levels.max()), high) * 1.24 + 0.6
+    tick = 0.035 * top
+    marks = {"colors": colours(offers_s / end_s), "lw": 1.3}
+    axes.vlines(offers_s / unit_s, -1.6 * tick, -0.4 * tick, **marks)
+    axes.set(xlim=(0.0, end_s / unit_s), ylim=(-2.1 * tick, top))
+    axes.legend(loc="upper left", ncol=3, frameon=False, fontsize=8.5, labelcolor=INK_HEX)
+    axes.yaxis.set_major_locator(MaxNLocator(8, integer=True))
+    name_axes(axes, "N(t): how many are alive, and when they arrive", f"time [{name}]", "alive")
+
+
+def _draw_shares(axes: Any, trial: Trial) -> None:
+    """Draw which share of the whole time N(t) was at each level, beside the stationary law."""
+    from matplotlib.ticker import MaxNLocator
+
+    law, levels = trial.chain.law, np.arange(len(trial.chain.law))
+    shares = trial.time_shares()
+    likely = np.flatnonzero((law > 2e-3 * law.max()) | (shares > 2e-3))
+    shown = levels[likely[0] : likely[-1] + 1]
+    is_short = len(shown) <= _SEPARATE_BARS
+    if is_short:
+        axes.barh(shown, shares[shown], height=0.86, color=BAR_HEX)
+    else:
+        edges = np.append(shown, shown[-1] + 1) - 0.5
+        axes.stairs(shares[shown], edges, orientation="horizontal", fill=True, color=BAR_HEX)
+    axes.plot(law[shown], shown, "o-" if is_short else "-", color=_LAW, ms=3.2, lw=1.2)
+    axes.set_xlim(0.0, 1.2 * float(max(law.max(), shares.max())))
+    _write(axes, [_law_name(trial.chain)])
+    axes.xaxis.set_major_locator(MaxNLocator(4))
+    name_axes(axes, "share of the time", "share")
+    axes.tick_params(labelleft=False)
+
+
+def _draw_waits(axes: Any, trial: Trial) -> None:
+    """Draw the waiting times between arrivals and their exponential density (the Fig. 3a)."""
+    law_mean_s, mean_s = 1.0 / trial.chain.groups_per_s, float(trial.waits_s.mean())
+    reach_s, unit_s, name = _reach(trial.waits_s)
+    times_s = np.linspace(0.0, reach_s, 200)
+    _draw_density(axes, trial.waits_s, times_s, np.exp(-times_s / law_mean_s) / law_mean_s, unit_s)
+    noun = "groups" if trial.chain.is_grouped else "arrivals"
+    count = f"{len(trial.waits_s)} {noun}, mean {mean_s / unit_s:.3g} {name}"
+    _write(axes, [count])
+    title = f"waiting times between {noun}"
+    name_axes(axes, title, f"time [{name}]", f"density [1/{name}]")
+
+
+def _draw_lives(axes: Any, trial: Trial) -> None:
+    """Draw the lives and their density: exponential, or that of lives drawn at random."""
+    chain, lives_s = trial.chain, trial.lives_s
+    if not len(lives_s):
+        _write(axes, ["nobody who came has left yet"])
+        name_axes(axes, "lives")
+        return
+    reach_s, unit_s, name = _reach(lives_s)
+    times_s = np.linspace(0.0, reach_s, 201)
+    density = -np.diff(chain.survival(reach_s, len(times_s))) / np.diff(times_s)
+    middles_s = 0.5 * (times_s[1:] + times_s[:-1])
+    _draw_density(axes, lives_s, middles_s, density, unit_s)
+    lines = [
+        f"{len(lives_s)} lives, mean {float(lives_s.mean()) / unit_s:.3g} {name},",
+        "of who appeared in the first",
+        "nine tenths of the time",
+    ]
+    if chain.departures is not Departures.INDEPENDENT:
+        lines.append("who leaves is drawn at random")
+    _write(axes, lines)
+    name_axes(axes, "lives", f"time [{name}]", f"density [1/{name}]")
+
+
+def _draw_rows(axes: Any, trial: Trial, catalogue: Catalogue, probabilities: Floats) -> None:
+    """Draw how often each row of the catalogue was drawn, in its class's colour, and Eq. 1."""
+    drawn = np.bincount(trial.rows, minlength=len(probabilities)) / len(trial.rows)
+    rows, colours = np.arange(len(probabilities)), class_colours(catalogue.class_names)
+    for name in catalogue.class_names:
+        own = np.array([row.index for row in catalogue.rows if row.class_name == name])
+        colour = hex_of(colours[name])
+        axes.bar(own, drawn[own], width=0.86, color=colour, alpha=0.55, label=name)
+    axes.plot(rows, probabilities, "o-", color=INK_HEX, ms=2.4, lw=0.9)
+    top = 1.3 * float(max(drawn.max(), probabilities.max()))
+    axes.set(xlim=(-0.8, len(rows) - 0.2), ylim=(0.0, top))
+    _write(axes, [f"{len(trial.rows)} artefacts"])
+    look = {"frameon": False, "fontsize": 8.5, "labelcolor": INK_HEX, "handlelength": 1.0}
+    axes.legend(loc="center right", **look)
+    name_axes(axes, "rows of the catalogue, by Eq. 1", "row", "share")
+
+
+def _draw_density(
+    axes: Any, sample_s: Floats, times_s: Floats, density: Floats, unit_s: float
+) -> None:
+    reach_s = float(times_s[-1])
+    edges_s = np.linspace(0.0, reach_s, _BINS + 1)
+    heights = np.histogram(sample_s, edges_s)[0] / (len(sample_s) * np.diff(edges_s))
+    axes.stairs(heights * unit_s, edges_s / unit_s, fill=True, color=BAR_HEX)
+    axes.plot(times_s / unit_s, density * unit_s, color=_LAW, lw=1.5)
+    top = 1.12 * unit_s * max(float(heights.max()), float(density.max()))
+    axes.set(xlim=(0.0, reach_s / unit_s), ylim=(0.0, top))
+
+
+def _reach(times_s: Floats) -> tuple[float, float, str]:
+    """Return how far times are drawn [s], and their unit."""
+    reach_s = float(np.quantile(times_s, _QUANTILE))
+    return (reach_s, *time_unit(reach_s))
+
+
+def _law_name(chain: BirthDeath) -> str:
+    if chain.is_grouped:
+        return "law of the batch chain"
+    name = "Poisson" if chain.departures is Departures.INDEPENDENT else "geometric"
+    cut = f", cut at {chain.max_alive}" if chain.law[-1] > _CUT_FROM else ""
+    return f"{name}({chain.load:.3g}){cut}"
+
+
+def _write(axes: Any, lines: list[str]) -> None:
+    look = {"ha": "right", "va": "top", "fontsize": 8.5, "color": INK_HEX, "linespacing": 1.35}
+    box = {"facecolor": "#ffffffc8", "edgecolor": "none", "pad": 2.0}
+    axes.text(0.97, 0.965, "\n".join(lines), transform=axes.transAxes, bbox=box, **look)
+
+
+def _shown_window(site: Site) -> Window:
+    """Return the rectangle [m] that holds what is known of the site."""
+    if site.survey is None:
+        side_m = math.sqrt(site.area_m2)
+        return Window(-0.02 * side_m, 1.02 * side_m, -0.02 * side_m, 1.02 * side_m)
+    grid = site.survey.environment.grid
+    return window_of(grid, known_part(grid), np.empty((0, 2)))
+
+
+def _draw_arrivals(axes: Any, trial: Trial, site: Site, end_s: float, colours: Any) -> None:
+    """Draw all places where an artefact appeared, those until `end_s` in their time's colour."""
+    window = _shown_window(site)
+    extent = (window.left, window.right, window.bottom, window.top)
+    if site.survey is not None:
+        axes.imshow(_map_image(site.survey, window), extent=extent, zorder=0)
+    else:
+        axes.set_facecolor(hex_of(mixed(TINT, _MOST_TINT)))
+    axes.set(xlim=extent[:2], ylim=extent[2:], aspect="equal", anchor="N")
+    early = trial.placed_s <= end_s
+    dots = {"ms": 2.4, "color": "#8b97a3", "alpha": 0.55, "mew": 0}
+    axes.plot(*trial.points_m.T, ".", zorder=2, **dots)
+    look = {"s": 26, "edgecolors": "white", "linewidths": 0.6}
+    points = trial.points_m[early].T
+    axes.scatter(*points, c=colours(trial.placed_s[early] / end_s), zorder=3, **look)
+    name_axes(axes, "arrivals in space", _caption(trial))
+    axes.spines[:].set(visible=True, color=EDGE_HEX)
+    _draw_times(axes.inset_axes((1.015, 0.0, 0.02, 1.0)), end_s, colours)
+
+
+def _caption(trial: Trial) -> str:
+    """Return how many appeared, and what can be said of where."""
+    whose = "the first of each group" if trial.chain.is_grouped else "all"
+    count = f"[m]   {counted(len(trial.points_m), 'place')}, of {whose} who appeared"
+    return f"{count}; in colour: in the time shown"
+
+
+def _draw_times(axes: Any, end_s: float, colours: Any) -> None:
+    """Draw which colour is which time, as an upright bar."""
+    unit_s, name = time_unit(end_s)
+    shades = np.linspace(0.0, 1.0, 256)[:, np.newaxis]
+    look = {"aspect": "auto", "origin": "lower", "extent": (0.0, 1.0, 0.0, end_s / unit_s)}
+    axes.imshow(shades, cmap=colours, **look)
+    axes.set_xticks([])
+    axes.yaxis.tick_right()
+    axes.tick_params(labelsize=8.5, colors=FAINT_INK_HEX, length=3)
+    axes.spines[:].set_visible(False)
+    axes.set_title(f"[{name}]", fontsize=8.5, color=FAINT_INK_HEX, pad=4)
+
+
+def _map_image(survey: Survey, window: Window) -> npt.NDArray[np.uint8]:
+    """Return the map of a window, its region tinted as strongly as its weight."""
+    grid, region = survey.environment.grid, survey.region
+    part = known_part(grid)
+    height, width = part.cells.shape
+    weight = region.mask if region.weight is None else region.weight
+    cut = weight[part.row0 : part.row0 + height, part.col0 : part.col0 + width]
+    strength = cut.astype(np.float64)
+    tint = strength * (_MOST_TINT / max(float(strength.max(initial=0.0)), 1e-9))
+    longest_px = _HEIGHTS_IN[0] * _PANEL_PX_PER_IN
+    px_per_m = longest_px / max(window.height_m, window.width_m / _WIDEST)
+    view = View(window, px_per_m)
+    columns, rows = (max(1, round(side)) for side in view.size_px)
+    canvas = Canvas((columns, rows))
+    draw_map(canvas, view, grid, part, tint)
+    return canvas.finished()

@@ -19,6 +19,7 @@ from are_ros.draw.scene import Life, SceneRecord, Track
 from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.view_models import ViewModel
 
 Floats = npt.NDArray[np.float64]
 
@@ -26,6 +27,7 @@ _RAYS: Final = 360
 _MARCH_STEPS: Final = 200
 _SURELY_LESS: Final = 1.42
 """Distances are between centres of cells; this much of them may lie within the two cells."""
+LEAST_LEVEL: Final = 0.1
 _LEAST_STEP: Final = 0.25
 _PARALLEL: Final = 1e-12
 _TURN_WEIGHT_M: Final = 0.4
@@ -92,9 +94,10 @@ class Sight:
 def fan_at(record: SceneRecord, sight: Sight, index: int) -> Fan | None:
     """Return the fan of one camera pose of the record, None if it does not look sideways."""
     pose, stamp_ns = record.camera.poses[index], int(record.camera.stamps_ns[index])
-    rays = _level_rays(record, index, pose)
+    camera = record.views[int(record.view_of_pose[index])]
+    rays = level_rays(camera, RigidTransform(pose[:3], pose[3:]), min(_RAYS, camera.width))
     lengths = np.linalg.norm(rays, axis=1)
-    rays, lengths = rays[lengths > 0.1], lengths[lengths > 0.1]
+    rays, lengths = rays[lengths > LEAST_LEVEL], lengths[lengths > LEAST_LEVEL]
     if len(rays) < 2:
         return None
     rays /= lengths[:, np.newaxis]
@@ -153,12 +156,14 @@ def _middles(travelled: Floats, count: int) -> Floats:
     return middles
 
 
-def _level_rays(record: SceneRecord, index: int, pose: Floats) -> Floats:
-    """Return the rays of the image's middle row in the map's frame, without their rise (N, 2)."""
-    view = record.views[int(record.view_of_pose[index])]
-    row = view.directions()[view.height // 2]
-    columns = np.linspace(0, view.width - 1, min(_RAYS, view.width)).astype(np.int64)
-    turn = RigidTransform(pose[:3], pose[3:]).rotation_matrix()
+def level_rays(camera: ViewModel, map_from_camera: RigidTransform, count: int) -> Floats:
+    """Return rays of the image's middle row in the map's frame, without their rise (count, 2).
+
+    One that is shorter than `LEAST_LEVEL` looks up or down.
+    """
+    row = camera.directions()[camera.height // 2]
+    columns = np.linspace(0, camera.width - 1, count).astype(np.int64)
+    turn = map_from_camera.rotation_matrix()
     rays: Floats = (row[columns].astype(np.float64) @ turn.T)[:, :2]
     return rays
 

@@ -1,20 +1,95 @@
-"""What pictures are made of: a run as plain values, with artefacts, poses and events."""
+"""The record of a run, which all pictures and the viewer are drawn from: lives, poses, events.
 
+A replay fills it from its ticks, a recording through the decoder (`replay.recorded_scene`).
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.builder.events import ArtefactEvent
 from are_ros.builder.outputs import SceneMetrics
 from are_ros.builder.step_clock import IDLE_NS
 from are_ros.world.footprint import Footprint
+from are_ros.world.laser_scan import LaserScan
+from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.view_models import ViewModel
 
 Floats = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
+
+MOST_TICKS: Final = 900
+"""The viewer shows at most so many ticks: of a longer run every second one, every fourth, ..."""
+_RETURNS_OF_A_SCAN: Final = 240
+
+
+def shown_every(ticks: int) -> int:
+    """Return the power of two k such that every k-th of so many ticks is shown."""
+    every = 1
+    while -(-ticks // every) > MOST_TICKS:
+        every *= 2
+    return every
+
+
+class ScanPoints(NamedTuple):
+    """Where a scan ended, float32 (N, 3) [m] in the map's frame; which returns (N,) are virtual."""
+
+    points_m: npt.NDArray[np.float32]
+    is_virtual: npt.NDArray[np.bool_]
+
+    def thinned(self) -> "ScanPoints":
+        """Return at most 240 real and 240 virtual returns, evenly chosen."""
+        kinds = np.flatnonzero(~self.is_virtual), np.flatnonzero(self.is_virtual)
+        steps = (max(1, -(-len(kind) // _RETURNS_OF_A_SCAN)) for kind in kinds)
+        kept = np.concatenate([kind[::step] for kind, step in zip(kinds, steps, strict=True)])
+        return ScanPoints(self.points_m[kept], self.is_virtual[kept])
+
+
+def scan_points(
+    scan: LaserScan, received: LaserScan | None, map_from_sensor: RigidTransform
+) -> ScanPoints:
+    """Return where the beams end, thinned; without the scan as received none is virtual."""
+    returned = (scan.ranges >= scan.range_min_m) & (scan.ranges <= scan.range_max_m)
+    is_virtual: npt.NDArray[np.bool_] = np.zeros(len(scan.ranges), dtype=np.bool_)
+    if received is not None and len(received.ranges) == len(scan.ranges):
+        is_virtual = scan.ranges.view(np.uint32) != received.ranges.view(np.uint32)
+    lengths_m = scan.ranges[returned].astype(np.float64)[:, np.newaxis]
+    points_m = map_from_sensor.apply(scan.directions()[returned] * lengths_m)
+    return ScanPoints(points_m.astype(np.float32), is_virtual[returned]).thinned()
+
+
+class ArtefactAt(NamedTuple):
+    """An artefact at a tick: `pose` is on the ground below F_A, in the map's frame."""
+
+    artefact_id: int
+    row: CatalogueRow
+    pose: GroundPose
+    behaviour: str
+    activity: str
+    arrival_ns: int
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """A tick as pictures need it; `perceived` are ids, a pose is None where it is not known.
+
+    `events` are those since the tick before. `scans` has the newest scan of each laser since then.
+    """
+
+    stamp_ns: int
+    artefacts: Sequence[ArtefactAt]
+    perceived: frozenset[int]
+    map_from_base: RigidTransform | None
+    map_from_camera: RigidTransform | None
+    events: Sequence[ArtefactEvent] = ()
+    metrics: SceneMetrics | None = None
+    scans: Sequence[ScanPoints] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +110,13 @@ class Track:
     def __len__(self) -> int:
         """Count the poses."""
         return len(self.stamps_ns)
+
+    def transform_at(self, stamp_ns: int) -> RigidTransform | None:
+        """Return the pose (K = 7) of this very stamp, None if there is none."""
+        at = int(np.searchsorted(self.stamps_ns, stamp_ns))
+        if at == len(self) or int(self.stamps_ns[at]) != stamp_ns:
+            return None
+        return RigidTransform(self.poses[at, :3], self.poses[at, 3:])
 
     def drives(self) -> npt.NDArray[np.int64]:
         """Return the number of the drive that each pose belongs to, int64 (N,), ascending from 0.
@@ -57,12 +139,21 @@ def _never() -> npt.NDArray[np.int64]:
     return np.zeros(0, dtype=np.int64)
 
 
+def _no_numbers() -> Floats:
+    return np.zeros(0)
+
+
+def _nowhere() -> Track:
+    return Track(np.zeros(0, dtype=np.int64), np.zeros((0, 7)))
+
+
 @dataclass(frozen=True, eq=False)
 class Life:
     """One artefact from its arrival to its departure (None: none within the record).
 
     `footprints` is a track of the box's centre, (x, y, yaw), one pose per change; it is empty for
-    a life between two ticks. `left_by` is the cause of the departure. `seen_ticks` counts the
+    a life between two ticks. `heights_m` are those of the ground below, one for each of these
+    poses. `left_by` is the cause of the departure. `seen_ticks` counts the
     ticks that perceived it, of which `first_seen_ns` and `last_seen_ns` are the ends, and `seen_ns`
     int64 (seen_ticks,) the stamps. `doings` has one entry per change, the first from its arrival.
     """
@@ -78,6 +169,7 @@ class Life:
     last_seen_ns: int | None
     seen_ns: npt.NDArray[np.int64] = field(default_factory=_never)
     doings: tuple[Doing, ...] = ()
+    heights_m: Floats = field(default_factory=_no_numbers)
 
     @property
     def is_perceived(self) -> bool:
@@ -101,9 +193,22 @@ class Life:
 
     def footprint_at(self, t_ns: int) -> tuple[float, float, float]:
         """Return (x, y, yaw) of the box's centre at `t_ns`, held outside; there must be a pose."""
-        after = int(np.searchsorted(self.footprints.stamps_ns, t_ns, side="right"))
-        x_m, y_m, yaw_rad = self.footprints.poses[max(after - 1, 0)].tolist()
+        x_m, y_m, yaw_rad = self.footprints.poses[self._pose_index(t_ns)].tolist()
         return x_m, y_m, yaw_rad
+
+    def at(self, t_ns: int) -> ArtefactAt:
+        """Return the artefact as it was at `t_ns`; there must be a pose."""
+        x_m, y_m, yaw_rad = self.footprint_at(t_ns)
+        ahead_m, left_m, _ = self.row.box_centre_in_artefact_m
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        x_m, y_m = x_m - (cos * ahead_m - sin * left_m), y_m - (sin * ahead_m + cos * left_m)
+        z_m = float(self.heights_m[self._pose_index(t_ns)])
+        doing = self.doing_at(t_ns)
+        pose = GroundPose(x_m, y_m, z_m, yaw_rad)
+        return ArtefactAt(self.artefact_id, self.row, pose, *doing[1:], self.arrival_ns)
+
+    def _pose_index(self, t_ns: int) -> int:
+        return max(int(np.searchsorted(self.footprints.stamps_ns, t_ns, side="right")) - 1, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,9 +236,11 @@ class TickSeries:
 
 @dataclass(frozen=True, eq=False)
 class SceneRecord:
-    """A whole replay. `views` and the index (M,) of the view of each camera pose go together.
+    """A whole run. `views` and the index (M,) of the view of each camera pose go together.
 
     `metrics` are those of the last tick, None without ticks; `lives` are in the order of ids.
+    `base` has the same poses as `robot`, in 3D; `scans` has those of the ticks that the viewer
+    shows, by stamp.
     """
 
     seed: int
@@ -147,6 +254,22 @@ class SceneRecord:
     events: tuple[ArtefactEvent, ...]
     series: TickSeries
     metrics: SceneMetrics | None
+    base: Track = field(default_factory=_nowhere)
+    scans: Mapping[int, Sequence[ScanPoints]] = field(default_factory=dict)
+
+    def moments(self, every: int = 1) -> Iterator[Moment]:
+        """Yield every `every`-th tick from the first on, without events and metrics."""
+        lives = [life for life in self.lives if len(life.footprints)]
+        for stamp_ns in self.series.stamps_ns[::every].tolist():
+            there = [life for life in lives if life.is_present_at(stamp_ns)]
+            yield Moment(
+                stamp_ns,
+                [life.at(stamp_ns) for life in there],
+                frozenset(life.artefact_id for life in there if life.is_perceived_at(stamp_ns)),
+                self.base.transform_at(stamp_ns),
+                self.camera.transform_at(stamp_ns),
+                scans=self.scans.get(stamp_ns, ()),
+            )
 
     @property
     def duration_ns(self) -> int:

@@ -25,8 +25,8 @@ from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.map import known_part, map_from_part, shaded
 from are_ros.draw.palette import END, ROBOT, SEEN, Rgb, class_colours, hex_of
-from are_ros.draw.robot import robot_outline
-from are_ros.draw.voxel_mesh import between, coarsened, surface
+from are_ros.draw.robot import LEAST_LEVEL, level_rays, robot_outline
+from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, shown_every
 from are_ros.errors import BagError
 from are_ros.wording import counted, why_refused
 from are_ros.world.footprint import Footprint
@@ -37,17 +37,14 @@ from are_ros.world.voxel_map import VoxelMap
 
 Floats = npt.NDArray[np.float64]
 Points = npt.NDArray[np.float32]
+Faces = npt.NDArray[np.uint32]
 
 MISSING_VISER: Final = (
     "the viewer needs viser: `pip install viser`, or `pip install 'are_ros[view]'`; "
     "everything else works without"
 )
 
-MOST_TICKS: Final = 900
-"""Of a longer recording the page shows every second tick, every third, and so on."""
-
 _MOST_RETURNS: Final = 120_000
-_RETURNS_OF_A_SCAN: Final = 240
 _MOST_RECTANGLES: Final = 40_000
 _MOST_VOXELS: Final = 30_000_000
 _GAP_S: Final = 1.0
@@ -56,6 +53,7 @@ _LOWEST_M, _HIGHEST_M = 0.1, 1.0
 
 _UNSEEN_OPACITY: Final = 0.3
 _FAN_RAYS: Final = 40
+_NEAR_M: Final = 2.0
 _GROUND_LIFT_M, _FAN_LIFT_M, _WAY_LIFT_M = 0.005, 0.02, 0.03
 _ROBOT_HEIGHT_M: Final = 0.3
 _LABEL_GAP_M: Final = 0.12
@@ -75,42 +73,11 @@ LAYERS: Final = {
     "laser scans": "/scans",
 }
 _SINGLE_NODES: Final = ("/map", "/walls", "/robot")
+_CORNERS: Final = np.array(((0, 0), (1, 0), (1, 1), (0, 1)))
+"""Which end (0 low, 1 high) of its rows and columns each corner of a rectangle has."""
+_SIDES: Final = ((0, False), (0, True), (1, False), (1, True), (2, True))
+"""Axis across the faces, and whether they are those at the high end."""
 _OVERLAY: Final = Path(__file__).parent / "data" / "view_overlay.html"
-
-
-class ViewedArtefact(NamedTuple):
-    """An artefact at a tick: `pose` is that of F_A in the map's frame, x y z [m] and x y z w.
-
-    `row` is its row of the catalogue; its box of `size_m` is centred at `box_centre_m` in F_A.
-    """
-
-    artefact_id: int
-    row: int
-    label: str
-    class_name: str
-    doing: str
-    size_m: tuple[float, float, float]
-    box_centre_m: tuple[float, float, float]
-    pose: tuple[float, ...]
-    is_perceived: bool
-
-
-class ViewedScan(NamedTuple):
-    """Where a scan ended, (N, 3) [m] in the map's frame, and which returns (N,) are virtual."""
-
-    points_m: Points
-    is_virtual: npt.NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class ViewedTick:
-    """What is shown at a tick; poses are None where they are not known."""
-
-    stamp_ns: int
-    artefacts: tuple[ViewedArtefact, ...]
-    map_from_base: RigidTransform | None
-    map_from_camera: RigidTransform | None
-    scans: tuple[ViewedScan, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,37 +89,12 @@ class ViewedPlace:
     """
 
     grid: OccupancyGrid
-    occupied_threshold: int
     voxels: VoxelMap | None
     catalogue: Catalogue
     footprint: Footprint
     camera: ViewModel | None
     max_range_m: float
     ground_m: float = 0.0
-
-
-class TickThinner:
-    """Keeps at most `MOST_TICKS` ticks, evenly chosen, of however many there will be.
-
-    When there are more it drops every second one, and from then on takes half as many.
-    """
-
-    def __init__(self) -> None:
-        self.ticks: list[ViewedTick] = []
-        self.every = 1
-        self._seen = 0
-
-    def wants_next(self) -> bool:
-        """Count a tick, and say whether it is one of those that are kept."""
-        self._seen += 1
-        return (self._seen - 1) % self.every == 0
-
-    def add(self, tick: ViewedTick) -> None:
-        """Keep a tick that was wanted."""
-        self.ticks.append(tick)
-        if len(self.ticks) > MOST_TICKS:
-            self.ticks = self.ticks[::2]
-            self.every *= 2
 
 
 @dataclass(frozen=True)
@@ -176,7 +118,7 @@ def has_viser() -> bool:
     return find_spec("viser") is not None
 
 
-def write_view(path: Path, place: ViewedPlace, thinner: TickThinner, title: str) -> View:
+def write_view(path: Path, place: ViewedPlace, record: SceneRecord, title: str) -> View:
     """Write the page: one file, which plays in a browser without a network.
 
     Ticks are shown in real time; gaps of a second or more are left out. Raises BagError where viser
@@ -184,10 +126,11 @@ def write_view(path: Path, place: ViewedPlace, thinner: TickThinner, title: str)
     """
     if not has_viser():
         raise BagError(MISSING_VISER)
-    shown = thinner.ticks
+    every_tick = shown_every(len(record.series.stamps_ns))
+    shown = [*record.moments(every_tick)]
     if not shown:
         raise BagError(f"{path}: there is no tick to show")
-    notes = [f"one of {thinner.every} ticks is shown"] if thinner.every > 1 else []
+    notes = [f"one of {every_tick} ticks is shown"] if every_tick > 1 else []
     server = start_server(port=0)
     try:
         recorder = server.get_scene_serializer()
@@ -243,14 +186,14 @@ class ViewedScene:
         self.notes: list[str] = []
         self._scene, self._place = scene, place
         self._part = known_part(place.grid)
-        self._field: VoxelField | None = None
-        self._bodies: dict[tuple[object, ...], tuple[Points, npt.NDArray[np.uint32]]] = {}
+        self._field = VoxelField.of(place.voxels)
+        self._bodies: dict[tuple[object, ...], tuple[Points, Faces]] = {}
         self._rows = {row.index: row for row in place.catalogue.rows}
         self._artefacts: dict[int, _Drawn] = {}
-        self._robot: Any = None
-        self._camera: Any = None
-        self._fan: Any = None
-        self._scans: dict[str, Any] = {}
+        self._robot: _Node | None = None
+        self._camera: _Node | None = None
+        self._fan: _Node | None = None
+        self._scans: dict[str, _Node] = {}
         self._colours = class_colours([row.class_name for row in place.catalogue.rows])
         self._ways: dict[str, Any] = {}
         scene.configure_default_lights(enabled=True, cast_shadow=True)
@@ -262,7 +205,7 @@ class ViewedScene:
         self._draw_map()
         self._draw_walls()
 
-    def show(self, tick: ViewedTick, *, with_scans: bool = True) -> None:
+    def show(self, tick: Moment, *, with_scans: bool = True) -> None:
         """Show a tick."""
         self._show_robot(tick.map_from_base)
         self._show_camera(tick.map_from_camera)
@@ -270,7 +213,7 @@ class ViewedScene:
         for gone in self._artefacts.keys() - there:
             self._artefacts.pop(gone).remove()
         for one in tick.artefacts:
-            self._show_artefact(one)
+            self._show_artefact(one, is_perceived=one.artefact_id in tick.perceived)
         if with_scans:
             self._show_scans(tick.scans)
 
@@ -281,7 +224,7 @@ class ViewedScene:
         if handle is not None:
             handle.visible = is_shown
 
-    def draw_ways(self, ticks: Sequence[ViewedTick]) -> None:
+    def draw_ways(self, ticks: Sequence[Moment]) -> None:
         """Draw the robot's way and that of each artefact in these ticks, instead of others."""
         robot = [t.map_from_base.translation_m[:2] for t in ticks if t.map_from_base is not None]
         ways: dict[int, list[tuple[float, ...]]] = {}
@@ -289,7 +232,7 @@ class ViewedScene:
         for tick in ticks:
             for one in tick.artefacts:
                 ways.setdefault(one.artefact_id, []).append(one.pose[:2])
-                class_of[one.artefact_id] = one.class_name
+                class_of[one.artefact_id] = one.row.class_name
         before, self._ways = self._ways, {}
         self._draw_way("/ways/robot", np.array(robot).reshape(-1, 2), ROBOT, 0.03)
         for number, points in ways.items():
@@ -353,14 +296,11 @@ class ViewedScene:
         )
 
     def _show_robot(self, map_from_base: RigidTransform | None) -> None:
-        if map_from_base is None:
-            if self._robot is not None:
-                self._robot.visible = False
-            return
-        if self._robot is None:
-            self._robot = self._drawn_robot()
-        _place(self._robot, map_from_base.translation_m, map_from_base.rotation_xyzw)
-        self._robot.visible = True
+        if map_from_base is not None:
+            self._robot = self._robot or _Node(self._drawn_robot())
+            self._robot.place(map_from_base)
+        elif self._robot is not None:
+            self._robot.set(visible=False)
 
     def _drawn_robot(self) -> Any:
         """Draw the robot: a low prism over its footprint, with an arrow on top."""
@@ -384,20 +324,17 @@ class ViewedScene:
         return root
 
     def _show_camera(self, map_from_camera: RigidTransform | None) -> None:
-        if self._place.camera is None:
+        camera = self._place.camera
+        if camera is None or map_from_camera is None:
+            for node in (self._camera, self._fan):
+                if node is not None:
+                    node.set(visible=False)
             return
-        if map_from_camera is None:
-            for handle in (self._camera, self._fan):
-                if handle is not None:
-                    handle.visible = False
-            return
-        if self._camera is None:
-            self._camera = self._drawn_frustum(self._place.camera)
+        if self._camera is None and (frustum := self._drawn_frustum(camera)):
+            self._camera = _Node(frustum)
         if self._camera is not None:
-            position, turn = map_from_camera.translation_m, map_from_camera.rotation_xyzw
-            _place(self._camera, position, turn)
-            self._camera.visible = True
-        self._show_fan(self._place.camera, map_from_camera)
+            self._camera.place(map_from_camera)
+        self._show_fan(camera, map_from_camera)
 
     def _drawn_frustum(self, camera: ViewModel) -> Any:
         """Draw the camera's frustum; None where it has none, as a camera that looks all around."""
@@ -421,73 +358,67 @@ class ViewedScene:
 
     def _show_fan(self, camera: ViewModel, map_from_camera: RigidTransform) -> None:
         """Show on the ground how far the image's middle row sees, up to the walls."""
-        if self._place.voxels is None:
-            return
-        if self._field is None:
-            self._field = VoxelField.of(self._place.voxels)
-        row = camera.directions()[camera.height // 2]
-        columns = np.linspace(0, camera.width - 1, _FAN_RAYS).astype(np.int64)
-        rays = (row[columns].astype(np.float64) @ map_from_camera.rotation_matrix().T)[:, :2]
+        rays = level_rays(camera, map_from_camera, _FAN_RAYS)
         lengths = np.linalg.norm(rays, axis=1)
-        is_level = bool((lengths > 0.1).all())
-        if is_level:
-            start = map_from_camera.translation_m
-            rays = np.column_stack((rays / lengths[:, np.newaxis], np.zeros(len(rays))))
-            reach_m = self._field.first_hits(start, rays, self._place.max_range_m)
-            reach_m = np.minimum(reach_m, self._place.max_range_m)
-            outline = np.vstack(((0.0, 0.0), rays[:, :2] * reach_m[:, np.newaxis]))
-            vertices = np.column_stack((outline, np.zeros(len(outline)))).astype(np.float32)
-            vertices = np.round(vertices, 2)
-            if self._fan is None:
-                ends = np.arange(1, _FAN_RAYS)
-                faces = np.column_stack((np.zeros_like(ends), ends + 1, ends))
-                self._fan = self._scene.add_mesh_simple(
+        if not (lengths > LEAST_LEVEL).all():
+            if self._fan is not None:
+                self._fan.set(visible=False)
+            return
+        start_m = map_from_camera.translation_m
+        rays = np.column_stack((rays / lengths[:, np.newaxis], np.zeros(len(rays))))
+        reach_m = self._field.first_hits(start_m, rays, self._place.max_range_m)
+        reach_m = np.minimum(reach_m, self._place.max_range_m)[:, np.newaxis]
+        ends_m = np.vstack((np.zeros((1, 3)), rays * reach_m)) + start_m
+        ends_m[:, 2] = self._place.ground_m + _FAN_LIFT_M
+        vertices = np.round(ends_m, 2).astype(np.float32)
+        if self._fan is None:
+            ends = np.arange(1, len(rays))
+            self._fan = _Node(
+                self._scene.add_mesh_simple(
                     "/camera/fan",
                     vertices,
-                    faces,
+                    np.column_stack((np.zeros_like(ends), ends + 1, ends)),
                     color=SEEN,
                     opacity=0.28,
                     side="double",
                     cast_shadow=False,
                     receive_shadow=False,
                 )
-            else:
-                self._fan.vertices = vertices
-            self._fan.position = (*_rounded(start[:2]), self._place.ground_m + _FAN_LIFT_M)
-        if self._fan is not None:
-            self._fan.visible = is_level
+            )
+        self._fan.handle.vertices = vertices
+        self._fan.set(visible=True)
 
-    def _show_artefact(self, one: ViewedArtefact) -> None:
+    def _show_artefact(self, one: ArtefactAt, *, is_perceived: bool) -> None:
         drawn = self._artefacts.get(one.artefact_id)
         if drawn is None:
             drawn = self._artefacts[one.artefact_id] = self._new_artefact(one)
-        drawn.show(one)
+        drawn.show(one, is_perceived=is_perceived)
 
-    def _new_artefact(self, one: ViewedArtefact) -> "_Drawn":
-        vertices, faces = self._body_of(one)
+    def _new_artefact(self, one: ArtefactAt) -> "_Drawn":
+        vertices, faces = self._body_of(one.row)
         body = self._scene.add_mesh_simple(
             f"/artefacts/{one.artefact_id}",
             vertices,
             faces,
-            color=self._colour_of(one.class_name),
+            color=self._colour_of(one.row.class_name),
             flat_shading=True,
             side="double",
-            opacity=None if one.is_perceived else _UNSEEN_OPACITY,
+            opacity=_UNSEEN_OPACITY,
         )
         label = self._scene.add_label(
             f"/labels/{one.artefact_id}",
-            _text_of(one),
+            str(one.artefact_id),
             anchor="bottom-center",
             font_screen_scale=0.8,
         )
-        return _Drawn(body, label, one.box_centre_m[2] + 0.5 * one.size_m[2] + _LABEL_GAP_M)
+        return _Drawn(_Node(body), _Node(label))
 
-    def _body_of(self, one: ViewedArtefact) -> tuple[Points, npt.NDArray[np.uint32]]:
-        """Return the mesh of an artefact in F_A, or its box; equal ones are made once."""
-        key = (one.row, one.label, one.size_m, one.box_centre_m)
+    def _body_of(self, row: CatalogueRow) -> tuple[Points, Faces]:
+        """Return the mesh of a row in F_A, or its box; equal ones are made once."""
+        key = (row.index, row.label, row.size_m, row.box_centre_in_artefact_m)
         if key not in self._bodies:
-            row = self._rows.get(one.row)
-            self._bodies[key] = _mesh_of(row) if row and _fits(row, one) else _box_of(one)
+            known = self._rows.get(row.index)
+            self._bodies[key] = _mesh_of(known) if known and _fits(known, row) else _box_of(row)
         return self._bodies[key]
 
     def _colour_of(self, class_name: str) -> Rgb:
@@ -495,7 +426,7 @@ class ViewedScene:
             self._colours = class_colours([*self._colours, class_name])
         return self._colours[class_name]
 
-    def _show_scans(self, scans: Sequence[ViewedScan]) -> None:
+    def _show_scans(self, scans: Sequence[ScanPoints]) -> None:
         points = np.concatenate([np.empty((0, 3), np.float32), *(s.points_m for s in scans)])
         is_virtual = np.concatenate([np.empty(0, np.bool_), *(s.is_virtual for s in scans)])
         for name, colour, chosen in (
@@ -506,55 +437,82 @@ class ViewedScene:
 
     def _show_returns(self, name: str, colour: Rgb, points_m: Points) -> None:
         """Show returns of one kind; those of 16 bits are near the node's own position."""
-        handle = self._scans.get(name)
+        node = self._scans.get(name)
         if not len(points_m):
-            if handle is not None:
-                handle.visible = False
+            if node is not None:
+                node.set(visible=False)
             return
-        middle = np.round(points_m.mean(axis=0), 1)
+        middle = np.round(points_m.mean(axis=0) / _NEAR_M) * _NEAR_M  # so it changes rarely
         near = (points_m - middle).astype(np.float16)
-        if handle is None:
-            self._scans[name] = self._scene.add_point_cloud(
-                f"/scans/{name}",
-                near,
-                colour,
-                point_size=0.05 if name == "real" else 0.08,
-                point_shape="circle",
-                point_shading="flat",
-                position=middle,
+        if node is None:
+            node = self._scans[name] = _Node(
+                self._scene.add_point_cloud(
+                    f"/scans/{name}",
+                    near,
+                    colour,
+                    point_size=0.05 if name == "real" else 0.08,
+                    point_shape="circle",
+                    point_shading="flat",
+                )
             )
-            return
-        handle.points = near
-        handle.position = _rounded(middle)
-        handle.visible = True
+        node.handle.points = near
+        node.set(position=_rounded(middle), visible=True)
 
 
-class _Drawn:
-    """An artefact's body and label; the label stands at a height above F_A."""
+class _Node:
+    """A node of viser's scene; what is as before is not sent again.
 
-    def __init__(self, body: Any, label: Any, label_m: float) -> None:
-        self._body, self._label, self._label_m = body, label, label_m
-        self._shown: ViewedArtefact | None = None
+    viser compares too, but its own way takes most of the time that a page costs.
+    """
 
-    def show(self, one: ViewedArtefact) -> None:
-        """Bring both up to date; what is as before is not sent again."""
-        before, self._shown = self._shown, one
-        if before is None or before.pose != one.pose:
-            x_m, y_m, z_m = one.pose[:3]
-            _place(self._body, one.pose[:3], one.pose[3:])
-            self._label.position = _rounded((x_m, y_m, z_m + self._label_m))
-        if before is None or before.is_perceived != one.is_perceived:
-            self._body.opacity = None if one.is_perceived else _UNSEEN_OPACITY
-        self._label.text = _text_of(one)
+    def __init__(self, handle: Any) -> None:
+        self.handle = handle
+        self._shown: dict[str, Any] = {}
+
+    def set(self, **values: Any) -> None:
+        """Set properties, given as numbers, texts or tuples of these."""
+        for name, value in values.items():
+            if name not in self._shown or self._shown[name] != value:
+                self._shown[name] = value
+                setattr(self.handle, name, value)
+
+    def place(self, pose: RigidTransform) -> None:
+        """Move the node, and show it."""
+        turn = wxyz_of(pose.rotation_xyzw)
+        self.set(position=_rounded(pose.translation_m), wxyz=turn, visible=True)
+
+    def remove(self) -> None:
+        """Take the node away."""
+        self.handle.remove()
+
+
+class _Drawn(NamedTuple):
+    """An artefact's body and label."""
+
+    body: _Node
+    label: _Node
+
+    def show(self, one: ArtefactAt, *, is_perceived: bool) -> None:
+        """Bring both up to date."""
+        pose, row = one.pose, one.row
+        x_m, y_m, half_rad = round(pose.x_m, 3), round(pose.y_m, 3), 0.5 * pose.yaw_rad
+        label_m = pose.z_m + row.size_m[2] + _LABEL_GAP_M
+        self.body.set(
+            position=(x_m, y_m, round(pose.z_m + row.com_height_m, 3)),
+            wxyz=(round(math.cos(half_rad), 4), 0.0, 0.0, round(math.sin(half_rad), 4)),
+            opacity=None if is_perceived else _UNSEEN_OPACITY,
+        )
+        text = _text_of(one, is_perceived=is_perceived)
+        self.label.set(position=(x_m, y_m, round(label_m, 3)), text=text)
 
     def remove(self) -> None:
         """Take both away."""
-        self._body.remove()
-        self._label.remove()
+        self.body.remove()
+        self.label.remove()
 
 
 def aim_camera(
-    server: Any, place: ViewedPlace, ticks: Sequence[ViewedTick], margin_m: float = 2.0
+    server: Any, place: ViewedPlace, ticks: Sequence[Moment], margin_m: float = 2.0
 ) -> None:
     """Let the page open with a view from above, at a slant, on what happens and a margin."""
     target, distance_m = _stage_of(place, ticks, margin_m)
@@ -572,41 +530,37 @@ def wxyz_of(xyzw: npt.ArrayLike) -> tuple[float, float, float, float]:
     return w, x, y, z
 
 
-def _place(handle: Any, position_m: npt.ArrayLike, xyzw: npt.ArrayLike) -> None:
-    handle.position = _rounded(position_m)
-    handle.wxyz = wxyz_of(xyzw)
-
-
 def _rounded(position_m: npt.ArrayLike) -> tuple[float, ...]:
     """Return a position in whole millimetres, which take less room."""
     return tuple(np.round(np.asarray(position_m, dtype=np.float64), 3).tolist())
 
 
-def _text_of(one: ViewedArtefact) -> str:
+def _text_of(one: ArtefactAt, *, is_perceived: bool) -> str:
     """Return the label: who it is and what it does; of one not perceived the id alone."""
-    if not one.is_perceived:
+    if not is_perceived:
         return str(one.artefact_id)
-    return f"{one.artefact_id} {one.label}" + (f": {one.doing}" if one.doing else "")
+    doing = one.activity or one.behaviour
+    return f"{one.artefact_id} {one.row.label}" + (f": {doing}" if doing else "")
 
 
-def _fits(row: CatalogueRow, one: ViewedArtefact) -> bool:
-    """Say whether a row is the artefact's: a recording may come from another catalogue."""
-    return row.label == one.label and bool(np.allclose(row.size_m, one.size_m, atol=1e-3))
+def _fits(known: CatalogueRow, row: CatalogueRow) -> bool:
+    """Say whether a row is that of the catalogue: a recording may come from another one."""
+    return known.label == row.label and bool(np.allclose(known.size_m, row.size_m, atol=1e-3))
 
 
-def _mesh_of(row: CatalogueRow) -> tuple[Points, npt.NDArray[np.uint32]]:
+def _mesh_of(row: CatalogueRow) -> tuple[Points, Faces]:
     vertices_m, faces, _ = surface_of(row)
     return vertices_m.astype(np.float32), faces.astype(np.uint32)
 
 
-def _box_of(one: ViewedArtefact) -> tuple[Points, npt.NDArray[np.uint32]]:
-    x_m, y_m, z_m = one.size_m
+def _box_of(row: CatalogueRow) -> tuple[Points, Faces]:
+    x_m, y_m, z_m = row.size_m
     corners = 0.5 * np.array(((x_m, y_m), (-x_m, y_m), (-x_m, -y_m), (x_m, -y_m)))
     vertices, faces = _prism(corners, -0.5 * z_m, 0.5 * z_m)
-    return vertices + np.array(one.box_centre_m, dtype=np.float32), faces
+    return vertices + np.array(row.box_centre_in_artefact_m, dtype=np.float32), faces
 
 
-def _prism(outline_m: Floats, low_m: float, high_m: float) -> tuple[Points, npt.NDArray[np.uint32]]:
+def _prism(outline_m: Floats, low_m: float, high_m: float) -> tuple[Points, Faces]:
     """Return the mesh of a convex outline (N, 2) between two heights."""
     count = len(outline_m)
     low = np.column_stack((outline_m, np.full(count, low_m)))
@@ -631,7 +585,7 @@ def _simplified(points_m: Floats, tolerance_m: float = 0.03) -> Floats:
     return way
 
 
-def _lengths_s(ticks: Sequence[ViewedTick]) -> list[float]:
+def _lengths_s(ticks: Sequence[Moment]) -> list[float]:
     """Return for how long each tick is shown; what would be a gap is as short as any other."""
     stamps = np.array([tick.stamp_ns for tick in ticks], dtype=np.int64)
     steps = np.diff(stamps) / NS_PER_S
@@ -641,21 +595,11 @@ def _lengths_s(ticks: Sequence[ViewedTick]) -> list[float]:
     return [*lengths.tolist(), usual]
 
 
-def _count_of_returns(tick: ViewedTick) -> int:
+def _count_of_returns(tick: Moment) -> int:
     return sum(len(scan.points_m) for scan in tick.scans)
 
 
-def thinned_scan(points_m: Points, is_virtual: npt.NDArray[np.bool_]) -> ViewedScan:
-    """Return a scan with at most so many returns as a page shows of each kind, evenly chosen."""
-    kinds = np.flatnonzero(~is_virtual), np.flatnonzero(is_virtual)
-    steps = (max(1, -(-len(kind) // _RETURNS_OF_A_SCAN)) for kind in kinds)
-    kept = np.concatenate([kind[::step] for kind, step in zip(kinds, steps, strict=True)])
-    return ViewedScan(points_m[kept].astype(np.float32), is_virtual[kept])
-
-
-def _stage_of(
-    place: ViewedPlace, ticks: Sequence[ViewedTick], margin_m: float
-) -> tuple[Floats, float]:
+def _stage_of(place: ViewedPlace, ticks: Sequence[Moment], margin_m: float) -> tuple[Floats, float]:
     """Return the point (3,) that the camera looks at, and its distance [m]."""
     part = known_part(place.grid)
     height, width = part.cells.shape
@@ -675,9 +619,9 @@ def _stage_of(
     return np.array((*middle, place.ground_m)), distance_m
 
 
-def _overlay(title: str, ticks: Sequence[ViewedTick]) -> str:
+def _overlay(title: str, ticks: Sequence[Moment]) -> str:
     """Return the legend of the page, with the layers to switch, and its script."""
-    classes = sorted({one.class_name for tick in ticks for one in tick.artefacts})
+    classes = sorted({one.row.class_name for tick in ticks for one in tick.artefacts})
     colours = class_colours(classes)
     starts = np.concatenate(((0.0,), np.cumsum(_lengths_s(ticks)[:-1])))
     has_scans = any(tick.scans for tick in ticks)
@@ -691,7 +635,7 @@ def _overlay(title: str, ticks: Sequence[ViewedTick]) -> str:
     data = {
         "starts": np.round(starts, 3).tolist(),
         "alive": [len(tick.artefacts) for tick in ticks],
-        "perceived": [sum(one.is_perceived for one in tick.artefacts) for tick in ticks],
+        "perceived": [len(tick.perceived) for tick in ticks],
     }
     rows = "".join(
         f'<li><i style="background:{hex_of(colour)};opacity:{alpha}"></i>{html.escape(name)}</li>'
@@ -711,3 +655,100 @@ def _overlay(title: str, ticks: Sequence[ViewedTick]) -> str:
     }.items():
         text = text.replace(f"@{key}@", value)
     return text
+
+
+def coarsened(voxels: VoxelMap, factor: int) -> VoxelMap:
+    """Return the map with `factor` times wider voxels, occupied where any of theirs is.
+
+    An extruded map stays as high as it is.
+    """
+    factors = (factor, factor, 1 if voxels.is_extruded else factor)
+    occupied = voxels.occupied
+    for axis, times in enumerate(factors):
+        starts = np.arange(0, occupied.shape[axis], times)
+        occupied = np.maximum.reduceat(occupied, starts, axis=axis)
+    x_m, y_m, z_m = (size * times for size, times in zip(voxels.voxel_size_m, factors, strict=True))
+    return VoxelMap(voxels.map_from_lattice, (x_m, y_m, z_m), occupied, voxels.is_extruded)
+
+
+def between(voxels: VoxelMap, low_m: float, high_m: float) -> VoxelMap | None:
+    """Return what of a map lies between two heights of the map's frame, None if nothing does.
+
+    Layers whose middle is between them are kept; tall voxels of an extruded map are cut.
+    """
+    pose, (x_m, y_m, z_m) = voxels.map_from_lattice, voxels.voxel_size_m
+    base_m = float(pose.translation_m[2])
+    if voxels.is_extruded:
+        if base_m >= high_m or not voxels.occupied.any():
+            return None
+        return VoxelMap(pose, (x_m, y_m, min(z_m, high_m - base_m)), voxels.occupied, True)
+    middles_m = base_m + (np.arange(voxels.occupied.shape[2]) + 0.5) * z_m
+    layers = np.flatnonzero((middles_m > low_m) & (middles_m < high_m))
+    if not len(layers):
+        return None
+    part = voxels.occupied[:, :, layers[0] : layers[-1] + 1]
+    if not part.any():
+        return None
+    lift = np.array((0.0, 0.0, layers[0] * z_m))
+    lifted = RigidTransform(pose.translation_m + lift, pose.rotation_xyzw)
+    return VoxelMap(lifted, voxels.voxel_size_m, part)
+
+
+def surface(voxels: VoxelMap) -> tuple[Points, Faces]:
+    """Return vertices (V, 3) [m] in the map's frame and triangles (F, 3) of a map's surface.
+
+    Neighbouring faces in one plane are merged into rectangles, greedily. Faces that look down are
+    left out: nobody looks from below.
+    """
+    corners = [_side(voxels.occupied, axis, is_high) for axis, is_high in _SIDES]
+    lattice = np.concatenate(corners) if corners else np.empty((0, 4, 3))
+    points_m = (lattice * np.array(voxels.voxel_size_m)).reshape(-1, 3)
+    vertices = voxels.map_from_lattice.apply(points_m).astype(np.float32)
+    first = np.arange(len(lattice), dtype=np.uint32)[:, np.newaxis] * 4
+    triangles = first[:, np.newaxis] + np.array(((0, 1, 2), (0, 2, 3)), dtype=np.uint32)
+    return vertices, triangles.reshape(-1, 3)
+
+
+def _side(occupied: npt.NDArray[np.uint8], axis: int, is_high: bool) -> npt.NDArray[np.float64]:
+    """Return rectangles (N, 4, 3), in voxels, that cover the faces which look one way.
+
+    Their corners go round counter-clockwise, seen from outside.
+    """
+    solid = np.moveaxis(occupied.astype(np.bool_), axis, 0)
+    beyond = np.zeros_like(solid)
+    if is_high:
+        beyond[:-1] = solid[1:]
+    else:
+        beyond[1:] = solid[:-1]
+    planes, rows, columns = _rectangles(solid & ~beyond)
+    rectangles = np.empty((len(planes), 4, 3))
+    rectangles[:, :, 0] = (planes + is_high)[:, np.newaxis]
+    rectangles[:, :, 1] = rows[:, _CORNERS[:, 0]]
+    rectangles[:, :, 2] = columns[:, _CORNERS[:, 1]]
+    # Moved to the front, the y axis leaves (y, x, z), which is a left-handed order.
+    is_left_handed = axis == 1
+    if is_high == is_left_handed:
+        rectangles = rectangles[:, ::-1]
+    order = {0: [0, 1, 2], 1: [1, 0, 2], 2: [1, 2, 0]}[axis]
+    return rectangles[:, :, order]
+
+
+def _rectangles(
+    faces: npt.NDArray[np.bool_],
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Return rectangles that cover cells (planes, rows, columns), each in one plane.
+
+    These are the plane (N,), and the [start, stop) of rows (N, 2) and of columns (N, 2). Runs along
+    the columns are merged with equal ones of the rows before.
+    """
+    edges = np.diff(faces.astype(np.int8), axis=2, prepend=0, append=0)
+    planes, rows, starts = np.nonzero(edges == 1)
+    stops = np.nonzero(edges == -1)[2]
+    order = np.lexsort((rows, stops, starts, planes))
+    planes, rows, starts, stops = planes[order], rows[order], starts[order], stops[order]
+    same = (np.diff(planes) == 0) & (np.diff(starts) == 0) & (np.diff(stops) == 0)
+    is_first = np.concatenate(([True], ~(same & (np.diff(rows) == 1))))[: len(planes)]
+    first = np.flatnonzero(is_first)
+    last = np.append(first[1:], len(planes))[: len(first)] - 1
+    row_ranges = np.stack((rows[first], rows[last] + 1), axis=1)
+    return planes[first], row_ranges, np.stack((starts[first], stops[first]), axis=1)

@@ -14,10 +14,9 @@ from are_ros.record.publishers import PlayOptions
 from are_ros.record.recorder import record
 from are_ros.record.topics import RecordOptions
 from are_ros.replay.command import effective_parameters
-from are_ros.replay.film_command import draw_recording
 from are_ros.replay.output_folder import AUGMENTED, VIEW, animation_path
+from are_ros.replay.pictures import draw_recording, view_recording
 from are_ros.replay.progress import ProgressBar
-from are_ros.replay.view_input import view_recording
 
 Say = Callable[[str], None]
 

@@ -3,7 +3,7 @@
 import queue
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, Final
 
 import numpy as np
@@ -11,12 +11,13 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 
+from are_ros.bag.decoded import value_of
+from are_ros.bag.recording import OUTPUT_TYPES
+from are_ros.draw.scene import Moment
 from are_ros.draw.viewer import (
     LAYERS,
     MISSING_VISER,
-    ViewedPlace,
     ViewedScene,
-    ViewedTick,
     aim_camera,
     has_viser,
     start_server,
@@ -24,21 +25,21 @@ from are_ros.draw.viewer import (
     wxyz_of,
 )
 from are_ros.errors import AreError, NodeError
-from are_ros.messages.odometry import read_odometry_numbers
 from are_ros.messages.tick_encoding import scan_outputs
-from are_ros.messages.transforms import read_transforms
 from are_ros.node.message_classes import RclpyFactory, message_class, service_class
-from are_ros.node.qos import output_qos, subscribe
+from are_ros.node.qos import INPUTS, output_qos, subscribe
 from are_ros.node.startup import stop_on_signals
 from are_ros.parameters.declaration import Description, describe, value_at, with_values
 from are_ros.parameters.model import Parameters
 from are_ros.record.session import ros_session
-from are_ros.replay.view_input import ViewFeed
+from are_ros.replay.pictures import place_of
+from are_ros.replay.recorded_scene import AUGMENTED_SCAN, SceneReader
+from are_ros.world.observer import Camera
 
 Say = Callable[[str], None]
 
 _NODE: Final = "ar_builder"
-_INPUTS: Final = ("map", "octomap_point_cloud_centers", "camera/camera_info")
+_INPUTS: Final = ("map", "octomap_point_cloud_centers", "camera/camera_info", "odom")
 _PATIENCE_S: Final = 60.0
 _WAY_TICKS: Final = 100
 _DRAW_WAYS_EVERY: Final = 10
@@ -153,10 +154,9 @@ class LiveView:
         self._wishes: queue.SimpleQueue[Callable[[], str]] = queue.SimpleQueue()
         self._scene: ViewedScene | None = None
         self._shown_revision = -1
-        self.ticks: deque[ViewedTick] = deque(maxlen=_WAY_TICKS)
+        self.ticks: deque[Moment] = deque(maxlen=_WAY_TICKS)
         self._count = 0
-        self._place: ViewedPlace | None = None
-        self._feed = ViewFeed(parameters, self._show, has_camera_info=True)
+        self._reader = SceneReader(parameters, self._show, has_camera_info=True, is_live=True)
         self._subscribe()
         self._add_controls()
 
@@ -176,37 +176,31 @@ class LiveView:
     # ------------------------------------------------------------------------------ what is heard
 
     def _subscribe(self) -> None:
-        node, feed, remote = self._remote.node, self._feed, self._remote
-        for role in _INPUTS:
-            subscribe(node, role, _taking(feed, role), remote.topic(role))
-        subscribe(node, "tf", lambda m: feed.take_transforms(read_transforms(m), is_static=False))
-        subscribe(
-            node, "tf_static", lambda m: feed.take_transforms(read_transforms(m), is_static=True)
-        )
-        odometry = remote.topic("odom")
-        subscribe(node, "odom", lambda m: feed.take_odometry(read_odometry_numbers(m)), odometry)
+        node, remote = self._remote.node, self._remote
         scans = [remote.topic(name) for name in self._parameters.sensors.scans]
-        for topic in scans:
-            subscribe(node, "scan", lambda m: feed.take_scan(m, is_output=False), topic)
-        outputs = {
-            "artefacts": "are_msgs/msg/ArtefactArray",
-            "perceived": "are_msgs/msg/PerceivedArtefactArray",
-        }
-        for name, type_name in outputs.items():
-            self._listen(name, type_name, _taking(feed, name))
+        topics = [*((role, remote.topic(role)) for role in _INPUTS), *(("scan", t) for t in scans)]
+        for role, topic in (("tf", "/tf"), ("tf_static", "/tf_static"), *topics):
+            subscribe(node, role, self._taking(role, INPUTS[role].type_name), topic)
+        outputs = {name: (name, OUTPUT_TYPES[name]) for name in ("artefacts", "perceived")}
         for name in scan_outputs(scans).values():
-            kind = "sensor_msgs/msg/LaserScan"
-            self._listen(name, kind, lambda m: feed.take_scan(m, is_output=True))
+            outputs[name] = (AUGMENTED_SCAN, INPUTS["scan"].type_name)
+        for name, (role, kind) in outputs.items():
+            take, topic = self._taking(role, kind), f"{remote.name}/{name}"
+            node.create_subscription(message_class(kind), topic, take, output_qos(name))
 
-    def _listen(self, name: str, type_name: str, take: Callable[[Any], None]) -> None:
-        topic = f"{self._remote.name}/{name}"
-        kind = message_class(type_name)
-        self._remote.node.create_subscription(kind, topic, take, output_qos(name))
+    def _taking(self, role: str, type_name: str) -> Callable[[Any], None]:
+        """Return what hands over messages of a role; one that is refused is not shown."""
+
+        def take(message: Any) -> None:
+            with suppress(AreError, ValueError, OverflowError):
+                self._reader.take(role, value_of(type_name, message, 0))
+
+        return take
 
     # ------------------------------------------------------------------------------ what is shown
 
-    def _show(self, tick: ViewedTick) -> None:
-        if self._feed.revision != self._shown_revision or self._scene is None:
+    def _show(self, tick: Moment, _: Camera | None) -> None:
+        if self._reader.revision != self._shown_revision or self._scene is None:
             self._draw_place(tick)
         if self._scene is None:
             return
@@ -216,19 +210,20 @@ class LiveView:
             self._scene.show(tick)
             if self._count % _DRAW_WAYS_EVERY == 0:
                 self._scene.draw_ways(list(self.ticks))
-        perceived = sum(one.is_perceived for one in tick.artefacts)
-        self._counts.content = f"{len(tick.artefacts)} artefacts, {perceived} perceived"
+        counts = len(tick.artefacts), len(tick.perceived)
+        self._counts.content = "{} artefacts, {} perceived".format(*counts)
         if self._rides.value and tick.map_from_camera is not None:
             self._look_through(tick.map_from_camera)
 
-    def _draw_place(self, tick: ViewedTick) -> None:
+    def _draw_place(self, tick: Moment) -> None:
         """Draw the map, or another one that came."""
-        place = self._feed.place()
-        if place is None:
+        reader = self._reader
+        if reader.grid is None:
             return
-        self._shown_revision = self._feed.revision
+        place = place_of(self._parameters, reader.grid, reader.voxels(), reader.camera)
+        self._shown_revision = reader.revision
         self._server.scene.reset()
-        self._scene, self._place = ViewedScene(self._server.scene, place), place
+        self._scene = ViewedScene(self._server.scene, place)
         aim_camera(self._server, place, [tick], _MARGIN_M)
         for name, box in self._layers.items():
             self._scene.switch(name, is_shown=box.value)
@@ -347,15 +342,3 @@ def slider_range(item: Description, value: float) -> tuple[float, float, float]:
     if type(item.default) is int:
         return int(low), max(int(np.ceil(high)), int(low) + 1), 1
     return low, high, (high - low) / _SLIDER_STEPS
-
-
-def _taking(feed: ViewFeed, role: str) -> Callable[[Any], None]:
-    """Return what hands over messages of a role; one that is refused is not shown."""
-
-    def take(message: Any) -> None:
-        try:
-            feed.take(role, message)
-        except AreError:
-            return
-
-    return take

@@ -15,7 +15,7 @@ from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.roles import RolesFound, find_roles
 from are_ros.bag.stretches import GAP_NS, beginning
 from are_ros.conventions import NS_PER_S, seconds_to_ns
-from are_ros.draw.alignment import PlacedScans, draw_alignment
+from are_ros.draw.overview import PlacedScans, draw_alignment
 from are_ros.errors import BagError, FrameError, InputError, MapError
 from are_ros.messages.grid import read_grid
 from are_ros.messages.scan import read_scan

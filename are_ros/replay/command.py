@@ -26,10 +26,9 @@ from are_ros.parameters.ros_yaml import (
     write_ros_parameters,
 )
 from are_ros.parameters.validation import validated
-from are_ros.replay.film_command import animate
 from are_ros.replay.inspection import inspect_bag, inspection_lines
 from are_ros.replay.output_folder import METRICS, VIEW, all_or_nothing, animation_path
-from are_ros.replay.population_picture import plot_population
+from are_ros.replay.pictures import animate, place_of, plot_population
 from are_ros.replay.progress import ProgressBar
 from are_ros.replay.results import (
     Content,
@@ -42,7 +41,6 @@ from are_ros.replay.results import (
 )
 from are_ros.replay.session import Outcome, run_replay
 from are_ros.replay.timeline import ReplayOptions
-from are_ros.replay.view_input import place_of
 from are_ros.wording import counted
 from are_ros.world.map_file import read_map_file
 
@@ -180,7 +178,7 @@ def write_replay_view(outcome: Outcome, folder: Path) -> list[str]:
         parameters, camera = outcome.options.parameters, views[-1] if views else None
         place = place_of(parameters, outcome.grid, outcome.voxels, camera)
         title = outcome.options.bags[0].stem
-        view = write_view(folder / VIEW, place, outcome.viewed, title)
+        view = write_view(folder / VIEW, place, outcome.record, title)
     with all_or_nothing(folder):
         write_json(folder / "timing.json", _timing(outcome))
     return [view.sentence()]

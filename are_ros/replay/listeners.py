@@ -11,6 +11,7 @@ from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.sensor_path import ReleasedScan
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
+from are_ros.draw.scene import ScanPoints, scan_points
 from are_ros.errors import AreError
 from are_ros.messages.cloud import Points, make_cloud
 from are_ros.messages.common import MessageFactory
@@ -132,15 +133,30 @@ class InputCopy(Listener):
 
 
 class RecordKeeper(Listener):
-    """Keeps what picture and metrics need."""
+    """Keeps what the pictures, the viewer and the metrics need."""
 
     def __init__(self, recorder: SceneRecorder, builder: ArBuilder) -> None:
         self._recorder = recorder
         self._builder = builder
+        self._scans: dict[str, ReleasedScan] = {}
 
     def take_tick(self, tick: Tick) -> None:
-        """Keep a tick, with the camera that it looked through."""
-        self._recorder.add(tick, self._builder.camera)
+        """Keep a tick, with the camera that it looked through and the newest scan of each topic."""
+        scans: list[ScanPoints] = []
+        if self._recorder.wants_scans:
+            scans = [*filter(None, map(self._placed, self._scans.values()))]
+            self._scans.clear()
+        self._recorder.add(tick, self._builder.camera, scans)
+
+    def take_scans(self, scans: Sequence[ReleasedScan]) -> None:
+        """Remember scans until the next tick that is shown."""
+        self._scans |= {released.topic: released for released in scans}
+
+    def _placed(self, released: ReleasedScan) -> ScanPoints | None:
+        scan, frames = released.scan, self._builder.frames
+        map_frame = self._builder.parameters.frames.map
+        pose = frames.try_lookup(map_frame, scan.frame_id, scan.stamp_ns)
+        return None if pose is None else scan_points(scan, released.received, pose)
 
 
 class CameraWatch(Listener):

@@ -1,83 +1,131 @@
-"""The scene that a recording of the node's outputs tells of, as a replay keeps its own."""
+"""The record of a run from messages of the node: of a recording, or live from the running node."""
 
-from collections import deque
-from collections.abc import Callable, Mapping
+import math
+from collections import OrderedDict, deque
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from are_ros.artefacts.artefact import GroundPose, Origin
+from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.shapes import Shape
-from are_ros.bag.decoded import Event, Grid, Metrics, Odometry, Perceived, Scene
+from are_ros.bag.decoded import Event, Grid, Metrics, Odometry, Perceived, Scan, Scene, Transforms
 from are_ros.bag.reader import BagTopic
-from are_ros.bag.recording import PREFIX, RecordedMessage, Recording, find_recording
+from are_ros.bag.recording import PREFIX, Recording, find_recording
 from are_ros.bag.roles import find_roles
 from are_ros.builder.assembly import robot_footprint
 from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.outputs import ArtefactState, SceneMetrics
-from are_ros.draw.scene import SceneRecord
-from are_ros.errors import BagError
+from are_ros.builder.outputs import SceneMetrics
+from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, scan_points
+from are_ros.errors import AreError, BagError, InputError
+from are_ros.messages.cloud import read_points
+from are_ros.messages.common import read_header
 from are_ros.messages.odometry import OdometryNumbers
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
-from are_ros.replay._recorded_robot import RecordedRobot
+from are_ros.replay._recorded_frames import RecordedRobot
 from are_ros.replay.progress import Progress
-from are_ros.replay.scene_record import Moment, SceneRecorder
+from are_ros.replay.scene_record import SceneRecorder
+from are_ros.world.frame_tree import FrameTree
+from are_ros.world.laser_scan import LaserScan
 from are_ros.world.observer import Camera
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.view_models import ViewModel
+from are_ros.world.voxel_map import VoxelMap
 
 OpenProgress = Callable[[int, int], Progress]
+Keep = Callable[[Moment, Camera | None], None]
 
+SCAN, AUGMENTED_SCAN = "scan", "augmented_scan"
+"""The roles of scans as the laser gave them, and as the node gave them out."""
+CLOUD: Final = "octomap_point_cloud_centers"
 _ROLES: Final = ("tf", "tf_static", "odom", "camera/camera_info", "map")
-_TRUTH: Final = ("artefacts", "perceived", "events", "metrics")
+_OUTPUTS: Final = ("artefacts", "perceived", "events", "metrics")
 _AUGMENTED: Final = "augmented_map"
+_SCAN_TYPE: Final = "sensor_msgs/msg/LaserScan"
 _WAITING_TICKS: Final = 20
-"""Live, what belongs to one tick is received in any order, but not later than this."""
-
+"""What belongs to one tick is received in any order, but not later than this."""
+_WAITING_SCANS: Final = 40
 _NO_METRICS: Final = SceneMetrics(0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, float("nan"))
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedScene:
-    """The record, the map that it goes with, and the parameters in force (effective.yaml's)."""
+    """The record, the map that it goes with, and the parameters in force (effective.yaml's).
+
+    `voxels` is the octomap, None where there is none. `robot_problem` says why the robot is nowhere
+    in the record, empty where it is, or where nothing could tell; `cloud_problem` why there are no
+    voxels though a cloud was recorded.
+    """
 
     record: SceneRecord
     grid: OccupancyGrid
     parameters: Parameters
     robot_problem: str = ""
-    """Why the robot is nowhere in it; empty where it is, or where nothing could tell."""
+    voxels: VoxelMap | None = None
+    cloud_problem: str = ""
 
 
-def read_recorded_scene(path: Path, open_progress: OpenProgress) -> RecordedScene:
+def read_recorded_scene(
+    path: Path, open_progress: OpenProgress, *, with_scans: bool = False
+) -> RecordedScene:
     """Return the scene of a recording of the node's outputs; `path` is as for `find_recording`.
 
     Where it holds no real map, the least of each cell of the augmented maps stands in; without
-    transforms there is no robot. Raises BagError where there is no recording, or no ground truth
-    or no map in it, ParameterError for a bad effective.yaml.
+    transforms there is no robot. Scans and voxels are read only `with_scans`. Raises BagError
+    where there is no recording, or no ground truth or no map in it, ParameterError for a bad
+    effective.yaml.
     """
     found = find_recording(path)
     parameters = Parameters()
     if found.parameters is not None:
         parameters = with_file(parameters, found.parameters)
+    recorder = SceneRecorder(
+        Catalogue(()),
+        seed=parameters.seed,
+        max_range_m=parameters.occlusion.max_range,
+        footprint=robot_footprint(parameters.robot),
+    )
     with Recording(found) as recording:
-        teller = _Teller(recording, parameters)
+        roles = _topics(recording, with_scans=with_scans)
+        has_camera_info = "camera/camera_info" in roles.values()
+        reader = SceneReader(parameters, recorder.keep, has_camera_info=has_camera_info)
         start_ns, end_ns = recording.span_ns
         progress = open_progress(start_ns, end_ns)
-        for message in recording.in_log_order(teller.role_of_topic):
-            teller.take(message, recording.decode(message))
+        for message in recording.in_log_order(roles):
+            reader.take(roles[message.topic], recording.decode(message))
             progress(message.log_ns)
         progress(end_ns)
-    record, grid = teller.record(), teller.grid
+    reader.finish()
+    record, grid = recorder.record(), reader.grid
     if not len(record.series.stamps_ns):
         raise BagError(f"{path}: it holds no {PREFIX}artefacts, so there is nothing to show")
     if grid is None:
         raise BagError(f"{path}: it holds no map, neither /map nor {PREFIX}{_AUGMENTED}")
-    return RecordedScene(record, grid, parameters, teller.robot_problem())
+    could_tell = {"tf", "tf_static", "odom"} & {*roles.values()}
+    problem = reader.robot_problem if could_tell else ""
+    voxels = reader.voxels()
+    return RecordedScene(record, grid, parameters, problem, voxels, reader.cloud_problem)
+
+
+def _topics(recording: Recording, *, with_scans: bool) -> dict[str, str]:
+    """Return the role of each topic that is read."""
+    counts, types = recording.counts, recording.types
+    topics = [BagTopic(t, kind, counts[t], is_latched=False) for t, kind in types.items()]
+    roles = find_roles(topics, {})
+    found = {role: roles.topic(role) for role in (*_ROLES, *([CLOUD] if with_scans else []))}
+    chosen = {topic: role for role, topic in found.items() if topic and PREFIX not in topic}
+    if with_scans:
+        for topic, type_name in types.items():
+            if type_name == _SCAN_TYPE:
+                chosen[topic] = AUGMENTED_SCAN if topic.startswith(PREFIX) else SCAN
+    outputs = [*_OUTPUTS, *([] if "map" in chosen.values() else [_AUGMENTED])]
+    return chosen | {PREFIX + name: name for name in outputs if PREFIX + name in counts}
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,75 +133,108 @@ class _Tick:
     """What is known when a list of artefacts comes."""
 
     stamp_ns: int
-    states: tuple[ArtefactState, ...]
-    map_from_base: RigidTransform | None
-    map_from_camera: RigidTransform | None
+    artefacts: Sequence[ArtefactAt]
+    poses: tuple[RigidTransform | None, RigidTransform | None]
     camera: Camera | None
+    scans: Sequence[ScanPoints]
 
 
-class _Teller:
-    """Takes messages in the order of the log, and keeps what they tell tick by tick."""
+class SceneReader:
+    """Takes decoded messages in the order in which they came, and gives a `Moment` for each tick.
 
-    def __init__(self, recording: Recording, parameters: Parameters) -> None:
-        self.role_of_topic = _topics(recording)
-        roles = set(self.role_of_topic.values())
-        self._robot = RecordedRobot(parameters, has_camera_info="camera/camera_info" in roles)
-        self._recorder = SceneRecorder(
-            Catalogue(()),
-            seed=parameters.seed,
-            max_range_m=parameters.occlusion.max_range,
-            footprint=robot_footprint(parameters.robot),
-        )
+    `keep` is called with a tick, and the camera of that time, when all that belongs to the tick has
+    come: 20 ticks later, or, live, as soon as the perceived artefacts are known.
+    """
+
+    def __init__(
+        self, parameters: Parameters, keep: Keep, *, has_camera_info: bool, is_live: bool = False
+    ) -> None:
+        self.grid: OccupancyGrid | None = None
+        self.cloud_problem = ""
+        self.revision = 0
+        """It changes whenever the map or the voxels do."""
+        self._parameters, self._keep, self._is_live = parameters, keep, is_live
+        self._robot = RecordedRobot(parameters, has_camera_info=has_camera_info)
+        self._scans = _ScanKeeper(parameters.frames.map)
         self._waiting: deque[_Tick] = deque()
-        self._perceived: dict[int, list[int]] = {}
-        self._metrics: dict[int, SceneMetrics] = {}
+        self._perceived: OrderedDict[int, frozenset[int]] = OrderedDict()
+        self._metrics: OrderedDict[int, SceneMetrics] = OrderedDict()
         self._last_metrics = _NO_METRICS
         self._events: list[ArtefactEvent] = []
-        self.grid: OccupancyGrid | None = None
+        self._rows: dict[tuple[int, str], CatalogueRow] = {}
+        self._cloud: Any = None
         self._handlers: Mapping[str, Callable[[Any], None]] = {
             "artefacts": self._take_artefacts,
             "perceived": self._take_perceived,
             "events": self._take_event,
             "metrics": self._take_metrics,
+            "tf": self._take_transforms,
+            "tf_static": lambda value: self._take_transforms(value, is_static=True),
             "odom": self._take_odometry,
             "camera/camera_info": lambda image: self._robot.take_camera(image.message),
             "map": self._take_map,
             _AUGMENTED: self._take_augmented,
+            CLOUD: self._take_cloud,
+            SCAN: self._scans.take_input,
+            AUGMENTED_SCAN: self._scans.take_output,
         }
 
-    def take(self, message: RecordedMessage, value: Any) -> None:
-        """Take the value of a message of one of the topics."""
-        role = self.role_of_topic[message.topic]
-        if role in {"tf", "tf_static"}:
-            for parent, child, stamp_ns, numbers in value.samples:
-                stamped = StampedTransform(parent, child, stamp_ns, numbers[:3], numbers[3:])
-                self._robot.take_transform(stamped, is_static=role == "tf_static")
-        else:
-            self._handlers[role](value)
+    @property
+    def camera(self) -> ViewModel | None:
+        """The camera as it is known last."""
+        return None if self._robot.camera is None else self._robot.camera.view
 
-    def record(self) -> SceneRecord:
-        """Return the record of everything taken."""
-        while self._waiting:
-            self._keep_first()
-        return self._recorder.record()
-
+    @property
     def robot_problem(self) -> str:
-        """Return why the robot's pose was not known last, where anything could tell it."""
-        could_tell = {"tf", "tf_static", "odom"} & {*self.role_of_topic.values()}
-        return self._robot.missing if could_tell else ""
+        """Why the robot's pose was not known last, empty if it was."""
+        return self._robot.missing
+
+    def take(self, role: str, value: Any) -> None:
+        """Take a value of `bag.decoded`, by its role among the inputs or the output's name."""
+        self._handlers[role](value)
+
+    def finish(self) -> None:
+        """Give all ticks that wait."""
+        while self._waiting:
+            self._give_first()
+
+    def voxels(self) -> VoxelMap | None:
+        """Return the voxels of the last cloud, None where there is none whose place is known."""
+        if self._cloud is None:
+            return None
+        try:
+            points_m = read_points(self._cloud, CLOUD)
+            frame, stamp_ns = read_header(self._cloud, CLOUD).frame_id, 0
+            map_frame, tree = self._parameters.frames.map, self._robot.tree
+            pose = RigidTransform.identity()
+            if frame != map_frame:
+                stamp_ns = tree.latest_common_time(map_frame, frame)
+                pose = tree.lookup(map_frame, frame, stamp_ns)
+            wanted_m = self._parameters.world.voxel_size or None
+            return VoxelMap.from_centres(points_m, None, pose, CLOUD, wanted_m)
+        except AreError as error:
+            self.cloud_problem = f"the voxels are not shown: {error}"
+            return None
 
     def _take_artefacts(self, scene: Scene) -> None:
-        states = tuple(state_of(scene, i) for i in range(len(scene.ids)))
-        for state in states:
-            self._recorder.know(_row_of(state))
-        poses = self._robot.poses(scene.stamp_ns)
-        self._waiting.append(_Tick(scene.stamp_ns, states, *poses, self._robot.camera))
-        if len(self._waiting) > _WAITING_TICKS:
-            self._keep_first()
+        artefacts = [self._artefact(scene, i) for i in range(len(scene.ids))]
+        poses, scans = self._robot.poses(scene.stamp_ns), self._scans.take(self._robot.tree)
+        self._waiting.append(_Tick(scene.stamp_ns, artefacts, poses, self._robot.camera, scans))
+        self._give()
+
+    def _artefact(self, scene: Scene, i: int) -> ArtefactAt:
+        x_m, y_m, z_m, *_, z, w = scene.ground_poses[i].tolist()
+        yaw_rad = math.atan2(2.0 * w * z, 1.0 - 2.0 * z * z)
+        key = int(scene.rows[i]), scene.labels[i]
+        if key not in self._rows:
+            self._rows[key] = _row(scene, i)
+        pose, doing = GroundPose(x_m, y_m, z_m, yaw_rad), (scene.behaviours[i], scene.activities[i])
+        number, arrival_ns = int(scene.ids[i]), int(scene.arrivals_ns[i])
+        return ArtefactAt(number, self._rows[key], pose, *doing, arrival_ns)
 
     def _take_perceived(self, perceived: Perceived) -> None:
-        ids = [one.artefact_id for one in perceived.sightings]
-        self._perceived[perceived.stamp_ns] = ids
+        self._perceived[perceived.stamp_ns] = perceived.ids
+        self._give()
 
     def _take_event(self, event: Event) -> None:
         kind, texts = EventKind(event.kind), (event.label, event.detail)
@@ -165,68 +246,110 @@ class _Teller:
         fields = {name: getattr(metrics, name) for name in SceneMetrics.__dataclass_fields__}
         self._metrics[metrics.stamp_ns] = SceneMetrics(**fields)
 
+    def _take_transforms(self, transforms: Transforms, *, is_static: bool = False) -> None:
+        for parent, child, stamp_ns, (x, y, z, *turn) in transforms.samples:
+            rotation = (turn[0], turn[1], turn[2], turn[3])
+            stamped = StampedTransform(parent, child, stamp_ns, (x, y, z), rotation)
+            self._robot.take_transform(stamped, is_static=is_static)
+
     def _take_odometry(self, odometry: Odometry) -> None:
         self._robot.take_odometry(OdometryNumbers(*odometry.sample, twist=()))
 
-    def _take_map(self, grid: Grid) -> None:
-        self.grid = grid_of(grid, "map")
+    def _take_map(self, value: Grid) -> None:
+        grid = grid_of(value, "map")
+        if self.grid is None or not np.array_equal(grid.cells, self.grid.cells):
+            self.revision += 1
+        self.grid = grid
 
-    def _take_augmented(self, message: Grid) -> None:
+    def _take_augmented(self, value: Grid) -> None:
         """Keep what was never more occupied: artefacts come and go, walls stay."""
-        grid, known = grid_of(message, _AUGMENTED), self.grid
+        grid, known = grid_of(value, _AUGMENTED), self.grid
         if known is not None and known.cells.shape == grid.cells.shape:
             cells = np.minimum(known.cells, grid.cells)
             grid = OccupancyGrid(cells, grid.resolution_m, grid.origin, grid.frame_id)
         self.grid = grid
 
-    def _keep_first(self) -> None:
+    def _take_cloud(self, message: Any) -> None:
+        self.revision += self._cloud is None or bytes(self._cloud.data) != bytes(message.data)
+        self._cloud = message
+
+    def _give(self) -> None:
+        while self._waiting and (
+            len(self._waiting) > _WAITING_TICKS
+            or (self._is_live and self._waiting[0].stamp_ns in self._perceived)
+        ):
+            self._give_first()
+
+    def _give_first(self) -> None:
         tick = self._waiting.popleft()
         self._last_metrics = self._metrics.pop(tick.stamp_ns, self._last_metrics)
         events = [event for event in self._events if event.stamp_ns <= tick.stamp_ns]
         self._events = [event for event in self._events if event.stamp_ns > tick.stamp_ns]
+        perceived = self._perceived.pop(tick.stamp_ns, frozenset())
+        for unused in (self._perceived, self._metrics):
+            while len(unused) > 10 * _WAITING_TICKS:
+                unused.popitem(last=False)
         moment = Moment(
             tick.stamp_ns,
-            tick.states,
-            self._perceived.pop(tick.stamp_ns, []),
+            tick.artefacts,
+            perceived,
+            *tick.poses,
             events,
             self._last_metrics,
-            tick.map_from_base,
-            tick.map_from_camera,
+            tick.scans,
         )
-        self._recorder.keep(moment, tick.camera)
+        self._keep(moment, tick.camera)
 
 
-def state_of(scene: Scene, i: int) -> ArtefactState:
-    """Return the ground truth of one artefact; of its features only the activity is known."""
-    pose, ground = (_transform(poses[i].tolist()) for poses in (scene.poses, scene.ground_poses))
-    x_m, y_m, z_m = ground.translation_m.tolist()
-    twist = scene.twists[i].tolist()
-    box_m, size_m = scene.box_centres_m[i].tolist(), (2.0 * scene.half_sizes_m[i]).tolist()
-    return ArtefactState(
-        artefact_id=int(scene.ids[i]),
-        row=int(scene.rows[i]),
-        label=scene.labels[i],
-        class_name=scene.classes[i],
-        map_from_artefact=pose,
-        ground_pose=GroundPose(x_m, y_m, z_m, ground.yaw_rad()),
-        box_centre_m=(box_m[0], box_m[1], box_m[2]),
-        size_m=(size_m[0], size_m[1], size_m[2]),
-        linear_velocity_m_s=(twist[0], twist[1], twist[2]),
-        angular_velocity_rad_s=(twist[3], twist[4], twist[5]),
-        behaviour=scene.behaviours[i],
-        arrival_ns=int(scene.arrivals_ns[i]),
-        departure_ns=int(scene.departures_ns[i]),
-        origin=Origin(int(scene.origins[i])),
-        features={},
-        activity=scene.activities[i],
-    )
+class _ScanKeeper:
+    """Finds out where scans ended, and which returns are virtual: those that the input lacks."""
+
+    def __init__(self, map_frame: str) -> None:
+        self._map_frame = map_frame
+        self._inputs: OrderedDict[tuple[int, str], LaserScan] = OrderedDict()
+        self._outputs: OrderedDict[tuple[int, str], LaserScan] = OrderedDict()
+
+    def take_input(self, scan: Scan) -> None:
+        """Take a scan as the laser gave it."""
+        _remember(self._inputs, scan)
+
+    def take_output(self, scan: Scan) -> None:
+        """Take a scan as the node gave it out."""
+        _remember(self._outputs, scan)
+
+    def take(self, frames: FrameTree) -> tuple[ScanPoints, ...]:
+        """Return the newest scan of each frame that can be placed, and forget all before it."""
+        found: dict[str, ScanPoints] = {}
+        for (stamp_ns, frame_id), scan in reversed((self._outputs or self._inputs).items()):
+            if frame_id in found:
+                continue
+            pose = frames.try_lookup(self._map_frame, frame_id, stamp_ns)
+            if pose is not None:
+                found[frame_id] = scan_points(scan, self._inputs.get((stamp_ns, frame_id)), pose)
+        self._outputs.clear()
+        return tuple(found.values())
 
 
-def _row_of(state: ArtefactState) -> CatalogueRow:
+def _remember(scans: "OrderedDict[tuple[int, str], LaserScan]", value: Scan) -> None:
+    """Keep a scan; one that is malformed is not shown, and `are check` tells of it."""
+    first, last, step, beam_s, scan_s, nearest, farthest = value.numbers.values()
+    angles, times, reach = (first, last, step), (beam_s, scan_s), (nearest, farthest)
+    beams, head = (value.ranges, value.intensities), (value.frame_id, value.stamp_ns)
+    try:
+        scan = LaserScan(*head, *angles, *times, *reach, *beams).checked()
+    except InputError:
+        return
+    scans[scan.stamp_ns, scan.frame_id] = scan
+    while len(scans) > _WAITING_SCANS:
+        scans.popitem(last=False)
+
+
+def _row(scene: Scene, i: int) -> CatalogueRow:
     """Return what an artefact tells of its row: label, class and box; the rest is unknown."""
-    return CatalogueRow(
-        state.row, state.label, state.class_name, state.size_m, state.box_centre_m, Shape.WALL
-    )
+    length_m, width_m, height_m = (2.0 * scene.half_sizes_m[i]).tolist()
+    x_m, y_m, z_m = scene.box_centres_m[i].tolist()
+    names = int(scene.rows[i]), scene.labels[i], scene.classes[i]
+    return CatalogueRow(*names, (length_m, width_m, height_m), (x_m, y_m, z_m), Shape.WALL)
 
 
 def grid_of(grid: Grid, source: str = "map") -> OccupancyGrid:
@@ -243,19 +366,3 @@ def grid_of(grid: Grid, source: str = "map") -> OccupancyGrid:
         stamp_ns=grid.stamp_ns,
         source=source,
     )
-
-
-def _transform(numbers: list[float]) -> RigidTransform:
-    x, y, z, *turn = numbers
-    return RigidTransform.checked((x, y, z), (turn[0], turn[1], turn[2], turn[3]))
-
-
-def _topics(recording: Recording) -> dict[str, str]:
-    """Return the role of each topic that is read."""
-    counts = recording.counts
-    topics = [BagTopic(t, kind, counts[t], is_latched=False) for t, kind in recording.types.items()]
-    roles = find_roles(topics, {})
-    found = {role: roles.topic(role) for role in _ROLES}
-    chosen = {topic: role for role, topic in found.items() if topic and PREFIX not in topic}
-    outputs = [*_TRUTH, *([] if "map" in chosen.values() else [_AUGMENTED])]
-    return chosen | {PREFIX + name: name for name in outputs if PREFIX + name in counts}

@@ -1,34 +1,100 @@
-"""What a replay keeps of its ticks, compactly: what the picture and the metrics are made of."""
+"""Collects the record of a run, tick by tick, compactly: for a replay, and for a recording."""
 
+import math
 from array import array
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.outputs import ArtefactState, SceneMetrics
+from are_ros.builder.outputs import SceneMetrics
 from are_ros.builder.tick import Tick
-from are_ros.draw.scene import SceneRecord, TickSeries
-from are_ros.replay.life_record import LifeRecorder, track_of
+from are_ros.draw.scene import (
+    ArtefactAt,
+    Doing,
+    Life,
+    Moment,
+    ScanPoints,
+    SceneRecord,
+    TickSeries,
+    Track,
+    shown_every,
+)
 from are_ros.world.footprint import Footprint
 from are_ros.world.observer import Camera
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.view_models import ViewModel
 
 
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """What is kept of a tick: the ids perceived, the events since the last tick, and the poses."""
+@dataclass
+class _Poses:
+    """A `Track` that grows, of `width` numbers a pose."""
 
-    stamp_ns: int
-    artefacts: Sequence[ArtefactState]
-    perceived: Sequence[int]
-    events: Sequence[ArtefactEvent]
-    metrics: SceneMetrics
-    map_from_base: RigidTransform | None
-    map_from_camera: RigidTransform | None
+    width: int
+    stamps_ns: "array[int]" = field(default_factory=lambda: array("q"))
+    numbers: "array[float]" = field(default_factory=lambda: array("d"))
+
+    def add(self, stamp_ns: int, *numbers: float) -> None:
+        self.stamps_ns.append(stamp_ns)
+        self.numbers.extend(numbers)
+
+    def add_transform(self, stamp_ns: int, pose: RigidTransform) -> None:
+        self.add(stamp_ns, *pose.translation_m.tolist(), *pose.rotation_xyzw.tolist())
+
+    def track(self) -> Track:
+        poses = np.array(self.numbers, dtype=np.float64).reshape(-1, self.width)
+        return Track(np.array(self.stamps_ns, dtype=np.int64), poses)
+
+
+@dataclass
+class _LifeRecorder:
+    """Collects a `Life`; a pose or a doing is kept only where it differs from the one before."""
+
+    row: CatalogueRow
+    arrival_ns: int
+    departure_ns: int | None = None
+    left_by: str = ""
+    poses: _Poses = field(default_factory=lambda: _Poses(3))
+    heights_m: "array[float]" = field(default_factory=lambda: array("d"))
+    last_pose: GroundPose | None = None
+    seen_ns: "array[int]" = field(default_factory=lambda: array("q"))
+    doings: list[Doing] = field(default_factory=list)
+
+    def stand(self, stamp_ns: int, pose: GroundPose) -> None:
+        """Take where the artefact stands."""
+        if pose == self.last_pose:
+            return
+        self.last_pose = pose
+        x_m, y_m, _ = self.row.box_centre_in_artefact_m
+        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        centre_m = (pose.x_m + cos * x_m - sin * y_m, pose.y_m + sin * x_m + cos * y_m)
+        self.poses.add(stamp_ns, *centre_m, pose.yaw_rad)
+        self.heights_m.append(pose.z_m)
+
+    def do(self, stamp_ns: int, behaviour: str, activity: str) -> None:
+        """Take what the artefact does."""
+        if not self.doings or self.doings[-1][1:] != (behaviour, activity):
+            self.doings.append(Doing(stamp_ns, behaviour, activity))
+
+    def finished(self, artefact_id: int) -> Life:
+        """Return the life as it is known so far."""
+        return Life(
+            artefact_id,
+            self.row,
+            self.arrival_ns,
+            self.departure_ns,
+            self.left_by,
+            self.poses.track(),
+            len(self.seen_ns),
+            self.seen_ns[0] if self.seen_ns else None,
+            self.seen_ns[-1] if self.seen_ns else None,
+            np.array(self.seen_ns, dtype=np.int64),
+            tuple(self.doings),
+            np.array(self.heights_m, dtype=np.float64),
+        )
 
 
 class SceneRecorder:
@@ -50,51 +116,72 @@ class SceneRecorder:
         self._is_perceiving = is_perceiving
         self._rows = {row.label: row for row in catalogue.rows}
         self._seed, self._max_range_m, self._footprint = seed, max_range_m, footprint
-        self._lives: dict[int, LifeRecorder] = {}
+        self._lives: dict[int, _LifeRecorder] = {}
         self._events: list[ArtefactEvent] = []
-        self._robot: tuple[array[int], array[float]] = (array("q"), array("d"))
-        self._camera: tuple[array[int], array[float]] = (array("q"), array("d"))
+        self._robot, self._base, self._camera = _Poses(3), _Poses(7), _Poses(7)
         self._views: list[ViewModel] = []
         self._view_of_pose = array("q")
         self._counts: tuple[array[int], ...] = (array("q"), array("q"), array("q"))
         self._clutter = array("d")
         self._blind_ticks = 0
         self._metrics: SceneMetrics | None = None
+        self._scans: dict[int, Sequence[ScanPoints]] = {}
+        self._scans_every = 1
+        self._present: set[int] = set()
 
-    def know(self, row: CatalogueRow) -> None:
-        """Take one more row that artefacts may be of."""
-        self._rows.setdefault(row.label, row)
+    @property
+    def wants_scans(self) -> bool:
+        """Whether the next tick is one of those that the viewer shows, as far as is known."""
+        return len(self._clutter) % self._scans_every == 0
 
-    def add(self, tick: Tick, camera: Camera | None) -> None:
+    def add(self, tick: Tick, camera: Camera | None, scans: Sequence[ScanPoints] = ()) -> None:
         """Take a tick, and the camera that it looked through (None: none is known)."""
+        artefacts = [
+            ArtefactAt(
+                state.artefact_id,
+                self._rows[state.label],
+                state.ground_pose,
+                state.behaviour,
+                state.activity,
+                state.arrival_ns,
+            )
+            for state in tick.artefacts
+        ]
         moment = Moment(
             tick.stamp_ns,
-            tick.artefacts,
-            [seen.artefact_id for seen in tick.perceived],
-            tick.events,
-            tick.metrics,
+            artefacts,
+            frozenset(seen.artefact_id for seen in tick.perceived),
             tick.map_from_base,
             tick.map_from_camera,
+            tick.events,
+            tick.metrics,
+            scans,
         )
         self.keep(moment, camera)
 
     def keep(self, moment: Moment, camera: Camera | None) -> None:
         """Take what is kept of a tick."""
+        if moment.scans and self.wants_scans:
+            self._scans[moment.stamp_ns] = moment.scans
+        for one in moment.artefacts:
+            self._rows.setdefault(one.row.label, one.row)
         self._add_events(moment.events)
-        for state in moment.artefacts:
-            life = self._life(state.artefact_id, state.label, state.arrival_ns)
-            life.stand(moment.stamp_ns, state.ground_pose)
-            life.do(moment.stamp_ns, state.behaviour, state.activity)
+        for one in moment.artefacts:
+            life = self._life(one.artefact_id, one.row, one.arrival_ns)
+            life.stand(moment.stamp_ns, one.pose)
+            life.do(moment.stamp_ns, one.behaviour, one.activity)
+        self._end_absent(moment)
         for seen in moment.perceived:
             if seen in self._lives:
-                self._lives[seen].see(moment.stamp_ns)
+                self._lives[seen].seen_ns.append(moment.stamp_ns)
         self._add_robot(moment)
         self._add_camera(moment, camera)
         self._metrics = moment.metrics
         counts = (moment.stamp_ns, len(moment.artefacts), len(moment.perceived))
         for series, value in zip(self._counts, counts, strict=True):
             series.append(value)
-        self._clutter.append(moment.metrics.clutter_ratio)
+        self._clutter.append(moment.metrics.clutter_ratio if moment.metrics else 0.0)
+        self._thin_scans()
 
     def record(self) -> SceneRecord:
         """Return what was collected so far."""
@@ -104,35 +191,56 @@ class SceneRecorder:
             seed=self._seed,
             max_range_m=self._max_range_m,
             footprint=self._footprint,
-            robot=track_of(*self._robot, 3),
-            camera=track_of(*self._camera, 7),
+            robot=self._robot.track(),
+            camera=self._camera.track(),
             views=tuple(self._views),
             view_of_pose=np.array(self._view_of_pose, dtype=np.int64),
             lives=tuple(self._lives[i].finished(i) for i in sorted(self._lives)),
             events=tuple(self._events),
             series=TickSeries(stamps, alive, perceived, clutter, self._blind_ticks),
             metrics=self._metrics,
+            base=self._base.track(),
+            scans=dict(self._scans),
         )
+
+    def _thin_scans(self) -> None:
+        """Forget the scans of ticks that the viewer of so long a run does not show."""
+        stamps, every = self._counts[0], shown_every(len(self._clutter))
+        if every > self._scans_every:
+            shown = (stamp_ns for stamp_ns in stamps[::every] if stamp_ns in self._scans)
+            self._scans = {stamp_ns: self._scans[stamp_ns] for stamp_ns in shown}
+            self._scans_every = every
 
     def _add_events(self, events: Sequence[ArtefactEvent]) -> None:
         self._events.extend(events)
         for event in events:
             if event.kind is EventKind.ARRIVED and event.label in self._rows:
-                self._life(event.artefact_id, event.label, event.stamp_ns)
+                self._life(event.artefact_id, self._rows[event.label], event.stamp_ns)
             elif event.kind is EventKind.DEPARTED and event.artefact_id in self._lives:
                 life = self._lives[event.artefact_id]
                 life.departure_ns, life.left_by = event.stamp_ns, event.detail
 
-    def _life(self, artefact_id: int, label: str, arrival_ns: int) -> LifeRecorder:
+    def _end_absent(self, moment: Moment) -> None:
+        """End the lives that a tick lacks without an event, as of a node that was paused."""
+        before, self._present = self._present, {one.artefact_id for one in moment.artefacts}
+        for number in before - self._present:
+            if self._lives[number].departure_ns is None:
+                self._lives[number].departure_ns = moment.stamp_ns
+        for number in self._present - before:
+            if not self._lives[number].left_by:
+                self._lives[number].departure_ns = None
+
+    def _life(self, artefact_id: int, row: CatalogueRow, arrival_ns: int) -> _LifeRecorder:
         if artefact_id not in self._lives:
-            self._lives[artefact_id] = LifeRecorder(self._rows[label], arrival_ns)
+            self._lives[artefact_id] = _LifeRecorder(row, arrival_ns)
         return self._lives[artefact_id]
 
     def _add_robot(self, moment: Moment) -> None:
-        if moment.map_from_base is not None:
-            x_m, y_m, _ = moment.map_from_base.translation_m.tolist()
-            self._robot[0].append(moment.stamp_ns)
-            self._robot[1].extend((x_m, y_m, moment.map_from_base.yaw_rad()))
+        pose = moment.map_from_base
+        if pose is not None:
+            x_m, y_m, _ = pose.translation_m.tolist()
+            self._robot.add(moment.stamp_ns, x_m, y_m, pose.yaw_rad())
+            self._base.add_transform(moment.stamp_ns, pose)
 
     def _add_camera(self, moment: Moment, camera: Camera | None) -> None:
         pose = moment.map_from_camera
@@ -141,6 +249,5 @@ class SceneRecorder:
         elif camera is not None:
             if not self._views or self._views[-1] != camera.view:
                 self._views.append(camera.view)
-            self._camera[0].append(moment.stamp_ns)
-            self._camera[1].extend((*pose.translation_m.tolist(), *pose.rotation_xyzw.tolist()))
+            self._camera.add_transform(moment.stamp_ns, pose)
             self._view_of_pose.append(len(self._views) - 1)

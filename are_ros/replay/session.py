@@ -23,7 +23,6 @@ from are_ros.builder.sensor_path import SensorPathCounts
 from are_ros.builder.warm_up import warm_up
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import SceneRecord
-from are_ros.draw.viewer import TickThinner
 from are_ros.errors import BagError, InputError, MapError
 from are_ros.messages.feed import Refusals
 from are_ros.messages.transforms import StampedTransform
@@ -51,7 +50,6 @@ from are_ros.replay.timeline import (
     ReplayOptions,
     Timeline,
 )
-from are_ros.replay.view_input import ViewKeeper
 from are_ros.wording import counted
 from are_ros.world.map_file import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -117,7 +115,6 @@ class Outcome:
     end_ns: int
     role_of_topic: Mapping[str, str]
     record: SceneRecord
-    viewed: TickThinner
     grid: OccupancyGrid
     voxels: VoxelMap | None
     scans: Mapping[str, SensorPathCounts]
@@ -167,12 +164,12 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             files.feed(builder, replay.start_ns)
         recorder = _recorder(options, catalogue)
         keeper, standing = RecordKeeper(recorder, builder), StandingWatch(builder)
-        camera, view = CameraWatch(builder), ViewKeeper(builder)
+        camera = CameraWatch(builder)
         with ExitStack() as stack:
             writers, counts = _open_writers(stack, options, reader, replay, builder, files)
             with stopwatch.phase(REPLAY_PHASE):
                 progress = open_progress(replay.start_ns, replay.start_ns + replay.length_ns)
-                replay.run(All([keeper, view, standing, camera, *writers]), progress)
+                replay.run(All([keeper, standing, camera, *writers]), progress)
             grid = _known_map(builder, replay)
     if lives_keeper is not None:
         _save_scenario(options, lives_keeper, say)
@@ -186,7 +183,6 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         replay.end_ns,
         replay.role_of_topic,
         recorder.record(),
-        view.thinner,
         grid,
         _octomap(builder),
         builder.scan_counts(),

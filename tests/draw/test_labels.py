@@ -8,7 +8,7 @@ import numpy.typing as npt
 import pytest
 
 from are_ros.draw.canvas import Rectangle, text_size
-from are_ros.draw.labels import Label, Labels, Placed
+from are_ros.draw.sheet import Label, Labels, Placed
 
 Mask = npt.NDArray[np.bool_]
 WIDTH, HEIGHT = 400, 300

@@ -8,22 +8,21 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from are_ros.artefacts.catalogue import Catalogue
+from are_ros.artefacts.artefact import GroundPose
+from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
+from are_ros.artefacts.shapes import Shape
 from are_ros.conventions import NS_PER_S
 from are_ros.draw import viewer
 from are_ros.draw.palette import ROBOT, class_colours
+from are_ros.draw.scene import MOST_TICKS, ArtefactAt, Moment, ScanPoints, SceneRecord, shown_every
 from are_ros.draw.viewer import (
-    MOST_TICKS,
-    TickThinner,
-    ViewedArtefact,
     ViewedPlace,
-    ViewedScan,
-    ViewedTick,
-    thinned_scan,
     write_view,
 )
 from are_ros.errors import BagError
+from are_ros.replay.scene_record import SceneRecorder
 from are_ros.world.footprint import Footprint
+from are_ros.world.observer import Camera
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.view_models import PinholeView
@@ -46,38 +45,38 @@ def place() -> ViewedPlace:
     voxels = VoxelMap.extruded(grid, cells >= 65, 2.5, 0.0)
     footprint = Footprint(np.zeros((1, 2)), 0.3)
     camera = PinholeView.from_field_of_view(64, 48, math.radians(80.0))
-    return ViewedPlace(grid, 65, voxels, Catalogue(()), footprint, camera, 10.0)
+    return ViewedPlace(grid, voxels, Catalogue(()), footprint, camera, 10.0)
 
 
-def artefact(number: int, class_name: str, x_m: float, *, is_perceived: bool) -> ViewedArtefact:
+def artefact(number: int, class_name: str, x_m: float) -> ArtefactAt:
     """Return an upright box of half a metre by 1.5 m."""
-    size_m, pose = (0.6, 0.6, 1.5), (x_m, 4.0, 0.75, 0.0, 0.0, 0.0, 1.0)
-    no_offset = (0.0, 0.0, 0.0)
-    return ViewedArtefact(
-        number, 0, class_name, class_name, "walking", size_m, no_offset, pose, is_perceived
-    )
+    row = CatalogueRow(0, class_name, class_name, (0.6, 0.6, 1.5), (0.0, 0.0, 0.0), Shape.WALL)
+    return ArtefactAt(number, row, GroundPose(x_m, 4.0, 0.0, 0.0), "walking", "", 0)
 
 
-def tick(number: int) -> ViewedTick:
+def tick(number: int) -> Moment:
     """Return a tick: the person goes from left to right, the car leaves after half of the time."""
-    artefacts = [artefact(7, "person", 1.5 + 5.0 * number / TICKS, is_perceived=True)]
+    artefacts = [artefact(7, "person", 1.5 + 5.0 * number / TICKS)]
     if number < TICKS // 2:
-        artefacts.append(artefact(8, "car", 6.5, is_perceived=True))
+        artefacts.append(artefact(8, "car", 6.5))
     base = RigidTransform(np.array((2.0 + 0.05 * number, 1.5, 0.0)), np.array((0.0, 0.0, 0.0, 1.0)))
     eye = np.array((2.0 + 0.05 * number, 1.5, 0.8)), np.array((-0.5, 0.5, -0.5, 0.5))
     points = np.array(((3.0, 1.5, 0.2), (4.0, 1.5, 0.2)), dtype=np.float32)
-    scan = ViewedScan(points, np.array((False, True)))
-    stamp_ns = number * NS_PER_S // 10
-    return ViewedTick(stamp_ns, tuple(artefacts), base, RigidTransform(*eye), (scan,))
+    scan = ScanPoints(points, np.array((False, True)))
+    stamp_ns, perceived = number * NS_PER_S // 10, frozenset(one.artefact_id for one in artefacts)
+    camera = RigidTransform(*eye)
+    return Moment(stamp_ns, artefacts, perceived, base, camera, scans=(scan,))
 
 
-def ticks(count: int = TICKS) -> TickThinner:
-    """Return so many ticks."""
-    thinner = TickThinner()
+def ticks(count: int = TICKS) -> SceneRecord:
+    """Return the record of so many ticks."""
+    no_rows, footprint = Catalogue(()), Footprint(np.zeros((1, 2)), 0.3)
+    recorder = SceneRecorder(no_rows, seed=1, max_range_m=10.0, footprint=footprint)
+    view = PinholeView.from_field_of_view(64, 48, math.radians(80.0))
+    camera = Camera(view, "", RigidTransform.identity())
     for number in range(count):
-        if thinner.wants_next():
-            thinner.add(tick(number))
-    return thinner
+        recorder.keep(tick(number), camera)
+    return recorder.record()
 
 
 @pytest.fixture(scope="module")
@@ -183,7 +182,7 @@ def test_where_nothing_can_be_written_it_is_said(tmp_path: Path) -> None:
     with pytest.raises(BagError, match="the page cannot be written"):
         write_view(tmp_path / "absent" / "view.html", place(), ticks(3), "a room")
     with pytest.raises(BagError, match="there is no tick to show"):
-        write_view(tmp_path / "view.html", place(), TickThinner(), "a room")
+        write_view(tmp_path / "view.html", place(), ticks(0), "a room")
 
 
 def test_without_viser_it_is_said_what_to_install(
@@ -196,17 +195,41 @@ def test_without_viser_it_is_said_what_to_install(
 
 
 def test_a_long_recording_is_thinned_evenly() -> None:
-    """However long it is, at most so many ticks are kept, at equal distances."""
-    thinner = ticks(5 * MOST_TICKS)
-    assert MOST_TICKS // 2 < len(thinner.ticks) <= MOST_TICKS
-    steps = np.diff([one.stamp_ns for one in thinner.ticks])
-    assert set(steps.tolist()) == {thinner.every * NS_PER_S // 10}
+    """However long it is, at most so many ticks are shown, at equal distances, with their scans."""
+    record = ticks(5 * MOST_TICKS // 2)
+    every = shown_every(len(record.series.stamps_ns))
+    shown = [*record.moments(every)]
+    assert MOST_TICKS // 2 < len(shown) <= MOST_TICKS
+    steps = np.diff([one.stamp_ns for one in shown])
+    assert set(steps.tolist()) == {every * NS_PER_S // 10}
+    assert all(one.scans for one in shown)
+    assert len(record.scans) == len(shown)
+
+
+def test_the_record_gives_the_ticks_back() -> None:
+    """Artefacts, poses and scans are those that were taken."""
+    for number, told in enumerate(ticks().moments()):
+        taken = tick(number)
+        assert [one.artefact_id for one in told.artefacts] == [
+            one.artefact_id for one in taken.artefacts
+        ]
+        assert told.perceived == taken.perceived
+        for one, other in zip(told.artefacts, taken.artefacts, strict=True):
+            assert one.pose == pytest.approx(other.pose)
+            assert one[3:5] == other[3:5]
+        assert told.map_from_base is not None
+        assert told.map_from_camera is not None
+        assert taken.map_from_base is not None
+        assert taken.map_from_camera is not None
+        assert np.allclose(told.map_from_base.matrix(), taken.map_from_base.matrix())
+        assert np.allclose(told.map_from_camera.matrix(), taken.map_from_camera.matrix())
+        assert len(told.scans) == 1
 
 
 def test_a_dense_scan_keeps_its_virtual_returns() -> None:
     """Of thousands of returns some are left out, of a few virtual ones none."""
     is_virtual = np.zeros(5000, dtype=np.bool_)
     is_virtual[100:110] = True
-    scan = thinned_scan(np.zeros((5000, 3), dtype=np.float32), is_virtual)
+    scan = ScanPoints(np.zeros((5000, 3), dtype=np.float32), is_virtual).thinned()
     assert scan.is_virtual.sum() == 10
     assert len(scan.points_m) < 300

@@ -16,12 +16,12 @@ from are_ros.artefacts.shapes import Shape
 from are_ros.description import population_trial
 from are_ros.description.population_trial import Trial, run_trial
 from are_ros.description.site import Site, surveyed
-from are_ros.draw.population import appeared_text, draw_trial
+from are_ros.draw.plots import appeared_text, draw_trial
 from are_ros.errors import InputError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.replay.command import describe_command
-from are_ros.replay.population_picture import FILE_NAME, plot_population
+from are_ros.replay.pictures import POPULATION, plot_population
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -80,7 +80,7 @@ def test_every_law_has_its_picture(
     folder = tmp_path / "new" / "folder"
     path = plot_population(parameters, _catalogue(), site_of(parameters), folder)
     image = cv2.imread(str(path))
-    assert path == folder / FILE_NAME
+    assert path == folder / POPULATION
     assert image is not None
     assert image.std() > 20.0
 
@@ -148,14 +148,14 @@ def test_a_png_is_a_file(tmp_path: Path) -> None:
     assert cv2.imread(str(path)) is not None
     (tmp_path / "folder.png").mkdir()
     inside = plot_population(parameters, _catalogue(), Site(), tmp_path / "folder.png")
-    assert inside == tmp_path / "folder.png" / FILE_NAME
+    assert inside == tmp_path / "folder.png" / POPULATION
 
 
 def test_describe_says_where_the_picture_is(tmp_path: Path) -> None:
     """`are describe --plot` describes and draws; without it nothing is drawn."""
     said: list[str] = []
     describe_command(said.append, None, (), (), 3, tmp_path / "plots")
-    assert said[-1] == f"\npicture: {tmp_path / 'plots' / FILE_NAME}"
+    assert said[-1] == f"\npicture: {tmp_path / 'plots' / POPULATION}"
     said.clear()
     describe_command(said.append, None, (), (), 3)
     assert not any("picture" in line for line in said)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from are_ros.errors import BagError
-from are_ros.replay.film_command import draw_recording
+from are_ros.replay.pictures import draw_recording
 from are_ros.replay.recorded_scene import RecordedScene, read_recorded_scene
 from are_ros.replay.results import ReplayCounts, metrics_content
 from tests.replay.conftest import ReplaySample, RunAre
@@ -119,6 +119,6 @@ def test_the_picture_of_a_live_recording_says_where_its_ids_are(
     def draw(*_: object, ids_as_in: str, **__: object) -> None:
         asked.append(ids_as_in)
 
-    monkeypatch.setattr("are_ros.replay.film_command.draw_overview", draw)
+    monkeypatch.setattr("are_ros.replay.pictures.draw_overview", draw)
     draw_recording(sample_replay, tmp_path / "overview.png", None, lambda _: None)
     assert asked == ["/ar_builder/artefacts"]

@@ -15,7 +15,7 @@ import yaml
 from are_ros.bag.reader import BagReader
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.cloud import read_points
-from are_ros.replay.view_input import read_view
+from are_ros.replay.recorded_scene import read_recorded_scene
 
 CAMERA = "/camera/camera_info"
 Records = Sequence[tuple[str, int, Any]]
@@ -220,7 +220,8 @@ def test_an_octomap_of_a_file_is_used_coarser_and_kept_beside_the_outputs(
     assert sorted(map(tuple, np.floor(points_m / 0.05).astype(int).tolist())) == sorted(
         map(tuple, wall.tolist())
     )
-    shown = read_view(out, lambda _start, _end: lambda _now: None)[0].voxels
+    scene = read_recorded_scene(out, lambda _start, _end: lambda _now: None, with_scans=True)
+    shown = scene.voxels
     assert shown is not None
     assert shown.voxel_size_m == pytest.approx((0.1, 0.1, 0.1))
     assert shown.occupied_count == 2 * 20 * 10
