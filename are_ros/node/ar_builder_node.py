@@ -33,6 +33,7 @@ from are_ros.parameters.model import Parameters
 NAME: Final = "ar_builder"
 _REPORT_S: Final = 1.0
 _MOST_SENTENCES: Final = 1000
+_KERNELS_A_LINE: Final = 25
 _LEAPS: Final = JumpThreshold(
     min_forward=Duration(seconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
 )
@@ -178,8 +179,12 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
 
     def _prepare(self, catalogue: Catalogue) -> None:
         self.get_logger().info("preparing the kernels (a minute or two the first time)")
-        if not warm_up(catalogue, self.is_wanted):
+        if not warm_up(catalogue, self.is_wanted, count=self._tell_kernels):
             raise NodeError("it is not configured: the node is to end")
+
+    def _tell_kernels(self, done: int, total: int) -> None:
+        if done % _KERNELS_A_LINE == 0:
+            self.get_logger().info(f"{done} kernels are compiled, of at most {total}")
 
     def _close(self) -> None:
         self.retire()
