@@ -122,7 +122,6 @@ class KernelBar:
     ) -> None:
         if error is None:
             self._bar.total = max(self._bar.n, 1)  # those that nobody needs are not waited for
-            self._bar.refresh()
         self._bar.close()
 
     def count(self, done: int, total: int) -> None:
