@@ -16,7 +16,7 @@ from numba.core import event
 
 from are_ros._compiled import KERNELS, name_of
 from are_ros.artefacts.artefact import GroundPose
-from are_ros.artefacts.catalogue import Catalogue
+from are_ros.artefacts.catalogue import Catalogue, MotionLimits
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import collision_resolver
 from are_ros.builder.tick import EVERYTHING, Demand
@@ -208,9 +208,10 @@ class _Names(event.Listener):  # type: ignore[misc] # numba is not typed
 def help_out() -> None:
     """Compile what sees, in a process of its own: what is to be seen comes by its input."""
     catalogue, warmth = pickle.load(sys.stdin.buffer)  # noqa: S301 - our own parent wrote it
-    still = [replace(row, behaviours={"standing": 1.0}) for row in catalogue.rows]
+    standing, still = {"standing": 1.0}, MotionLimits(speed_mps=0.0)
+    rows = [replace(row, behaviours=standing, motion=still) for row in catalogue.rows]
     with event.install_listener("numba:compile", _Names()):
-        _Scene(Catalogue(tuple(still)), warmth, lambda: None).sense()
+        _Scene(Catalogue(tuple(rows)), warmth, lambda: None).sense()
 
 
 class _Scene:
