@@ -54,7 +54,7 @@ _MINIATURE = {
 class Warmth:
     """What is to be made ready: nobody waits for kernels that he does not need.
 
-    The motion of artefacts is compiled if a row of the catalogue moves, meshes if a row has one.
+    Meshes are made ready if a row of the catalogue has one, decisions if a row moves.
     """
 
     demand: Demand = EVERYTHING

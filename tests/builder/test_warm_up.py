@@ -110,12 +110,12 @@ def test_a_helper_rehearses_what_sees_in_a_process_of_its_own() -> None:
 
 
 def test_what_nobody_wants_is_not_made_ready() -> None:
-    """Neither inflation nor scans nor motion, where there are none."""
+    """Neither inflation nor scans, where there are none."""
     command = [sys.executable, "-c", _KERNELS_OF_BOXES]
     made = subprocess.check_output(command, text=True, timeout=900).split()
     assert "are_ros.builder.occlusion.kernels.render" in made
     unwanted = ("are_ros.builder.costmap.inflation", "are_ros.builder.scans")
-    assert not [name for name in made if name.startswith((*unwanted, "are_ros.artefacts.motion"))]
+    assert not [name for name in made if name.startswith(unwanted)]
 
 
 def test_afterwards_a_run_needs_no_kernel_for_other_arguments(tmp_path: Path) -> None:
