@@ -3,12 +3,12 @@
 import fcntl
 import hashlib
 import re
-import time
 import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from threading import Event
 from typing import IO, Any, ClassVar, Final, TypeVar, cast
 
 import numba
@@ -21,7 +21,7 @@ _IMPORT: Final = re.compile(
     rf"^\s*from ({_PACKAGE.name}[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE
 )
 
-_PATIENCE_S: Final = 60.0
+_ATTEMPTS: Final = 6000
 _PAUSE_S: Final = 0.01
 
 KERNELS: Final[list[str]] = []
@@ -91,10 +91,12 @@ class KernelCache(FunctionCache):  # type: ignore[misc] # numba is not typed
 
     def _lock(self, how: int) -> None:
         """Lock or unlock one byte of the file; go on without after a minute, or where none can."""
-        give_up_s = time.monotonic() + _PATIENCE_S
+        pause = Event()
         with suppress(OSError):
-            while not self._is_locked(how) and time.monotonic() < give_up_s:
-                time.sleep(_PAUSE_S)
+            for _ in range(_ATTEMPTS):
+                if self._is_locked(how):
+                    return
+                pause.wait(_PAUSE_S)
 
     def _is_locked(self, how: int) -> bool:
         try:

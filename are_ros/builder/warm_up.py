@@ -4,7 +4,6 @@ import os
 import pickle
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
@@ -91,7 +90,7 @@ def warm_up(
             scene.live()
             while helpers.are_busy():
                 compilation.ask()
-                time.sleep(_PAUSE_S)
+                helpers.wait()
             scene.sense()
         except _UnwantedError:
             return False
@@ -178,6 +177,12 @@ class _Helpers:
         """Tell whether one still compiles."""
         return self._helper is not None and self._helper.poll() is None
 
+    def wait(self) -> None:
+        """Wait for a moment, or until none compiles any more."""
+        if self._helper is not None:
+            with suppress(subprocess.TimeoutExpired):
+                self._helper.wait(_PAUSE_S)
+
     def compiled(self) -> set[str]:
         """Return the names of what they have begun to compile since the last time."""
         if self._helper is None:
@@ -194,12 +199,13 @@ def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
 
 
 class _Names(event.Listener):  # type: ignore[misc] # numba is not typed
-    """Prints the name of each kernel that compiles."""
+    """Tells the parent, by the output, the name of each kernel that compiles."""
 
     def on_start(self, compilation: Any) -> None:
-        """Print it at once: a parent that is gone ends this process."""
+        """Tell it at once: a parent that is gone ends this process."""
         if kernel := _kernel_of(compilation):
-            print(kernel, flush=True)  # noqa: T201 - to the parent
+            sys.stdout.write(f"{kernel}\n")
+            sys.stdout.flush()
 
     def on_end(self, _: Any) -> None:
         """Go on."""
