@@ -35,6 +35,7 @@ _SIDE = 120
 _TICKS = 20
 _TICK_NS = NS_PER_S // 10
 _PAUSE_S = 0.05
+_STDOUT = 1
 _NOTHING = Demand(perception=False, grids=False, markers=False)
 _WIDTH, _HEIGHT = 32, 24
 _MINIATURE = {
@@ -204,8 +205,7 @@ class _Names(event.Listener):  # type: ignore[misc] # numba is not typed
     def on_start(self, compilation: Any) -> None:
         """Tell it at once: a parent that is gone ends this process."""
         if kernel := _kernel_of(compilation):
-            sys.stdout.write(f"{kernel}\n")
-            sys.stdout.flush()
+            os.write(_STDOUT, f"{kernel}\n".encode())
 
     def on_end(self, _: Any) -> None:
         """Go on."""
