@@ -1,21 +1,145 @@
 """Typed access to numba's compiler, with the options that every kernel here shares."""
 
+import fcntl
+import hashlib
+import re
+import zlib
 from collections.abc import Callable
-from typing import Any, Final, TypeVar, cast
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from threading import Event
+from typing import IO, Any, ClassVar, Final, TypeVar, cast
 
 import numba
+from numba.core.caching import FunctionCache
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
+_PACKAGE: Final = Path(__file__).parent
+_IMPORT: Final = re.compile(
+    rf"^\s*from ({_PACKAGE.name}[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE
+)
 
-OPTIONS: Final = {"cache": True, "nogil": True, "error_model": "numpy"}
-"""Of every kernel."""
+_ATTEMPTS: Final = 6000
+_PAUSE_S: Final = 0.01
+
+KERNELS: Final[list[str]] = []
+"""The full names of all kernels of the modules that are imported."""
 
 
-def compiled(function: _Function) -> _Function:
+def compiled(function: _Function, **options: bool) -> _Function:
     """Compile a kernel to machine code on its first call, and keep it on disk.
 
     The cache lies beside the module, in NUMBA_CACHE_DIR when that is set, or in the user's cache
-    directory when the package is not writable. Floating point stays strict (IEEE).
+    directory when the package is not writable. A change of the module, or of any module of the
+    package that it imports, makes it anew. Floating point stays strict (IEEE). No code for C's
+    callbacks is made: a tenth of the compiler's time, for something that nobody calls. No kernel
+    should assign an array to a slice: the message of a wrong shape alone compiles for seconds.
     """
-    return cast("_Function", numba.njit(**OPTIONS)(function))
+    kernel = numba.njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)(function)
+    if not numba.config.DISABLE_JIT:
+        kernel._cache = KernelCache(function)  # noqa: SLF001 - as its enable_caching does
+        KERNELS.append(name_of(function))
+    return cast("_Function", kernel)
+
+
+def name_of(function: Callable[..., Any]) -> str:
+    """Return a kernel's full name."""
+    return f"{function.__module__}.{function.__qualname__}"
+
+
+class KernelCache(FunctionCache):  # type: ignore[misc] # numba is not typed
+    """Numba's cache, for kernels of several modules and for several processes at a time.
+
+    Numba itself compares only the kernel's own module with what was compiled, not what that calls.
+    Of two processes that add to its index at once, one loses its entry, or gets the other's code:
+    here each kernel is locked from the miss until it is saved, so that nobody compiles it twice.
+    Kernels do not call each other in circles, so nobody waits for whom he keeps waiting.
+    """
+
+    _files: ClassVar[dict[Path, IO[str]]] = {}
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        source = Path(function.__code__.co_filename)
+        if source.is_file():
+            self._cache_file._source_stamp = source_stamp(source)  # noqa: SLF001
+        self._offset = zlib.crc32(self._impl.filename_base.encode())
+        self._is_held = False
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return what was compiled for a signature; None, and lock the kernel, if nothing was."""
+        if self._is_held:
+            return super().load_overload(sig, target_context)
+        self._lock(fcntl.LOCK_SH | fcntl.LOCK_NB)
+        found = super().load_overload(sig, target_context)
+        if found is None:
+            self._lock(fcntl.LOCK_UN)
+            self._lock(fcntl.LOCK_EX | fcntl.LOCK_NB)
+            found = super().load_overload(sig, target_context)
+        self._is_held = found is None
+        if not self._is_held:
+            self._lock(fcntl.LOCK_UN)
+        return found
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep what was compiled, and unlock the kernel."""
+        super().save_overload(sig, data)
+        self._lock(fcntl.LOCK_UN)
+        self._is_held = False
+
+    def _lock(self, how: int) -> None:
+        """Lock or unlock one byte of the file; go on without after a minute, or where none can."""
+        pause = Event()
+        with suppress(OSError):
+            for _ in range(_ATTEMPTS):
+                if self._is_locked(how):
+                    return
+                pause.wait(_PAUSE_S)
+
+    def _is_locked(self, how: int) -> bool:
+        try:
+            fcntl.lockf(self._file(), how, 1, self._offset)
+        except (BlockingIOError, PermissionError):
+            return False
+        return True
+
+    def _file(self) -> IO[str]:
+        """Return the folder's file of locks: one for good, to close any would unlock all."""
+        folder = Path(self.cache_path)
+        if folder not in self._files:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._files[folder] = (folder / "kernels.lock").open("a+", encoding="ascii")
+        return self._files[folder]
+
+
+@cache
+def source_stamp(source: Path) -> str:
+    """Return a hash of the contents of a module and of all of the package that it imports."""
+    reached: set[Path] = set()
+    todo = [source]
+    while todo:
+        path = todo.pop()
+        if path not in reached:
+            reached.add(path)
+            todo += _digest_and_imports(path)[1]
+    digests = [_digest_and_imports(path)[0] for path in sorted(reached)]
+    return hashlib.sha256(b"".join(digests)).hexdigest()
+
+
+@cache
+def _digest_and_imports(path: Path) -> tuple[bytes, list[Path]]:
+    text = path.read_text(encoding="utf-8")
+    imports = [file for found in _IMPORT.finditer(text) for file in _modules(*found.groups())]
+    return hashlib.sha256(text.encode()).digest(), imports
+
+
+@cache
+def _modules(module: str, names: str) -> list[Path]:
+    """Return the files of `from module import names`, where the names may be modules."""
+    folder = _PACKAGE.parent.joinpath(*module.split("."))
+    beside = (
+        [folder / f"{name}.py" for name in re.findall(r"\w+", names)] if folder.is_dir() else []
+    )
+    return [f for f in (folder.with_suffix(".py"), folder / "__init__.py", *beside) if f.is_file()]

@@ -105,7 +105,7 @@ def _sorted_into_cells(points_m: _Floats, cell_m: float) -> CellArrays:
             extent = (points_m[:, axis].max() - corner[axis]) / cell_m
             shape[1 - axis] = min(np.int64(extent) + 1, 2 * count + 32)
     while shape[0] * shape[1] > 4 * count + 1024:
-        shape[:] = np.maximum(shape // 2, 1)
+        shape[0], shape[1] = max(shape[0] // 2, 1), max(shape[1] // 2, 1)
     cells = np.empty(count, np.int64)
     starts = np.zeros(shape[0] * shape[1] + 1, np.int64)
     for i in range(count):

@@ -27,8 +27,10 @@ _MOVED_BACK = 1
 def _neighbours(proposed: _FloatArray, safe: _FloatArray) -> tuple[_IndexArray, _IndexArray]:
     """Return starts (N + 1,) and indices of those that each may meet at either of its poses."""
     rectangles, others = bounds(proposed), bounds(safe)
-    rectangles[:, :2] = np.minimum(rectangles[:, :2], others[:, :2])
-    rectangles[:, 2:] = np.maximum(rectangles[:, 2:], others[:, 2:])
+    for i in range(rectangles.shape[0]):
+        for axis in range(2):
+            rectangles[i, axis] = min(rectangles[i, axis], others[i, axis])
+            rectangles[i, 2 + axis] = max(rectangles[i, 2 + axis], others[i, 2 + axis])
     pairs = candidate_pairs(rectangles)
     starts = np.zeros(rectangles.shape[0] + 1, np.int64)
     for k in range(pairs.shape[0]):
@@ -94,7 +96,8 @@ def _walk(
                 and _is_clear(pose, i, current, present, near, tolerance_m)
                 and _is_clear(pose, i, current, present, strays, tolerance_m)
             ):
-                current[i] = pose[i]
+                for column in range(current.shape[1]):
+                    current[i, column] = pose[i, column]
                 outcomes[i] = _KEPT if choice == 0 else _MOVED_BACK
                 resolved = True
                 break

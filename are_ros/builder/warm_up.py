@@ -1,18 +1,24 @@
 """Compiling the kernels before they are needed: a miniature scene, run once."""
 
+import os
+import pickle
+import subprocess
+import sys
 from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import replace
-from typing import Any
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, replace
+from typing import IO, Any, Final
 
 import numpy as np
 import numpy.typing as npt
 from numba.core import event
 
+from are_ros._compiled import KERNELS, name_of
 from are_ros.artefacts.artefact import GroundPose
-from are_ros.artefacts.catalogue import Catalogue
+from are_ros.artefacts.catalogue import Catalogue, MotionLimits
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import collision_resolver
+from are_ros.builder.tick import EVERYTHING, Demand
 from are_ros.conventions import FREE, NS_PER_S, OCCUPIED
 from are_ros.errors import PlacementError
 from are_ros.parameters.declaration import with_values
@@ -26,6 +32,11 @@ from are_ros.world.view_models import PinholeView
 
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
 _SIDE = 120
+_TICKS = 20
+_TICK_NS = NS_PER_S // 10
+_PAUSE_S = 0.05
+_STDOUT = 1
+_NOTHING = Demand(perception=False, grids=False, markers=False)
 _WIDTH, _HEIGHT = 32, 24
 _MINIATURE = {
     "population.arrival_rate": 0.5,
@@ -39,63 +50,226 @@ _MINIATURE = {
 }
 
 
-class _Unwanted(BaseException):
+@dataclass(frozen=True)
+class Warmth:
+    """What is to be made ready: nobody waits for kernels that he does not need.
+
+    Meshes are made ready if a row of the catalogue has one, decisions if a row moves.
+    """
+
+    demand: Demand = EVERYTHING
+    has_scans: bool = True
+    has_cloud: bool = True
+
+
+ALL: Final = Warmth()
+
+Count = Callable[[int, int], None]
+"""Takes how many kernels are compiled, and how many there are at most."""
+
+
+def warm_up(
+    catalogue: Catalogue,
+    is_wanted: Callable[[], bool] = lambda: True,
+    warmth: Warmth = ALL,
+    count: Count = lambda _done, _total: None,
+) -> bool:
+    """Compile, or load from the cache, the builder's kernels: a minute where they are not there.
+
+    Then other processes compile what sees, while this one compiles what lives. Behaviours of the
+    user's own are left out: nobody is told of a rehearsal's artefacts.
+    Asks every second or so whether that `is_wanted`; stops, and returns False, when it is not. An
+    exception out of a signal's handler is no way to stop it: the compiler crashes, or swallows it.
+    """
+    catalogue = _tame(catalogue)
+    with ExitStack() as stack:
+        helpers = _Helpers(catalogue, warmth, stack)
+        compilation = _Compilation(is_wanted, count, helpers)
+        stack.enter_context(event.install_listener("numba:compile", compilation))
+        try:
+            scene = _Scene(catalogue, warmth, compilation.ask)
+            scene.live()
+            while helpers.are_busy():
+                compilation.ask()
+                helpers.wait()
+            scene.sense()
+        except _UnwantedError:
+            return False
+    return True
+
+
+class _UnwantedError(BaseException):
     """Nobody wants the kernels any more; no `except Exception` of the compiler's stops this."""
 
 
-class _BetweenKernels(event.Listener):  # type: ignore[misc] # numba is not typed
-    """Raises _Unwanted before another kernel compiles: the one place where it harms nothing."""
+class _Compilation(event.Listener):  # type: ignore[misc] # numba is not typed
+    """Counts the kernels that compile, here and in the helpers, which begin with the first.
 
-    def __init__(self, is_wanted: Callable[[], bool]) -> None:
-        self._is_wanted = is_wanted
+    Raises _UnwantedError before another one compiles: the one place where it harms nothing.
+    """
 
-    def on_start(self, _: Any) -> None:
-        """Ask whether to go on."""
+    def __init__(self, is_wanted: Callable[[], bool], count: Count, helpers: "_Helpers") -> None:
+        self._is_wanted, self._count, self._helpers = is_wanted, count, helpers
+        self._kernels: set[str] = set()
+
+    def ask(self) -> None:
+        """Ask whether to go on, and tell how far it is."""
         if not self._is_wanted():
-            raise _Unwanted
+            raise _UnwantedError
+        if self._helpers.are_busy():
+            self._tell(self._helpers.compiled())
+
+    def on_start(self, compilation: Any) -> None:
+        """Ask whether to go on; the first kernel calls for help."""
+        self.ask()
+        if kernel := _kernel_of(compilation):
+            self._helpers.start()
+            self._tell({kernel})
+
+    def on_end(self, _: Any) -> None:
+        """Go on."""
+
+    def _tell(self, kernels: set[str]) -> None:
+        if not kernels <= self._kernels:
+            self._kernels |= kernels
+            self._count(len(self._kernels), len(KERNELS))
+
+
+def _kernel_of(compilation: Any) -> str:
+    """Return the name of the kernel of ours that an event is about, if it is one."""
+    dispatcher = (compilation.data or {}).get("dispatcher")
+    name = "" if dispatcher is None else name_of(dispatcher.py_func)
+    return name if name in KERNELS else ""
+
+
+class _Helpers:
+    """Processes that compile what sees into the same cache: as many as there are other cores.
+
+    Whatever becomes of them, this process goes on, and compiles what they have not.
+    """
+
+    def __init__(self, catalogue: Catalogue, warmth: Warmth, stack: ExitStack) -> None:
+        self._rehearsal = pickle.dumps((catalogue, warmth))
+        self._stack = stack
+        self._helper: subprocess.Popen[bytes] | None = None
+        self._rest = b""
+
+    def start(self) -> None:
+        """Start them, unless they were or there is but one core."""
+        if self._helper is not None or len(os.sched_getaffinity(0)) == 1:
+            return
+        path = os.pathsep.join(filter(None, sys.path))
+        self._helper = self._stack.enter_context(
+            subprocess.Popen(  # noqa: S603 - this very program
+                [sys.executable, "-c", f"from {__name__} import help_out; help_out()"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                env={**os.environ, "PYTHONPATH": path},
+            )
+        )
+        self._stack.callback(self._helper.kill)
+        with suppress(BrokenPipeError):
+            _pipe(self._helper.stdin).write(self._rehearsal)
+            _pipe(self._helper.stdin).close()
+        os.set_blocking(_pipe(self._helper.stdout).fileno(), False)
+
+    def are_busy(self) -> bool:
+        """Tell whether one still compiles."""
+        return self._helper is not None and self._helper.poll() is None
+
+    def wait(self) -> None:
+        """Wait for a moment, or until none compiles any more."""
+        if self._helper is not None:
+            with suppress(subprocess.TimeoutExpired):
+                self._helper.wait(_PAUSE_S)
+
+    def compiled(self) -> set[str]:
+        """Return the names of what they have begun to compile since the last time."""
+        if self._helper is None:
+            return set()
+        said = self._rest + (_pipe(self._helper.stdout).read() or b"")
+        *names, self._rest = said.split(b"\n")
+        return {name.decode() for name in names}
+
+
+def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
+    if pipe is None:
+        raise ValueError("the process was started without this pipe")
+    return pipe
+
+
+class _Names(event.Listener):  # type: ignore[misc] # numba is not typed
+    """Tells the parent, by the output, the name of each kernel that compiles."""
+
+    def on_start(self, compilation: Any) -> None:
+        """Tell it at once: a parent that is gone ends this process."""
+        if kernel := _kernel_of(compilation):
+            os.write(_STDOUT, f"{kernel}\n".encode())
 
     def on_end(self, _: Any) -> None:
         """Go on."""
 
 
-def warm_up(catalogue: Catalogue, is_wanted: Callable[[], bool] = lambda: True) -> bool:
-    """Compile, or load from the cache, every kernel of the builder: a minute or two.
-
-    Behaviours of the user's own are left out: nobody is told of a rehearsal's artefacts.
-    Asks every second or so whether that `is_wanted`; stops, and returns False, when it is not. An
-    exception out of a signal's handler is no way to stop it: the compiler crashes, or swallows it.
-    """
-    with event.install_listener("numba:compile", _BetweenKernels(is_wanted)):
-        try:
-            return _run(catalogue, is_wanted)
-        except _Unwanted:
-            return False
+def help_out() -> None:
+    """Compile what sees, in a process of its own: what is to be seen comes by its input."""
+    catalogue, warmth = pickle.load(sys.stdin.buffer)  # noqa: S301 - our own parent wrote it
+    standing, still = {"standing": 1.0}, MotionLimits(speed_mps=0.0)
+    rows = [replace(row, behaviours=standing, motion=still) for row in catalogue.rows]
+    with event.install_listener("numba:compile", _Names()):
+        _Scene(Catalogue(tuple(rows)), warmth, lambda: None).sense()
 
 
-def _run(catalogue: Catalogue, is_wanted: Callable[[], bool]) -> bool:
-    """Run a room with a robot, a wall, voxels, a scan and some artefacts for two seconds."""
-    count = len(catalogue.rows)
-    rates = (count / 4, count / 2)  # small and large ones, of a catalogue of any length
-    parameters = with_values(Parameters(), {**_MINIATURE, "mixture.rates": rates})
-    catalogue = _tame(catalogue)
-    builder = ArBuilder(parameters, catalogue)
-    builder.receive_map(_room(), 0)
-    builder.receive_cloud(_cloud(), "map", 0, 0.1)
-    row = catalogue.rows[0]
-    for tick in range(20):
-        if not is_wanted():
-            return False
-        now_ns = tick * NS_PER_S // 10
-        builder.receive_transform("map", "base_link", now_ns, (0.1 * tick, 0, 0), _NO_TURN, now_ns)
-        builder.receive_scan("scan", _scan(now_ns), now_ns)
-        if tick == 1:
-            builder.receive_camera(_lens(), now_ns)
-            builder.lives.place(row, GroundPose(2.0, 1.5, 0.0, 0.1), now_ns)
-            _let_walk(builder, catalogue, now_ns)
-        builder.step(now_ns)
-        builder.take_scans()
-    _let_collide(builder)
-    return True
+class _Scene:
+    """A room with a robot, a wall, voxels, a scan and some artefacts, for two seconds."""
+
+    def __init__(self, catalogue: Catalogue, warmth: Warmth, ask: Callable[[], None]) -> None:
+        count = len(catalogue.rows)
+        rates = (count / 4, count / 2)  # small and large ones, of a catalogue of any length
+        self._catalogue, self._warmth, self._ask = catalogue, warmth, ask
+        self._parameters = with_values(Parameters(), {**_MINIATURE, "mixture.rates": rates})
+        self._builder = ArBuilder(self._parameters, catalogue, _NOTHING)
+        self._builder.receive_map(_room(), 0)
+        self._tick = 0
+
+    def live(self) -> None:
+        """Let artefacts arrive and move, and nobody see them."""
+        builder = self._builder
+        anywhere = with_values(self._parameters, {"population.appear": "anywhere"})
+        builder.reconfigure(anywhere, 0)
+        for _ in range(_TICKS):
+            now_ns = self._move()
+            if self._tick == 2:
+                _let_walk(builder, self._catalogue, now_ns)
+            builder.step(now_ns)
+
+    def sense(self) -> None:
+        """Let them be seen, scanned and mapped."""
+        builder = self._builder
+        builder.reconfigure(self._parameters, self._tick * _TICK_NS)
+        builder.demand = self._warmth.demand
+        if self._warmth.has_cloud:
+            builder.receive_cloud(_cloud(), "map", self._tick * _TICK_NS, 0.1)
+        for i in range(_TICKS):
+            now_ns = self._move()
+            if self._warmth.has_scans:
+                builder.receive_scan("scan", _scan(now_ns), now_ns)
+            if i == 1:
+                builder.receive_camera(_lens(), now_ns)
+                pose = GroundPose(2.0, 1.5, 0.0, 0.1)
+                with suppress(PlacementError):  # somebody may stand there
+                    builder.lives.place(self._catalogue.rows[0], pose, now_ns)
+            builder.step(now_ns)
+            builder.take_scans()
+        _let_collide(builder)
+
+    def _move(self) -> int:
+        """Move the robot on, and return the time."""
+        self._ask()
+        now_ns, x_m = self._tick * _TICK_NS, 0.1 * (self._tick % _TICKS)
+        self._builder.receive_transform("map", "base_link", now_ns, (x_m, 0, 0), _NO_TURN, now_ns)
+        self._tick += 1
+        return now_ns
 
 
 def _tame(catalogue: Catalogue) -> Catalogue:

@@ -33,6 +33,7 @@ from are_ros.parameters.model import Parameters
 NAME: Final = "ar_builder"
 _REPORT_S: Final = 1.0
 _MOST_SENTENCES: Final = 1000
+_KERNELS_A_LINE: Final = 25
 _LEAPS: Final = JumpThreshold(
     min_forward=Duration(seconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
 )
@@ -167,7 +168,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         catalogue = self._catalogue = catalogue_of(parameters)
         mixture_of(parameters, catalogue)
         self.get_logger().info("preparing the kernels (a minute or two the first time)")
-        if not warm_up(catalogue, self.is_wanted):
+        if not warm_up(catalogue, self.is_wanted, count=self._tell_kernels):
             raise NodeError("it is not configured: the node is to end")
         self._said.clear()
         subscriptions = self._inputs = Subscriptions(
@@ -188,6 +189,10 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self._hangs = HangWatch(self._busy, self._cry)
         subscriptions.follow_publishers()
         self.get_logger().info("configured: the real map is relayed")
+
+    def _tell_kernels(self, done: int, total: int) -> None:
+        if done % _KERNELS_A_LINE == 0:
+            self.get_logger().info(f"{done} kernels are compiled, of at most {total}")
 
     def _close(self) -> None:
         self.retire()

@@ -58,6 +58,7 @@ class Stopwatch:
 
 _STEP_NS = NS_PER_S // 2
 _LAYOUT = "{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} s [{elapsed}<{remaining}]"
+_KERNELS = "{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} [{elapsed}]"
 
 
 class ProgressBar:
@@ -102,3 +103,28 @@ class ProgressBar:
                 bar.close()
 
         return move
+
+
+class KernelBar:
+    """A bar on stderr that counts the kernels that compile, once that has taken two seconds."""
+
+    def __enter__(self) -> "KernelBar":  # noqa: PYI034 (Self came with Python 3.11)
+        self._bar: tqdm[NoReturn] = tqdm(
+            desc="kernels", bar_format=_KERNELS, leave=True, disable=None, delay=_SLOW_S, total=1
+        )
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if error is None:
+            self._bar.total = max(self._bar.n, 1)  # those that nobody needs are not waited for
+        self._bar.close()
+
+    def count(self, done: int, total: int) -> None:
+        """Show how many are compiled, of at most how many."""
+        self._bar.total = total
+        self._bar.update(done - self._bar.n)

@@ -20,7 +20,7 @@ from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms, robot_footprint
 from are_ros.builder.life_keeper import LifeKeeper
 from are_ros.builder.sensor_path import SensorPathCounts
-from are_ros.builder.warm_up import warm_up
+from are_ros.builder.warm_up import Warmth, warm_up
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import SceneRecord
 from are_ros.errors import BagError, InputError, MapError
@@ -39,7 +39,7 @@ from are_ros.replay.listeners import (
     TickWriter,
 )
 from are_ros.replay.output_folder import AUGMENTED, prepare_folder, prepare_scenario
-from are_ros.replay.progress import Progress, Stopwatch, said_if_slow
+from are_ros.replay.progress import KernelBar, Progress, Stopwatch, said_if_slow
 from are_ros.replay.results import REPLAY_PHASE
 from are_ros.replay.runner import Listener, Replay
 from are_ros.replay.scene_record import SceneRecorder
@@ -100,6 +100,8 @@ class MapFiles:
 
 
 _CAMERA_ROLE: Final = "camera/camera_info"
+_CLOUD_ROLE: Final = "octomap_point_cloud_centers"
+_PREPARING: Final = "preparing the kernels (a minute or two the first time)"
 _TRANSFORM_ROLES: Final = ("tf", "tf_static", "odom")
 
 Say = Callable[[str], None]
@@ -159,8 +161,10 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 builder.await_camera()
             elif options.parameters.camera.model is CameraModel.AUTO:
                 say(f"no camera in the recording: {builder.use_default_camera()}")
-            with said_if_slow(say, "preparing the kernels (a minute or two the first time)"):
-                warm_up(catalogue)
+            has_cloud = options.octomap_file is not None or roles.topic(_CLOUD_ROLE) is not None
+            warmth = Warmth(options.demand, bool(replay.scan_topics()), has_cloud)
+            with said_if_slow(say, _PREPARING), KernelBar() as bar:
+                warm_up(catalogue, warmth=warmth, count=bar.count)
             files.feed(builder, replay.start_ns)
         recorder = _recorder(options, catalogue)
         keeper, standing = RecordKeeper(recorder, builder), StandingWatch(builder)

@@ -14,10 +14,10 @@ def pack(centres_m: _FloatArray, yaws_rad: _FloatArray, half_sizes_m: _FloatArra
     """Return the packed rows (N, 8) of boxes."""
     packed = np.empty((centres_m.shape[0], 8))
     for i in range(packed.shape[0]):
-        packed[i, 0:3] = centres_m[i]
         packed[i, 3] = np.cos(yaws_rad[i])
         packed[i, 4] = np.sin(yaws_rad[i])
-        packed[i, 5:8] = half_sizes_m[i]
+        for axis in range(3):
+            packed[i, axis], packed[i, 5 + axis] = centres_m[i, axis], half_sizes_m[i, axis]
     return packed
 
 

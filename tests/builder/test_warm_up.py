@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -39,6 +40,17 @@ finally:
     print("new:", sorted(compiled() - known))
 """
 
+_KERNELS_OF_BOXES = """
+import sys
+from are_ros.builder.warm_up import Demand, Warmth, warm_up
+from tests.builder.test_warm_up import catalogue_of
+warm_up(catalogue_of(2), warmth=Warmth(Demand(grids=False), has_scans=False, has_cloud=False))
+for name, module in list(sys.modules.items()):
+    for kernel, value in vars(module).items() if name.startswith("are_ros.") else ():
+        if getattr(value, "signatures", ()):
+            print(f"{value.py_func.__module__}.{kernel}")
+"""
+
 
 def catalogue_of(count: int) -> Catalogue:
     """Return a catalogue of so many boxes."""
@@ -66,17 +78,44 @@ def test_it_ends_before_the_next_kernel_when_it_is_not_wanted_any_more(
     """In the midst of a step; afterwards nobody listens to the compiler any more."""
     asked: list[bool] = []
 
-    def compiling(*_: object) -> bool:
-        with event.trigger_event("numba:compile"):
-            asked.append(True)
-        return True
+    class Compiling:
+        def __init__(self, *_: object) -> None: ...
 
-    monkeypatch.setattr(module, "_run", compiling)
+        def live(self) -> None:
+            with event.trigger_event("numba:compile"):
+                asked.append(True)
+
+        def sense(self) -> None: ...
+
+    monkeypatch.setattr(module, "_Scene", Compiling)
     assert warm_up(catalogue_of(1))
     assert not warm_up(catalogue_of(1), lambda: False)
     assert asked == [True]
-    compiling()
+    Compiling().live()
     assert asked == [True, True]
+
+
+def test_a_helper_rehearses_what_sees_in_a_process_of_its_own() -> None:
+    """It gets the catalogue, comes to its end, and tells of no kernel that is in the cache."""
+    catalogue = catalogue_of(2)
+    assert warm_up(catalogue)
+    with ExitStack() as stack:
+        helpers = module._Helpers(catalogue, module.ALL, stack)
+        helpers.start()
+        if helpers._helper is None:
+            pytest.skip("a machine of one core has no helpers")
+        assert helpers._helper.wait(timeout=300) == 0
+        assert not helpers.are_busy()
+        assert helpers.compiled() == set()
+
+
+def test_what_nobody_wants_is_not_made_ready() -> None:
+    """Neither inflation nor scans, where there are none."""
+    command = [sys.executable, "-c", _KERNELS_OF_BOXES]
+    made = subprocess.check_output(command, text=True, timeout=900).split()
+    assert "are_ros.builder.occlusion.kernels.render" in made
+    unwanted = ("are_ros.builder.costmap.inflation", "are_ros.builder.scans")
+    assert not [name for name in made if name.startswith(unwanted)]
 
 
 def test_afterwards_a_run_needs_no_kernel_for_other_arguments(tmp_path: Path) -> None:

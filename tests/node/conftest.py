@@ -33,7 +33,7 @@ def warm_once(ros_available: None) -> Callable[..., bool]:  # noqa: ARG001 - it 
 
     is_warm = False
 
-    def warm(catalogue: Any, is_wanted: Callable[[], bool]) -> bool:
+    def warm(catalogue: Any, is_wanted: Callable[[], bool], **_: Any) -> bool:
         nonlocal is_warm
         is_warm = is_warm or warm_up(catalogue, is_wanted)
         return is_warm

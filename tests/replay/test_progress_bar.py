@@ -5,7 +5,7 @@ import sys
 import pytest
 
 from are_ros.conventions import NS_PER_S
-from are_ros.replay.progress import ProgressBar
+from are_ros.replay.progress import KernelBar, ProgressBar
 
 Terminal = pytest.CaptureFixture[str]
 
@@ -56,3 +56,19 @@ def test_a_bar_is_closed_where_the_replay_fails(terminal: Terminal) -> None:
     with ProgressBar():
         pass
     assert terminal.readouterr().err == ""
+
+
+def test_kernels_are_counted_once_that_takes_seconds(
+    terminal: Terminal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those that nobody needed are not missing at the end; what is quick shows no bar."""
+    with KernelBar() as bar:
+        bar.count(1, 9)
+    assert "kernels" not in terminal.readouterr().err
+    monkeypatch.setattr("are_ros.replay.progress._SLOW_S", 0.0)
+    with KernelBar() as bar:
+        bar.count(4, 9)
+        bar.count(6, 9)
+    shown = terminal.readouterr().err.split("\r")[-1]
+    assert "100%" in shown
+    assert "6/6" in shown

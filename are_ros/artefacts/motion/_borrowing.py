@@ -6,24 +6,18 @@ if a borrowing one calls them, else they would inherit its way.
 """
 
 from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
-import numba
-
-from are_ros._compiled import OPTIONS
+from are_ros._compiled import compiled
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 def borrowing(function: _Function) -> _Function:
     """Compile, as `compiled` does, a kernel that makes no arrays."""
-    return _compiled_with(function, counts=False)
+    return compiled(function, _nrt=False)
 
 
 def owning(function: _Function) -> _Function:
     """Compile, as `compiled` does, a kernel that makes arrays and that borrowing ones call."""
-    return _compiled_with(function, counts=True)
-
-
-def _compiled_with(function: _Function, *, counts: bool) -> _Function:
-    return cast("_Function", numba.njit(**OPTIONS, _nrt=counts)(function))
+    return compiled(function, _nrt=True)

@@ -36,6 +36,8 @@ def inflated(mask: Mask, cost_of_d2: Costs, radius_cells: int, margin_cells: int
     nearest centre in the mask; it has `table_size(radius_cells)` entries, and those from
     (radius + 1)^2 on are 0. Exact: integers throughout, no approximation of the distance.
     """
+    if mask.size == 0 and margin_cells == 0:
+        return np.zeros(mask.shape, np.uint8)
     narrow = radius_cells <= NARROW_RADIUS_CELLS
     like: Distances = np.empty(0, np.uint16 if narrow else np.uint32)
     writable = np.array(mask, np.bool_, order="C")  # one type of array, so one compilation
@@ -105,7 +107,8 @@ def _least_in_window(line: Distances, radius: int, nearest: Distances) -> None:
     instruction, which beats the lower envelope of parabolas (fewer steps, none of them in vectors).
     """
     width = nearest.shape[0]
-    nearest[:] = line[radius : radius + width]
+    for c in range(width):
+        nearest[c] = line[radius + c]
     for k in range(1, radius + 1):
         left = line[radius - k : radius - k + width]
         right = line[radius + k : radius + k + width]
@@ -133,7 +136,9 @@ def restore(costs: Costs, static: Costs, places: Rectangles) -> None:
     """Copy the static layer into rectangles (N, 4) of row0, col0, row1, col1 (half-open)."""
     for i in range(places.shape[0]):
         row0, col0, row1, col1 = places[i, 0], places[i, 1], places[i, 2], places[i, 3]
-        costs[row0:row1, col0:col1] = static[row0:row1, col0:col1]
+        for r in range(row0, row1):
+            for c in range(col0, col1):
+                costs[r, c] = static[r, c]
 
 
 @compiled

@@ -217,10 +217,11 @@ def trace(
     for first in range(0, hits_m.size, LANES):
         count = min(LANES, hits_m.size - first)
         floats[_END:] = -_INFINITE
-        floats[_DX : _DX + count] = directions[0, first : first + count]
-        floats[_DY : _DY + count] = directions[1, first : first + count]
-        floats[_DZ : _DZ + count] = directions[2, first : first + count]
-        floats[_END : _END + count] = limits_m[first : first + count]
+        for lane in range(count):
+            floats[_DX + lane] = directions[0, first + lane]
+            floats[_DY + lane] = directions[1, first + lane]
+            floats[_DZ + lane] = directions[2, first + lane]
+            floats[_END + lane] = limits_m[first + lane]
         _begin(field.shape, origin, start_m, integers, floats)
         while _leap(flat, field.shape[1], field.shape[2], origin, ignored, integers, floats):
             pass

@@ -1,0 +1,87 @@
+"""What is compiled is kept on disk, for as long as it is what the sources say."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from are_ros import _compiled
+
+_INNER = """
+from pair._compiled import compiled
+
+@compiled
+def inner(x):
+    return x + {}
+"""
+_OUTER = """
+from pair._compiled import compiled
+from pair.inner import inner
+
+@compiled
+def outer(x):
+    return 10 * inner(x)
+"""
+_CALL = """
+from pair.outer import outer
+print(outer({}), sum(outer.stats.cache_misses.values()))
+"""
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> Path:
+    """Return a package of two modules: a kernel of the one calls a kernel of the other."""
+    package = tmp_path / "pair"
+    package.mkdir()
+    shutil.copy(_compiled.__file__, package)
+    for name, text in {"__init__": "", "inner": _INNER.format(1), "outer": _OUTER}.items():
+        (package / f"{name}.py").write_text(text, encoding="ascii")
+    return package
+
+
+def begin(pair: Path, argument: str) -> subprocess.Popen[str]:
+    """Let a process call `outer`, and print the result and how often it was not in the cache."""
+    environment = {**os.environ, "PYTHONPATH": str(pair.parent), "NUMBA_CACHE_DIR": ""}
+    command = [sys.executable, "-c", _CALL.format(argument)]
+    return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+
+
+def call(pair: Path, argument: str) -> list[str]:
+    """Return what such a process printed."""
+    return begin(pair, argument).communicate(timeout=120)[0].split()
+
+
+def test_a_kernel_is_made_anew_when_what_it_calls_has_changed(pair: Path) -> None:
+    """The callee is in another module, which numba itself does not look at."""
+    assert call(pair, "1") == ["20", "1"]
+    assert call(pair, "1") == ["20", "0"]
+    (pair / "inner.py").write_text(_INNER.format(2), encoding="ascii")
+    assert call(pair, "1") == ["30", "1"]
+
+
+def test_a_touched_source_is_no_other_source(pair: Path) -> None:
+    """Contents count, not times: a package that is unpacked again keeps its kernels."""
+    assert call(pair, "1") == ["20", "1"]
+    os.utime(pair / "inner.py", (0, 0))
+    assert call(pair, "1") == ["20", "0"]
+
+
+def test_processes_that_compile_at_once_keep_what_both_made(pair: Path) -> None:
+    """One kernel for two kinds of numbers: neither loses its entry, nor gets the other's code."""
+    both = [begin(pair, argument) for argument in ("1", "1.5")]
+    assert [each.communicate(timeout=120)[0].split() for each in both] == [
+        ["20", "1"],
+        ["25.0", "1"],
+    ]
+    assert call(pair, "1") == ["20", "0"]
+    assert call(pair, "1.5") == ["25.0", "0"]
+
+
+def test_of_processes_that_want_the_same_kernel_one_compiles_it(pair: Path) -> None:
+    """The others wait for it."""
+    all_three = [begin(pair, "1") for _ in range(3)]
+    said = sorted(each.communicate(timeout=120)[0].split() for each in all_three)
+    assert said == [["20", "0"], ["20", "0"], ["20", "1"]]
