@@ -144,9 +144,9 @@ BREAKAGES = (
                  (real(mask, table, reach, margin) if margin else table[0] * mask.astype(np.uint8)),
              _COSTMAP_TEST),
     Breakage(RETURNS, "a virtual return replaces a nearer real one",
-             "builder.scans:_merged", replacing_nearer, _SCAN_TEST),
+             "builder.sensors:_merged", replacing_nearer, _SCAN_TEST),
     Breakage(RETURNS, "walls hide nothing from beams without a return",
-             "builder.scans:_are_hidden", lambda real, _scan, beams, *_: none(real, beams),
+             "builder.sensors:_are_hidden", lambda real, _scan, beams, *_: none(real, beams),
              _SCAN_TEST),
     Breakage(RETURNS, "a scan meets the artefacts of a second ago", "builder.lives:Lives.scene_at",
              lambda real, self, t_ns, arrived_by_ns=None:
@@ -235,7 +235,7 @@ BREAKAGES = (
     Breakage(TICKS, "arrivals keep away from where a tick saw the robot",
              "builder.lives:Lives._sub_step", sub_step_of_tick, _RATE_TEST + "[33.0]"),
     Breakage(TICKS, "scans wait for the next tick",
-             "builder.scans:ScanAugmentation.deadline_passed",
+             "builder.sensors:SensorAugmentation.deadline_passed",
              lambda real, self, now_ns: real(self, -(-now_ns // self._tick_ns) * self._tick_ns),
              "tests/builder/test_scans.py::test_a_late_correction_is_held_in_the_builder"),
 )

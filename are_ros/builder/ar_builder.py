@@ -57,7 +57,7 @@ class ArBuilder(Reality):
         environment.prepare()
         if self.demand.perception:
             self._watch.prepare(environment)
-        self._scans.prepare(environment)
+        self._sensors.prepare(environment)
         if self.demand.grids:
             self._grids.prepare(environment)
 
@@ -112,7 +112,7 @@ class ArBuilder(Reality):
         self.advance(now_ns)
         self.lives.reconfigure(parameters, assembly.collision_resolver(parameters), now_ns)
         self.parameters = parameters
-        self._scans.reconfigure(parameters.sensors)
+        self._sensors.reconfigure(parameters.sensors)
         self._grids.limit_rate(parameters.augmented_map.max_rate)
         if parameters.costmap != before.costmap:
             self._gate = assembly.gate(parameters)
@@ -154,7 +154,7 @@ class ArBuilder(Reality):
             return self._watch.stand_by(now_ns)
         settings = self.parameters.occlusion
         observation = self._watch.observe(now_ns, camera, environment, scene, settings)
-        self._scans.perceived = frozenset(observation.sightings)
+        self._sensors.perceived = frozenset(observation.sightings)
         return observation
 
     def _register(self, scene: Scene) -> dict[int, CellPatch]:

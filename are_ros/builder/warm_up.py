@@ -13,11 +13,11 @@ from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import collision_resolver
+from are_ros.builder.laser_scan import LaserScan
 from are_ros.conventions import FREE, NS_PER_S, OCCUPIED
 from are_ros.errors import PlacementError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.world.laser_scan import LaserScan
 from are_ros.world.observer import Camera, mounted_camera
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.oriented_boxes import OrientedBoxes
@@ -87,13 +87,13 @@ def _run(catalogue: Catalogue, is_wanted: Callable[[], bool]) -> bool:
             return False
         now_ns = tick * NS_PER_S // 10
         builder.receive_transform("map", "base_link", now_ns, (0.1 * tick, 0, 0), _NO_TURN, now_ns)
-        builder.receive_scan("scan", _scan(now_ns), now_ns)
+        builder.receive_reading("scan", _scan(now_ns), now_ns)
         if tick == 1:
             builder.receive_camera(_lens(), now_ns)
             builder.lives.place(row, GroundPose(2.0, 1.5, 0.0, 0.1), now_ns)
             _let_walk(builder, catalogue, now_ns)
         builder.step(now_ns)
-        builder.take_scans()
+        builder.take_readings()
     _let_collide(builder)
     return True
 

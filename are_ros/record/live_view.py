@@ -25,7 +25,7 @@ from are_ros.draw.viewer import (
 )
 from are_ros.errors import AreError, NodeError
 from are_ros.messages.odometry import read_odometry_numbers
-from are_ros.messages.tick_encoding import scan_outputs
+from are_ros.messages.sensors import sensor_outputs
 from are_ros.messages.transforms import read_transforms
 from are_ros.node.message_classes import RclpyFactory, message_class, service_class
 from are_ros.node.qos import output_qos, subscribe
@@ -194,7 +194,7 @@ class LiveView:
         }
         for name, type_name in outputs.items():
             self._listen(name, type_name, _taking(feed, name))
-        for name in scan_outputs(scans).values():
+        for name in sensor_outputs(dict.fromkeys(scans, "scan")).values():
             kind = "sensor_msgs/msg/LaserScan"
             self._listen(name, kind, lambda m: feed.take_scan(m, is_output=True))
 

@@ -12,6 +12,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.description._tables import aligned, section
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.camera_info import read_camera_info
+from are_ros.messages.sensors import SENSORS
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import PosesParameters, SensorsParameters
 from are_ros.replay.frame_survey import FrameSurvey, FrameSurveyor, hertz, static_tf_option
@@ -20,7 +21,7 @@ from are_ros.wording import counted
 from are_ros.world.transforms.table import TransformSource
 
 _CAMERA = "camera/camera_info"
-_SENSOR_ROLES = ("scan", _CAMERA)
+_SENSOR_ROLES = (*SENSORS, _CAMERA)
 _CLOUD = "octomap_point_cloud_centers"
 _GIVEN = "given"
 

@@ -15,8 +15,9 @@ from are_ros.bag.recording import RECORDING, find_recording
 from are_ros.bag.roles import find_roles
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of, robot_footprint
+from are_ros.builder.laser_scan import LaserScan
 from are_ros.builder.outputs import ArtefactState
-from are_ros.builder.sensor_path import ReleasedScan
+from are_ros.builder.sensors import ReleasedReading
 from are_ros.builder.tick import Tick
 from are_ros.draw.viewer import (
     MISSING_VISER,
@@ -34,7 +35,7 @@ from are_ros.messages.cloud import read_points
 from are_ros.messages.common import read_header, read_time
 from are_ros.messages.grid import read_grid
 from are_ros.messages.odometry import OdometryNumbers
-from are_ros.messages.scan import read_scan
+from are_ros.messages.sensors import read_scan
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
@@ -45,7 +46,6 @@ from are_ros.replay.progress import Progress, ProgressBar
 from are_ros.replay.recorded_scene import state_of
 from are_ros.replay.runner import Listener
 from are_ros.world.frame_tree import FrameTree
-from are_ros.world.laser_scan import LaserScan
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.view_models import ViewModel
@@ -257,7 +257,7 @@ class ViewKeeper(Listener):
     def __init__(self, builder: ArBuilder) -> None:
         self.thinner = TickThinner()
         self._builder = builder
-        self._scans: dict[str, ReleasedScan] = {}
+        self._scans: dict[str, ReleasedReading] = {}
 
     def take_tick(self, tick: Tick) -> None:
         """Keep a tick, with the newest scan of each topic."""
@@ -270,12 +270,13 @@ class ViewKeeper(Listener):
         self.thinner.add(ViewedTick(tick.stamp_ns, artefacts, *poses, scans))
         self._scans.clear()
 
-    def take_scans(self, scans: Sequence[ReleasedScan]) -> None:
-        """Remember scans until the next tick."""
+    def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
+        """Remember laser scans until the next tick."""
+        scans = (one for one in readings if isinstance(one.reading, LaserScan))
         self._scans |= {released.topic: released for released in scans}
 
-    def _viewed_scan(self, released: ReleasedScan) -> ViewedScan | None:
-        scan, frames = released.scan, self._builder.frames
+    def _viewed_scan(self, released: ReleasedReading) -> ViewedScan | None:
+        scan, frames = released.reading, self._builder.frames
         map_frame = self._builder.parameters.frames.map
         pose = frames.try_lookup(map_frame, scan.frame_id, scan.stamp_ns)
         return None if pose is None else viewed_scan(scan, released.received, pose)

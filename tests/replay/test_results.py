@@ -11,7 +11,7 @@ from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.shapes import Shape
 from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.outputs import SceneMetrics
-from are_ros.builder.sensor_path import SensorPathCounts
+from are_ros.builder.sensors import SensorPathCounts
 from are_ros.draw.scene import Life, SceneRecord, TickSeries, Track
 from are_ros.replay.results import (
     ReplayCounts,

@@ -10,10 +10,11 @@ from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.roles import find_roles
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of
-from are_ros.builder.sensor_path import ReleasedScan
+from are_ros.builder.sensors import ReleasedReading
 from are_ros.builder.tick import Tick
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
+from are_ros.messages.sensors import sensor_outputs
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.replay.progress import Stopwatch
@@ -34,7 +35,7 @@ class Diary(Listener):
         """Note a tick."""
         self.entries.append(("tick", tick.stamp_ns, ""))
 
-    def take_scans(self, scans: Sequence[ReleasedScan]) -> None:
+    def take_readings(self, scans: Sequence[ReleasedReading]) -> None:
         """Note scans by the time of their release."""
         self.entries += [("scan", scan.released_ns, scan.topic) for scan in scans]
 
@@ -132,9 +133,11 @@ def test_topics_are_those_of_the_roles(bag: Path) -> None:
             "/map",
             "/octomap_point_cloud_centers",
         }
-        assert usual.scan_topics() == ("/scan",)
-        assert prepared(reader, {"sensors.scans": ["/scan"]}).scan_topics() == ("/scan",)
-        assert prepared(reader, {"sensors.scans": []}).scan_topics() == ()
+        assert sensor_outputs(usual.role_of_topic) == {"/scan": "scan"}
+        named = prepared(reader, {"sensors.scans": ["/scan"]})
+        assert sensor_outputs(named.role_of_topic) == {"/scan": "scan"}
+        none = prepared(reader, {"sensors.scans": []})
+        assert sensor_outputs(none.role_of_topic) == {}
 
 
 @pytest.mark.parametrize(
