@@ -85,17 +85,8 @@ class LaserScan:
         stay bit for bit; replaced ones have intensity 0. Where nothing is replaced the same object
         returns.
         """
-        hits = np.full(len(self.ranges), np.inf)
-        _first_hits(
-            map_from_sensor.translation_m,
-            map_from_sensor.rotation_matrix(),
-            (self.angle_min_rad, self.angle_increment_rad),
-            self.range_max_m,
-            obstacles.boxes.packed,
-            obstacles.shapes.indices,
-            obstacles.shapes.pool.tree,
-            hits,
-        )
+        angles = self.angle_min_rad, self.angle_increment_rad, len(self.ranges)
+        hits = first_hits(map_from_sensor, angles, self.range_max_m, obstacles)
         if hits.min() == np.inf:
             return self
         ranges, replaced = _merged(
@@ -146,6 +137,32 @@ class LaserScan:
             step = f"{self.angle_increment_rad}"
             return f"ranges has {count} values, and {angles} by {step} gives {expected:.1f}"
         return None
+
+
+def first_hits(
+    map_from_laser: RigidTransform,
+    angles: tuple[float, float, int],
+    range_max_m: float,
+    obstacles: Obstacles,
+) -> npt.NDArray[np.float64]:
+    """Return the distance [m] to the first artefact along each beam of a fan, float64 (N,), or inf.
+
+    The beams lie in the x-y plane of the laser's frame; `angles` are the first one [rad], the
+    increment [rad] and N. Hits beyond the range may be left out.
+    """
+    first, increment, count = angles
+    hits = np.full(count, np.inf)
+    _first_hits(
+        map_from_laser.translation_m,
+        map_from_laser.rotation_matrix(),
+        (first, increment),
+        range_max_m,
+        obstacles.boxes.packed,
+        obstacles.shapes.indices,
+        obstacles.shapes.pool.tree,
+        hits,
+    )
+    return hits
 
 
 def _merged(
