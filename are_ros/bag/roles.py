@@ -97,7 +97,7 @@ def read_overrides(texts: Iterable[str]) -> dict[str, str]:
         if role not in SENSORS and slashed(topic) != slashed(first):
             raise BagError(
                 f"--topic {role}:={topic}: the role has {first} already;"
-                f" only {', '.join(SENSORS)} may have several topics"
+                " only a sensor's may have several topics"
             )
     return overrides
 

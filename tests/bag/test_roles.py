@@ -116,7 +116,7 @@ def test_two_topics_for_one_role_are_taken_for_scans_only() -> None:
     texts = ["scan:=/front", "map:=/m", "scan:=rear", "scan:=/rear", "map:=m"]
     assert read_overrides(texts) == {"scan": "/front", "map": "/m"}
     assert sensors_of(texts) == {"scan": ("/front", "/rear")}
-    with pytest.raises(BagError, match=r"map:=/n: the role has /m already; only scan may"):
+    with pytest.raises(BagError, match=r"map:=/n: the role has /m already; only a sensor's may"):
         read_overrides([*texts, "map:=/n"])
 
 
