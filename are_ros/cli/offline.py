@@ -36,8 +36,8 @@ _SKIPPABLE = ("perception", "grids", "markers")
     help='"X Y Z YAW PITCH ROLL PARENT CHILD", metres and radians. Repeatable.',
 )
 @_topic_option(
-    help="Let a topic play a part: map, octomap_point_cloud_centers, odom, scan, "
-    "camera/camera_info, tf, tf_static. Repeatable; several scans are all augmented.",
+    help="Let a topic play a part: map, octomap_point_cloud_centers, odom, scan, range, "
+    "camera/camera_info, tf, tf_static. Repeatable; several scans or ranges are all augmented.",
 )
 @click.option("--start", "start_s", type=SECONDS, default=0.0, help="Begin here.")
 @click.option("--duration", "duration_s", type=SECONDS, help="Length to replay.")

@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from are_ros.builder.laser_scan import LaserScan
+from are_ros.builder.range_reading import RangeReading
 from are_ros.builder.sensors import Reading
 from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.common import MessageFactory, make_header, read_array, read_time
@@ -79,6 +80,41 @@ def encode_scan(scan: LaserScan) -> bytes:
     return writer.message()
 
 
+def read_range(message: Any, source: str = "range") -> RangeReading:
+    """Return the reading of a sensor_msgs/Range; InputError as `RangeReading.checked`."""
+    return RangeReading(
+        frame_id=str(message.header.frame_id).lstrip("/"),
+        stamp_ns=read_time(message.header.stamp),
+        radiation_type=int(message.radiation_type),
+        field_of_view_rad=float(message.field_of_view),
+        min_range_m=float(message.min_range),
+        max_range_m=float(message.max_range),
+        range_m=float(message.range),
+        variance_m2=float(getattr(message, "variance", 0.0)),  # ROS 1 and Humble have none
+    ).checked(source)
+
+
+_RADIATION: Final = Struct("<B")
+_RANGE_NUMBERS: Final = Struct("<5f")
+
+
+def encode_range(reading: RangeReading) -> bytes:
+    """Return a sensor_msgs/Range."""
+    writer = CdrWriter()
+    writer.header(reading.frame_id, reading.stamp_ns)
+    writer.pack(_RADIATION, 1, reading.radiation_type)
+    writer.pack(
+        _RANGE_NUMBERS,
+        4,
+        reading.field_of_view_rad,
+        reading.min_range_m,
+        reading.max_range_m,
+        reading.range_m,
+        reading.variance_m2,
+    )
+    return writer.message()
+
+
 @dataclass(frozen=True)
 class SensorKind:
     """A kind of sensor: subscriptions, outputs, replays and recordings follow from its entry.
@@ -104,7 +140,10 @@ class SensorKind:
         return self.topics(parameters) == (self.role,)
 
 
-_KINDS: Final = (SensorKind("scan", "sensor_msgs/msg/LaserScan", "scans", read_scan, encode_scan),)
+_KINDS: Final = (
+    SensorKind("scan", "sensor_msgs/msg/LaserScan", "scans", read_scan, encode_scan),
+    SensorKind("range", "sensor_msgs/msg/Range", "ranges", read_range, encode_range),
+)
 SENSORS: Final[Mapping[str, SensorKind]] = MappingProxyType({kind.role: kind for kind in _KINDS})
 """The kinds of sensors by role."""
 

@@ -112,6 +112,20 @@ def scan(t_s: float, range_m: float = 3.5, beams: int = 90, frame_id: str = "las
     )
 
 
+def sonar(t_s: float, range_m: float = 3.5) -> Any:
+    """Return a Range of a sonar where the laser is."""
+    return FACTORY.make(
+        "sensor_msgs/msg/Range",
+        header=make_header(FACTORY, "laser", ns(t_s)),
+        radiation_type=0,
+        field_of_view=0.3,
+        min_range=0.05,
+        max_range=10.0,
+        range=range_m,
+        variance=0.0,
+    )
+
+
 def cloud(centres_m: Sequence[tuple[float, float, float]], frame_id: str = "map") -> Any:
     """Return a PointCloud2 of voxel centres."""
     return make_cloud(FACTORY, frame_id, 0, np.array(centres_m, dtype=np.float32))
