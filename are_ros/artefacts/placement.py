@@ -20,12 +20,12 @@ from are_ros.artefacts._leeway import Leeway, leeway_of
 from are_ros.artefacts.artefact import GroundPose, shape_of
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.terrain import Terrains
+from are_ros.world.boxes import OrientedBoxes, overlaps_any
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint, signed_distance_m
 from are_ros.world.lattice_cover import lattice_row
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.oriented_boxes import OrientedBoxes, overlaps_any
-from are_ros.world.region import SpawnRegion
+from are_ros.world.regions import SpawnRegion
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from are_ros._compiled import compiled
-from are_ros.world.box_kernels import write_standing
+from are_ros.world.boxes import write_standing
 
 _FloatArray = NDArray[np.float64]
 

@@ -21,12 +21,18 @@ from are_ros.conventions import seconds_to_ns
 from are_ros.errors import ParameterError
 from are_ros.parameters.choices import CameraModel, OnRobotContact, Shape
 from are_ros.parameters.model import CameraParameters, Parameters, RobotParameters
+from are_ros.world.cameras import (
+    Camera,
+    Observer,
+    OmnidirectionalView,
+    PinholeView,
+    ViewModel,
+    mounted_camera,
+)
 from are_ros.world.footprint import Footprint
-from are_ros.world.frame_tree import FrameTree
-from are_ros.world.observer import Camera, Observer, mounted_camera
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.table import TransformSource
-from are_ros.world.view_models import OmnidirectionalView, PinholeView, ViewModel
+from are_ros.world.transforms.tree import FrameTree
 
 OBSERVER = "robot"
 _STATIC_FORM = "X Y Z YAW PITCH ROLL PARENT CHILD"

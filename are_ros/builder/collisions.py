@@ -9,11 +9,17 @@ from numpy.typing import NDArray
 
 from are_ros._compiled import compiled
 from are_ros.builder.robot_contact import ContactPolicy, RobotContact, contacts_of, depths_m
-from are_ros.world.box_kernels import bounds, boxes_overlap
+from are_ros.world.boxes import (
+    TOUCH_TOLERANCE_M,
+    OrientedBoxes,
+    any_overlap,
+    bounds,
+    boxes_overlap,
+    candidate_pairs,
+    overlaps_any,
+)
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint, penetration_m
-from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes, any_overlap, overlaps_any
-from are_ros.world.spatial_hash import candidate_pairs
 
 _FloatArray = NDArray[np.float64]
 _IndexArray = NDArray[np.int64]

@@ -11,8 +11,8 @@ from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.rows import with_row, without_row
 from are_ros.builder import _crowd_kernels
 from are_ros.parameters.choices import GroundKind
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment
-from are_ros.world.oriented_boxes import OrientedBoxes
 
 _Floats = npt.NDArray[np.float64]
 

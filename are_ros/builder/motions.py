@@ -35,10 +35,9 @@ from are_ros.builder.life_keeper import LifeKeeper
 from are_ros.builder.motion_counts import MotionCounts
 from are_ros.builder.robot_motion import RobotWatch
 from are_ros.builder.robots import RobotPose
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment
-from are_ros.world.oriented_boxes import OrientedBoxes
-from are_ros.world.region import SpawnRegion
-from are_ros.world.zones import Zones
+from are_ros.world.regions import SpawnRegion, Zones
 
 _Floats = npt.NDArray[np.float64]
 _STEPS_AHEAD = 30

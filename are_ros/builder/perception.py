@@ -8,8 +8,8 @@ from are_ros.builder.occlusion.zbuffer import Visibility, ZBuffer
 from are_ros.builder.scene import Scene
 from are_ros.parameters.choices import Shape
 from are_ros.parameters.model import OcclusionParameters
+from are_ros.world.cameras import Camera
 from are_ros.world.environment import Environment
-from are_ros.world.observer import Camera
 from are_ros.world.rigid_transform import RigidTransform
 
 

@@ -23,12 +23,12 @@ from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
 from are_ros.parameters.choices import CameraModel, OdometryUse
 from are_ros.parameters.model import Parameters
+from are_ros.world.cameras import Camera
 from are_ros.world.footprint import Footprint
-from are_ros.world.frame_tree import FrameTree
-from are_ros.world.observer import Camera
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import Values
 from are_ros.world.transforms.table import TransformSource
+from are_ros.world.transforms.tree import FrameTree
 
 _BEFORE_ALL_NS: Final = -(2**63)
 _AFTER_ALL_NS: Final = 2**63 - 1

@@ -7,8 +7,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from are_ros.world.boxes import TOUCH_TOLERANCE_M, OrientedBoxes
 from are_ros.world.footprint import Footprint, penetration_m
-from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 from are_ros.errors import FrameError
+from are_ros.world.cameras import Camera, Observer
 from are_ros.world.footprint import Footprint
-from are_ros.world.frame_tree import FrameTree
-from are_ros.world.observer import Camera, Observer
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.transforms.tree import FrameTree
 
 _USUAL_BASES = ("base_footprint", "base_link")
 

@@ -21,10 +21,10 @@ from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import FrameError
 from are_ros.parameters.choices import SensorGate, Shape
 from are_ros.parameters.model import Parameters, SensorsParameters
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment
-from are_ros.world.frame_tree import FrameTree
-from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.transforms.tree import FrameTree
 
 _WATCHED: Final = 50
 """How late the transforms came is kept for this many readings that left too early."""

@@ -18,11 +18,10 @@ from are_ros.conventions import FREE, NS_PER_S, OCCUPIED
 from are_ros.errors import PlacementError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.world.observer import Camera, mounted_camera
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.cameras import Camera, PinholeView, mounted_camera
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import PinholeView
 
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
 _SIDE = 120

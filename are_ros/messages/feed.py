@@ -17,7 +17,7 @@ from are_ros.messages.grid import read_grid
 from are_ros.messages.odometry import OdometryNumbers
 from are_ros.messages.sensors import SENSORS, SensorKind
 from are_ros.messages.transforms import StampedTransform
-from are_ros.world.observer import Camera
+from are_ros.world.cameras import Camera
 from are_ros.world.rigid_transform import RigidTransform
 
 _STAMP_AT, _STAMP_END = 4, 12

@@ -8,8 +8,8 @@ from are_ros.messages.odometry import OdometryNumbers
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.choices import OdometryUse
 from are_ros.parameters.model import Parameters
-from are_ros.world.frame_tree import FrameTree
 from are_ros.world.transforms.table import TransformSource
+from are_ros.world.transforms.tree import FrameTree
 
 _SOURCES: Final = {
     OdometryUse.AUTO: TransformSource.ODOMETRY,

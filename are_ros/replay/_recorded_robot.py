@@ -10,9 +10,9 @@ from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.choices import CameraModel
 from are_ros.parameters.model import Parameters
 from are_ros.replay._recorded_frames import RecordedFrames
-from are_ros.world.frame_tree import FrameTree
-from are_ros.world.observer import Camera
+from are_ros.world.cameras import Camera
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.transforms.tree import FrameTree
 
 
 class RecordedRobot:

@@ -25,8 +25,7 @@ from are_ros.replay.frame_survey import root_above
 from are_ros.replay.progress import Progress, ProgressBar, said_if_slow
 from are_ros.replay.timeline import WITHOUT_MAP, ReplayOptions, topics_to_read
 from are_ros.wording import counted, why_refused
-from are_ros.world.frame_tree import FrameTree
-from are_ros.world.map_file import read_map_file
+from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.scan_matching import (
     NEAR_M,
@@ -38,6 +37,7 @@ from are_ros.world.scan_matching import (
     ScanMatcher,
     wrapped,
 )
+from are_ros.world.transforms.tree import FrameTree
 
 # The scans of a recording as one cloud, in the frame at the root of the tree they hang in.
 

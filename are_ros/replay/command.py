@@ -46,7 +46,7 @@ from are_ros.replay.session import Outcome, run_replay
 from are_ros.replay.timeline import ReplayOptions
 from are_ros.replay.view_input import place_of
 from are_ros.wording import counted
-from are_ros.world.map_file import read_map_file
+from are_ros.world.map_io import read_map_file
 
 Say = Callable[[str], None]
 

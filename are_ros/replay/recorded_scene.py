@@ -27,7 +27,7 @@ from are_ros.parameters.ros_yaml import with_file
 from are_ros.replay._recorded_robot import RecordedRobot
 from are_ros.replay.progress import Progress
 from are_ros.replay.scene_record import Moment, SceneRecorder
-from are_ros.world.observer import Camera
+from are_ros.world.cameras import Camera
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

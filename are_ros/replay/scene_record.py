@@ -12,10 +12,9 @@ from are_ros.builder.outputs import ArtefactState, SceneMetrics
 from are_ros.builder.tick import Tick
 from are_ros.draw.scene import SceneRecord, TickSeries
 from are_ros.replay.life_record import LifeRecorder, track_of
+from are_ros.world.cameras import Camera, ViewModel
 from are_ros.world.footprint import Footprint
-from are_ros.world.observer import Camera
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import ViewModel
 
 
 @dataclass(frozen=True, eq=False)

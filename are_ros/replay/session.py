@@ -54,9 +54,9 @@ from are_ros.replay.timeline import (
 )
 from are_ros.replay.view_input import ViewKeeper
 from are_ros.wording import counted
-from are_ros.world.map_file import read_map_file
+from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.octomap_file import read_octomap_file
+from are_ros.world.octomap_io import read_octomap_file
 from are_ros.world.voxel_map import VoxelMap
 
 # The map and the octomap that come from files beside the recording.

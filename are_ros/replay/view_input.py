@@ -45,10 +45,10 @@ from are_ros.replay.listeners import PREFIX
 from are_ros.replay.progress import Progress, ProgressBar
 from are_ros.replay.recorded_scene import state_of
 from are_ros.replay.runner import Listener
-from are_ros.world.frame_tree import FrameTree
+from are_ros.world.cameras import ViewModel
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import ViewModel
+from are_ros.world.transforms.tree import FrameTree
 from are_ros.world.voxel_map import VoxelMap
 
 OpenProgress = Callable[[int, int], Progress]

@@ -13,9 +13,8 @@ from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.markers import MarkerAction
 from are_ros.builder.tick import Demand, Tick
 from are_ros.errors import FrameError, InputError, ParameterError
-from are_ros.world.observer import Camera
+from are_ros.world.cameras import Camera, PinholeView
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import PinholeView
 
 Scene = Any
 """The `Scene` of conftest, which tests cannot import."""

@@ -12,7 +12,7 @@ from are_ros.builder.events import EventKind
 from are_ros.builder.laser_scan import LaserScan
 from are_ros.builder.requests import Requests, SpawnRequest
 from are_ros.errors import CatalogueError
-from are_ros.world.oriented_boxes import any_overlap
+from are_ros.world.boxes import any_overlap
 from are_ros.world.rigid_transform import RigidTransform
 from tests.artefacts.diary import ENTRIES, MARCHER, STROLLER
 from tests.builder.town import (

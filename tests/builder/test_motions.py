@@ -16,12 +16,10 @@ from are_ros.builder.events import EventKind
 from are_ros.builder.motions import Happened, Motions
 from are_ros.builder.populations import motions_of
 from are_ros.parameters.model import Parameters
-from are_ros.world.environment import Environment
-from are_ros.world.ground import PlaneGround
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.oriented_boxes import OrientedBoxes
-from are_ros.world.region import SpawnRegion
-from are_ros.world.zones import Zones
+from are_ros.world.regions import SpawnRegion, Zones
 from tests.builder.town import POST, STEP_NS, TYPES, WALKER, hall
 
 NO_PLAN = np.empty((0, 2))

@@ -13,7 +13,7 @@ from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.range_reading import RangeReading
 from are_ros.builder.sensors import Obstacles
 from are_ros.errors import InputError
-from are_ros.world.oriented_boxes import OrientedBoxes
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
 

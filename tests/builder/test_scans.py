@@ -9,8 +9,8 @@ import pytest
 
 from are_ros.builder.laser_scan import LaserScan
 from are_ros.builder.sensors import SensorPath
-from are_ros.world.frame_tree import FrameTree
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.transforms.tree import FrameTree
 
 WAIT_NS = 50
 HISTORY_NS = 1000

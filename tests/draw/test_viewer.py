@@ -23,10 +23,10 @@ from are_ros.draw.viewer import (
     write_view,
 )
 from are_ros.errors import BagError
+from are_ros.world.cameras import PinholeView
 from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import PinholeView
 from are_ros.world.voxel_map import VoxelMap
 from tests.browser import NO_BROWSER, Page, find_browser, open_page
 

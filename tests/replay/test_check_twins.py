@@ -21,11 +21,11 @@ from are_ros.checks.oracle import Outline, distances_m, overlap_depths_m
 from are_ros.checks.oracle_solids import Covers, RealMap, Walls
 from are_ros.errors import FrameError
 from are_ros.messages.markers import MarkerEncoder
+from are_ros.world.boxes import OrientedBoxes, overlaps
 from are_ros.world.footprint import Footprint, penetration_m
-from are_ros.world.frame_tree import FrameTree
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.oriented_boxes import OrientedBoxes, overlaps
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.transforms.tree import FrameTree
 from are_ros.world.voxel_map import VoxelMap
 
 MS = 1_000_000

@@ -18,10 +18,9 @@ from are_ros.builder.states import artefact_state, perceived_artefact
 from are_ros.builder.tick import Tick
 from are_ros.draw.scene import SceneRecord
 from are_ros.replay.scene_record import SceneRecorder
+from are_ros.world.cameras import Camera, PinholeView
 from are_ros.world.footprint import Footprint
-from are_ros.world.observer import Camera
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import PinholeView
 
 PERSON = CatalogueRow(0, "tall", "person", (0.4, 0.6, 1.8), (0.1, 0.0, 0.0), Shape.WALL)
 CAR = CatalogueRow(1, "small", "car", (4.0, 1.7, 1.5), (0.0, 0.0, 0.0), Shape.WALL)

@@ -28,8 +28,8 @@ from are_ros.artefacts.motion.order import STAND, Order
 from are_ros.artefacts.motion.robot import RobotMotion
 from are_ros.artefacts.rows import with_row, without_row
 from are_ros.artefacts.terrain import Terrains
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment
-from are_ros.world.oriented_boxes import OrientedBoxes
 
 _WALK_S: Final = 1.0
 _DRIVE_S: Final = 1.5
