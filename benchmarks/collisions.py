@@ -14,8 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from are_ros.builder.collisions import CollisionResolver
-from are_ros.builder.robot_contact import Displace
+from are_ros.builder.collisions import CollisionResolver, Displace
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.footprint import Footprint

@@ -171,10 +171,10 @@ BREAKAGES = (
              lambda real, self, row, dice, others, _robot, *rest:
                  real(self, row, dice, others, None, *rest),
              _LIVES + "test_arrivals_overlap_nothing_at_the_instant_they_come"),
-    Breakage(ROBOT, "contacts are not reported", "builder.contact_log:ContactLog.begun",
+    Breakage(ROBOT, "contacts are not reported", "builder.collisions:ContactLog.begun",
              lambda *_: [], _RUN + "test_none_overlaps_the_robot_but_for_reported_contacts",
              _LIVES + "test_a_robot_that_drives_into_an_artefact"),
-    Breakage(ROBOT, "nobody makes way", "builder.robot_contact:Displace.tolerated_m",
+    Breakage(ROBOT, "nobody makes way", "builder.collisions:Displace.tolerated_m",
              lambda real, *arguments: real(*arguments) + np.inf,
              _RUN + "test_none_overlaps_the_robot_but_for_reported_contacts[all]",
              _LIVES + "test_a_robot_that_drives_into_an_artefact[displace]"),

@@ -6,10 +6,9 @@ from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.population_events import Cause
 from are_ros.builder import assembly
 from are_ros.builder.costmap.augmented_map import Grids
-from are_ros.builder.events import ArtefactEvent
-from are_ros.builder.marker_batch import MarkerBatch
+from are_ros.builder.markers import MarkerBatch
 from are_ros.builder.observation import Observation, sight_events
-from are_ros.builder.outputs import ArtefactState, SceneMetrics
+from are_ros.builder.outputs import ArtefactEvent, ArtefactState, SceneMetrics
 from are_ros.builder.reality import Reality
 from are_ros.builder.registration import CellPatch, clutter_ratio, covered_cells
 from are_ros.builder.scene import Scene

@@ -6,16 +6,13 @@ from pathlib import Path
 
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
-from are_ros.builder.collisions import CollisionResolver
+from are_ros.builder.collisions import CollisionResolver, ContactPolicy, Displace, Hold, Remove
 from are_ros.builder.costmap.augmented_map import GridAugmentation
 from are_ros.builder.costmap.inflation import InflatedCostmap
-from are_ros.builder.display import Display
 from are_ros.builder.gates import ArtefactGate, gate_of
-from are_ros.builder.markers import MarkerBoard
-from are_ros.builder.observation import Watch
+from are_ros.builder.markers import Display, MarkerBoard
+from are_ros.builder.observation import Perception, Watch
 from are_ros.builder.occlusion.meshes import MeshBank
-from are_ros.builder.perception import Perception
-from are_ros.builder.robot_contact import ContactPolicy, Displace, Hold, Remove
 from are_ros.builder.robots import RobotTracker
 from are_ros.conventions import seconds_to_ns
 from are_ros.errors import ParameterError

@@ -22,11 +22,11 @@ from are_ros.artefacts.population_events import EventKind as PopulationEventKind
 from are_ros.artefacts.scripted import ScriptedOffer
 from are_ros.artefacts.terrain import Terrains
 from are_ros.builder.collisions import CollisionResolver
-from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.farewells import Farewells
 from are_ros.builder.life_keeper import LifeKeeper
 from are_ros.builder.motion_counts import MotionCounts
 from are_ros.builder.out_of_view import Viewpoint
+from are_ros.builder.outputs import ArtefactEvent, EventKind
 from are_ros.builder.populations import motions_of, random_population
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.robots import RobotPose, RobotTracker

@@ -26,15 +26,13 @@ from are_ros.artefacts.population_events import Cause
 from are_ros.artefacts.pose_tape import PoseTape
 from are_ros.artefacts.scripted import ScriptedOffer
 from are_ros.artefacts.track_player import TrackPlayer
-from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
-from are_ros.builder.contact_log import ContactLog
+from are_ros.builder.collisions import CollisionResolver, ContactLog, Outcome, Resolution
 from are_ros.builder.crowd import Crowd
 from are_ros.builder.deciding import robot_view, view_of
-from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.life_keeper import LifeKeeper
 from are_ros.builder.motion_counts import MotionCounts
-from are_ros.builder.robot_motion import RobotWatch
-from are_ros.builder.robots import RobotPose
+from are_ros.builder.outputs import ArtefactEvent, EventKind
+from are_ros.builder.robots import RobotPose, RobotWatch
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment
 from are_ros.world.regions import SpawnRegion, Zones

@@ -4,8 +4,8 @@ import math
 from collections.abc import Mapping
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, map_from_artefact
+from are_ros.builder.observation import Sighting
 from are_ros.builder.outputs import ArtefactState, PerceivedArtefact, Vector3
-from are_ros.builder.perception import Sighting
 from are_ros.builder.scene import Scene
 
 _CERTAIN = (0.0,) * 36

@@ -7,8 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.builder.events import ArtefactEvent
-from are_ros.builder.outputs import SceneMetrics
+from are_ros.builder.outputs import ArtefactEvent, SceneMetrics
 from are_ros.builder.step_clock import IDLE_NS
 from are_ros.world.cameras import ViewModel
 from are_ros.world.footprint import Footprint

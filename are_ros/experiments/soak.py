@@ -10,9 +10,8 @@ from typing import Any
 
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow, MotionLimits
 from are_ros.builder.ar_builder import ArBuilder
-from are_ros.builder.events import EventKind
 from are_ros.builder.motion_counts import MotionCounts
-from are_ros.builder.outputs import ArtefactState
+from are_ros.builder.outputs import ArtefactState, EventKind
 from are_ros.builder.tick import Demand, Tick
 from are_ros.checks.oracle_solids import RealMap
 from are_ros.conventions import NS_PER_S

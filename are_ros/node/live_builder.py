@@ -8,7 +8,7 @@ from typing import Final, NamedTuple, Protocol
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.costmap.augmented_map import without_artefacts
-from are_ros.builder.events import ArtefactEvent
+from are_ros.builder.outputs import ArtefactEvent
 from are_ros.builder.reality import CLOCK_JITTER_NS
 from are_ros.builder.requests import Requests, SpawnRequest
 from are_ros.builder.tick import Demand, Tick, TickSchedule

@@ -7,7 +7,7 @@ from typing import Any, Final
 from rclpy.node import Node
 
 from are_ros.builder.ar_builder import ArBuilder
-from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.builder.outputs import ArtefactEvent, EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.node.diagnostics import (
     ContactSnapshot,

@@ -10,7 +10,7 @@ from are_ros.artefacts.population_events import Cause
 from are_ros.bag.reader import BagReader, recording_in
 from are_ros.bag.roles import read_overrides, sensors_of
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms, replaced_statics
-from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.builder.outputs import ArtefactEvent, EventKind
 from are_ros.builder.sensors import SensorPathCounts
 from are_ros.builder.tick import Demand
 from are_ros.description.configuration import describe_lines

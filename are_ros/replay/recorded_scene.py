@@ -16,8 +16,7 @@ from are_ros.bag.reader import BagTopic
 from are_ros.bag.recording import PREFIX, RecordedMessage, Recording, find_recording
 from are_ros.bag.roles import find_roles
 from are_ros.builder.assembly import robot_footprint
-from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.outputs import ArtefactState, SceneMetrics
+from are_ros.builder.outputs import ArtefactEvent, ArtefactState, EventKind, SceneMetrics
 from are_ros.draw.scene import SceneRecord
 from are_ros.errors import BagError
 from are_ros.messages.odometry import OdometryNumbers

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
-from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.outputs import ArtefactState, SceneMetrics
+from are_ros.builder.outputs import ArtefactEvent, ArtefactState, EventKind, SceneMetrics
 from are_ros.builder.tick import Tick
 from are_ros.draw.scene import SceneRecord, TickSeries
 from are_ros.replay.life_record import LifeRecorder, track_of

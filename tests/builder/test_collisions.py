@@ -6,8 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
-from are_ros.builder.robot_contact import ContactPolicy, Displace, Hold, Remove
+from are_ros.builder.collisions import (
+    CollisionResolver,
+    ContactPolicy,
+    Displace,
+    Hold,
+    Outcome,
+    Remove,
+    Resolution,
+)
 from are_ros.conventions import OCCUPIED
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment, PlaneGround

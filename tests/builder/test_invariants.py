@@ -19,10 +19,9 @@ from scipy.ndimage import distance_transform_edt
 
 from are_ros.artefacts.artefact import GroundPose
 from are_ros.bag.reader import BagMessage
-from are_ros.builder.events import EventKind
 from are_ros.builder.laser_scan import LaserScan
 from are_ros.builder.markers import MarkerAction
-from are_ros.builder.outputs import ArtefactState
+from are_ros.builder.outputs import ArtefactState, EventKind
 from are_ros.builder.sensors import ReleasedReading
 from are_ros.builder.tick import Tick
 from are_ros.checks.oracle import (

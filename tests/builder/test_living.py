@@ -8,8 +8,8 @@ import pytest
 
 from are_ros.artefacts.artefact import boxes_of
 from are_ros.artefacts.catalogue import Catalogue
-from are_ros.builder.events import EventKind
 from are_ros.builder.laser_scan import LaserScan
+from are_ros.builder.outputs import EventKind
 from are_ros.builder.requests import Requests, SpawnRequest
 from are_ros.errors import CatalogueError
 from are_ros.world.boxes import any_overlap

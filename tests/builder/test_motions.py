@@ -12,8 +12,8 @@ from are_ros.artefacts.population_events import Cause
 from are_ros.artefacts.terrain import Terrains
 from are_ros.builder import assembly
 from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
-from are_ros.builder.events import EventKind
 from are_ros.builder.motions import Happened, Motions
+from are_ros.builder.outputs import EventKind
 from are_ros.builder.populations import motions_of
 from are_ros.parameters.model import Parameters
 from are_ros.world.boxes import OrientedBoxes

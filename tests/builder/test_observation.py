@@ -8,10 +8,9 @@ import pytest
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.builder.events import EventKind
-from are_ros.builder.observation import Observation, Watch, sight_events
+from are_ros.builder.observation import Observation, Perception, Watch, sight_events
 from are_ros.builder.occlusion.meshes import MeshBank
-from are_ros.builder.perception import Perception
+from are_ros.builder.outputs import EventKind
 from are_ros.builder.robots import RobotTracker
 from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from are_ros.builder.robot_contact import (
+from are_ros.builder.collisions import (
     ContactPolicy,
     Displace,
     Hold,

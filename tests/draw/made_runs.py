@@ -8,8 +8,7 @@ import numpy as np
 
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.shapes import Shape
-from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.outputs import SceneMetrics
+from are_ros.builder.outputs import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import Doing, Life, SceneRecord, TickSeries, Track
 from are_ros.world.cameras import PinholeView, mounted_camera

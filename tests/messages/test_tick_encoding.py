@@ -9,9 +9,14 @@ import pytest
 from are_ros.artefacts.artefact import GroundPose, Origin
 from are_ros.bag.types import jazzy_typestore
 from are_ros.builder.costmap.augmented_map import ChangedRectangle, Grids, GridUpdate
-from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.marker_batch import DELETE_ALL, NO_MARKERS
-from are_ros.builder.outputs import ArtefactState, PerceivedArtefact, SceneMetrics
+from are_ros.builder.markers import DELETE_ALL, NO_MARKERS
+from are_ros.builder.outputs import (
+    ArtefactEvent,
+    ArtefactState,
+    EventKind,
+    PerceivedArtefact,
+    SceneMetrics,
+)
 from are_ros.builder.tick import Demand, Tick
 from are_ros.messages.tick_encoding import (
     OUTPUTS,

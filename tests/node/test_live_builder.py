@@ -13,7 +13,7 @@ pytest.importorskip("rclpy", reason=NOT_SET_UP)
 from rclpy.serialization import deserialize_message, serialize_message
 
 from are_ros.builder.assembly import catalogue_of
-from are_ros.builder.events import EventKind
+from are_ros.builder.outputs import EventKind
 from are_ros.builder.requests import SpawnRequest
 from are_ros.builder.sensors import SensorPathCounts
 from are_ros.messages.tick_encoding import OUTPUTS

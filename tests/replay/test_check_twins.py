@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 import are_ros.checks
 from are_ros.bag.decoded import Scene
 from are_ros.bag.marker_decoding import decode_markers
-from are_ros.builder.marker_batch import DELETE_ALL
-from are_ros.builder.markers import MarkerAction, MarkerBatch, MarkerKind, MarkerLook
+from are_ros.builder.markers import DELETE_ALL, MarkerAction, MarkerBatch, MarkerKind, MarkerLook
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.registration import covered_cells
 from are_ros.checks.frames import TF, Frames

@@ -10,10 +10,9 @@ from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.shapes import Shape
 from are_ros.builder.costmap.augmented_map import Grids
-from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.marker_batch import NO_MARKERS
-from are_ros.builder.outputs import SceneMetrics
-from are_ros.builder.perception import Sighting
+from are_ros.builder.markers import NO_MARKERS
+from are_ros.builder.observation import Sighting
+from are_ros.builder.outputs import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.builder.states import artefact_state, perceived_artefact
 from are_ros.builder.tick import Tick
 from are_ros.draw.scene import SceneRecord

@@ -9,10 +9,9 @@ from are_ros.artefacts.artefact import GroundPose, Origin
 from are_ros.bag.reader import BagReader
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.costmap.augmented_map import Grids
-from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.laser_scan import LaserScan
-from are_ros.builder.marker_batch import NO_MARKERS
-from are_ros.builder.outputs import ArtefactState, SceneMetrics
+from are_ros.builder.markers import NO_MARKERS
+from are_ros.builder.outputs import ArtefactEvent, ArtefactState, EventKind, SceneMetrics
 from are_ros.builder.sensors import ReleasedReading
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
 from are_ros.messages.tick_encoding import OUTPUTS
