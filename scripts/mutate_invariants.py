@@ -144,9 +144,9 @@ BREAKAGES = (
                  (real(mask, table, reach, margin) if margin else table[0] * mask.astype(np.uint8)),
              _COSTMAP_TEST),
     Breakage(RETURNS, "a virtual return replaces a nearer real one",
-             "builder.sensors:_merged", replacing_nearer, _SCAN_TEST),
+             "builder.laser_scan:_merged", replacing_nearer, _SCAN_TEST),
     Breakage(RETURNS, "walls hide nothing from beams without a return",
-             "builder.sensors:_are_hidden", lambda real, _scan, beams, *_: none(real, beams),
+             "builder.laser_scan:_are_hidden", lambda real, _scan, beams, *_: none(real, beams),
              _SCAN_TEST),
     Breakage(RETURNS, "a scan meets the artefacts of a second ago", "builder.lives:Lives.scene_at",
              lambda real, self, t_ns, arrived_by_ns=None:
