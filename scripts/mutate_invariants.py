@@ -237,7 +237,7 @@ BREAKAGES = (
     Breakage(TICKS, "scans wait for the next tick",
              "builder.sensors:SensorAugmentation.deadline_passed",
              lambda real, self, now_ns: real(self, -(-now_ns // self._tick_ns) * self._tick_ns),
-             "tests/builder/test_scans.py::test_a_late_correction_is_held_in_the_builder"),
+             "tests/builder/test_sensors.py::test_a_late_correction_is_held_in_the_builder"),
 )
 # fmt: on
 

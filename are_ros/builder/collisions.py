@@ -57,7 +57,7 @@ def contacts_of(ids: NDArray[np.int64], depths: NDArray[np.float64]) -> tuple[Ro
 
 
 class ContactPolicy(Protocol):
-    """Says what becomes of artefacts that a robot has moved into."""
+    """What happens to artefacts that a robot has moved into."""
 
     def tolerated_m(self, depths: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the depths (N, R) up to which robots are tolerated, given the present ones."""
@@ -72,11 +72,11 @@ class Hold:
     """The artefact stays, and may back out, but never goes deeper, while the overlap lasts."""
 
     def tolerated_m(self, depths: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Tolerate what is."""
+        """Return the present depths: an overlap may last, but not grow."""
         return depths
 
     def leaves(self, in_contact: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Let nobody leave."""
+        """Return False for all: no artefact leaves."""
         return np.zeros_like(in_contact)
 
 
@@ -84,11 +84,11 @@ class Displace:
     """The artefact makes way: its pose is no longer safe, so that the remedies apply."""
 
     def tolerated_m(self, depths: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Tolerate nothing."""
+        """Return zeros: no overlap is tolerated."""
         return np.zeros_like(depths)
 
     def leaves(self, in_contact: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Let nobody leave."""
+        """Return False for all: no artefact leaves."""
         return np.zeros_like(in_contact)
 
 
@@ -96,16 +96,16 @@ class Remove:
     """The artefact leaves at once."""
 
     def tolerated_m(self, depths: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Tolerate nothing."""
+        """Return zeros: no overlap is tolerated."""
         return np.zeros_like(depths)
 
     def leaves(self, in_contact: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Let all in contact leave."""
+        """Return the artefacts in contact: they leave."""
         return in_contact
 
 
 class ContactLog:
-    """Remembers who touches whom, and counts the contacts that begin."""
+    """Remembers the pairs in contact, and counts the contacts that begin."""
 
     def __init__(self, observer: str) -> None:
         self.count = 0
@@ -123,7 +123,7 @@ class ContactLog:
         return [self._event(now_ns, contact, living) for contact in new]
 
     def forget(self) -> None:
-        """Forget who touches whom: the clock jumped back."""
+        """Forget the pairs in contact: the clock jumped back."""
         self._touching = set()
 
     def _event(

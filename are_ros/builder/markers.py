@@ -455,13 +455,13 @@ def _looks_of(figures: list[Figure]) -> tuple[MarkerLook, ...]:
 
 
 NEAR_M: Final = 1.4
-"""As wide as most labels are."""
+"""About the width of a label."""
 
 FAR_M: Final = 1.8
-"""Who had an id beside another one keeps it up to here, lest the texts change to and fro."""
+"""Up to this distance a label that was an id stays one, so that texts do not alternate."""
 
 MOST_LABELS: Final = 100
-"""Of more than these all are ids."""
+"""With more labels than this, all of them are ids."""
 
 
 def crowded_ids(
@@ -469,7 +469,7 @@ def crowded_ids(
 ) -> frozenset[int]:
     """Return which of `ids` (N,), distinct, at places (N, 2) in the map, stand close to another.
 
-    `before` are those who did at the last tick.
+    `before` are the ids that did at the last tick.
     """
     if len(ids) < 2:
         return frozenset()
@@ -545,7 +545,7 @@ class Display:
         self._drawn = {known[1].artefact_id: known for known in drawn}
 
     def _now_crowded(self) -> frozenset[int]:
-        """Return who of those that are labelled stands close to another of them."""
+        """Return the ids of the labelled artefacts that stand close to another labelled one."""
         ids = [state.artefact_id for state in self._states]
         if self._board.labels is Labels.ALL:
             return crowded_ids(ids, self._poses[:, :2], self._crowded)

@@ -95,9 +95,9 @@ class Observation:
 
 
 class Watch:
-    """Lets an observer look at most `rate_hz` times a second; in between, what it saw stands.
+    """Looks at most `rate_hz` times a second; in between, the last sightings hold.
 
-    `looks` counts them, `blind_ticks` those that the camera's pose was missing or too old for.
+    `looks` counts the looks, `blind_ticks` those without the camera's pose.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class Watch:
         scene: Scene,
         settings: OcclusionParameters,
     ) -> Observation:
-        """Return what is perceived at `now_ns`; those who departed are never in it."""
+        """Return what is perceived at `now_ns`; departed artefacts are left out."""
         robot = self._robots.pose(now_ns)
         map_from_base = robot.map_from_base if robot else None
         if not self._is_due(now_ns):
@@ -167,7 +167,10 @@ class Watch:
 def sight_events(
     now_ns: int, before: Mapping[int, str], seen: Mapping[int, str], living: Mapping[int, str]
 ) -> list[ArtefactEvent]:
-    """Return who came into sight, and who of the living was lost from it; all are labels by id."""
+    """Return the events of artefacts that came into sight, or are alive and went out of it.
+
+    `before`, `seen` and `living` are labels by id.
+    """
     found = [i for i in sorted(seen) if i not in before]
     lost = [i for i in sorted(before) if i not in seen and i in living]
     return [

@@ -173,7 +173,7 @@ class SensorPath:
             self._release_head(now_ns)
 
     def clear(self) -> None:
-        """Drop what waits: the clock jumped back."""
+        """Drop the waiting readings: the clock jumped back."""
         self._waiting.clear()
         self._too_early.clear()
         self._late_ns.clear()
@@ -312,7 +312,7 @@ class SensorAugmentation:
             path.flush(now_ns)
 
     def clear(self) -> None:
-        """Drop what waits: the clock jumped back."""
+        """Drop the waiting readings: the clock jumped back."""
         for path in self._paths.values():
             path.clear()
 

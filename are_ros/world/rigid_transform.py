@@ -11,7 +11,7 @@ import numpy.typing as npt
 from are_ros.errors import InvalidTransformError
 
 MAX_TILT_RAD: Final = 1e-3
-"""Roll and pitch up to this count as noise of whoever wrote the pose."""
+"""Roll and pitch up to this are treated as numerical noise."""
 
 
 def tilt_rad(rotation_xyzw: npt.ArrayLike) -> float:
