@@ -14,13 +14,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from are_ros.builder.collisions import CollisionResolver
-from are_ros.builder.robot_contact import Displace
-from are_ros.world.environment import Environment
+from are_ros.builder.collisions import CollisionResolver, Displace
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.footprint import Footprint
-from are_ros.world.ground import PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))

@@ -27,8 +27,7 @@ from are_ros.artefacts.mdp import Problem, Solution, TravelModel, solve, travel_
 from are_ros.artefacts.neighbourhood import Neighbourhood
 from are_ros.artefacts.terrain import Terrain
 from are_ros.artefacts.value_tables import ValueTables
-from are_ros.world.environment import Environment
-from are_ros.world.ground import PlaneGround
+from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from are_ros.world.frame_tree import FrameTree
+from are_ros.world.transforms.tree import FrameTree
 
 SYSTEM_PACKAGES = "/usr/lib/python3/dist-packages"
 EDGES = 4

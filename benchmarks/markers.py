@@ -29,8 +29,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from are_ros.artefacts.artefact import GroundPose, Origin
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
-from are_ros.builder.display import Display
-from are_ros.builder.markers import MarkerBatch, MarkerBoard
+from are_ros.builder.markers import Display, MarkerBatch, MarkerBoard
 from are_ros.builder.outputs import ArtefactState
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.markers import MarkerEncoder

@@ -21,10 +21,9 @@ from embreex.rtcore_scene import EmbreeScene
 from are_ros.builder.occlusion.meshes import MeshPool, MeshSelection
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.occlusion.zbuffer import ZBuffer
-from are_ros.world.observer import FORWARD_FROM_OPTICAL
-from are_ros.world.oriented_boxes import OrientedBoxes
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.cameras import FORWARD_FROM_OPTICAL, PinholeView
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import PinholeView
 from are_ros.world.voxel_map import VoxelMap
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))

@@ -147,9 +147,9 @@ BREAKAGES = (
                  (real(mask, table, reach, margin) if margin else table[0] * mask.astype(np.uint8)),
              _COSTMAP_TEST),
     Breakage(RETURNS, "a virtual return replaces a nearer real one",
-             "builder.scans:_merged", replacing_nearer, _SCAN_TEST),
+             "builder.laser_scan:_merged", replacing_nearer, _SCAN_TEST),
     Breakage(RETURNS, "walls hide nothing from beams without a return",
-             "builder.scans:_are_hidden", lambda real, _scan, beams, *_: none(real, beams),
+             "builder.laser_scan:_are_hidden", lambda real, _scan, beams, *_: none(real, beams),
              _SCAN_TEST),
     Breakage(RETURNS, "a scan meets the artefacts of a second ago", "builder.lives:Lives.scene_at",
              lambda real, self, t_ns, arrived_by_ns=None:
@@ -174,10 +174,10 @@ BREAKAGES = (
              lambda real, self, row, dice, others, _robot, *rest:
                  real(self, row, dice, others, None, *rest),
              _LIVES + "test_arrivals_overlap_nothing_at_the_instant_they_come"),
-    Breakage(ROBOT, "contacts are not reported", "builder.contact_log:ContactLog.begun",
+    Breakage(ROBOT, "contacts are not reported", "builder.collisions:ContactLog.begun",
              lambda *_: [], _RUN + "test_none_overlaps_the_robot_but_for_reported_contacts",
              _LIVES + "test_a_robot_that_drives_into_an_artefact"),
-    Breakage(ROBOT, "nobody makes way", "builder.robot_contact:Displace.tolerated_m",
+    Breakage(ROBOT, "nobody makes way", "builder.collisions:Displace.tolerated_m",
              lambda real, *arguments: real(*arguments) + np.inf,
              _RUN + "test_none_overlaps_the_robot_but_for_reported_contacts[all]",
              _LIVES + "test_a_robot_that_drives_into_an_artefact[displace]"),
@@ -241,9 +241,9 @@ BREAKAGES = (
     Breakage(TICKS, "arrivals keep away from where a tick saw the robot",
              "builder.lives:Lives._sub_step", sub_step_of_tick, _RATE_TEST + "[33.0]"),
     Breakage(TICKS, "scans wait for the next tick",
-             "builder.scans:ScanAugmentation.deadline_passed",
+             "builder.sensors:SensorAugmentation.deadline_passed",
              lambda real, self, now_ns: real(self, -(-now_ns // self._tick_ns) * self._tick_ns),
-             "tests/builder/test_scans.py::test_a_late_correction_is_held_in_the_builder"),
+             "tests/builder/test_sensors.py::test_a_late_correction_is_held_in_the_builder"),
 )
 # fmt: on
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.errors import AreError, CatalogueError, MapError, ParameterError
 from are_ros.parameters.ros_yaml import parse_assignment, read_ros_parameters
-from are_ros.world.map_file import read_map_file
-from are_ros.world.zones import read_zones_file
+from are_ros.world.map_io import read_map_file
+from are_ros.world.regions import read_zones_file
 from are_ros.yaml_text import parse_yaml, read_yaml
 
 FAULTS = (

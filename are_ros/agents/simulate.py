@@ -24,18 +24,15 @@ from are_ros.artefacts.places import destinations_in
 from are_ros.artefacts.scenario import ScriptedOffer
 from are_ros.artefacts.terrain import Terrains
 from are_ros.artefacts.track_player import FollowedTrack
-from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
-from are_ros.builder.contact_log import ContactLog
-from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.builder.collisions import CollisionResolver, ContactLog, Outcome, Resolution
 from are_ros.builder.life_keeper import LifeKeeper
-from are_ros.builder.robot_motion import RobotWatch
-from are_ros.builder.robots import RobotPose
+from are_ros.builder.outputs import ArtefactEvent, EventKind
+from are_ros.builder.robots import RobotPose, RobotWatch
 from are_ros.conventions import seconds_to_ns
 from are_ros.parameters.model import Parameters
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment
-from are_ros.world.oriented_boxes import OrientedBoxes
-from are_ros.world.region import SpawnRegion
-from are_ros.world.zones import Zones
+from are_ros.world.regions import SpawnRegion, Zones
 
 _Floats = npt.NDArray[np.float64]
 _Mask = npt.NDArray[np.bool_]

@@ -22,8 +22,8 @@ from are_ros.artefacts.terrain import HEIGHT_STEP_M
 from are_ros.artefacts.track_player import FollowedTrack
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import GroundKind
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment
-from are_ros.world.oriented_boxes import OrientedBoxes
 
 _FIRST_CAPACITY: Final = 64
 

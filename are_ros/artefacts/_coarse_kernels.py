@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.artefacts.terrain import disc_is_free
-from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M
+from are_ros.world.boxes import TOUCH_TOLERANCE_M
 
 Labels = npt.NDArray[np.uint16]
 

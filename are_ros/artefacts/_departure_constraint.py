@@ -19,9 +19,9 @@ from are_ros.artefacts.motion.body import TIGHTEST, Body
 from are_ros.artefacts.reach import APART_M
 from are_ros.artefacts.terrain import Terrain, Terrains, rolls
 from are_ros.artefacts.traveller import Traveller
-from are_ros.world._wall_kernels import TWO_HALF_DIAGONALS, is_free
+from are_ros.world.boxes import TOUCH_TOLERANCE_M
 from are_ros.world.environment import Environment
-from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M
+from are_ros.world.lattice_cover import TWO_HALF_DIAGONALS, is_free
 
 _Mask = npt.NDArray[np.bool_]
 _Floats = npt.NDArray[np.float64]

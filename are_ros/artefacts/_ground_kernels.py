@@ -9,7 +9,7 @@ from are_ros._compiled import compiled
 from are_ros.artefacts._coarse_kernels import COL_STEPS, ROW_STEPS
 from are_ros.artefacts.motion._borrowing import borrowing, owning
 from are_ros.artefacts.terrain import disc_is_free
-from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M
+from are_ros.world.boxes import TOUCH_TOLERANCE_M
 
 _QUARTER: Final = 0.5 * np.pi
 

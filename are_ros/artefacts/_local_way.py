@@ -15,7 +15,7 @@ from are_ros.artefacts._coarse_kernels import COL_STEPS, ROW_STEPS
 from are_ros.artefacts._ground_kernels import Ground, cell_of, fine_cell
 from are_ros.artefacts.motion._borrowing import owning
 from are_ros.artefacts.terrain import cell_centre, disc_is_free, rolls
-from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M
+from are_ros.world.boxes import TOUCH_TOLERANCE_M
 
 LEAST_M: Final = 0.25
 """A point nearer than this is as good as reached; the way is gone on farther, seen or not."""

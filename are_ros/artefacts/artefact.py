@@ -11,8 +11,8 @@ import numpy as np
 
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.conventions import NS_PER_S
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment
-from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 
 if TYPE_CHECKING:

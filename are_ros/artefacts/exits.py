@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.world.environment import Environment
-from are_ros.world.zones import Zone, Zones, polygon_mask
+from are_ros.world.regions import Zone, Zones, polygon_mask
 
 PERSON_WIDTH_M: Final = 0.6
 """Narrower openings are not passable."""

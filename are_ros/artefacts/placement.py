@@ -14,12 +14,12 @@ from are_ros.artefacts._departure_constraint import DepartureConstraint, departu
 from are_ros.artefacts.artefact import GroundPose, shape_of
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.terrain import Terrains
+from are_ros.world.boxes import OrientedBoxes, overlaps_any
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint, signed_distance_m
 from are_ros.world.lattice_cover import lattice_row
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.oriented_boxes import OrientedBoxes, overlaps_any
-from are_ros.world.region import SpawnRegion
+from are_ros.world.regions import SpawnRegion
 
 _LEVELS_PER_CELL: Final = 4
 _HIGHEST_LEVEL: Final = 2**16 - 1

@@ -9,11 +9,10 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.artefacts.motion._borrowing import borrowing
-from are_ros.world._wall_kernels import TWO_HALF_DIAGONALS
+from are_ros.world.boxes import TOUCH_TOLERANCE_M, OrientedBoxes
 from are_ros.world.environment import Environment
-from are_ros.world.lattice_cover import lattice_row
+from are_ros.world.lattice_cover import TWO_HALF_DIAGONALS, lattice_row
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes
 
 HEIGHT_STEP_M: Final = 0.25
 FIRST_LEAP: Final = 16

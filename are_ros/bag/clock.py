@@ -22,6 +22,7 @@ from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.builder.step_clock import IDLE_NS
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
+from are_ros.messages.sensors import SENSORS
 from are_ros.wording import duration_text, listed
 
 # When the messages of a recording were stamped, and when they were recorded, source by source.
@@ -31,7 +32,7 @@ from are_ros.wording import duration_text, listed
 # recording has gaps, and how long scans have to wait for their transforms.
 
 
-MOVING_ROLES = ("tf", "odom", "scan", "camera/camera_info")
+MOVING_ROLES = ("tf", "odom", *SENSORS, "camera/camera_info")
 """The roles whose messages come all the time while a robot is recorded."""
 
 BASE_FRAMES = ("base_footprint", "base_link")
@@ -120,7 +121,8 @@ class RecordedTimes:
             names = (topic for topic, role in moving.items() if role == wanted)
             return {name: _times(name, logs[name], stamps[name]) for name in names}
 
-        odometry, scans, edges = topics("odom"), topics("scan"), transforms.edges()
+        odometry, edges = topics("odom"), transforms.edges()
+        scans = {name: times for role in SENSORS for name, times in topics(role).items()}
         moved = [times for edge, times in edges.items() if edge in transforms.moving]
         found = [*odometry.values(), *moved, *scans.values()] or list(edges.values())
         for name, times in odometry.items():

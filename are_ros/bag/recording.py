@@ -26,6 +26,7 @@ from are_ros.bag.marker_decoding import decode_markers
 from are_ros.bag.reader import BagTypes, as_bag_errors, open_reader, sentence_of
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
+from are_ros.messages.sensors import SENSORS
 
 PREFIX: Final = "/ar_builder/"
 OUTPUT_TYPES: Final = MappingProxyType(
@@ -47,7 +48,7 @@ INPUT_TYPES: Final = (
     "nav_msgs/msg/OccupancyGrid",
     "tf2_msgs/msg/TFMessage",
     "nav_msgs/msg/Odometry",
-    "sensor_msgs/msg/LaserScan",
+    *(kind.type_name for kind in SENSORS.values()),
     "sensor_msgs/msg/CameraInfo",
 )
 GRID_TOPICS: Final = tuple(PREFIX + name for name in OUTPUT_TYPES if "map" in name)
@@ -384,7 +385,8 @@ def matters(topic: str, type_name: str) -> bool:
     """Tell whether a topic is an output of the node, or may be one of its inputs."""
     if topic.startswith(PREFIX):
         name = topic.removeprefix(PREFIX)
-        return OUTPUT_TYPES.get(name, "sensor_msgs/msg/LaserScan") == type_name
+        sensors = {kind.type_name for kind in SENSORS.values()}
+        return type_name in ({OUTPUT_TYPES[name]} if name in OUTPUT_TYPES else sensors)
     return type_name in INPUT_TYPES
 
 

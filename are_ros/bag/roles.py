@@ -7,6 +7,7 @@ from typing import Final
 
 from are_ros.bag.reader import BagTopic
 from are_ros.errors import BagError
+from are_ros.messages.sensors import SENSORS
 
 TF_TYPES: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
@@ -15,7 +16,7 @@ ROLE_TYPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "map": ("nav_msgs/msg/OccupancyGrid",),
         "octomap_point_cloud_centers": ("sensor_msgs/msg/PointCloud2",),
         "odom": ("nav_msgs/msg/Odometry",),
-        "scan": ("sensor_msgs/msg/LaserScan",),
+        **{role: (kind.type_name,) for role, kind in SENSORS.items()},
         "camera/camera_info": ("sensor_msgs/msg/CameraInfo",),
         "tf": TF_TYPES,
         "tf_static": TF_TYPES,
@@ -24,9 +25,6 @@ ROLE_TYPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     }
 )
 """The roles, in the order they are listed, with the types that serve; the default is "/<role>"."""
-
-_REPEATABLE: Final = "scan"
-"""The one role that several topics can play."""
 
 _TELLTALES: Final = {
     "octomap_point_cloud_centers": "octomap",
@@ -96,18 +94,24 @@ def read_overrides(texts: Iterable[str]) -> dict[str, str]:
     overrides: dict[str, str] = {}
     for role, topic in map(_read_override, texts):
         first = overrides.setdefault(role, topic)
-        if role != _REPEATABLE and slashed(topic) != slashed(first):
+        if role not in SENSORS and slashed(topic) != slashed(first):
             raise BagError(
                 f"--topic {role}:={topic}: the role has {first} already;"
-                f" only {_REPEATABLE} may have several topics"
+                " only a sensor's may have several topics"
             )
     return overrides
 
 
-def scans_of(texts: Iterable[str]) -> tuple[str, ...]:
-    """Return the topics, each once, that texts like "scan:=/front/scan" make scans."""
-    pairs = map(_read_override, texts)
-    return tuple(dict.fromkeys(slashed(topic) for role, topic in pairs if role == _REPEATABLE))
+def sensors_of(texts: Iterable[str]) -> dict[str, tuple[str, ...]]:
+    """Return the topics, each once, that texts like "scan:=/front/scan" give to each sensor's role.
+
+    Roles without a text are left out.
+    """
+    topics: dict[str, list[str]] = {}
+    for role, topic in map(_read_override, texts):
+        if role in SENSORS:
+            topics.setdefault(role, []).append(slashed(topic))
+    return {role: tuple(dict.fromkeys(names)) for role, names in topics.items()}
 
 
 def _read_override(text: str) -> tuple[str, str]:
@@ -144,7 +148,7 @@ def _by_type(role: str, topics: Sequence[BagTopic], free: Sequence[BagTopic]) ->
     if candidates:
         names = ", ".join(topic.name for topic in candidates)
         sentence = f"{role}: {why}, and several topics are {types[0]}: {names}"
-        repeatable = " (repeatable: all are augmented)" if role == _REPEATABLE else ""
+        repeatable = " (repeatable: all are augmented)" if role in SENSORS else ""
         advice = f"choose one with --topic {role}:=/NAME{repeatable}"
         return FoundRole(role, None, f"{sentence}; {advice}")
     has_namesake = any(slashed(topic.name) == f"/{role}" for topic in topics)

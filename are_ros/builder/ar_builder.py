@@ -6,10 +6,9 @@ from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.departures import Cause
 from are_ros.builder import assembly
 from are_ros.builder.costmap.augmented_map import Grids
-from are_ros.builder.events import ArtefactEvent
-from are_ros.builder.marker_batch import MarkerBatch
+from are_ros.builder.markers import MarkerBatch
 from are_ros.builder.observation import Observation, sight_events
-from are_ros.builder.outputs import ArtefactState, SceneMetrics
+from are_ros.builder.outputs import ArtefactEvent, ArtefactState, SceneMetrics
 from are_ros.builder.reality import Reality
 from are_ros.builder.registration import CellPatch, clutter_ratio, covered_cells
 from are_ros.builder.scene import Scene
@@ -57,7 +56,7 @@ class ArBuilder(Reality):
         environment.prepare()
         if self.demand.perception:
             self._watch.prepare(environment)
-        self._scans.prepare(environment)
+        self._sensors.prepare(environment)
         if self.demand.grids:
             self._grids.prepare(environment)
 
@@ -112,7 +111,7 @@ class ArBuilder(Reality):
         self.advance(now_ns)
         self.lives.reconfigure(parameters, assembly.collision_resolver(parameters), now_ns)
         self.parameters = parameters
-        self._scans.reconfigure(parameters.sensors)
+        self._sensors.reconfigure(parameters.sensors)
         self._grids.limit_rate(parameters.augmented_map.max_rate)
         if parameters.costmap != before.costmap:
             self._gate = assembly.gate(parameters)
@@ -154,7 +153,7 @@ class ArBuilder(Reality):
             return self._watch.stand_by(now_ns)
         settings = self.parameters.occlusion
         observation = self._watch.observe(now_ns, camera, environment, scene, settings)
-        self._scans.perceived = frozenset(observation.sightings)
+        self._sensors.perceived = frozenset(observation.sightings)
         return observation
 
     def _register(self, scene: Scene) -> dict[int, CellPatch]:

@@ -6,27 +6,30 @@ from pathlib import Path
 
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.artefacts.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
-from are_ros.builder.collisions import CollisionResolver
+from are_ros.builder.collisions import CollisionResolver, ContactPolicy, Displace, Hold, Remove
 from are_ros.builder.costmap.augmented_map import GridAugmentation
 from are_ros.builder.costmap.inflation import InflatedCostmap
-from are_ros.builder.display import Display
 from are_ros.builder.gates import ArtefactGate, gate_of
-from are_ros.builder.markers import MarkerBoard
-from are_ros.builder.observation import Watch
+from are_ros.builder.markers import Display, MarkerBoard
+from are_ros.builder.observation import Perception, Watch
 from are_ros.builder.occlusion.meshes import MeshBank
-from are_ros.builder.perception import Perception
-from are_ros.builder.robot_contact import ContactPolicy, Displace, Hold, Remove
 from are_ros.builder.robots import RobotTracker
 from are_ros.conventions import seconds_to_ns
 from are_ros.errors import ParameterError
 from are_ros.parameters.choices import CameraModel, OnRobotContact, Shape
 from are_ros.parameters.model import CameraParameters, Parameters, RobotParameters
+from are_ros.world.cameras import (
+    Camera,
+    Observer,
+    OmnidirectionalView,
+    PinholeView,
+    ViewModel,
+    mounted_camera,
+)
 from are_ros.world.footprint import Footprint
-from are_ros.world.frame_tree import FrameTree
-from are_ros.world.observer import Camera, Observer, mounted_camera
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.table import TransformSource
-from are_ros.world.view_models import OmnidirectionalView, PinholeView, ViewModel
+from are_ros.world.transforms.tree import FrameTree
 
 OBSERVER = "robot"
 _STATIC_FORM = "X Y Z YAW PITCH ROLL PARENT CHILD"

@@ -1,19 +1,139 @@
-"""Collisions (section 3.3): the paper's two remedies, so that no two artefacts ever overlap."""
+"""Collisions (section 3.3): the paper's two remedies, so that no two artefacts ever overlap.
 
-from collections.abc import Sequence
+The policies of robot contacts, and the log of contacts, stand here too (section 3.3).
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from are_ros._compiled import compiled
-from are_ros.builder.robot_contact import ContactPolicy, RobotContact, contacts_of, depths_m
-from are_ros.world.box_kernels import bounds, boxes_overlap
+from are_ros.artefacts.artefact import Artefact
+from are_ros.builder.outputs import ArtefactEvent, EventKind
+from are_ros.world.boxes import (
+    TOUCH_TOLERANCE_M,
+    OrientedBoxes,
+    any_overlap,
+    bounds,
+    boxes_overlap,
+    candidate_pairs,
+    overlaps_any,
+)
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint, penetration_m
-from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes, any_overlap, overlaps_any
-from are_ros.world.spatial_hash import candidate_pairs
+
+
+@dataclass(frozen=True)
+class RobotContact:
+    """Robot number `observer` overlaps an artefact, by this penetration depth."""
+
+    observer: int
+    artefact_id: int
+    penetration_m: float
+
+
+def depths_m(robots: Sequence[Footprint], boxes: OrientedBoxes) -> NDArray[np.float64]:
+    """Return the penetration depths (N, R) of R robots into N boxes, 0 where apart."""
+    if not robots:
+        return np.zeros((len(boxes), 0))
+    return np.column_stack([penetration_m(robot, boxes) for robot in robots])
+
+
+def contacts_of(ids: NDArray[np.int64], depths: NDArray[np.float64]) -> tuple[RobotContact, ...]:
+    """Return the contacts among depths (N, R) of R robots into the N artefacts `ids`.
+
+    The order is that of the artefacts, then of the robots. Touching is no contact.
+    """
+    if not depths.any():
+        return ()
+    return tuple(
+        RobotContact(int(observer), int(ids[i]), float(depths[i, observer]))
+        for i, observer in np.argwhere(depths > TOUCH_TOLERANCE_M)
+    )
+
+
+class ContactPolicy(Protocol):
+    """What happens to artefacts that a robot has moved into."""
+
+    def tolerated_m(self, depths: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the depths (N, R) up to which robots are tolerated, given the present ones."""
+        ...
+
+    def leaves(self, in_contact: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which artefacts (N,) leave, given which are in contact."""
+        ...
+
+
+class Hold:
+    """The artefact stays, and may back out, but never goes deeper, while the overlap lasts."""
+
+    def tolerated_m(self, depths: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the present depths: an overlap may last, but not grow."""
+        return depths
+
+    def leaves(self, in_contact: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return False for all: no artefact leaves."""
+        return np.zeros_like(in_contact)
+
+
+class Displace:
+    """The artefact makes way: its pose is no longer safe, so that the remedies apply."""
+
+    def tolerated_m(self, depths: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return zeros: no overlap is tolerated."""
+        return np.zeros_like(depths)
+
+    def leaves(self, in_contact: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return False for all: no artefact leaves."""
+        return np.zeros_like(in_contact)
+
+
+class Remove:
+    """The artefact leaves at once."""
+
+    def tolerated_m(self, depths: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return zeros: no overlap is tolerated."""
+        return np.zeros_like(depths)
+
+    def leaves(self, in_contact: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return the artefacts in contact: they leave."""
+        return in_contact
+
+
+class ContactLog:
+    """Remembers the pairs in contact, and counts the contacts that begin."""
+
+    def __init__(self, observer: str) -> None:
+        self.count = 0
+        self._observer = observer
+        self._touching: set[tuple[int, int]] = set()
+
+    def begun(
+        self, now_ns: int, contacts: Sequence[RobotContact], living: Mapping[int, Artefact]
+    ) -> list[ArtefactEvent]:
+        """Return an event for each contact of now that was none before; the value is its depth."""
+        touching = {(contact.observer, contact.artefact_id): contact for contact in contacts}
+        new = [contact for key, contact in touching.items() if key not in self._touching]
+        self._touching = set(touching)
+        self.count += len(new)
+        return [self._event(now_ns, contact, living) for contact in new]
+
+    def forget(self) -> None:
+        """Forget the pairs in contact: the clock jumped back."""
+        self._touching = set()
+
+    def _event(
+        self, now_ns: int, contact: RobotContact, living: Mapping[int, Artefact]
+    ) -> ArtefactEvent:
+        artefact_id, depth_m = contact.artefact_id, contact.penetration_m
+        label = living[artefact_id].row.label
+        kind = EventKind.ROBOT_CONTACT
+        return ArtefactEvent(now_ns, kind, artefact_id, label, self._observer, depth_m)
+
 
 _FloatArray = NDArray[np.float64]
 _IndexArray = NDArray[np.int64]

@@ -26,9 +26,9 @@ from are_ros.artefacts.population import PopulationEvent
 from are_ros.artefacts.scenario import ScriptedOffer
 from are_ros.artefacts.terrain import Terrains
 from are_ros.builder.collisions import CollisionResolver
-from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.life_keeper import LifeKeeper
 from are_ros.builder.out_of_view import OutOfView, Viewpoint
+from are_ros.builder.outputs import ArtefactEvent, EventKind
 from are_ros.builder.populations import random_population
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.robots import RobotPose, RobotTracker

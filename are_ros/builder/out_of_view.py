@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.occlusion.zbuffer import ZBuffer
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.cameras import ViewModel
 from are_ros.world.environment import Environment
-from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import ViewModel
 
 _GROWN_M: Final = 1e-3
 

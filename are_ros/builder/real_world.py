@@ -8,11 +8,10 @@ import numpy.typing as npt
 from are_ros.errors import FrameError, InputError
 from are_ros.parameters.choices import GroundKind
 from are_ros.parameters.model import WorldParameters
-from are_ros.world.environment import Environment
-from are_ros.world.frame_tree import FrameTree
-from are_ros.world.ground import Ground, PlaneGround, VoxelGround
+from are_ros.world.environment import Environment, Ground, PlaneGround, VoxelGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.transforms.tree import FrameTree
 from are_ros.world.voxel_map import VoxelMap
 
 _FLOOR_MARGIN_M = 0.01

@@ -13,19 +13,22 @@ from are_ros.builder.lives import Lives
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.out_of_view import Viewpoint
 from are_ros.builder.real_world import RealWorld
-from are_ros.builder.scans import ScanAugmentation
-from are_ros.builder.sensor_path import ReleasedScan, SensorPathCounts
+from are_ros.builder.sensors import (
+    Reading,
+    ReleasedReading,
+    SensorAugmentation,
+    SensorPathCounts,
+)
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
 from are_ros.parameters.choices import CameraModel, OdometryUse
 from are_ros.parameters.model import Parameters
+from are_ros.world.cameras import Camera
 from are_ros.world.footprint import Footprint
-from are_ros.world.frame_tree import FrameTree
-from are_ros.world.laser_scan import LaserScan
-from are_ros.world.observer import Camera
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import Values
 from are_ros.world.transforms.table import TransformSource
+from are_ros.world.transforms.tree import FrameTree
 
 _BEFORE_ALL_NS: Final = -(2**63)
 _AFTER_ALL_NS: Final = 2**63 - 1
@@ -61,9 +64,9 @@ class Reality:
         self.camera: Camera | None = assembly.default_camera(parameters)
         self._meshes = MeshBank()
         self.lives.viewpoints = self._viewpoints
-        self._scans = ScanAugmentation(parameters, self.frames, self.lives, self._meshes)
+        self._sensors = SensorAugmentation(parameters, self.frames, self.lives, self._meshes)
         self.judges_until_ns = _AFTER_ALL_NS
-        """No scan's deadline after this is judged yet; a node sets it, a replay need not."""
+        """No reading's deadline after this is judged yet; a node sets it, a replay need not."""
         self._now_ns = _BEFORE_ALL_NS
         self._idle_until_ns = _BEFORE_ALL_NS
         assembly.set_static_frames(parameters, self.frames)
@@ -115,7 +118,7 @@ class Reality:
             self.frames.set_static(parent, child, translation_m, rotation_xyzw)
         else:
             self.frames.set_transform(parent, child, stamp_ns, translation_m, rotation_xyzw)
-        self._scans.transforms_came(received_ns)
+        self._sensors.transforms_came(received_ns)
 
     def receive_odometry(
         self,
@@ -135,17 +138,17 @@ class Reality:
         self.frames.set_transform(
             parent, child, stamp_ns, translation_m, rotation_xyzw, source=source
         )
-        self._scans.transforms_came(received_ns)
+        self._sensors.transforms_came(received_ns)
 
     def receive_camera(self, camera: Camera, received_ns: int) -> None:
         """Take the view model of the robot's camera, from its CameraInfo."""
         self._received(received_ns)
         self.camera = assembly.chosen_camera(self.parameters, camera)
 
-    def receive_scan(self, topic: str, scan: LaserScan, received_ns: int) -> None:
-        """Take a laser scan; it comes back, augmented, from `take_scans`."""
+    def receive_reading(self, topic: str, reading: Reading, received_ns: int) -> None:
+        """Take a reading of a sensor; it comes back, augmented, from `take_readings`."""
         self._received(received_ns)
-        self._scans.push(topic, scan, received_ns)
+        self._sensors.push(topic, reading, received_ns)
         self._idle_until_ns = received_ns
 
     def receive_plan(
@@ -161,9 +164,9 @@ class Reality:
         self.lives.plan_m = plan_m[:, :2]
         self.lives.goal = self._goal_of(plan_m) if len(plan_m) else None
 
-    def take_scans(self) -> list[ReleasedScan]:
-        """Return the scans that have left the sensor path since the last call."""
-        return self._scans.take()
+    def take_readings(self) -> list[ReleasedReading]:
+        """Return the readings that have left the sensor paths since the last call."""
+        return self._sensors.take()
 
     def await_camera(self) -> None:
         """Perceive nothing before the first CameraInfo, unless the parameters are the camera."""
@@ -178,44 +181,44 @@ class Reality:
             f"{camera.mount[2]:g} m up, stands in for it (parameters camera.*)"
         )
 
-    def scan_counts(self) -> Mapping[str, SensorPathCounts]:
-        """Return how the scans of each topic have left so far."""
-        return self._scans.counts()
+    def sensor_counts(self) -> Mapping[str, SensorPathCounts]:
+        """Return how the readings of each topic have left so far."""
+        return self._sensors.counts()
 
-    def scan_problems(self) -> Mapping[str, str]:
-        """Return why the last scan of a topic that passed through unaugmented did."""
-        return self._scans.problems()
+    def sensor_problems(self) -> Mapping[str, str]:
+        """Return why the last reading of a topic that passed through unaugmented did."""
+        return self._sensors.problems()
 
-    def scan_lateness_ns(self) -> Mapping[str, int]:
-        """Return how late the transforms were for which the scans of a topic did not wait [ns]."""
-        return self._scans.late_ns()
+    def sensor_lateness_ns(self) -> Mapping[str, int]:
+        """Return, by topic, how late the transforms were for which readings did not wait [ns]."""
+        return self._sensors.late_ns()
 
     # ------------------------------------------------------------------------------ time
 
     def advance(self, now_ns: int) -> None:
-        """Let happen what is due up to `now_ns`: lives, motion, collisions, waiting scans."""
+        """Let happen what is due up to `now_ns`: lives, motion, collisions, waiting readings."""
         if now_ns < self._idle_until_ns:
             self._check_clock(now_ns)
             return
         if now_ns > self._now_ns + _LEAP_NS and self._now_ns != _BEFORE_ALL_NS:
             self._leap(now_ns)
         self._now_ns = max(self._now_ns, now_ns)
-        while (deadline_ns := self._scans.next_deadline_ns()) is not None:
+        while (deadline_ns := self._sensors.next_deadline_ns()) is not None:
             if deadline_ns > min(now_ns, self.judges_until_ns):
                 break
             self.lives.advance(deadline_ns)
-            self._scans.deadline_passed(deadline_ns)
+            self._sensors.deadline_passed(deadline_ns)
         self.lives.advance(now_ns)
         self._idle_until_ns = self._next_due_ns()
 
     def finish(self, now_ns: int) -> None:
-        """Let the scans go that still wait: the inputs have ended."""
+        """Release the readings that still wait: the inputs have ended."""
         self.advance(now_ns)
-        self._scans.flush(now_ns)
+        self._sensors.flush(now_ns)
 
     def next_deadline_ns(self) -> int | None:
-        """Return when the next scan that waits must leave, None if none waits."""
-        return self._scans.next_deadline_ns()
+        """Return when the next reading that waits must leave, None if none waits."""
+        return self._sensors.next_deadline_ns()
 
     def _next_due_ns(self) -> int:
         """Return the time before which nothing is due unless an input comes."""
@@ -248,7 +251,7 @@ class Reality:
         self.frames.forget_after(now_ns)
         self.robots.forget()
         self.lives.restart(now_ns, cause)
-        self._scans.clear()
+        self._sensors.clear()
 
     def interrupt(self, from_ns: int, until_ns: int) -> None:
         """Leave out [from_ns, until_ns), in which nothing came in: nobody knows what happened.

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from are_ros.world.boxes import TOUCH_TOLERANCE_M, OrientedBoxes
 from are_ros.world.lattice_cover import count_new, covered, lattice_row
 from are_ros.world.occupancy_grid import CellClasses, OccupancyGrid
-from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from are_ros.artefacts.artefact import Artefact, GroundPose, boxes_of
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.pose_tape import motions_at
-from are_ros.world.oriented_boxes import OrientedBoxes
+from are_ros.world.boxes import OrientedBoxes
 
 
 @dataclass(frozen=True, eq=False)

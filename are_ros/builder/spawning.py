@@ -16,11 +16,18 @@ from are_ros.builder.robots import RobotPose
 from are_ros.errors import ParameterError
 from are_ros.parameters.choices import Appear, Leave, Region
 from are_ros.parameters.model import Parameters
+from are_ros.world.boxes import OrientedBoxes, overlaps_any
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint, signed_distance_m
-from are_ros.world.oriented_boxes import OrientedBoxes, overlaps_any
-from are_ros.world.region import RegionFinder, SpawnRegion, region_finder
-from are_ros.world.zones import Zones, polygon_mask, read_zones_file, zone_weights
+from are_ros.world.regions import (
+    RegionFinder,
+    SpawnRegion,
+    Zones,
+    polygon_mask,
+    read_zones_file,
+    region_finder,
+    zone_weights,
+)
 
 Allowed = Callable[[OrientedBoxes], npt.NDArray[np.bool_]]
 """Tells which of N boxes may stand where they are: bool (N,)."""

@@ -3,8 +3,8 @@
 import math
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, map_from_artefact
+from are_ros.builder.observation import Sighting
 from are_ros.builder.outputs import ArtefactState, PerceivedArtefact
-from are_ros.builder.perception import Sighting
 from are_ros.builder.scene import Scene
 
 _CERTAIN = (0.0,) * 36

@@ -1,12 +1,12 @@
-"""What one tick of the builder gives out, and what it is asked for."""
+"""When ticks run, what one tick gives out, and what it is asked for."""
 
 from dataclasses import dataclass
 from typing import Final
 
 from are_ros.builder.costmap.augmented_map import Grids
-from are_ros.builder.events import ArtefactEvent
-from are_ros.builder.marker_batch import MarkerBatch
-from are_ros.builder.outputs import ArtefactState, PerceivedArtefact, SceneMetrics
+from are_ros.builder.markers import MarkerBatch
+from are_ros.builder.outputs import ArtefactEvent, ArtefactState, PerceivedArtefact, SceneMetrics
+from are_ros.conventions import NS_PER_S
 from are_ros.world.rigid_transform import RigidTransform
 
 
@@ -30,7 +30,7 @@ class Tick:
     """The outputs of one tick, in the map's frame; `events` are those since the last tick.
 
     `map_from_base` and `map_from_camera` are the poses that the tick used, None where it had none:
-    then nothing is perceived. Scans leave by a path of their own.
+    then nothing is perceived. Readings of sensors leave by a path of their own.
     """
 
     stamp_ns: int
@@ -44,3 +44,43 @@ class Tick:
     grids: Grids
     map_from_base: RigidTransform | None
     map_from_camera: RigidTransform | None
+
+
+@dataclass
+class TickSchedule:
+    """Gives out the instants of the ticks [ns], in order, each once.
+
+    The first is the first multiple of the period not before `start_ns`.
+    """
+
+    period_ns: int
+    next_ns: int
+
+    @classmethod
+    def of(cls, rate_hz: float, start_ns: int) -> "TickSchedule":
+        """Return the schedule of a rate from an instant on."""
+        period_ns = tick_period_ns(rate_hz)
+        return cls(period_ns, -(-start_ns // period_ns) * period_ns)
+
+    def pop(self, until_ns: int) -> int | None:
+        """Return the next instant if it is not after `until_ns`, and go on to the one after."""
+        if self.next_ns > until_ns:
+            return None
+        instant_ns = self.next_ns
+        self.next_ns += self.period_ns
+        return instant_ns
+
+    def skip_to(self, now_ns: int, backlog_ns: int) -> int:
+        """Leave out the ticks that are late by `backlog_ns` or more; return how many.
+
+        For a machine that cannot keep up, and for clocks that jump ahead.
+        """
+        behind = (now_ns - backlog_ns - self.next_ns) // self.period_ns + 1
+        skipped = max(0, behind)
+        self.next_ns += skipped * self.period_ns
+        return skipped
+
+
+def tick_period_ns(rate_hz: float) -> int:
+    """Return the time from tick to tick [ns]; tick k is at exactly k of them since the epoch."""
+    return round(NS_PER_S / rate_hz)

@@ -18,17 +18,16 @@ from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue import Catalogue, MotionLimits
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import collision_resolver
+from are_ros.builder.laser_scan import LaserScan
 from are_ros.builder.tick import EVERYTHING, Demand
 from are_ros.conventions import FREE, NS_PER_S, OCCUPIED
 from are_ros.errors import PlacementError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.world.laser_scan import LaserScan
-from are_ros.world.observer import Camera, mounted_camera
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.cameras import Camera, PinholeView, mounted_camera
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import PinholeView
 
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
 _SIDE = 120
@@ -253,14 +252,14 @@ class _Scene:
         for i in range(_TICKS):
             now_ns = self._move()
             if self._warmth.has_scans:
-                builder.receive_scan("scan", _scan(now_ns), now_ns)
+                builder.receive_reading("scan", _scan(now_ns), now_ns)
             if i == 1:
                 builder.receive_camera(_lens(), now_ns)
                 pose = GroundPose(2.0, 1.5, 0.0, 0.1)
                 with suppress(PlacementError):  # somebody may stand there
                     builder.lives.place(self._catalogue.rows[0], pose, now_ns)
             builder.step(now_ns)
-            builder.take_scans()
+            builder.take_readings()
         _let_collide(builder)
 
     def _move(self) -> int:

@@ -30,7 +30,7 @@ from are_ros.checks.ticks import (
 from are_ros.errors import BagError
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
-from are_ros.world.map_file import read_map_file
+from are_ros.world.map_io import read_map_file
 
 __all__ = ("CheckResult", "Outcome", "check_recording")
 

@@ -110,7 +110,7 @@ _RECORDING_OPTIONS = (
         metavar="ROLE:=/TOPIC",
         type=TOPIC,
         multiple=True,
-        help="Let a topic play a part: map, octomap_point_cloud_centers, odom, scan, "
+        help="Let a topic play a part: map, octomap_point_cloud_centers, odom, scan, range, "
         "camera/camera_info, tf, tf_static. Repeatable; several scans are all augmented.",
     ),
 )

@@ -36,7 +36,7 @@ def soak(**options: Any) -> None:
     from are_ros.experiments.soak import soak as run
     from are_ros.experiments.soak_picture import write_soak
     from are_ros.replay.command import effective_parameters
-    from are_ros.world.map_file import read_map_file
+    from are_ros.world.map_io import read_map_file
 
     parameters = effective_parameters(
         options["parameter_files"], options["assignments"], options["seed"]

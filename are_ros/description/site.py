@@ -16,10 +16,9 @@ from are_ros.parameters.choices import Region
 from are_ros.parameters.model import Parameters
 from are_ros.wording import percent
 from are_ros.world.environment import Environment
-from are_ros.world.frame_tree import FrameTree
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.region import SpawnRegion, region_finder
-from are_ros.world.zones import Zones, read_zones_file
+from are_ros.world.regions import SpawnRegion, Zones, read_zones_file, region_finder
+from are_ros.world.transforms.tree import FrameTree
 
 UNIT_AREA_M2: Final = 100.0
 """The area that figures refer to without a map."""

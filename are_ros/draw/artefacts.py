@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.artefacts.departures import Cause
-from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.builder.outputs import ArtefactEvent, EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.canvas import Canvas
 from are_ros.draw.map import View

@@ -16,10 +16,10 @@ from are_ros.draw.canvas import Canvas
 from are_ros.draw.map import KnownPart, View
 from are_ros.draw.palette import SEEN, WHITE, Rgb, time_colour
 from are_ros.draw.scene import Life, SceneRecord, Track
+from are_ros.world.cameras import ViewModel
 from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import ViewModel
 
 Floats = npt.NDArray[np.float64]
 

@@ -13,13 +13,12 @@ import numpy.typing as npt
 
 from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.builder.events import ArtefactEvent
-from are_ros.builder.outputs import SceneMetrics
+from are_ros.builder.laser_scan import LaserScan
+from are_ros.builder.outputs import ArtefactEvent, SceneMetrics
 from are_ros.builder.step_clock import IDLE_NS
+from are_ros.world.cameras import ViewModel
 from are_ros.world.footprint import Footprint
-from are_ros.world.laser_scan import LaserScan
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import ViewModel
 
 Floats = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]

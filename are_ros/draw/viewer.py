@@ -29,10 +29,10 @@ from are_ros.draw.robot import LEAST_LEVEL, level_rays, robot_outline
 from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, shown_every
 from are_ros.errors import BagError
 from are_ros.wording import counted, why_refused
+from are_ros.world.cameras import ViewModel
 from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import ViewModel
 from are_ros.world.voxel_map import VoxelMap
 
 Floats = npt.NDArray[np.float64]

@@ -15,8 +15,7 @@ from are_ros.agents.simulate import MotionCounts
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow, MotionLimits
 from are_ros.artefacts.randomness import Purpose, generator
 from are_ros.builder.ar_builder import ArBuilder
-from are_ros.builder.events import EventKind
-from are_ros.builder.outputs import ArtefactState
+from are_ros.builder.outputs import ArtefactState, EventKind
 from are_ros.builder.tick import Demand, Tick
 from are_ros.checks.oracle.solids import RealMap
 from are_ros.conventions import NS_PER_S

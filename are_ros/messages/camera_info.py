@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from are_ros.messages.common import Header, MessageFactory, make_header, read_array
-from are_ros.world.camera_info import CameraInfo
+from are_ros.world.cameras import CameraInfo
 
 
 def read_camera_info(message: Any, source: str = "camera_info") -> CameraInfo:

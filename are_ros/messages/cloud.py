@@ -29,32 +29,6 @@ def read_points(message: Any, source: str = "points") -> Points:
     return points
 
 
-def replace_points(
-    factory: MessageFactory, message: Any, points_m: Points, source: str = "points"
-) -> Any:
-    """Return a copy of a PointCloud2 with other coordinates, (N, 3) in its frame [m].
-
-    Everything else stays to the byte: layout, further fields, padding. InputError as `read_points`.
-    """
-    data = read_array(message.data, np.uint8).copy()
-    coordinates = _coordinates(message, data, source)
-    shape = (message.height, message.width)
-    for column, axis in enumerate("xyz"):
-        coordinates[axis][...] = points_m[:, column].reshape(shape)
-    return factory.make(
-        "sensor_msgs/msg/PointCloud2",
-        header=message.header,
-        height=message.height,
-        width=message.width,
-        fields=message.fields,
-        is_bigendian=message.is_bigendian,
-        point_step=message.point_step,
-        row_step=message.row_step,
-        data=data,
-        is_dense=message.is_dense,
-    )
-
-
 def make_cloud(factory: MessageFactory, frame_id: str, stamp_ns: int, points_m: Points) -> Any:
     """Return an unorganised PointCloud2 of x, y, z float32 from points (N, 3) [m]."""
     points = np.ascontiguousarray(points_m, dtype="<f4")

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from struct import Struct
 from typing import Any, Protocol
 
@@ -14,9 +15,9 @@ from are_ros.messages.common import read_header
 from are_ros.messages.goals import read_path
 from are_ros.messages.grid import read_grid
 from are_ros.messages.odometry import OdometryNumbers
-from are_ros.messages.scan import read_scan
+from are_ros.messages.sensors import SENSORS, SensorKind
 from are_ros.messages.transforms import StampedTransform
-from are_ros.world.observer import Camera
+from are_ros.world.cameras import Camera
 from are_ros.world.rigid_transform import RigidTransform
 
 _STAMP_AT, _STAMP_END = 4, 12
@@ -85,11 +86,11 @@ class Feed:
             "map": lambda: self._map,
             "octomap_point_cloud_centers": lambda: self._cloud,
             "odom": lambda: self._odometry,
-            "scan": lambda: self._scan,
             "camera/camera_info": lambda: self._camera,
             "tf": lambda: self._transforms,
             "tf_static": lambda: self._static_transforms,
             "plan": lambda: self._plan,
+            **{role: partial(self._sensor, kind) for role, kind in SENSORS.items()},
         }
         self._handlers = {topic: makers[role]() for topic, role in roles.items()}
 
@@ -128,9 +129,14 @@ class Feed:
             received_ns,
         )
 
-    def _scan(self, message: RawMessage, received_ns: int) -> None:
-        scan = read_scan(self._decoding.deserialize(message), message.topic)
-        self._builder.receive_scan(message.topic, scan, received_ns)
+    def _sensor(self, kind: SensorKind) -> Handler:
+        """Return what takes the messages of a kind of sensor."""
+
+        def take(message: RawMessage, received_ns: int) -> None:
+            reading = kind.read(self._decoding.deserialize(message), message.topic)
+            self._builder.receive_reading(message.topic, reading, received_ns)
+
+        return take
 
     def _plan(self, message: RawMessage, received_ns: int) -> None:
         path = read_path(self._decoding.deserialize(message), message.topic)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.builder.marker_batch import NO_MARKERS, MarkerBatch, MarkerLook
+from are_ros.builder.markers import NO_MARKERS, MarkerBatch, MarkerLook
 from are_ros.messages.cdr import CdrWriter, encapsulated, pack_time
 
 # Writing what changes of markers into the bytes of all of them, in machine code.

@@ -1,6 +1,6 @@
 """A tick as the messages of its outputs, ready for a publisher and for a recording alike."""
 
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
@@ -14,17 +14,7 @@ from are_ros.messages.artefacts import (
 )
 from are_ros.messages.grid import encode_grid, encode_grid_update
 from are_ros.messages.markers import MarkerEncoder
-from are_ros.messages.scan import encode_scan
 from are_ros.world.occupancy_grid import OccupancyGrid
-
-__all__ = (
-    "OUTPUTS",
-    "EncodedMessage",
-    "OutputTopic",
-    "TickEncoder",
-    "encode_scan",
-    "scan_outputs",
-)
 
 
 class OutputTopic(NamedTuple):
@@ -50,13 +40,6 @@ OUTPUTS: Final[Mapping[str, OutputTopic]] = MappingProxyType(
     }
 )
 """The outputs of ticks by name, the last part of their topics."""
-
-
-def scan_outputs(topics: Sequence[str]) -> dict[str, str]:
-    """Return the output of each scan topic: `scan`, or with several its own name."""
-    if len(topics) == 1:
-        return {topics[0]: "scan"}
-    return {topic: topic.lstrip("/") for topic in topics}
 
 
 class EncodedMessage(NamedTuple):

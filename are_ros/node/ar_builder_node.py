@@ -172,9 +172,9 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             raise NodeError("it is not configured: the node is to end")
         self._said.clear()
         subscriptions = self._inputs = Subscriptions(
-            self, parameters.sensors.scans, self._store, self._say
+            self, parameters.sensors, self._store, self._say
         )
-        publishers = self._outputs = Publishers(self, subscriptions.scans, self._say)
+        publishers = self._outputs = Publishers(self, subscriptions.roles, self._say)
         decoding = WireDecoding()
         self.live = LiveBuilder(
             parameters,

@@ -11,7 +11,7 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Final
 
 from are_ros.builder.ar_builder import ArBuilder
-from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.builder.outputs import ArtefactEvent, EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.common import MessageFactory, make_header
 from are_ros.node.live_builder import LiveBuilder
@@ -558,8 +558,8 @@ class Reporter:
         return ContactSnapshot(count, last, (now_ns - then_ns) / NS_PER_S)
 
     def _scans(self, builder: ArBuilder, now_ns: int) -> Iterator[ScanSnapshot]:
-        problems, late_ns = builder.scan_problems(), builder.scan_lateness_ns()
-        for topic, counts in builder.scan_counts().items():
+        problems, late_ns = builder.sensor_problems(), builder.sensor_lateness_ns()
+        for topic, counts in builder.sensor_counts().items():
             watch = self._passed.setdefault(topic, CountWatch(_LATELY_NS))
             watch.update(now_ns, counts.passed_through)
             yield ScanSnapshot(

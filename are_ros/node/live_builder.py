@@ -1,32 +1,30 @@
 """The builder by the node's clock: inputs are stored as they come, and worked through in order."""
 
 from collections import deque
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping
 from time import monotonic_ns
 from typing import Final, NamedTuple, Protocol
 
 from are_ros.artefacts.catalogue import Catalogue
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.costmap.augmented_map import without_artefacts
-from are_ros.builder.events import ArtefactEvent
+from are_ros.builder.outputs import ArtefactEvent
 from are_ros.builder.reality import CLOCK_JITTER_NS
 from are_ros.builder.requests import Requests, SpawnRequest
-from are_ros.builder.schedule import TickSchedule
-from are_ros.builder.sensor_path import ReleasedScan
-from are_ros.builder.tick import Demand, Tick
+from are_ros.builder.tick import Demand, Tick, TickSchedule
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, InputError
 from are_ros.messages.feed import Decoding, Feed, RawMessage
 from are_ros.messages.goals import read_clicked_point
 from are_ros.messages.grid import encode_grid, read_grid
-from are_ros.messages.scan import encode_scan
-from are_ros.messages.tick_encoding import TickEncoder, scan_outputs
+from are_ros.messages.sensors import SENSORS, sensor_outputs, sensor_topics
+from are_ros.messages.tick_encoding import TickEncoder
 from are_ros.node.watches import BusyWatch, FaultWatch, TickWatch
 from are_ros.parameters.choices import CostmapGate, SensorGate
 from are_ros.parameters.model import Parameters
+from are_ros.world.cameras import ViewModel
 from are_ros.world.environment import Environment
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import ViewModel
 
 _BACKLOG_NS: Final = NS_PER_S
 """Ticks that are later than this are left out: the machine cannot keep up, or time leapt."""
@@ -111,8 +109,8 @@ class LiveBuilder:
         self._has_prepared = False
         self._view: ViewModel | None = None
         self._shown: Environment | None = None
-        scans = [topic for topic, role in roles.items() if role == "scan"]
-        self._scan_outputs = scan_outputs(scans)
+        self._sensors = sensor_topics(roles)
+        self._sensor_outputs = sensor_outputs(roles)
         self.builder.lives.is_paused = True
         self.builder.lives.tell_faults(self.faults.take)
         if "camera/camera_info" in roles.values():
@@ -127,14 +125,14 @@ class LiveBuilder:
         role, has_time = self._roles[message.topic], received_ns > 0
         if not (self.is_running and has_time):
             self._relay(role, message)
-        if role == "scan" and not self.is_running:
+        if role in SENSORS and not self.is_running:
             return False
         if has_time:
             self._stored.append(_Stored(message, received_ns))
         elif role in _LATCHED:
             self._keep(role, message)
         is_awaited = role in _MOVING and self.builder.next_deadline_ns() is not None
-        return self.is_running and (role == "scan" or role in _COSTLY or is_awaited)
+        return self.is_running and (role in SENSORS or role in _COSTLY or is_awaited)
 
     def _keep(self, role: str, message: RawMessage) -> None:
         """Keep what is latched until the time is known: the newest map and cloud, all statics."""
@@ -156,7 +154,7 @@ class LiveBuilder:
             return
         ticks, offered = self.watch.count, self._offered
         self._has_prepared = False
-        self._read_what_scans_wait_for(now_ns)
+        self._read_what_sensors_wait_for(now_ns)
         self.builder.judges_until_ns = _NONE_NS
         while self._stored:
             message, received_ns = self._stored.popleft()
@@ -165,7 +163,7 @@ class LiveBuilder:
         self._run_ticks(now_ns)
         if self.is_running:
             self.builder.advance(now_ns)
-            self._send_scans()
+            self._send_readings()
             self._prepare_camera()
         if self._has_prepared:
             self.busy.call_it("preparing")
@@ -194,7 +192,7 @@ class LiveBuilder:
         """Remove all artefacts from the outputs, and stop their time."""
         self.work(now_ns)
         self.builder.finish(now_ns)
-        self._send_scans()
+        self._send_readings()
         self.is_running = False
         self.builder.lives.pause(now_ns, is_paused=True)
         self._shown = self.builder.world.environment
@@ -226,7 +224,7 @@ class LiveBuilder:
         counts = self.builder.lives.population.counts
         return counts.arrived + counts.blocked
 
-    def _read_what_scans_wait_for(self, now_ns: int) -> None:
+    def _read_what_sensors_wait_for(self, now_ns: int) -> None:
         """Store the transforms that came before `now_ns`, if a scan's deadline has passed by it.
 
         The node may be late, and their callbacks be due after the one that calls this.
@@ -265,7 +263,7 @@ class LiveBuilder:
             self._refused(message.topic, sentence)
         if self._roles[message.topic] in _COSTLY:
             self._took_map(received_ns)
-        self._send_scans()
+        self._send_readings()
 
     def _took_map(self, now_ns: int) -> None:
         """Prepare for a new environment; the latched costmap is replaced at once."""
@@ -300,9 +298,9 @@ class LiveBuilder:
             self._refused(message.topic, str(cause))
 
     def _relay(self, role: str, message: RawMessage) -> None:
-        """Relay real scans and maps while no ticks run."""
-        if role == "scan":
-            self._sink.publish(self._scan_outputs[message.topic], message.data)
+        """Relay real readings and maps while no ticks run."""
+        if role in SENSORS:
+            self._sink.publish(self._sensor_outputs[message.topic], message.data)
         elif role == "map":
             self._relay_map(message)
 
@@ -334,7 +332,7 @@ class LiveBuilder:
         tick = self.builder.step(tick_ns)
         self._events += tick.events
         self._send_tick(tick, wanted)
-        self._send_scans()
+        self._send_readings()
         ended_ns = monotonic_ns()
         self.watch.ran(ended_ns, ended_ns - began_ns, late_ns)
 
@@ -350,10 +348,10 @@ class LiveBuilder:
         for name, _, data in self._encoder.encode(tick, wanted):
             self._sink.publish(name, data)
 
-    def _send_scans(self) -> None:
-        scans: Sequence[ReleasedScan] = self.builder.take_scans()
-        for released in scans:
-            self._sink.publish(self._scan_outputs[released.topic], encode_scan(released.scan))
+    def _send_readings(self) -> None:
+        for released in self.builder.take_readings():
+            encode = self._sensors[released.topic].encode
+            self._sink.publish(self._sensor_outputs[released.topic], encode(released.reading))
 
     def _follow_clock(self, now_ns: int) -> None:
         """Begin the ticks anew when the clock has jumped back, as the builder does."""

@@ -1,17 +1,16 @@
 """The publishers of the node's outputs: bytes go out as they are, to those who listen."""
 
 import time
-from collections.abc import Callable, Sequence
-from typing import Any, Final
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from rclpy.duration import Duration
 from rclpy.node import Node
 
 from are_ros.errors import AreError, NodeError
-from are_ros.messages.tick_encoding import OUTPUTS, scan_outputs
+from are_ros.messages.sensors import sensor_outputs, sensor_topics
+from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.qos import advertise
-
-_SCAN: Final = "sensor_msgs/msg/LaserScan"
 
 
 class Publishers:
@@ -21,12 +20,14 @@ class Publishers:
     out, and `say` is told of it. ParameterError where an override of its QoS makes no sense.
     """
 
-    def __init__(self, node: Node, scan_topics: Sequence[str], say: Callable[[str], None]) -> None:
+    def __init__(self, node: Node, roles: Mapping[str, str], say: Callable[[str], None]) -> None:
+        """Offer the outputs of ticks, and of the sensors among the roles by input topic."""
         self._node = node
         self._publishers: dict[str, Any] = {}
         self._viewers = 0
         types = {name: output.type_name for name, output in OUTPUTS.items()}
-        types |= dict.fromkeys(scan_outputs(scan_topics).values(), _SCAN)
+        names = sensor_outputs(roles)
+        types |= {names[topic]: kind.type_name for topic, kind in sensor_topics(roles).items()}
         try:
             for name, type_name in types.items():
                 self._advertise(name, type_name, say)

@@ -12,6 +12,7 @@ from rclpy.serialization import deserialize_message
 
 from are_ros.errors import AreError, InputError, NodeError
 from are_ros.messages.odometry import OdometryNumbers, read_odometry_numbers
+from are_ros.messages.sensors import SENSORS
 from are_ros.messages.transforms import (
     StampedTransform,
     decode_transforms_cdr,
@@ -21,6 +22,7 @@ from are_ros.messages.transforms import (
 from are_ros.node.message_classes import message_class
 from are_ros.node.qos import INPUTS, input_qos, is_latched_by_all, subscribe
 from are_ros.node.watches import InputSnapshot, InputWatch
+from are_ros.parameters.model import SensorsParameters
 
 # What came over DDS: bytes with their topic, and what they say.
 
@@ -78,7 +80,7 @@ class Subscriptions:
     """
 
     def __init__(
-        self, node: Node, scan_topics: tuple[str, ...], store: Store, say: Callable[[str], None]
+        self, node: Node, sensors: SensorsParameters, store: Store, say: Callable[[str], None]
     ) -> None:
         self.roles: dict[str, str] = {}
         self.watches: dict[str, InputWatch] = {}
@@ -87,18 +89,14 @@ class Subscriptions:
         self._subscriptions: dict[str, Any] = {}
         self._is_cloud_latched = True
         asked = [(role, "") for role in (*_ALWAYS, "clicked_point")]
-        asked += [("scan", topic) for topic in scan_topics]
+        for kind in SENSORS.values():
+            asked += [(kind.role, topic) for topic in kind.topics(sensors)]
         try:
             for role, topic in asked:
                 self._open(role, topic, say)
         except AreError:
             self.close()
             raise
-
-    @property
-    def scans(self) -> list[str]:
-        """The full names of the scans' topics, in their order."""
-        return [topic for topic, role in self.roles.items() if role == "scan"]
 
     def is_offered(self, role: str) -> bool:
         """Tell whether anybody publishes the input of a role."""
@@ -137,9 +135,9 @@ class Subscriptions:
 
     def snapshots(self, now_ns: int) -> Iterator[InputSnapshot]:
         """Yield what came in so far, by the monotonic clock."""
-        scans = self.scans
+        players = list(self.roles.values())
         for topic, role in self.roles.items():
-            is_one_of_several = role == "scan" and len(scans) > 1
+            is_one_of_several = players.count(role) > 1
             yield InputSnapshot(
                 role=f"{role}{topic}" if is_one_of_several else role,
                 topic=topic,

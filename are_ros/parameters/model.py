@@ -378,6 +378,9 @@ class SensorsParameters:
         live=True,
     )
     scans: tuple[str, ...] = parameter(("scan",), "Topics of the laser scans to augment.")
+    ranges: tuple[str, ...] = parameter(
+        (), "Topics of the range sensors (sonar, infrared) to augment."
+    )
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from are_ros.draw.viewer import (
     wxyz_of,
 )
 from are_ros.errors import AreError, NodeError
-from are_ros.messages.tick_encoding import scan_outputs
+from are_ros.messages.sensors import sensor_outputs
 from are_ros.node.message_classes import RclpyFactory, message_class, service_class
 from are_ros.node.qos import INPUTS, output_qos, subscribe
 from are_ros.node.startup import stop_on_signals
@@ -34,7 +34,7 @@ from are_ros.parameters.model import Parameters
 from are_ros.record.session import ros_session
 from are_ros.replay.pictures import place_of
 from are_ros.replay.recorded_scene import AUGMENTED_SCAN, SceneReader
-from are_ros.world.observer import Camera
+from are_ros.world.cameras import Camera
 
 Say = Callable[[str], None]
 
@@ -182,7 +182,7 @@ class LiveView:
         for role, topic in (("tf", "/tf"), ("tf_static", "/tf_static"), *topics):
             subscribe(node, role, self._taking(role, INPUTS[role].type_name), topic)
         outputs = {name: (name, OUTPUT_TYPES[name]) for name in ("artefacts", "perceived")}
-        for name in scan_outputs(scans).values():
+        for name in sensor_outputs(dict.fromkeys(scans, "scan")).values():
             outputs[name] = (AUGMENTED_SCAN, INPUTS["scan"].type_name)
         for name, (role, kind) in outputs.items():
             take, topic = self._taking(role, kind), f"{remote.name}/{name}"

@@ -15,10 +15,10 @@ from are_ros.messages.odometry import OdometryNumbers
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.choices import CameraModel, OdometryUse
 from are_ros.parameters.model import Parameters
-from are_ros.world.frame_tree import FrameTree
-from are_ros.world.observer import Camera
+from are_ros.world.cameras import Camera
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.table import TransformSource
+from are_ros.world.transforms.tree import FrameTree
 
 _SOURCES: Final = {
     OdometryUse.AUTO: TransformSource.ODOMETRY,

@@ -14,19 +14,18 @@ import numpy.typing as npt
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.roles import RolesFound, find_roles
 from are_ros.bag.stretches import GAP_NS, beginning
+from are_ros.builder.laser_scan import LaserScan
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.draw.overview import PlacedScans, draw_alignment
 from are_ros.errors import BagError, FrameError, InputError, MapError
 from are_ros.messages.grid import read_grid
-from are_ros.messages.scan import read_scan
+from are_ros.messages.sensors import read_scan
 from are_ros.replay._recorded_frames import RecordedFrames
 from are_ros.replay.frame_survey import connected_to, root_above
 from are_ros.replay.progress import Progress, ProgressBar, said_if_slow
 from are_ros.replay.timeline import WITHOUT_MAP, ReplayOptions, topics_to_read
 from are_ros.wording import counted, why_refused
-from are_ros.world.frame_tree import FrameTree
-from are_ros.world.laser_scan import LaserScan
-from are_ros.world.map_file import read_map_file
+from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.scan_matching import (
     NEAR_M,
@@ -38,6 +37,7 @@ from are_ros.world.scan_matching import (
     ScanMatcher,
     wrapped,
 )
+from are_ros.world.transforms.tree import FrameTree
 
 Floats = npt.NDArray[np.float64]
 

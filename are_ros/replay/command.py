@@ -1,22 +1,24 @@
 """The commands of `are` that read recordings, without the shell: text goes out by a callable."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 from are_ros.artefacts.departures import Cause
 from are_ros.bag.reader import BagReader, recording_in
-from are_ros.bag.roles import read_overrides, scans_of
+from are_ros.bag.roles import read_overrides, sensors_of
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms, replaced_statics
-from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.sensor_path import SensorPathCounts
+from are_ros.builder.outputs import ArtefactEvent, EventKind
+from are_ros.builder.sensors import SensorPathCounts
 from are_ros.builder.tick import Demand
 from are_ros.description.configuration import describe_lines
 from are_ros.description.site import Site, surveyed
 from are_ros.draw.overview import draw_overview
 from are_ros.draw.viewer import MISSING_VISER, has_viser, write_view
 from are_ros.errors import AreError
+from are_ros.messages.sensors import SENSORS
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters, SensorsParameters
 from are_ros.parameters.ros_yaml import (
@@ -42,7 +44,7 @@ from are_ros.replay.results import (
 from are_ros.replay.session import Outcome, run_replay
 from are_ros.replay.timeline import ReplayOptions
 from are_ros.wording import counted
-from are_ros.world.map_file import read_map_file
+from are_ros.world.map_io import read_map_file
 
 Say = Callable[[str], None]
 
@@ -58,7 +60,7 @@ def effective_parameters(
     map_frame: str | None = None,
     static_transforms: Sequence[str] = (),
     scenario_file: Path | None = None,
-    scans: Sequence[str] = (),
+    sensors: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> Parameters:
     """Return the parameters of files, assignments and options, each overriding those before it.
 
@@ -76,8 +78,9 @@ def effective_parameters(
         options["frames.map"] = map_frame
     if static_transforms:
         options["frames.static"] = replaced_statics(parameters.frames.static, static_transforms)
-    if scans:
-        options["sensors.scans"] = tuple(scans)
+    for role, topics in sensors.items():
+        if len(topics) > 1 or not SENSORS[role].is_by_role(parameters.sensors):
+            options[f"sensors.{SENSORS[role].parameter}"] = tuple(topics)
     if scenario_file is not None:
         options["population.scenario"] = str(scenario_file)
     return validated(with_values(parameters, options))
@@ -91,7 +94,6 @@ def is_given(path: str, parameter_files: Sequence[Path], assignments: Sequence[s
 
 def options_of(skip: Sequence[str], **options: Any) -> ReplayOptions:
     """Return what the options of the command line ask for. Raises AreError."""
-    scans = scans_of(options["topics"])
     parameters = effective_parameters(
         options["parameter_files"],
         options["assignments"],
@@ -99,7 +101,7 @@ def options_of(skip: Sequence[str], **options: Any) -> ReplayOptions:
         options["map_frame"],
         options["static_transforms"],
         options["scenario_file"],
-        scans if len(scans) > 1 else (),
+        sensors_of(options["topics"]),
     )
     return ReplayOptions(
         bags=options["bags"],
@@ -303,7 +305,7 @@ def inspect_command(
             map_frame=map_frame,
             has_map_file=map_file is not None,
             given_edges=given,
-            scans=scans_of(topics),
+            scans=sensors_of(topics).get("scan", ()),
         )
     for line in inspection_lines(inspection):
         echo(line)

@@ -11,6 +11,7 @@ from are_ros.bag.stretches import Stretches, scan_waits, stretches_of, wait_sent
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.camera_info import read_camera_info
+from are_ros.messages.sensors import SENSORS
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import PosesParameters, SensorsParameters
 from are_ros.replay.frame_survey import FrameSurvey, FrameSurveyor, hertz, static_tf_option
@@ -19,7 +20,7 @@ from are_ros.wording import aligned, counted, section
 from are_ros.world.transforms.table import TransformSource
 
 _CAMERA = "camera/camera_info"
-_SENSOR_ROLES = ("scan", _CAMERA)
+_SENSOR_ROLES = (*SENSORS, _CAMERA)
 _CLOUD = "octomap_point_cloud_centers"
 _GIVEN = "given"
 

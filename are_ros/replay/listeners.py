@@ -9,15 +9,16 @@ from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.types import as_ros2, ros2_type
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
-from are_ros.builder.sensor_path import ReleasedScan
+from are_ros.builder.laser_scan import LaserScan
+from are_ros.builder.sensors import ReleasedReading
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
 from are_ros.draw.scene import ScanPoints, scan_points
 from are_ros.errors import AreError
 from are_ros.messages.cloud import Points, make_cloud
 from are_ros.messages.common import MessageFactory
 from are_ros.messages.grid import make_grid
-from are_ros.messages.scan import encode_scan
-from are_ros.messages.tick_encoding import OUTPUTS, TickEncoder, scan_outputs
+from are_ros.messages.sensors import sensor_outputs, sensor_topics
+from are_ros.messages.tick_encoding import OUTPUTS, TickEncoder
 from are_ros.messages.transforms import StampedTransform, encode_transforms_cdr, make_transforms
 from are_ros.parameters.choices import Region
 from are_ros.replay.runner import Listener
@@ -32,30 +33,31 @@ PREFIX = "/ar_builder/"
 
 
 class TickWriter(Listener):
-    """Encodes ticks and released scans, and appends them."""
+    """Encodes ticks and released readings, and appends them."""
 
     def __init__(
-        self, writer: BagWriter, scan_topics: Sequence[str], demand: Demand = EVERYTHING
+        self, writer: BagWriter, roles: Mapping[str, str], demand: Demand = EVERYTHING
     ) -> None:
-        """Announce all output topics; `scan_topics` are the input topics of the scans."""
+        """Announce all output topics; `roles` are those of the input topics."""
         self._writer = writer
         self._encoder = TickEncoder(demand)
-        self._scan_outputs = {t: PREFIX + name for t, name in scan_outputs(scan_topics).items()}
+        self._sensors = sensor_topics(roles)
+        self._sensor_outputs = {t: PREFIX + name for t, name in sensor_outputs(roles).items()}
         for name, (type_name, is_latched, depth) in OUTPUTS.items():
             writer.add_topic(PREFIX + name, type_name, is_latched=is_latched, depth=depth)
-        for output in self._scan_outputs.values():
-            writer.add_topic(output, "sensor_msgs/msg/LaserScan")
+        for topic, output in self._sensor_outputs.items():
+            writer.add_topic(output, self._sensors[topic].type_name)
 
     def take_tick(self, tick: Tick) -> None:
         """Append everything that a tick gives out, at its time."""
         for name, stamp_ns, data in self._encoder.encode(tick):
             self._writer.write_raw(PREFIX + name, stamp_ns, data)
 
-    def take_scans(self, scans: Sequence[ReleasedScan]) -> None:
-        """Append scans, each at the time when it was released."""
-        for released in scans:
-            output = self._scan_outputs[released.topic]
-            self._writer.write_raw(output, released.released_ns, encode_scan(released.scan))
+    def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
+        """Append readings of sensors, each at the time when it was released."""
+        for released in readings:
+            data = self._sensors[released.topic].encode(released.reading)
+            self._writer.write_raw(self._sensor_outputs[released.topic], released.released_ns, data)
 
 
 # The inputs of a replay beside its outputs: `--with-inputs`.
@@ -138,7 +140,7 @@ class RecordKeeper(Listener):
     def __init__(self, recorder: SceneRecorder, builder: ArBuilder) -> None:
         self._recorder = recorder
         self._builder = builder
-        self._scans: dict[str, ReleasedScan] = {}
+        self._scans: dict[str, ReleasedReading] = {}
 
     def take_tick(self, tick: Tick) -> None:
         """Keep a tick, with the camera that it looked through and the newest scan of each topic."""
@@ -148,12 +150,13 @@ class RecordKeeper(Listener):
             self._scans.clear()
         self._recorder.add(tick, self._builder.camera, scans)
 
-    def take_scans(self, scans: Sequence[ReleasedScan]) -> None:
-        """Remember scans until the next tick that is shown."""
+    def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
+        """Remember laser scans until the next tick that is shown."""
+        scans = (one for one in readings if isinstance(one.reading, LaserScan))
         self._scans |= {released.topic: released for released in scans}
 
-    def _placed(self, released: ReleasedScan) -> ScanPoints | None:
-        scan, frames = released.scan, self._builder.frames
+    def _placed(self, released: ReleasedReading) -> ScanPoints | None:
+        scan, frames = released.reading, self._builder.frames
         map_frame = self._builder.parameters.frames.map
         pose = frames.try_lookup(map_frame, scan.frame_id, scan.stamp_ns)
         return None if pose is None else scan_points(scan, released.received, pose)
@@ -183,10 +186,10 @@ class All(Listener):
         for listener in self._listeners:
             listener.take_tick(tick)
 
-    def take_scans(self, scans: Sequence[ReleasedScan]) -> None:
-        """Tell of scans."""
+    def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
+        """Tell of readings."""
         for listener in self._listeners:
-            listener.take_scans(scans)
+            listener.take_readings(readings)
 
     def take_input(self, message: BagMessage, received_ns: int) -> None:
         """Tell of an input."""

@@ -19,8 +19,8 @@ from are_ros.parameters.model import Parameters
 from are_ros.replay.progress import ProgressBar
 from are_ros.replay.recorded_scene import RecordedScene, read_recorded_scene
 from are_ros.wording import why_refused
+from are_ros.world.cameras import ViewModel
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.view_models import ViewModel
 from are_ros.world.voxel_map import VoxelMap
 
 Say = Callable[[str], None]

@@ -17,8 +17,8 @@ from are_ros.bag.reader import BagTopic
 from are_ros.bag.recording import PREFIX, Recording, find_recording
 from are_ros.bag.roles import find_roles
 from are_ros.builder.assembly import robot_footprint
-from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.outputs import SceneMetrics
+from are_ros.builder.laser_scan import LaserScan
+from are_ros.builder.outputs import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, scan_points
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.cloud import read_points
@@ -30,12 +30,10 @@ from are_ros.parameters.ros_yaml import with_file
 from are_ros.replay._recorded_frames import RecordedRobot
 from are_ros.replay.progress import Progress
 from are_ros.replay.scene_record import SceneRecorder
-from are_ros.world.frame_tree import FrameTree
-from are_ros.world.laser_scan import LaserScan
-from are_ros.world.observer import Camera
+from are_ros.world.cameras import Camera, ViewModel
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import ViewModel
+from are_ros.world.transforms.tree import FrameTree
 from are_ros.world.voxel_map import VoxelMap
 
 OpenProgress = Callable[[int, int], Progress]

@@ -5,12 +5,11 @@ from collections.abc import Iterator, Sequence
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.stretches import Span
 from are_ros.builder.ar_builder import ArBuilder
-from are_ros.builder.schedule import TickSchedule
-from are_ros.builder.sensor_path import ReleasedScan
-from are_ros.builder.tick import Tick
+from are_ros.builder.sensors import ReleasedReading
+from are_ros.builder.tick import Tick, TickSchedule
 from are_ros.messages.feed import Feed
 from are_ros.replay.progress import Progress, Stopwatch
-from are_ros.replay.timeline import FED_BEFORE_START, SCAN_ROLE, ReplayOptions, Timeline
+from are_ros.replay.timeline import FED_BEFORE_START, ReplayOptions, Timeline
 
 
 class Listener:
@@ -19,8 +18,8 @@ class Listener:
     def take_tick(self, tick: Tick) -> None:
         """Take a tick."""
 
-    def take_scans(self, scans: Sequence[ReleasedScan]) -> None:
-        """Take scans that left the sensor path."""
+    def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
+        """Take readings that left the sensor path."""
 
     def take_input(self, message: BagMessage, received_ns: int) -> None:
         """Take an input, after the builder did."""
@@ -62,11 +61,6 @@ class Replay:
         """How long it is by its clock, without the gaps."""
         return sum(self.clock.at(stop) - self.clock.at(start) for start, stop in self._spans)
 
-    def scan_topics(self) -> tuple[str, ...]:
-        """Return the topics of the scans that are augmented."""
-        roles = self.role_of_topic.items()
-        return tuple(topic for topic, role in roles if role == SCAN_ROLE)
-
     def run(self, listener: Listener, progress: Progress) -> None:
         """Run to the end; `progress` is told the time reached, the gaps taken off."""
         before_ns = self._reader.start_ns
@@ -90,11 +84,11 @@ class Replay:
             self._run_ticks(received_ns, listener)
             self.feed.take(message, received_ns)
             listener.take_input(message, received_ns)
-            self._hand_over_scans(listener)
+            self._hand_over_readings(listener)
             progress(received_ns - self._skipped_ns)
         self._run_ticks(end_ns - 1, listener)
         self._builder.finish(end_ns)
-        self._hand_over_scans(listener)
+        self._hand_over_readings(listener)
 
     def _messages(self, before_ns: int, span: Span) -> Iterator[BagMessage]:
         """Yield what is fed from before the span, then the span's messages."""
@@ -108,9 +102,9 @@ class Replay:
             with self._stopwatch.tick():
                 tick = self._builder.step(tick_ns)
             listener.take_tick(tick)
-            self._hand_over_scans(listener)
+            self._hand_over_readings(listener)
             self.ticks += 1
 
-    def _hand_over_scans(self, listener: Listener) -> None:
-        if scans := self._builder.take_scans():
-            listener.take_scans(scans)
+    def _hand_over_readings(self, listener: Listener) -> None:
+        if readings := self._builder.take_readings():
+            listener.take_readings(readings)

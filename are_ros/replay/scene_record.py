@@ -9,8 +9,7 @@ import numpy as np
 
 from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
-from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.outputs import SceneMetrics
+from are_ros.builder.outputs import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.builder.tick import Tick
 from are_ros.draw.scene import (
     ArtefactAt,
@@ -23,10 +22,9 @@ from are_ros.draw.scene import (
     Track,
     shown_every,
 )
+from are_ros.world.cameras import Camera, ViewModel
 from are_ros.world.footprint import Footprint
-from are_ros.world.observer import Camera
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import ViewModel
 
 
 @dataclass

@@ -19,12 +19,13 @@ from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms, robot_footprint
 from are_ros.builder.life_keeper import LifeKeeper
-from are_ros.builder.sensor_path import SensorPathCounts
+from are_ros.builder.sensors import SensorPathCounts
 from are_ros.builder.warm_up import Warmth, warm_up
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import SceneRecord
 from are_ros.errors import BagError, InputError, MapError
 from are_ros.messages.feed import Refusals
+from are_ros.messages.sensors import SENSORS, sensor_topics
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.choices import CameraModel, OnRobotContact
 from are_ros.parameters.declaration import with_values
@@ -51,9 +52,9 @@ from are_ros.replay.timeline import (
     Timeline,
 )
 from are_ros.wording import counted
-from are_ros.world.map_file import read_map_file
+from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.octomap_file import read_octomap_file
+from are_ros.world.octomap_io import read_octomap_file
 from are_ros.world.voxel_map import VoxelMap
 
 # The map and the octomap that come from files beside the recording.
@@ -162,7 +163,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             elif options.parameters.camera.model is CameraModel.AUTO:
                 say(f"no camera in the recording: {builder.use_default_camera()}")
             has_cloud = options.octomap_file is not None or roles.topic(_CLOUD_ROLE) is not None
-            warmth = Warmth(options.demand, bool(replay.scan_topics()), has_cloud)
+            warmth = Warmth(options.demand, bool(sensor_topics(replay.role_of_topic)), has_cloud)
             with said_if_slow(say, _PREPARING), KernelBar() as bar:
                 warm_up(catalogue, warmth=warmth, count=bar.count)
             files.feed(builder, replay.start_ns)
@@ -189,8 +190,8 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         recorder.record(),
         grid,
         _octomap(builder),
-        builder.scan_counts(),
-        builder.scan_problems(),
+        builder.sensor_counts(),
+        builder.sensor_problems(),
         problem,
         _cloud_problem(builder),
         doubts,
@@ -228,8 +229,9 @@ def _with_wait(options: ReplayOptions, needed_s: float) -> ReplayOptions:
 
 def _say_what_is_missing(options: ReplayOptions, roles: RolesFound, say: Say) -> None:
     """Raise BagError where there is no map; say what stands in for the rest."""
-    are_scans_named = options.parameters.sensors.scans != Parameters().sensors.scans
-    for sentence in roles.sentences(silent=("scan",) if are_scans_named else ()):
+    sensors = options.parameters.sensors
+    named = [role for role, kind in SENSORS.items() if not kind.is_by_role(sensors)]
+    for sentence in roles.sentences(silent=named):
         say(sentence)
     if roles.topic("map") is None and options.map_file is None:
         raise BagError(WITHOUT_MAP)
@@ -259,7 +261,7 @@ def _open_writers(
         return (), dict
     writer = stack.enter_context(BagWriter(options.out / AUGMENTED))
     factory = RosbagsFactory()
-    outputs = TickWriter(writer, replay.scan_topics(), options.demand)
+    outputs = TickWriter(writer, replay.role_of_topic, options.demand)
     if not options.with_inputs:
         return (outputs,), writer.counts
     copy = InputCopy(reader, writer, factory, replay.role_of_topic)

@@ -19,12 +19,11 @@ from are_ros.builder.assembly import parse_static_transform
 from are_ros.builder.tick import Demand
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BagError
-from are_ros.parameters.model import Parameters
+from are_ros.messages.sensors import SENSORS, SensorKind
+from are_ros.parameters.model import Parameters, SensorsParameters
 
 FED_BEFORE_START = ("map", "octomap_point_cloud_centers", "camera/camera_info", "tf", "tf_static")
-SCAN_ROLE = "scan"
-_DEFAULT_SCANS = ("scan",)
-_READ_ROLES = (*FED_BEFORE_START, "odom", SCAN_ROLE, "plan")
+_READ_ROLES = (*FED_BEFORE_START, "odom", *SENSORS, "plan")
 
 
 LATE_CAMERA_NS: Final = NS_PER_S
@@ -126,9 +125,11 @@ def topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound)
         topic = roles.topic(role)
         if topic is not None and not _is_replaced(role, options):
             chosen[topic] = role
-    if options.parameters.sensors.scans != _DEFAULT_SCANS:
-        chosen = {topic: role for topic, role in chosen.items() if role != SCAN_ROLE}
-        chosen |= dict.fromkeys(_named_scans(reader, options), SCAN_ROLE)
+    sensors = options.parameters.sensors
+    for kind in SENSORS.values():
+        if not kind.is_by_role(sensors):
+            chosen = {topic: role for topic, role in chosen.items() if role != kind.role}
+            chosen |= dict.fromkeys(_named_sensors(reader, kind, sensors), kind.role)
     return chosen
 
 
@@ -138,12 +139,15 @@ def _is_replaced(role: str, options: ReplayOptions) -> bool:
     return by_file.get(role) is not None
 
 
-def _named_scans(reader: BagReader, options: ReplayOptions) -> list[str]:
-    """Return the topics that `sensors.scans` names; BagError where one is no scan there."""
-    names = [f"/{name.lstrip('/')}" for name in options.parameters.sensors.scans]
-    scans = {topic.name for topic in reader.topics if topic.type_name.endswith("/LaserScan")}
+def _named_sensors(reader: BagReader, kind: SensorKind, parameters: SensorsParameters) -> list[str]:
+    """Return the topics of a kind that the parameters name; BagError where one is not there."""
+    names = [f"/{name.lstrip('/')}" for name in kind.topics(parameters)]
+    found = {topic.name for topic in reader.topics if topic.type_name == kind.type_name}
     for name in names:
-        if name not in scans:
-            known = ", ".join(sorted(scans)) or "none"
-            raise BagError(f"sensors.scans: the recording has no scan '{name}'; its scans: {known}")
+        if name not in found:
+            known = ", ".join(sorted(found)) or "none"
+            raise BagError(
+                f"sensors.{kind.parameter}: the recording has no {kind.role} '{name}'; "
+                f"its {kind.role}s: {known}"
+            )
     return names

@@ -1,15 +1,17 @@
-"""Which cells of a lattice a box's footprint covers: its outline in cells, row by row.
+"""Which cells of a lattice a box's footprint covers, and boxes against cells and voxels.
 
 A lattice is a float64 row (x, y, cos, sin, cell width, cell height): its corner and turn in the
 map frame, and the cell sizes along its columns and rows in metres. Outlines are in cells.
+
+A clearance field holds at each cell the distance to the nearest cell with a zero, centre to centre,
+so a row can be scanned in leaps of that many cells. `unit` is the field's value for one cell.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from are_ros._compiled import compiled
-from are_ros.world._planar import cosine_and_sine
-from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.rigid_transform import RigidTransform, cosine_and_sine
 
 _FloatArray = NDArray[np.float64]
 
@@ -118,3 +120,204 @@ def count_new(mask: NDArray[np.bool_], row0: int, col0: int, is_counted: NDArray
             count += new[column] > old[column]
             old[column] |= new[column]
     return count
+
+
+_Field = NDArray[np.float32]
+_Mask = NDArray[np.bool_]
+
+HALF_DIAGONAL = 0.71  # of a cell, rounded up
+TWO_HALF_DIAGONALS = 1.42  # of the cell of a centre and of the one met
+
+
+@compiled
+def _next_zero(field: _Field, unit: float, row: int, column: int, last: int) -> int:
+    """Return the first column, from `column` to `last`, where the field is 0, else last + 1."""
+    while column <= last:
+        distance = field[row, column]
+        if distance == 0.0:
+            return column
+        column += max(1, np.int64(distance / unit))
+    return last + 1
+
+
+@compiled
+def _is_far(
+    field: _Field,
+    unit: float,
+    x: float,
+    y: float,
+    top: tuple[float, float],
+    right: tuple[float, float],
+) -> bool:
+    """Tell whether the field at the outline's centre already rules out that it meets a zero."""
+    if not (0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]):
+        return False
+    # not hypot, which takes longer than all the rest here
+    square = max(top[0] * top[0] + top[1] * top[1], right[0] * right[0] + right[1] * right[1])
+    reach = np.sqrt(square)
+    return bool(field[np.int64(y), np.int64(x)] > (reach + TWO_HALF_DIAGONALS) * unit)
+
+
+@compiled
+def hits_cells(
+    packed: _FloatArray,
+    lattice: _FloatArray,
+    occupied: _Mask,
+    field: _Field,
+    unit: float,
+    tolerance_m: float,
+) -> _Mask:
+    """Tell which footprints meet an occupied cell or reach outside the grid.
+
+    The field is the distance from all that is not free, the cells outside the grid among it.
+    """
+    out = np.zeros(packed.shape[0], np.bool_)
+    distances = _distances_at_centres(packed, lattice, field)
+    for i in range(packed.shape[0]):
+        reach = np.sqrt(packed[i, 5] ** 2 + packed[i, 6] ** 2) / min(lattice[4], lattice[5])
+        if distances[i] <= (reach + TWO_HALF_DIAGONALS) * unit:
+            out[i] = _hits_cells(packed, i, lattice, occupied, field, unit, tolerance_m)
+    return out
+
+
+@compiled
+def _distances_at_centres(
+    packed: _FloatArray, lattice: _FloatArray, field: _Field
+) -> NDArray[np.float32]:
+    """Return the field (N,) in the cells that hold the centres, 0 outside of it.
+
+    In a loop of its own, so that the processor waits for many cells at once, not one by one.
+    """
+    out = np.zeros(packed.shape[0], np.float32)
+    for i in range(packed.shape[0]):
+        dx, dy = packed[i, 0] - lattice[0], packed[i, 1] - lattice[1]
+        x = (dx * lattice[2] + dy * lattice[3]) / lattice[4]
+        y = (dy * lattice[2] - dx * lattice[3]) / lattice[5]
+        if 0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]:
+            out[i] = field[np.int64(y), np.int64(x)]
+    return out
+
+
+@compiled
+def _hits_cells(
+    packed: _FloatArray,
+    i: int,
+    lattice: _FloatArray,
+    occupied: _Mask,
+    field: _Field,
+    unit: float,
+    tolerance_m: float,
+) -> bool:
+    """Tell whether footprint `i` covers free cells of the grid only, as `are_free`."""
+    x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
+    if _is_far(field, unit, x, y, (top_x, top_y), (right_x, right_y)):
+        return False
+    first, last = row_range(y, top_y)
+    if first < 0 or last >= field.shape[0]:
+        return True
+    for row in range(first, last + 1):
+        start, end = column_range(row, x, y, top_x, top_y, right_x, right_y)
+        if start < 0 or end >= field.shape[1]:
+            return True
+        column = _next_zero(field, unit, row, start, end)
+        while column <= end:
+            if occupied[row, column]:
+                return True
+            column = _next_zero(field, unit, row, column + 1, end)
+    return False
+
+
+@compiled
+def are_free(
+    packed: _FloatArray, lattice: _FloatArray, field: _Field, unit: float, tolerance_m: float
+) -> _Mask:
+    """Tell which footprints cover free cells of the grid only; the field is 0 on the others."""
+    out = np.zeros(packed.shape[0], np.bool_)
+    for i in range(packed.shape[0]):
+        out[i] = is_free(packed, i, lattice, field, unit, tolerance_m)
+    return out
+
+
+@compiled
+def is_free(
+    packed: _FloatArray,
+    i: int,
+    lattice: _FloatArray,
+    field: _Field,
+    unit: float,
+    tolerance_m: float,
+) -> bool:
+    """Tell whether footprint `i` covers free cells of the grid only, as `are_free`."""
+    x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
+    if _is_far(field, unit, x, y, (top_x, top_y), (right_x, right_y)):
+        return True
+    first, last = row_range(y, top_y)
+    if first < 0 or last >= field.shape[0]:
+        return False
+    for row in range(first, last + 1):
+        start, end = column_range(row, x, y, top_x, top_y, right_x, right_y)
+        if start < 0 or end >= field.shape[1]:
+            return False
+        if _next_zero(field, unit, row, start, end) <= end:
+            return False
+    return True
+
+
+@compiled
+def hits_voxels(
+    packed: _FloatArray,
+    floors_m: _FloatArray,
+    lattice: _FloatArray,
+    layers_m: tuple[float, float],
+    occupied: NDArray[np.uint8],
+    lowest: NDArray[np.int32],
+    field: _Field,
+    tolerance_m: float,
+) -> _Mask:
+    """Tell which boxes meet an occupied voxel whose top is above their floor.
+
+    `floors_m` (N,): voxels that end at or below it are ground. `layers_m`: the lattice's low end
+    and the voxels' height. `field`, in cells: 0 on each column (iy, ix) that may be met; `lowest`:
+    the lowest occupied layer of each column that may be met. Under a ceiling that is all it takes.
+    """
+    out = np.zeros(packed.shape[0], np.bool_)
+    low_m, height_m = layers_m
+    for i in range(packed.shape[0]):
+        bottom = max(packed[i, 2] - packed[i, 7], floors_m[i]) + tolerance_m
+        top = packed[i, 2] + packed[i, 7] - tolerance_m
+        first = max(np.int64(np.floor((bottom - low_m) / height_m)), 0)
+        end = min(np.int64(np.ceil((top - low_m) / height_m)), occupied.shape[2])
+        if first < end:
+            layers = first, end
+            out[i] = _hits_layers(packed, i, lattice, layers, occupied, lowest, field, tolerance_m)
+    return out
+
+
+@compiled
+def _hits_layers(
+    packed: _FloatArray,
+    i: int,
+    lattice: _FloatArray,
+    layers: tuple[int, int],
+    occupied: NDArray[np.uint8],
+    lowest: NDArray[np.int32],
+    field: _Field,
+    tolerance_m: float,
+) -> bool:
+    """Tell whether a voxel of the layers [first, end) is in footprint `i`."""
+    first_layer, end_layer = layers
+    x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
+    if _is_far(field, 1.0, x, y, (top_x, top_y), (right_x, right_y)):
+        return False
+    first, last = row_range(y, top_y)
+    for row in range(max(first, 0), min(last + 1, field.shape[0])):
+        start, end = column_range(row, x, y, top_x, top_y, right_x, right_y)
+        end = min(end, field.shape[1] - 1)
+        column = _next_zero(field, 1.0, row, max(start, 0), end)
+        while column <= end:
+            if lowest[row, column] < end_layer:
+                for layer in range(max(first_layer, lowest[row, column]), end_layer):
+                    if occupied[column, row, layer]:
+                        return True
+            column = _next_zero(field, 1.0, row, column + 1, end)
+    return False

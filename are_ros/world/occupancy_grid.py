@@ -11,8 +11,14 @@ import numpy.typing as npt
 
 from are_ros.conventions import OCCUPIED, UNKNOWN
 from are_ros.errors import InputError
-from are_ros.world._planar import MAX_TILT_RAD, cosine_and_sine, tilt_rad, yaw_only
-from are_ros.world.rigid_transform import MAX_REACH_M, RigidTransform
+from are_ros.world.rigid_transform import (
+    MAX_REACH_M,
+    MAX_TILT_RAD,
+    RigidTransform,
+    cosine_and_sine,
+    tilt_rad,
+    yaw_only,
+)
 
 MAX_SIDE: Final = 32767
 MAX_CELLS: Final = 2**28

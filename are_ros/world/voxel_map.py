@@ -1,4 +1,15 @@
-"""M3D: the occupied voxels of the real place (section 3.1), dense, from a cloud or extruded."""
+"""M3D: the occupied voxels of the real place (section 3.1), dense, from a cloud or extruded.
+
+Which lattice a cloud of voxel centres lies on, and which voxels each centre stands for.
+
+octomap_server sends the centre of every occupied leaf. Leaves of the finest size lie on one
+lattice; a pruned leaf, 2^k voxels wide, has its centre on a corner of that lattice. In the
+octree's own frame the corners are integer multiples of the voxel size, and a leaf's centre is an
+odd multiple of 2^(k-1) voxels on each axis: so the position tells the size. In a frame that is
+shifted against the octree's only k = 0 and k >= 1 can be told apart, and k = 1 is assumed.
+
+The few points that lie far from all others, or on no lattice, have no say in which lattice it is.
+"""
 
 import math
 from dataclasses import dataclass
@@ -7,18 +18,398 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros._compiled import compiled
 from are_ros.errors import InputError
-from are_ros.world._planar import MAX_TILT_RAD, cosine_and_sine, tilt_rad, yaw_only
-from are_ros.world._voxel_lattice import (
-    VoxelLattice,
-    fill_voxels,
-    lattice_of,
-    leaf_bounds,
-    times_wider,
-    without_far_points,
-)
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.rigid_transform import (
+    MAX_TILT_RAD,
+    RigidTransform,
+    cosine_and_sine,
+    tilt_rad,
+    yaw_only,
+)
+
+_FLOAT32_NOISE: Final = 8.0 * float(np.finfo(np.float32).eps)
+_MIN_NOISE_M: Final = 1e-6
+_MIN_SPACING_M: Final = 1e-3
+_MAX_STEPS: Final = 64
+
+
+def coordinate_noise_m(points_m: npt.NDArray[np.floating]) -> float:
+    """Return how far coordinates of points (N, 3) may be off by having been float32."""
+    return max(_MIN_NOISE_M, _FLOAT32_NOISE * float(np.abs(points_m).max()))
+
+
+def common_spacing(points_m: npt.NDArray[np.floating]) -> float | None:
+    """Return the largest spacing [m] of which all gaps of points (N, 3) are multiples, or None.
+
+    The gaps are those between neighbouring distinct coordinates of one axis, pooled over the
+    axes; coordinates carry the noise of float32. None if there is no gap at all, or if the gaps
+    have no divisor of a millimetre that stands out of the noise (the points lie on no lattice).
+    """
+    noise = coordinate_noise_m(points_m)
+    axes = [_distinct(points_m[:, axis], noise) for axis in range(3)]
+    gaps = np.concatenate([np.diff(values) for values in axes])
+    if not gaps.size:
+        return None
+    spacing = _approximate_divisor(_distinct(gaps, noise), noise)
+    return None if spacing is None else _refined(spacing, axes, noise)
+
+
+def usual_gap(points_m: npt.NDArray[np.floating]) -> float | None:
+    """Return the most frequent gap [m] between neighbouring distinct coordinates, or None.
+
+    The least of several that are equally frequent; None where there is no gap at all.
+    """
+    noise = coordinate_noise_m(points_m)
+    gaps = np.concatenate([np.diff(_distinct(points_m[:, axis], noise)) for axis in range(3)])
+    if not gaps.size:
+        return None
+    gaps.sort()
+    group = np.concatenate(([0], np.cumsum(np.diff(gaps) > noise)))
+    counts = np.bincount(group)
+    most = int(counts.argmax())
+    return float(gaps[group == most].mean())
+
+
+def _distinct(values: npt.NDArray[np.floating], noise: float) -> npt.NDArray[np.float64]:
+    """Return the sorted means of values that lie within a chain of steps of at most noise."""
+    unique = np.unique(values).astype(np.float64)
+    group = np.concatenate(([0], np.cumsum(np.diff(unique) > noise)))
+    sums = np.bincount(group, weights=unique)
+    return np.asarray(sums / np.bincount(group), dtype=np.float64)
+
+
+def _approximate_divisor(gaps: npt.NDArray[np.float64], noise: float) -> float | None:
+    """Return Euclid's divisor of sorted gaps, where remainders within noise count as none."""
+    divisor = float(gaps[0])
+    for _ in range(_MAX_STEPS):
+        counts = np.round(gaps / divisor)
+        remainders = np.abs(gaps - counts * divisor)
+        wrong = remainders > 2.0 * noise * (counts + 1.0)
+        if not wrong.any():
+            return divisor
+        divisor = float(remainders[wrong].min())
+        if divisor < max(_MIN_SPACING_M, 8.0 * noise):
+            return None
+    return None
+
+
+def _refined(spacing: float, axes: list[npt.NDArray[np.float64]], noise: float) -> float:
+    """Return the spacing averaged over the extents, rounded to a micrometre if that fits."""
+    extent, steps = 0.0, 0.0
+    for values in axes:
+        extent += float(values[-1] - values[0])
+        steps += float(np.round(np.diff(values) / spacing).sum())
+    refined = extent / steps
+    rounded = round(refined, 6)
+    return rounded if abs(rounded - refined) * steps <= 3.0 * noise else refined
+
+
+_MIN_CONCENTRATION: Final = 0.9
+_MIN_SHARE: Final = 0.99
+_ALIGNED: Final = 1e-3
+_FEWEST_TO_JUDGE: Final = 16
+_MAX_LEVEL: Final = 16
+_MAX_INFERRED_M: Final = 10.0
+_FAR: Final = 8.0
+"""As many times farther from the middle than nine tenths of the points are: a stray point."""
+_SAME: Final = 1e-3
+"""Sizes that differ by less than this part are one."""
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelLattice:
+    """Voxels of `size_m`, one corner of which lies at `phase_m` (3,) in the cloud's frame.
+
+    `has_leaves`: some centres lie on corners and stand for coarser leaves; `is_octree`: their
+    size follows from where they lie.
+    """
+
+    size_m: float
+    phase_m: npt.NDArray[np.float64]
+    has_leaves: bool = False
+    is_octree: bool = False
+
+
+def lattice_of(
+    points_m: npt.NDArray[np.floating],
+    size_m: float | None,
+    source: str,
+    wanted_m: float | None = None,
+) -> VoxelLattice:
+    """Return the lattice of centres (N, 3), its size given or inferred.
+
+    Points that lie on no lattice of a given size are binned, with corners at its multiples. Voxels
+    are `wanted_m` wide in the end: where the size can neither be given nor inferred, that is the
+    lattice's. Raises InputError if a size is no positive length, cannot be inferred, or is larger
+    than what is wanted.
+    """
+    for length_m in (size_m, wanted_m):
+        if length_m is not None and not (np.isfinite(length_m) and length_m > 0.0):
+            message = f"{source}: world.voxel_size is {length_m}, it must be a positive length"
+            raise InputError(message)
+    bulk_m = without_far_points(points_m)
+    if size_m is not None:
+        lattice = _given(bulk_m, size_m)
+    elif wanted_m is None:
+        lattice = _inferred(bulk_m, source)
+    else:
+        lattice = _inferred_or_wanted(bulk_m, source, wanted_m)
+    if wanted_m is not None and wanted_m < (1.0 - _SAME) * lattice.size_m:
+        message = (
+            f"{source}: its voxels are {lattice.size_m:g} m wide, finer ones of world.voxel_size,"
+            f" {wanted_m:g} m, cannot be made of them; set that to 0 or to a multiple"
+        )
+        raise InputError(message)
+    return lattice
+
+
+def without_far_points(points_m: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
+    """Return the points (M, 3) without those that lie far from nearly all others."""
+    if len(points_m) < _FEWEST_TO_JUDGE:
+        return points_m
+    middle_m = np.median(points_m, axis=0)
+    away_m = np.abs(points_m - middle_m).max(axis=1)
+    reach_m = _FAR * float(np.quantile(away_m, 0.9))
+    is_near = away_m <= reach_m
+    return points_m if reach_m == 0.0 or is_near.all() else points_m[is_near]
+
+
+def times_wider(lattice: VoxelLattice, size_m: float) -> float:
+    """Return how many voxels of a lattice one of `size_m` is wide; whole where that is meant."""
+    times = size_m / lattice.size_m
+    return float(round(times)) if abs(times - round(times)) <= _SAME * times else times
+
+
+def leaf_bounds(
+    points_m: npt.NDArray[np.floating], lattice: VoxelLattice, times: float = 1.0
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Return low and exclusive high index (3,) of all that the centres (N, 3) stand for.
+
+    In voxels so many `times` (1 or more) as wide as those of the lattice, from its same corner.
+    """
+    form = lattice.size_m, lattice.phase_m, *_flags(lattice), 1.0 / times
+    low, high = _leaf_bounds(points_m, *form)
+    return low, high
+
+
+def fill_voxels(
+    points_m: npt.NDArray[np.floating],
+    lattice: VoxelLattice,
+    low: npt.NDArray[np.int64],
+    occupied: npt.NDArray[np.uint8],
+    times: float = 1.0,
+) -> None:
+    """Set to 1, in an array whose voxel (0, 0, 0) has index `low`, what the centres stand for."""
+    form = lattice.size_m, lattice.phase_m, *_flags(lattice), 1.0 / times
+    _fill(points_m, *form, low, occupied)
+
+
+def _flags(lattice: VoxelLattice) -> tuple[bool, bool]:
+    return lattice.has_leaves, lattice.is_octree
+
+
+def _given(points_m: npt.NDArray[np.floating], size_m: float) -> VoxelLattice:
+    return _fitted(points_m, float(size_m)) or VoxelLattice(float(size_m), np.zeros(3))
+
+
+def _inferred_or_wanted(
+    points_m: npt.NDArray[np.floating], source: str, wanted_m: float
+) -> VoxelLattice:
+    """Return the cloud's own lattice; one of the size wanted where it shows none.
+
+    A few points lie on many lattices: there a finer one that is wanted may be theirs.
+    """
+    try:
+        own = _inferred(points_m, source)
+    except InputError:
+        return _given(points_m, wanted_m)
+    is_doubtful = len(points_m) < _FEWEST_TO_JUDGE and own.size_m > wanted_m
+    return _given(points_m, wanted_m) if is_doubtful else own
+
+
+def _spacing(points_m: npt.NDArray[np.floating]) -> float | None:
+    """Return the spacing of nearly all points: those on no lattice with the others do not count."""
+    spacing, usual_m = common_spacing(points_m), usual_gap(points_m)
+    if usual_m is None:
+        return spacing
+    half = 0.5 * usual_m
+    phase, _ = _phase(points_m, half)
+    aside = np.abs(np.mod(points_m - phase + 0.5 * half, half) - 0.5 * half)
+    is_on = (aside <= max(_ALIGNED * half, 2.0 * coordinate_noise_m(points_m))).all(axis=1)
+    if is_on.all() or np.count_nonzero(is_on) < _MIN_SHARE * len(points_m):
+        return spacing
+    return common_spacing(points_m[is_on])
+
+
+def _inferred(points_m: npt.NDArray[np.floating], source: str) -> VoxelLattice:
+    spacing = _spacing(points_m)
+    if spacing is None:
+        message = (
+            f"{source}: the voxel size cannot be inferred from {len(points_m)} points that show"
+            f" no common spacing; set world.voxel_size"
+        )
+        raise InputError(message)
+    if spacing > _MAX_INFERRED_M:  # one wild point drowns the lattice of all others
+        farthest_m = float(np.abs(points_m).max())
+        message = (
+            f"{source}: a point lies {farthest_m:g} m from the origin, which would make voxels of"
+            f" {spacing:g} m; crop the cloud or set world.voxel_size"
+        )
+        raise InputError(message)
+    with_leaves = _fitted(points_m, 2.0 * spacing)
+    if (
+        with_leaves is not None
+        and with_leaves.has_leaves
+        and (with_leaves.is_octree or len(points_m) >= _FEWEST_TO_JUDGE)
+    ):
+        return with_leaves
+    return _fitted(points_m, spacing) or VoxelLattice(spacing, np.zeros(3))
+
+
+def _fitted(points_m: npt.NDArray[np.floating], size_m: float) -> VoxelLattice | None:
+    """Return the lattice of this size whose centres or corners the points are, or None."""
+    half = 0.5 * size_m
+    phase, concentration = _phase(points_m, half)
+    if concentration.min() < _MIN_CONCENTRATION:
+        return None
+    tolerance = max(_ALIGNED * half, coordinate_noise_m(points_m))
+    aligned = bool((np.minimum(phase, half - phase) <= tolerance).all())
+    phase = np.zeros(3) if aligned else phase
+    counts, odd_leaves = _parities(points_m, half, phase)
+    pairs = counts + counts[::-1]
+    pair = int(pairs.argmax())
+    if pairs[pair] < _MIN_SHARE * len(points_m):
+        return None
+    is_octree = aligned and counts[7] > 0 and pair in {0, 7}
+    is_octree = is_octree and odd_leaves <= (1.0 - _MIN_SHARE) * counts[0]
+    fine = 7 if is_octree else max(pair, 7 - pair, key=lambda parity: int(counts[parity]))
+    odd = np.array([fine >> 2 & 1, fine >> 1 & 1, fine & 1])
+    corner = np.mod(phase + half * (odd - 1), size_m)
+    return VoxelLattice(size_m, corner, bool(counts[7 - fine] > 0), is_octree)
+
+
+@compiled
+def _phase(
+    points: npt.NDArray[np.floating], period: float
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return the circular mean (3,) of the coordinates in [0, period), and its length (0..1)."""
+    phase = np.empty(3)
+    concentration = np.empty(3)
+    for axis in range(3):
+        real, imaginary = 0.0, 0.0
+        for i in range(points.shape[0]):
+            turns = points[i, axis] / period
+            angle = 2.0 * np.pi * (turns - np.floor(turns))
+            real += np.cos(angle)
+            imaginary += np.sin(angle)
+        concentration[axis] = np.hypot(real, imaginary) / points.shape[0]
+        fraction = np.arctan2(imaginary, real) / (2.0 * np.pi)
+        phase[axis] = period * (fraction - np.floor(fraction))
+    return phase, concentration
+
+
+@compiled
+def _valuation(n: int) -> int:
+    """Return how often 2 divides n, at most _MAX_LEVEL (so also for 0)."""
+    level = 0
+    while level < _MAX_LEVEL and n & 1 == 0:
+        n >>= 1
+        level += 1
+    return level
+
+
+@compiled
+def _parities(
+    points: npt.NDArray[np.floating], half: float, phase: npt.NDArray[np.float64]
+) -> tuple[npt.NDArray[np.int64], int]:
+    """Return how many points have each parity (x, y, z as bits 2, 1, 0) in half voxels, (8,).
+
+    And how many of the all-even ones have unequal powers of two on their axes.
+    """
+    counts = np.zeros(8, dtype=np.int64)
+    unequal = 0
+    for i in range(points.shape[0]):
+        x = np.int64(np.rint((points[i, 0] - phase[0]) / half))
+        y = np.int64(np.rint((points[i, 1] - phase[1]) / half))
+        z = np.int64(np.rint((points[i, 2] - phase[2]) / half))
+        parity = ((x & 1) << 2) | ((y & 1) << 1) | (z & 1)
+        counts[parity] += 1
+        if parity == 0:
+            level = _valuation(x)
+            if _valuation(y) != level or _valuation(z) != level:
+                unequal += 1
+    return counts, unequal
+
+
+@compiled
+def _leaf(
+    x: float, y: float, z: float, has_leaves: bool, is_octree: bool
+) -> tuple[int, int, int, int]:
+    """Return low voxel index and width of the leaf with its centre at (x, y, z) [voxels]."""
+    if has_leaves:
+        i, j, k = np.int64(np.rint(2.0 * x)), np.int64(np.rint(2.0 * y)), np.int64(np.rint(2.0 * z))
+        if (i | j | k) & 1 == 0:
+            level = 1
+            if is_octree:
+                level = min(_valuation(i), _valuation(j), _valuation(k))
+            reach = 1 << (level - 1)
+            return (i >> 1) - reach, (j >> 1) - reach, (k >> 1) - reach, 2 * reach
+    return np.int64(np.floor(x)), np.int64(np.floor(y)), np.int64(np.floor(z)), 1
+
+
+@compiled
+def _coarser(index: int, share: float) -> int:
+    """Return which voxel, of which one of the lattice is a `share`, holds the middle of one."""
+    coarser: int = np.int64(np.floor((index + 0.5) * share))
+    return coarser
+
+
+@compiled
+def _leaf_bounds(
+    points: npt.NDArray[np.floating],
+    size: float,
+    phase: npt.NDArray[np.float64],
+    has_leaves: bool,
+    is_octree: bool,
+    share: float,
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    low = np.full(3, 2**62, dtype=np.int64)
+    high = np.full(3, -(2**62), dtype=np.int64)
+    for p in range(points.shape[0]):
+        x = (points[p, 0] - phase[0]) / size
+        y = (points[p, 1] - phase[1]) / size
+        z = (points[p, 2] - phase[2]) / size
+        i, j, k, width = _leaf(x, y, z, has_leaves, is_octree)
+        for axis, first in enumerate((i, j, k)):
+            low[axis] = min(low[axis], _coarser(first, share))
+            high[axis] = max(high[axis], _coarser(first + width - 1, share) + 1)
+    return low, high
+
+
+@compiled
+def _fill(
+    points: npt.NDArray[np.floating],
+    size: float,
+    phase: npt.NDArray[np.float64],
+    has_leaves: bool,
+    is_octree: bool,
+    share: float,
+    low: npt.NDArray[np.int64],
+    occupied: npt.NDArray[np.uint8],
+) -> None:
+    for p in range(points.shape[0]):
+        x = (points[p, 0] - phase[0]) / size
+        y = (points[p, 1] - phase[1]) / size
+        z = (points[p, 2] - phase[2]) / size
+        i, j, k, width = _leaf(x, y, z, has_leaves, is_octree)
+        last = width - 1
+        i, i_end = _coarser(i, share) - low[0], _coarser(i + last, share) + 1 - low[0]
+        j, j_end = _coarser(j, share) - low[1], _coarser(j + last, share) + 1 - low[1]
+        k, k_end = _coarser(k, share) - low[2], _coarser(k + last, share) + 1 - low[2]
+        occupied[i:i_end, j:j_end, k:k_end] = 1
+
 
 MAX_VOXELS: Final = 2**30
 """Bound of the dense array: one byte each, so 1 GiB."""

@@ -4,7 +4,7 @@ import math
 from typing import Final
 
 from are_ros.messages.transforms import StampedTransform
-from are_ros.world.camera_info import CameraInfo
+from are_ros.world.cameras import CameraInfo
 from are_ros.world.rigid_transform import RigidTransform
 
 # The names of the simulated robot's frames, as REP 105 and TurtleBot have them.

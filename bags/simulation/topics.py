@@ -12,7 +12,7 @@ from are_ros.messages.cloud import make_cloud
 from are_ros.messages.common import Header, MessageFactory
 from are_ros.messages.grid import make_grid
 from are_ros.messages.odometry import OdometryReading, make_odometry
-from are_ros.messages.scan import make_scan
+from are_ros.messages.sensors import make_scan
 from are_ros.messages.transforms import make_transforms
 from bags.simulation.building import surface_centres_m
 from bags.simulation.frames import (

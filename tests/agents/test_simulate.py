@@ -13,14 +13,12 @@ from are_ros.artefacts.departures import Cause
 from are_ros.artefacts.terrain import Terrains
 from are_ros.builder import assembly
 from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
-from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.builder.outputs import ArtefactEvent, EventKind
 from are_ros.parameters.model import Parameters
-from are_ros.world.environment import Environment
-from are_ros.world.ground import PlaneGround
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.oriented_boxes import OrientedBoxes
-from are_ros.world.region import SpawnRegion
-from are_ros.world.zones import Zones
+from are_ros.world.regions import SpawnRegion, Zones
 from tests.builder.town import POST, STEP_NS, TYPES, WALKER, hall
 
 NO_PLAN = np.empty((0, 2))

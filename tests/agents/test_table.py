@@ -8,8 +8,7 @@ from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.shapes import Shape
 from are_ros.parameters.choices import GroundKind
-from are_ros.world.environment import Environment
-from are_ros.world.ground import PlaneGround
+from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
 

@@ -8,8 +8,7 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from are_ros.artefacts.terrain import Terrain
-from are_ros.world.environment import Environment
-from are_ros.world.ground import PlaneGround
+from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 
 Walls = npt.NDArray[np.bool_]

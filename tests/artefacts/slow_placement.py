@@ -10,10 +10,9 @@ from scipy import ndimage
 from are_ros.artefacts.catalogue import CatalogueRow, MeshFile, MotionLimits
 from are_ros.artefacts.placement import Placer
 from are_ros.artefacts.randomness import Purpose, generator
-from are_ros.world.environment import Environment
-from are_ros.world.ground import PlaneGround
+from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.region import SpawnRegion
+from are_ros.world.regions import SpawnRegion
 from are_ros.world.rigid_transform import RigidTransform
 
 Floats = npt.NDArray[np.float64]

@@ -9,13 +9,11 @@ import pytest
 
 from are_ros.artefacts.exits import exits_of
 from are_ros.parameters.choices import Region
-from are_ros.world.environment import Environment
-from are_ros.world.ground import PlaneGround
-from are_ros.world.map_file import read_map_file
+from are_ros.world.environment import Environment, PlaneGround
+from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.region import region_finder
+from are_ros.world.regions import Zone, Zones, region_finder
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.zones import Zone, Zones
 
 Floats = npt.NDArray[np.float64]
 

@@ -24,11 +24,10 @@ from are_ros.artefacts.placement import (
     PoseLattice,
 )
 from are_ros.artefacts.terrain import Terrains
-from are_ros.world.environment import Environment
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.footprint import Footprint
-from are_ros.world.ground import PlaneGround
 from are_ros.world.occupancy_grid import classify
-from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
 from tests.artefacts.slow_placement import (

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from are_ros.artefacts.terrain import Terrain, Terrains, farthest
-from are_ros.world.oriented_boxes import OrientedBoxes, overlaps_any
+from are_ros.world.boxes import OrientedBoxes, overlaps_any
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
 from tests.artefacts.floors import terrain_of

@@ -3,7 +3,7 @@
 import pytest
 
 from are_ros.bag.reader import BagTopic
-from are_ros.bag.roles import ROLE_TYPES, find_roles, read_overrides, scans_of
+from are_ros.bag.roles import ROLE_TYPES, find_roles, read_overrides, sensors_of
 from are_ros.errors import BagError
 
 SCAN, CLOUD = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"
@@ -115,8 +115,8 @@ def test_two_topics_for_one_role_are_taken_for_scans_only() -> None:
     """Two lasers are both scans; of two maps nobody could tell which one is meant."""
     texts = ["scan:=/front", "map:=/m", "scan:=rear", "scan:=/rear", "map:=m"]
     assert read_overrides(texts) == {"scan": "/front", "map": "/m"}
-    assert scans_of(texts) == ("/front", "/rear")
-    with pytest.raises(BagError, match=r"map:=/n: the role has /m already; only scan may"):
+    assert sensors_of(texts) == {"scan": ("/front", "/rear")}
+    with pytest.raises(BagError, match=r"map:=/n: the role has /m already; only a sensor's may"):
         read_overrides([*texts, "map:=/n"])
 
 

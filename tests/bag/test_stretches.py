@@ -14,7 +14,7 @@ from are_ros.bag.clock import BagClock, Ints, RecordedTimes, Times
 from are_ros.bag.reader import BagReader
 from are_ros.bag.stretches import needed_wait_s, scan_waits, stretches_of, wait_sentence
 from are_ros.conventions import NS_PER_S
-from are_ros.world.frame_tree import FrameTree
+from are_ros.world.transforms.tree import FrameTree
 
 Records = Sequence[tuple[str, int, Any]]
 WriteBag = Callable[[Path, Records], Path]

@@ -11,7 +11,7 @@ from rosbags.rosbag2 import Reader as Ros2Reader
 from are_ros.bag.reader import BagReader, BagTopic
 from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
-from are_ros.builder.marker_batch import DELETE_ALL
+from are_ros.builder.markers import DELETE_ALL
 from are_ros.errors import BagError
 from are_ros.messages.grid import make_grid, read_grid
 from are_ros.messages.markers import MarkerEncoder

@@ -11,11 +11,11 @@ from are_ros.artefacts.artefact import GroundPose
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.shapes import Shape
 from are_ros.builder.ar_builder import ArBuilder
+from are_ros.builder.laser_scan import LaserScan
 from are_ros.builder.tick import Demand, Tick
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.world.laser_scan import LaserScan
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -135,7 +135,7 @@ class Scene:
             ranges=np.array(ranges, dtype=np.float32),
             intensities=np.full(len(ranges), 7.0, dtype=np.float32),
         ).checked()
-        self.builder.receive_scan("scan", scan, self.ns(t_s))
+        self.builder.receive_reading("scan", scan, self.ns(t_s))
         return scan
 
 

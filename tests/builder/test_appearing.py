@@ -26,14 +26,12 @@ from are_ros.builder.spawning import Allowed, Spawning
 from are_ros.errors import ParameterError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.world.environment import Environment
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.cameras import FORWARD_FROM_OPTICAL, OmnidirectionalView, PinholeView, ViewModel
+from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.footprint import Footprint
-from are_ros.world.ground import PlaneGround
-from are_ros.world.observer import FORWARD_FROM_OPTICAL
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import OmnidirectionalView, PinholeView, ViewModel
 from are_ros.world.voxel_map import VoxelMap
 
 Floats = npt.NDArray[np.float64]

@@ -9,13 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.builder.events import ArtefactEvent, EventKind
 from are_ros.builder.markers import MarkerAction
+from are_ros.builder.outputs import ArtefactEvent, EventKind
 from are_ros.builder.tick import Demand, Tick
 from are_ros.errors import FrameError, InputError, ParameterError
-from are_ros.world.observer import Camera
+from are_ros.world.cameras import Camera, PinholeView
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import PinholeView
 
 Scene = Any
 """The `Scene` of conftest, which tests cannot import."""
@@ -470,9 +469,9 @@ def test_a_departed_artefact_leaves_nothing_behind(make_scene: Make) -> None:
     for name in ("augmented_map", "costmap"):
         clean, empty = getattr(without.grids, name), getattr(before.grids, name)
         assert clean.cells.tobytes() == empty.cells.tobytes()
-    met, clear = scene.builder.take_scans()
-    assert (met.scan.ranges < 3.5).any()
-    assert (clear.scan.ranges == 3.5).all()
+    met, clear = scene.builder.take_readings()
+    assert (met.reading.ranges < 3.5).any()
+    assert (clear.reading.ranges == 3.5).all()
 
 
 def test_the_update_tells_the_smallest_rectangle_that_changed(scene: Scene) -> None:
@@ -523,7 +522,7 @@ def run(scene: Scene, tick_times_s: Iterable[float]) -> tuple[list[Any], list[An
         events += result.events if isinstance(result, Tick) else ()
     last = scene.tick(2.1)
     events += last.events
-    scans = [(s.released_ns, s.scan.ranges.tobytes()) for s in scene.builder.take_scans()]
+    scans = [(s.released_ns, s.reading.ranges.tobytes()) for s in scene.builder.take_readings()]
     poses = [(state.artefact_id, state.ground_pose) for state in last.artefacts]
     return [*outline(events), *scans], poses
 
@@ -644,7 +643,7 @@ def test_a_jump_back_after_a_scan_is_a_jump_too(scene: Scene) -> None:
     scene.scan(1.3)
     scene.robot(0.1, 1.5, 2.0)
     assert len(scene.builder.notices) == 1
-    assert scene.builder.scan_counts()["scan"].passed_through == 0
+    assert scene.builder.sensor_counts()["scan"].passed_through == 0
     tick = scene.tick(0.2)
     assert tick.artefacts == ()
     assert tick.map_from_base.translation_m[0] == 1.5
@@ -689,14 +688,14 @@ def test_a_scan_meets_the_artefacts_of_its_own_stamp(scene: Scene) -> None:
     early = scene.scan(0.12, stamp_s=0.09)
     late = scene.scan(0.14, stamp_s=0.11)
     scene.robot(0.15, 1.0, 2.0)
-    one, other = scene.builder.take_scans()
+    one, other = scene.builder.take_readings()
     assert (one.topic, one.is_augmented, one.released_ns) == ("scan", True, scene.ns(0.15))
-    assert one.scan is early
-    assert other.scan.ranges[180] == pytest.approx(1.3)
-    changed = np.flatnonzero(other.scan.ranges != late.ranges)
+    assert one.reading is early
+    assert other.reading.ranges[180] == pytest.approx(1.3)
+    changed = np.flatnonzero(other.reading.ranges != late.ranges)
     assert 0 < len(changed) < 30
-    assert (other.scan.intensities[changed] == 0.0).all()
-    assert scene.builder.scan_counts()["scan"].exact == 2
+    assert (other.reading.intensities[changed] == 0.0).all()
+    assert scene.builder.sensor_counts()["scan"].exact == 2
 
 
 @pytest.mark.parametrize(
@@ -713,19 +712,19 @@ def test_the_gate_of_the_sensors(make_scene: Make, gate: str, meets: bool) -> No
     assert seen(scene.tick(0.1)) == [ahead]
     scene.robot(0.15, 2.0, 2.0)
     scene.scan(0.15)
-    (released,) = scene.builder.take_scans()
-    assert (released.scan.ranges[0] < 3.0) == meets
-    assert released.scan.ranges[180] < 3.0
+    (released,) = scene.builder.take_readings()
+    assert (released.reading.ranges[0] < 3.0) == meets
+    assert released.reading.ranges[180] < 3.0
 
 
 def test_the_inputs_end_and_what_waits_is_released(scene: Scene) -> None:
     """A scan whose frame never came passes through, and the reason is told."""
     scan = scene.scan(0.1)
     scene.builder.finish(scene.ns(0.11))
-    (released,) = scene.builder.take_scans()
-    assert released.scan is scan
+    (released,) = scene.builder.take_readings()
+    assert released.reading is scan
     assert not released.is_augmented
-    assert "never seen" in scene.builder.scan_problems()["scan"]
+    assert "never seen" in scene.builder.sensor_problems()["scan"]
 
 
 # --- what nobody wants

@@ -10,10 +10,11 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from are_ros.builder.laser_scan import LaserScan
 from are_ros.builder.occlusion.meshes import MeshPool, MeshSelection
-from are_ros.builder.scans import augment_scan
-from are_ros.world.laser_scan import LaserScan
-from are_ros.world.oriented_boxes import OrientedBoxes
+from are_ros.builder.occlusion.rays import VoxelField
+from are_ros.builder.sensors import Obstacles
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 
 Floats = npt.NDArray[np.float64]
@@ -41,6 +42,18 @@ def _scan(
         ranges=np.array(ranges, dtype=np.float32),
         intensities=np.arange(1, count + 1, dtype=np.float32),
     ).checked()
+
+
+def augment_scan(
+    scan: LaserScan,
+    map_from_laser: RigidTransform,
+    boxes: OrientedBoxes,
+    shapes: MeshSelection | None = None,
+    surface: VoxelField | None = None,
+) -> LaserScan:
+    """Return the scan among boxes or, where given, meshes."""
+    shapes = MeshSelection.boxes_only(len(boxes)) if shapes is None else shapes
+    return scan.augmented(map_from_laser, Obstacles(boxes, shapes, surface))
 
 
 def _box(x: float, size: float = 1.0, y: float = 0.0, yaw: float = 0.0) -> OrientedBoxes:

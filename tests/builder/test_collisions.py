@@ -6,14 +6,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
-from are_ros.builder.robot_contact import ContactPolicy, Displace, Hold, Remove
+from are_ros.builder.collisions import (
+    CollisionResolver,
+    ContactPolicy,
+    Displace,
+    Hold,
+    Outcome,
+    Remove,
+    Resolution,
+)
 from are_ros.conventions import OCCUPIED
-from are_ros.world.environment import Environment
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.footprint import Footprint, penetration_m
-from are_ros.world.ground import PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 from tests.world.overlapping import overlapping_pairs
 

@@ -9,8 +9,15 @@ import pytest
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.builder.display import Display, marker_subject, poses_of
-from are_ros.builder.markers import MarkerAction, MarkerBatch, MarkerBoard, MarkerKind
+from are_ros.builder.markers import (
+    Display,
+    MarkerAction,
+    MarkerBatch,
+    MarkerBoard,
+    MarkerKind,
+    marker_subject,
+    poses_of,
+)
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Labels, Shape

@@ -11,7 +11,7 @@ from are_ros.artefacts.shapes import Shape
 from are_ros.builder.lives import overdue
 from are_ros.builder.out_of_view import OutOfView
 from are_ros.conventions import NS_PER_S
-from are_ros.world.oriented_boxes import OrientedBoxes
+from are_ros.world.boxes import OrientedBoxes
 
 ROW = CatalogueRow(0, "one", "kind", (0.3, 0.5, 1.7), (0.0, 0.0, 0.0), Shape.PERSON)
 EXITS, NO_EXITS = np.array([[9.0, 9.0]]), np.empty((0, 2))

@@ -13,8 +13,7 @@ from are_ros.builder.costmap.augmented_map import GridAugmentation, Grids
 from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.builder.registration import CellPatch
 from are_ros.conventions import OCCUPIED
-from are_ros.world.environment import Environment
-from are_ros.world.ground import PlaneGround
+from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
 

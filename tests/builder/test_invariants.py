@@ -19,10 +19,10 @@ from scipy.ndimage import distance_transform_edt
 
 from are_ros.artefacts.artefact import GroundPose
 from are_ros.bag.reader import BagMessage
-from are_ros.builder.events import EventKind
+from are_ros.builder.laser_scan import LaserScan
 from are_ros.builder.markers import MarkerAction
-from are_ros.builder.outputs import ArtefactState
-from are_ros.builder.sensor_path import ReleasedScan
+from are_ros.builder.outputs import ArtefactState, EventKind
+from are_ros.builder.sensors import ReleasedReading
 from are_ros.builder.tick import Tick
 from are_ros.checks.oracle.plane import (
     Outline,
@@ -34,7 +34,6 @@ from are_ros.checks.oracle.plane import (
 from are_ros.errors import InputError
 from are_ros.messages.feed import Feed
 from are_ros.replay.listeners import TickWriter
-from are_ros.world.laser_scan import LaserScan
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -76,7 +75,7 @@ class Run:
 
     gate: str
     moments: list[Moment] = field(default_factory=list)
-    scans: list[tuple[LaserScan, ReleasedScan, tuple[ArtefactState, ...], Cells, float]] = field(
+    scans: list[tuple[LaserScan, ReleasedReading, tuple[ArtefactState, ...], Cells, float]] = field(
         default_factory=list
     )
     inputs: list[tuple[npt.NDArray[Any], bytes]] = field(default_factory=list)
@@ -159,9 +158,9 @@ class Driver:
         self._note(scan.ranges)
         self._scans[scan.stamp_ns] = (scan, tick.artefacts, PERIOD_S * index)
         now_ns = self._scene.ns(PERIOD_S * index + 0.03)
-        self._scene.builder.receive_scan("scan", scan, now_ns)
-        for released in self._scene.builder.take_scans():
-            given, states, t_s = self._scans[released.scan.stamp_ns]
+        self._scene.builder.receive_reading("scan", scan, now_ns)
+        for released in self._scene.builder.take_readings():
+            given, states, t_s = self._scans[released.reading.stamp_ns]
             self.run.scans.append((given, released, states, self._real.cells, t_s))
 
     def _note(self, array: npt.NDArray[Any]) -> None:
@@ -400,7 +399,7 @@ def test_no_real_return_leaves_a_scan_unless_a_virtual_surface_is_in_front(run: 
         assert released.is_augmented
         hits, graze = hits_m(states, t_s)
         at_least, at_most = walls_m(cells, t_s, 0.005), walls_m(cells, t_s, -0.005)
-        real, out = given.ranges, released.scan.ranges
+        real, out = given.ranges, released.reading.ranges
         changed = out.view(np.uint32) != real.view(np.uint32)
         is_return = (real >= given.range_min_m) & (real <= given.range_max_m)
         in_front = np.where(is_return, hits < real, hits <= given.range_max_m) & ~np.isneginf(real)
@@ -445,7 +444,7 @@ def test_the_same_inputs_and_seed_give_the_same_bytes(run: Run, make_scene: Make
         assert told(moment.tick) == told(twin.tick)
     for one, other in zip(run.scans, again.scans, strict=False):
         assert one[1].released_ns == other[1].released_ns
-        assert one[1].scan.ranges.tobytes() == other[1].scan.ranges.tobytes()
+        assert one[1].reading.ranges.tobytes() == other[1].reading.ranges.tobytes()
 
 
 # --- the robot's own topics, and bad input
@@ -467,7 +466,7 @@ class Announced:
 def test_nothing_is_written_on_a_topic_of_the_robot(scans: tuple[str, ...]) -> None:
     """All outputs have names of their own, below /ar_builder."""
     writer: Any = Announced()
-    TickWriter(writer, scans)
+    TickWriter(writer, dict.fromkeys(scans, "scan"))
     assert len(writer.topics) == len(set(writer.topics))
     assert all(topic.startswith("/ar_builder/") for topic in writer.topics)
 

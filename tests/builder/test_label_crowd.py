@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from are_ros.builder.display import FAR_M, MOST_LABELS, NEAR_M, crowded_ids
+from are_ros.builder.markers import FAR_M, MOST_LABELS, NEAR_M, crowded_ids
 
 
 def _slowly(ids: list[int], places_m: list[tuple[float, float]], before: set[int]) -> set[int]:

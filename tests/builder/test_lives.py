@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from are_ros.artefacts.artefact import GroundPose, boxes_of
-from are_ros.builder.events import ArtefactEvent, EventKind
+from are_ros.builder.outputs import ArtefactEvent, EventKind
 from are_ros.builder.populations import random_population
 from are_ros.errors import ParameterError, PlacementError
 from are_ros.parameters.declaration import with_values

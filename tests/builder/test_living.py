@@ -8,11 +8,11 @@ import pytest
 
 from are_ros.artefacts.artefact import boxes_of
 from are_ros.artefacts.catalogue import Catalogue
-from are_ros.builder.events import EventKind
+from are_ros.builder.laser_scan import LaserScan
+from are_ros.builder.outputs import EventKind
 from are_ros.builder.requests import Requests, SpawnRequest
 from are_ros.errors import CatalogueError
-from are_ros.world.laser_scan import LaserScan
-from are_ros.world.oriented_boxes import any_overlap
+from are_ros.world.boxes import any_overlap
 from are_ros.world.rigid_transform import RigidTransform
 from tests.artefacts.diary import ENTRIES, MARCHER, STROLLER
 from tests.builder.town import (
@@ -484,8 +484,10 @@ def scanned(late_s: float) -> list[tuple[int, bytes]]:
             stamp_ns = town.ns(0.0610001 * k)
             angles, spans = (-3.14, 3.14, 6.28 / 179), (0.0, 0.1, 0.1, 8.0)
             scan = LaserScan("laser", stamp_ns, *angles, *spans, ranges[k], none)
-            builder.receive_scan("scan", scan, town.ns(t_s))
-        found += [(one.scan.stamp_ns, one.scan.ranges.tobytes()) for one in builder.take_scans()]
+            builder.receive_reading("scan", scan, town.ns(t_s))
+        found += [
+            (one.reading.stamp_ns, one.reading.ranges.tobytes()) for one in builder.take_readings()
+        ]
     return found
 
 

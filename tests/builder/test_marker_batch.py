@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from are_ros.builder.marker_batch import (
+from are_ros.builder.markers import (
     DELETE_ALL,
     NO_MARKERS,
     MarkerAction,

@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.builder._marker_shapes import speed_steps
 from are_ros.builder.markers import (
     MarkerAction,
     MarkerBatch,
@@ -20,6 +19,7 @@ from are_ros.builder.markers import (
     MarkerKind,
     MarkerLook,
     MarkerSubject,
+    speed_steps,
 )
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Labels, Shape

@@ -8,23 +8,20 @@ import pytest
 
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.builder.events import EventKind
-from are_ros.builder.observation import Observation, Watch, sight_events
+from are_ros.builder.observation import Observation, Perception, Watch, sight_events
 from are_ros.builder.occlusion.meshes import MeshBank
-from are_ros.builder.perception import Perception
+from are_ros.builder.outputs import EventKind
 from are_ros.builder.robots import RobotTracker
 from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Shape
 from are_ros.parameters.model import OcclusionParameters
-from are_ros.world.environment import Environment
+from are_ros.world.cameras import Observer, PinholeView, mounted_camera
+from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.footprint import Footprint
-from are_ros.world.frame_tree import FrameTree
-from are_ros.world.ground import PlaneGround
-from are_ros.world.observer import Observer, mounted_camera
 from are_ros.world.occupancy_grid import classify
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import PinholeView
+from are_ros.world.transforms.tree import FrameTree
 from are_ros.world.voxel_map import VoxelMap
 
 NO_TURN = (0.0, 0.0, 0.0, 1.0)

@@ -11,10 +11,15 @@ from are_ros.builder.occlusion.kernels import render
 from are_ros.builder.occlusion.meshes import MeshPool, MeshSelection
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.occlusion.zbuffer import Visibility, ZBuffer
-from are_ros.world.observer import FORWARD_FROM_OPTICAL
-from are_ros.world.oriented_boxes import OrientedBoxes
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.cameras import (
+    FORWARD_FROM_OPTICAL,
+    FisheyeView,
+    OmnidirectionalView,
+    PinholeView,
+    ViewModel,
+)
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import FisheyeView, OmnidirectionalView, PinholeView, ViewModel
 from are_ros.world.voxel_map import VoxelMap
 from tests.world.surface import exposed_faces
 

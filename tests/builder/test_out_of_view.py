@@ -10,13 +10,17 @@ import pytest
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.occlusion.zbuffer import ZBuffer
 from are_ros.builder.out_of_view import OutOfView, Viewpoint
-from are_ros.world.environment import Environment
-from are_ros.world.ground import PlaneGround
-from are_ros.world.observer import FORWARD_FROM_OPTICAL
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.cameras import (
+    FORWARD_FROM_OPTICAL,
+    FisheyeView,
+    OmnidirectionalView,
+    PinholeView,
+    ViewModel,
+)
+from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import FisheyeView, OmnidirectionalView, PinholeView, ViewModel
 from are_ros.world.voxel_map import VoxelMap
 
 VIEW = PinholeView.from_field_of_view(160, 120, math.pi / 2)

@@ -13,8 +13,8 @@ from are_ros.errors import InputError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.world.environment import Environment
-from are_ros.world.frame_tree import FrameTree
 from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.transforms.tree import FrameTree
 from are_ros.world.voxel_map import VoxelMap
 
 Room = Callable[..., OccupancyGrid]

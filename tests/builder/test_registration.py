@@ -11,8 +11,8 @@ from are_ros.builder.registration import (
     covered_cells,
     covered_count,
 )
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.occupancy_grid import CellClasses, OccupancyGrid
-from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 
 

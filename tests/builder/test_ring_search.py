@@ -5,11 +5,10 @@ import pytest
 
 from are_ros.builder.collisions import RingSearch
 from are_ros.conventions import OCCUPIED, UNKNOWN
-from are_ros.world.environment import Environment
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.footprint import Footprint
-from are_ros.world.ground import PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from are_ros.builder.robot_contact import (
+from are_ros.builder.collisions import (
     ContactPolicy,
     Displace,
     Hold,
@@ -12,8 +12,8 @@ from are_ros.builder.robot_contact import (
     contacts_of,
     depths_m,
 )
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.footprint import Footprint
-from are_ros.world.oriented_boxes import OrientedBoxes
 
 _IDS = np.array([4, 9])
 _BOXES = OrientedBoxes(np.array([[0.0, 0, 1], [2.0, 0, 1]]), np.zeros(2), np.full((2, 3), 0.5))

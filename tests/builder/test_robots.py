@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from are_ros.builder.robots import RobotTracker
+from are_ros.world.cameras import Camera, Observer, PinholeView, mounted_camera
 from are_ros.world.footprint import Footprint
-from are_ros.world.frame_tree import FrameTree
-from are_ros.world.observer import Camera, Observer, mounted_camera
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import PinholeView
+from are_ros.world.transforms.tree import FrameTree
 
 NO_TURN = (0.0, 0.0, 0.0, 1.0)
 VIEW = PinholeView.from_field_of_view(8, 6, 1.5)

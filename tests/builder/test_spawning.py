@@ -16,11 +16,10 @@ from are_ros.builder.spawning import Spawning
 from are_ros.errors import ParameterError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.world.environment import Environment
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.footprint import Footprint
-from are_ros.world.ground import PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 
 Scene = Any

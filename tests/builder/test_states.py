@@ -11,9 +11,9 @@ import pytest
 from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.pose_tape import PoseTape
+from are_ros.builder.observation import Sighting
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.outputs import ArtefactState
-from are_ros.builder.perception import Sighting
 from are_ros.builder.scene import Scene
 from are_ros.builder.states import StateKeeper, perceived_artefact
 from are_ros.conventions import NS_PER_S

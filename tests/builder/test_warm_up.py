@@ -114,7 +114,7 @@ def test_what_nobody_wants_is_not_made_ready() -> None:
     command = [sys.executable, "-c", _KERNELS_OF_BOXES]
     made = subprocess.check_output(command, text=True, timeout=900).split()
     assert "are_ros.builder.occlusion.kernels.render" in made
-    unwanted = ("are_ros.builder.costmap.inflation", "are_ros.builder.scans")
+    unwanted = ("are_ros.builder.costmap.inflation", "are_ros.builder.laser_scan")
     assert not [name for name in made if name.startswith(unwanted)]
 
 

@@ -12,8 +12,8 @@ from are_ros.artefacts.artefact import Artefact, GroundPose
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow, MotionLimits
 from are_ros.artefacts.shapes import Shape
 from are_ros.builder.ar_builder import ArBuilder
-from are_ros.builder.events import ArtefactEvent
 from are_ros.builder.lives import Lives
+from are_ros.builder.outputs import ArtefactEvent
 from are_ros.builder.tick import Demand
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.declaration import with_values

@@ -27,8 +27,8 @@ from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import write_ros_parameters
 from are_ros.replay.command import check_command
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 
 MS = 1_000_000

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 import are_ros.checks
 from are_ros.bag.decoded import Scene
 from are_ros.bag.marker_decoding import decode_markers
-from are_ros.builder.marker_batch import DELETE_ALL
-from are_ros.builder.markers import MarkerAction, MarkerBatch, MarkerKind, MarkerLook
+from are_ros.builder.markers import DELETE_ALL, MarkerAction, MarkerBatch, MarkerKind, MarkerLook
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.registration import covered_cells
 from are_ros.checks.marker_rules import change_of
@@ -21,11 +20,11 @@ from are_ros.checks.oracle.plane import Outline, distances_m, overlap_depths_m
 from are_ros.checks.oracle.solids import Covers, RealMap, Walls
 from are_ros.errors import FrameError
 from are_ros.messages.markers import MarkerEncoder
+from are_ros.world.boxes import OrientedBoxes, overlaps
 from are_ros.world.footprint import Footprint, penetration_m
-from are_ros.world.frame_tree import FrameTree
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.oriented_boxes import OrientedBoxes, overlaps
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.transforms.tree import FrameTree
 from are_ros.world.voxel_map import VoxelMap
 
 MS = 1_000_000

@@ -8,15 +8,13 @@ import numpy as np
 
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.shapes import Shape
-from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.outputs import SceneMetrics
+from are_ros.builder.outputs import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import Doing, Life, SceneRecord, TickSeries, Track
+from are_ros.world.cameras import PinholeView, mounted_camera
 from are_ros.world.footprint import Footprint
-from are_ros.world.observer import mounted_camera
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import PinholeView
 
 TICK_NS = NS_PER_S // 10
 VIEW = PinholeView.from_field_of_view(64, 48, math.pi / 2)

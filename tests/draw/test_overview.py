@@ -18,11 +18,10 @@ from are_ros.draw.overview import draw_overview, robot_indices, subtitle_of, tag
 from are_ros.draw.robot import Sight, fan_at, spread_indices, telling_indices
 from are_ros.draw.scene import Life, SceneRecord, TickSeries, Track
 from are_ros.draw.sheet import is_free
+from are_ros.world.cameras import OmnidirectionalView, PinholeView, ViewModel, mounted_camera
 from are_ros.world.footprint import Footprint
-from are_ros.world.observer import mounted_camera
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import OmnidirectionalView, PinholeView, ViewModel
 from are_ros.world.voxel_map import VoxelMap
 from tests.draw.made_runs import run, walker
 

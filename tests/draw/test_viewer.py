@@ -21,11 +21,10 @@ from are_ros.draw.viewer import (
 )
 from are_ros.errors import BagError
 from are_ros.replay.scene_record import SceneRecorder
+from are_ros.world.cameras import Camera, PinholeView
 from are_ros.world.footprint import Footprint
-from are_ros.world.observer import Camera
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import PinholeView
 from are_ros.world.voxel_map import VoxelMap
 from tests.browser import NO_BROWSER, Page, find_browser, open_page
 

@@ -18,9 +18,8 @@ from are_ros.experiments.soak import RovingRobot, SoakResult, Way, soak
 from are_ros.experiments.soak_picture import draw_soak, legends, paths_of, write_soak
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.world.environment import Environment
-from are_ros.world.ground import PlaneGround
-from are_ros.world.map_file import read_map_file
+from are_ros.world.environment import Environment, PlaneGround
+from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
 from tests.experiments.floor_plans import office, pillars

@@ -7,7 +7,7 @@ from typing import Any
 from are_ros.bag.types import RosbagsFactory
 from are_ros.messages.camera_info import make_camera_info, read_camera_info
 from are_ros.messages.common import Header, read_header
-from are_ros.world.camera_info import CameraInfo
+from are_ros.world.cameras import CameraInfo
 
 INFO = CameraInfo(
     640, 480, "plumb_bob", (0.1, -0.2, 0.0, 0.01, 0.0),

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
-from are_ros.messages.cloud import make_cloud, read_points, replace_points
+from are_ros.messages.cloud import make_cloud, read_points
 
 FACTORY = RosbagsFactory()
 
@@ -99,18 +99,6 @@ def test_a_cloud_comes_back(over_the_wire: Callable[[Any], Any]) -> None:
     message = over_the_wire(make_cloud(FACTORY, "map", 5, points))
     np.testing.assert_array_equal(read_points(message), points)
     assert (message.header.frame_id, message.is_dense, message.width) == ("map", False, 2)
-
-
-def test_replaced_points_leave_the_rest_alone() -> None:
-    """Other fields and the padding keep their bytes; the first message is untouched."""
-    points = np.arange(18.0).reshape(2, 3, 3)
-    message = packed_cloud(points, order=("z", "intensity", "x", "y"), row_padding=3)
-    before = message.data.tobytes()
-    other = replace_points(FACTORY, message, points.reshape(-1, 3) + 1.0)
-    np.testing.assert_array_equal(read_points(other), points.reshape(-1, 3) + 1.0)
-    assert message.data.tobytes() == before
-    back = replace_points(FACTORY, other, points.reshape(-1, 3))
-    assert back.data.tobytes() == before
 
 
 @pytest.mark.parametrize(

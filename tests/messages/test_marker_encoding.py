@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from are_ros.bag.types import RosbagsFactory
-from are_ros.builder.marker_batch import (
+from are_ros.builder.markers import (
     DELETE_ALL,
     NO_COLOURS,
     NO_MARKERS,

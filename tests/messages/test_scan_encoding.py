@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from are_ros.bag.types import RosbagsFactory
-from are_ros.messages.scan import encode_scan, make_scan
-from are_ros.world.laser_scan import LaserScan
+from are_ros.builder.laser_scan import LaserScan
+from are_ros.messages.sensors import encode_scan, make_scan
 
 FLOATS = st.floats(width=32)
 RANGES = st.lists(FLOATS, max_size=5).map(lambda values: np.array(values, np.float32))

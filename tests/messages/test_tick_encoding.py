@@ -9,16 +9,20 @@ import pytest
 from are_ros.artefacts.artefact import GroundPose, Origin
 from are_ros.bag.types import jazzy_typestore
 from are_ros.builder.costmap.augmented_map import ChangedRectangle, Grids, GridUpdate
-from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.marker_batch import DELETE_ALL, NO_MARKERS
-from are_ros.builder.outputs import ArtefactState, PerceivedArtefact, SceneMetrics
+from are_ros.builder.markers import DELETE_ALL, NO_MARKERS
+from are_ros.builder.outputs import (
+    ArtefactEvent,
+    ArtefactState,
+    EventKind,
+    PerceivedArtefact,
+    SceneMetrics,
+)
 from are_ros.builder.tick import Demand, Tick
 from are_ros.messages.tick_encoding import (
     OUTPUTS,
     EncodedMessage,
     OutputTopic,
     TickEncoder,
-    scan_outputs,
 )
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
@@ -139,10 +143,3 @@ def test_rclpy_reads_all_of_it(both_readings: Callable[[bytes, str], tuple[Any, 
     for message in messages:
         by_rclpy, by_rosbags = both_readings(message.data, OUTPUTS[message.name].type_name)
         assert by_rclpy == by_rosbags
-
-
-def test_names_of_scan_outputs() -> None:
-    """One scan is `scan` whatever its name was; several keep their own."""
-    assert scan_outputs(()) == {}
-    assert scan_outputs(("/base_scan",)) == {"/base_scan": "scan"}
-    assert scan_outputs(("/a/scan", "/b")) == {"/a/scan": "a/scan", "/b": "b"}

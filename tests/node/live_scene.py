@@ -7,16 +7,16 @@ from typing import Any, Final
 
 import numpy as np
 
+from are_ros.builder.laser_scan import LaserScan
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.cloud import make_cloud
 from are_ros.messages.common import make_header, make_pose
 from are_ros.messages.goals import StampedPoints, make_clicked_point, make_path
 from are_ros.messages.grid import make_grid
 from are_ros.messages.odometry import OdometryReading, make_odometry
-from are_ros.messages.scan import make_scan
+from are_ros.messages.sensors import make_scan
 from are_ros.messages.transforms import StampedTransform, make_transforms
 from are_ros.node.message_classes import RclpyFactory
-from are_ros.world.laser_scan import LaserScan
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -109,6 +109,20 @@ def scan(t_s: float, range_m: float = 3.5, beams: int = 90, frame_id: str = "las
     angles = -math.pi, math.pi - step, step
     return make_scan(
         FACTORY, LaserScan(frame_id, ns(t_s), *angles, 0.0, 0.1, 0.05, 10.0, ranges, none)
+    )
+
+
+def sonar(t_s: float, range_m: float = 3.5) -> Any:
+    """Return a Range of a sonar where the laser is."""
+    return FACTORY.make(
+        "sensor_msgs/msg/Range",
+        header=make_header(FACTORY, "laser", ns(t_s)),
+        radiation_type=0,
+        field_of_view=0.3,
+        min_range=0.05,
+        max_range=10.0,
+        range=range_m,
+        variance=0.0,
     )
 
 

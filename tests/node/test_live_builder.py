@@ -13,9 +13,9 @@ pytest.importorskip("rclpy", reason=NOT_SET_UP)
 from rclpy.serialization import deserialize_message, serialize_message
 
 from are_ros.builder.assembly import catalogue_of
-from are_ros.builder.events import EventKind
+from are_ros.builder.outputs import EventKind
 from are_ros.builder.requests import SpawnRequest
-from are_ros.builder.sensor_path import SensorPathCounts
+from are_ros.builder.sensors import SensorPathCounts
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import message_class
@@ -353,7 +353,7 @@ def test_a_scan_waits_no_longer_than_it_may(rig: Rig) -> None:
     assert rig.stamps("scan") == []
     rig.work(10.15)
     assert rig.stamps("scan") == [10_400]
-    assert rig.live.builder.scan_counts()["/scan"].passed_through == 1
+    assert rig.live.builder.sensor_counts()["/scan"].passed_through == 1
 
 
 @pytest.mark.parametrize("is_simulated", [False, True])
@@ -372,7 +372,7 @@ def test_what_came_in_a_stall_counts_for_the_scans_of_before_it(
     (message,) = rig.outlet.take("scan")
     assert min(message.ranges) == pytest.approx(1.8, abs=0.01)
     assert [role for role, _ in rig.inbox.held] == ["plan"]
-    assert rig.live.builder.scan_counts()["/scan"] == SensorPathCounts(exact=1)
+    assert rig.live.builder.sensor_counts()["/scan"] == SensorPathCounts(exact=1)
 
 
 def test_what_was_stored_in_a_stall_counts_too(rig: Rig) -> None:
@@ -383,7 +383,7 @@ def test_what_was_stored_in_a_stall_counts_too(rig: Rig) -> None:
     rig.store("scan", scan(10.4), 10.5)
     rig.store("tf", robot_at(10.1), 10.5)
     rig.work(10.5)
-    assert rig.live.builder.scan_counts()["/scan"] == SensorPathCounts(exact=1)
+    assert rig.live.builder.sensor_counts()["/scan"] == SensorPathCounts(exact=1)
 
 
 def test_a_process_that_was_stopped_listens_before_it_judges(rig: Rig) -> None:
@@ -401,7 +401,7 @@ def test_a_process_that_was_stopped_listens_before_it_judges(rig: Rig) -> None:
     assert rig.outlet.take("scan") == []
     rig.inbox.held = [("tf", robot_at(10.1))]
     rig.work(10.61)
-    assert rig.live.builder.scan_counts()["/scan"] == SensorPathCounts(exact=1)
+    assert rig.live.builder.sensor_counts()["/scan"] == SensorPathCounts(exact=1)
 
 
 def test_who_is_always_late_lets_scans_go_after_a_second(rig: Rig) -> None:
@@ -416,7 +416,7 @@ def test_who_is_always_late_lets_scans_go_after_a_second(rig: Rig) -> None:
         if rig.outlet.take("scan"):
             break
     assert t_s == looks_s[-1]
-    assert rig.live.builder.scan_counts()["/scan"] == SensorPathCounts(passed_through=1)
+    assert rig.live.builder.sensor_counts()["/scan"] == SensorPathCounts(passed_through=1)
 
 
 def test_a_scan_that_waits_leaves_before_the_pause(rig: Rig) -> None:

@@ -21,6 +21,7 @@ from tests.node.live_scene import (
     robot_at,
     room,
     scan,
+    sonar,
     transforms,
     wall_voxels,
 )
@@ -187,6 +188,23 @@ def test_qos_can_be_overridden_by_parameters(make_bench: MakeBench) -> None:
     assert markers.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
     (taken,) = bench.user.get_subscriptions_info_by_topic("/scan")
     assert taken.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+
+
+def test_a_range_sensor_meets_what_is_before_it(make_bench: MakeBench) -> None:
+    """With its topic as a parameter, its readings come out on `range`, with the artefact."""
+    bench = make_bench({"sensors.ranges": ["sonar/front"]}, "configure", "activate")
+    ranges = bench.listen("range", "sensor_msgs/msg/Range")
+    bench.clock(1000.0)
+    bench.send("map", room())
+    bench.send("tf_static", laser_mount())
+    bench.send("tf", robot_at(1000.0))
+    bench.tick(1000.1)
+    bench.spawn(pose_at(2.5, 2.0), label="post")
+    bench.send("tf", robot_at(1000.2))
+    bench.send("range", sonar(1000.15), topic="/sonar/front")
+    bench.tick(1000.2)
+    bench.until(lambda: ranges)
+    assert ranges[-1].range == pytest.approx(1.3, abs=0.01), "the post's front"
 
 
 def test_inputs_can_be_remapped(make_bench: MakeBench) -> None:

@@ -15,7 +15,7 @@ pytest.importorskip("rclpy", reason=NOT_SET_UP)
 from are_msgs.msg import ArtefactEvent
 from rosgraph_msgs.msg import Clock
 
-from are_ros.builder.sensor_path import SensorPathCounts
+from are_ros.builder.sensors import SensorPathCounts
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.common import make_time
 from tests.node.live_bench import DELETE_ALL, PERIOD_NS, Bench, stamp_ns
@@ -246,7 +246,7 @@ def test_what_dds_holds_is_read_before_a_scan_goes_out_bare(
     time.sleep(0.4)
     bench.until(lambda: scans)
     assert bench.node.live is not None
-    assert bench.node.live.builder.scan_counts()["/scan"] == SensorPathCounts(exact=1)
+    assert bench.node.live.builder.sensor_counts()["/scan"] == SensorPathCounts(exact=1)
     assert bench.node._inputs is not None
     heard = bench.node._inputs.watches["/tf"]
     bench.until(lambda: heard.count == 41)

@@ -14,9 +14,10 @@ import pytest
 from are_ros.bag.reader import BagReader
 from are_ros.bag.roles import find_roles
 from are_ros.bag.types import RosbagsFactory
+from are_ros.builder.laser_scan import LaserScan
 from are_ros.errors import BagError
 from are_ros.messages.grid import make_grid
-from are_ros.messages.scan import make_scan
+from are_ros.messages.sensors import make_scan
 from are_ros.messages.transforms import StampedTransform, make_transforms
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
@@ -28,7 +29,6 @@ from are_ros.replay.align import (
     map_of,
 )
 from are_ros.replay.timeline import ReplayOptions
-from are_ros.world.laser_scan import LaserScan
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.scan_matching import PlanarPose, ScanCloud, ScanMatcher, wrapped

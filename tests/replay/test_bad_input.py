@@ -136,7 +136,7 @@ CASES = (
     # topics
     ((*TOPIC, "lidar:=/scan"), "--topic lidar:=/scan: there is no such role; the roles are map,"),
     ((*TOPIC, "scan:=/nix"), "the recording has no such topic; of type sensor_msgs/msg/LaserScan"),
-    ((*TOPIC, "map:=/map", "--topic", "map:=/m"), "the role has /map already; only scan may have"),
+    ((*TOPIC, "map:=/map", "--topic", "map:=/m"), "the role has /map already; only a sensor's may"),
     ((*TOPIC, "scan:=/scan", "--topic", "scan:=/nix"), "has no scan '/nix'; its scans: /scan"),
     ((*TOPIC, "scan:=/odom"), "that topic is of type nav_msgs/msg/Odometry"),
     # parameters

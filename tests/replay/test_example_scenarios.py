@@ -15,9 +15,9 @@ from are_ros.builder.real_world import RealWorld
 from are_ros.messages.cloud import read_points
 from are_ros.messages.grid import read_grid
 from are_ros.parameters.model import Parameters
+from are_ros.world.boxes import OrientedBoxes, overlaps_any
 from are_ros.world.environment import Environment
-from are_ros.world.frame_tree import FrameTree
-from are_ros.world.oriented_boxes import OrientedBoxes, overlaps_any
+from are_ros.world.transforms.tree import FrameTree
 
 ROOT = Path(__file__).parents[2]
 PERIOD_NS = 50_000_000

@@ -20,7 +20,7 @@ from are_ros.messages.feed import Feed, Refusals
 from are_ros.messages.transforms import StampedTransform, make_transforms
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.world.frame_tree import FrameTree
+from are_ros.world.transforms.tree import FrameTree
 
 Records = Sequence[tuple[str, int, Any]]
 WriteBag = Callable[[Path, Records], Path]
@@ -86,7 +86,7 @@ def test_each_role_has_its_way_into_the_builder(
         "receive_map": 1,
         "receive_cloud": 1,
         "receive_odometry": sum(topic == "/odom" for topic, _, _ in sample_records),
-        "receive_scan": sum(topic == "/scan" for topic, _, _ in sample_records),
+        "receive_reading": sum(topic == "/scan" for topic, _, _ in sample_records),
         "receive_camera": sum(topic == "/camera/camera_info" for topic, _, _ in sample_records),
         "receive_transform": edges,
     }
@@ -113,7 +113,7 @@ def test_the_numbers_arrive_as_they_were_sent(
     assert tuple(translation_m) == (position.x, position.y, position.z)
     assert tuple(rotation_xyzw) == (turn.x, turn.y, turn.z, turn.w)
     assert received_ns == odometry[1] + 5
-    topic, received, received_ns = calls["receive_scan"]
+    topic, received, received_ns = calls["receive_reading"]
     assert (topic, received_ns) == ("/scan", scan[1] + 5)
     assert received.ranges.tobytes() == scan[2].ranges.tobytes()
 

@@ -2,7 +2,7 @@
 
 from are_ros.messages.transforms import StampedTransform
 from are_ros.replay.frame_survey import FrameSurvey, FrameSurveyor
-from are_ros.world.frame_tree import TransformSource
+from are_ros.world.transforms.tree import TransformSource
 
 S = 1_000_000_000
 

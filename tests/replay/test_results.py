@@ -9,9 +9,8 @@ import pytest
 
 from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.artefacts.shapes import Shape
-from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.outputs import SceneMetrics
-from are_ros.builder.sensor_path import SensorPathCounts
+from are_ros.builder.outputs import ArtefactEvent, EventKind, SceneMetrics
+from are_ros.builder.sensors import SensorPathCounts
 from are_ros.draw.scene import Life, SceneRecord, TickSeries, Track
 from are_ros.replay.results import (
     ReplayCounts,

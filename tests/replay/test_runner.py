@@ -8,12 +8,14 @@ import pytest
 
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.roles import find_roles
+from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of
-from are_ros.builder.sensor_path import ReleasedScan
+from are_ros.builder.sensors import ReleasedReading
 from are_ros.builder.tick import Tick
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
+from are_ros.messages.sensors import sensor_outputs
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.replay.progress import Stopwatch
@@ -34,7 +36,7 @@ class Diary(Listener):
         """Note a tick."""
         self.entries.append(("tick", tick.stamp_ns, ""))
 
-    def take_scans(self, scans: Sequence[ReleasedScan]) -> None:
+    def take_readings(self, scans: Sequence[ReleasedReading]) -> None:
         """Note scans by the time of their release."""
         self.entries += [("scan", scan.released_ns, scan.topic) for scan in scans]
 
@@ -132,9 +134,11 @@ def test_topics_are_those_of_the_roles(bag: Path) -> None:
             "/map",
             "/octomap_point_cloud_centers",
         }
-        assert usual.scan_topics() == ("/scan",)
-        assert prepared(reader, {"sensors.scans": ["/scan"]}).scan_topics() == ("/scan",)
-        assert prepared(reader, {"sensors.scans": []}).scan_topics() == ()
+        assert sensor_outputs(usual.role_of_topic) == {"/scan": "scan"}
+        named = prepared(reader, {"sensors.scans": ["/scan"]})
+        assert sensor_outputs(named.role_of_topic) == {"/scan": "scan"}
+        none = prepared(reader, {"sensors.scans": []})
+        assert sensor_outputs(none.role_of_topic) == {}
 
 
 @pytest.mark.parametrize(
@@ -152,3 +156,53 @@ def test_what_cannot_be_replayed_is_said(
     with BagReader([bag]) as reader, pytest.raises(BagError) as caught:
         prepared(reader, values, **options)
     assert str(caught.value).startswith(sentence)
+
+
+def test_a_range_sensor_is_augmented(
+    tmp_path: Path, write_bag: WriteBag, sample_records: Records, factory: RosbagsFactory
+) -> None:
+    """Each reading of a named topic comes out once: nearer where an artefact is, else as it was."""
+    far_m = 8.0
+    sonar = [
+        ("/sonar", at_ns + 1, _range(factory, message.header, far_m))
+        for topic, at_ns, message in sample_records
+        if topic == "/scan"
+    ]
+    bag = write_bag(
+        tmp_path / "bag.mcap", sorted([*sample_records, *sonar], key=lambda one: one[1])
+    )
+    crowd = {"population.arrival_rate": 0.2, "population.mean_life": 60.0}
+    kept = Kept()
+    with BagReader([bag]) as reader:
+        assert "/sonar" not in prepared(reader, {}).role_of_topic
+        replay = prepared(reader, {"sensors.ranges": ["/sonar"], **crowd})
+        replay.run(kept, lambda _: None)
+    ranges = [one.reading.range_m for one in kept.readings if one.topic == "/sonar"]
+    assert len(ranges) == len(sonar)
+    assert max(ranges) == far_m
+    assert min(ranges) < far_m
+
+
+class Kept(Listener):
+    """A listener that keeps readings."""
+
+    def __init__(self) -> None:
+        self.readings: list[ReleasedReading] = []
+
+    def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
+        """Keep them."""
+        self.readings += readings
+
+
+def _range(factory: RosbagsFactory, header: Any, range_m: float) -> Any:
+    """Return a Range of a sonar where the laser is, at the time of its scan."""
+    return factory.make(
+        "sensor_msgs/msg/Range",
+        header=header,
+        radiation_type=0,
+        field_of_view=0.6,
+        min_range=0.1,
+        max_range=10.0,
+        range=range_m,
+        variance=0.0,
+    )

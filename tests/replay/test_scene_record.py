@@ -10,18 +10,16 @@ from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
 from are_ros.artefacts.shapes import Shape
 from are_ros.builder.costmap.augmented_map import Grids
-from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.marker_batch import NO_MARKERS
-from are_ros.builder.outputs import SceneMetrics
-from are_ros.builder.perception import Sighting
+from are_ros.builder.markers import NO_MARKERS
+from are_ros.builder.observation import Sighting
+from are_ros.builder.outputs import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.builder.states import perceived_artefact
 from are_ros.builder.tick import Tick
 from are_ros.draw.scene import SceneRecord
 from are_ros.replay.scene_record import SceneRecorder
+from are_ros.world.cameras import Camera, PinholeView
 from are_ros.world.footprint import Footprint
-from are_ros.world.observer import Camera
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import PinholeView
 from tests.artefacts.histories import GivenPoses
 from tests.builder.truth import artefact_state
 

@@ -9,14 +9,13 @@ from are_ros.artefacts.artefact import GroundPose, Origin
 from are_ros.bag.reader import BagReader
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.costmap.augmented_map import Grids
-from are_ros.builder.events import ArtefactEvent, EventKind
-from are_ros.builder.marker_batch import NO_MARKERS
-from are_ros.builder.outputs import ArtefactState, SceneMetrics
-from are_ros.builder.sensor_path import ReleasedScan
+from are_ros.builder.laser_scan import LaserScan
+from are_ros.builder.markers import NO_MARKERS
+from are_ros.builder.outputs import ArtefactEvent, ArtefactState, EventKind, SceneMetrics
+from are_ros.builder.sensors import ReleasedReading
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.replay.listeners import PREFIX, TickWriter
-from are_ros.world.laser_scan import LaserScan
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -67,7 +66,7 @@ def tick(now_ns: int, *states: ArtefactState, **parts: Any) -> Tick:
 def written(path: Path, *ticks: Tick, demand: Demand = EVERYTHING) -> list[tuple[str, int, Any]]:
     """Write ticks, and return what stands in the recording."""
     with BagWriter(path) as writer:
-        tick_writer = TickWriter(writer, (), demand)
+        tick_writer = TickWriter(writer, {}, demand)
         for one in ticks:
             tick_writer.take_tick(one)
     with BagReader([path]) as reader:
@@ -118,7 +117,7 @@ def test_grids_are_written_when_there_are_some(tmp_path: Path) -> None:
 def test_all_topics_are_announced(tmp_path: Path) -> None:
     """Also those on which nothing is said, in their order, the scans at the end."""
     with BagWriter(tmp_path / "a.mcap") as writer:
-        TickWriter(writer, ("/base_scan",))
+        TickWriter(writer, {"/base_scan": "scan", "/odom": "odom"})
         names = [topic.removeprefix(PREFIX) for topic in writer.counts()]
     assert names == [*OUTPUTS, "scan"]
 
@@ -130,8 +129,8 @@ def test_scans_are_written_when_they_were_released(tmp_path: Path) -> None:
         "laser", 40 * MS, 0.0, 0.1, 0.1, 0.0, 0.1, 0.1, 9.0, ranges, np.empty(0, np.float32)
     )
     with BagWriter(tmp_path / "a.mcap") as writer:
-        tick_writer = TickWriter(writer, ("/front/scan", "/rear/scan"))
-        tick_writer.take_scans([ReleasedScan("/rear/scan", scan, 70 * MS, is_augmented=True)])
+        tick_writer = TickWriter(writer, {"/front/scan": "scan", "/rear/scan": "scan"})
+        tick_writer.take_readings([ReleasedReading("/rear/scan", scan, 70 * MS, is_augmented=True)])
     with BagReader([tmp_path / "a.mcap"]) as reader:
         (message,) = reader.messages()
         content = reader.deserialize(message)

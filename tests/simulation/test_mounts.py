@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from are_ros.world.frame_tree import FrameTree
+from are_ros.world.transforms.tree import FrameTree
 from bags.simulation.frames import (
     BASE_FRAME,
     BASE_FROM_SCAN,

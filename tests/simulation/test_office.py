@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from are_ros.conventions import FREE, OCCUPIED
-from are_ros.world.environment import Environment
-from are_ros.world.ground import PlaneGround
+from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.occupancy_grid import classify
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap

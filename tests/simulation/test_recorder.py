@@ -13,9 +13,9 @@ from are_ros.messages.cloud import read_points
 from are_ros.messages.common import read_time
 from are_ros.messages.grid import read_grid
 from are_ros.messages.odometry import read_odometry
-from are_ros.messages.scan import read_scan
+from are_ros.messages.sensors import read_scan
 from are_ros.messages.transforms import read_transforms
-from are_ros.world.frame_tree import FrameTree
+from are_ros.world.transforms.tree import FrameTree
 from bags.simulation.building import Building
 from bags.simulation.frames import (
     BASE_FRAME,

@@ -11,7 +11,7 @@ from rosbags.highlevel import AnyReader
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.messages.cloud import read_points
 from are_ros.messages.grid import read_grid
-from are_ros.messages.scan import read_scan
+from are_ros.messages.sensors import read_scan
 from are_ros.replay.inspection import inspect_bag
 
 PROJECT = Path(__file__).resolve().parents[2]

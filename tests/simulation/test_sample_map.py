@@ -9,7 +9,7 @@ import pytest
 
 from are_ros.bag.reader import BagReader
 from are_ros.messages.grid import read_grid
-from are_ros.world.map_file import read_map_file
+from are_ros.world.map_io import read_map_file
 
 BAGS = Path(__file__).resolve().parents[2] / "bags"
 PROGRAM, SAMPLE = BAGS / "make_sample_map.py", BAGS / "sample_office.mcap"

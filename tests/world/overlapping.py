@@ -3,9 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.world import box_kernels
-from are_ros.world.oriented_boxes import OrientedBoxes, overlaps
-from are_ros.world.spatial_hash import candidate_pairs
+from are_ros.world import boxes as box_kernels
+from are_ros.world.boxes import OrientedBoxes, candidate_pairs, overlaps
 
 
 def overlapping_pairs(boxes: OrientedBoxes) -> npt.NDArray[np.int64]:

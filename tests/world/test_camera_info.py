@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from are_ros.errors import InputError
-from are_ros.world.camera_info import CameraInfo
-from are_ros.world.view_models import FisheyeView, PinholeView
+from are_ros.world.cameras import CameraInfo, FisheyeView, PinholeView
 
 INFO = CameraInfo(
     width=64,

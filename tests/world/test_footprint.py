@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from are_ros.errors import ParameterError
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.footprint import Footprint, penetration_m, signed_distance_m
-from are_ros.world.oriented_boxes import OrientedBoxes
 
 _SQUARE = "[[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]"
 

@@ -15,8 +15,8 @@ from are_ros.errors import (
     InvalidTransformError,
     UnknownFrameError,
 )
-from are_ros.world.frame_tree import STATIC, FrameEdge, FrameTree, TransformSource
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.transforms.tree import STATIC, FrameEdge, FrameTree, TransformSource
 
 UNTURNED = (0.0, 0.0, 0.0, 1.0)
 ODOMETRY, TF, PREFERRED_ODOMETRY, PARAMETER = TransformSource

@@ -15,7 +15,7 @@ from are_ros.errors import (
     FrameError,
     UnknownFrameError,
 )
-from are_ros.world.frame_tree import STATIC, FrameTree
+from are_ros.world.transforms.tree import STATIC, FrameTree
 
 ANSWERS = json.loads(
     gzip.decompress((Path(__file__).parent / "data" / "tf2_answers.json.gz").read_bytes())

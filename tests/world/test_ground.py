@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.world.ground import (
+from are_ros.world.environment import (
     Ground,
     PlaneGround,
     VoxelGround,
@@ -17,9 +17,9 @@ from are_ros.world.ground import (
     flood_floor,
     surface_counts,
 )
-from are_ros.world.map_file import read_map_file
+from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.octomap_file import read_octomap_file
+from are_ros.world.octomap_io import read_octomap_file
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
 

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from are_ros.world.boxes import TOUCH_TOLERANCE_M, OrientedBoxes
 from are_ros.world.lattice_cover import covered, lattice_row
-from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M, OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 
 _ROWS, _COLUMNS = 9, 11

@@ -8,11 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.world.environment import Environment, Overhangs
-from are_ros.world.ground import Ground, PlaneGround, VoxelGround
+from are_ros.world.boxes import TOUCH_TOLERANCE_M
+from are_ros.world.environment import Environment, Ground, Overhangs, PlaneGround, VoxelGround
 from are_ros.world.lattice_cover import covered
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
 

@@ -10,11 +10,10 @@ from scipy import ndimage
 
 from are_ros.errors import ParameterError
 from are_ros.parameters.choices import Region
-from are_ros.world.map_file import read_map_file
+from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.region import ReachableRegion, SpawnRegion, region_finder
+from are_ros.world.regions import ReachableRegion, SpawnRegion, Zone, Zones, region_finder
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.zones import Zone, Zones
 
 Mask = npt.NDArray[np.bool_]
 

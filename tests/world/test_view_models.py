@@ -11,7 +11,7 @@ import pytest
 
 from are_ros.errors import ParameterError
 from are_ros.messages.camera_info import read_camera_info
-from are_ros.world.view_models import (
+from are_ros.world.cameras import (
     FisheyeView,
     OmnidirectionalView,
     PinholeView,

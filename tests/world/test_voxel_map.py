@@ -10,10 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from are_ros.errors import InputError
-from are_ros.world._voxel_lattice import common_spacing
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.voxel_map import VoxelMap
+from are_ros.world.voxel_map import VoxelMap, common_spacing
 
 IDENTITY = RigidTransform.identity()
 Occupancy = npt.NDArray[np.bool_]

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from are_ros.errors import ParameterError
 from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.regions import Zone, polygon_mask, read_zones_file, zone_weights
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.zones import Zone, polygon_mask, read_zones_file, zone_weights
 
 
 def _grid(

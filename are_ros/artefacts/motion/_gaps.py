@@ -10,7 +10,7 @@ import numpy as np
 
 from are_ros.artefacts.motion._borrowing import borrowing
 from are_ros.artefacts.motion._state import COS, NEVER, SIN, Floats, X, Y
-from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M
+from are_ros.world.boxes import TOUCH_TOLERANCE_M
 
 TOUCH = 0.5 * TOUCH_TOLERANCE_M  # half of what counts as touching is left for rounding
 _FARTHEST_LEAP = 1e4

@@ -9,7 +9,7 @@ from are_ros.artefacts.motion._gaps import TOUCH, leap
 from are_ros.artefacts.motion._state import NEVER, Floats, RobotPath
 from are_ros.artefacts.motion._walls import lay_box
 from are_ros.artefacts.motion.robot import PREDICTION_S, RobotMotion
-from are_ros.world._footprint_kernels import signed_distances
+from are_ros.world.footprint import signed_distances
 
 _CLEARANCE = 0.01
 

@@ -8,10 +8,9 @@ from are_ros.artefacts.motion._borrowing import borrowing, owning
 from are_ros.artefacts.motion._gaps import leap
 from are_ros.artefacts.motion._state import COS, NEVER, SIN, Floats, Floor, X, Y
 from are_ros.artefacts.terrain import disc_is_free
-from are_ros.world._wall_kernels import HALF_DIAGONAL, TWO_HALF_DIAGONALS, hits_cells
-from are_ros.world._wall_kernels import is_free as is_box_free
-from are_ros.world.lattice_cover import covered
-from are_ros.world.oriented_boxes import TOUCH_TOLERANCE_M
+from are_ros.world.boxes import TOUCH_TOLERANCE_M
+from are_ros.world.lattice_cover import HALF_DIAGONAL, TWO_HALF_DIAGONALS, covered, hits_cells
+from are_ros.world.lattice_cover import is_free as is_box_free
 
 _NOT_FREE = -1.0
 

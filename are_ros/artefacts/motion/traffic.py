@@ -25,8 +25,8 @@ from are_ros.artefacts.motion.hindrance import Hindrance
 from are_ros.artefacts.motion.order import Order
 from are_ros.artefacts.motion.robot import RobotMotion
 from are_ros.artefacts.terrain import Terrains
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment
-from are_ros.world.oriented_boxes import OrientedBoxes
 
 _UNHINDERED: Final = (Hindrance.NONE, NOBODY, 0.0)
 

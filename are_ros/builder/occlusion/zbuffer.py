@@ -9,9 +9,9 @@ import numpy.typing as npt
 from are_ros.builder.occlusion.kernels import Boxes, Scratch, Tallies, Voxels, render
 from are_ros.builder.occlusion.meshes import MeshSelection
 from are_ros.builder.occlusion.rays import PIXELS, TiledRays, VoxelField
-from are_ros.world.oriented_boxes import OrientedBoxes
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.cameras import ViewModel
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.view_models import ViewModel
 
 _FARTHEST_M: Final = 1e30
 """In place of an endless range: misses are at infinity, and stay beyond it."""

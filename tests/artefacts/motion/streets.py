@@ -17,10 +17,9 @@ from are_ros.artefacts.motion.robot import RobotMotion
 from are_ros.artefacts.motion.traffic import Traffic
 from are_ros.artefacts.shapes import Shape
 from are_ros.conventions import FREE, OCCUPIED
-from are_ros.world.environment import Environment
-from are_ros.world.ground import PlaneGround
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.oriented_boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
 from tests.world.overlapping import overlapping_pairs

@@ -14,7 +14,7 @@ from are_ros.artefacts.motion._rollouts import circle_of, pace_of
 from are_ros.artefacts.motion._state import NEVER
 from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.terrain import Terrains
-from are_ros.world.oriented_boxes import overlaps
+from are_ros.world.boxes import overlaps
 from tests.artefacts.motion.streets import CAR, PERSON, SCOOTER, boxes_at, environment, room, wall
 
 _BODIES = (PERSON, SCOOTER, CAR, Body((0.4, 0.1), (0.2, -0.1)))

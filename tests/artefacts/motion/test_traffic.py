@@ -10,7 +10,7 @@ from are_ros.artefacts.catalogue_file import read_catalogue
 from are_ros.artefacts.motion.body import Body
 from are_ros.artefacts.motion.hindrance import Hindrance
 from are_ros.artefacts.motion.order import STAND, Order
-from are_ros.world.oriented_boxes import overlaps_any
+from are_ros.world.boxes import overlaps_any
 from tests.artefacts.motion.streets import (
     PALLET,
     PERSON,

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.builder.sensor_path import SensorPath
-from are_ros.world.frame_tree import FrameTree
-from are_ros.world.laser_scan import LaserScan
+from are_ros.builder.laser_scan import LaserScan
+from are_ros.builder.sensors import SensorPath
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.transforms.tree import FrameTree
 
 WAIT_NS = 50
 HISTORY_NS = 1000
@@ -47,7 +47,7 @@ class Path:
     def out(self) -> list[tuple[int, float, int, bool]]:
         """Return stamp, x, release and whether augmented, of all that was released."""
         return [
-            (r.scan.stamp_ns, float(r.scan.ranges[0]), r.released_ns, r.is_augmented)
+            (r.reading.stamp_ns, float(r.reading.ranges[0]), r.released_ns, r.is_augmented)
             for r in self.queue.take()
         ]
 
@@ -207,15 +207,15 @@ def test_a_late_correction_is_held_in_the_builder(make_scene: Callable[..., Any]
     scene.place(0, (3.0, 2.0), 0.0)
     scene.scan(0.103, stamp_s=0.1)
     odometry(scene, 0.12)
-    assert scene.builder.take_scans() == []
+    assert scene.builder.take_readings() == []
     scene.builder.advance(scene.ns(0.5))
-    (released,) = scene.builder.take_scans()
+    (released,) = scene.builder.take_readings()
     assert released.released_ns == scene.ns(0.153)
     assert released.is_augmented
-    assert released.scan.ranges[180] == pytest.approx(0.8)
-    counts = scene.builder.scan_counts()["scan"]
+    assert released.reading.ranges[180] == pytest.approx(0.8)
+    counts = scene.builder.sensor_counts()["scan"]
     assert (counts.exact, counts.held, counts.passed_through) == (0, 1, 0)
-    assert scene.builder.scan_problems() == {}
+    assert scene.builder.sensor_problems() == {}
 
 
 def test_missing_odometry_passes_through_in_the_builder(make_scene: Callable[..., Any]) -> None:
@@ -225,10 +225,10 @@ def test_missing_odometry_passes_through_in_the_builder(make_scene: Callable[...
     scene.place(0, (3.0, 2.0), 0.0)
     scan = scene.scan(0.103, stamp_s=0.1)
     scene.tick(0.2)
-    (released,) = scene.builder.take_scans()
-    assert released.scan is scan
-    assert scene.builder.scan_counts()["scan"].passed_through == 1
-    assert list(scene.builder.scan_problems()) == ["scan"]
+    (released,) = scene.builder.take_readings()
+    assert released.reading is scan
+    assert scene.builder.sensor_counts()["scan"].passed_through == 1
+    assert list(scene.builder.sensor_problems()) == ["scan"]
 
 
 def test_topics_do_not_wait_for_each_other(make_scene: Callable[..., Any]) -> None:
@@ -240,11 +240,11 @@ def test_topics_do_not_wait_for_each_other(make_scene: Callable[..., Any]) -> No
     )
     odometry(scene, 0.2)
     scan = scene.scan(0.2, stamp_s=0.1)
-    scene.builder.receive_scan("rear", replace(scan, frame_id="nowhere"), scene.ns(0.21))
-    scene.builder.receive_scan("front", scan, scene.ns(0.22))
-    assert [r.topic for r in scene.builder.take_scans()] == ["scan", "front"]
+    scene.builder.receive_reading("rear", replace(scan, frame_id="nowhere"), scene.ns(0.21))
+    scene.builder.receive_reading("front", scan, scene.ns(0.22))
+    assert [r.topic for r in scene.builder.take_readings()] == ["scan", "front"]
     scene.builder.advance(scene.ns(0.3))
-    assert [r.topic for r in scene.builder.take_scans()] == ["rear"]
+    assert [r.topic for r in scene.builder.take_readings()] == ["rear"]
 
 
 def test_a_moved_artefact_is_met_where_it_was_at_the_stamp(make_scene: Callable[..., Any]) -> None:
@@ -261,8 +261,8 @@ def test_a_moved_artefact_is_met_where_it_was_at_the_stamp(make_scene: Callable[
         "map", "odom", scene.ns(0.2), (1.0, 1.0, 0.0), NO_TURN, scene.ns(0.185)
     )
     odometry(scene, 0.19)
-    (released,) = scene.builder.take_scans()
-    assert released.scan.ranges[180] == pytest.approx(0.8)
+    (released,) = scene.builder.take_readings()
+    assert released.reading.ranges[180] == pytest.approx(0.8)
 
 
 @pytest.mark.parametrize("shape", ["box", "mesh"])
@@ -275,8 +275,8 @@ def test_the_shape_that_a_laser_meets(make_scene: Callable[..., Any], shape: str
     scene.robot(0.2, 2.0, 2.0)
     scene.place(0, (3.0, 2.0), 0.2)
     scene.scan(0.2)
-    (released,) = scene.builder.take_scans()
-    assert released.scan.ranges[180] == pytest.approx(0.8, abs=0.03)
+    (released,) = scene.builder.take_readings()
+    assert released.reading.ranges[180] == pytest.approx(0.8, abs=0.03)
 
 
 def test_one_that_is_stuck_does_not_spoil_those_behind_it() -> None:
@@ -300,8 +300,8 @@ def test_one_that_is_stuck_does_not_spoil_those_behind_it() -> None:
 
 def released(scene: Any) -> Any:
     """Return the one scan that has left."""
-    (one,) = scene.builder.take_scans()
-    return one.scan
+    (one,) = scene.builder.take_readings()
+    return one.reading
 
 
 @pytest.mark.parametrize("rate_hz", [10.0, 5.0, 3.0])

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from are_ros.errors import MapError
-from are_ros.world.map_file import read_map_file
+from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 
 FIELDS = {

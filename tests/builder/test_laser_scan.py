@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from are_ros.builder.laser_scan import LaserScan
 from are_ros.errors import InputError
-from are_ros.world.laser_scan import LaserScan
 
 SCAN = LaserScan(
     frame_id="laser",

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from are_ros.errors import MapError
-from are_ros.world import octomap_file
-from are_ros.world.octomap_file import read_octomap_file
+from are_ros.world import octomap_io
+from are_ros.world.octomap_io import read_octomap_file
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
 
@@ -129,7 +129,7 @@ def test_random_bytes_are_refused_or_read_but_never_crash(
         centres, _ = read_octomap_file(path)
     except MapError:
         return
-    assert len(centres) <= octomap_file.MAX_CENTRES
+    assert len(centres) <= octomap_io.MAX_CENTRES
 
 
 @pytest.mark.parametrize(
@@ -194,9 +194,9 @@ def test_real_octomaps(
     """Counts and extents are those that other readers found, and the voxel map keeps them all."""
     path = real_data / name
     data = path.read_bytes()
-    header = octomap_file._parsed_header(path, data)
+    header = octomap_io._parsed_header(path, data)
     codes = np.frombuffer(data[header.data_start :], np.uint8)
-    found = octomap_file._occupied_leaves(path, codes, header)
+    found = octomap_io._occupied_leaves(path, codes, header)
     assert len(found) == leaves
     centres, resolution = read_octomap_file(path)
     assert (resolution, len(centres)) == (size, voxels)

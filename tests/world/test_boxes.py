@@ -8,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from are_ros.world.oriented_boxes import (
+from are_ros.world.boxes import (
     OrientedBoxes,
     any_overlap,
+    candidate_pairs,
     overlaps,
     overlaps_any,
 )
-from are_ros.world.spatial_hash import candidate_pairs
 from tests.world.overlapping import overlapping_pairs
 
 Polygon = list[tuple[float, float]]

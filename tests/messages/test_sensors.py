@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from are_ros.bag.types import RosbagsFactory
+from are_ros.builder.laser_scan import LaserScan
 from are_ros.errors import InputError
-from are_ros.messages.scan import make_scan, read_scan
-from are_ros.world.laser_scan import LaserScan
+from are_ros.messages.sensors import make_scan, read_scan, sensor_outputs
 
 SCAN = LaserScan(
     "laser", 5_000_000_001, -0.5, 0.25, 0.25, 0.125, 0.5, 0.0625, 30.0,
@@ -45,3 +45,11 @@ def test_a_malformed_scan_is_refused(factory: RosbagsFactory, field: str, value:
     setattr(message, field, value)
     with pytest.raises(InputError, match=r"^/scan: "):
         read_scan(message, "/scan")
+
+
+def test_names_of_outputs() -> None:
+    """One topic of a kind goes out by its role, several by their own names; others not at all."""
+    assert sensor_outputs({"/map": "map"}) == {}
+    assert sensor_outputs({"/base_scan": "scan", "/tf": "tf"}) == {"/base_scan": "scan"}
+    several = {"/a/scan": "scan", "/b": "scan"}
+    assert sensor_outputs(several) == {"/a/scan": "a/scan", "/b": "b"}

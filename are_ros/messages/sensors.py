@@ -1,0 +1,165 @@
+"""The kinds of sensors whose readings are augmented, and their messages <-> the core's readings.
+
+To add a kind: a class with the methods of `are_ros.builder.sensors.Reading`, the conversion of its
+message in this file, an entry in `SENSORS`, and a parameter with its topics in `sensors`.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from struct import Struct
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+
+from are_ros.builder.laser_scan import LaserScan
+from are_ros.builder.range_reading import RangeReading
+from are_ros.builder.sensors import Reading
+from are_ros.messages.cdr import CdrWriter
+from are_ros.messages.common import MessageFactory, make_header, read_array, read_time
+from are_ros.parameters.model import SensorsParameters
+
+
+def read_scan(message: Any, source: str = "scan") -> LaserScan:
+    """Return the scan of a message; ranges and intensities are views of its data.
+
+    InputError, whose sentence begins with `source`, as `LaserScan.checked`.
+    """
+    return LaserScan(
+        frame_id=str(message.header.frame_id).lstrip("/"),
+        stamp_ns=read_time(message.header.stamp),
+        angle_min_rad=float(message.angle_min),
+        angle_max_rad=float(message.angle_max),
+        angle_increment_rad=float(message.angle_increment),
+        time_increment_s=float(message.time_increment),
+        scan_time_s=float(message.scan_time),
+        range_min_m=float(message.range_min),
+        range_max_m=float(message.range_max),
+        ranges=read_array(message.ranges, np.float32),
+        intensities=read_array(message.intensities, np.float32),
+    ).checked(source)
+
+
+def make_scan(factory: MessageFactory, scan: LaserScan) -> Any:
+    """Return the sensor_msgs/LaserScan of a scan; its arrays are views."""
+    return factory.make(
+        "sensor_msgs/msg/LaserScan",
+        header=make_header(factory, scan.frame_id, scan.stamp_ns),
+        angle_min=scan.angle_min_rad,
+        angle_max=scan.angle_max_rad,
+        angle_increment=scan.angle_increment_rad,
+        time_increment=scan.time_increment_s,
+        scan_time=scan.scan_time_s,
+        range_min=scan.range_min_m,
+        range_max=scan.range_max_m,
+        ranges=scan.ranges,
+        intensities=scan.intensities,
+    )
+
+
+_NUMBERS: Final = Struct("<7f")
+
+
+def encode_scan(scan: LaserScan) -> bytes:
+    """Return a sensor_msgs/LaserScan."""
+    writer = CdrWriter()
+    writer.header(scan.frame_id, scan.stamp_ns)
+    writer.pack(
+        _NUMBERS,
+        4,
+        scan.angle_min_rad,
+        scan.angle_max_rad,
+        scan.angle_increment_rad,
+        scan.time_increment_s,
+        scan.scan_time_s,
+        scan.range_min_m,
+        scan.range_max_m,
+    )
+    writer.numbers(scan.ranges, "<f4")
+    writer.numbers(scan.intensities, "<f4")
+    return writer.message()
+
+
+def read_range(message: Any, source: str = "range") -> RangeReading:
+    """Return the reading of a sensor_msgs/Range; InputError as `RangeReading.checked`."""
+    return RangeReading(
+        frame_id=str(message.header.frame_id).lstrip("/"),
+        stamp_ns=read_time(message.header.stamp),
+        radiation_type=int(message.radiation_type),
+        field_of_view_rad=float(message.field_of_view),
+        min_range_m=float(message.min_range),
+        max_range_m=float(message.max_range),
+        range_m=float(message.range),
+        variance_m2=float(getattr(message, "variance", 0.0)),  # ROS 1 and Humble have none
+    ).checked(source)
+
+
+_RADIATION: Final = Struct("<B")
+_RANGE_NUMBERS: Final = Struct("<5f")
+
+
+def encode_range(reading: RangeReading) -> bytes:
+    """Return a sensor_msgs/Range."""
+    writer = CdrWriter()
+    writer.header(reading.frame_id, reading.stamp_ns)
+    writer.pack(_RADIATION, 1, reading.radiation_type)
+    writer.pack(
+        _RANGE_NUMBERS,
+        4,
+        reading.field_of_view_rad,
+        reading.min_range_m,
+        reading.max_range_m,
+        reading.range_m,
+        reading.variance_m2,
+    )
+    return writer.message()
+
+
+@dataclass(frozen=True)
+class SensorKind:
+    """A kind of sensor: subscriptions, outputs, replays and recordings follow from its entry.
+
+    `role` names the input of a replay, the default topic and, if there is one topic, the output.
+    `parameter` is the field of `SensorsParameters` with the topics. `read(message, topic)` raises
+    InputError; `encode` returns little-endian XCDR1 with its encapsulation.
+    """
+
+    role: str
+    type_name: str
+    parameter: str
+    read: Callable[[Any, str], Reading]
+    encode: Callable[[Any], bytes]
+
+    def topics(self, parameters: SensorsParameters) -> tuple[str, ...]:
+        """Return the topics that the parameters name."""
+        topics: tuple[str, ...] = getattr(parameters, self.parameter)
+        return topics
+
+    def is_by_role(self, parameters: SensorsParameters) -> bool:
+        """Tell whether the topic is the role's own: a replay then finds it by name and type."""
+        return self.topics(parameters) == (self.role,)
+
+
+_KINDS: Final = (
+    SensorKind("scan", "sensor_msgs/msg/LaserScan", "scans", read_scan, encode_scan),
+    SensorKind("range", "sensor_msgs/msg/Range", "ranges", read_range, encode_range),
+)
+SENSORS: Final[Mapping[str, SensorKind]] = MappingProxyType({kind.role: kind for kind in _KINDS})
+"""The kinds of sensors by role."""
+
+
+def sensor_topics(roles: Mapping[str, str]) -> dict[str, SensorKind]:
+    """Return the kind of each topic that is a sensor's, of the roles by topic."""
+    return {topic: SENSORS[role] for topic, role in roles.items() if role in SENSORS}
+
+
+def sensor_outputs(roles: Mapping[str, str]) -> dict[str, str]:
+    """Return the output of each sensor's topic: the role, or with several of a kind its own name.
+
+    `roles` are the roles by topic; those that are no sensors are left out.
+    """
+    players = list(roles.values())
+    return {
+        topic: kind.role if players.count(kind.role) == 1 else topic.lstrip("/")
+        for topic, kind in sensor_topics(roles).items()
+    }

@@ -1,0 +1,540 @@
+"""Cameras: view models (pinhole, fisheye), undistortion, CameraInfo, and where they sit."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from typing import Final, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros._compiled import compiled
+from are_ros.errors import InputError, ParameterError
+from are_ros.world.footprint import Footprint
+from are_ros.world.rigid_transform import RigidTransform
+
+COEFFICIENTS: Final = 14
+"""OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y (the last two are refused)."""
+
+_STEPS: Final = 30
+_CONVERGED: Final = 1e-9
+_NEGLIGIBLE: Final = 1e-60
+_FAR: Final = 1e3
+"""Slope of the steepest ray that is kept: 89.94 degrees off the axis."""
+
+
+def radial_limit(coefficients: npt.NDArray[np.float64]) -> float:
+    """Return the slope r up to which the radial part r (1 + k1 r^2 ...) / (1 + k4 r^2 ...) grows.
+
+    Beyond it the lens model folds back, and a pixel no longer has one ray. `coefficients` is
+    float64 (14,) in OpenCV's order; the answer is at most `_FAR`.
+    """
+    k1, k2, _, _, k3, k4, k5, k6 = coefficients[:8]
+    upper, lower = np.poly1d((k3, k2, k1, 1.0)), np.poly1d((k6, k5, k4, 1.0))
+    s = np.poly1d((1.0, 0.0))
+    slope = (upper + 2 * s * upper.deriv()) * lower - 2 * s * upper * lower.deriv()
+    return min(_FAR, math.sqrt(min(_first_root(slope), _first_root(lower))))
+
+
+def angular_limit(coefficients: npt.NDArray[np.float64]) -> float:
+    """Return the angle [rad] up to which theta (1 + k1 theta^2 + ...) grows, at most pi."""
+    k1, k2, k3, k4 = coefficients
+    slope = np.poly1d((9 * k4, 7 * k3, 5 * k2, 3 * k1, 1.0))
+    return min(math.pi, math.sqrt(_first_root(slope)))
+
+
+def _first_root(polynomial: np.poly1d) -> float:
+    """Return the least positive real root, inf if there is none."""
+    weights = polynomial.coeffs
+    roots = np.poly1d(np.where(np.abs(weights) < _NEGLIGIBLE, 0.0, weights)).roots
+    real = roots.real[(np.abs(roots.imag) < 1e-9 * (1.0 + np.abs(roots))) & (roots.real > 0.0)]
+    return float(real.min(initial=np.inf))
+
+
+@compiled
+def undistort_points(
+    points: npt.NDArray[np.float64], coefficients: npt.NDArray[np.float64], limit: float
+) -> npt.NDArray[np.float64]:
+    """Return the undistorted slopes (N, 2) of distorted ones (N, 2); NaN where there are none.
+
+    `limit` is `radial_limit`. A solution must reproduce the point to 1e-9 and lie where the model
+    is one to one: within the limit, with a positive Jacobian.
+    """
+    slopes = np.empty_like(points)
+    for index in range(points.shape[0]):
+        slopes[index] = _undistorted(points[index, 0], points[index, 1], coefficients, limit)
+    return slopes
+
+
+@compiled
+def _undistorted(
+    u: float, v: float, coefficients: npt.NDArray[np.float64], limit: float
+) -> tuple[float, float]:
+    radius = math.sqrt(u * u + v * v)
+    scale = _radial_inverse(radius, coefficients, limit) / radius if radius > 0.0 else 1.0
+    x, y = u * scale, v * scale
+    for _ in range(_STEPS):
+        du, dv, a, b, c, d = _distorted(x, y, coefficients)
+        determinant = a * d - b * c
+        error_u, error_v = du - u, dv - v
+        if not determinant > 0.0 or x * x + y * y > limit * limit:
+            break
+        if abs(error_u) + abs(error_v) < _CONVERGED * (1.0 + radius):
+            return x, y
+        x -= (d * error_u - b * error_v) / determinant
+        y -= (a * error_v - c * error_u) / determinant
+    return np.nan, np.nan
+
+
+@compiled
+def _radial_inverse(radius: float, coefficients: npt.NDArray[np.float64], limit: float) -> float:
+    """Return the slope whose radial distortion is `radius`; the limit if it is beyond.
+
+    Newton's method, and a bisection wherever it would leave the bracket.
+    """
+    low, high, slope = 0.0, limit, min(radius, 0.5 * limit)
+    for _ in range(_STEPS * 2):
+        factor, change = _radial(slope * slope, coefficients)
+        error = slope * factor - radius
+        low, high = (slope, high) if error < 0.0 else (low, slope)
+        following = slope - error / (factor + 2.0 * slope * slope * change)
+        following = following if low < following < high else 0.5 * (low + high)
+        if abs(following - slope) < _CONVERGED:
+            break
+        slope = following
+    return slope
+
+
+@compiled
+def _radial(s: float, coefficients: npt.NDArray[np.float64]) -> tuple[float, float]:
+    """Return the radial factor and its derivative by s = r^2."""
+    k1, k2, k3 = coefficients[0], coefficients[1], coefficients[4]
+    k4, k5, k6 = coefficients[5], coefficients[6], coefficients[7]
+    upper = 1.0 + s * (k1 + s * (k2 + s * k3))
+    lower = 1.0 + s * (k4 + s * (k5 + s * k6))
+    upper_slope = k1 + s * (2.0 * k2 + s * 3.0 * k3)
+    lower_slope = k4 + s * (2.0 * k5 + s * 3.0 * k6)
+    factor = upper / lower
+    return factor, (upper_slope - factor * lower_slope) / lower
+
+
+@compiled
+def _distorted(
+    x: float, y: float, coefficients: npt.NDArray[np.float64]
+) -> tuple[float, float, float, float, float, float]:
+    """Return the distorted slopes of (x, y), and the Jacobian's entries row by row."""
+    p1, p2 = coefficients[2], coefficients[3]
+    s1, s2, s3, s4 = coefficients[8], coefficients[9], coefficients[10], coefficients[11]
+    s = x * x + y * y
+    factor, slope = _radial(s, coefficients)
+    u = x * factor + 2.0 * p1 * x * y + p2 * (s + 2.0 * x * x) + s1 * s + s2 * s * s
+    v = y * factor + p1 * (s + 2.0 * y * y) + 2.0 * p2 * x * y + s3 * s + s4 * s * s
+    prism_u, prism_v = 2.0 * (s1 + 2.0 * s2 * s), 2.0 * (s3 + 2.0 * s4 * s)
+    cross = 2.0 * x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y
+    u_x = factor + 2.0 * x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x + prism_u * x
+    v_y = factor + 2.0 * y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x + prism_v * y
+    return u, v, u_x, cross + prism_u * y, cross + prism_v * x, v_y
+
+
+@compiled
+def undistort_angles(
+    radii: npt.NDArray[np.float64], coefficients: npt.NDArray[np.float64], limit_rad: float
+) -> npt.NDArray[np.float64]:
+    """Return the angles [rad] (N,) off the axis of equidistant image radii (N,).
+
+    `limit_rad` is `angular_limit`; NaN where a radius lies beyond it.
+    """
+    angles = np.empty_like(radii)
+    outermost = _angular(limit_rad, coefficients)[0]
+    for index in range(radii.size):
+        beyond = radii[index] > outermost
+        angles[index] = np.nan if beyond else _angle(radii[index], coefficients, limit_rad)
+    return angles
+
+
+@compiled
+def _angle(radius: float, coefficients: npt.NDArray[np.float64], limit_rad: float) -> float:
+    """Return the angle whose image radius this is, by Newton's method kept in a bracket."""
+    low, high, theta = 0.0, limit_rad, min(radius, 0.5 * limit_rad)
+    for _ in range(_STEPS * 2):
+        value, slope = _angular(theta, coefficients)
+        low, high = (theta, high) if value < radius else (low, theta)
+        following = theta - (value - radius) / slope
+        following = following if low < following < high else 0.5 * (low + high)
+        if abs(following - theta) < _CONVERGED:
+            return following
+        theta = following
+    return theta
+
+
+@compiled
+def _angular(theta: float, coefficients: npt.NDArray[np.float64]) -> tuple[float, float]:
+    """Return the image radius of an angle, and its derivative."""
+    s = theta * theta
+    k1, k2, k3, k4 = coefficients[0], coefficients[1], coefficients[2], coefficients[3]
+    value = theta * (1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
+    return value, 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))
+
+
+Rays = npt.NDArray[np.float32]
+
+
+def image_plane(
+    width: int, height: int, fx: float, fy: float, cx: float, cy: float
+) -> npt.NDArray[np.float64]:
+    """Return (u - cx) / fx and (v - cy) / fy per pixel, (height, width, 2)."""
+    columns, rows = (np.arange(width) - cx) / fx, (np.arange(height) - cy) / fy
+    plane: npt.NDArray[np.float64] = np.stack(np.meshgrid(columns, rows), axis=2)
+    return plane
+
+
+def unit_rays(rays: npt.NDArray[np.float64]) -> Rays:
+    """Return rays (H, W, 3) scaled to length 1, float32 and read-only; NaN becomes zero."""
+    unit = rays / np.linalg.norm(rays, axis=2, keepdims=True)
+    unit[~np.isfinite(unit).all(axis=2)] = 0.0
+    result: Rays = unit.astype(np.float32)
+    result.flags.writeable = False
+    return result
+
+
+class ViewModel(Protocol):
+    """What a camera is to the occlusion: a size in pixels and a ray for each."""
+
+    @property
+    def width(self) -> int:
+        """Columns."""
+
+    @property
+    def height(self) -> int:
+        """Rows."""
+
+    def directions(self) -> Rays:
+        """Return the unit rays, float32 (height, width, 3), read-only; zero where there is none."""
+
+
+@dataclass(frozen=True)
+class PinholeView:
+    """A camera with a flat image, possibly distorted: plumb_bob, rational_polynomial, thin prism.
+
+    `distortion` is empty or has OpenCV's 14 coefficients. `rectified_from_camera` is empty, or the
+    row-major rotation R of a rectified image, whose rays are turned back into the camera's frame. A
+    pixel that the lens model gives no ray (its inverse does not converge, or lies where the model
+    folds back) has a zero direction and sees nothing.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, ...] = ()
+    rectified_from_camera: tuple[float, ...] = ()
+
+    @classmethod
+    def from_field_of_view(cls, width: int, height: int, hfov_rad: float) -> "PinholeView":
+        """Return an undistorted camera with square pixels and a horizontal field of view.
+
+        Raises ParameterError unless the size is positive and 0 < hfov < pi.
+        """
+        if width < 1 or height < 1 or not 0.0 < hfov_rad < math.pi:
+            message = (
+                f"a pinhole camera needs a positive size and a field of view between 0 and pi, "
+                f"not {width} x {height} pixels and {hfov_rad} rad"
+            )
+            raise ParameterError(message)
+        focal = 0.5 * width / math.tan(0.5 * hfov_rad)
+        return cls(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
+
+    def directions(self) -> Rays:
+        """Return the unit rays; see `ViewModel`."""
+        return self._directions
+
+    def _rotation(self) -> npt.NDArray[np.float64]:
+        numbers = self.rectified_from_camera
+        return np.array(numbers).reshape(3, 3) if numbers else np.eye(3)
+
+    @cached_property
+    def _directions(self) -> Rays:
+        slopes = self._slopes()
+        rays = np.concatenate((slopes, np.ones((*slopes.shape[:2], 1))), axis=2)
+        return unit_rays(rays @ self._rotation())
+
+    def _slopes(self) -> npt.NDArray[np.float64]:
+        """Return x / z and y / z per pixel, (height, width, 2), NaN where there is no ray."""
+        distorted = image_plane(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
+        if not any(self.distortion):
+            return distorted
+        numbers = np.array(self.distortion)
+        limit = radial_limit(numbers)
+        slopes = undistort_points(distorted.reshape(-1, 2), numbers, limit)
+        return slopes.reshape(distorted.shape)
+
+
+@dataclass(frozen=True)
+class FisheyeView:
+    """A camera whose image radius grows with the angle off the axis (`equidistant`), up to pi.
+
+    `distortion` holds k1 to k4. A pixel whose radius lies beyond the largest that the polynomial
+    reaches has a zero direction and sees nothing.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+
+    def directions(self) -> Rays:
+        """Return the unit rays; see `ViewModel`."""
+        return self._directions
+
+    @cached_property
+    def _directions(self) -> Rays:
+        plane = image_plane(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
+        radii = np.hypot(plane[:, :, 0], plane[:, :, 1])
+        numbers = np.array(self.distortion)
+        limit = angular_limit(numbers)
+        angles = undistort_angles(radii.reshape(-1), numbers, limit)
+        angles = angles.reshape(radii.shape)
+        sideways = np.sin(angles) / np.maximum(radii, 1e-12)
+        rays = (plane[:, :, 0] * sideways, plane[:, :, 1] * sideways, np.cos(angles))
+        return unit_rays(np.stack(rays, axis=2))
+
+
+class Projection(Enum):
+    """How the rows of an omnidirectional image go: equal angles, or equal heights on a cylinder."""
+
+    SPHERE = "sphere"
+    CYLINDER = "cylinder"
+
+
+@dataclass(frozen=True)
+class OmnidirectionalView:
+    """A camera that sees all around: columns are azimuths over 360 degrees, rows elevations.
+
+    The middle of the image looks along z (forward), azimuth grows to the right; the seam is behind.
+    Elevation is positive upwards (against y) [rad] and falls from the top edge of the image to the
+    bottom edge, evenly in angle (SPHERE) or in tangent (CYLINDER). Raises ParameterError unless the
+    size is positive and -pi/2 <= lowest < highest <= pi/2 (without the ends for a cylinder).
+    """
+
+    width: int
+    height: int
+    lowest_rad: float
+    highest_rad: float
+    projection: Projection = Projection.SPHERE
+
+    def __post_init__(self) -> None:
+        end = 0.5 * math.pi - (1e-3 if self.projection is Projection.CYLINDER else 0.0)
+        ordered = -end <= self.lowest_rad < self.highest_rad <= end
+        if self.width < 1 or self.height < 1 or not ordered:
+            message = (
+                f"an omnidirectional camera ({self.projection.value}) needs a positive size and "
+                f"elevations within {end:.4g} rad, not {self.width} x {self.height} pixels "
+                f"from {self.lowest_rad} to {self.highest_rad}"
+            )
+            raise ParameterError(message)
+
+    def directions(self) -> Rays:
+        """Return the unit rays; see `ViewModel`."""
+        return self._directions
+
+    @cached_property
+    def _directions(self) -> Rays:
+        azimuth, elevation = self._angles()
+        level = np.cos(elevation)[:, np.newaxis]
+        down = np.broadcast_to(-np.sin(elevation)[:, np.newaxis], (self.height, self.width))
+        return unit_rays(np.stack((level * np.sin(azimuth), down, level * np.cos(azimuth)), axis=2))
+
+    def _angles(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return the azimuths of the columns and the elevations of the rows [rad]."""
+        azimuth = ((np.arange(self.width) + 0.5) / self.width - 0.5) * 2.0 * math.pi
+        fraction = (np.arange(self.height) + 0.5) / self.height
+        if self.projection is Projection.SPHERE:
+            return azimuth, self.highest_rad + fraction * (self.lowest_rad - self.highest_rad)
+        top, bottom = math.tan(self.highest_rad), math.tan(self.lowest_rad)
+        return azimuth, np.arctan(top + fraction * (bottom - top))
+
+
+MAX_PIXELS: Final = 1 << 26
+_MAX_NUMBER: Final = 1e9
+_MIN_FOCAL_LENGTH_PX: Final = 1e-3
+"""Beyond these no lens is described, and a ray's slope might overflow."""
+
+_LENGTHS: Final = {
+    "": (0, 4, 5),
+    "none": (0, 4, 5),
+    "plumb_bob": (0, 4, 5),
+    "rational_polynomial": (0, 8, 12, 14),
+    "equidistant": (0, 4),
+}
+"""Distortion models, and how many coefficients each may have; none means no distortion."""
+
+
+@dataclass(frozen=True)
+class CameraInfo:
+    """The fields of sensor_msgs/CameraInfo that a view depends on, as plain numbers.
+
+    `d` has any length; `k` and `r` nine numbers, `p` twelve, row by row. `binning_x`, `binning_y`
+    of 0 count as 1. `roi` is (x_offset, y_offset, width, height) in pixels of the full image; a
+    width and height of 0 mean all of it. Equal infos are equal values, so that a camera_info that
+    repeats itself costs one comparison. `source` begins every sentence of an error.
+    """
+
+    width: int
+    height: int
+    distortion_model: str
+    d: tuple[float, ...]
+    k: tuple[float, ...]
+    r: tuple[float, ...]
+    p: tuple[float, ...]
+    binning_x: int = 0
+    binning_y: int = 0
+    roi: tuple[int, int, int, int] = (0, 0, 0, 0)
+    source: str = "camera_info"
+
+    def view(self, *, rectified: bool) -> PinholeView | FisheyeView:
+        """Return the view model of the raw image (K and D), or of the rectified one (P and R).
+
+        Of K and P the focal lengths and the centre are read, as image_geometry does; the baseline
+        in P is not, for rays start at the frame's origin. The region of interest shifts the centre,
+        then binning divides centre and focal lengths. Equal infos give equal views.
+
+        Raises InputError, with field and reason: a size, region or binning that gives no image, a
+        number that is not finite or is beyond 1e9, a focal length below 1e-3 px (K of zeros: an
+        uncalibrated camera), an unknown distortion model, a wrong number of coefficients,
+        tilted-sensor coefficients, or an R that is no rotation.
+        """
+        for name, numbers, length in (("k", self.k, 9), ("r", self.r, 9), ("p", self.p, 12)):
+            self._require_numbers(name, numbers, length)
+        self._require_numbers("d", self.d, len(self.d))
+        size = self._size()
+        if rectified:
+            numbers = self._intrinsics("p", (self.p[0], self.p[5], self.p[2], self.p[6]))
+            return PinholeView(*size, *numbers, rectified_from_camera=self._rotation())
+        numbers = self._intrinsics("k", (self.k[0], self.k[4], self.k[2], self.k[5]))
+        coefficients = self._coefficients()
+        if self.distortion_model == "equidistant":
+            k1, k2, k3, k4 = coefficients or (0.0, 0.0, 0.0, 0.0)
+            return FisheyeView(*size, *numbers, distortion=(k1, k2, k3, k4))
+        if not any(coefficients):
+            return PinholeView(*size, *numbers)
+        padded = coefficients + (0.0,) * (COEFFICIENTS - len(coefficients))
+        return PinholeView(*size, *numbers, distortion=padded)
+
+    def _error(self, field: str, reason: str) -> InputError:
+        return InputError(f"{self.source}: {field} {reason}")
+
+    def _require_numbers(self, name: str, numbers: Sequence[float], length: int) -> None:
+        if len(numbers) != length:
+            raise self._error(name, f"has {len(numbers)} numbers, not {length}")
+        if not all(math.isfinite(number) for number in numbers):
+            raise self._error(name, f"has a number that is not finite: {list(numbers)}")
+        if any(abs(number) > _MAX_NUMBER for number in numbers):
+            raise self._error(name, f"has a number beyond {_MAX_NUMBER:g}: {list(numbers)}")
+
+    def _region(self) -> tuple[int, int, int, int]:
+        """Return the region of interest; raise InputError if it is not within the image."""
+        if self.width < 1 or self.height < 1:
+            raise self._error("width, height", f"are {self.width} and {self.height}, not positive")
+        x, y, width, height = self.roi
+        width, height = width or self.width - x, height or self.height - y
+        fits = x >= 0 and y >= 0 and width > 0 and height > 0
+        if not (fits and x + width <= self.width and y + height <= self.height):
+            image = f"{self.width} x {self.height}"
+            raise self._error("roi", f"{self.roi} (x, y, width, height) leaves the {image} image")
+        return x, y, width, height
+
+    def _binning(self) -> tuple[int, int]:
+        if self.binning_x < 0 or self.binning_y < 0:
+            raise self._error("binning_x, binning_y", f"are {self.binning_x}, {self.binning_y}")
+        return self.binning_x or 1, self.binning_y or 1
+
+    def _size(self) -> tuple[int, int]:
+        _, _, width, height = self._region()
+        across, down = self._binning()
+        width, height = width // across, height // down
+        if width < 1 or height < 1:
+            raise self._error("binning_x, binning_y", f"of {across} and {down} leave no pixel")
+        if width * height > MAX_PIXELS:
+            raise self._error("width, height", f"give {width * height} pixels, over {MAX_PIXELS}")
+        return width, height
+
+    def _intrinsics(
+        self, name: str, numbers: tuple[float, float, float, float]
+    ) -> tuple[float, float, float, float]:
+        """Return fx, fy, cx, cy of the image as it is delivered."""
+        fx, fy, cx, cy = numbers
+        if not any(numbers):
+            raise self._error(name, "is all zeros, so this camera is not calibrated")
+        if fx <= 0.0 or fy <= 0.0:
+            raise self._error(name, f"has focal lengths {fx} and {fy}, which are not positive")
+        if min(fx, fy) < _MIN_FOCAL_LENGTH_PX:
+            raise self._error(name, f"has focal lengths {fx} and {fy}, which are too small")
+        x, y, _, _ = self._region()
+        across, down = self._binning()
+        return fx / across, fy / down, (cx - x) / across, (cy - y) / down
+
+    def _rotation(self) -> tuple[float, ...]:
+        """Return R, or nothing where it is the identity."""
+        matrix = np.array(self.r).reshape(3, 3)
+        unit = np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-3)
+        if not (unit and np.linalg.det(matrix) > 0.0):
+            raise self._error("r", f"is no rotation: {list(self.r)}")
+        return () if np.array_equal(matrix, np.eye(3)) else self.r
+
+    def _coefficients(self) -> tuple[float, ...]:
+        """Return D as it is, checked against the distortion model."""
+        model = self.distortion_model
+        if model not in _LENGTHS:
+            known = ", ".join(name for name in _LENGTHS if name)
+            raise self._error("distortion_model", f"{model!r} is unknown; known are {known}")
+        if len(self.d) not in _LENGTHS[model]:
+            wanted = " or ".join(str(length) for length in _LENGTHS[model])
+            reason = f"has {len(self.d)} coefficients, and {model!r} takes {wanted}"
+            raise self._error("d", reason)
+        if any(self.d[12:]):
+            raise self._error("d", f"has coefficients of a tilted sensor, {self.d[12:]}")
+        if model in {"", "none"} and any(self.d):
+            raise self._error("distortion_model", f"is {model!r}, and d is not zero")
+        return self.d
+
+
+FORWARD_FROM_OPTICAL = RigidTransform(np.zeros(3), np.array((-0.5, 0.5, -0.5, 0.5)))
+"""An optical frame (z forward, x right, y down) in a body frame (x forward, y left, z up)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A view model and where it sits: in a frame of the tree, or mounted on the base.
+
+    `frame_id` is the optical frame; where it is empty, `base_from_optical` says where it is.
+    """
+
+    view: ViewModel
+    frame_id: str
+    base_from_optical: RigidTransform
+
+
+@dataclass(frozen=True, eq=False)
+class Observer:
+    """A robot of this name and footprint, on `base_frame` (empty: found in the frame tree)."""
+
+    name: str
+    base_frame: str
+    footprint: Footprint
+
+
+def mounted_camera(view: ViewModel, mount: tuple[float, ...]) -> Camera:
+    """Return a camera on the base that looks along +x of its mount.
+
+    `mount` is x, y, z [m], yaw, pitch, roll [rad] in the base frame.
+    """
+    x, y, z, yaw, pitch, roll = mount
+    base_from_mount = RigidTransform.from_xyz_ypr(x, y, z, yaw, pitch, roll)
+    return Camera(view, "", base_from_mount @ FORWARD_FROM_OPTICAL)
