@@ -37,10 +37,8 @@ YET_TO_MOVE = {
         ("agents", f"are_ros.builder.{name}")
         for name in (
             "collisions",
-            "contact_log",
-            "events",
             "life_keeper",
-            "robot_motion",
+            "outputs",
             "robots",
         )
     ),

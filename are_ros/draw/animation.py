@@ -3,6 +3,7 @@
 import io
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -138,7 +139,8 @@ def write_animation(
     try:
         path.write_bytes(content)
     except OSError as cause:
-        path.unlink(missing_ok=True)
+        with suppress(OSError):
+            path.unlink()
         message = f"{path}: the animation cannot be written ({why_refused(cause)})"
         raise BagError(message) from cause
     return Animation(path, len(stamps), speed, frames.size_px, len(content))

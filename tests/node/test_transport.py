@@ -18,11 +18,9 @@ with ros_session("one"):
     pass
 """
 _NODE = """
-from are_ros.node.startup import run
-from are_ros.node.startup import stop_on_signals
-with stop_on_signals() as stop:
-    stop.is_set = True
-    run([], stop)
+from are_ros.node import startup
+startup._spin = lambda node, stop: True
+startup.run([], startup.Stop())
 """
 
 

@@ -24,6 +24,12 @@ def artefacts(*identifiers: int) -> Any:
     return FACTORY.make("are_msgs/msg/ArtefactArray", artefacts=ones)
 
 
+def perceived(*identifiers: int) -> Any:
+    """Return a tick's perceived artefacts."""
+    ones = [FACTORY.make("are_msgs/msg/PerceivedArtefact", id=number) for number in identifiers]
+    return FACTORY.make("are_msgs/msg/PerceivedArtefactArray", artefacts=ones)
+
+
 def event(kind: EventKind) -> Any:
     """Return an event."""
     return FACTORY.make("are_msgs/msg/ArtefactEvent", kind=int(kind))
@@ -35,8 +41,8 @@ def test_it_counts(tmp_path: Path) -> None:
         ("/ar_builder/artefacts", 0.0, artefacts()),
         ("/ar_builder/artefacts", 0.1, artefacts(1, 2, 3)),
         ("/ar_builder/artefacts", 0.2, artefacts(2, 3)),
-        ("/ar_builder/perceived", 0.1, artefacts(3)),
-        ("/ar_builder/perceived", 0.2, artefacts(3)),
+        ("/ar_builder/perceived", 0.1, perceived(3)),
+        ("/ar_builder/perceived", 0.2, perceived(3)),
         *[("/ar_builder/events", 0.1, event(EventKind.ARRIVED))] * 3,
         ("/ar_builder/events", 0.2, event(EventKind.DEPARTED)),
         ("/ar_builder/events", 0.2, event(EventKind.ROBOT_CONTACT)),
@@ -70,7 +76,7 @@ def test_it_tells_what_the_memory_keeps(tmp_path: Path) -> None:
     records = [
         ("/ar_builder/artefact_map", 0.0, grid),
         ("/ar_builder/artefacts", 0.1, tick),
-        ("/ar_builder/perceived", 0.1, artefacts(1)),
+        ("/ar_builder/perceived", 0.1, perceived(1)),
     ]
     lines = summary_of(write_messages(tmp_path / "live.mcap", records))
     assert lines[3].startswith("in the maps  2.0 on average, 1.0 of them out of sight")

@@ -230,7 +230,7 @@ def test_a_failed_replay_leaves_the_last_results(
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     assert run_are("replay", shop / "no_tf", "--duration", 1, "--out", tmp_path).returncode == 1
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
-    assert len(before) == 5
+    assert len(before) == 6
 
 
 # ------------------------------------------------------------------------------ messages

@@ -109,7 +109,8 @@ def test_the_summary_is_said(sample_bag: Path, tmp_path: Path, run_are: RunAre) 
     done = run_are("replay", sample_bag, "--duration", 2, "--out", tmp_path / "new" / "out")
     assert (done.returncode, done.stdout) == (0, "")
     lines = done.stderr.splitlines()
-    assert lines[-1] == f"results in {tmp_path / 'new' / 'out'}"
+    assert lines[-2] == f"results in {tmp_path / 'new' / 'out'}"
+    assert lines[-1].startswith(f"view: {tmp_path / 'new' / 'out' / 'view.html'} (")
     assert sum(line.startswith("time ") for line in lines) == 1
     assert any(line.startswith("the transform odom -> base_footprint") for line in lines)
 

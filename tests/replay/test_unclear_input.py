@@ -182,7 +182,7 @@ def test_results_without_the_animation_end_with_status_3(
     assert done.returncode == 3
     lines = done.stderr.splitlines()
     (at,) = (i for i, line in enumerate(lines) if line.startswith("results in"))
-    assert "a.gif" in lines[at + 1]
+    assert "a.gif" in lines[at + 2]  # after the view
     assert (tmp_path / "out" / "metrics.json").is_file()
 
 
