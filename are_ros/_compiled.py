@@ -52,10 +52,10 @@ def name_of(function: Callable[..., Any]) -> str:
 class KernelCache(FunctionCache):  # type: ignore[misc] # numba is not typed
     """Numba's cache, for kernels of several modules and for several processes at a time.
 
-    Numba itself compares only the kernel's own module with what was compiled, not what that calls.
-    Of two processes that add to its index at once, one loses its entry, or gets the other's code:
-    here each kernel is locked from the miss until it is saved, so that nobody compiles it twice.
-    Kernels do not call each other in circles, so nobody waits for whom he keeps waiting.
+    Numba itself compares only the kernel's own module with what was compiled, not the modules that
+    it calls. If two processes add to its index at once, one loses its entry, or gets the other's
+    code. So each kernel is locked from the miss until it is saved, and no other process compiles
+    it meanwhile. Kernels do not call each other in circles, so there is no deadlock.
     """
 
     _files: ClassVar[dict[Path, IO[str]]] = {}

@@ -51,9 +51,9 @@ _MINIATURE = {
 
 @dataclass(frozen=True)
 class Warmth:
-    """What is to be made ready: nobody waits for kernels that he does not need.
+    """What a run needs, so that it waits for no other kernels.
 
-    Meshes are made ready if a row of the catalogue has one, decisions if a row moves.
+    Kernels of meshes are compiled if a row of the catalogue has one.
     """
 
     demand: Demand = EVERYTHING
@@ -75,22 +75,22 @@ def warm_up(
 ) -> bool:
     """Compile, or load from the cache, the builder's kernels: a minute where they are not there.
 
-    Then other processes compile what sees, while this one compiles what lives. Behaviours of the
-    user's own are left out: nobody is told of a rehearsal's artefacts.
-    Asks every second or so whether that `is_wanted`; stops, and returns False, when it is not. An
-    exception out of a signal's handler is no way to stop it: the compiler crashes, or swallows it.
+    A second process compiles perception, scans and maps, while this one compiles the agents. The
+    user's own behaviours are not called. `is_wanted` is asked every second or so; when it returns
+    False, the compilation stops and False is returned. An exception from a signal handler cannot
+    stop it: the compiler crashes, or swallows it.
     """
     catalogue = _tame(catalogue)
     with ExitStack() as stack:
-        helpers = _Helpers(catalogue, warmth, stack)
-        compilation = _Compilation(is_wanted, count, helpers)
+        helper = _Helper(catalogue, warmth, stack)
+        compilation = _Compilation(is_wanted, count, helper)
         stack.enter_context(event.install_listener("numba:compile", compilation))
         try:
             scene = _Scene(catalogue, warmth, compilation.ask)
             scene.live()
-            while helpers.are_busy():
+            while helper.is_busy():
                 compilation.ask()
-                helpers.wait()
+                helper.wait()
             scene.sense()
         except _UnwantedError:
             return False
@@ -102,27 +102,27 @@ class _UnwantedError(BaseException):
 
 
 class _Compilation(event.Listener):  # type: ignore[misc] # numba is not typed
-    """Counts the kernels that compile, here and in the helpers, which begin with the first.
+    """Counts the kernels that compile, here and in the helper, which begin with the first.
 
     Raises _UnwantedError before another one compiles: the one place where it harms nothing.
     """
 
-    def __init__(self, is_wanted: Callable[[], bool], count: Count, helpers: "_Helpers") -> None:
-        self._is_wanted, self._count, self._helpers = is_wanted, count, helpers
+    def __init__(self, is_wanted: Callable[[], bool], count: Count, helper: "_Helper") -> None:
+        self._is_wanted, self._count, self._helper = is_wanted, count, helper
         self._kernels: set[str] = set()
 
     def ask(self) -> None:
         """Ask whether to go on, and tell how far it is."""
         if not self._is_wanted():
             raise _UnwantedError
-        if self._helpers.are_busy():
-            self._tell(self._helpers.compiled())
+        if self._helper.is_busy():
+            self._tell(self._helper.compiled())
 
     def on_start(self, compilation: Any) -> None:
         """Ask whether to go on; the first kernel calls for help."""
         self.ask()
         if kernel := _kernel_of(compilation):
-            self._helpers.start()
+            self._helper.start()
             self._tell({kernel})
 
     def on_end(self, _: Any) -> None:
@@ -141,24 +141,24 @@ def _kernel_of(compilation: Any) -> str:
     return name if name in KERNELS else ""
 
 
-class _Helpers:
-    """Processes that compile what sees into the same cache: as many as there are other cores.
+class _Helper:
+    """A second process, which compiles perception, scans and maps into the same cache.
 
-    Whatever becomes of them, this process goes on, and compiles what they have not.
+    If it fails, this process compiles what is missing.
     """
 
     def __init__(self, catalogue: Catalogue, warmth: Warmth, stack: ExitStack) -> None:
         self._rehearsal = pickle.dumps((catalogue, warmth))
         self._stack = stack
-        self._helper: subprocess.Popen[bytes] | None = None
+        self._process: subprocess.Popen[bytes] | None = None
         self._rest = b""
 
     def start(self) -> None:
-        """Start them, unless they were or there is but one core."""
-        if self._helper is not None or len(os.sched_getaffinity(0)) == 1:
+        """Start it, unless it was started before or there is only one core."""
+        if self._process is not None or len(os.sched_getaffinity(0)) == 1:
             return
         path = os.pathsep.join(filter(None, sys.path))
-        self._helper = self._stack.enter_context(
+        self._process = self._stack.enter_context(
             subprocess.Popen(  # noqa: S603 - this very program
                 [sys.executable, "-c", f"from {__name__} import help_out; help_out()"],
                 stdin=subprocess.PIPE,
@@ -167,27 +167,27 @@ class _Helpers:
                 env={**os.environ, "PYTHONPATH": path},
             )
         )
-        self._stack.callback(self._helper.kill)
+        self._stack.callback(self._process.kill)
         with suppress(BrokenPipeError):
-            _pipe(self._helper.stdin).write(self._rehearsal)
-            _pipe(self._helper.stdin).close()
-        os.set_blocking(_pipe(self._helper.stdout).fileno(), False)
+            _pipe(self._process.stdin).write(self._rehearsal)
+            _pipe(self._process.stdin).close()
+        os.set_blocking(_pipe(self._process.stdout).fileno(), False)
 
-    def are_busy(self) -> bool:
-        """Tell whether one still compiles."""
-        return self._helper is not None and self._helper.poll() is None
+    def is_busy(self) -> bool:
+        """Tell whether it still compiles."""
+        return self._process is not None and self._process.poll() is None
 
     def wait(self) -> None:
-        """Wait for a moment, or until none compiles any more."""
-        if self._helper is not None:
+        """Wait for a moment, or until it has ended."""
+        if self._process is not None:
             with suppress(subprocess.TimeoutExpired):
-                self._helper.wait(_PAUSE_S)
+                self._process.wait(_PAUSE_S)
 
     def compiled(self) -> set[str]:
-        """Return the names of what they have begun to compile since the last time."""
-        if self._helper is None:
+        """Return the names of the kernels that it has begun to compile since the last call."""
+        if self._process is None:
             return set()
-        said = self._rest + (_pipe(self._helper.stdout).read() or b"")
+        said = self._rest + (_pipe(self._process.stdout).read() or b"")
         *names, self._rest = said.split(b"\n")
         return {name.decode() for name in names}
 
@@ -199,10 +199,10 @@ def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
 
 
 class _Names(event.Listener):  # type: ignore[misc] # numba is not typed
-    """Tells the parent, by the output, the name of each kernel that compiles."""
+    """Writes the name of each kernel that compiles to the parent process."""
 
     def on_start(self, compilation: Any) -> None:
-        """Tell it at once: a parent that is gone ends this process."""
+        """Write it at once: if the parent is gone, this process ends."""
         if kernel := _kernel_of(compilation):
             os.write(_STDOUT, f"{kernel}\n".encode())
 
@@ -211,7 +211,7 @@ class _Names(event.Listener):  # type: ignore[misc] # numba is not typed
 
 
 def help_out() -> None:
-    """Compile what sees, in a process of its own: what is to be seen comes by its input."""
+    """Compile perception, scans and maps, as the second process; its input says for what."""
     catalogue, warmth = pickle.load(sys.stdin.buffer)  # noqa: S301 - our own parent wrote it
     standing, still = {"standing": 1.0}, MotionLimits(speed_mps=0.0)
     rows = [replace(row, behaviours=standing, motion=still) for row in catalogue.rows]

@@ -111,7 +111,7 @@ _RECORDING_OPTIONS = (
         type=TOPIC,
         multiple=True,
         help="Let a topic play a part: map, octomap_point_cloud_centers, odom, scan, range, "
-        "camera/camera_info, tf, tf_static. Repeatable; several scans are all augmented.",
+        "camera/camera_info, tf, tf_static. Repeatable; several scans or ranges are all augmented.",
     ),
 )
 

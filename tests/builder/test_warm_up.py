@@ -100,13 +100,13 @@ def test_a_helper_rehearses_what_sees_in_a_process_of_its_own() -> None:
     catalogue = catalogue_of(2)
     assert warm_up(catalogue)
     with ExitStack() as stack:
-        helpers = module._Helpers(catalogue, module.ALL, stack)
-        helpers.start()
-        if helpers._helper is None:
-            pytest.skip("a machine of one core has no helpers")
-        assert helpers._helper.wait(timeout=300) == 0
-        assert not helpers.are_busy()
-        assert helpers.compiled() == set()
+        helper = module._Helper(catalogue, module.ALL, stack)
+        helper.start()
+        if helper._process is None:
+            pytest.skip("a machine of one core has no helper")
+        assert helper._process.wait(timeout=300) == 0
+        assert not helper.is_busy()
+        assert helper.compiled() == set()
 
 
 def test_what_nobody_wants_is_not_made_ready() -> None:
