@@ -143,3 +143,17 @@ def _modules(module: str, names: str) -> list[Path]:
         [folder / f"{name}.py" for name in re.findall(r"\w+", names)] if folder.is_dir() else []
     )
     return [f for f in (folder.with_suffix(".py"), folder / "__init__.py", *beside) if f.is_file()]
+
+
+def borrowing(function: _Function) -> _Function:
+    """Compile, as `compiled` does, a kernel that makes no arrays.
+
+    No references are counted in it: to count takes atomic operations at each row of a path, which
+    was half of what planning took. Nor does a kernel that it calls, unless that is `owning`.
+    """
+    return compiled(function, _nrt=False)
+
+
+def owning(function: _Function) -> _Function:
+    """Compile, as `compiled` does, a kernel that makes arrays and that borrowing ones call."""
+    return compiled(function, _nrt=True)

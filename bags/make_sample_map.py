@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from are_ros.bag.reader import BagReader
 from are_ros.conventions import FREE, OCCUPIED
-from are_ros.messages.grid import read_grid
+from are_ros.messages.maps import read_grid
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 HERE = Path(__file__).parent

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from are_ros.builder.collisions import CollisionResolver, Displace
+from are_ros.agents.collisions import CollisionResolver, Displace
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.footprint import Footprint

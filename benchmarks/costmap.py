@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from are_ros.builder.costmap.augmented_map import AugmentedMap
 from are_ros.builder.costmap.inflation import InflatedCostmap, inflation_costs
-from are_ros.builder.registration import CellPatch
+from are_ros.builder.costmap.registration import CellPatch
 
 Mask = npt.NDArray[np.bool_]
 Costs = npt.NDArray[np.uint8]

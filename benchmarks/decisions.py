@@ -21,12 +21,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from are_ros.artefacts._step_kernels import route_step
-from are_ros.artefacts.coarse_map import CoarseMap
-from are_ros.artefacts.mdp import Problem, Solution, TravelModel, solve, travel_problem
-from are_ros.artefacts.neighbourhood import Neighbourhood
-from are_ros.artefacts.terrain import Terrain
-from are_ros.artefacts.value_tables import ValueTables
+from are_ros.agents.mdp.coarse_map import CoarseMap
+from are_ros.agents.mdp.model import Problem, Solution, TravelModel, solve, travel_problem
+from are_ros.agents.mdp.value_tables import ValueTables
+from are_ros.agents.navigation.step_kernels import route_step
+from are_ros.agents.navigation.terrain import Terrain
+from are_ros.agents.neighbours import Neighbourhood
 from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform

@@ -26,13 +26,13 @@ import rclpy
 from rclpy.node import Node
 from visualization_msgs.msg import Marker, MarkerArray
 
-from are_ros.artefacts.artefact import GroundPose, Origin
-from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
+from are_ros.agents.events import ArtefactState
+from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
 from are_ros.builder.markers import Display, MarkerBatch, MarkerBoard
-from are_ros.builder.outputs import ArtefactState
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.markers import MarkerEncoder
+from are_ros.population.artefact import GroundPose, Origin
+from are_ros.population.catalogue import CatalogueRow
 from are_ros.world.rigid_transform import RigidTransform
 
 COUNT = 1_000

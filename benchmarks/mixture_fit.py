@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import gammaln
 
-from are_ros.artefacts.mixture import TruncatedPoissonMixture
-from are_ros.artefacts.mixture_fit import climb, count_rows, fit_by_bic, fit_mixture, rate_limits
+from are_ros.population.mixture import TruncatedPoissonMixture
+from are_ros.population.mixture_fit import climb, count_rows, fit_by_bic, fit_mixture, rate_limits
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]

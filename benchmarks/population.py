@@ -31,14 +31,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
-from are_ros.artefacts.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
 from are_ros.builder import assembly
-from are_ros.builder.lives import Lives
-from are_ros.builder.reality import Reality
+from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
+from are_ros.builder.population_manager import Lives
+from are_ros.builder.simulation import Reality
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
+from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

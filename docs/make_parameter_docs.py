@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from are_ros.description.parameter_table import parameter_files
+from are_ros.describe.parameter_table import parameter_files
 
 PROJECT = Path(__file__).resolve().parents[1]
 

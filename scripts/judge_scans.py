@@ -37,8 +37,8 @@ from tests.oracles.scan_judge import Verdict, judge  # noqa: E402
 
 EXPORT = """
 import sys, numpy as np
-from are_ros.artefacts.catalogue_file import read_catalogue
-from are_ros.artefacts.meshes import mesh_of
+from are_ros.builder.files.catalogue_file import read_catalogue
+from are_ros.population.meshes.geometry import mesh_of
 rows = read_catalogue().rows
 np.savez(sys.argv[1], **{str(row.index): np.asarray(mesh_of(row).triangles) for row in rows})
 """

@@ -56,7 +56,7 @@ INVARIANTS = (
 )
 
 _RUN = "tests/builder/test_invariants.py::"
-_LIVES = "tests/builder/test_lives.py::"
+_LIVES = "tests/builder/test_population_manager.py::"
 _BUILDER = "tests/builder/test_ar_builder.py::"
 _CELLS_TEST = _RUN + "test_the_map_is_the_real_one_outside_artefacts_and_100_inside"
 _COSTMAP_TEST = _RUN + "test_the_costmap_is_never_below_that_of_the_real_map"
@@ -134,7 +134,7 @@ BREAKAGES = (
              lambda real, self, cells: real(self, cells) or put(self, "_real", 0 * cells),
              _CELLS_TEST),
     Breakage(CELLS, "footprints are 3 cm too small on each side",
-             "builder.registration:TOUCH_TOLERANCE_M", lambda _: 0.03, _CELLS_TEST),
+             "builder.costmap.registration:TOUCH_TOLERANCE_M", lambda _: 0.03, _CELLS_TEST),
     Breakage(CELLS, "the gate lets everybody through", "builder.gates:GateMemory.admitted",
              lambda _real, _self, _now, _seen, patches, *_: frozenset(patches),
              _CELLS_TEST + "[perceived]"),
@@ -147,11 +147,11 @@ BREAKAGES = (
                  (real(mask, table, reach, margin) if margin else table[0] * mask.astype(np.uint8)),
              _COSTMAP_TEST),
     Breakage(RETURNS, "a virtual return replaces a nearer real one",
-             "builder.laser_scan:_merged", replacing_nearer, _SCAN_TEST),
+             "builder.sensors.laser_scan:_merged", replacing_nearer, _SCAN_TEST),
     Breakage(RETURNS, "walls hide nothing from beams without a return",
-             "builder.laser_scan:_are_hidden", lambda real, _scan, beams, *_: none(real, beams),
+             "builder.sensors.laser_scan:_are_hidden", lambda real, _scan, beams, *_: none(real, beams),
              _SCAN_TEST),
-    Breakage(RETURNS, "a scan meets the artefacts of a second ago", "builder.lives:Lives.scene_at",
+    Breakage(RETURNS, "a scan meets the artefacts of a second ago", "builder.population_manager:Lives.scene_at",
              lambda real, self, t_ns, arrived_by_ns=None:
                  real(self, t_ns - (arrived_by_ns is not None) * 1_000_000_000, arrived_by_ns),
              _SCAN_TEST, _BUILDER + "test_a_scan_meets_the_artefacts_of_its_own_stamp"),
@@ -159,25 +159,25 @@ BREAKAGES = (
              lambda real, _self, boxes: none(real, boxes), _WALL_TEST,
              _LIVES + "test_a_wall_that_appears_moves_the_artefact_aside"),
     Breakage(WALLS, "a new map is not looked at once a scene was found safe",
-             "builder.collisions:CollisionResolver._is_known",
+             "agents.collisions:CollisionResolver._is_known",
              lambda real, self, environment, *boxes:
                  real(self, self._scene[0] if self._scene else environment, *boxes),
              _WALL_TEST),
-    Breakage(OTHERS, "arrivals do not look at the others", "artefacts.placement:overlaps_any",
+    Breakage(OTHERS, "arrivals do not look at the others", "builder.spawning.placement:overlaps_any",
              none, _LIVES + "test_arrivals_overlap_nothing_at_the_instant_they_come"),
     Breakage(OTHERS, "members of a group do not see each other", "agents.table:AgentTable.taken",
              unseen_by_group,
              _LIVES + "test_arrivals_overlap_nothing_at_the_instant_they_come[4.0]"),
-    Breakage(OTHERS, "who is placed by service may overlap", "builder.spawning:overlaps_any", none,
+    Breakage(OTHERS, "who is placed by service may overlap", "builder.spawning.spawner:overlaps_any", none,
              _LIVES + "test_a_placement_that_overlaps_is_refused_with_the_reason[2.8-"),
-    Breakage(ROBOT, "arrivals do not keep away from the robot", "builder.spawning:Spawning.place",
+    Breakage(ROBOT, "arrivals do not keep away from the robot", "builder.spawning.spawner:Spawning.place",
              lambda real, self, row, dice, others, _robot, *rest:
                  real(self, row, dice, others, None, *rest),
              _LIVES + "test_arrivals_overlap_nothing_at_the_instant_they_come"),
-    Breakage(ROBOT, "contacts are not reported", "builder.collisions:ContactLog.begun",
+    Breakage(ROBOT, "contacts are not reported", "agents.collisions:ContactLog.begun",
              lambda *_: [], _RUN + "test_none_overlaps_the_robot_but_for_reported_contacts",
              _LIVES + "test_a_robot_that_drives_into_an_artefact"),
-    Breakage(ROBOT, "nobody makes way", "builder.collisions:Displace.tolerated_m",
+    Breakage(ROBOT, "nobody makes way", "agents.collisions:Displace.tolerated_m",
              lambda real, *arguments: real(*arguments) + np.inf,
              _RUN + "test_none_overlaps_the_robot_but_for_reported_contacts[all]",
              _LIVES + "test_a_robot_that_drives_into_an_artefact[displace]"),
@@ -188,7 +188,7 @@ BREAKAGES = (
              lambda real, *arguments: replace(real(*arguments), vacated=()), _CELLS_TEST,
              _BUILDER + "test_a_departed_artefact_leaves_nothing_behind"),
     Breakage(DEPARTED, "lives have no end for lists and scans",
-             "artefacts.population:Population.present_at",
+             "population.population:Population.present_at",
              lambda _, self, t_ns:
                  [one for one in (*self._departed, *self._living.values())
                   if one.arrival_ns <= t_ns],
@@ -204,7 +204,7 @@ BREAKAGES = (
              lambda real, self, patches: put(self, "_is_new", False) or real(self, patches),
              _BUILDER + "test_the_real_map_is_relayed_before_anything_else",
              _BUILDER + "test_a_new_map_is_relayed_too"),
-    Breakage(TOPICS, "outputs have the inputs' names", "replay.listeners:PREFIX", lambda _: "/",
+    Breakage(TOPICS, "outputs have the inputs' names", "replay.survey.listeners:PREFIX", lambda _: "/",
              _RUN + "test_nothing_is_written_on_a_topic_of_the_robot"),
     Breakage(TOPICS, "the real map is handed on itself, not a copy",
              "builder.costmap.augmented_map:_like",
@@ -228,22 +228,22 @@ BREAKAGES = (
              "builder.real_world:RealWorld.set_cloud",
              lambda real, self, *cloud: put(self, "environment", None) or real(self, *cloud),
              "tests/builder/test_real_world.py::test_a_bad_cloud_is_refused_at_once_in_any_frame"),
-    Breakage(SAME, "dice without a seed", "artefacts.randomness:generator",
+    Breakage(SAME, "dice without a seed", "population.randomness:generator",
              lambda *_: np.random.default_rng(),
              _RUN + "test_the_same_inputs_and_seed_give_the_same_bytes",
              _BUILDER + "test_the_seed_decides_everything"),
-    Breakage(SAME, "the seed decides nothing", "artefacts.randomness:generator",
+    Breakage(SAME, "the seed decides nothing", "population.randomness:generator",
              lambda real, _seed, *stream: real(0, *stream),
              _BUILDER + "test_the_seed_decides_everything"),
-    Breakage(TICKS, "sub-steps run when somebody asks", "builder.step_clock:StepClock.go_on",
+    Breakage(TICKS, "sub-steps run when somebody asks", "builder.population_manager:StepClock.go_on",
              lambda _, self, now_ns: put(self, "next_ns", now_ns + self.period_ns),
              _RATE_TEST + "[20.0]"),
     Breakage(TICKS, "arrivals keep away from where a tick saw the robot",
-             "builder.lives:Lives._sub_step", sub_step_of_tick, _RATE_TEST + "[33.0]"),
+             "builder.population_manager:Lives._sub_step", sub_step_of_tick, _RATE_TEST + "[33.0]"),
     Breakage(TICKS, "scans wait for the next tick",
-             "builder.sensors:SensorAugmentation.deadline_passed",
+             "builder.sensors.sensor_path:SensorAugmentation.deadline_passed",
              lambda real, self, now_ns: real(self, -(-now_ns // self._tick_ns) * self._tick_ns),
-             "tests/builder/test_sensors.py::test_a_late_correction_is_held_in_the_builder"),
+             "tests/builder/sensors/test_sensors.py::test_a_late_correction_is_held_in_the_builder"),
 )
 # fmt: on
 

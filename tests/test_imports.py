@@ -12,39 +12,24 @@ BASE = ("errors", "conventions", "_compiled", "_version", "yaml_text", "wording"
 LAYERS = (
     BASE,
     ("world",),
-    ("artefacts",),
+    ("population",),
     ("agents",),
     ("builder",),
     ("messages",),
-    ("description",),
+    ("describe",),
     ("bag",),
     ("draw",),
     ("node", "checks"),
     ("replay",),
     ("record", "fit"),
-    ("experiments",),
+    ("lab",),
     ("cli",),
     ("__main__",),
 )
-"""From the bottom up. `description` says what a configuration means; adapters may use it.
+"""From the bottom up. `describe` says what a configuration means; adapters may use it.
 `record` joins the two adapters: it plays recordings to live nodes, and records them."""
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
-CORE = (*BASE, "world", "artefacts", "agents", "builder")
-YET_TO_MOVE = {
-    ("artefacts", "are_ros.agents.table"),
-    ("artefacts", "are_ros.agents.decision"),
-    *(
-        ("agents", f"are_ros.builder.{name}")
-        for name in (
-            "collisions",
-            "life_keeper",
-            "outputs",
-            "robots",
-        )
-    ),
-}
-"""The local planner and the navigation belong to the agents, and so does what keeps these apart:
-modules that import nothing of the rest of the builder."""
+CORE = (*BASE, "world", "population", "agents", "builder")
 ADAPTERS = {
     "rclpy": ("node", "record"),
     "rosbags": ("bag", "replay"),
@@ -99,7 +84,6 @@ def test_imports_go_one_way() -> None:
         and (other := name.split(".")[1]) != part
         and not RANK[other] < RANK[part]
         and not RANK[other] == RANK[part] == RANK["errors"]
-        and (part, name.rpartition(".")[0]) not in YET_TO_MOVE
     ]
     assert wrong == []
 

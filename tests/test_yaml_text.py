@@ -9,7 +9,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.artefacts.catalogue_file import read_catalogue
+from are_ros.builder.files.catalogue_file import read_catalogue
 from are_ros.errors import AreError, CatalogueError, MapError, ParameterError
 from are_ros.parameters.ros_yaml import parse_assignment, read_ros_parameters
 from are_ros.world.map_io import read_map_file

@@ -12,23 +12,28 @@ from typing import Final
 
 import numpy as np
 
+from are_ros.agents.behaviours.asking import Asked, Failed, intent_of
+from are_ros.agents.behaviours.leaving import Leaving
+from are_ros.agents.behaviours.registry import make_behaviour
+from are_ros.agents.behaviours.situation import (
+    Behaviour,
+    Fellow,
+    Intent,
+    Point,
+    RobotView,
+    Situation,
+)
+from are_ros.agents.local_planner.body import Body
+from are_ros.agents.local_planner.planner import Hindrance, Traffic
+from are_ros.agents.navigation.destinations import Destinations
+from are_ros.agents.navigation.navigation import Course, Leg, Navigation, Wish
+from are_ros.agents.navigation.profile import Traveller
+from are_ros.agents.snapshot import Onlookers
 from are_ros.agents.table import AgentTable
-from are_ros.artefacts.artefact import Artefact
-from are_ros.artefacts.behaviours.asking import Asked, Failed, intent_of
-from are_ros.artefacts.behaviours.intent import Behaviour, Intent, Point
-from are_ros.artefacts.behaviours.leaving import Leaving
-from are_ros.artefacts.behaviours.registry import make_behaviour
-from are_ros.artefacts.behaviours.situation import Fellow, RobotView, Situation
-from are_ros.artefacts.motion.body import Body
-from are_ros.artefacts.motion.hindrance import Hindrance
-from are_ros.artefacts.motion.traffic import Traffic
-from are_ros.artefacts.navigation import Course, Leg, Navigation, Wish
-from are_ros.artefacts.onlookers import Onlookers
-from are_ros.artefacts.places import Destinations
-from are_ros.artefacts.randomness import Purpose, generator
-from are_ros.artefacts.traveller import Traveller
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BehaviourError
+from are_ros.population.artefact import Artefact
+from are_ros.population.randomness import Purpose, generator
 
 PATIENCE: Final = 2
 """An agent waits for others in so many decisions. Then the local planner has to get it past them,

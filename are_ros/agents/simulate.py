@@ -11,25 +11,25 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.agents.behaviours.situation import RobotView
+from are_ros.agents.collisions import CollisionResolver, ContactLog, Outcome, Resolution
 from are_ros.agents.decision import DecisionLayer
+from are_ros.agents.events import ArtefactEvent, EventKind
+from are_ros.agents.local_planner.planner import Traffic
+from are_ros.agents.local_planner.robot import RobotMotion
+from are_ros.agents.mdp.exits import exits_of
+from are_ros.agents.navigation.destinations import destinations_in
+from are_ros.agents.navigation.navigation import Navigation
+from are_ros.agents.navigation.terrain import Terrains
+from are_ros.agents.robots import RobotPose, RobotWatch
+from are_ros.agents.scenario_recorder import LifeKeeper
 from are_ros.agents.table import AgentTable
-from are_ros.artefacts.artefact import Artefact, GroundPose
-from are_ros.artefacts.behaviours.situation import RobotView
-from are_ros.artefacts.departures import Cause
-from are_ros.artefacts.exits import exits_of
-from are_ros.artefacts.motion.robot import RobotMotion
-from are_ros.artefacts.motion.traffic import Traffic
-from are_ros.artefacts.navigation import Navigation
-from are_ros.artefacts.places import destinations_in
-from are_ros.artefacts.scenario import ScriptedOffer
-from are_ros.artefacts.terrain import Terrains
-from are_ros.artefacts.track_player import FollowedTrack
-from are_ros.builder.collisions import CollisionResolver, ContactLog, Outcome, Resolution
-from are_ros.builder.life_keeper import LifeKeeper
-from are_ros.builder.outputs import ArtefactEvent, EventKind
-from are_ros.builder.robots import RobotPose, RobotWatch
+from are_ros.agents.track_player import FollowedTrack
 from are_ros.conventions import seconds_to_ns
 from are_ros.parameters.model import Parameters
+from are_ros.population.artefact import Artefact, GroundPose
+from are_ros.population.departures import Cause
+from are_ros.population.scenario import ScriptedOffer
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment
 from are_ros.world.regions import SpawnRegion, Zones

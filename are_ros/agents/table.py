@@ -12,16 +12,16 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.artefact import Artefact, GroundPose, shape_of
-from are_ros.artefacts.motion import _state
-from are_ros.artefacts.motion._patience import forget_blockade
-from are_ros.artefacts.motion._state import STAND_ROW, STAYS, Fleet, Tempo
-from are_ros.artefacts.motion.body import Body
-from are_ros.artefacts.pose_tape import PoseTape
-from are_ros.artefacts.terrain import HEIGHT_STEP_M
-from are_ros.artefacts.track_player import FollowedTrack
+from are_ros.agents.local_planner import state as _state
+from are_ros.agents.local_planner.body import Body
+from are_ros.agents.local_planner.patience import forget_blockade
+from are_ros.agents.local_planner.state import STAND_ROW, STAYS, Fleet, Tempo
+from are_ros.agents.navigation.terrain import HEIGHT_STEP_M
+from are_ros.agents.track_player import FollowedTrack
+from are_ros.agents.trajectory_buffer import PoseTape
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import GroundKind
+from are_ros.population.artefact import Artefact, GroundPose, shape_of
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment
 

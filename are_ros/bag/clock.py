@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.bag.reader import BagMessage, BagReader
-from are_ros.builder.step_clock import IDLE_NS
+from are_ros.builder.population_manager import IDLE_NS
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.sensors import SENSORS

@@ -15,7 +15,7 @@ import numpy as np
 
 from are_ros.bag.clock import MOVING_ROLES, BagClock, Edge, Ints, RecordedTimes, first_time
 from are_ros.bag.reader import BagReader
-from are_ros.builder.step_clock import IDLE_NS
+from are_ros.builder.population_manager import IDLE_NS
 from are_ros.conventions import NS_PER_S
 from are_ros.wording import counted, duration_text
 

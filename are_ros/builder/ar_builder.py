@@ -2,19 +2,19 @@
 
 from collections.abc import Mapping, Sequence
 
-from are_ros.artefacts.catalogue import Catalogue
-from are_ros.artefacts.departures import Cause
+from are_ros.agents.events import ArtefactEvent, ArtefactState, SceneMetrics
 from are_ros.builder import assembly
 from are_ros.builder.costmap.augmented_map import Grids
+from are_ros.builder.costmap.registration import CellPatch, clutter_ratio, covered_cells
 from are_ros.builder.markers import MarkerBatch
 from are_ros.builder.observation import Observation, sight_events
-from are_ros.builder.outputs import ArtefactEvent, ArtefactState, SceneMetrics
-from are_ros.builder.reality import Reality
-from are_ros.builder.registration import CellPatch, clutter_ratio, covered_cells
 from are_ros.builder.scene import Scene
+from are_ros.builder.simulation import Reality
 from are_ros.builder.states import StateKeeper, perceived_artefact
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
 from are_ros.parameters.model import Parameters
+from are_ros.population.catalogue import Catalogue
+from are_ros.population.departures import Cause
 from are_ros.world.environment import Environment
 
 _NAN = float("nan")

@@ -4,20 +4,20 @@ import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from are_ros.artefacts.catalogue import Catalogue
-from are_ros.artefacts.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
-from are_ros.builder.collisions import CollisionResolver, ContactPolicy, Displace, Hold, Remove
+from are_ros.agents.collisions import CollisionResolver, ContactPolicy, Displace, Hold, Remove
+from are_ros.agents.robots import RobotTracker
 from are_ros.builder.costmap.augmented_map import GridAugmentation
 from are_ros.builder.costmap.inflation import InflatedCostmap
+from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
 from are_ros.builder.gates import ArtefactGate, gate_of
 from are_ros.builder.markers import Display, MarkerBoard
 from are_ros.builder.observation import Perception, Watch
 from are_ros.builder.occlusion.meshes import MeshBank
-from are_ros.builder.robots import RobotTracker
 from are_ros.conventions import seconds_to_ns
 from are_ros.errors import ParameterError
 from are_ros.parameters.choices import CameraModel, OnRobotContact, Shape
 from are_ros.parameters.model import CameraParameters, Parameters, RobotParameters
+from are_ros.population.catalogue import Catalogue
 from are_ros.world.cameras import (
     Camera,
     Observer,

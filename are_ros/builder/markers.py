@@ -10,11 +10,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.agents.events import ArtefactState
 from are_ros.builder.occlusion.meshes import MeshBank
-from are_ros.builder.outputs import ArtefactState
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Labels, Shape
+from are_ros.population.catalogue import CatalogueRow
 
 Vector3 = tuple[float, float, float]
 Colour = tuple[float, float, float, float]

@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from are_ros.agents.events import ArtefactEvent, EventKind
+from are_ros.agents.robots import RobotTracker
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.occlusion.zbuffer import Visibility, ZBuffer
-from are_ros.builder.outputs import ArtefactEvent, EventKind
-from are_ros.builder.robots import RobotTracker
 from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Shape

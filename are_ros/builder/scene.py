@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.artefact import Artefact, GroundPose, boxes_of
-from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.pose_tape import motions_at
+from are_ros.agents.trajectory_buffer import motions_at
+from are_ros.population.artefact import Artefact, GroundPose, boxes_of
+from are_ros.population.catalogue import CatalogueRow
 from are_ros.world.boxes import OrientedBoxes
 
 

@@ -2,10 +2,10 @@
 
 import math
 
-from are_ros.artefacts.artefact import Artefact, GroundPose, map_from_artefact
+from are_ros.agents.events import ArtefactState, PerceivedArtefact
 from are_ros.builder.observation import Sighting
-from are_ros.builder.outputs import ArtefactState, PerceivedArtefact
 from are_ros.builder.scene import Scene
+from are_ros.population.artefact import Artefact, GroundPose, map_from_artefact
 
 _CERTAIN = (0.0,) * 36
 _Key = tuple[bytes, int | None, str, str]

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import Final
 
+from are_ros.agents.events import ArtefactEvent, ArtefactState, PerceivedArtefact, SceneMetrics
 from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.markers import MarkerBatch
-from are_ros.builder.outputs import ArtefactEvent, ArtefactState, PerceivedArtefact, SceneMetrics
 from are_ros.conventions import NS_PER_S
 from are_ros.world.rigid_transform import RigidTransform
 

@@ -14,16 +14,16 @@ import numpy.typing as npt
 from numba.core import event
 
 from are_ros._compiled import KERNELS, name_of
-from are_ros.artefacts.artefact import GroundPose
-from are_ros.artefacts.catalogue import Catalogue, MotionLimits
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import collision_resolver
-from are_ros.builder.laser_scan import LaserScan
+from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.builder.tick import EVERYTHING, Demand
 from are_ros.conventions import FREE, NS_PER_S, OCCUPIED
 from are_ros.errors import PlacementError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
+from are_ros.population.artefact import GroundPose
+from are_ros.population.catalogue import Catalogue, MotionLimits
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import Camera, PinholeView, mounted_camera
 from are_ros.world.occupancy_grid import OccupancyGrid

@@ -96,8 +96,8 @@ def align(**options: Any) -> None:
     Where several places fit as well it says so. The exit status is 3 unless there is one good
     answer.
     """
-    from are_ros.replay.align import align_command
     from are_ros.replay.command import options_of
+    from are_ros.replay.survey.align import align_command
 
     unused = {"octomap_file": None, "scenario_file": None, "save_scenario": None}
     wanted = options_of(skip=(), with_inputs=False, **unused, **options)

@@ -33,8 +33,8 @@ def soak(**options: Any) -> None:
     all ways. The exit status is 3 if anything was found that must not be.
     """
     from are_ros.builder.assembly import catalogue_of
-    from are_ros.experiments.soak import soak as run
-    from are_ros.experiments.soak_picture import write_soak
+    from are_ros.lab.soak import soak as run
+    from are_ros.lab.soak_picture import write_soak
     from are_ros.replay.command import effective_parameters
     from are_ros.world.map_io import read_map_file
 

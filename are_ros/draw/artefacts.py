@@ -13,14 +13,14 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.departures import Cause
-from are_ros.builder.outputs import ArtefactEvent, EventKind
+from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.canvas import Canvas
 from are_ros.draw.map import View
 from are_ros.draw.palette import CONTACT, DISPLACED, DISPLACED_EDGE, WHITE, Rgb, mixed, shade_of
 from are_ros.draw.scene import Doing, Life, SceneRecord
 from are_ros.draw.sheet import Entry, mark_sign
+from are_ros.population.departures import Cause
 
 Floats = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.builder.outputs import EventKind
+from are_ros.agents.events import EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.artefacts import (
     BEHAVIOUR_PX,

@@ -9,12 +9,9 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.catalogue import Catalogue
-from are_ros.artefacts.mixture import mixture_of
-from are_ros.artefacts.mixture_fit import MixtureFit
-from are_ros.description.birth_death import BirthDeath
-from are_ros.description.population_trial import Trial
-from are_ros.description.site import Site, Survey
+from are_ros.describe.birth_death import BirthDeath
+from are_ros.describe.population_trial import Trial
+from are_ros.describe.site import Site, Survey
 from are_ros.draw.canvas import Canvas
 from are_ros.draw.map import View, Window, draw_map, known_part, window_of
 from are_ros.draw.palette import (
@@ -32,6 +29,9 @@ from are_ros.draw.palette import (
 )
 from are_ros.parameters.choices import Departures
 from are_ros.parameters.model import Parameters, PopulationParameters
+from are_ros.population.catalogue import Catalogue
+from are_ros.population.mixture import mixture_of
+from are_ros.population.mixture_fit import MixtureFit
 from are_ros.wording import counted
 
 _DPI: Final = 120

@@ -11,11 +11,11 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.artefact import GroundPose
-from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.builder.laser_scan import LaserScan
-from are_ros.builder.outputs import ArtefactEvent, SceneMetrics
-from are_ros.builder.step_clock import IDLE_NS
+from are_ros.agents.events import ArtefactEvent, SceneMetrics
+from are_ros.builder.population_manager import IDLE_NS
+from are_ros.builder.sensors.laser_scan import LaserScan
+from are_ros.population.artefact import GroundPose
+from are_ros.population.catalogue import CatalogueRow
 from are_ros.world.cameras import ViewModel
 from are_ros.world.footprint import Footprint
 from are_ros.world.rigid_transform import RigidTransform

@@ -9,10 +9,10 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.scenario import FIRST_ADMITTED_ID
 from are_ros.draw.canvas import Canvas, Image, Rectangle, text_size
 from are_ros.draw.map import View, Window
 from are_ros.draw.palette import FAINT_INK, GREY, INK, PAPER, WHITE, Rgb, time_colour
+from are_ros.population.scenario import FIRST_ADMITTED_ID
 
 Floats = npt.NDArray[np.float64]
 

@@ -19,8 +19,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
-from are_ros.artefacts.meshes import surface_of
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.map import known_part, map_from_part, shaded
@@ -28,6 +26,8 @@ from are_ros.draw.palette import END, ROBOT, SEEN, Rgb, class_colours, hex_of
 from are_ros.draw.robot import LEAST_LEVEL, level_rays, robot_outline
 from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, shown_every
 from are_ros.errors import BagError
+from are_ros.population.catalogue import Catalogue, CatalogueRow
+from are_ros.population.meshes.geometry import surface_of
 from are_ros.wording import counted, why_refused
 from are_ros.world.cameras import ViewModel
 from are_ros.world.footprint import Footprint

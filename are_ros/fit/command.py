@@ -8,9 +8,8 @@ from typing import Final, NoReturn
 
 from tqdm import tqdm
 
-from are_ros.artefacts.catalogue_file import read_catalogue
-from are_ros.artefacts.mixture_fit import Progress, best_by_bic, fit_by_bic, fit_mixture
 from are_ros.bag.recording import find_recording
+from are_ros.builder.files.catalogue_file import read_catalogue
 from are_ros.draw.plots import draw_fit
 from are_ros.errors import InputError, ParameterError
 from are_ros.fit.observed import ObservedRows, RowSpace, is_recording, read_observed
@@ -25,6 +24,7 @@ from are_ros.fit.results import (
 )
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
+from are_ros.population.mixture_fit import Progress, best_by_bic, fit_by_bic, fit_mixture
 from are_ros.replay.output_folder import all_or_nothing
 from are_ros.replay.progress import ProgressBar
 from are_ros.replay.results import write_json

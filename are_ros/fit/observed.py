@@ -12,13 +12,13 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from are_ros.artefacts.artefact import Origin
-from are_ros.artefacts.catalogue import Catalogue
-from are_ros.artefacts.mixture_fit import Counts, why_no_row
-from are_ros.artefacts.scenario import FIRST_ADMITTED_ID
 from are_ros.bag.decoded import ARRIVED, BLOCKED, Event, Scene
 from are_ros.bag.recording import Recording, find_recording
 from are_ros.errors import BagError, InputError
+from are_ros.population.artefact import Origin
+from are_ros.population.catalogue import Catalogue
+from are_ros.population.mixture_fit import Counts, why_no_row
+from are_ros.population.scenario import FIRST_ADMITTED_ID
 from are_ros.wording import counted
 
 OpenProgress = Callable[[int, int], Callable[[int], None]]

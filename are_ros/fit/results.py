@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
-from are_ros.artefacts.catalogue import Catalogue
-from are_ros.artefacts.mixture_fit import MixtureFit, Stop
 from are_ros.fit.observed import ObservedRows, RowSpace
 from are_ros.parameters.ros_yaml import read_ros_parameters
+from are_ros.population.catalogue import Catalogue
+from are_ros.population.mixture_fit import MixtureFit, Stop
 from are_ros.wording import aligned, counted, section
 
 PARAMETERS: Final = "fitted.yaml"

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from are_ros.builder.outputs import ArtefactEvent, ArtefactState, PerceivedArtefact, SceneMetrics
+from are_ros.agents.events import ArtefactEvent, ArtefactState, PerceivedArtefact, SceneMetrics
 from are_ros.messages.cdr import CdrWriter
 
 _ID_AND_ROW: Final = Struct("<QI")

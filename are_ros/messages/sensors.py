@@ -1,7 +1,7 @@
 """The kinds of sensors whose readings are augmented, and their messages <-> the core's readings.
 
-To add a kind: a class with the methods of `are_ros.builder.sensors.Reading`, the conversion of its
-message in this file, an entry in `SENSORS`, and a parameter with its topics in `sensors`.
+To add a kind: a class with the methods of `are_ros.builder.sensors.sensor_path.Reading`, the
+conversion of its message in this file, an entry in `SENSORS`, and a parameter with its topics in `sensors`.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,9 +12,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from are_ros.builder.laser_scan import LaserScan
-from are_ros.builder.range_reading import RangeReading
-from are_ros.builder.sensors import Reading
+from are_ros.builder.sensors.laser_scan import LaserScan
+from are_ros.builder.sensors.range_reading import RangeReading
+from are_ros.builder.sensors.sensor_path import Reading
 from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.common import MessageFactory, make_header, read_array, read_time
 from are_ros.parameters.model import SensorsParameters

@@ -12,7 +12,7 @@ from are_ros.messages.artefacts import (
     encode_metrics,
     encode_perceived,
 )
-from are_ros.messages.grid import encode_grid, encode_grid_update
+from are_ros.messages.maps import encode_grid, encode_grid_update
 from are_ros.messages.markers import MarkerEncoder
 from are_ros.world.occupancy_grid import OccupancyGrid
 

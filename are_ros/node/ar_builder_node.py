@@ -11,8 +11,6 @@ from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.logging import get_logger
 
-from are_ros.artefacts.catalogue import Catalogue
-from are_ros.artefacts.mixture import mixture_of
 from are_ros.builder.assembly import catalogue_of
 from are_ros.builder.warm_up import warm_up
 from are_ros.conventions import NS_PER_S
@@ -29,6 +27,8 @@ from are_ros.node.watches import BusyWatch, CameraWatch, HangWatch
 from are_ros.parameters.choices import OnRobotContact
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
+from are_ros.population.catalogue import Catalogue
+from are_ros.population.mixture import mixture_of
 
 NAME: Final = "ar_builder"
 _REPORT_S: Final = 1.0

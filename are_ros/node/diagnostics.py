@@ -10,8 +10,8 @@ from enum import Enum, IntEnum
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Final
 
+from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.builder.ar_builder import ArBuilder
-from are_ros.builder.outputs import ArtefactEvent, EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.common import MessageFactory, make_header
 from are_ros.node.live_builder import LiveBuilder

@@ -5,23 +5,23 @@ from collections.abc import Callable, Container, Iterable, Mapping
 from time import monotonic_ns
 from typing import Final, NamedTuple, Protocol
 
-from are_ros.artefacts.catalogue import Catalogue
+from are_ros.agents.events import ArtefactEvent
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.costmap.augmented_map import without_artefacts
-from are_ros.builder.outputs import ArtefactEvent
-from are_ros.builder.reality import CLOCK_JITTER_NS
-from are_ros.builder.requests import Requests, SpawnRequest
+from are_ros.builder.simulation import CLOCK_JITTER_NS
+from are_ros.builder.spawning.requests import Requests, SpawnRequest
 from are_ros.builder.tick import Demand, Tick, TickSchedule
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, InputError
 from are_ros.messages.feed import Decoding, Feed, RawMessage
 from are_ros.messages.goals import read_clicked_point
-from are_ros.messages.grid import encode_grid, read_grid
+from are_ros.messages.maps import encode_grid, read_grid
 from are_ros.messages.sensors import SENSORS, sensor_outputs, sensor_topics
 from are_ros.messages.tick_encoding import TickEncoder
 from are_ros.node.watches import BusyWatch, FaultWatch, TickWatch
 from are_ros.parameters.choices import CostmapGate, SensorGate
 from are_ros.parameters.model import Parameters
+from are_ros.population.catalogue import Catalogue
 from are_ros.world.cameras import ViewModel
 from are_ros.world.environment import Environment
 from are_ros.world.rigid_transform import RigidTransform

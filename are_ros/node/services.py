@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from rclpy.node import Node
 
-from are_ros.builder.requests import SpawnRequest
+from are_ros.builder.spawning.requests import SpawnRequest
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, InputError, PlacementError
 from are_ros.messages.goals import read_stamped_pose

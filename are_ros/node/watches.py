@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from time import monotonic_ns
 from typing import Final
 
-from are_ros.artefacts.behaviours.asking import who_is_asked
+from are_ros.agents.behaviours.asking import who_is_asked
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BehaviourError
 from are_ros.wording import counted

@@ -6,15 +6,14 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from are_ros.artefacts.departures import Cause
+from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.bag.reader import BagReader, recording_in
 from are_ros.bag.roles import read_overrides, sensors_of
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms, replaced_statics
-from are_ros.builder.outputs import ArtefactEvent, EventKind
-from are_ros.builder.sensors import SensorPathCounts
+from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.builder.tick import Demand
-from are_ros.description.configuration import describe_lines
-from are_ros.description.site import Site, surveyed
+from are_ros.describe.configuration import describe_lines
+from are_ros.describe.site import Site, surveyed
 from are_ros.draw.overview import draw_overview
 from are_ros.draw.viewer import MISSING_VISER, has_viser, write_view
 from are_ros.errors import AreError
@@ -28,7 +27,7 @@ from are_ros.parameters.ros_yaml import (
     write_ros_parameters,
 )
 from are_ros.parameters.validation import validated
-from are_ros.replay.inspection import inspect_bag, inspection_lines
+from are_ros.population.departures import Cause
 from are_ros.replay.output_folder import METRICS, VIEW, all_or_nothing, animation_path
 from are_ros.replay.pictures import animate, place_of, plot_population
 from are_ros.replay.progress import ProgressBar
@@ -42,6 +41,7 @@ from are_ros.replay.results import (
     write_json,
 )
 from are_ros.replay.session import Outcome, run_replay
+from are_ros.replay.survey.inspection import inspect_bag, inspection_lines
 from are_ros.replay.timeline import ReplayOptions
 from are_ros.wording import counted
 from are_ros.world.map_io import read_map_file

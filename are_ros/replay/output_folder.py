@@ -26,7 +26,7 @@ def prepare_folder(folder: Path) -> None:
 
 def prepare_scenario(path: Path) -> None:
     """Make the folder of a scenario that is to be written; BagError if that will not go."""
-    from are_ros.artefacts.scenario_file import scenario_files
+    from are_ros.builder.files.scenario_file import scenario_files
 
     _make(path.parent, f"--save-scenario {path}: its folder")
     for file in scenario_files(path):

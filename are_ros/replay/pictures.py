@@ -4,11 +4,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from are_ros.artefacts.catalogue import Catalogue
 from are_ros.bag.recording import PREFIX, RECORDING
 from are_ros.builder.assembly import catalogue_of, robot_footprint
-from are_ros.description.population_trial import run_trial
-from are_ros.description.site import Site
+from are_ros.describe.population_trial import run_trial
+from are_ros.describe.site import Site
 from are_ros.draw.animation import write_animation
 from are_ros.draw.overview import draw_overview
 from are_ros.draw.plots import draw_population
@@ -16,6 +15,7 @@ from are_ros.draw.scene import SceneRecord
 from are_ros.draw.viewer import MISSING_VISER, ViewedPlace, has_viser, write_view
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.parameters.model import Parameters
+from are_ros.population.catalogue import Catalogue
 from are_ros.replay.progress import ProgressBar
 from are_ros.replay.recorded_scene import RecordedScene, read_recorded_scene
 from are_ros.wording import why_refused

@@ -9,27 +9,27 @@ from typing import Any, Final
 
 import numpy as np
 
-from are_ros.artefacts.artefact import GroundPose
-from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
-from are_ros.artefacts.shapes import Shape
+from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.bag.decoded import Event, Grid, Metrics, Odometry, Perceived, Scan, Scene, Transforms
 from are_ros.bag.reader import BagTopic
 from are_ros.bag.recording import PREFIX, Recording, find_recording
 from are_ros.bag.roles import find_roles
 from are_ros.builder.assembly import robot_footprint
-from are_ros.builder.laser_scan import LaserScan
-from are_ros.builder.outputs import ArtefactEvent, EventKind, SceneMetrics
+from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, scan_points
 from are_ros.errors import AreError, BagError, InputError
-from are_ros.messages.cloud import read_points
 from are_ros.messages.common import read_header
+from are_ros.messages.maps import read_points
 from are_ros.messages.odometry import OdometryNumbers
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
-from are_ros.replay._recorded_frames import RecordedRobot
+from are_ros.population.artefact import GroundPose
+from are_ros.population.catalogue import Catalogue, CatalogueRow
+from are_ros.population.meshes.shapes import Shape
 from are_ros.replay.progress import Progress
 from are_ros.replay.scene_record import SceneRecorder
+from are_ros.replay.survey.recorded_frames import RecordedRobot
 from are_ros.world.cameras import Camera, ViewModel
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform

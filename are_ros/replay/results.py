@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.builder.outputs import EventKind
-from are_ros.builder.sensors import SensorPathCounts
+from are_ros.agents.events import EventKind
+from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import Life, SceneRecord
 from are_ros.wording import counted, listed

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.stretches import Span
 from are_ros.builder.ar_builder import ArBuilder
-from are_ros.builder.sensors import ReleasedReading
+from are_ros.builder.sensors.sensor_path import ReleasedReading
 from are_ros.builder.tick import Tick, TickSchedule
 from are_ros.messages.feed import Feed
 from are_ros.replay.progress import Progress, Stopwatch

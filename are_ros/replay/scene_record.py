@@ -7,9 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from are_ros.artefacts.artefact import GroundPose
-from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
-from are_ros.builder.outputs import ArtefactEvent, EventKind, SceneMetrics
+from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.builder.tick import Tick
 from are_ros.draw.scene import (
     ArtefactAt,
@@ -22,6 +20,8 @@ from are_ros.draw.scene import (
     Track,
     shown_every,
 )
+from are_ros.population.artefact import GroundPose
+from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.world.cameras import Camera, ViewModel
 from are_ros.world.footprint import Footprint
 from are_ros.world.rigid_transform import RigidTransform

@@ -9,8 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.catalogue import Catalogue
-from are_ros.artefacts.scenario_file import write_scenario
+from are_ros.agents.scenario_recorder import LifeKeeper
 from are_ros.bag.reader import BagReader
 from are_ros.bag.roles import RolesFound, find_roles
 from are_ros.bag.stretches import needed_wait_s
@@ -18,8 +17,8 @@ from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms, robot_footprint
-from are_ros.builder.life_keeper import LifeKeeper
-from are_ros.builder.sensors import SensorPathCounts
+from are_ros.builder.files.scenario_file import write_scenario
+from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.builder.warm_up import Warmth, warm_up
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import SceneRecord
@@ -30,8 +29,14 @@ from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.choices import CameraModel, OnRobotContact
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.replay.frame_survey import root_above, static_tf_option
-from are_ros.replay.listeners import (
+from are_ros.population.catalogue import Catalogue
+from are_ros.replay.output_folder import AUGMENTED, prepare_folder, prepare_scenario
+from are_ros.replay.progress import KernelBar, Progress, Stopwatch, said_if_slow
+from are_ros.replay.results import REPLAY_PHASE
+from are_ros.replay.runner import Listener, Replay
+from are_ros.replay.scene_record import SceneRecorder
+from are_ros.replay.survey.frame_survey import root_above, static_tf_option
+from are_ros.replay.survey.listeners import (
     All,
     CameraWatch,
     InputCopy,
@@ -39,11 +44,6 @@ from are_ros.replay.listeners import (
     StandingWatch,
     TickWriter,
 )
-from are_ros.replay.output_folder import AUGMENTED, prepare_folder, prepare_scenario
-from are_ros.replay.progress import KernelBar, Progress, Stopwatch, said_if_slow
-from are_ros.replay.results import REPLAY_PHASE
-from are_ros.replay.runner import Listener, Replay
-from are_ros.replay.scene_record import SceneRecorder
 from are_ros.replay.timeline import (
     LATE_CAMERA_NS,
     WITHOUT_CAMERA_INFO,

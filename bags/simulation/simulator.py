@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from are_ros.builder.laser_scan import LaserScan
 from are_ros.builder.occlusion.rays import VoxelField
+from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.conventions import NS_PER_S
 from are_ros.world.rigid_transform import RigidTransform
 from bags.simulation.building import Building

@@ -8,9 +8,8 @@ from typing import Any, Final, NamedTuple, Protocol
 import numpy as np
 
 from are_ros.messages.camera_info import make_camera_info
-from are_ros.messages.cloud import make_cloud
 from are_ros.messages.common import Header, MessageFactory
-from are_ros.messages.grid import make_grid
+from are_ros.messages.maps import make_cloud, make_grid
 from are_ros.messages.odometry import OdometryReading, make_odometry
 from are_ros.messages.sensors import make_scan
 from are_ros.messages.transforms import make_transforms

@@ -7,24 +7,23 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.agents.behaviours.situation import Intent, Situation
 from are_ros.agents.decision import AgentState, DecisionLayer
+from are_ros.agents.local_planner.body import Order
+from are_ros.agents.local_planner.planner import Hindrance
+from are_ros.agents.navigation.destinations import Destinations
+from are_ros.agents.navigation.navigation import Leg, Navigation, Wish
+from are_ros.agents.navigation.terrain import Terrains
 from are_ros.agents.table import AgentTable
-from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
-from are_ros.artefacts.behaviours.intent import Intent
-from are_ros.artefacts.behaviours.situation import Situation
-from are_ros.artefacts.catalogue import CatalogueRow, MotionLimits
-from are_ros.artefacts.motion.hindrance import Hindrance
-from are_ros.artefacts.motion.order import Order
-from are_ros.artefacts.navigation import Leg, Navigation, Wish
-from are_ros.artefacts.places import Destinations
-from are_ros.artefacts.randomness import Purpose, generator
-from are_ros.artefacts.shapes import Shape
-from are_ros.artefacts.terrain import Terrains
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BehaviourError
 from are_ros.parameters.model import BehaviourParameters
-from tests.artefacts.diary import DIARY, ENTRIES, MARCHER
-from tests.artefacts.failing import MODULE
+from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.population.catalogue import CatalogueRow, MotionLimits
+from are_ros.population.meshes.shapes import Shape
+from are_ros.population.randomness import Purpose, generator
+from tests.agents.behaviours.diary import DIARY, ENTRIES, MARCHER
+from tests.agents.behaviours.failing import MODULE
 
 STEP_NS = NS_PER_S // 20
 WALK = MotionLimits(1.3, 1.5, 3.0, 0.0, 1.8)
@@ -379,13 +378,13 @@ def test_who_has_a_behaviour_that_fails_stands_and_the_others_go_on(name: str) -
     """It is told once, says so, and is sent out at the end of its life as anybody else."""
     alone = Town()
     told: list[BehaviourError] = []
-    alone.admit(3, 0, "tests.artefacts.diary:Stroller")
+    alone.admit(3, 0, "tests.agents.behaviours.diary:Stroller")
     _run(alone, 0, 200)
     undisturbed = draws_of(3)
     ENTRIES.clear()
     town = Town()
     town.layer.tell_fault = told.append
-    town.admit(3, 0, "tests.artefacts.diary:Stroller")
+    town.admit(3, 0, "tests.agents.behaviours.diary:Stroller")
     failed = _run_with(town, name)
     assert [fault.behaviour for fault in told] == [f"{MODULE}:{name}"]
     assert (failed.behaviour, failed.activity) == ("standing", "its behaviour failed")

@@ -7,14 +7,14 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from are_ros.agents.collisions import CollisionResolver, Outcome, Resolution
+from are_ros.agents.events import ArtefactEvent, EventKind
+from are_ros.agents.navigation.terrain import Terrains
 from are_ros.agents.simulate import CrowdSimulator
-from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
-from are_ros.artefacts.departures import Cause
-from are_ros.artefacts.terrain import Terrains
 from are_ros.builder import assembly
-from are_ros.builder.collisions import CollisionResolver, Outcome, Resolution
-from are_ros.builder.outputs import ArtefactEvent, EventKind
 from are_ros.parameters.model import Parameters
+from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.population.departures import Cause
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from are_ros.agents.table import AgentTable
-from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory, boxes_of
-from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.shapes import Shape
 from are_ros.parameters.choices import GroundKind
+from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory, boxes_of
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.meshes.shapes import Shape
 from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform

@@ -13,7 +13,7 @@ from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.markers import DELETE_ALL
 from are_ros.errors import BagError
-from are_ros.messages.grid import make_grid, read_grid
+from are_ros.messages.maps import make_grid, read_grid
 from are_ros.messages.markers import MarkerEncoder
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform

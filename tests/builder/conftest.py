@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.artefacts.artefact import GroundPose
-from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
-from are_ros.artefacts.shapes import Shape
 from are_ros.builder.ar_builder import ArBuilder
-from are_ros.builder.laser_scan import LaserScan
+from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.builder.tick import Demand, Tick
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
+from are_ros.population.artefact import GroundPose
+from are_ros.population.catalogue import Catalogue, CatalogueRow
+from are_ros.population.meshes.shapes import Shape
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

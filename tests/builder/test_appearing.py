@@ -13,19 +13,19 @@ import numpy.typing as npt
 import pytest
 from scipy import stats
 
-from are_ros.artefacts.artefact import GroundPose, boxes_of
-from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.departures import Cause
-from are_ros.artefacts.randomness import Purpose, generator
-from are_ros.artefacts.shapes import Shape
+from are_ros.agents.robots import RobotPose
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.occlusion.zbuffer import ZBuffer
-from are_ros.builder.out_of_view import Viewpoint
-from are_ros.builder.robots import RobotPose
-from are_ros.builder.spawning import Allowed, Spawning
+from are_ros.builder.spawning.out_of_view import Viewpoint
+from are_ros.builder.spawning.spawner import Allowed, Spawning
 from are_ros.errors import ParameterError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
+from are_ros.population.artefact import GroundPose, boxes_of
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.departures import Cause
+from are_ros.population.meshes.shapes import Shape
+from are_ros.population.randomness import Purpose, generator
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import FORWARD_FROM_OPTICAL, OmnidirectionalView, PinholeView, ViewModel
 from are_ros.world.environment import Environment, PlaneGround

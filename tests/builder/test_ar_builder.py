@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.builder.markers import MarkerAction
-from are_ros.builder.outputs import ArtefactEvent, EventKind
 from are_ros.builder.tick import Demand, Tick
 from are_ros.errors import FrameError, InputError, ParameterError
 from are_ros.world.cameras import Camera, PinholeView

@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
-from are_ros.artefacts.catalogue import CatalogueRow
 from are_ros.builder.markers import (
     Display,
     MarkerAction,
@@ -21,6 +19,8 @@ from are_ros.builder.markers import (
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Labels, Shape
+from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.population.catalogue import CatalogueRow
 from are_ros.world.rigid_transform import RigidTransform
 from tests.builder.truth import artefact_state
 

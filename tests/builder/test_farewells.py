@@ -5,12 +5,12 @@ import numpy.typing as npt
 import pytest
 
 from are_ros.agents.table import AgentTable
-from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
-from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.shapes import Shape
-from are_ros.builder.lives import overdue
-from are_ros.builder.out_of_view import OutOfView
+from are_ros.builder.population_manager import overdue
+from are_ros.builder.spawning.out_of_view import OutOfView
 from are_ros.conventions import NS_PER_S
+from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.meshes.shapes import Shape
 from are_ros.world.boxes import OrientedBoxes
 
 ROW = CatalogueRow(0, "one", "kind", (0.3, 0.5, 1.7), (0.0, 0.0, 0.0), Shape.PERSON)

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from are_ros.builder.costmap.augmented_map import GridAugmentation, Grids
 from are_ros.builder.costmap.inflation import InflatedCostmap
-from are_ros.builder.registration import CellPatch
+from are_ros.builder.costmap.registration import CellPatch
 from are_ros.conventions import OCCUPIED
 from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify

@@ -17,12 +17,11 @@ import numpy.typing as npt
 import pytest
 from scipy.ndimage import distance_transform_edt
 
-from are_ros.artefacts.artefact import GroundPose
+from are_ros.agents.events import ArtefactState, EventKind
 from are_ros.bag.reader import BagMessage
-from are_ros.builder.laser_scan import LaserScan
 from are_ros.builder.markers import MarkerAction
-from are_ros.builder.outputs import ArtefactState, EventKind
-from are_ros.builder.sensors import ReleasedReading
+from are_ros.builder.sensors.laser_scan import LaserScan
+from are_ros.builder.sensors.sensor_path import ReleasedReading
 from are_ros.builder.tick import Tick
 from are_ros.checks.oracle.plane import (
     Outline,
@@ -33,7 +32,8 @@ from are_ros.checks.oracle.plane import (
 )
 from are_ros.errors import InputError
 from are_ros.messages.feed import Feed
-from are_ros.replay.listeners import TickWriter
+from are_ros.population.artefact import GroundPose
+from are_ros.replay.survey.listeners import TickWriter
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.artefacts.departures import Cause
-from are_ros.builder.outputs import EventKind
+from are_ros.agents.events import EventKind
 from are_ros.parameters.declaration import with_values
+from are_ros.population.departures import Cause
 from are_ros.world.occupancy_grid import OccupancyGrid
 from tests.builder.town import POST, WALKER, Town, events_of, hall
 

@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.artefacts.artefact import boxes_of
-from are_ros.artefacts.catalogue import Catalogue
-from are_ros.builder.laser_scan import LaserScan
-from are_ros.builder.outputs import EventKind
-from are_ros.builder.requests import Requests, SpawnRequest
+from are_ros.agents.events import EventKind
+from are_ros.builder.sensors.laser_scan import LaserScan
+from are_ros.builder.spawning.requests import Requests, SpawnRequest
 from are_ros.errors import CatalogueError
+from are_ros.population.artefact import boxes_of
+from are_ros.population.catalogue import Catalogue
 from are_ros.world.boxes import any_overlap
 from are_ros.world.rigid_transform import RigidTransform
-from tests.artefacts.diary import ENTRIES, MARCHER, STROLLER
+from tests.agents.behaviours.diary import ENTRIES, MARCHER, STROLLER
 from tests.builder.town import (
     CART,
     FOLLOWER,

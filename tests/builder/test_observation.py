@@ -6,16 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
-from are_ros.artefacts.catalogue import CatalogueRow
+from are_ros.agents.events import EventKind
+from are_ros.agents.robots import RobotTracker
 from are_ros.builder.observation import Observation, Perception, Watch, sight_events
 from are_ros.builder.occlusion.meshes import MeshBank
-from are_ros.builder.outputs import EventKind
-from are_ros.builder.robots import RobotTracker
 from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Shape
 from are_ros.parameters.model import OcclusionParameters
+from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.population.catalogue import CatalogueRow
 from are_ros.world.cameras import Observer, PinholeView, mounted_camera
 from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.footprint import Footprint

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from are_ros.artefacts.motion.robot import RobotMotion
-from are_ros.builder.robots import RobotPose, RobotWatch
+from are_ros.agents.local_planner.robot import RobotMotion
+from are_ros.agents.robots import RobotPose, RobotWatch
 from are_ros.conventions import NS_PER_S
 from are_ros.world.footprint import Footprint
 from are_ros.world.rigid_transform import RigidTransform

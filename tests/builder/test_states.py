@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
-from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.pose_tape import PoseTape
+from are_ros.agents.events import ArtefactState
+from are_ros.agents.trajectory_buffer import PoseTape
 from are_ros.builder.observation import Sighting
 from are_ros.builder.occlusion.meshes import MeshBank
-from are_ros.builder.outputs import ArtefactState
 from are_ros.builder.scene import Scene
 from are_ros.builder.states import StateKeeper, perceived_artefact
 from are_ros.conventions import NS_PER_S
-from tests.artefacts.histories import GivenPoses
+from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.population.catalogue import CatalogueRow
+from tests.agents.histories import GivenPoses
 from tests.builder.truth import artefact_state
 
 HERE = GroundPose(1.0, 2.0, 0.5, math.pi / 2)

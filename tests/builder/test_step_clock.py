@@ -1,6 +1,6 @@
 """The sub-steps: multiples of their length since the epoch, none of them twice."""
 
-from are_ros.builder.step_clock import IDLE_NS, StepClock
+from are_ros.builder.population_manager import IDLE_NS, StepClock
 
 
 def test_sub_steps_are_multiples_of_their_length() -> None:

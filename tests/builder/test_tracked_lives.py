@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from are_ros.builder.outputs import ArtefactEvent, EventKind
+from are_ros.agents.events import ArtefactEvent, EventKind
 
 Scene = Any
 """The `Scene` of conftest, which tests cannot import."""

@@ -8,16 +8,16 @@ from pathlib import Path
 import pytest
 from numba.core import event
 
-from are_ros.artefacts.catalogue import Catalogue, CatalogueRow, MotionLimits
-from are_ros.artefacts.shapes import Shape
 from are_ros.builder import warm_up as module
 from are_ros.builder.warm_up import warm_up
+from are_ros.population.catalogue import Catalogue, CatalogueRow, MotionLimits
+from are_ros.population.meshes.shapes import Shape
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample_office.mcap"
 
 _REPLAY_AFTER_WARM_UP = """
 import sys
-from are_ros.artefacts.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
+from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
 from are_ros.builder.warm_up import warm_up
 from are_ros.cli import main
 
@@ -114,7 +114,7 @@ def test_what_nobody_wants_is_not_made_ready() -> None:
     command = [sys.executable, "-c", _KERNELS_OF_BOXES]
     made = subprocess.check_output(command, text=True, timeout=900).split()
     assert "are_ros.builder.occlusion.kernels.render" in made
-    unwanted = ("are_ros.builder.costmap.inflation", "are_ros.builder.laser_scan")
+    unwanted = ("are_ros.builder.costmap.inflation", "are_ros.builder.sensors.laser_scan")
     assert not [name for name in made if name.startswith(unwanted)]
 
 
@@ -136,7 +136,7 @@ def test_afterwards_a_run_needs_no_kernel_for_other_arguments(tmp_path: Path) ->
 def test_behaviours_of_the_users_own_have_no_part_in_the_rehearsal() -> None:
     """One that cannot even be made fails nobody before somebody has arrived."""
     motion = MotionLimits(1.0, 1.5, 3.0)
-    shares = {"walking": 0.25, "standing": 0.25, "tests.artefacts.failing:Unmade": 0.5}
+    shares = {"walking": 0.25, "standing": 0.25, "tests.agents.behaviours.failing:Unmade": 0.5}
     box = ((0.3, 0.5, 1.7), (0.0, 0.0, 0.0), Shape.PERSON)
     row = CatalogueRow(0, "guest", "person", *box, motion=motion, behaviours=shares)
     assert warm_up(Catalogue((row,)))

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.artefacts.artefact import Artefact, GroundPose
-from are_ros.artefacts.catalogue import Catalogue, CatalogueRow, MotionLimits
-from are_ros.artefacts.shapes import Shape
+from are_ros.agents.events import ArtefactEvent
 from are_ros.builder.ar_builder import ArBuilder
-from are_ros.builder.lives import Lives
-from are_ros.builder.outputs import ArtefactEvent
+from are_ros.builder.population_manager import Lives
 from are_ros.builder.tick import Demand
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
+from are_ros.population.artefact import Artefact, GroundPose
+from are_ros.population.catalogue import Catalogue, CatalogueRow, MotionLimits
+from are_ros.population.meshes.shapes import Shape
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

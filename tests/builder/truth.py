@@ -1,9 +1,9 @@
 """The ground truth of one artefact, as a tick gives it out."""
 
-from are_ros.artefacts.artefact import Artefact
-from are_ros.builder.outputs import ArtefactState
+from are_ros.agents.events import ArtefactState
 from are_ros.builder.scene import Scene
 from are_ros.builder.states import StateKeeper
+from are_ros.population.artefact import Artefact
 
 
 def artefact_state(artefact: Artefact, now_ns: int) -> ArtefactState:

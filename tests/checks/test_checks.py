@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.costmap.inflation import InflatedCostmap
-from are_ros.builder.registration import CellPatch, covered_cells
+from are_ros.builder.costmap.registration import CellPatch, covered_cells
 from are_ros.checks.result import CheckResult
 from are_ros.checks.run import Outcome, check_recording
 from are_ros.conventions import NS_PER_S

@@ -8,7 +8,7 @@ from click.testing import CliRunner, Result
 
 from are_ros.cli.soaking import COMMANDS, soak
 from are_ros.errors import AreError, MapError, ParameterError
-from are_ros.experiments.verdict import Verdict
+from are_ros.lab.verdict import Verdict
 
 SMALL = "image: room.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\n"
 SMALL += "occupied_thresh: 0.65\nfree_thresh: 0.196\n"

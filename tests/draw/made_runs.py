@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.shapes import Shape
-from are_ros.builder.outputs import ArtefactEvent, EventKind, SceneMetrics
+from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import Doing, Life, SceneRecord, TickSeries, Track
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.meshes.shapes import Shape
 from are_ros.world.cameras import PinholeView, mounted_camera
 from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import OccupancyGrid

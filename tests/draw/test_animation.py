@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pytest
 from PIL import Image
 
-from are_ros.builder.outputs import EventKind
+from are_ros.agents.events import EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.animation import (
     FOOTER_PX,

@@ -9,15 +9,15 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.shapes import Shape
-from are_ros.builder.outputs import SceneMetrics
+from are_ros.agents.events import SceneMetrics
 from are_ros.draw.canvas import Rectangle
 from are_ros.draw.map import View, Window, hiding_part, known_part, shaded, window_of
 from are_ros.draw.overview import draw_overview, robot_indices, subtitle_of, tag_rectangles
 from are_ros.draw.robot import Sight, fan_at, spread_indices, telling_indices
 from are_ros.draw.scene import Life, SceneRecord, TickSeries, Track
 from are_ros.draw.sheet import is_free
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.meshes.shapes import Shape
 from are_ros.world.cameras import OmnidirectionalView, PinholeView, ViewModel, mounted_camera
 from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import OccupancyGrid

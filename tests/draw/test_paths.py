@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from are_ros.builder.outputs import EventKind
+from are_ros.agents.events import EventKind
 from are_ros.draw import overview
 from are_ros.draw.artefacts import (
     behaviour_counts,

@@ -8,9 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from are_ros.artefacts.artefact import GroundPose
-from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
-from are_ros.artefacts.shapes import Shape
 from are_ros.conventions import NS_PER_S
 from are_ros.draw import viewer
 from are_ros.draw.palette import ROBOT, class_colours
@@ -20,6 +17,9 @@ from are_ros.draw.viewer import (
     write_view,
 )
 from are_ros.errors import BagError
+from are_ros.population.artefact import GroundPose
+from are_ros.population.catalogue import Catalogue, CatalogueRow
+from are_ros.population.meshes.shapes import Shape
 from are_ros.replay.scene_record import SceneRecorder
 from are_ros.world.cameras import Camera, PinholeView
 from are_ros.world.footprint import Footprint

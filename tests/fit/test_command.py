@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 import yaml
 
-from are_ros.artefacts.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
-from are_ros.artefacts.mixture import TruncatedPoissonMixture
+from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
 from are_ros.errors import AreError, BagError, CatalogueError, InputError, ParameterError
 from are_ros.fit.command import FitOptions, fit_command, row_space
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import read_ros_parameters
 from are_ros.parameters.validation import validated
+from are_ros.population.mixture import TruncatedPoissonMixture
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from are_ros.artefacts.catalogue_file import read_catalogue
+from are_ros.builder.files.catalogue_file import read_catalogue
 from are_ros.errors import BagError, InputError
 from are_ros.fit.observed import RowSpace, read_observed
 

@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.artefacts.artefact import GroundPose, Origin
+from are_ros.agents.events import ArtefactState
 from are_ros.bag.types import RosbagsFactory, jazzy_typestore
-from are_ros.builder.outputs import ArtefactState
 from are_ros.messages import artefacts as artefact_encoding
 from are_ros.messages.artefacts import ArtefactEncoder
 from are_ros.messages.common import (
@@ -23,6 +22,7 @@ from are_ros.messages.common import (
     make_twist,
     make_vector,
 )
+from are_ros.population.artefact import GroundPose, Origin
 from are_ros.world.rigid_transform import RigidTransform
 
 ARRAY = "are_msgs/msg/ArtefactArray"

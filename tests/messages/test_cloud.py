@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
-from are_ros.messages.cloud import make_cloud, read_points
+from are_ros.messages.maps import make_cloud, read_points
 
 FACTORY = RosbagsFactory()
 

@@ -10,7 +10,7 @@ import pytest
 
 from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
-from are_ros.messages.grid import make_grid, read_grid
+from are_ros.messages.maps import make_grid, read_grid
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.costmap.augmented_map import ChangedRectangle, GridUpdate
 from are_ros.messages.common import make_header
-from are_ros.messages.grid import encode_grid, encode_grid_update, make_grid
+from are_ros.messages.maps import encode_grid, encode_grid_update, make_grid
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from are_ros.bag.types import RosbagsFactory
-from are_ros.builder.range_reading import RangeReading
+from are_ros.builder.sensors.range_reading import RangeReading
 from are_ros.messages.common import make_header
 from are_ros.messages.sensors import encode_range, read_range
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from are_ros.bag.types import RosbagsFactory
-from are_ros.builder.laser_scan import LaserScan
+from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.messages.sensors import encode_scan, make_scan
 
 FLOATS = st.floats(width=32)

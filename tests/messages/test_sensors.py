@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from are_ros.bag.types import RosbagsFactory
-from are_ros.builder.laser_scan import LaserScan
+from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.errors import InputError
 from are_ros.messages.sensors import make_scan, read_scan, sensor_outputs
 

@@ -6,17 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.artefacts.artefact import GroundPose, Origin
-from are_ros.bag.types import jazzy_typestore
-from are_ros.builder.costmap.augmented_map import ChangedRectangle, Grids, GridUpdate
-from are_ros.builder.markers import DELETE_ALL, NO_MARKERS
-from are_ros.builder.outputs import (
+from are_ros.agents.events import (
     ArtefactEvent,
     ArtefactState,
     EventKind,
     PerceivedArtefact,
     SceneMetrics,
 )
+from are_ros.bag.types import jazzy_typestore
+from are_ros.builder.costmap.augmented_map import ChangedRectangle, Grids, GridUpdate
+from are_ros.builder.markers import DELETE_ALL, NO_MARKERS
 from are_ros.builder.tick import Demand, Tick
 from are_ros.messages.tick_encoding import (
     OUTPUTS,
@@ -24,6 +23,7 @@ from are_ros.messages.tick_encoding import (
     OutputTopic,
     TickEncoder,
 )
+from are_ros.population.artefact import GroundPose, Origin
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

@@ -7,12 +7,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from are_ros.builder.laser_scan import LaserScan
+from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.conventions import NS_PER_S
-from are_ros.messages.cloud import make_cloud
 from are_ros.messages.common import make_header, make_pose
 from are_ros.messages.goals import StampedPoints, make_clicked_point, make_path
-from are_ros.messages.grid import make_grid
+from are_ros.messages.maps import make_cloud, make_grid
 from are_ros.messages.odometry import OdometryReading, make_odometry
 from are_ros.messages.sensors import make_scan
 from are_ros.messages.transforms import StampedTransform, make_transforms

@@ -32,7 +32,7 @@ PLACES = {"late": (2.5, 1.0), "unmade": (3.3, 1.0), "nothing": (3.3, 2.0), "walk
 def bench(make_bench: MakeBench, tmp_path: Path) -> Bench:
     """Return an active node at 1000.1 s: the room, the robot in it, nobody else."""
     catalogue = tmp_path / "catalogue.yaml"
-    catalogue.write_text(CATALOGUE.replace("FAILING", "tests.artefacts.failing"), encoding="utf-8")
+    catalogue.write_text(CATALOGUE.replace("FAILING", "tests.agents.behaviours.failing"), encoding="utf-8")
     made = make_bench({"catalogue": str(catalogue)}, "configure", "activate")
     made.clock(1000.0)
     made.send("map", room())
@@ -86,7 +86,7 @@ def test_who_does_not_return_is_told_while_the_node_stands_still_and_afterwards(
     sleeper = bench.spawn(pose_at(2.5, 2.0), label="sleeper").id
     for tick in range(2, 14):
         step(bench, 1000.0 + 0.1 * tick)
-    who = f"the behaviour tests.artefacts.failing:Sleeps of artefact {sleeper} (sleeper)"
+    who = f"the behaviour tests.agents.behaviours.failing:Sleeps of artefact {sleeper} (sleeper)"
     said = [line for line in bench.warnings() if line.startswith(who)]
     at_once, afterwards = said
     assert "failing.py, line " in at_once

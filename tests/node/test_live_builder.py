@@ -12,10 +12,10 @@ pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
 from rclpy.serialization import deserialize_message, serialize_message
 
+from are_ros.agents.events import EventKind
 from are_ros.builder.assembly import catalogue_of
-from are_ros.builder.outputs import EventKind
-from are_ros.builder.requests import SpawnRequest
-from are_ros.builder.sensors import SensorPathCounts
+from are_ros.builder.sensors.sensor_path import SensorPathCounts
+from are_ros.builder.spawning.requests import SpawnRequest
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import message_class

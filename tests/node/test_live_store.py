@@ -6,10 +6,10 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import pytest
 
-from are_ros.artefacts.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
 from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
 from are_ros.errors import InputError
-from are_ros.messages.grid import make_grid
+from are_ros.messages.maps import make_grid
 from are_ros.node.live_builder import Inbox, LiveBuilder
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters

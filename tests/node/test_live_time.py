@@ -15,7 +15,7 @@ pytest.importorskip("rclpy", reason=NOT_SET_UP)
 from are_msgs.msg import ArtefactEvent
 from rosgraph_msgs.msg import Clock
 
-from are_ros.builder.sensors import SensorPathCounts
+from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.common import make_time
 from tests.node.live_bench import DELETE_ALL, PERIOD_NS, Bench, stamp_ns

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from are_ros.agents.events import EventKind
 from are_ros.bag.reader import BagReader
-from are_ros.builder.outputs import EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from are_ros.builder.outputs import EventKind
+from are_ros.agents.events import EventKind
 from tests.record.live_runs import (
     Sent,
     events_of,

@@ -208,7 +208,7 @@ def test_a_bad_row_is_named(tmp_path: Path, run_are: RunAre, sample_bag: Path) -
     """A catalogue with one bad row says which, and what is wrong with it."""
     import yaml
 
-    from are_ros.artefacts.catalogue_file import SHIPPED_CATALOGUE
+    from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE
 
     content = yaml.safe_load(SHIPPED_CATALOGUE.read_text())
     content["rows"][7]["size"] = [0.3, -1.0, 0.3]

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
+from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.bag.reader import recording_in
 from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
-from are_ros.builder.outputs import ArtefactEvent, EventKind
-from are_ros.builder.sensors import SensorPathCounts
+from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.builder.tick import Demand
 from are_ros.errors import ParameterError
 from are_ros.messages.feed import Refusals

@@ -6,15 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from are_ros.artefacts.artefact import GroundPose, boxes_of
-from are_ros.artefacts.catalogue_file import read_catalogue
-from are_ros.artefacts.scenario import Scenario, ScriptedArtefact
-from are_ros.artefacts.scenario_file import read_scenario
 from are_ros.bag.reader import BagReader
+from are_ros.builder.files.catalogue_file import read_catalogue
+from are_ros.builder.files.scenario_file import read_scenario
 from are_ros.builder.real_world import RealWorld
-from are_ros.messages.cloud import read_points
-from are_ros.messages.grid import read_grid
+from are_ros.messages.maps import read_grid, read_points
 from are_ros.parameters.model import Parameters
+from are_ros.population.artefact import GroundPose, boxes_of
+from are_ros.population.scenario import Scenario, ScriptedArtefact
 from are_ros.world.boxes import OrientedBoxes, overlaps_any
 from are_ros.world.environment import Environment
 from are_ros.world.transforms.tree import FrameTree

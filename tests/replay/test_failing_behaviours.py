@@ -12,7 +12,7 @@ classes:
   person:
     shape: person
     motion: {{speed_mps: 1.35, turn_rate_radps: 3.0}}
-    behaviours: {{"tests.artefacts.failing:{kind}": 1}}
+    behaviours: {{"tests.agents.behaviours.failing:{kind}": 1}}
 rows:
   - {{label: guest, class: person, size_m: [0.31, 0.55, 1.7]}}
 """
@@ -44,7 +44,7 @@ def test_a_replay_ends_with_the_sentence(
     )
     assert done.returncode == 1
     (sentence,) = (line for line in done.stderr.splitlines() if line.startswith("are: "))
-    assert f"the behaviour tests.artefacts.failing:{kind} of artefact " in sentence
+    assert f"the behaviour tests.agents.behaviours.failing:{kind} of artefact " in sentence
     assert " (guest) failed at " in sentence
     assert words in sentence
     assert "failing.py, line " in sentence

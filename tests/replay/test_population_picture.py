@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
-from are_ros.artefacts.shapes import Shape
-from are_ros.description import population_trial
-from are_ros.description.population_trial import Trial, run_trial
-from are_ros.description.site import Site, surveyed
+from are_ros.describe import population_trial
+from are_ros.describe.population_trial import Trial, run_trial
+from are_ros.describe.site import Site, surveyed
 from are_ros.draw.plots import appeared_text, draw_trial
 from are_ros.errors import InputError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
+from are_ros.population.catalogue import Catalogue, CatalogueRow
+from are_ros.population.meshes.shapes import Shape
 from are_ros.replay.command import describe_command
 from are_ros.replay.pictures import POPULATION, plot_population
 from are_ros.world.occupancy_grid import OccupancyGrid

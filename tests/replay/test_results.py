@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.shapes import Shape
-from are_ros.builder.outputs import ArtefactEvent, EventKind, SceneMetrics
-from are_ros.builder.sensors import SensorPathCounts
+from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
+from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.draw.scene import Life, SceneRecord, TickSeries, Track
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.meshes.shapes import Shape
 from are_ros.replay.results import (
     ReplayCounts,
     WallClock,

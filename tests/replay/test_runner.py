@@ -11,7 +11,7 @@ from are_ros.bag.roles import find_roles
 from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of
-from are_ros.builder.sensors import ReleasedReading
+from are_ros.builder.sensors.sensor_path import ReleasedReading
 from are_ros.builder.tick import Tick
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError

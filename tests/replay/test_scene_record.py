@@ -6,21 +6,21 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from are_ros.artefacts.artefact import Artefact, GroundPose, Origin, PoseHistory
-from are_ros.artefacts.catalogue import Catalogue, CatalogueRow
-from are_ros.artefacts.shapes import Shape
+from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.markers import NO_MARKERS
 from are_ros.builder.observation import Sighting
-from are_ros.builder.outputs import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.builder.states import perceived_artefact
 from are_ros.builder.tick import Tick
 from are_ros.draw.scene import SceneRecord
+from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.population.catalogue import Catalogue, CatalogueRow
+from are_ros.population.meshes.shapes import Shape
 from are_ros.replay.scene_record import SceneRecorder
 from are_ros.world.cameras import Camera, PinholeView
 from are_ros.world.footprint import Footprint
 from are_ros.world.rigid_transform import RigidTransform
-from tests.artefacts.histories import GivenPoses
+from tests.agents.histories import GivenPoses
 from tests.builder.truth import artefact_state
 
 PERSON = CatalogueRow(0, "tall", "person", (0.4, 0.6, 1.8), (0.1, 0.0, 0.0), Shape.WALL)

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.agents.events import EventKind
 from are_ros.bag.reader import BagReader
-from are_ros.builder.outputs import EventKind
 from are_ros.conventions import NS_PER_S, OCCUPIED
 
 Records = Sequence[tuple[str, int, Any]]

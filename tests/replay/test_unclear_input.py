@@ -14,7 +14,7 @@ import yaml
 
 from are_ros.bag.reader import BagReader
 from are_ros.conventions import NS_PER_S
-from are_ros.messages.cloud import read_points
+from are_ros.messages.maps import read_points
 from are_ros.replay.recorded_scene import read_recorded_scene
 
 CAMERA = "/camera/camera_info"

@@ -9,9 +9,8 @@ import pytest
 
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.camera_info import read_camera_info
-from are_ros.messages.cloud import read_points
 from are_ros.messages.common import read_time
-from are_ros.messages.grid import read_grid
+from are_ros.messages.maps import read_grid, read_points
 from are_ros.messages.odometry import read_odometry
 from are_ros.messages.sensors import read_scan
 from are_ros.messages.transforms import read_transforms

@@ -9,10 +9,9 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from are_ros.bag.reader import BagMessage, BagReader
-from are_ros.messages.cloud import read_points
-from are_ros.messages.grid import read_grid
+from are_ros.messages.maps import read_grid, read_points
 from are_ros.messages.sensors import read_scan
-from are_ros.replay.inspection import inspect_bag
+from are_ros.replay.survey.inspection import inspect_bag
 
 PROJECT = Path(__file__).resolve().parents[2]
 PROGRAM = "bags.make_sample_bag"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from are_ros.bag.reader import BagReader
-from are_ros.messages.grid import read_grid
+from are_ros.messages.maps import read_grid
 from are_ros.world.map_io import read_map_file
 
 BAGS = Path(__file__).resolve().parents[2] / "bags"

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from are_ros._compiled import compiled
 from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.builder.costmap.patches import PatchLedger, rectangles
-from are_ros.builder.registration import CellPatch
+from are_ros.builder.costmap.registration import CellPatch
 from are_ros.conventions import NS_PER_S, OCCUPIED
 from are_ros.errors import InputError, ParameterError
 from are_ros.world.environment import Environment

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.builder.costmap.patches import MaskKey, PatchLedger, PlacedPatch, rectangles
-from are_ros.builder.registration import CellPatch
+from are_ros.builder.costmap.registration import CellPatch
 from are_ros.conventions import OCCUPIED, UNKNOWN
 from are_ros.errors import InputError, ParameterError
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.builder.registration import CellPatch
+from are_ros.builder.costmap.registration import CellPatch
 
 MaskKey = tuple[tuple[int, ...], bytes]
 Cell = TypeVar("Cell", bound=np.generic)

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.artefacts.catalogue import CatalogueRow
-from are_ros.artefacts.meshes import surface_of
 from are_ros.builder.occlusion.rays import PIXELS
 from are_ros.errors import InputError
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.meshes.geometry import surface_of
 
 LEAF_TRIANGLES: Final = 4
 MAX_LEVELS: Final = 48

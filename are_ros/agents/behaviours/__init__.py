@@ -1,0 +1,1 @@
+"""What an artefact can want: small classes from a `Situation` to an `Intent`."""

@@ -1,0 +1,96 @@
+"""Keeping away from the robot."""
+
+import math
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.agents.behaviours.situation import Intent, Point, RobotView, Situation, stand
+from are_ros.agents.behaviours.walking import Walking, any_destination
+
+_NEAR_M, _FAR_M = 4.0, 6.0
+"""It goes away from a robot that is nearer than the first, until it is as far as the second."""
+_STEP_M = 2.5
+_TURNS_RAD = tuple(math.radians(turn) for turn in (0.0, 30.0, -30.0, 60.0, -60.0, 85.0, -85.0))
+_ROBOT_COMFORT_M = 1.5
+_HURRY = 1.3
+
+_Points = npt.NDArray[np.float64]
+
+
+class Avoiding:
+    """Walks where the robot is not, and goes away from it when it comes nearer than 4 m.
+
+    Going away, it never goes any nearer: its way is straight, and at most 85 degrees off the
+    direction away from the robot, where there is most room. With its back to the wall it stands.
+    """
+
+    name: ClassVar[str] = "avoiding"
+
+    def __init__(self) -> None:
+        self._walk = Walking(_far_from_robot)
+        self._is_away_going = False
+
+    def decide(self, situation: Situation) -> Intent:
+        """Return the intent to go away from the robot, or to walk on."""
+        robot = situation.robot
+        if robot is None:
+            return self._walk.decide(situation)
+        limit_m = _FAR_M if self._is_away_going else _NEAR_M
+        was_away_going = self._is_away_going
+        self._is_away_going = situation.distance_m(robot.point_m) < limit_m
+        if self._is_away_going:
+            return self._go_away(robot, situation)
+        if was_away_going:
+            self._walk.change_destination()
+        return self._walk.decide(situation)
+
+    @staticmethod
+    def _go_away(robot: RobotView, situation: Situation) -> Intent:
+        motion = situation.row.motion
+        goal_m = _way_out(robot, situation)
+        if goal_m is None:
+            return stand("cornered", robot.point_m)
+        return Intent(
+            goal_m,
+            min(_HURRY * motion.speed_mps, motion.top_speed_mps),
+            activity="avoiding",
+            is_moving_goal=True,
+            robot_comfort_m=_ROBOT_COMFORT_M,
+        )
+
+
+def _way_out(robot: RobotView, situation: Situation) -> Point | None:
+    """Return a point to go straight to, away from the robot; None if a wall is everywhere."""
+    away_rad = math.atan2(situation.me.y_m - robot.y_m, situation.me.x_m - robot.x_m)
+    for step_m in (_STEP_M, 0.4 * _STEP_M):
+        for turn_rad in _TURNS_RAD:
+            heading_rad = away_rad + turn_rad
+            x_m = situation.me.x_m + step_m * math.cos(heading_rad)
+            y_m = situation.me.y_m + step_m * math.sin(heading_rad)
+            if situation.sees(x_m, y_m):
+                return x_m, y_m
+    return None
+
+
+def _far_from_robot(situation: Situation, is_shut: npt.NDArray[np.bool_]) -> int | None:
+    """Draw a destination whose straight way leads away from the robot, or past it far enough."""
+    if situation.robot is None:
+        return any_destination(situation, is_shut)
+    robot_m = np.array(situation.robot.point_m)
+    apart_m = situation.distance_m(situation.robot.point_m)
+    passing_m = _distances_from_ways(
+        robot_m, np.array(situation.point_m), situation.places.destinations_m
+    )
+    is_near = passing_m < min(_NEAR_M + 1.0, apart_m - 0.1)
+    return any_destination(situation, is_shut | is_near)
+
+
+def _distances_from_ways(point_m: _Points, start_m: _Points, ends_m: _Points) -> _Points:
+    """Return how near the straight ways from a start to the ends (K, 2) come to a point: (K,)."""
+    ways_m = ends_m - start_m
+    squares = np.maximum((ways_m**2).sum(axis=1), 1e-12)
+    shares = np.clip(ways_m @ (point_m - start_m) / squares, 0.0, 1.0)
+    apart_m = start_m + shares[:, None] * ways_m - point_m
+    return np.asarray(np.hypot(apart_m[:, 0], apart_m[:, 1]))

@@ -1,0 +1,197 @@
+"""Crossing the robot's path in front of it, again and again."""
+
+import math
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.agents.behaviours.situation import Intent, Point, RobotView, Situation, stand
+from are_ros.agents.behaviours.walking import Pause, Walking, any_destination, least
+from are_ros.conventions import NS_PER_S
+
+# Where the robot is going, as artefacts guess it.
+
+
+_OFF_PLAN_M = 1.5
+_IS_MOVING_MPS = 0.05
+_FOR_EVER_M = 1000.0
+_SAMPLE_M = 0.25
+
+
+class RobotPath:
+    """The robot's way from where it is: along its plan, then straight on for ever.
+
+    A plan that passes more than 1.5 m from the robot is an old one: then, and with none, the way is
+    straight on, in the direction of its motion, or of its heading while it stands.
+    """
+
+    def __init__(self, robot: RobotView) -> None:
+        here_m = np.array(robot.point_m)
+        points_m = np.vstack((here_m, _rest_of(robot.plan_m, here_m)))
+        end_m = points_m[-1] + _FOR_EVER_M * _last_direction(points_m, robot)
+        self._points_m = np.vstack((points_m, end_m))
+        steps_m = np.diff(self._points_m, axis=0)
+        self._lengths_m = np.concatenate(([0.0], np.cumsum(np.hypot(*steps_m.T))))
+
+    def at(self, length_m: float) -> tuple[Point, Point]:
+        """Return the point at this length (>= 0) from the robot, and the unit direction there."""
+        k = int(np.searchsorted(self._lengths_m, length_m, side="right")) - 1
+        k = min(k, len(self._lengths_m) - 2)
+        step_m = self._points_m[k + 1] - self._points_m[k]
+        along = step_m / np.hypot(*step_m)
+        x_m, y_m = (self._points_m[k] + (length_m - self._lengths_m[k]) * along).tolist()
+        return (x_m, y_m), (float(along[0]), float(along[1]))
+
+    def distance_m(self, point_m: Point, within_m: float) -> float:
+        """Return how far a point is from the first `within_m` of the way, to some centimetres."""
+        lengths_m = np.arange(0.0, within_m, _SAMPLE_M)
+        x_m = np.interp(lengths_m, self._lengths_m, self._points_m[:, 0])
+        y_m = np.interp(lengths_m, self._lengths_m, self._points_m[:, 1])
+        return float(np.hypot(x_m - point_m[0], y_m - point_m[1]).min())
+
+
+def _last_direction(points_m: npt.NDArray[np.float64], robot: RobotView) -> npt.NDArray[np.float64]:
+    """Return the unit direction in which the way goes on at its end."""
+    if len(points_m) > 1:
+        step_m = points_m[-1] - points_m[-2]
+        return np.asarray(step_m / np.hypot(*step_m))
+    heading_rad = robot.yaw_rad
+    if robot.speed_mps > _IS_MOVING_MPS:
+        heading_rad = math.atan2(robot.vy_mps, robot.vx_mps)
+    return np.array((math.cos(heading_rad), math.sin(heading_rad)))
+
+
+def _rest_of(
+    plan_m: npt.NDArray[np.float64], here_m: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Return the points (N, 2) of the plan that are still to come, no two in one place."""
+    if not len(plan_m):
+        return np.empty((0, 2))
+    apart_m = np.hypot(*(plan_m - here_m).T)
+    nearest = int(apart_m.argmin())
+    if apart_m[nearest] > _OFF_PLAN_M:
+        return np.empty((0, 2))
+    rest_m = plan_m[nearest + 1 :]
+    before_m = np.vstack((here_m, rest_m[:-1]))
+    return rest_m[np.hypot(*(rest_m - before_m).T) > 1e-3] if len(rest_m) else rest_m
+
+
+_NEAR_M = 12.0
+_AHEAD_M = (1.5, 2.5, 4.0, 6.0, 8.0)
+"""How far in front of the robot it crosses: the first of these where it is there in time."""
+_MARGIN_S = 1.0
+_BEYOND_M = (2.0, 1.2)
+_BLOCKED_S = 3.0
+_LONGEST_S = 12.0
+_OFF_PATH_M = 1.0
+_ROBOT_COMFORT_M = 0.2
+_APPROACH_NS = 5 * NS_PER_S
+_ASIDE_NS = 6 * NS_PER_S
+
+
+class Crossing:
+    """Crosses the path of the robot in front of it, pauses on the other side, and comes back.
+
+    The path is the robot's plan, or straight on. It crosses as near in front of the robot as it
+    can be a second before it. Far from the robot (12 m), or where walls are between, it walks to
+    the destination nearest to where the robot will be; with no robot it just walks.
+    """
+
+    name: ClassVar[str] = "crossing"
+
+    def __init__(self) -> None:
+        self._walk = Walking(self._destination)
+        self._pause = Pause()
+        self._goal_m: Point | None = None
+        self._middle_m: Point = (0.0, 0.0)
+        self._begun_ns = 0
+        self._approach_ns = 0
+        self._aside_ns = 0
+
+    def decide(self, situation: Situation) -> Intent:
+        """Return the intent to cross, to pause where it has crossed, or to come near."""
+        robot = situation.robot
+        if robot is None:
+            self._goal_m = None
+            return self._walk.decide(situation)
+        if situation.has_reached(self._goal_m):
+            self._goal_m = None
+            self._pause.begin(situation.now_ns, situation.random)
+        if self._pause.holds(situation.now_ns):
+            return stand("pausing", robot.point_m)
+        path = RobotPath(robot)
+        if self._goal_m is not None and self._is_over(path, situation):
+            self._goal_m = None
+        if self._goal_m is None and situation.now_ns >= self._aside_ns:
+            self._aim(path, robot, situation)
+        if self._goal_m is None:
+            return self._approach(situation)
+        return self._cross(self._goal_m, situation)
+
+    def _cross(self, goal_m: Point, situation: Situation) -> Intent:
+        return Intent(
+            goal_m,
+            situation.row.motion.speed_mps,
+            activity="crossing",
+            is_moving_goal=True,
+            robot_comfort_m=_ROBOT_COMFORT_M,
+        )
+
+    def _is_over(self, path: RobotPath, situation: Situation) -> bool:
+        """Say whether the robot has passed or turned away, or something is in between."""
+        apart_m = path.distance_m(self._middle_m, _NEAR_M)
+        under_way_s = (situation.now_ns - self._begun_ns) / NS_PER_S
+        is_kept = min(situation.blocked_s, under_way_s) > _BLOCKED_S
+        is_kept |= situation.no_way or under_way_s > _LONGEST_S
+        if is_kept:  # walk about for a while, or it would try the same for ever
+            self._aside_ns = situation.now_ns + _ASIDE_NS
+            self._walk.change_destination()
+        return is_kept or apart_m > _OFF_PATH_M
+
+    def _aim(self, path: RobotPath, robot: RobotView, situation: Situation) -> None:
+        """Take a goal across the path, None if there is none that is seen."""
+        self._goal_m = None
+        if situation.distance_m(robot.point_m) > _NEAR_M:
+            return
+        bodies_m = robot.radius_m + situation.me.radius_m
+        for ahead_m in _AHEAD_M:
+            middle_m, along = path.at(ahead_m + bodies_m)
+            way_s = situation.distance_m(middle_m) / situation.row.motion.speed_mps + _MARGIN_S
+            if ahead_m < robot.speed_mps * way_s and ahead_m < _AHEAD_M[-1]:
+                continue
+            goal_m = _across(middle_m, along, bodies_m, situation)
+            if goal_m is not None:
+                self._goal_m, self._middle_m = goal_m, middle_m
+                self._begun_ns = situation.now_ns
+                return
+
+    def _approach(self, situation: Situation) -> Intent:
+        """Walk to where the robot will be; look anew every 5 s."""
+        if situation.now_ns >= self._approach_ns + _APPROACH_NS:
+            self._approach_ns = situation.now_ns
+            self._walk.forget_destination()
+        return self._walk.decide(situation)
+
+    @staticmethod
+    def _destination(situation: Situation, is_shut: npt.NDArray[np.bool_]) -> int | None:
+        """Return the destination nearest to the robot's way, some metres in front of it."""
+        if situation.robot is None:
+            return any_destination(situation, is_shut)
+        ahead_m, _ = RobotPath(situation.robot).at(_AHEAD_M[2])
+        offsets_m = situation.places.destinations_m - np.array(ahead_m)
+        return least(np.where(is_shut, np.inf, (offsets_m**2).sum(axis=1)))
+
+
+def _across(middle_m: Point, along: Point, bodies_m: float, situation: Situation) -> Point | None:
+    """Return a point that is seen on the other side of the path, None if none is."""
+    left = (-along[1], along[0])
+    offset_m = (situation.me.x_m - middle_m[0]) * left[0]
+    offset_m += (situation.me.y_m - middle_m[1]) * left[1]
+    side = -math.copysign(1.0, offset_m)
+    for beyond_m in _BEYOND_M:
+        reach_m = side * (beyond_m + bodies_m)
+        goal_m = (middle_m[0] + reach_m * left[0], middle_m[1] + reach_m * left[1])
+        if situation.sees(*goal_m):
+            return goal_m
+    return None

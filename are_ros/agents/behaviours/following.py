@@ -1,0 +1,191 @@
+"""Following somebody, 1 m behind, and along the trail of who is out of sight."""
+
+import math
+from collections import deque
+from typing import ClassVar
+
+from are_ros.agents.behaviours.situation import (
+    ARRIVE_WITHIN_M,
+    Fellow,
+    Intent,
+    Point,
+    Situation,
+    stand,
+)
+from are_ros.agents.behaviours.walking import Walking
+from are_ros.conventions import NS_PER_S
+
+GAP_M = 1.0
+_LOOKED_FOR_WITHIN_M = 12.0
+_STEP_OF_TRAIL_M = 0.3
+_LONGEST_TRAIL = 100
+_IS_STANDING_MPS = 0.1
+_PATIENCE_S = (15.0, 40.0)
+_BLOCKED_S = 8.0
+_LEFT_ALONE_NS = 30 * NS_PER_S
+_HURRY = 1.3
+_CATCH_UP_PER_S = 0.5
+
+
+class Following:
+    """Follows the nearest who moves, not faster than it can, 1 m behind; walks until there is one.
+
+    It knows the way its leader took, and takes it where the leader is out of sight. It looks for
+    another when its leader is gone, has stood for longer than its patience (15 to 40 s), or cannot
+    be followed. Of two followers only the younger follows the other, so nobody follows in a circle.
+    """
+
+    name: ClassVar[str] = "following"
+
+    def __init__(self, leader_id: int | None = None) -> None:
+        """Follow whoever comes; or the one of this id for as long as it lives, nobody else."""
+        self._only_id = leader_id
+        self._walk = Walking()
+        self._leader_id: int | None = None
+        self._left_id: int | None = None
+        self._left_ns = 0
+        self._trail: deque[Point] = deque(maxlen=_LONGEST_TRAIL)
+        self._since_ns = 0
+        self._moved_ns = 0
+        self._patience_s = 0.0
+
+    def decide(self, situation: Situation) -> Intent:
+        """Return the intent to go where the leader went, to wait behind it, or to walk."""
+        leader = self._leader(situation)
+        if leader is None:
+            return self._walk.decide(situation)
+        self._watch(leader, situation)
+        if situation.sees(*leader.point_m):
+            return self._behind(leader, situation)
+        return self._along_trail(leader, situation)
+
+    def _leader(self, situation: Situation) -> Fellow | None:
+        """Return whom to follow: the leader so far, else somebody new."""
+        if self._only_id is not None:
+            return self._the_one(self._only_id, situation)
+        leader = None
+        if self._leader_id is not None:
+            leader = situation.fellow(self._leader_id)
+            if leader is None or self._is_tired(situation):
+                self._left_id, self._left_ns = self._leader_id, situation.now_ns
+                self._leader_id = leader = None
+        if leader is None:
+            found = situation.fellows_within(_LOOKED_FOR_WITHIN_M)
+            leader = next((f for f in found if self._may_lead(f, situation)), None)
+            if leader is not None:
+                self._begin(leader, situation)
+        return leader
+
+    def _the_one(self, leader_id: int, situation: Situation) -> Fellow | None:
+        """Return the only one that it follows, None if that one does not live."""
+        leader = situation.fellow(leader_id)
+        if leader is not None and self._leader_id is None:
+            self._begin(leader, situation)
+        return leader
+
+    def _may_lead(self, fellow: Fellow, situation: Situation) -> bool:
+        is_free = fellow.behaviour != self.name or fellow.id < situation.me.id
+        moves = _IS_STANDING_MPS < fellow.speed_mps <= _fastest_mps(situation)
+        is_left = fellow.id == self._left_id and situation.now_ns < self._left_ns + _LEFT_ALONE_NS
+        return is_free and moves and not is_left and situation.sees(*fellow.point_m)
+
+    def _begin(self, leader: Fellow, situation: Situation) -> None:
+        self._leader_id = leader.id
+        self._trail.clear()
+        self._since_ns = self._moved_ns = situation.now_ns
+        self._patience_s = situation.drawn_between(*_PATIENCE_S)
+
+    def _is_tired(self, situation: Situation) -> bool:
+        followed_s = (situation.now_ns - self._since_ns) / NS_PER_S
+        stood_s = (situation.now_ns - self._moved_ns) / NS_PER_S
+        # What keeps it from going on may be older than its following.
+        is_kept = min(situation.blocked_s, followed_s) > _BLOCKED_S
+        cannot = situation.no_way and followed_s > 0.0
+        return stood_s > self._patience_s or is_kept or cannot
+
+    def _watch(self, leader: Fellow, situation: Situation) -> None:
+        """Keep the leader's trail, one point every 0.3 m or more."""
+        if leader.speed_mps > _IS_STANDING_MPS:
+            self._moved_ns = situation.now_ns
+        trail = self._trail
+        if not trail or math.dist(trail[-1], leader.point_m) >= _STEP_OF_TRAIL_M:
+            trail.append(leader.point_m)
+
+    def _behind(self, leader: Fellow, situation: Situation) -> Intent:
+        """Go to the point of the leader's way that is as far behind it as the gap."""
+        keep_m = GAP_M + leader.radius_m + situation.me.radius_m
+        goal_m = self._point_behind(leader, keep_m)
+        apart_m = situation.distance_m(leader.point_m)
+        if apart_m <= keep_m and not _is_in_the_way(leader, situation):
+            return stand(_activity(leader, is_there=True), leader.point_m)
+        if not situation.sees(*goal_m):
+            goal_m = leader.point_m
+        speed_mps = self._speed_mps(leader, apart_m - keep_m, situation)
+        is_there = situation.distance_m(goal_m) <= ARRIVE_WITHIN_M
+        return Intent(
+            goal_m,
+            speed_mps,
+            ARRIVE_WITHIN_M,
+            leader.point_m,
+            _activity(leader, is_there=is_there),
+            is_moving_goal=True,
+        )
+
+    def _point_behind(self, leader: Fellow, keep_m: float) -> Point:
+        """Return the point of the trail that is nearest to `keep_m` before its end."""
+        here_m = leader.point_m
+        far = next((at for at in reversed(self._trail) if math.dist(at, here_m) >= keep_m), None)
+        if far is None:
+            heading_rad = leader.yaw_rad
+            if leader.speed_mps > _IS_STANDING_MPS:
+                heading_rad = math.atan2(leader.vy_mps, leader.vx_mps)
+            return (
+                leader.x_m - keep_m * math.cos(heading_rad),
+                leader.y_m - keep_m * math.sin(heading_rad),
+            )
+        return _on_line(here_m, far, keep_m)
+
+    def _along_trail(self, leader: Fellow, situation: Situation) -> Intent:
+        """Go to the newest point of the trail that is seen, else plan a way to the oldest."""
+        trail = self._trail
+        newest = next((k for k in range(len(trail) - 1, -1, -1) if situation.sees(*trail[k])), 0)
+        for _ in range(newest):
+            trail.popleft()
+        while len(trail) > 1 and situation.distance_m(trail[0]) <= ARRIVE_WITHIN_M:
+            trail.popleft()  # it is there, and would stand if that were its goal
+        speed_mps = self._speed_mps(leader, situation.distance_m(leader.point_m), situation)
+        is_seen = situation.sees(*trail[0])
+        return Intent(trail[0], speed_mps, activity=_activity(leader), is_moving_goal=is_seen)
+
+    def _speed_mps(self, leader: Fellow, behind_m: float, situation: Situation) -> float:
+        """Return the leader's speed, and some more to catch up."""
+        wanted_mps = leader.speed_mps + _CATCH_UP_PER_S * behind_m
+        least_mps = 0.3 * situation.row.motion.speed_mps
+        return min(max(wanted_mps, least_mps), _fastest_mps(situation))
+
+
+def _fastest_mps(situation: Situation) -> float:
+    """Return how fast it goes when it hurries."""
+    motion = situation.row.motion
+    return min(_HURRY * motion.speed_mps, motion.top_speed_mps)
+
+
+def _activity(leader: Fellow, *, is_there: bool = False) -> str:
+    """Say whom it follows, or behind whom it waits for him to go on."""
+    return f"{'waiting behind' if is_there else 'following'} artefact {leader.id}"
+
+
+def _is_in_the_way(leader: Fellow, situation: Situation) -> bool:
+    """Say whether the leader comes on towards the follower."""
+    dx_m, dy_m = situation.me.x_m - leader.x_m, situation.me.y_m - leader.y_m
+    along = dx_m * leader.vx_mps + dy_m * leader.vy_mps
+    return along > 0.7 * math.hypot(dx_m, dy_m) * leader.speed_mps > 0.0
+
+
+def _on_line(start_m: Point, towards_m: Point, length_m: float) -> Point:
+    """Return the point at `length_m` from the start towards another point."""
+    share = length_m / math.dist(start_m, towards_m)
+    return (
+        start_m[0] + share * (towards_m[0] - start_m[0]),
+        start_m[1] + share * (towards_m[1] - start_m[1]),
+    )

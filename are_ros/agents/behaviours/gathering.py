@@ -1,0 +1,203 @@
+"""Gathering: meeting others at a place, standing in a ring, and going apart again."""
+
+import math
+from collections import Counter
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.agents.behaviours.situation import Intent, Point, Situation, stand
+from are_ros.agents.behaviours.walking import Trip, any_destination, arrival_m
+from are_ros.conventions import NS_PER_S, seconds_to_ns
+
+_MET_WITHIN_M = 25.0
+_NEAR_M = 3.0
+_RING_M = 0.9
+_GAP_M = 0.15
+_SLOTS = 12
+_LARGEST_GROUP = 7
+_TALK_S = (15.0, 40.0)
+_ALONE_S = (8.0, 20.0)
+_BLOCKED_S = 4.0
+_DRIFT_M = 0.6
+_LONGEST_NS = 15 * NS_PER_S
+_HOSTING = _WAITING, _TALKING = "waiting", "talking"
+
+
+class Gathering:
+    """Goes to a place to meet others, stands there in a ring facing the middle, and moves on.
+
+    Those who gather share no plan. Who sees others stand gathered, or one wait, within 25 m joins
+    them at the destination nearest to them, as long as they are fewer than seven; else it draws a
+    destination, and waits there for 8 to 20 s. It stands with others for 15 to 40 s, walks to
+    another place, and begins anew.
+    """
+
+    name: ClassVar[str] = "gathering"
+
+    def __init__(self) -> None:
+        self._trip = Trip(self._choose)
+        self._slot_m: Point | None = None
+        self._until_ns: int | None = None
+        self._came_ns = 0
+        self._is_alone = True
+        self._is_parting = False
+
+    def decide(self, situation: Situation) -> Intent:
+        """Return the intent to go to a meeting, to stand in its ring, or to part."""
+        if self._until_ns is not None:
+            self._keep_company(situation)
+        if self._until_ns is None:
+            return self._on_the_way(situation)
+        return self._in_ring(situation)
+
+    def _on_the_way(self, situation: Situation) -> Intent:
+        """Walk to the meeting, or away from it."""
+        if not self._is_parting:
+            self._join(situation)
+        elif self._trip.is_reached(situation):
+            self._is_parting = False
+        middle_m = self._trip.goal(situation)
+        if middle_m is None:
+            return stand("nowhere to go")
+        if not self._is_parting and situation.distance_m(middle_m) < _NEAR_M:
+            return self._to_ring(middle_m, situation)
+        self._slot_m = None
+        return self._walk_to(middle_m, situation)
+
+    def _choose(self, situation: Situation, is_shut: npt.NDArray[np.bool_]) -> int | None:
+        """Return the place where others are, else draw one."""
+        hosts = Counter() if self._is_parting else _hosts_by_place(situation)
+        hosted = _with_room(hosts, is_shut)
+        return any_destination(situation, is_shut) if hosted is None else hosted
+
+    def _join(self, situation: Situation) -> None:
+        """Change to where others are already, if nobody is where it is going."""
+        goal_m = self._trip.goal_m
+        if goal_m is None:
+            return
+        hosts = _hosts_by_place(situation)
+        if hosts and all(_place(situation, index) != goal_m for index in hosts):
+            index = _with_room(hosts, self._trip.shut(situation))
+            if index is not None:
+                self._trip.change_to(index, situation)
+                self._slot_m = None
+
+    def _to_ring(self, middle_m: Point, situation: Situation) -> Intent:
+        """Go to a free slot in the ring; give the place up if others have taken them all."""
+        if situation.has_reached(self._slot_m):
+            self._settle(situation)
+            return self._in_ring(situation)
+        is_kept = situation.no_way or situation.blocked_s > _BLOCKED_S
+        is_kept &= situation.wanted(self._slot_m)
+        if self._slot_m is None:
+            self._came_ns = situation.now_ns
+        if self._slot_m is None or is_kept or not _is_free(self._slot_m, situation):
+            self._slot_m = _slot(middle_m, situation, self._slot_m if is_kept else None)
+        is_late = situation.now_ns - self._came_ns > _LONGEST_NS
+        if self._slot_m is None and _is_vacant(middle_m, situation):
+            return self._to_middle(middle_m, situation)
+        if self._slot_m is None or is_late:
+            self._slot_m = None
+            self._trip.give_up()
+            return stand("looking round")
+        return self._to_slot(self._slot_m, "walking", situation)
+
+    def _to_middle(self, middle_m: Point, situation: Situation) -> Intent:
+        """Walk on where no slot is seen from here; stand in the middle where there is none."""
+        if situation.has_reached(middle_m):
+            self._slot_m = situation.point_m
+            self._settle(situation)
+            return self._in_ring(situation)
+        return self._walk_to(middle_m, situation)
+
+    def _settle(self, situation: Situation) -> None:
+        self._is_alone = True
+        self._wait(_ALONE_S, situation)
+        self._keep_company(situation)
+
+    def _wait(self, span_s: tuple[float, float], situation: Situation) -> None:
+        self._until_ns = situation.now_ns + seconds_to_ns(situation.drawn_between(*span_s))
+
+    def _keep_company(self, situation: Situation) -> None:
+        """See who else is there, and go when the time is up or the others are gone."""
+        others = situation.fellows_within(_NEAR_M, self.name, _HOSTING)
+        is_first_met = self._is_alone and bool(others)
+        if is_first_met:
+            self._is_alone = False
+            self._wait(_TALK_S, situation)
+        is_left = not self._is_alone and not others
+        if is_left or self._until_ns is None or situation.now_ns >= self._until_ns:
+            self._until_ns = self._slot_m = None
+            self._is_parting = not self._is_alone
+            self._trip.give_up()
+
+    def _in_ring(self, situation: Situation) -> Intent:
+        """Stand facing the middle; go back to the slot when pushed away."""
+        activity = _WAITING if self._is_alone else _TALKING
+        if self._slot_m is not None and situation.distance_m(self._slot_m) > _DRIFT_M:
+            return self._to_slot(self._slot_m, activity, situation)
+        return stand(activity, self._trip.goal_m)
+
+    @staticmethod
+    def _walk_to(middle_m: Point, situation: Situation) -> Intent:
+        speed_mps = situation.row.motion.speed_mps
+        return Intent(middle_m, speed_mps, arrival_m(situation), activity="walking")
+
+    @staticmethod
+    def _to_slot(slot_m: Point, activity: str, situation: Situation) -> Intent:
+        speed_mps = situation.row.motion.speed_mps
+        return Intent(slot_m, speed_mps, activity=activity, is_moving_goal=True)
+
+
+def _hosts_by_place(situation: Situation) -> Counter[int]:
+    """Count those who stand gathered, by the destination nearest to them, nearest host first."""
+    from are_ros.agents.neighbours import nearest_of  # late: reading a catalogue is quick
+
+    places_m = situation.places.destinations_m
+    hosts_m = situation.points_within(_MET_WITHIN_M, Gathering.name, _HOSTING)
+    if not len(hosts_m) or not len(places_m):
+        return Counter()
+    return Counter(nearest_of(hosts_m, places_m).tolist())
+
+
+def _place(situation: Situation, index: int) -> Point:
+    x_m, y_m = situation.places.destinations_m[index].tolist()
+    return x_m, y_m
+
+
+def _with_room(hosts: Counter[int], is_shut: npt.NDArray[np.bool_]) -> int | None:
+    """Return where the nearest are with whom there is room, None if there are none."""
+    return next((p for p, n in hosts.items() if n < _LARGEST_GROUP and not is_shut[p]), None)
+
+
+def _slot(middle_m: Point, situation: Situation, but_m: Point | None) -> Point | None:
+    """Return the free slot of the ring that is nearest, another than `but_m`."""
+    radius_m = max(_RING_M, 2.0 * situation.me.radius_m)
+    bearing_rad = math.atan2(situation.me.y_m - middle_m[1], situation.me.x_m - middle_m[0])
+    for number in range(_SLOTS):
+        steps = (number + 1) // 2 * (1 if number % 2 else -1)
+        angle_rad = bearing_rad + steps * math.tau / _SLOTS
+        slot_m = (
+            middle_m[0] + radius_m * math.cos(angle_rad),
+            middle_m[1] + radius_m * math.sin(angle_rad),
+        )
+        is_other = but_m is None or math.dist(slot_m, but_m) > _GAP_M
+        if is_other and situation.sees(*slot_m) and _is_free(slot_m, situation):
+            return slot_m
+    return None
+
+
+def _is_vacant(middle_m: Point, situation: Situation) -> bool:
+    """Say whether nobody stands gathered about a place."""
+    within_m = situation.distance_m(middle_m) + _NEAR_M
+    hosts = situation.fellows_within(within_m, Gathering.name, _HOSTING)
+    return all(math.dist(host.point_m, middle_m) > _NEAR_M for host in hosts)
+
+
+def _is_free(slot_m: Point, situation: Situation) -> bool:
+    """Say whether nobody stands there."""
+    mine_m = situation.me.radius_m + _GAP_M
+    near = situation.fellows_within(situation.distance_m(slot_m) + _NEAR_M)
+    return all(math.dist(f.point_m, slot_m) >= f.radius_m + mine_m for f in near)

@@ -1,0 +1,82 @@
+"""Leaving: on the way out of the map."""
+
+import math
+from typing import ClassVar
+
+import numpy as np
+
+from are_ros.agents.behaviours.situation import Intent, Point, Situation, stand
+from are_ros.agents.behaviours.walking import arrival_m
+from are_ros.conventions import NS_PER_S
+
+_BLOCKED_S = 12.0
+
+
+class Leaving:
+    """Goes to the nearest exit, and when kept from it to the next; `has_left` when it is at any.
+
+    Where the map has no exits, destinations take their place: the one farthest from the robot
+    first, or the one farthest from itself if the robot is unknown.
+    """
+
+    name: ClassVar[str] = "leaving"
+
+    def __init__(self) -> None:
+        self.has_left = False
+        self._goal_m: Point | None = None
+        self._tried_m: Point | None = None
+        self._unreachable_m: set[Point] = set()
+        self._begun_ns = 0
+
+    def decide(self, situation: Situation) -> Intent:
+        """Return the intent to go out, or to stand: it is out, or there is no way."""
+        self._look_back(situation)
+        if self.has_left:
+            return stand("left")
+        if self._goal_m is None:
+            self._goal_m = self._next_exit(situation)
+            self._begun_ns = situation.now_ns
+        if self._goal_m is None:
+            return stand("no way out")
+        speed_mps = situation.row.motion.speed_mps
+        return Intent(self._goal_m, speed_mps, arrival_m(situation), activity=self.name)
+
+    def _look_back(self, situation: Situation) -> None:
+        """See what became of the last intent."""
+        goal_m = self._goal_m
+        if goal_m is None or not situation.wanted(goal_m):
+            return
+        under_way_s = (situation.now_ns - self._begun_ns) / NS_PER_S
+        if situation.has_reached(goal_m) or _is_at_exit(situation):
+            self.has_left = True
+        elif situation.no_way:
+            self._unreachable_m.add(goal_m)
+            self._goal_m = None
+        elif min(situation.blocked_s, under_way_s) > _BLOCKED_S:
+            self._tried_m, self._goal_m = goal_m, None
+
+    def _next_exit(self, situation: Situation) -> Point | None:
+        """Return the best exit that can be reached, another than the last one if there is one."""
+        open_m = [point for point in _ways_out(situation) if point not in self._unreachable_m]
+        others_m = [point for point in open_m if point != self._tried_m]
+        return next(iter(others_m or open_m), None)
+
+
+def _is_at_exit(situation: Situation) -> bool:
+    """Say whether any exit is as near as if it had been the goal: others may stand at that one."""
+    offsets_m = situation.places.exits_m - np.array(situation.point_m)
+    return bool((np.hypot(offsets_m[:, 0], offsets_m[:, 1]) <= arrival_m(situation)).any())
+
+
+def _ways_out(situation: Situation) -> list[Point]:
+    """Return exits, the nearest first; without any, destinations, the farthest first."""
+    exits_m = _points(situation.places.exits_m.tolist())
+    if exits_m:
+        return sorted(exits_m, key=situation.distance_m)
+    origin_m = situation.robot.point_m if situation.robot else situation.point_m
+    destinations_m = _points(situation.places.destinations_m.tolist())
+    return sorted(destinations_m, key=lambda point: -math.dist(point, origin_m))
+
+
+def _points(rows: list[list[float]]) -> list[Point]:
+    return [(x_m, y_m) for x_m, y_m in rows]

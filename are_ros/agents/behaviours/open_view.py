@@ -1,0 +1,66 @@
+"""A view for trying a behaviour out: a few fellows in a plane with a few walls, or none."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.agents.behaviours.situation import Fellow, Point
+
+
+@dataclass(frozen=True)
+class OpenView:
+    """Those who are there, and walls as pairs of end points, map frame [m].
+
+    A straight way is clear if it crosses no wall; the width of bodies is left out.
+    """
+
+    fellows: Sequence[Fellow] = ()
+    walls_m: Sequence[tuple[Point, Point]] = ()
+
+    def fellow(self, artefact_id: int) -> Fellow | None:
+        """Return who has this id."""
+        return next((fellow for fellow in self.fellows if fellow.id == artefact_id), None)
+
+    def within(
+        self,
+        x_m: float,
+        y_m: float,
+        radius_m: float,
+        behaviour: str = "",
+        activities: Collection[str] = (),
+    ) -> Sequence[Fellow]:
+        """Return those in the closed disc (who do this or that), the nearest first, then by id."""
+        asked = [f for f in self.fellows if behaviour in {"", f.behaviour}]
+        if activities:
+            asked = [f for f in asked if f.activity in activities]
+        squares = {f.id: (f.x_m - x_m) ** 2 + (f.y_m - y_m) ** 2 for f in asked}
+        inside = [f for f in asked if squares[f.id] <= radius_m**2]
+        return sorted(inside, key=lambda f: (squares[f.id], f.id))
+
+    def points_within(
+        self,
+        x_m: float,
+        y_m: float,
+        radius_m: float,
+        behaviour: str,
+        activities: Collection[str],
+        but_id: int,
+    ) -> npt.NDArray[np.float64]:
+        """Return where those are whom `within` returns, but for one."""
+        found = self.within(x_m, y_m, radius_m, behaviour, activities)
+        return np.array([f.point_m for f in found if f.id != but_id]).reshape(-1, 2)
+
+    def sees(self, me: Fellow, x_m: float, y_m: float) -> bool:
+        """Say whether the segment to a point crosses no wall."""
+        here, there = (me.x_m, me.y_m), (x_m, y_m)
+        return not any(_cross(here, there, start, end) for start, end in self.walls_m)
+
+
+def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
+    return _side(a, b, c) * _side(a, b, d) < 0.0 and _side(c, d, a) * _side(c, d, b) < 0.0
+
+
+def _side(a: Point, b: Point, point: Point) -> float:
+    return (b[0] - a[0]) * (point[1] - a[1]) - (b[1] - a[1]) * (point[0] - a[0])

@@ -1,0 +1,113 @@
+"""What a tick gives out, as plain values; `messages` turns them into ROS messages."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+
+from are_ros.population.artefact import GroundPose, Origin
+from are_ros.world.rigid_transform import RigidTransform
+
+
+class EventKind(IntEnum):
+    """Kinds of event, numbered as the constants of are_msgs/ArtefactEvent."""
+
+    ARRIVED = 0
+    DEPARTED = 1
+    BLOCKED = 2
+    DISPLACED = 3
+    PERCEIVED = 4
+    LOST = 5
+    ROBOT_CONTACT = 6
+
+
+@dataclass(frozen=True)
+class ArtefactEvent:
+    """One event of one artefact, at `stamp_ns`, in the map's frame.
+
+    `detail` names a cause or a reason; `value` is a number that belongs to it: the penetration of a
+    robot contact, or the distance of a displacement, in metres; else 0.
+    """
+
+    stamp_ns: int
+    kind: EventKind
+    artefact_id: int
+    label: str
+    detail: str = ""
+    value: float = 0.0
+
+
+Vector3 = tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class ArtefactState:
+    """Ground truth of one living artefact at a tick (are_msgs/Artefact).
+
+    Poses are in the map's frame; `box_centre_m` and the twist are in F_A; `departure_ns` is 0 where
+    it is not known in advance. `origin` tells whether it came at random, by script or by service.
+    `activity`, what it does just now, is one of the features too.
+    """
+
+    artefact_id: int
+    row: int
+    label: str
+    class_name: str
+    map_from_artefact: RigidTransform
+    ground_pose: GroundPose
+    box_centre_m: Vector3
+    size_m: Vector3
+    linear_velocity_m_s: Vector3
+    angular_velocity_rad_s: Vector3
+    behaviour: str
+    arrival_ns: int
+    departure_ns: int
+    origin: Origin
+    features: Mapping[str, str]
+    activity: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class PerceivedArtefact:
+    """One member of A_f: what the observer knows of an artefact (are_msgs/PerceivedArtefact).
+
+    The pose is that of F_A in the map's frame, with a 6x6 row-major covariance as ROS orders it
+    (x, y, z, rotation about x, y, z). `roi_px` is (x, y, width, height) of its visible pixels,
+    `range_m` the distance from the camera's centre to its nearest visible point.
+    """
+
+    artefact_id: int
+    label: str
+    classes: tuple[str, ...]
+    probabilities: tuple[float, ...]
+    map_from_artefact: RigidTransform
+    pose_covariance: tuple[float, ...]
+    size_m: Vector3
+    linear_velocity_m_s: Vector3
+    angular_velocity_rad_s: Vector3
+    twist_covariance: tuple[float, ...]
+    visible_pixels: int
+    unoccluded_pixels: int
+    visible_fraction: float
+    range_m: float
+    existence: float
+    roi_px: tuple[int, int, int, int]
+    last_seen_ns: int
+
+
+@dataclass(frozen=True)
+class SceneMetrics:
+    """Counts since the start, and the measures of section 4 at one tick (are_msgs/SceneMetrics).
+
+    `clutter_ratio` is nu of Eq. 4; `rho` is that of Eq. 3, NaN while the planning time is unknown.
+    """
+
+    alive: int
+    perceived: int
+    arrivals: int
+    departures: int
+    blocked: int
+    displaced: int
+    robot_contacts: int
+    area_m2: float
+    clutter_ratio: float
+    rho: float

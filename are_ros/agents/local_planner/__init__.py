@@ -1,0 +1,1 @@
+"""The local planner: a dynamic window over motion primitives, with committed trajectories."""

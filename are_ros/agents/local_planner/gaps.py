@@ -1,0 +1,119 @@
+"""How near a path comes to others where they will be.
+
+Paths (K, 6) are compared sub-step by sub-step, but for those in which they cannot meet, for the
+discs about them are too far apart. `k` counts sub-steps from now; a path's last pose is held.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from are_ros._compiled import borrowing
+from are_ros.agents.local_planner.state import COS, NEVER, SIN, Floats, X, Y
+from are_ros.world.boxes import TOUCH_TOLERANCE_M
+
+TOUCH = 0.5 * TOUCH_TOLERANCE_M  # half of what counts as touching is left for rounding
+_FARTHEST_LEAP = 1e4
+_WINDOW = 4
+
+
+@borrowing
+def leap(room: float, pace: float) -> int:
+    """Return after how many sub-steps, at least one, `room` may be used up at `pace` per step."""
+    return 1 + int(min(room / max(pace, 1e-9), _FARTHEST_LEAP))
+
+
+@borrowing
+def distance(p: Floats, q: Floats) -> float:
+    """Return how far the ground points of two poses are apart."""
+    dx, dy = q[X] - p[X], q[Y] - p[Y]
+    return float(np.sqrt(dx * dx + dy * dy))  # hypot is much slower
+
+
+@borrowing
+def separation(p: Floats, a: Any, q: Floats, b: Any) -> float:
+    """Return the largest gap between boxes a at pose p and b at pose q along their edges' axes.
+
+    Not above the distance where it is positive; negative exactly if the open boxes overlap.
+    """
+    dx = q[X] - p[X]
+    dx += q[COS] * b.centre_x - q[SIN] * b.centre_y - p[COS] * a.centre_x + p[SIN] * a.centre_y
+    dy = q[Y] - p[Y]
+    dy += q[SIN] * b.centre_x + q[COS] * b.centre_y - p[SIN] * a.centre_x - p[COS] * a.centre_y
+    c = abs(p[COS] * q[COS] + p[SIN] * q[SIN])
+    s = abs(p[COS] * q[SIN] - p[SIN] * q[COS])
+    ahead = abs(dx * p[COS] + dy * p[SIN]) - a.half_x - b.half_x * c - b.half_y * s
+    aside = abs(dy * p[COS] - dx * p[SIN]) - a.half_y - b.half_x * s - b.half_y * c
+    along = abs(dx * q[COS] + dy * q[SIN]) - b.half_x - a.half_x * c - a.half_y * s
+    across = abs(dy * q[COS] - dx * q[SIN]) - b.half_y - a.half_x * s - a.half_y * c
+    return float(max(ahead, aside, along, across))
+
+
+@borrowing
+def _room_to_turn(p: Floats, a: Any, q: Floats, b: Any) -> float:
+    """Return how far the disc that body a sweeps, turning at pose p, is from box b at pose q."""
+    dx = p[X] - q[X] - q[COS] * b.centre_x + q[SIN] * b.centre_y
+    dy = p[Y] - q[Y] - q[SIN] * b.centre_x - q[COS] * b.centre_y
+    ahead = max(abs(dx * q[COS] + dy * q[SIN]) - b.half_x, 0.0)
+    aside = max(abs(dy * q[COS] - dx * q[SIN]) - b.half_y, 0.0)
+    return float(np.hypot(ahead, aside) - a.radius)
+
+
+@borrowing
+def _jams(p: Floats, a: Any, q: Floats, b: Any) -> bool:
+    """Tell whether one of two that stand so, and could turn on the spot, cannot turn any more."""
+    if a.turn_radius == 0.0 and _room_to_turn(p, a, q, b) < 0.0:
+        return True
+    return bool(b.turn_radius == 0.0 and b.speed > 0.0 and _room_to_turn(q, b, p, a) < 0.0)
+
+
+@borrowing
+def gap_between(
+    plan: Floats,
+    last: int,
+    body: Any,
+    path: Floats,
+    start: int,
+    end: int,
+    other: Any,
+    comfort: float,
+    pace: float,
+    until: int,
+    home: Floats,
+) -> tuple[float, int]:
+    """Return the least gap, at most `comfort`, of a plan from a path, and when they first overlap.
+
+    The path is at index `start` now and ends at `end`; `pace` is the highest closing speed per
+    sub-step. Looks at sub-steps 1..until; NEVER: they do not overlap in these. To stand so near in
+    the end that one cannot turn on the spot is like an overlap, unless it was so at `home`, where
+    the plan before this one ends: who walks hardly steps back, and might be stuck for ever.
+    """
+    radii = body.radius + other.radius
+    final = max(last, end - start)
+    jammed = False
+    if final <= until:
+        p, q = plan[last], path[end]
+        near = distance(p, q) < radii
+        jammed = near and _jams(p, body, q, other) and not _jams(home, body, q, other)
+    until = min(until, final - 1 if jammed else final)
+    least, k = comfort, 1
+    far = distance(plan[min(1, last)], path[min(start + 1, end)]) - radii
+    if far > least:
+        k += leap(far - least, pace)
+    while k <= until:
+        # windows of a fixed length: the processor looks at several at once, unlike at leaps
+        middle = k + _WINDOW // 2
+        p, q = plan[min(middle, last)], path[min(start + middle, end)]
+        dx, dy, room = q[X] - p[X], q[Y] - p[Y], radii + least + (_WINDOW // 2) * pace
+        if dx * dx + dy * dy < room * room:
+            for n in range(k, min(k + _WINDOW, until + 1)):
+                p, q = plan[min(n, last)], path[min(start + n, end)]
+                gap = distance(p, q) - radii
+                if gap >= least:
+                    continue
+                gap = max(gap, separation(p, body, q, other))
+                if gap < -TOUCH:
+                    return gap, n
+                least = min(least, gap)
+        k += _WINDOW
+    return least, (final if jammed else NEVER)

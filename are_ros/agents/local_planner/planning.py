@@ -1,0 +1,381 @@
+"""Planning one artefact: the cheapest option that meets nobody's committed path, or the old one."""
+
+from typing import Any
+
+import numpy as np
+
+from are_ros._compiled import borrowing
+from are_ros.agents.local_planner.gaps import TOUCH, distance, gap_between, separation
+from are_ros.agents.local_planner.patience import can_yield, consider_detour, push
+from are_ros.agents.local_planner.primitives import (
+    cheapest,
+    direction_of,
+    fill_options,
+    rule_out_twin,
+)
+from are_ros.agents.local_planner.robot import robot_conflict
+from are_ros.agents.local_planner.rollouts import (
+    BRAKE,
+    GOING,
+    PUSHED,
+    aim_of,
+    circle_of,
+    pace_of,
+    roll_out,
+)
+from are_ros.agents.local_planner.spatial_hash import gather
+from are_ros.agents.local_planner.state import (
+    BY_ARTEFACT,
+    BY_ROBOT,
+    BY_WALL,
+    EMERGENCIES,
+    KEPT,
+    NEVER,
+    NOBODY,
+    PLANS,
+    SPEED,
+    STAMP,
+    UNHINDERED,
+    Buckets,
+    Desk,
+    Fleet,
+    Floats,
+    Floor,
+    RobotPath,
+    Tempo,
+    X,
+    Y,
+)
+from are_ros.agents.local_planner.walls import (
+    point_room,
+    turns_freely,
+    wall_conflict,
+    wall_gap_wanted,
+)
+
+# What a path costs besides its option: nearness to walls, others and the robot.
+
+
+INFEASIBLE = np.inf
+_NEAR_WALL = 0.25
+_NEAR_OTHERS = 0.5
+_NEAR_ROBOT = 0.6
+_INTO_ROBOT = 6.0  # for entering where the robot is predicted to be, the less the later
+_LATER = 0.05
+
+
+@borrowing
+def _assess_robot(
+    path: Floats, last: int, body: Any, order: Any, robot: RobotPath, pace: float, desk: Desk
+) -> tuple[float, bool]:
+    """Return what a path costs for its nearness to the robot; whether it runs into it."""
+    comfort = order.robot_comfort
+    if robot.outlines.shape[0] == 0:
+        return 0.0, False
+    far = np.hypot(path[0, X] - robot.x, path[0, Y] - robot.y)
+    if far > robot.reach + last * pace + body.radius + comfort:
+        return 0.0, False
+    least, predicted, present = robot_conflict(
+        path, np.int64(0), last, body, robot, comfort, pace + robot.pace, desk.box
+    )
+    if present != NEVER:
+        return INFEASIBLE, True
+    cost = _NEAR_ROBOT * (1.0 - least / comfort) if least < comfort else 0.0
+    if predicted != NEVER:
+        return cost + _INTO_ROBOT - _LATER * min(predicted, 60), True
+    return cost, False
+
+
+@borrowing
+def look_round(
+    fleet: Fleet, i: int, pose: Floats, reach: float, now: int, desk: Desk, found: int
+) -> int:
+    """Strike those out of the first of `desk.near` whom nothing within `reach` of a pose can meet.
+
+    Writes the gap wanted from each of the others: its comfort, or what there is if that is less.
+    Returns how many they are.
+    """
+    count, body, comfort = 0, fleet.body[i], fleet.order[i].comfort
+    for n in range(found):
+        j = desk.near[n]
+        place = fleet.place[j]
+        dx, dy, far = place.x - pose[X], place.y - pose[Y], place.reach + reach
+        if dx * dx + dy * dy < far * far:
+            other = fleet.path[j, min(now - place.begin, place.last)]
+            desk.near[count], desk.wanted[count] = j, comfort
+            if distance(pose, other) < comfort + body.radius + fleet.body[j].radius:
+                gap = max(separation(pose, body, other, fleet.body[j]), 0.0)
+                desk.wanted[count] = min(gap, comfort)
+            count += 1
+    return count
+
+
+@borrowing
+def _assess_others(
+    fleet: Fleet,
+    i: int,
+    path: Floats,
+    last: int,
+    pace: float,
+    circle: tuple[float, float, float],
+    now: int,
+    desk: Desk,
+    count: int,
+    met: int,
+    most: float,
+    has_comfort: bool,
+) -> tuple[float, int, int]:
+    """Return what a path costs for its nearness to others; the row of whom it meets first; when.
+
+    That one is put before the others, to be tried first. If such a one was met before, at sub-step
+    `met`, then whom it meets at all. Looks no further once the cost is `most`. Without comfort only
+    a meeting counts, which is seen much sooner.
+    """
+    until, culprit, cost = NEVER, NOBODY, 0.0
+    body, comfort, home = fleet.body[i], fleet.order[i].comfort, fleet.path[i, fleet.place[i].last]
+    x, y, reach = circle[0], circle[1], circle[2] + body.radius
+    reach += comfort if has_comfort else 0.0
+    for n in range(count):
+        j = desk.near[n]
+        place, wanted = fleet.place[j], desk.wanted[n] if has_comfort else 0.0
+        dx, dy, far = place.x - x, place.y - y, place.reach + reach
+        if dx * dx + dy * dy >= far * far:
+            continue
+        gap, k = gap_between(
+            path,
+            last,
+            body,
+            fleet.path[j],
+            min(now - place.begin, place.last),
+            place.last,
+            fleet.body[j],
+            wanted,
+            pace + place.pace,
+            until,
+            home,
+        )
+        if k != NEVER:
+            until, culprit = k - 1, j
+            desk.near[0], desk.near[n] = j, desk.near[0]
+            desk.wanted[0], desk.wanted[n] = desk.wanted[n], desk.wanted[0]
+            if met != NEVER or k == 1:
+                break
+        elif gap < wanted:
+            cost = max(cost, _NEAR_OTHERS * (wanted - gap) / comfort)
+            if cost >= most:
+                break
+    return cost, culprit, until + 1
+
+
+@borrowing
+def assess(
+    fleet: Fleet,
+    i: int,
+    path: Floats,
+    last: int,
+    now: int,
+    tempo: Tempo,
+    floor: Floor,
+    robot: RobotPath,
+    desk: Desk,
+    count: int,
+    wall_gap: float,
+    met: int,
+    most: float,
+) -> tuple[float, int, int, int]:
+    """Return what a path costs besides its option, what is in its way, the row of whom, and when.
+
+    What costs `most` or more is INFEASIBLE. `met`: see `_assess_others`; the others are looked at
+    before the walls if one was in the way before.
+    """
+    body, order = fleet.body[i], fleet.order[i]
+    if met != NEVER:  # the one that another path met, at the same sub-step
+        j, place = desk.near[0], fleet.place[desk.near[0]]
+        other = fleet.path[j, min(now - place.begin + met, place.last)]
+        if separation(path[min(met, last)], body, other, fleet.body[j]) < -TOUCH:
+            return INFEASIBLE, BY_ARTEFACT, j, met
+    pace = pace_of(path, last, body, tempo.step_s)
+    circle = circle_of(path, last)
+    home = fleet.path[i, fleet.place[i].last]
+    cost = 0.0
+    for turn in range(3):  # a loop, for two calls of one kernel take twice as long to compile
+        if turn == 0 and met == NEVER:
+            continue
+        if turn != 1:
+            nearness, culprit, k = _assess_others(
+                fleet, i, path, last, pace, circle, now, desk, count, met, most - cost, turn == 2
+            )
+            cost += nearness
+            if culprit != NOBODY:
+                return INFEASIBLE, BY_ARTEFACT, culprit, k
+        elif point_room(circle[0], circle[1], body, floor) < circle[2] + body.radius + max(
+            wall_gap, 0.0
+        ):
+            must_keep = cost + _NEAR_WALL >= most
+            kept, k = wall_conflict(
+                path, last, body, wall_gap, pace, floor, desk.box, home, must_keep
+            )
+            if k != NEVER:
+                return INFEASIBLE, BY_WALL, NOBODY, k
+            cost += 0.0 if kept else _NEAR_WALL
+        if cost >= most:
+            return INFEASIBLE, UNHINDERED, NOBODY, NEVER
+    nearness, meets = _assess_robot(path, last, body, order, robot, pace, desk)
+    return cost + nearness, BY_ROBOT if meets else UNHINDERED, NOBODY, NEVER
+
+
+REPLAN = 10
+"""So many sub-steps after a plan the next is made, unless there is news."""
+_WORTH_IT = 0.02
+_BACKS_OFF_AFTER = 3.0
+
+
+@borrowing
+def copy_pose(source: Floats, target: Floats) -> None:
+    """Copy a row of a path."""
+    for column in range(target.shape[0]):
+        target[column] = source[column]
+
+
+@borrowing
+def reach_of(body: Any, tempo: Tempo) -> float:
+    """Return how far from where it is any point of a body can get on its next path."""
+    steps = tempo.drive if body.turn_radius > 0.0 else tempo.walk
+    way = body.speed * (steps * tempo.step_s + 0.5 * body.speed / body.acceleration)
+    return float(way + body.radius)
+
+
+@borrowing
+def commit(fleet: Fleet, i: int, path: Floats, last: int, now: int, tempo: Tempo) -> None:
+    """Make a path, whose pose 0 is that of `now`, the one that artefact i will follow."""
+    place = fleet.place[i]
+    for k in range(last + 1):  # slices would take ten seconds more to compile
+        copy_pose(path[k], fleet.path[i, k])
+    place.begin, place.last, place.must_plan = now, last, 0
+    place.pace = pace_of(path, last, fleet.body[i], tempo.step_s)
+    place.x, place.y, radius = circle_of(path, last)
+    place.reach = radius + fleet.body[i].radius
+
+
+@borrowing
+def _search(
+    fleet: Fleet,
+    i: int,
+    now: int,
+    tempo: Tempo,
+    floor: Floor,
+    robot: RobotPath,
+    desk: Desk,
+    options: int,
+    near: int,
+    wall_gap: float,
+) -> tuple[int, int, int, int, int]:
+    """Try options, cheapest first, until none can be cheaper than the best found by `_WORTH_IT`.
+
+    Returns the option chosen (-1: none is feasible), which of the two scratch paths it fills and
+    its last index, what was in the way of the first, and the row of the first that was in the way.
+    """
+    best, chosen, side, last = INFEASIBLE, -1, 0, 0
+    hindrance, culprit, is_first, met = UNHINDERED, NOBODY, True, NEVER
+    while True:
+        n = cheapest(desk.options, options)
+        if n < 0 or desk.options[n, 3] >= best - _WORTH_IT:
+            break
+        cost = desk.options[n, 3]
+        path = desk.paths[1 - side]
+        end = roll_out(path, desk.options[n], desk.goal, fleet.body[i], tempo)
+        extra, kind, who, k = assess(
+            fleet,
+            i,
+            path,
+            end,
+            now,
+            tempo,
+            floor,
+            robot,
+            desk,
+            near,
+            wall_gap,
+            met,
+            best - cost,
+        )
+        cost += extra
+        if is_first:
+            hindrance = kind
+        if who != NOBODY:
+            met = k
+            culprit = who if culprit == NOBODY else culprit
+        is_first = False
+        if cost < best:
+            best, chosen, side, last = cost, n, 1 - side, end
+        desk.options[n, 3] = np.inf
+        if k != NEVER:
+            rule_out_twin(desk.options, options, n, k, end, tempo.walk)
+    return chosen, side, last, hindrance, culprit
+
+
+@borrowing
+def plan(
+    fleet: Fleet,
+    i: int,
+    now: int,
+    epoch: int,
+    tempo: Tempo,
+    floor: Floor,
+    robot: RobotPath,
+    buckets: Buckets,
+    desk: Desk,
+) -> None:
+    """Plan artefact i from where it is at sub-step `now`."""
+    place, mind, order, body = fleet.place[i], fleet.mind[i], fleet.order[i], fleet.body[i]
+    fleet.due[i] = now + REPLAN
+    start = min(now - place.begin, place.last)
+    pose = desk.paths[0, 0]
+    copy_pose(fleet.path[i, start], pose)
+    copy_pose(pose, desk.paths[1, 0])
+    consider_detour(mind, place.id, now, tempo.second)
+    aim = aim_of(fleet, i, pose, now, tempo.second)
+    is_at_rest = aim.speed <= 0.0 and np.isnan(aim.heading) and pose[SPEED] == 0.0
+    if is_at_rest and start == place.last:
+        place.must_plan = 0
+        return
+    # one that walks has been kept, or is backing off, where walls let it not turn
+    backs_off = body.turn_radius == 0.0 and pose[SPEED] <= 0.0
+    backs_off = backs_off and (mind.blocked > _BACKS_OFF_AFTER or mind.gear < 0)
+    backs_off = backs_off and not turns_freely(pose, body, floor)
+    options = fill_options(desk.options, aim, pose, body, order, mind, tempo, backs_off)
+    desk.counters[STAMP] += 1
+    reach = reach_of(body, tempo)
+    near = gather(
+        buckets, (pose[X], pose[Y], reach), i, fleet, desk.seen, desk.counters[STAMP], desk.near
+    )
+    near = look_round(fleet, i, pose, reach, now, desk, near)
+    wall_gap = wall_gap_wanted(pose, body, order.wall_comfort, floor, desk.box)
+    desk.goal[0], desk.goal[1] = order.x, order.y
+    chosen, side, last, hindrance, culprit = _search(
+        fleet, i, now, tempo, floor, robot, desk, options, near, wall_gap
+    )
+    stays = chosen < 0 or desk.options[chosen, 0] == BRAKE
+    if hindrance == BY_WALL and culprit != NOBODY and stays:
+        hindrance = BY_ARTEFACT  # the walls would have left it a way
+    who = fleet.place[culprit].id if culprit != NOBODY else NOBODY
+    if aim.kind == GOING:
+        mind.hindrance, mind.hindered_by = hindrance, who if hindrance == BY_ARTEFACT else NOBODY
+        mind.can_yield = (
+            hindrance == BY_ARTEFACT and culprit != NOBODY and can_yield(fleet, culprit)
+        )
+    if culprit != NOBODY and (aim.kind == PUSHED or hindrance == BY_ARTEFACT):
+        push(fleet, i, culprit, aim, pose, now, epoch, tempo.second)
+    if chosen < 0:
+        desk.counters[KEPT] += 1
+        desk.counters[EMERGENCIES] += place.must_plan
+        place.must_plan = 0
+        return
+    option = desk.options[chosen]
+    if option[0] != BRAKE:
+        mind.chosen = direction_of(option, pose)
+        mind.gear = 1 if option[2] > 0.0 else -1
+    elif aim.kind != GOING and aim.speed <= 0.0:
+        mind.chosen = np.nan
+    commit(fleet, i, desk.paths[side], last, now, tempo)
+    desk.counters[PLANS] += 1

@@ -1,0 +1,355 @@
+"""What an artefact could do next, each with what it costs as far as its goal is concerned.
+
+Costs are without dimension: 0 is full speed towards the goal, 1 is no progress. An option is a row
+(kind, heading or curvature, speed, cost, heading in the second half); kinds: see `_rollouts`.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from are_ros._compiled import borrowing
+from are_ros.agents.local_planner.body import TIGHTEST
+from are_ros.agents.local_planner.rollouts import (
+    ARC_TO_POINT,
+    BRAKE,
+    CURVE,
+    GOING,
+    HEADING,
+    POINT,
+    PUSHED,
+    RETREAT,
+    Aim,
+    wrapped,
+)
+from are_ros.agents.local_planner.state import COS, SIN, SPEED, YAW, Floats, Tempo, X, Y
+
+# The options of what cannot turn on the spot: arcs forward and in reverse.
+#
+# What an arc gains is the change of the way that is left from its end: the shortest way of arcs and
+# straight lines to a point (Dubins), forward or, dearer, in reverse.
+
+
+REVERSE_SHARE = 0.5
+"""The fastest reverse over the fastest forward speed."""
+
+_BENDS = np.array([0.0, -0.3, 0.3, -0.6, 0.6, -1.0, 1.0])
+_FORWARD = np.array([1.0, 0.6, 0.3, 0.12, 0.04])  # the last: a decimetre, to shunt in a slot
+_BACKWARD = np.array([-1.0, -0.5, -0.2, -0.07])
+_REVERSE_PRICE = 2.0  # of a metre in reverse, in metres
+_REVERSAL = 0.15  # for a change of direction
+_REVERSE = 0.1
+_BEND = 0.01
+_TO_GOAL = 0.02
+_BEND_CHANGE = 0.04
+
+
+@borrowing
+def _way_forward(x: float, y: float, radius: float) -> float:
+    """Return the length of arc and tangent to the point (x, y), the body at 0 heading for +x.
+
+    A point inside the turning circle is first brought onto it by going back.
+    """
+    y = abs(y)
+    square = x * x + (radius - y) ** 2 - radius * radius
+    before = 0.0
+    if square < 0.0:
+        back = np.sqrt(max(radius * radius - (radius - y) ** 2, 0.0)) - x
+        before, x, square = _REVERSE_PRICE * back + 0.1 * radius, x + back, 0.0
+    tangent = np.sqrt(square)
+    angle = math.atan2(x, radius - y) - math.atan2(tangent, radius)
+    if angle < -1e-9:
+        angle += 2.0 * np.pi
+    return float(before + radius * max(angle, 0.0) + tangent)
+
+
+@borrowing
+def way_left(x: float, y: float, yaw: float, goal_x: float, goal_y: float, radius: float) -> float:
+    """Return the way [m] from a pose to a goal, a metre in reverse counted more than one ahead."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    dx, dy = goal_x - x, goal_y - y
+    ahead, aside = dx * c + dy * s, dy * c - dx * s
+    forward = _way_forward(ahead, aside, radius)
+    backward = _REVERSE_PRICE * _way_forward(-ahead, aside, radius) + 0.1 * radius
+    return min(forward, backward)
+
+
+@borrowing
+def _travelled(speed: float, wanted: float, acceleration: float, duration: float) -> float:
+    """Return the signed way made in a time in which the speed changes to the one wanted."""
+    change = abs(wanted - speed) / acceleration
+    if change >= duration:
+        pull = acceleration if wanted > speed else -acceleration
+        return float((speed + 0.5 * pull * duration) * duration)
+    return float(0.5 * (speed + wanted) * change + wanted * (duration - change))
+
+
+@borrowing
+def _arc_cost(
+    bend: float, way: float, aim: Aim, pose: Floats, order: Any, radius: float, full: float
+) -> float:
+    """Return what an arc of signed length `way` costs: 0 for a gain of `full` metres."""
+    turn = bend * way / radius
+    x, y = way, 0.0
+    if turn != 0.0:
+        x, y = way * np.sin(turn) / turn, way * (1.0 - np.cos(turn)) / turn
+    dx, dy = pose[COS] * x - pose[SIN] * y, pose[SIN] * x + pose[COS] * y
+    if aim.kind == PUSHED:
+        aside = (dy * np.cos(aim.heading) - dx * np.sin(aim.heading)) * np.sign(aim.aside)
+        ahead = dx * np.cos(aim.heading) + dy * np.sin(aim.heading)
+        return float(1.0 - (1.5 * min(aside, abs(aim.aside)) + 0.6 * ahead) / full)
+    if aim.kind != GOING:
+        return float(1.0 - (dx * np.cos(aim.heading) + dy * np.sin(aim.heading)) / full)
+    now = way_left(pose[X], pose[Y], pose[YAW], order.x, order.y, radius)
+    yaw = pose[YAW] + turn
+    then = way_left(pose[X] + dx, pose[Y] + dy, yaw, order.x, order.y, radius)
+    return float(1.0 + (then - now) / full)
+
+
+@borrowing
+def _add_arcs(
+    options: Floats,
+    count: int,
+    factors: Floats,
+    aim: Aim,
+    pose: Floats,
+    body: Any,
+    order: Any,
+    mind: Any,
+    duration: float,
+) -> int:
+    """Add curves at each of the shares of the speed; negative ones are in reverse."""
+    radius = TIGHTEST * body.turn_radius
+    full = aim.speed * duration
+    for bend in _BENDS:
+        for factor in factors:
+            top = aim.speed if factor > 0.0 else REVERSE_SHARE * aim.speed
+            speed = factor * top
+            way = _travelled(pose[SPEED], speed, body.acceleration, duration)
+            cost = _arc_cost(bend, way, aim, pose, order, radius, full) + _BEND * abs(bend)
+            cost += (
+                _BEND_CHANGE * abs(bend - mind.chosen * radius)
+                if mind.chosen == mind.chosen
+                else 0.0
+            )
+            cost += _REVERSE if factor < 0.0 else 0.0
+            cost += _REVERSAL if factor * mind.gear < 0.0 else 0.0
+            options[count, 0], options[count, 1] = CURVE, bend / radius
+            options[count, 2], options[count, 3] = speed, cost
+            count += 1
+    return count
+
+
+@borrowing
+def _arc_length(ahead: float, aside: float) -> float:
+    """Return the length of the arc from the origin, along +x at first, to a point."""
+    angle = math.atan2(aside, ahead)
+    share = angle / np.sin(angle) if angle > 1e-6 else 1.0
+    return float(np.hypot(ahead, aside) * share)
+
+
+@borrowing
+def _add_arcs_to_goal(
+    options: Floats,
+    count: int,
+    aim: Aim,
+    pose: Floats,
+    body: Any,
+    order: Any,
+    mind: Any,
+    duration: float,
+) -> int:
+    """Add the one arc that ends in the goal, where it is not too tight."""
+    dx, dy = order.x - pose[X], order.y - pose[Y]
+    ahead, aside = dx * pose[COS] + dy * pose[SIN], dy * pose[COS] - dx * pose[SIN]
+    curvature = 2.0 * aside / max(dx * dx + dy * dy, 1e-6)
+    if abs(curvature) * TIGHTEST * body.turn_radius > 1.0 or abs(ahead) < 0.02:
+        return count
+    direction = 1.0 if ahead > 0.0 else -1.0
+    price = 1.0 if ahead > 0.0 else _REVERSE_PRICE
+    radius, full = TIGHTEST * body.turn_radius, aim.speed * duration
+    saved = way_left(pose[X], pose[Y], pose[YAW], order.x, order.y, radius)
+    saved -= price * _arc_length(abs(ahead), abs(aside))
+    for factor in _FORWARD:
+        speed = direction * factor * aim.speed * (1.0 if ahead > 0.0 else REVERSE_SHARE)
+        gain = saved + price * abs(speed) * duration
+        cost = 1.0 - gain / full - _TO_GOAL + (0.0 if ahead > 0.0 else _REVERSE)
+        cost += _REVERSAL if direction * mind.gear < 0.0 else 0.0
+        options[count, 0], options[count, 1] = ARC_TO_POINT, curvature
+        options[count, 2], options[count, 3] = speed, cost
+        count += 1
+    return count
+
+
+@borrowing
+def vehicle_options(
+    options: Floats, aim: Aim, pose: Floats, body: Any, order: Any, mind: Any, tempo: Tempo
+) -> int:
+    """Write the options of a vehicle at a pose; return how many there are."""
+    duration = tempo.drive * tempo.step_s
+    count = _add_arcs(options, np.int64(0), _FORWARD, aim, pose, body, order, mind, duration)
+    count = _add_arcs(options, count, _BACKWARD, aim, pose, body, order, mind, duration)
+    if aim.ends:
+        count = _add_arcs_to_goal(options, count, aim, pose, body, order, mind, duration)
+    options[count, 0], options[count, 1], options[count, 2] = BRAKE, 0.0, 0.0
+    options[count, 3] = aim.stop_cost
+    if not np.isnan(mind.chosen):
+        options[count, 1] = mind.chosen
+    return count + 1
+
+
+_DELTAS = np.radians(
+    np.array([0, -12, 12, -25, 25, -40, 40, -60, 60, -85, 85, -115, 115, -145, 145, 180.0])
+)
+_COSINES = np.cos(_DELTAS)
+_SPEEDS = np.array([1.0, 0.75, 0.5, 0.25])
+_DEVIATION = 0.12  # of the square of the angle over a right angle
+_LEFT = 0.03  # people keep to the right
+_CHANGE = 0.08  # for turning away from what was chosen last
+_PLAIN_STOP = 0.02
+_NEAR = 0.15
+_STOPS_WITHIN = 1.5
+_STOP_SHORT = 0.05  # for a stop at a point that is not the end
+_SHIFTS = 8
+_SHIFT = 0.04
+_BACK_MPS = 0.4
+_BACK = 0.1  # for walking back
+
+
+@borrowing
+def set_option(
+    options: Floats, n: int, kind: int, direction: float, speed: float, cost: float, then: float
+) -> int:
+    """Write one option; return the next index. `then` is the heading in its second half."""
+    options[n, 0], options[n, 1], options[n, 2], options[n, 3] = kind, direction, speed, cost
+    options[n, 4] = then
+    return n + 1
+
+
+@borrowing
+def fill_options(
+    options: Floats,
+    aim: Aim,
+    pose: Floats,
+    body: Any,
+    order: Any,
+    mind: Any,
+    tempo: Tempo,
+    backs_off: bool,
+) -> int:
+    """Write the options of an artefact at a pose; return how many there are.
+
+    One that walks does so forward, but for one that `backs_off` where it cannot turn.
+    """
+    if aim.speed <= 0.0:
+        count = set_option(options, 0, BRAKE, aim.heading, 0.0, 0.0, np.nan)
+        return set_option(options, count, BRAKE, np.nan, 0.0, _PLAIN_STOP, np.nan)
+    if body.turn_radius > 0.0:
+        return vehicle_options(options, aim, pose, body, order, mind, tempo)
+    count = _walker_options(options, aim, mind)
+    return _add_retreat(options, count, aim, pose) if backs_off else count
+
+
+@borrowing
+def _gain(aim: Aim, delta: float, cosine: float, speed: float) -> float:
+    """Return what a second at a speed gains, 1 for full speed straight on."""
+    if aim.kind != PUSHED:
+        return speed / aim.speed * cosine
+    aside = speed * np.sin(delta) * (1.0 if aim.aside > 0.0 else -1.0)
+    return float((1.5 * min(aside, abs(aim.aside)) + 0.4 * speed * cosine) / aim.speed)
+
+
+@borrowing
+def _walker_options(options: Floats, aim: Aim, mind: Any) -> int:
+    ends = aim.ends
+    is_near = aim.kind == GOING and not ends and aim.distance < _STOPS_WITHIN
+    count = 0
+    for n in range(_DELTAS.shape[0]):
+        delta = _DELTAS[n]
+        heading = aim.heading + delta
+        share = delta * (2.0 / np.pi)
+        cost = 1.0 + (_LEFT if delta > 0.0 else 0.0)
+        if aim.kind != PUSHED:
+            cost += _DEVIATION * share * share
+        if not np.isnan(mind.chosen):
+            cost += _CHANGE * (1.0 - np.cos(heading - mind.chosen))
+        kind = POINT if n == 0 and ends else HEADING
+        before = np.inf
+        for factor in _SPEEDS:
+            speed = factor * aim.speed
+            if ends and n > 0:
+                speed = min(speed, max(aim.distance, _NEAR))
+                if speed == before:  # the same again
+                    continue
+                before = speed
+            gain = _gain(aim, delta, _COSINES[n], speed)
+            if gain < 0.0 and factor < 0.5:
+                continue
+            count = set_option(options, count, kind, heading, speed, cost - gain, heading)
+            if n == 0 and is_near:  # to stop there, should there be no room to go on
+                then = cost - gain + _STOP_SHORT
+                count = set_option(options, count, POINT, heading, speed, then, heading)
+            if 0 < n <= _SHIFTS and aim.kind != PUSHED:  # a step aside, then on
+                gain = 0.5 * (gain + speed / aim.speed) - _SHIFT
+                count = set_option(
+                    options, count, HEADING, heading, speed, cost - gain, aim.heading
+                )
+    count = set_option(options, count, BRAKE, aim.heading, 0.0, aim.stop_cost, np.nan)
+    return set_option(options, count, BRAKE, np.nan, 0.0, aim.stop_cost + _PLAIN_STOP, np.nan)
+
+
+@borrowing
+def _add_retreat(options: Floats, count: int, aim: Aim, pose: Floats) -> int:
+    """Add steps straight back, as somebody makes who has met another in a gap."""
+    heading = math.atan2(-pose[SIN], -pose[COS])
+    delta, speed = wrapped(heading - aim.heading), min(aim.speed, _BACK_MPS)
+    cost = 1.0 + _BACK - _gain(aim, delta, np.cos(delta), speed)
+    return set_option(options, count, RETREAT, heading, -speed, cost, heading)
+
+
+@borrowing
+def cheapest(options: Floats, count: int) -> int:
+    """Return the option of the least cost, the first of several; -1 if all are spent (inf)."""
+    a, b, c, d = np.inf, np.inf, np.inf, np.inf
+    n = 0
+    while n + 3 < count:  # four at a time: each comparison has to wait for the one before it
+        a, b = min(a, options[n, 3]), min(b, options[n + 1, 3])
+        c, d = min(c, options[n + 2, 3]), min(d, options[n + 3, 3])
+        n += 4
+    while n < count:
+        a = min(a, options[n, 3])
+        n += 1
+    least = min(a, b, c, d)
+    if least == np.inf:
+        return -1
+    n = 0
+    while options[n, 3] != least:
+        n += 1
+    return n
+
+
+@borrowing
+def rule_out_twin(options: Floats, count: int, n: int, k: int, last: int, steps: int) -> None:
+    """Spend the option that is the same as n until its second half, where n fails before that.
+
+    `k` is the sub-step at which it does, `last` that at which it would stand.
+    """
+    if options[n, 0] != HEADING or k >= last or 2 * k > steps:
+        return
+    for other in (n - 1, n + 1):
+        if (
+            0 <= other < count
+            and options[other, 0] == HEADING
+            and options[other, 1] == options[n, 1]
+            and options[other, 2] == options[n, 2]
+        ):
+            options[other, 3] = np.inf
+
+
+@borrowing
+def direction_of(option: Floats, pose: Floats) -> float:
+    """Return what of an option is remembered: its heading or curvature."""
+    if np.isnan(option[1]):
+        return float(np.arctan2(pose[SIN], pose[COS]))
+    return float(option[1])

@@ -1,0 +1,388 @@
+"""Rolling out an option: the poses of a unicycle that steers for a while, then brakes to a stand.
+
+One sub-step: speed and yaw change evenly, the ground point goes along the mean heading.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from are_ros._compiled import borrowing
+from are_ros.agents.local_planner.state import (
+    COS,
+    NEVER,
+    SIN,
+    SPEED,
+    YAW,
+    Fleet,
+    Floats,
+    Tempo,
+    X,
+    Y,
+)
+
+HEADING, POINT, CURVE, ARC_TO_POINT, BRAKE, RETREAT = range(6)
+"""Kinds of options: walk towards a heading; to a point and stop there; drive along a curve; drive
+to a point and stop there; brake and turn towards a heading; walk straight back, looking ahead."""
+
+_STILL = 1e-9
+_AIMED = 0.05  # nearer to its point than this, a body no longer turns towards it
+
+
+@borrowing
+def wrapped(angle: float) -> float:
+    """Return an angle in [-pi, pi]."""
+    return float(angle - 2.0 * np.pi * np.rint(angle / (2.0 * np.pi)))
+
+
+@borrowing
+def turn_to(heading: float, yaw: float) -> float:
+    """Return the angle from a yaw to a heading, in [-pi, pi]; 0 if it is only for rounding."""
+    error = heading - yaw
+    if abs(error) > 3.0:  # else it is the same, and a division less to wait for
+        error = wrapped(error)
+    return error if abs(error) > _STILL else 0.0
+
+
+@borrowing
+def clamped(value: float, low: float, high: float) -> float:
+    """Return the value, or the end of the range beyond which it lies."""
+    return float(min(max(value, low), high))
+
+
+@borrowing
+def stopping_speed(left: float, speed: float, acceleration: float, dt: float) -> float:
+    """Return the highest speed after the next sub-step that still lets it stop within `left`."""
+    rest = 2.0 * (left - 0.5 * speed * dt) / acceleration
+    if rest <= 0.0:
+        return 0.0
+    return float(acceleration * (np.sqrt(0.25 * dt * dt + rest) - 0.5 * dt))
+
+
+@borrowing
+def advance(path: Floats, k: int, turn: float, speed: float, dt: float) -> None:
+    """Write pose k + 1: yaw changes by `turn`, the speed to `speed`."""
+    pose, after = path[k], path[k + 1]
+    way = 0.5 * (pose[SPEED] + speed) * dt
+    c, s = pose[COS], pose[SIN]
+    if turn == 0.0:
+        after[YAW], after[COS], after[SIN] = pose[YAW], c, s
+    else:
+        c, s = np.cos(pose[YAW] + 0.5 * turn), np.sin(pose[YAW] + 0.5 * turn)
+        after[YAW] = pose[YAW] + turn
+        after[COS], after[SIN] = np.cos(after[YAW]), np.sin(after[YAW])
+    after[X], after[Y] = pose[X] + way * c, pose[Y] + way * s
+    after[SPEED] = speed
+
+
+@borrowing
+def _turn_on(
+    path: Floats, k: int, turn: float, half: tuple[float, float, float], speed: float, dt: float
+) -> None:
+    """Do as `advance`, for walkers, without trigonometry where they turn as fast as they can.
+
+    `half` is half of the most that they turn in a sub-step, with its cosine and sine. The last turn
+    is by `advance`, so that rounding does not add up.
+    """
+    if abs(turn) != 2.0 * half[0]:
+        advance(path, k, turn, speed, dt)
+        return
+    pose, after = path[k], path[k + 1]
+    way, cos, sin = 0.5 * (pose[SPEED] + speed) * dt, half[1], math.copysign(half[2], turn)
+    c, s = pose[COS] * cos - pose[SIN] * sin, pose[SIN] * cos + pose[COS] * sin
+    after[X], after[Y], after[YAW] = pose[X] + way * c, pose[Y] + way * s, pose[YAW] + turn
+    after[COS], after[SIN], after[SPEED] = c * cos - s * sin, s * cos + c * sin, speed
+
+
+@borrowing
+def _go_straight(path: Floats, k: int, until: int, dt: float) -> int:
+    """Go on from pose k as fast as there, and straight, up to pose `until`; return that."""
+    pose = path[k]
+    way = 0.5 * (pose[SPEED] + pose[SPEED]) * dt
+    dx, dy = way * pose[COS], way * pose[SIN]
+    for n in range(k, until):
+        before, after = path[n], path[n + 1]
+        after[X], after[Y], after[YAW] = before[X] + dx, before[Y] + dy, pose[YAW]
+        after[COS], after[SIN], after[SPEED] = pose[COS], pose[SIN], pose[SPEED]
+    return until
+
+
+@borrowing
+def brake(path: Floats, k: int, curvature: float, body: Any, dt: float) -> int:
+    """Brake from pose k on along a curve; return the index of the pose where it stands."""
+    step = body.acceleration * dt
+    while path[k, SPEED] != 0.0 and k + 1 < path.shape[0]:
+        speed = path[k, SPEED]
+        slower = max(speed - step, 0.0) if speed > 0.0 else min(speed + step, 0.0)
+        limit = body.turn_rate * dt
+        turn = clamped(curvature * 0.5 * (speed + slower) * dt, -limit, limit)
+        advance(path, k, turn, slower, dt)
+        k += 1
+    return k
+
+
+@borrowing
+def _half_turn(body: Any, dt: float) -> tuple[float, float, float]:
+    """Return half of the most that a body turns in a sub-step, and its cosine and sine."""
+    half = 0.5 * body.turn_rate * dt
+    return half, np.cos(half), np.sin(half)
+
+
+@borrowing
+def _walk(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt: float) -> int:
+    """Turn towards a heading or the goal and walk, slower while it looks elsewhere."""
+    half, step = _half_turn(body, dt), body.acceleration * dt
+    limit = 2.0 * half[0]
+    heading, to_point = option[1], option[0] == POINT
+    c, s = np.cos(heading), np.sin(heading)
+    k = 0
+    while k < steps:
+        speed, want = path[k, SPEED], option[2]
+        if 2 * k == steps and option[4] != heading:
+            heading = option[4]
+            c, s = np.cos(heading), np.sin(heading)
+        if to_point:
+            dx, dy = goal[0] - path[k, X], goal[1] - path[k, Y]
+            left = np.sqrt(dx * dx + dy * dy)
+            if left > _AIMED:
+                heading, c, s = math.atan2(dy, dx), dx / left, dy / left
+            else:
+                left = max(dx * path[k, COS] + dy * path[k, SIN], 0.0)
+            want = min(want, stopping_speed(left, speed, body.acceleration, dt))
+        error = turn_to(heading, path[k, YAW])
+        turn = clamped(error, -limit, limit)
+        if error != 0.0:
+            want *= max(c * path[k, COS] + s * path[k, SIN], 0.0)  # the cosine of the error
+        slower = min(max(speed - step, 0.0), speed + step)  # who walks back stops first
+        faster = clamped(want, slower, speed + step)
+        if turn == 0.0 and speed == 0.0 and faster < _STILL:
+            return k
+        if turn == 0.0 and speed == faster and not to_point:  # nothing changes for a while
+            turns_on = option[4] != heading and steps % 2 == 0 and 2 * k < steps
+            k = _go_straight(path, k, steps // 2 if turns_on else steps, dt)
+        else:
+            _turn_on(path, k, turn, half, faster, dt)
+            k += 1
+    return steps
+
+
+@borrowing
+def _drive(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt: float) -> int:
+    """Drive along a curve, or the arc to the goal; a negative speed is reverse."""
+    limit, step = body.turn_rate * dt, body.acceleration * dt
+    tightest = 1.0 / body.turn_radius
+    curvature, to_point = option[1], option[0] == ARC_TO_POINT
+    direction = 1.0 if option[2] >= 0.0 else -1.0
+    for k in range(steps):
+        speed, want = path[k, SPEED], option[2]
+        if to_point:
+            dx, dy = goal[0] - path[k, X], goal[1] - path[k, Y]
+            ahead = direction * (dx * path[k, COS] + dy * path[k, SIN])
+            aside = dy * path[k, COS] - dx * path[k, SIN]
+            square = max(dx * dx + dy * dy, 1e-6)
+            if ahead > _AIMED:
+                curvature = clamped(2.0 * aside / square, -tightest, tightest)
+            slow = stopping_speed(max(ahead, 0.0), abs(speed), body.acceleration, dt)
+            want = direction * min(abs(want), slow)
+        if curvature != 0.0:
+            fastest = body.turn_rate / abs(curvature)
+            want = clamped(want, -fastest, fastest)
+        faster = clamped(want, speed - step, speed + step)
+        if speed == 0.0 and abs(faster) < _STILL:
+            return k
+        turn = clamped(curvature * 0.5 * (speed + faster) * dt, -limit, limit)
+        advance(path, k, turn, faster, dt)
+    return steps
+
+
+@borrowing
+def _stop(path: Floats, option: Floats, body: Any, steps: int, dt: float) -> int:
+    """Brake, and turn on the spot towards a heading on the way (nan: none)."""
+    half, step = _half_turn(body, dt), body.acceleration * dt
+    limit = 2.0 * half[0]
+    k = 0
+    while k < steps:
+        speed = path[k, SPEED]
+        error = 0.0 if np.isnan(option[1]) else turn_to(option[1], path[k, YAW])
+        if speed == 0.0 and error == 0.0:
+            break
+        slower = max(speed - step, 0.0) if speed > 0.0 else min(speed + step, 0.0)
+        _turn_on(path, k, clamped(error, -limit, limit), half, slower, dt)
+        k += 1
+    return k
+
+
+@borrowing
+def _retreat(path: Floats, option: Floats, body: Any, steps: int, dt: float) -> int:
+    """Walk straight back at a speed below 0."""
+    step = body.acceleration * dt
+    for k in range(steps):
+        speed = path[k, SPEED]
+        advance(path, k, 0.0, clamped(option[2], speed - step, speed + step), dt)
+    return steps
+
+
+@borrowing
+def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, tempo: Tempo) -> int:
+    """Fill a path, whose pose 0 is given, by an option (see `_options`).
+
+    Returns the index of the last pose, where the body stands.
+    """
+    kind = option[0]
+    if kind == BRAKE and body.turn_radius > 0.0:
+        curvature = 0.0 if np.isnan(option[1]) else option[1]  # straight if none was chosen
+        return brake(path, np.int64(0), curvature, body, tempo.step_s)
+    if kind == BRAKE:
+        k = _stop(path, option, body, tempo.walk, tempo.step_s)
+    elif kind == RETREAT:
+        k = _retreat(path, option, body, tempo.walk, tempo.step_s)
+    elif kind <= POINT:
+        k = _walk(path, option, goal, body, tempo.walk, tempo.step_s)
+    else:
+        k = _drive(path, option, goal, body, tempo.drive, tempo.step_s)
+        return brake(path, k, option[1] if kind == CURVE else 0.0, body, tempo.step_s)
+    return brake(path, k, 0.0, body, tempo.step_s)
+
+
+@borrowing
+def pace_of(path: Floats, last: int, body: Any, dt: float) -> float:
+    """Return how far any point of the box moves in one sub-step of a path at most."""
+    fastest, turn = abs(path[0, SPEED]) if last > 0 else 0.0, 0.0
+    for k in range(1, last + 1):
+        fastest = max(fastest, abs(path[k, SPEED]))
+        turn = max(turn, abs(path[k, YAW] - path[k - 1, YAW]))
+    return float(fastest * dt + turn * body.radius)
+
+
+@borrowing
+def circle_of(path: Floats, last: int) -> tuple[float, float, float]:
+    """Return centre and radius of a circle that holds the ground points of a path."""
+    low_x, low_y, high_x, high_y = path[0, X], path[0, Y], path[0, X], path[0, Y]
+    for k in range(1, last + 1):
+        low_x, high_x = min(low_x, path[k, X]), max(high_x, path[k, X])
+        low_y, high_y = min(low_y, path[k, Y]), max(high_y, path[k, Y])
+    width, depth = high_x - low_x, high_y - low_y
+    radius = 0.5 * np.sqrt(width * width + depth * depth)
+    return 0.5 * (low_x + high_x), 0.5 * (low_y + high_y), float(radius)
+
+
+# What an artefact is after just now: its sub-goal, out of somebody's way, around, or nothing.
+
+
+STANDING, FACING, GOING, PUSHED, DETOURING, COASTING = range(6)
+
+_ARRIVED = 0.1
+_ABEAM = 0.4  # a vehicle whose goal is beside it, no farther than this, has arrived
+_FACED = 0.02
+_PASSED = 0.35
+_STANDS = 1e-6
+_IMPATIENCE = 0.25
+_MOST_IMPATIENT = 1.5
+
+
+class Aim(NamedTuple):
+    """What it is after: a kind, a heading in the map, how far that goes, how fast.
+
+    `stop_cost` is what standing costs; going straight costs 0. Who is pushed wants to get `aside`
+    of the heading by so much, to the left if positive, or else to go ahead of who pushes. `ends`:
+    the way ends where the distance does.
+    """
+
+    kind: int
+    heading: float
+    distance: float
+    speed: float
+    stop_cost: float
+    aside: float
+    ends: bool
+
+
+@borrowing
+def way_to(pose: Floats, order: Any) -> float:
+    """Return the distance of a pose from the sub-goal."""
+    dx, dy = order.x - pose[X], order.y - pose[Y]
+    return float(np.sqrt(dx * dx + dy * dy))
+
+
+@borrowing
+def has_arrived(pose: Floats, order: Any, body: Any) -> bool:
+    """Tell whether one that stands at a pose is where its way ends."""
+    if way_to(pose, order) <= _ARRIVED:
+        return True
+    dx, dy = order.x - pose[X], order.y - pose[Y]
+    ahead = dx * pose[COS] + dy * pose[SIN]
+    aside = dy * pose[COS] - dx * pose[SIN]
+    return bool(body.turn_radius > 0.0 and abs(ahead) <= _ARRIVED and abs(aside) <= _ABEAM)
+
+
+@borrowing
+def _passes(pose: Floats, order: Any, body: Any) -> bool:
+    """Tell whether a sub-goal on the way is as good as passed; nobody passes one standing."""
+    if pose[SPEED] == 0.0 and body.turn_radius == 0.0:
+        return False
+    way = way_to(pose, order)
+    if way >= 2.0 * _PASSED + 0.3 * body.turn_radius:
+        return False
+    ahead = (order.x - pose[X]) * pose[COS] + (order.y - pose[Y]) * pose[SIN]
+    return bool(way < _PASSED or ahead < 0.0)
+
+
+@borrowing
+def kind_of(fleet: Fleet, i: int, pose: Floats, now: int, second: int) -> int:
+    """Return what kind of aim artefact i has at sub-step `now`, standing or moving at `pose`.
+
+    One that has passed its sub-goal goes on for a second; then it comes back to stand there.
+    """
+    order, mind, body = fleet.order[i], fleet.mind[i], fleet.body[i]
+    if now < mind.pushed_until and _missing_room(pose, mind) != 0.0:
+        return PUSHED
+    if order.has_goal == 0 or min(order.speed, body.speed) <= 0.0:
+        return STANDING
+    if order.stops == 0 and now - second < mind.passed_at:
+        if mind.passed_at == NEVER and _passes(pose, order, body):
+            mind.passed_at = now
+        if mind.passed_at != NEVER:
+            return COASTING
+    elif abs(pose[SPEED]) < _STANDS and has_arrived(pose, order, body):
+        if np.isnan(order.face) or body.turn_radius > 0.0:  # no heading wanted, or no turn there
+            return STANDING
+        return FACING if abs(wrapped(order.face - pose[YAW])) >= _FACED else STANDING
+    return DETOURING if now < mind.detour_until else GOING
+
+
+@borrowing
+def aim_of(fleet: Fleet, i: int, pose: Floats, now: int, second: int) -> Aim:
+    """Return what artefact i is after at sub-step `now`; see `kind_of`."""
+    order, mind, body = fleet.order[i], fleet.mind[i], fleet.body[i]
+    speed = min(order.speed, body.speed)
+    kind = kind_of(fleet, i, pose, now, second)
+    if kind == PUSHED:
+        line, aside = math.atan2(mind.push_sin, mind.push_cos), _missing_room(pose, mind)
+        return Aim(PUSHED, line, np.inf, max(speed, 0.5 * body.speed), 1.2, aside, False)
+    if kind == STANDING:
+        return Aim(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0, False)
+    if kind == FACING:
+        return Aim(FACING, order.face, 0.0, 0.0, 0.0, 0.0, False)
+    stop_cost = 1.0 + min(_IMPATIENCE * mind.blocked, _MOST_IMPATIENT)
+    if kind == COASTING:
+        return Aim(COASTING, pose[YAW], np.inf, speed, stop_cost, 0.0, False)
+    heading = math.atan2(order.y - pose[Y], order.x - pose[X])
+    if kind == DETOURING:
+        return Aim(DETOURING, heading + mind.detour, np.inf, speed, stop_cost, 0.0, False)
+    ends = order.stops == 1 or mind.passed_at != NEVER
+    return Aim(GOING, heading, way_to(pose, order), speed, stop_cost, 0.0, ends)
+
+
+@borrowing
+def _missing_room(pose: Floats, mind: Any) -> float:
+    """Return how far one must still go to the left of the line on which another pushes; 0: not.
+
+    Negative: to the right. To the side where it already is; to the right if it is on the line.
+    """
+    dx, dy = pose[X] - mind.push_x, pose[Y] - mind.push_y
+    if mind.push_cos * dx + mind.push_sin * dy < -0.5 * mind.push_room:
+        return 0.0  # it is behind by now
+    aside = mind.push_cos * dy - mind.push_sin * dx
+    missing = max(mind.push_room - abs(aside), 0.0)
+    return float(missing if aside > 0.05 else -missing)

@@ -1,0 +1,251 @@
+"""What the kernels of the planner work on: the records of the agent table, and what surrounds them.
+
+A row of the records is an agent's; the rows are in the order of the ids.
+"""
+
+import math
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.agents.local_planner.body import STAND, Body, Order
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Records = npt.NDArray[Any]
+
+X, Y, YAW, COS, SIN, SPEED = range(6)
+"""Columns of a path: the pose of F_A's ground point, and the speed along its heading."""
+
+NOBODY: Final = -1
+UNHINDERED, BY_WALL, BY_ARTEFACT, BY_ROBOT = range(4)
+NEVER: Final = 1 << 60
+STAYS: Final = -(1 << 62)
+
+_WALK_S: Final = 1.0
+_DRIVE_S: Final = 1.5
+_BRAKE_S: Final = 2.5
+
+PLACE = np.dtype(
+    [
+        ("id", "i8"),
+        ("begin", "i8"),  # the sub-step of the path's first pose
+        ("last", "i8"),  # index of the path's last pose; it is held for ever
+        ("x", "f8"),  # a circle that holds the body on all of the path
+        ("y", "f8"),
+        ("reach", "f8"),
+        ("pace", "f8"),  # the highest speed of any point of the box on the path
+        ("must_plan", "i8"),  # its path was broken
+        ("is_scripted", "i8"),
+        ("is_news", "i8"),  # its path was changed from outside: the others look at theirs
+    ]
+)
+BODY = np.dtype(
+    [
+        ("half_x", "f8"),
+        ("half_y", "f8"),
+        ("centre_x", "f8"),
+        ("centre_y", "f8"),
+        ("radius", "f8"),
+        ("speed", "f8"),
+        ("acceleration", "f8"),
+        ("turn_rate", "f8"),
+        ("turn_radius", "f8"),
+        ("discs", "i8"),
+        ("disc_x", "f8"),  # from one disc's centre to the next, in F_A
+        ("disc_y", "f8"),
+        ("disc_radius", "f8"),
+        ("terrain", "i8"),
+    ]
+)
+ORDER = np.dtype(
+    [
+        ("has_goal", "i8"),
+        ("x", "f8"),
+        ("y", "f8"),
+        ("speed", "f8"),
+        ("stops", "i8"),
+        ("face", "f8"),  # nan: none
+        ("comfort", "f8"),
+        ("robot_comfort", "f8"),
+        ("wall_comfort", "f8"),
+    ]
+)
+MIND = np.dtype(
+    [
+        ("blocked", "f8"),  # for how long it has wanted to move and did not [s]
+        ("credit", "f8"),  # progress ahead of what counts as none [m]
+        ("patience", "f8"),  # a detour is tried when it has been blocked for this long [s]
+        ("detour_until", "i8"),
+        ("detour", "f8"),  # angle of the detour from the direction of the goal
+        ("pushed_until", "i8"),
+        ("push_by", "i8"),  # id of who pushes
+        ("push_rank", "f8"),
+        ("push_x", "f8"),
+        ("push_y", "f8"),
+        ("push_cos", "f8"),
+        ("push_sin", "f8"),
+        ("push_room", "f8"),  # what it takes to be out of the way, to the side
+        ("chosen", "f8"),  # heading or curvature chosen last
+        ("gear", "i8"),
+        ("passed_at", "i8"),
+        ("hindrance", "i8"),
+        ("hindered_by", "i8"),
+        ("can_yield", "i8"),  # whether that one could get out of the way
+    ]
+)
+LIFE = np.dtype(
+    [
+        ("phase", "i8"),  # in which sub-steps of a decision period it decides, -1: never
+        ("behaviour", "i8"),  # the number of its behaviour
+        ("leaving", "i8"),  # since when [ns] it is on its way out, STAYS: it is not
+    ]
+)
+"""What no kernel asks for."""
+
+
+class Fleet(NamedTuple):
+    """Records of N agents, in the order of their ids; `path` float64 (N, K, 6).
+
+    `due`: the sub-steps at which they plan next, if there is anything to do.
+    """
+
+    place: Records
+    body: Records
+    order: Records
+    mind: Records
+    due: Integers
+    path: Floats
+
+
+class Tempo(NamedTuple):
+    """The sub-step [s], and in sub-steps: manoeuvres on foot and of vehicles, pushes."""
+
+    step_s: float
+    walk: int
+    drive: int
+    second: int
+
+
+class Floor(NamedTuple):
+    """Clearance float32 (T, height, width) and solid cells, bool, of T terrains; the lattice."""
+
+    clearance: npt.NDArray[np.float32]
+    solid: npt.NDArray[np.bool_]
+    lattice: Floats
+    unit: float
+
+
+class RobotPath(NamedTuple):
+    """The robot's outlines (K, V, 2) now (0) and later, K = 0: none; rounded by `radius`.
+
+    All lie in the circle x, y, reach; `pace` bounds the speed of any point of it.
+    """
+
+    outlines: Floats
+    radius: float
+    x: float
+    y: float
+    reach: float
+    pace: float
+
+
+class Buckets(NamedTuple):
+    """A hash grid: where the rows of each bucket start, and the rows in the order of ids."""
+
+    starts: Integers
+    rows: Integers
+    bits: int
+
+
+class Desk(NamedTuple):
+    """Scratch: two paths (2, K, 6), neighbours and the gaps wanted from them, options (M, 5), ...
+
+    Besides: marks of who was seen, counters, a packed box, a point.
+    """
+
+    paths: Floats
+    near: Integers
+    wanted: Floats
+    seen: Integers
+    options: Floats
+    counters: Integers
+    box: Floats
+    goal: Floats
+
+
+PLANS, KEPT, EMERGENCIES, STAMP = range(4)
+"""Counters: accepted, old trajectory kept, broken ones with no way out, marks given so far."""
+
+
+def tempo_of(step_s: float) -> Tempo:
+    """Return the times of manoeuvres for the length of a sub-step [s]."""
+    return Tempo(step_s, round(_WALK_S / step_s), round(_DRIVE_S / step_s), round(1.0 / step_s))
+
+
+def path_length(tempo: Tempo) -> int:
+    """Return how many poses the longest path has: a manoeuvre, and braking to a stand."""
+    return tempo.drive + round(_BRAKE_S / tempo.step_s) + 3
+
+
+def fleet_of(capacity: int, length: int) -> Fleet:
+    """Return the records of so many agents, for paths of `length` poses.
+
+    Each kind is an array of its own: a column of a record is contiguous for one agent only, and
+    kernels would be compiled for both.
+    """
+    place, body, order, mind = (np.zeros(capacity, kind) for kind in (PLACE, BODY, ORDER, MIND))
+    due = np.zeros(capacity, np.int64)
+    return Fleet(place, body, order, mind, due, np.zeros((capacity, length, 6)))
+
+
+def desk_of(capacity: int, length: int) -> Desk:
+    """Return scratch for that many agents."""
+    return Desk(
+        np.zeros((2, length, 6)),
+        np.zeros(capacity, np.int64),
+        np.zeros(capacity),
+        np.zeros(capacity, np.int64),
+        np.zeros((160, 5)),
+        np.zeros(4, np.int64),
+        np.zeros((1, 8)),
+        np.zeros(2),
+    )
+
+
+def write_body(record: Any, body: Body, terrain: int) -> None:
+    """Write a body into its record; it goes no faster than it can brake within a path."""
+    count, gap, radius = body.discs()
+    lengthwise = body.half_size_m[0] >= body.half_size_m[1]
+    record["half_x"], record["half_y"] = body.half_size_m
+    record["centre_x"], record["centre_y"] = body.centre_m
+    record["radius"] = body.radius_m
+    record["speed"] = min(body.speed_mps, body.acceleration_mps2 * _BRAKE_S)
+    record["acceleration"] = body.acceleration_mps2
+    record["turn_rate"] = body.turn_rate_radps
+    record["turn_radius"] = body.turn_radius_m
+    record["discs"], record["disc_radius"] = count, radius
+    record["disc_x"] = gap if lengthwise else 0.0
+    record["disc_y"] = 0.0 if lengthwise else gap
+    record["terrain"] = terrain
+
+
+def order_record(order: Order) -> tuple[float, ...]:
+    """Return an order as a record of `ORDER`; to write it whole is much the fastest."""
+    goal = order.subgoal_m
+    x_m, y_m = goal or (0.0, 0.0)
+    return (
+        int(goal is not None),
+        x_m,
+        y_m,
+        order.speed_mps,
+        int(order.stop_there),
+        math.nan if order.face_rad is None else order.face_rad,
+        order.comfort_m,
+        order.robot_comfort_m,
+        order.wall_comfort_m,
+    )
+
+
+STAND_ROW: Final = order_record(STAND)

@@ -1,0 +1,216 @@
+"""How near a path comes to what is closed: exact, quick where a field says that it is far."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros._compiled import borrowing, owning
+from are_ros.agents.local_planner.gaps import leap
+from are_ros.agents.local_planner.state import COS, NEVER, SIN, Floats, Floor, X, Y
+from are_ros.agents.navigation.terrain import HEIGHT_STEP_M, Terrains, disc_is_free, has_own_voxels
+from are_ros.world.boxes import TOUCH_TOLERANCE_M
+from are_ros.world.environment import Environment
+from are_ros.world.lattice_cover import (
+    HALF_DIAGONAL,
+    TWO_HALF_DIAGONALS,
+    covered,
+    hits_cells,
+    lattice_row,
+)
+from are_ros.world.lattice_cover import is_free as is_box_free
+
+_NOT_FREE = -1.0
+
+
+@borrowing
+def lay_box(pose: Floats, body: Any, grow: float, box: Floats) -> None:
+    """Write the packed box of a body, grown on each side, at a pose."""
+    box[0, 0] = pose[X] + pose[COS] * body.centre_x - pose[SIN] * body.centre_y
+    box[0, 1] = pose[Y] + pose[SIN] * body.centre_x + pose[COS] * body.centre_y
+    box[0, 3], box[0, 4] = pose[COS], pose[SIN]
+    box[0, 5], box[0, 6] = body.half_x + grow, body.half_y + grow
+
+
+@borrowing
+def layer_of(body: Any, floor: Floor) -> int:
+    """Return which layer of the floor is a body's; there may be one for all."""
+    return int(min(body.terrain, floor.clearance.shape[0] - 1))
+
+
+@borrowing
+def _cells_free(col: float, row: float, floor: Floor, layer: int) -> float:
+    """Return how far, in cells, a point (in cells) surely is from all that is closed."""
+    field = floor.clearance
+    if not (0.0 <= col < field.shape[2] and 0.0 <= row < field.shape[1]):
+        return -np.inf
+    i, j = int(row), int(col)
+    dx, dy = col - j - 0.5, row - i - 0.5
+    return float(field[layer, i, j] / floor.unit - np.sqrt(dx * dx + dy * dy) - HALF_DIAGONAL)
+
+
+@borrowing
+def point_room(x: float, y: float, body: Any, floor: Floor) -> float:
+    """Return the radius [m] of a disc about a point that surely meets nothing that is closed."""
+    lattice, unit = floor.lattice, floor.unit
+    dx, dy = x - lattice[0], y - lattice[1]
+    col = (dx * lattice[2] + dy * lattice[3]) / unit
+    row = (dy * lattice[2] - dx * lattice[3]) / unit
+    return unit * _cells_free(col, row, floor, layer_of(body, floor))
+
+
+@borrowing
+def disc_room(pose: Floats, body: Any, floor: Floor) -> float:
+    """Return how much each disc of a body could surely grow before it met a closed cell."""
+    lattice = floor.lattice
+    layer, scale = layer_of(body, floor), 1.0 / floor.unit
+    x0 = pose[X] - lattice[0] + pose[COS] * body.centre_x - pose[SIN] * body.centre_y
+    y0 = pose[Y] - lattice[1] + pose[SIN] * body.centre_x + pose[COS] * body.centre_y
+    step_x = pose[COS] * body.disc_x - pose[SIN] * body.disc_y
+    step_y = pose[SIN] * body.disc_x + pose[COS] * body.disc_y
+    least = np.inf
+    for n in range(body.discs):
+        offset = n - 0.5 * (body.discs - 1)
+        x, y = x0 + offset * step_x, y0 + offset * step_y
+        col = (x * lattice[2] + y * lattice[3]) * scale
+        row = (y * lattice[2] - x * lattice[3]) * scale
+        least = min(least, _cells_free(col, row, floor, layer))
+    return float(least * floor.unit - body.disc_radius)
+
+
+@borrowing
+def is_free(pose: Floats, body: Any, grow: float, floor: Floor, box: Floats) -> bool:
+    """Tell whether a body, grown on each side, covers open cells of the grid only: exact."""
+    lay_box(pose, body, grow, box)
+    field = floor.clearance[layer_of(body, floor)]
+    return bool(is_box_free(box, 0, floor.lattice, field, floor.unit, TOUCH_TOLERANCE_M))
+
+
+@borrowing
+def turns_freely(pose: Floats, body: Any, floor: Floor) -> bool:
+    """Tell whether the disc that a body sweeps, turning on the spot, covers open cells only."""
+    lattice, unit = floor.lattice, floor.unit
+    field = floor.clearance[layer_of(body, floor)]
+    dx, dy = pose[X] - lattice[0], pose[Y] - lattice[1]
+    x = (dx * lattice[2] + dy * lattice[3]) / unit
+    y = (dy * lattice[2] - dx * lattice[3]) / unit
+    radius = body.radius / unit - TOUCH_TOLERANCE_M
+    if not (0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]):
+        return False
+    is_far = field[int(y), int(x)] >= (radius + TWO_HALF_DIAGONALS) * unit
+    return bool(is_far or disc_is_free(field, x, y, radius))
+
+
+@owning
+def _solid_cells(pose: Floats, body: Any, floor: Floor, box: Floats) -> int:
+    """Count the solid cells that a body covers; a huge number if it reaches outside the grid."""
+    lay_box(pose, body, 0.0, box)
+    layer = layer_of(body, floor)
+    field, solid = floor.clearance[layer], floor.solid[layer]
+    if not hits_cells(box, floor.lattice, solid, field, floor.unit, TOUCH_TOLERANCE_M)[0]:
+        return 0
+    row, col, mask = covered(box, 0, floor.lattice, solid.shape, TOUCH_TOLERANCE_M)
+    count = 0
+    for i in range(mask.shape[0]):
+        for j in range(mask.shape[1]):
+            if mask[i, j] and solid[row + i, col + j]:
+                count += 1
+    return count if count > 0 else NEVER
+
+
+@borrowing
+def wall_gap_wanted(pose: Floats, body: Any, comfort: float, floor: Floor, box: Floats) -> float:
+    """Return the comfort, 0 if a pose does not leave the walls that, or less if it is not free."""
+    room = disc_room(pose, body, floor)
+    if room >= comfort:
+        return comfort
+    if room < 0.0 and not is_free(pose, body, 0.0, floor, box):
+        return _NOT_FREE
+    return comfort if is_free(pose, body, comfort, floor, box) else 0.0
+
+
+@borrowing
+def wall_conflict(
+    plan: Floats,
+    last: int,
+    body: Any,
+    wanted: float,
+    pace: float,
+    floor: Floor,
+    box: Floats,
+    home: Floats,
+    must_keep: bool,
+) -> tuple[bool, int]:
+    """Tell whether a plan leaves the walls the gap wanted, and when it first runs into one.
+
+    `wanted` is `wall_gap_wanted` of its first pose. With `must_keep` it looks no further once the
+    gap is not kept.
+    Who starts on free cells stays on such, and who turns on the spot does not end where it
+    cannot, unless it was so at `home`, where the plan before this one ends.
+    Who does not start so (a new map) may go over all that is not
+    solid, and covers no more solid cells than at the start.
+    """
+    if wanted < 0.0:
+        limit = _solid_cells(plan[0], body, floor, box)
+        for k in range(1, last + 1):
+            if _solid_cells(plan[k], body, floor, box) > limit:
+                return False, k
+        return False, NEVER
+    kept, k = True, 1
+    while k <= last:
+        room = disc_room(plan[k], body, floor)
+        if room >= wanted:
+            k += leap(room - wanted, pace)
+            continue
+        if not (wanted > 0.0 and is_free(plan[k], body, wanted, floor, box)):
+            kept, wanted = kept and wanted == 0.0, 0.0
+            if must_keep and not kept:
+                return False, NEVER
+            if room < 0.0 and not is_free(plan[k], body, 0.0, floor, box):
+                return False, k
+        k += 1
+    if body.turn_radius == 0.0 and last > 0 and not turns_freely(plan[last], body, floor):
+        return kept, last if turns_freely(home, body, floor) else NEVER
+    return kept, NEVER
+
+
+# The ground of the newest environment for the kernels, one layer for each height of bodies.
+
+
+class Floors:
+    """Lays the floor of an environment for the heights that there are."""
+
+    def __init__(self, terrains: Terrains) -> None:
+        self._terrains = terrains
+        self._environment: Environment | None = None
+        self._levels: list[int] = []
+        self._floor: Floor | None = None
+
+    def of(self, environment: Environment, levels: Sequence[int]) -> tuple[bool, Floor]:
+        """Return whether the environment is new, and its floor, a layer for each level of height.
+
+        Levels are heights in steps of `HEIGHT_STEP_M`.
+        """
+        is_new = environment is not self._environment
+        if is_new or self._floor is None or self._levels != levels:
+            self._environment, self._levels = environment, list(levels)
+            self._floor = self._lay(environment, levels or [1])
+        return is_new, self._floor
+
+    def _lay(self, environment: Environment, levels: Sequence[int]) -> Floor:
+        grid = environment.grid
+        terrains = [self._terrains.of(environment, HEIGHT_STEP_M * level) for level in levels]
+        if not has_own_voxels(environment):  # all layers are one
+            del terrains[1:]
+        clearance, solid = terrains[0].clearance_m[None], terrains[0].solid[None]
+        if len(terrains) > 1:
+            clearance = _frozen(np.stack([terrain.clearance_m for terrain in terrains]))
+            solid = _frozen(np.stack([terrain.solid for terrain in terrains]))
+        unit = grid.resolution_m
+        return Floor(clearance, solid, lattice_row(grid.origin, unit, unit), unit)
+
+
+def _frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,1 @@
+"""The decision process: the coarse map, backward induction, tables of values, routes."""

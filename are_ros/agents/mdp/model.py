@@ -1,0 +1,235 @@
+"""The decision process of a type that goes to a place (section 3.2), solved by backward induction.
+
+A state is a coarse cell and one of four headings; an action is to stay or to go one of four ways.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.agents.mdp import induction as _mdp_kernels
+from are_ros.agents.mdp import travel_kernels as _travel_kernels
+from are_ros.agents.mdp.decision_kernels import CHUNK
+from are_ros.errors import ParameterError
+from are_ros.population.catalogue import CatalogueRow
+
+Cell = tuple[int, int]
+Window = tuple[Cell, Cell]
+"""Its first cell, and the one after its last row and column."""
+
+Floats = npt.NDArray[np.float32]
+
+UNREACHABLE: Final = np.float32(-1e6)
+"""Value of a cell that has no way to the goal, whatever the horizon."""
+
+MAX_REACH: Final = 255
+KEPT_BYTES: Final = 4 * 2**20
+
+LEAST_TIME: Final = 0.01
+"""Price of an epoch at least: if ways were free nobody would ever set out."""
+
+_VEHICLE_HALF_TURN_S: Final = 20.0
+
+
+class Action(IntEnum):
+    """The five actions; the direction of a move is its number less one (0 east, 1 north, ...)."""
+
+    STAY = 0
+    EAST = 1
+    NORTH = 2
+    WEST = 3
+    SOUTH = 4
+
+
+@dataclass(frozen=True, slots=True)
+class TravelModel:
+    """What an epoch of going somewhere means to a type, in numbers; it is the key of its values.
+
+    `reach` is how many cells it goes in an epoch. `slip` is the probability, to each side, that it
+    goes a quarter turn aside of where it wants to. `time` is the price of an epoch, `clearance`
+    what one next to a wall costs beside that, `goal` the value of being there; `quarter_turn` and
+    `half_turn` are the prices of turning before going.
+    """
+
+    reach: int = 1
+    slip: float = 0.0
+    time: float = 0.1
+    clearance: float = 0.5
+    goal: float = 1.0
+    quarter_turn: float = 0.1
+    half_turn: float = 0.2
+
+    def __post_init__(self) -> None:
+        """Raise ParameterError for numbers that no decision process can be made of."""
+        if not 1 <= self.reach <= MAX_REACH:
+            raise ParameterError(f"a reach of {self.reach} cells is not 1 to {MAX_REACH}")
+        if not 0.0 <= self.slip <= 0.5:
+            raise ParameterError(f"a slip of {self.slip} to each side is not 0 to 0.5")
+        prices = (self.time - LEAST_TIME, self.clearance, self.quarter_turn, self.half_turn)
+        if not all(0.0 <= price < math.inf for price in prices):
+            raise ParameterError(f"{self}: a price is negative or not finite, or time is for free")
+
+    @classmethod
+    def of(
+        cls, row: CatalogueRow, speed_mps: float, cell_size_m: float, period_s: float, slip: float
+    ) -> "TravelModel":
+        """Return the model of a type that goes at a speed, with decisions every period.
+
+        Turning on the spot costs the time it takes; a type with a turning circle pays a quarter
+        of it for a quarter turn, and turns around only where nothing else helps (20 s).
+        """
+        motion, rewards = row.motion, row.rewards
+        reach = max(1, min(MAX_REACH, round(speed_mps * period_s / cell_size_m)))
+        quarter_s = 0.5 * math.pi / max(motion.turn_rate_radps, 1e-3)
+        half_s = 2.0 * quarter_s
+        if motion.turn_radius_m > 0.0:
+            # by the rounded speed, so that speeds of one reach share their values
+            arc_m = 0.5 * math.pi * motion.turn_radius_m
+            quarter_s = max(quarter_s, arc_m * period_s / (reach * cell_size_m))
+            half_s = 2.0 * quarter_s + _VEHICLE_HALF_TURN_S
+        time = max(rewards.time, LEAST_TIME)
+        return cls(
+            reach=reach,
+            slip=slip,
+            time=time,
+            clearance=rewards.clearance,
+            goal=rewards.goal,
+            quarter_turn=time * quarter_s / period_s,
+            half_turn=time * half_s / period_s,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Ways:
+    """The cheapest ways to a goal, on h x w cells, without turning and slipping.
+
+    `edges` bool (4, h, w) tells where one can step, not out of the window; `goal` is the cell in
+    that. `price` float32 (h, w) is what an epoch in each cell costs, `costs` float32 (h, w) what
+    the cheapest way to the goal does, inf without any.
+    """
+
+    edges: npt.NDArray[np.bool_]
+    price: Floats
+    costs: Floats
+    goal: Cell
+    model: TravelModel
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A decision process with a goal, on h x w cells, as backward induction takes it.
+
+    `lengths` uint8 (4, h, w): how many cells one goes in each direction (at most `model.reach`).
+    `gains` float32 (5, h, w): what an epoch brings that is spent going in each direction (whether
+    that was meant or slipped into), and staying; turning is paid beside. `terminal` float32 (h, w):
+    V_0, for all headings. `costs` float32 (h, w): the cheapest way to the goal, without
+    turning and slipping, inf where there is none.
+    """
+
+    lengths: npt.NDArray[np.uint8]
+    gains: Floats
+    terminal: Floats
+    costs: Floats
+    goal: Cell
+    model: TravelModel
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Values float32 (K, 4, h, w) by epochs left and heading; beyond the last, the last holds.
+
+    With K = 1 only the longest horizon was kept. `epochs` is how many were computed: fewer than
+    the horizon where nothing changed any more.
+    """
+
+    planes: Floats
+    epochs: int
+
+    def plane(self, epochs_left: int) -> Floats:
+        """Return V (4, h, w) with so many epochs left, of what was kept."""
+        last: Floats = self.planes[min(epochs_left, len(self.planes) - 1)]
+        return last
+
+
+def ways_to(
+    edges: npt.NDArray[np.bool_],
+    nearness: Floats,
+    goal: Cell,
+    model: TravelModel,
+    window: Window | None = None,
+) -> Ways:
+    """Return the cheapest ways to a cell of a map, within a window of it.
+
+    `edges` bool (4, H, W) tells where one can step, both ways alike; `nearness` float32 (H, W) in
+    [0, 1] how near the walls are. A step into a cell costs the cell's price (of an epoch: time,
+    clearance) over the reach, so that a move that ends early costs as much less.
+    """
+    corner, end = window or ((0, 0), (nearness.shape[0], nearness.shape[1]))
+    goal = (int(goal[0]) - corner[0], int(goal[1]) - corner[1])
+    time, clearance = np.float32(model.time), np.float32(model.clearance)
+    edges, price = _travel_kernels.cut_out(edges, nearness, corner, end, time, clearance)
+    costs = _travel_kernels.way_prices(edges, price, model.reach, goal)
+    return Ways(edges, price, costs, goal, model)
+
+
+def problem_of(ways: Ways, penalty: Floats | None = None) -> Problem:
+    """Return the decision process of going to the goal of some ways.
+
+    Being at the goal is worth `model.goal`, and ends everything; the terminal value elsewhere is
+    that less the price of the cheapest way there, which no policy can beat: with it a short horizon
+    keeps nobody from setting out, and V falls (never rises) with the epochs left.
+
+    `penalty` float32 (h, w), not negative, adds to what an epoch in each cell costs: others who
+    stand there for good (the exact counterpart of the lookahead of `_route_kernels`). Moves are
+    as without it.
+    """
+    model, price = ways.model, ways.price
+    if penalty is not None:
+        price = price + penalty.astype(np.float32)
+    lengths, gains, terminal = _travel_kernels.find_process(
+        ways.edges, ways.costs, price, model.reach, ways.goal, (np.float32(model.goal), UNREACHABLE)
+    )
+    return Problem(lengths, gains, terminal, ways.costs, ways.goal, model)
+
+
+def travel_problem(
+    edges: npt.NDArray[np.bool_],
+    nearness: Floats,
+    goal: Cell,
+    model: TravelModel,
+    penalty: Floats | None = None,
+) -> Problem:
+    """Return the decision process of going to a cell, as `ways_to` and `problem_of` make it."""
+    return problem_of(ways_to(edges, nearness, goal, model), penalty)
+
+
+def solve(problem: Problem, horizon: int, kept_bytes: int = KEPT_BYTES) -> Solution:
+    """Return V_0 .. V_horizon by exact backward induction in float32, without a transition matrix.
+
+    What one finds when going a way does not depend on the heading, nor on the action that led to
+    it: four shifted planes an epoch, then the best of five sums (eq. of section 3.2). It is one
+    thread, and the same to the last bit everywhere. If all planes would need more than
+    `kept_bytes`, only the last is kept.
+    """
+    height, width = problem.terminal.shape
+    model = problem.model
+    keeps_all = 16 * (horizon + 1) * height * width <= kept_bytes
+    in_place = model.reach * width <= CHUNK
+    kept = horizon + 1 if keeps_all else (1 if in_place else 2)
+    planes, epochs = _mdp_kernels.solved(
+        kept,
+        problem.terminal,
+        problem.lengths,
+        problem.gains,
+        model.reach,
+        (np.float32(1.0 - 2.0 * model.slip), np.float32(model.slip)),
+        (np.float32(model.quarter_turn), np.float32(model.half_turn)),
+        horizon,
+    )
+    if keeps_all:
+        return Solution(planes[: epochs + 1], epochs)
+    return Solution(planes if kept == 1 else planes[epochs % kept][None].copy(), epochs)

@@ -1,0 +1,213 @@
+"""Compiled loops that make a decision process: prices of ways, moves, and what they bring.
+
+Directions are 0 east (columns grow), 1 north (rows grow), 2 west, 3 south; so are headings.
+"""
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros._compiled import compiled
+from are_ros.agents.mdp.coarse_kernels import COL_STEPS, ROW_STEPS
+
+Floats = npt.NDArray[np.float32]
+Lengths = npt.NDArray[np.uint8]
+Mask = npt.NDArray[np.bool_]
+
+MOST_BUCKETS: Final = 65536
+
+
+@compiled
+def cut_out(
+    edges: Mask,
+    nearness: Floats,
+    corner: tuple[int, int],
+    end: tuple[int, int],
+    time: np.float32,
+    clearance: np.float32,
+) -> tuple[Mask, Floats]:
+    """Return the edges bool (4, h, w) and prices float32 (h, w) of a window of the map.
+
+    It goes from cell `corner` up to cell `end`, without that; edges that lead out of it are closed.
+    The price is what an epoch in a cell costs: `time` and, near a wall, up to `clearance`.
+    """
+    height, width = end[0] - corner[0], end[1] - corner[1]
+    inner, price = np.empty((4, height, width), np.bool_), np.empty((height, width), np.float32)
+    first, count = np.uint64(corner[1]), np.uint64(width)  # as negative ones count from the end
+    for i in range(height):
+        row = corner[0] + i
+        for j in range(count):
+            price[i, j] = time + clearance * nearness[row, first + j]
+        for direction in range(4):
+            for j in range(count):
+                inner[direction, i, j] = edges[direction, row, first + j]
+    inner[0, :, width - 1], inner[1, height - 1, :] = False, False
+    inner[2, :, 0], inner[3, 0, :] = False, False
+    return inner, price
+
+
+@compiled
+def way_prices(edges: Mask, price: Floats, reach: int, goal: tuple[int, int]) -> Floats:
+    """Return what the cheapest way to the goal costs, cell by cell: float32 (h, w), inf if none.
+
+    A step into a cell costs its price over the reach. Dijkstra's algorithm from the goal with
+    Dial's buckets: as wide as the cheapest step is dear, so that hardly any cell is looked at
+    twice, and as many, in a ring, as the dearest step needs. Entries form a list in each.
+    """
+    height, width = price.shape
+    count = height * width
+    steps, cheapest, dearest = np.empty(count, np.float32), np.float32(np.inf), np.float32(0.0)
+    prices = price.reshape(count)
+    for i in range(count):
+        steps[i] = step = prices[i] / np.float32(reach)
+        cheapest, dearest = min(cheapest, step), max(dearest, step)
+    bucket = max(cheapest, dearest / np.float32(MOST_BUCKETS))
+    ring = 1
+    while ring < int(dearest / bucket) + 3:
+        ring *= 2
+    costs, heads = np.empty(count, np.float32), np.empty(ring, np.int32)
+    start, room = goal[0] * width + goal[1], 2 * count + 4
+    buckets_per_price = np.float32(1.0) / bucket
+    while not _spread(
+        edges.reshape(4, count), steps, width, start, buckets_per_price, heads, room, costs
+    ):
+        room *= 2  # many cells were looked at several times: rounding, wild prices
+    return costs.reshape(height, width)
+
+
+@compiled
+def _spread(
+    edges: Mask,
+    steps: Floats,
+    width: int,
+    start: int,
+    buckets_per_price: np.float32,
+    heads: npt.NDArray[np.int32],
+    room: int,
+    costs: Floats,
+) -> bool:
+    """Fill in the costs (h * w); False if there was no room for so many entries."""
+    costs[:], heads[:] = np.inf, -1
+    after, cells = np.empty(room, np.int32), np.empty(room, np.int32)
+    keys = np.empty(room, np.float32)
+    costs[start] = keys[0] = 0.0
+    heads[0], after[0], cells[0] = 0, -1, start
+    waiting, made, place, ring = 1, 1, 0, heads.shape[0]
+    while waiting > 0:
+        entry = heads[place]
+        if entry < 0:
+            place = (place + 1) & (ring - 1)
+            continue
+        heads[place] = after[entry]
+        waiting -= 1
+        cell = cells[entry]
+        if keys[entry] > costs[cell]:
+            continue
+        cost = keys[entry] + steps[cell]
+        if made + 4 > room:
+            return False
+        for direction in range(4):
+            other = cell + ROW_STEPS[direction] * width + COL_STEPS[direction]
+            if edges[direction, cell] and cost < costs[other]:
+                costs[other] = keys[made] = cost
+                target = int(cost * buckets_per_price) & (ring - 1)
+                cells[made], after[made], heads[target] = other, heads[target], made
+                waiting += 1
+                made += 1
+    return True
+
+
+@compiled
+def find_process(
+    edges: Mask,
+    costs: Floats,
+    price: Floats,
+    reach: int,
+    goal: tuple[int, int],
+    values: tuple[np.float32, np.float32],
+) -> tuple[Lengths, Floats, Floats]:
+    """Return how far moves go, what an epoch brings, and V_0; as `Problem` has them.
+
+    `values` are those of the goal, and of where there is no way to it.
+    """
+    lengths = find_moves(edges, costs, reach, goal)
+    gains = find_gains(lengths, costs, price, reach, goal)
+    at_goal, unreachable = values
+    return lengths, gains, np.maximum(at_goal - costs, unreachable)
+
+
+@compiled
+def find_moves(edges: Mask, costs: Floats, reach: int, goal: tuple[int, int]) -> Lengths:
+    """Return how many cells one goes from each cell in each direction: uint8 (4, h, w).
+
+    At most `reach`, up to a closed edge, to the goal, and to where going on would lead away from
+    the goal again (after the first cell): otherwise doors and corners between the multiples of the
+    reach could not be used. 0 at the goal and where there is no way to it.
+    """
+    _, height, width = edges.shape
+    lengths = np.zeros(edges.shape, np.uint8)
+    # how many cells one would go on from the row or column before: lines are gone through backwards
+    along, across = np.zeros(height, np.int64), np.zeros(width, np.int64)
+    for direction in range(4):
+        along[:], across[:] = 0, 0
+        row_step, col_step = ROW_STEPS[direction], COL_STEPS[direction]
+        for i in range(height):
+            row = i if row_step < 0 else height - 1 - i
+            for j in range(width):
+                col = j if col_step < 0 else width - 1 - j
+                further = along[row] if row_step == 0 else across[col]
+                if edges[direction, row, col]:
+                    here, there = costs[row, col], costs[row + row_step, col + col_step]
+                    if here < np.inf:
+                        lengths[direction, row, col] = min(reach, 1 + further)
+                    further = further + 1 if there <= here else 0
+                else:
+                    further = 0
+                if row_step == 0:
+                    along[row] = further
+                else:
+                    across[col] = further
+    lengths[:, goal[0], goal[1]] = 0
+    return lengths
+
+
+@compiled
+def find_gains(
+    lengths: Lengths, costs: Floats, price: Floats, reach: int, goal: tuple[int, int]
+) -> Floats:
+    """Return what an epoch brings: float32 (5, h, w), the four directions and then staying.
+
+    A move pays the price of each cell that it enters, over the reach; one that is blocked pays
+    for staying. Staying at the goal, and where there is no way to it, is free, and anything else
+    costs 1 there: those states are absorbing.
+    """
+    height, width = price.shape
+    gains = np.empty((5, height, width), np.float32)
+    # sums of the prices up to each cell, itself included, along its row and along its column
+    along, across = np.zeros(width), np.zeros((height, width))
+    for row in range(height):
+        for col in range(width):
+            along[col] = price[row, col] + (along[col - 1] if col > 0 else 0.0)
+            across[row, col] = price[row, col] + (across[row - 1, col] if row > 0 else 0.0)
+        for col in range(width):
+            blocked = -price[row, col]
+            east, west = lengths[0, row, col], lengths[2, row, col]
+            gain = np.float32((along[col] - along[col + east]) / reach)
+            gains[0, row, col] = gain if east > 0 else blocked
+            swept = along[max(col - 1, 0)] - (along[col - west - 1] if col > west else 0.0)
+            gains[2, row, col] = np.float32(-swept / reach) if west > 0 else blocked
+            gains[4, row, col] = blocked
+    for row in range(height):
+        for col in range(width):
+            blocked = -price[row, col]
+            north, south = lengths[1, row, col], lengths[3, row, col]
+            gain = np.float32((across[row, col] - across[row + north, col]) / reach)
+            gains[1, row, col] = gain if north > 0 else blocked
+            swept = across[max(row - 1, 0), col]
+            swept -= across[row - south - 1, col] if row > south else 0.0
+            gains[3, row, col] = np.float32(-swept / reach) if south > 0 else blocked
+            if costs[row, col] == np.inf or (row == goal[0] and col == goal[1]):
+                gains[:4, row, col] = np.float32(-1.0)
+                gains[4, row, col] = np.float32(0.0)
+    return gains

@@ -1,0 +1,291 @@
+"""Values of going to a place, by type and goal, kept as long as memory allows."""
+
+import math
+from collections import OrderedDict
+from dataclasses import dataclass, replace
+from typing import Final, Generic, Protocol, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.agents.mdp.coarse_map import Cell, CoarseMap
+from are_ros.agents.mdp.model import TravelModel, Ways, Window, problem_of, solve, ways_to
+from are_ros.agents.navigation.step_kernels import Worth
+
+# Tables kept by key up to so much memory.
+
+
+class Sized(Protocol):
+    """What knows how much memory it takes."""
+
+    @property
+    def nbytes(self) -> int:
+        """Memory [bytes]."""
+
+
+Key = TypeVar("Key")
+Table = TypeVar("Table", bound=Sized)
+
+
+class TableStore(Generic[Key, Table]):
+    """The least recently used go first; the newest stays whatever it needs."""
+
+    def __init__(self, budget_bytes: int) -> None:
+        self._budget_bytes = budget_bytes
+        self._tables: OrderedDict[Key, Table] = OrderedDict()
+        self.nbytes = 0
+
+    def __len__(self) -> int:
+        return len(self._tables)
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._tables.clear()
+        self.nbytes = 0
+
+    def get(self, key: Key) -> Table | None:
+        """Return the table of a key, used now; None if it is not known, or not any more."""
+        table = self._tables.get(key)
+        if table is not None:
+            self._tables.move_to_end(key)
+        return table
+
+    def put(self, key: Key, table: Table) -> None:
+        """Keep a table of a key that has none."""
+        self._tables[key] = table
+        self.nbytes += table.nbytes
+        while self.nbytes > self._budget_bytes and len(self._tables) > 1:
+            _, oldest = self._tables.popitem(last=False)
+            self.nbytes -= oldest.nbytes
+
+
+KEPT_BYTES_PER_TABLE: Final = 2**18
+"""Planes of all epochs are kept up to so much: getting more memory takes longer than the values."""
+
+SHARED_CELLS: Final = 128 * 128
+"""Windows up to this large serve all trips to a goal; of larger ones a trip takes its part."""
+
+PARTS_BYTES: Final = 8 * 2**20
+"""Memory of the tables of such parts: hardly two trips have the same one, and memory that is soon
+used again is quicker to have than new."""
+
+TRIP_MARGINS_M: Final = (2.0, 4.0, 12.0)
+"""How much wider than start and goal the parts are: the first in which no way is missed."""
+
+TableKey = tuple[tuple[int, float, float, float], TravelModel, Cell, Window]
+
+
+@dataclass(frozen=True, eq=False)
+class ValueTable:
+    """What going to a goal is worth, within a window of h x w coarse cells.
+
+    `corner` is the window's first cell (row, col) in the coarse map, `goal` the goal's. `goal_m`
+    is the point in the map frame to end at. `planes` float32 (K, 4, h, w) by epochs left and
+    heading; K = 1 if all planes up to the horizon would have needed more than a bound: then the
+    values of the longest horizon serve for all. `lengths`, `gains`, `costs` as in
+    `mdp.Problem`. `weights` float64 (9,) is what kernels take of the rest: the chances of going
+    straight and to either side, prices of a quarter and a half turn, reach, corner, and the goal
+    in the window.
+    """
+
+    planes: npt.NDArray[np.float32]
+    lengths: npt.NDArray[np.uint8]
+    gains: npt.NDArray[np.float32]
+    costs: npt.NDArray[np.float32]
+    corner: Cell
+    goal: Cell
+    goal_m: tuple[float, float]
+    model: TravelModel
+    weights: npt.NDArray[np.float64]
+
+    @property
+    def worth(self) -> Worth:
+        """What kernels take of the table."""
+        return Worth(self.planes, self.lengths, self.gains, self.costs, self.weights)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the arrays."""
+        arrays = (self.planes, self.lengths, self.gains, self.costs)
+        return sum(array.nbytes for array in arrays)
+
+    def cost(self, cell: Cell) -> float:
+        """Return the price of the cheapest way from a coarse cell, inf if none is in the window."""
+        row, col = cell[0] - self.corner[0], cell[1] - self.corner[1]
+        inside = 0 <= row < self.costs.shape[0] and 0 <= col < self.costs.shape[1]
+        return float(self.costs[row, col]) if inside else math.inf
+
+    def reaches(self, cell: Cell) -> bool:
+        """Tell whether the goal can be reached from a coarse cell, within the window."""
+        return self.cost(cell) < math.inf
+
+    def place(self, epochs_left: int) -> int:
+        """Return which of the planes holds, or stands for, so many epochs left."""
+        return max(0, min(epochs_left, len(self.planes) - 1))
+
+
+_Store = TableStore[TableKey, ValueTable]
+
+
+class ValueTables:
+    """Value tables by (map, type, goal cell, window); the least recently used go first."""
+
+    def __init__(
+        self,
+        horizon: int = 60,
+        max_trip_m: float = 60.0,
+        budget_bytes: int = 256 * 2**20,
+        kept_bytes: int = KEPT_BYTES_PER_TABLE,
+    ) -> None:
+        """Take the longest horizon [epochs]; on larger maps a window of two longest trips a side.
+
+        A horizon whose epochs cost less than the turns of a type makes it rather stand than turn.
+        `budget_bytes` bounds all tables that trips to a goal share, and with `PARTS_BYTES` those
+        of single trips (the newest stays whatever it needs), `kept_bytes` the planes of one.
+        """
+        self._horizon = horizon
+        self._max_trip_m = max_trip_m
+        self._kept_bytes = kept_bytes
+        self._shared = _Store(budget_bytes)
+        self._parts = _Store(min(budget_bytes, PARTS_BYTES))
+
+    def __len__(self) -> int:
+        return len(self._shared) + len(self._parts)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of all tables that are kept."""
+        return self._shared.nbytes + self._parts.nbytes
+
+    def clear(self) -> None:
+        """Forget all tables, as of a map that is no longer."""
+        self._shared.clear()
+        self._parts.clear()
+
+    def value(
+        self,
+        coarse: CoarseMap,
+        model: TravelModel,
+        goal_m: tuple[float, float],
+        start: Cell | None = None,
+    ) -> ValueTable | None:
+        """Return the table of going to a point of the map frame; None if nobody can be near it.
+
+        The table's `goal_m` is the point itself where the disc fits there, else the anchor of the
+        cell that stands for it. On a large map one who starts at cell `start` gets a table of the
+        cells between it and the goal and some metres about them, if it is sure that no way which
+        leaves them is better.
+        """
+        goal = coarse.cell_of(*goal_m)
+        if goal is None:
+            return None
+        if not coarse.holds(*goal_m):
+            goal_m = coarse.anchor_of(goal)
+        window, table = self._window(coarse, goal), None
+        if start is not None and _cells_in(window) > SHARED_CELLS:
+            table = self._of_part(coarse, model, goal, window, start, goal_m)
+        if table is None:
+            store = self._shared
+            table = self._of(store, *self._found(store, coarse, model, goal, window), goal_m)
+        return table if table.goal_m == goal_m else replace(table, goal_m=goal_m)
+
+    def _of_part(
+        self,
+        coarse: CoarseMap,
+        model: TravelModel,
+        goal: Cell,
+        whole: Window,
+        start: Cell,
+        goal_m: tuple[float, float],
+    ) -> ValueTable | None:
+        """Return the table of the smallest part that holds the best way; None if none surely does.
+
+        That depends on nothing but start and goal: not on which tables there are already.
+        """
+        for margin_m in TRIP_MARGINS_M:
+            margin = math.ceil(margin_m / coarse.cell_size_m)
+            window = _part(whole, goal, start, margin)
+            if not _holds(window, start):
+                return None
+            key, found = self._found(self._parts, coarse, model, goal, window)
+            (row, col), _ = window
+            if found.costs[start[0] - row, start[1] - col] <= _least_outside(
+                model, goal, start, margin
+            ):
+                return self._of(self._parts, key, found, goal_m)
+        return None
+
+    def _found(
+        self, store: _Store, coarse: CoarseMap, model: TravelModel, goal: Cell, window: Window
+    ) -> tuple[TableKey, ValueTable | Ways]:
+        """Return the table of a window, or the ways that it is to be made of."""
+        key = (coarse.key, model, goal, window)
+        known = store.get(key)
+        if known is not None:
+            return key, known
+        return key, ways_to(coarse.edges, coarse.nearness, goal, model, window)
+
+    def _of(
+        self, store: _Store, key: TableKey, found: ValueTable | Ways, goal_m: tuple[float, float]
+    ) -> ValueTable:
+        """Return the table that was found, or make it of ways, with that point to end at."""
+        if isinstance(found, Ways):
+            _, _, goal, (corner, _) = key
+            found = self._made(found, corner, goal, goal_m)
+            store.put(key, found)
+        return found
+
+    def _window(self, coarse: CoarseMap, goal: Cell) -> Window:
+        reach = math.ceil(self._max_trip_m / coarse.cell_size_m)
+        return _part(((0, 0), coarse.shape), goal, goal, reach)
+
+    def _made(
+        self, ways: Ways, corner: Cell, goal: Cell, goal_m: tuple[float, float]
+    ) -> ValueTable:
+        problem = problem_of(ways)
+        solution = solve(problem, self._horizon, self._kept_bytes)
+        return ValueTable(
+            planes=solution.planes,
+            lengths=problem.lengths,
+            gains=problem.gains,
+            costs=problem.costs,
+            corner=corner,
+            goal=goal,
+            goal_m=goal_m,
+            model=problem.model,
+            weights=_weights(problem.model, corner, problem.goal),
+        )
+
+
+def _cells_in(window: Window) -> int:
+    """Return how many cells a window has."""
+    (row, col), (end_row, end_col) = window
+    return (end_row - row) * (end_col - col)
+
+
+def _holds(window: Window, cell: Cell) -> bool:
+    (row, col), (end_row, end_col) = window
+    return row <= cell[0] < end_row and col <= cell[1] < end_col
+
+
+def _part(whole: Window, goal: Cell, start: Cell, margin: int) -> Window:
+    """Return the part of a window about a goal and a start."""
+    (row, col), (end_row, end_col) = whole
+    rows, cols = (goal[0], start[0]), (goal[1], start[1])
+    corner = (max(row, min(rows) - margin), max(col, min(cols) - margin))
+    return corner, (min(end_row, max(rows) + margin + 1), min(end_col, max(cols) + margin + 1))
+
+
+def _least_outside(model: TravelModel, goal: Cell, start: Cell, margin: int) -> float:
+    """Return what any way costs at least that leaves the part about a start and a goal.
+
+    It goes as far aside as the part is wide, and back, and no step is cheaper than its time.
+    """
+    steps = abs(goal[0] - start[0]) + abs(goal[1] - start[1]) + 2 * (margin + 1)
+    return steps * model.time / model.reach
+
+
+def _weights(model: TravelModel, corner: Cell, goal: Cell) -> npt.NDArray[np.float64]:
+    chances = (1.0 - 2.0 * model.slip, model.slip)
+    turns = (model.quarter_turn, model.half_turn)
+    return np.array([*chances, *turns, model.reach, *corner, *goal], np.float64)

@@ -1,0 +1,197 @@
+"""Destinations of artefacts: open points of a map, well spread, and its exits."""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.agents.mdp.coarse_map import Cell, CoarseMap
+from are_ros.world.occupancy_grid import OccupancyGrid
+
+AREA_OF_ONE_M2: Final = 25.0
+FEWEST: Final = 4
+MOST: Final = 400
+_BLOCK_M: Final = 1.0
+_DRAWN: Final = 40
+"""The next place is the farthest of so many."""
+_SPREAD_SEED: Final = 0
+
+_ROUNDING: Final = 1e-3
+
+_Mask = npt.NDArray[np.bool_]
+_Field = npt.NDArray[np.floating]
+
+
+@dataclass(frozen=True, eq=False)
+class Destinations:
+    """Points of the map frame [m], read-only: float64 (K, 2) destinations and (E, 2) exits.
+
+    Either may be empty.
+    """
+
+    destinations_m: npt.NDArray[np.float64]
+    exits_m: npt.NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        self.destinations_m.flags.writeable = False
+        self.exits_m.flags.writeable = False
+
+
+def destinations_in(
+    grid: OccupancyGrid,
+    region: npt.NDArray[np.bool_],
+    clearance_m: npt.NDArray[np.floating],
+    *,
+    radius_m: float = 0.35,
+    exits_m: npt.NDArray[np.float64] | None = None,
+) -> Destinations:
+    """Return the places of a map for bodies that need `radius_m` about them.
+
+    `region` bool and `clearance_m` [m] from what is not free are (height, width). Destinations are
+    the cells of most clearance of one block each of about a square metre, spread by
+    best-candidate sampling: one per 25 m^2 of where the body fits, at least 4 and at most 400, as
+    far as there are so many blocks. The same map gives the same places; its origin moves and turns
+    them only. `exits_m` (E, 2) are taken as they are, None: there are none.
+    """
+    fits = region & (clearance_m >= radius_m - _ROUNDING * grid.resolution_m)
+    candidates, room_m = _block_maxima(fits, clearance_m, grid.resolution_m)
+    area_m2 = float(np.count_nonzero(fits)) * grid.cell_area_m2
+    count = min(max(math.ceil(area_m2 / AREA_OF_ONE_M2), FEWEST), MOST, len(candidates))
+    chosen = candidates[_spread(candidates, room_m, count)]
+    exits_m = np.empty((0, 2)) if exits_m is None else exits_m
+    return Destinations(grid.cells_to_points(chosen), exits_m)
+
+
+def _block_maxima(
+    fits: _Mask, clearance_m: _Field, resolution_m: float
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]]:
+    """Return the cell (row, col) of most clearance of each block that has any, and how much."""
+    side = max(round(_BLOCK_M / resolution_m), 1)
+    height, width = fits.shape
+    rows, cols = -(-height // side), -(-width // side)
+    field = np.full((rows * side, cols * side), -1.0, np.float32)
+    field[:height, :width][fits] = clearance_m[fits]
+    blocks = field.reshape(rows, side, cols, side).swapaxes(1, 2).reshape(rows, cols, side * side)
+    best = blocks.argmax(axis=2)
+    most = np.take_along_axis(blocks, best[:, :, None], axis=2)[:, :, 0]
+    row, col = np.nonzero(most >= 0.0)
+    within = best[row, col]
+    cells = np.column_stack((row * side + within // side, col * side + within % side))
+    return cells.astype(np.int64), most[row, col]
+
+
+def _spread(
+    cells: npt.NDArray[np.int64], room_m: npt.NDArray[np.float32], count: int
+) -> npt.NDArray[np.int64]:
+    """Return indices of `count` cells: the roomiest, then each time one that is far from all.
+
+    It is the farthest of some that are drawn, always alike: the farthest of all would make a
+    lattice on open ground, and trips along its axes.
+    """
+    random = np.random.Generator(np.random.PCG64(_SPREAD_SEED))
+    chosen = np.zeros(count, np.int64)
+    if not count:
+        return chosen
+    chosen[0] = room_m.argmax()
+    nearest = ((cells - cells[chosen[0]]) ** 2).sum(axis=1)
+    for number in range(1, count):
+        drawn = random.integers(len(cells), size=_DRAWN)
+        best = drawn[nearest[drawn].argmax()]
+        chosen[number] = best if nearest[best] else nearest.argmax()
+        np.minimum(nearest, ((cells - cells[chosen[number]]) ** 2).sum(axis=1), out=nearest)
+    return chosen
+
+
+# Where one type can get to from where it is: the places that a way leads to, on its coarse map.
+
+
+APART_M: Final = 1.6
+"""Places that are added keep so far from all others: a trip is a metre at least, from half a metre
+beside one place."""
+
+_Points = npt.NDArray[np.float64]
+_Key = tuple[tuple[int, float, float, float], int, float]
+
+
+class Reach:
+    """The places of one map, sorted by which of them a disc can get to; found when first asked."""
+
+    def __init__(self, places: Destinations) -> None:
+        self._places = places
+        self._known: dict[_Key, Destinations] = {}
+
+    def places_from(
+        self, coarse: CoarseMap, point_m: tuple[float, float], spare_m: float = 0.0
+    ) -> Destinations:
+        """Return the places that can be reached from a point of the map frame.
+
+        A place has `spare_m` of room beside the disc of the coarse map. Destinations are those that
+        ways lead to, each once, or the nearest point to it where the disc fits. Where they are less
+        than `FEWEST`, others are spread over what can be reached, at least `APART_M` apart, as far
+        as there is room. Exits are those of the map. Who is shut in is told all places, to none of
+        which a way leads.
+        """
+        cell = coarse.cell_of(*point_m)
+        if cell is None:
+            return self._places
+        key = (coarse.key, int(coarse.components[cell]), spare_m)
+        if key not in self._known:
+            part = (coarse.components == key[1]) & (coarse.room_m >= spare_m)
+            self._known[key] = self._of_part(coarse, part, spare_m)
+        return self._known[key]
+
+    def _of_part(self, coarse: CoarseMap, part: _Mask, spare_m: float) -> Destinations:
+        points_m = _held(coarse, part, spare_m, self._places.destinations_m)
+        if len(points_m) < FEWEST:
+            points_m = _with_others(coarse.anchors_m[part], coarse.room_m[part], points_m)
+        if not len(points_m):
+            return self._places
+        return Destinations(points_m, self._places.exits_m)
+
+
+def _held(coarse: CoarseMap, part: _Mask, spare_m: float, points_m: _Points) -> _Points:
+    """Return where a disc ends on its way to points (K, 2): (N, 2), those in a part (h, w)."""
+    held: dict[Cell, tuple[float, float]] = {}
+    for x_m, y_m in points_m.tolist():
+        cell = coarse.cell_of(x_m, y_m)
+        if cell is not None and part[cell] and cell not in held:
+            fits = coarse.holds(x_m, y_m, coarse.radius_m + spare_m)
+            held[cell] = (x_m, y_m) if fits else coarse.anchor_of(cell)
+    return np.array(list(held.values()), np.float64).reshape(-1, 2)
+
+
+def _with_others(anchors_m: _Points, room_m: npt.NDArray[np.float32], points_m: _Points) -> _Points:
+    """Return the points (K, 2), and anchors (N, 2) of a part: each the farthest from all before.
+
+    The first is the one with most room, if there is none before. Where one point in the middle of
+    a small part keeps all others out, the part's ends take its place.
+    """
+    if not len(anchors_m):
+        return points_m
+    if not len(points_m):
+        points_m = anchors_m[int(room_m.argmax())][None]
+    found_m = _filled_up(anchors_m, points_m)
+    if len(found_m) < 2:
+        end_m = anchors_m[int(_nearest_m(anchors_m, found_m).argmax())]
+        found_m = _filled_up(anchors_m, end_m[None])
+    return found_m if len(found_m) > 1 else np.empty((0, 2))
+
+
+def _filled_up(anchors_m: _Points, points_m: _Points) -> _Points:
+    """Return at least one point (K, 2), and up to `FEWEST` with anchors (N, 2) well apart."""
+    while len(points_m) < FEWEST:
+        nearest_m = _nearest_m(anchors_m, points_m)
+        farthest = int(nearest_m.argmax())
+        if nearest_m[farthest] < APART_M:
+            break
+        points_m = np.vstack((points_m, anchors_m[farthest]))
+    return points_m
+
+
+def _nearest_m(anchors_m: _Points, points_m: _Points) -> npt.NDArray[np.float64]:
+    """Return how far anchors (N, 2) are from the nearest of the points (K, 2): (N,)."""
+    offsets_m = anchors_m[:, None] - points_m
+    nearest_m: npt.NDArray[np.float64] = np.hypot(offsets_m[..., 0], offsets_m[..., 1]).min(axis=1)
+    return nearest_m

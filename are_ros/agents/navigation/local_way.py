@@ -1,0 +1,189 @@
+"""Compiled search of a way over fine cells, where none of the coarse way can be gone to straight.
+
+A coarse way tells which blocks of cells to go through, not how to get round the corner between two
+of them. Here is the shortest way of a disc through those blocks, cell by cell; of that way the
+farthest point is gone to that the disc can roll straight to.
+"""
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros._compiled import compiled, owning
+from are_ros.agents.mdp.coarse_kernels import COL_STEPS, ROW_STEPS
+from are_ros.agents.navigation.ground import Ground, cell_of, fine_cell
+from are_ros.agents.navigation.terrain import cell_centre, disc_is_free, rolls
+from are_ros.world.boxes import TOUCH_TOLERANCE_M
+
+LEAST_M: Final = 0.25
+"""A point nearer than this is as good as reached; the way is gone on farther, seen or not."""
+
+AHEAD: Final = 2
+"""So many points of the coarse way are looked for; the first block's and the next's."""
+
+MARGINS: Final = (0, 1, 3)
+"""By so many blocks the search looks farther than the coarse way, where it finds nothing."""
+
+_UNSEEN: Final = -1
+_ANYWHERE: Final = 0.7072
+_BESIDE: Final = 0.499
+
+Point = tuple[float, float]
+Rectangle = tuple[int, int, int, int]
+
+
+@owning
+def way_round(
+    ground: Ground, from_m: Point, way_m: npt.NDArray[np.float64], radius_m: float
+) -> tuple[float, float, bool]:
+    """Return where to go first to get to the first points of a coarse way (K, 2), K > 0.
+
+    `from_m` and the result are points of the map frame; the last value tells whether there is a
+    way at all: if not, it is the first point of the coarse way.
+    """
+    way_m = way_m[:AHEAD]
+    goal_m = (way_m[-1, 0], way_m[-1, 1])
+    start = fine_cell(ground.lattice, from_m)
+    goal = fine_cell(ground.lattice, goal_m)
+    for margin in MARGINS:
+        rows, cols = _searched(ground, from_m, way_m, margin)
+        parents = np.full((rows[1] - rows[0], cols[1] - cols[0]), _UNSEEN, np.int32)
+        if _flood(ground, start, goal, (rows[0], cols[0]), radius_m, parents):
+            cells = _path(parents, goal, (rows[0], cols[0]))
+            x_m, y_m = _first_leg(ground, from_m, cells, goal_m, radius_m)
+            return x_m, y_m, True
+    return way_m[0, 0], way_m[0, 1], False
+
+
+@compiled
+def _searched(
+    ground: Ground, from_m: Point, way_m: npt.NDArray[np.float64], margin: int
+) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return the rows and columns, from and to, of the blocks that a way leads through."""
+    side = ground.side
+    row, col = fine_cell(ground.lattice, from_m)
+    low, high = (row // side, col // side), (row // side, col // side)
+    block = cell_of(ground, from_m[0], from_m[1])
+    if block[0] >= 0:
+        low, high = _widened(low, high, block)
+    for k in range(way_m.shape[0]):
+        row, col = fine_cell(ground.lattice, (way_m[k, 0], way_m[k, 1]))
+        low, high = _widened(low, high, (row // side, col // side))
+    height, width = ground.clearance_m.shape
+    rows = (max(0, (low[0] - margin) * side), min(height, (high[0] + margin + 1) * side))
+    return rows, (max(0, (low[1] - margin) * side), min(width, (high[1] + margin + 1) * side))
+
+
+@compiled
+def _widened(
+    low: tuple[int, int], high: tuple[int, int], block: tuple[int, int]
+) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return the corners of the rectangle of blocks that holds one more."""
+    low = (min(low[0], block[0]), min(low[1], block[1]))
+    return low, (max(high[0], block[0]), max(high[1], block[1]))
+
+
+@compiled
+def disc_fits(
+    clearance_m: npt.NDArray[np.float32], row: int, col: int, radius_m: float, unit_m: float
+) -> bool:
+    """Tell whether a disc about the centre of a cell covers open cells only."""
+    here_m = clearance_m[row, col]
+    if here_m >= radius_m + _ANYWHERE * unit_m:
+        return True
+    if here_m < radius_m + _BESIDE * unit_m:
+        return False
+    radius = radius_m / unit_m - TOUCH_TOLERANCE_M
+    return disc_is_free(clearance_m, col + 0.5, row + 0.5, radius)
+
+
+@compiled
+def _flood(
+    ground: Ground,
+    start: tuple[int, int],
+    goal: tuple[int, int],
+    corner: tuple[int, int],
+    radius_m: float,
+    parents: npt.NDArray[np.int32],
+) -> bool:
+    """Go from cell to cell, nearest first, until the goal is reached; tell whether it is.
+
+    Writes to `parents` from which cell of the window each was reached, itself for the first. Where
+    a disc does not fit at the start, it first goes over open cells to the nearest where it does.
+    """
+    height, width = parents.shape
+    unit_m, field = ground.lattice[4], ground.clearance_m
+    row, col = start[0] - corner[0], start[1] - corner[1]
+    if not (0 <= row < height and 0 <= col < width):
+        return False
+    queue = np.empty(height * width, np.int32)
+    is_pressed = not disc_fits(field, start[0], start[1], radius_m, unit_m)
+    queue[0] = parents[row, col] = row * width + col
+    done, size = 0, 1
+    while done < size:
+        row, col = queue[done] // width, queue[done] % width
+        if row + corner[0] == goal[0] and col + corner[1] == goal[1]:
+            return True
+        done += 1
+        for direction in range(4):
+            r, c = row + ROW_STEPS[direction], col + COL_STEPS[direction]
+            if not (0 <= r < height and 0 <= c < width) or parents[r, c] != _UNSEEN:
+                continue
+            does_fit = disc_fits(field, r + corner[0], c + corner[1], radius_m, unit_m)
+            if does_fit or (is_pressed and field[r + corner[0], c + corner[1]] > 0.0):
+                parents[r, c] = row * width + col
+                queue[size] = r * width + c
+                size += 1
+            if does_fit and is_pressed:  # from here on only where it fits
+                is_pressed, done = False, size - 1
+                break
+    return False
+
+
+@compiled
+def _path(
+    parents: npt.NDArray[np.int32], goal: tuple[int, int], corner: tuple[int, int]
+) -> npt.NDArray[np.int64]:
+    """Return the cells (N, 2) of the way to a goal that was reached, the goal first."""
+    width = parents.shape[1]
+    here = (goal[0] - corner[0]) * width + goal[1] - corner[1]
+    cells, count = np.empty((parents.size, 2), np.int64), 0
+    while True:
+        cells[count, 0], cells[count, 1] = here // width + corner[0], here % width + corner[1]
+        count += 1
+        before = parents[here // width, here % width]
+        if before == here:
+            return cells[:count]
+        here = before
+
+
+@compiled
+def _first_leg(
+    ground: Ground,
+    from_m: Point,
+    cells: npt.NDArray[np.int64],
+    goal_m: Point,
+    radius_m: float,
+) -> Point:
+    """Return the farthest point of a way that is rolled to straight, or one a little way off.
+
+    The disc fits at either. `cells` (N, 2) is the way from its end on. What is seen is found by
+    halving: beyond what is not seen a bit of the way may be seen again.
+    """
+    nearest, unseen = cells.shape[0] - 1, -1
+    at = 0
+    while nearest - unseen > 1:
+        point_m = goal_m if at == 0 else cell_centre(ground.lattice, cells[at, 0], cells[at, 1])
+        if rolls(ground.clearance_m, ground.lattice, from_m, point_m, radius_m):
+            nearest = at
+        else:
+            unseen = at
+        at = (nearest + unseen) // 2
+    for k in range(nearest, 0, -1):
+        row, col = cells[k, 0], cells[k, 1]
+        x_m, y_m = cell_centre(ground.lattice, row, col)
+        is_far = np.hypot(x_m - from_m[0], y_m - from_m[1]) >= LEAST_M
+        if is_far and disc_fits(ground.clearance_m, row, col, radius_m, ground.lattice[4]):
+            return x_m, y_m
+    return goal_m

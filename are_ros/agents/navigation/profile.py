@@ -1,0 +1,75 @@
+"""What finding a way takes of an artefact's type: its size, what it likes, and what that costs."""
+
+from dataclasses import dataclass
+
+from are_ros.agents.local_planner.body import Body
+from are_ros.population.catalogue import CatalogueRow, RewardWeights
+
+_TURNING_ROOM = 0.1
+"""What a body needs beside its half width to get round corners, as a share of its length."""
+
+_PASSING_ROOM_M = 0.04
+"""What one that turns on the spot needs beside its half width to go straight through a gap."""
+
+_PERSONAL_SPACE, _ROBOT = 0.3, 0.6
+"""What a whole unit of these reward weights costs per epoch, beside the price of time."""
+
+
+@dataclass(frozen=True)
+class Comfort:
+    """Distances [m] that an artefact keeps where it can, by its type's reward weights."""
+
+    others_m: float
+    robot_m: float
+    walls_m: float
+
+    @classmethod
+    def of(cls, rewards: RewardWeights) -> "Comfort":
+        """Return what a type likes: a person about 0.3 m from others, half a metre from robots."""
+        return cls(0.4 * rewards.personal_space, 0.6 * rewards.robot, 0.3 * rewards.clearance)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Traveller:
+    """What finding a way needs to know of an artefact's type.
+
+    `others_price` and `robot_price` are what being near costs per epoch. Where the disc of
+    `radius_m` finds no way, one of `narrow_m` may, between two places where it can turn.
+    """
+
+    row: CatalogueRow
+    body: Body
+    radius_m: float
+    narrow_m: float
+    height_m: float
+    comfort: Comfort
+    others_price: float
+    robot_price: float
+
+    @classmethod
+    def of(cls, row: CatalogueRow, body: Body) -> "Traveller":
+        """Return the traveller of a row.
+
+        Who turns on the spot needs all of its disc wherever it may come to stand: that is where
+        the traffic lets it stop. A vehicle needs its width, and some room for its turns.
+        """
+        radius_m, rewards = body.radius_m, row.rewards
+        narrow_m = radius_m
+        if _stride_m(body, row.motion.speed_mps) >= 2.0 * radius_m:
+            half_m = body.half_size_m[1] + abs(body.centre_m[1])
+            narrow_m = min(radius_m, half_m + _PASSING_ROOM_M)
+        if body.turn_radius_m > 0.0:
+            narrow_m = 0.5 * row.size_m[1] + _TURNING_ROOM * row.size_m[0]
+            radius_m = narrow_m = min(radius_m, narrow_m)
+        prices = (_PERSONAL_SPACE * rewards.personal_space, _ROBOT * rewards.robot)
+        return cls(row, body, radius_m, narrow_m, row.size_m[2], Comfort.of(rewards), *prices)
+
+
+def _stride_m(body: Body, speed_mps: float) -> float:
+    """Return how far one gets who starts from a stand, walks for a second, and stops again.
+
+    So deep a gap it can go through at once, and must not stop where it could not turn.
+    """
+    start_s = min(1.0, speed_mps / body.acceleration_mps2)
+    speed_mps = body.acceleration_mps2 * start_s
+    return speed_mps * (1.0 - 0.5 * start_s) + 0.5 * speed_mps**2 / body.acceleration_mps2

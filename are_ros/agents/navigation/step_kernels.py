@@ -1,0 +1,258 @@
+"""Compiled step of a route: from where one is to what to do next, among the others."""
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros._compiled import borrowing, compiled
+from are_ros.agents.mdp.routes import action_values, best_action, follow
+from are_ros.agents.navigation.ground import Ground, cell_of, heading_of
+from are_ros.agents.navigation.local_way import way_round
+from are_ros.agents.navigation.terrain import farthest, rolls
+from are_ros.agents.neighbours import Cells, find_near
+
+Floats = npt.NDArray[np.float64]
+
+FADE_M: Final = 1.0
+"""Over this length what somebody else costs falls from its whole weight to nothing."""
+
+MINDED_M: Final = 3.0
+"""Who is farther away than this is not minded."""
+
+THERE_M: Final = 0.15
+"""Who is so near to the first point of its way goes on to the next, round a corner if need be."""
+
+STRAIGHT_M: Final = 3.0
+"""A goal that is seen and no farther than this is gone to without asking for values."""
+
+NO_WAY, WAITS, GOES, STRAIGHT = range(4)
+
+
+class Worth(NamedTuple):
+    """The arrays of a value table."""
+
+    planes: npt.NDArray[np.float32]
+    lengths: npt.NDArray[np.uint8]
+    gains: npt.NDArray[np.float32]
+    costs: npt.NDArray[np.float32]
+    weights: Floats
+
+
+class Ends(NamedTuple):
+    """Of one who goes: its radius, the goal, and where the values end, which may be beside it.
+
+    Then what it costs an epoch to be near others, and near the robot.
+    """
+
+    radius_m: float
+    goal_m: tuple[float, float]
+    end_m: tuple[float, float]
+    others_price: float
+    robot_price: float
+
+
+class Crowd(NamedTuple):
+    """Everybody: points by cell; poses (N, 4), x, y, z, yaw; speeds (N,) along it; radii (N,)."""
+
+    cells: Cells
+    poses: Floats
+    speeds_mps: Floats
+    radii_m: Floats
+
+
+# Plain tuples go into compiled code in a third of the time that named ones take, so they are named
+# inside.
+GroundArrays = tuple[Any, ...]
+WorthArrays = tuple[Any, ...]
+CrowdArrays = tuple[Any, ...]
+EndsArrays = tuple[float, tuple[float, float], tuple[float, float], float, float]
+CourseArrays = tuple[GroundArrays, WorthArrays, EndsArrays]
+"""The fields of `Ground`, `Worth` and `Ends`."""
+
+
+class Minded(NamedTuple):
+    """Whom one minds: the others, if `me` is not -1, which is one's own index among them.
+
+    They are where their velocity takes them in `ahead_s`. Being near one of them costs `price` an
+    epoch; being near the robot, at a point within a distance, what it costs (0: there is none).
+    """
+
+    me: int
+    ahead_s: float
+    price: float
+    robot_x_m: float
+    robot_y_m: float
+    robot_within_m: float
+    robot_price: float
+
+
+class Scratch(NamedTuple):
+    """Room for who is near in a crowd of N: indices (N,), squared distances (N,), (N + 1, 5).
+
+    And for what actions bring, (9,).
+    """
+
+    found: npt.NDArray[np.int64]
+    squares: Floats
+    moving: Floats
+    brings: Floats
+
+
+@borrowing
+def find_others(
+    crowd: Crowd, minded: Minded, x_m: float, y_m: float, radius_m: float, scratch: Scratch
+) -> int:
+    """Write who is minded about a point to the scratch, `moving`; return how many they are."""
+    near, moving, count = 0, scratch.moving, 0
+    if minded.me >= 0:
+        near = find_near(crowd.cells, x_m, y_m, MINDED_M, scratch.found, scratch.squares)
+    for n in range(near):
+        i = scratch.found[n]
+        if i == minded.me:
+            continue
+        way_m = minded.ahead_s * crowd.speeds_mps[i]
+        moving[count, 0] = crowd.poses[i, 0] + way_m * np.cos(crowd.poses[i, 3])
+        moving[count, 1] = crowd.poses[i, 1] + way_m * np.sin(crowd.poses[i, 3])
+        moving[count, 2] = crowd.radii_m[i] + radius_m
+        moving[count, 3], moving[count, 4] = FADE_M, minded.price
+        count += 1
+    if minded.robot_price > 0.0:
+        moving[count, 0], moving[count, 1] = minded.robot_x_m, minded.robot_y_m
+        moving[count, 2] = minded.robot_within_m
+        moving[count, 3], moving[count, 4] = FADE_M, minded.robot_price
+        count += 1
+    return count
+
+
+@compiled
+def route_step(
+    ground: GroundArrays,
+    worth: WorthArrays,
+    ends: EndsArrays,
+    crowd: CrowdArrays,
+    robot: tuple[float, float, float, float],
+    minds: tuple[int, bool, int],
+    is_moving_goal: bool,
+    way_m: Floats,
+) -> tuple[int, int, float, float, bool]:
+    """Find the next step of one who goes somewhere, and fill in the way (K, 2) that it follows.
+
+    `ground`, `worth` and `ends` are the fields of `Ground`, `Worth` and `Ends`, `crowd` those of
+    `Cells` and the rest of `Crowd`. `robot` is for how long ahead others are looked at [s], where
+    the robot is then, and its radius; without a robot that is negative. `minds` is the index in the
+    crowd, whether it minds others, and the epochs left. A moving goal is gone to straight from
+    however far. Returns what to do (no way, waiting for others, going, straight to the goal), how
+    many points the way has, the farthest of them that a disc can roll straight to, and whether
+    that is the end.
+    """
+    floor, values, going = Ground(*ground), Worth(*worth), Ends(*ends)
+    everybody = Crowd(Cells(*crowd[:8]), crowd[8], crowd[9], crowd[10])
+    size = everybody.poses.shape[0]
+    index, is_patient, epochs_left = minds
+    x_m, y_m = everybody.poses[index, 0], everybody.poses[index, 1]
+    away_m = np.hypot(going.goal_m[0] - x_m, going.goal_m[1] - y_m)
+    if (is_moving_goal or away_m <= STRAIGHT_M) and rolls(
+        floor.clearance_m, floor.lattice, (x_m, y_m), going.goal_m, going.radius_m
+    ):
+        return STRAIGHT, 0, going.goal_m[0], going.goal_m[1], True
+    minded = Minded(
+        index if is_patient else -1,
+        robot[0],
+        going.others_price,
+        robot[1],
+        robot[2],
+        robot[3] + going.radius_m,
+        going.robot_price if is_patient and robot[3] >= 0.0 else 0.0,
+    )
+    pose = (x_m, y_m, everybody.poses[index, 3], going.radius_m)
+    found, squares, moving = np.empty(size, np.int64), np.empty(size), np.empty((size + 1, 5))
+    scratch = Scratch(found, squares, moving, np.empty(9))
+    return _find_step(
+        floor, values, everybody, minded, pose, epochs_left, going.end_m, way_m, scratch
+    )
+
+
+@borrowing
+def _find_step(
+    ground: Ground,
+    worth: Worth,
+    crowd: Crowd,
+    minded: Minded,
+    me: tuple[float, float, float, float],
+    epochs_left: int,
+    goal_m: tuple[float, float],
+    way_m: Floats,
+    scratch: Scratch,
+) -> tuple[int, int, float, float, bool]:
+    """Take the best action at a pose, and fill in the way (K, 2) that follows it."""
+    state = _state(ground, worth, me)
+    if state[0] < 0:
+        return NO_WAY, 0, 0.0, 0.0, False
+    others = find_others(crowd, minded, me[0], me[1], me[3], scratch)
+    values = worth.planes[max(0, min(epochs_left, worth.planes.shape[0]) - 1)]
+    arrays = (worth.lengths, worth.gains, worth.weights, ground.anchors_m)
+    action_values(values, *arrays, scratch.moving[:others], state, scratch.brings)
+    action = best_action(scratch.brings, state[2])
+    here_m, weights = (me[0], me[1]), worth.weights
+    is_there = state[0] == weights[7] and state[1] == weights[8]
+    if is_there or (
+        action > 0 and rolls(ground.clearance_m, ground.lattice, here_m, goal_m, me[3])
+    ):
+        way_m[0, 0], way_m[0, 1] = goal_m
+        return GOES, 1, goal_m[0], goal_m[1], True
+    count = _way(ground, worth, state, action, goal_m, way_m, scratch)
+    if count == 0:
+        return NO_WAY, 0, 0.0, 0.0, False
+    if action == 0:
+        return WAITS, count, 0.0, 0.0, False
+    aim = farthest(ground.clearance_m, ground.lattice, here_m, way_m[:count], me[3])
+    if aim == 0 and not _is_seen(ground, me, way_m[:count]):
+        x_m, y_m, _ = way_round(ground, here_m, way_m[:count], me[3])
+        return GOES, count, x_m, y_m, x_m == goal_m[0] and y_m == goal_m[1]
+    is_end = way_m[aim, 0] == goal_m[0] and way_m[aim, 1] == goal_m[1]
+    return GOES, count, way_m[aim, 0], way_m[aim, 1], is_end
+
+
+@borrowing
+def _is_seen(ground: Ground, me: tuple[float, float, float, float], way_m: Floats) -> bool:
+    """Tell whether the first point of a way is rolled to straight, and still to be gone to."""
+    is_there = np.hypot(way_m[0, 0] - me[0], way_m[0, 1] - me[1]) < THERE_M
+    if is_there and way_m.shape[0] > 1:
+        return False
+    point_m = (way_m[0, 0], way_m[0, 1])
+    return rolls(ground.clearance_m, ground.lattice, (me[0], me[1]), point_m, me[3])
+
+
+@borrowing
+def _state(
+    ground: Ground, worth: Worth, me: tuple[float, float, float, float]
+) -> tuple[int, int, int]:
+    """Return row and column in the table's window, and heading; -1s without a way from there."""
+    row, col = cell_of(ground, me[0], me[1])
+    row, col = row - int(worth.weights[5]), col - int(worth.weights[6])
+    height, width = worth.costs.shape
+    if not (0 <= row < height and 0 <= col < width) or worth.costs[row, col] == np.inf:
+        return -1, -1, -1
+    return row, col, heading_of(ground.lattice, me[2])
+
+
+@borrowing
+def _way(
+    ground: Ground,
+    worth: Worth,
+    state: tuple[int, int, int],
+    action: int,
+    goal_m: tuple[float, float],
+    way_m: Floats,
+    scratch: Scratch,
+) -> int:
+    """Fill in the way that follows an action, with the goal at its end; return its length."""
+    arrays = (worth.lengths, worth.gains, worth.weights, ground.anchors_m)
+    nobody = scratch.moving[:0]
+    count, _ = follow(worth.planes, *arrays, state, action, way_m, scratch.brings, nobody)
+    row, col = worth.weights[5] + worth.weights[7], worth.weights[6] + worth.weights[8]
+    end_m = ground.anchors_m[int(row), int(col)]
+    if count > 0 and way_m[count - 1, 0] == end_m[0] and way_m[count - 1, 1] == end_m[1]:
+        way_m[count - 1, 0], way_m[count - 1, 1] = goal_m
+    return count

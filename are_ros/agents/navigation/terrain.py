@@ -1,0 +1,211 @@
+"""Where a body of one height may be: the free cells over which no voxel stands in its way."""
+
+import math
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros._compiled import borrowing, compiled
+from are_ros.world.boxes import TOUCH_TOLERANCE_M, OrientedBoxes
+from are_ros.world.environment import Environment
+from are_ros.world.lattice_cover import TWO_HALF_DIAGONALS, lattice_row
+from are_ros.world.occupancy_grid import OccupancyGrid
+
+HEIGHT_STEP_M: Final = 0.25
+FIRST_LEAP: Final = 16
+"""So many points of a way are leaped over first, to see how far it can be rolled straight."""
+
+_SURELY_MET: Final = 0.25
+"""A point is at most this much farther, in cells, from a closed cell than the centre of its own
+cell from that one's: half a diagonal, less half a side."""
+
+
+class Terrain:
+    """The ground of one environment as bodies up to `height_m` find it; it never changes.
+
+    A voxel of M3D stands in the way if its top is more than the environment's ground clearance
+    above the ground of the cell, and its bottom below the body's top there. An extruded M3D says no
+    more than the grid.
+    """
+
+    def __init__(self, environment: Environment, height_m: float) -> None:
+        self.environment = environment
+        self.height_m = height_m
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """The occupancy grid M2D of the environment."""
+        return self.environment.grid
+
+    @cached_property
+    def clearance_m(self) -> npt.NDArray[np.float32]:
+        """Distance (height, width) [m] of each cell from the nearest that is closed, read-only.
+
+        Exact, between cell centres; 0 on closed cells. Closed are the cells that are not free,
+        those over which a voxel stands in the way, and all outside the grid.
+        """
+        if not has_own_voxels(self.environment):
+            return self.environment.clearance_m
+        field = _distances(self.environment.classes.free & ~self._overhung)
+        field *= np.float32(self.grid.resolution_m)
+        field.flags.writeable = False
+        return field
+
+    @cached_property
+    def solid(self) -> npt.NDArray[np.bool_]:
+        """Cells (height, width) that are occupied, or over which a voxel stands in the way."""
+        occupied = self.environment.classes.occupied
+        if not has_own_voxels(self.environment):
+            return occupied
+        solid: npt.NDArray[np.bool_] = occupied | self._overhung
+        solid.flags.writeable = False  # as without: kernels compile for each kind of array
+        return solid
+
+    def fits(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
+        """Tell which boxes (N,) cover free cells of the grid only and hit no wall: exact."""
+        return self.environment.is_placeable(boxes)
+
+    def sees(self, from_m: tuple[float, float], to_m: tuple[float, float], radius_m: float) -> bool:
+        """Tell whether a disc can roll straight from one point to another of the map frame.
+
+        It meets no closed cell at either end, nor every half a cell between them: exact, and the
+        same law by which the traffic lets somebody turn on the spot.
+        """
+        return bool(rolls(self.clearance_m, self.lattice, from_m, to_m, radius_m))
+
+    @cached_property
+    def lattice(self) -> npt.NDArray[np.float64]:
+        """The grid's place in the map, as `lattice_cover.lattice_row`."""
+        resolution_m = self.grid.resolution_m
+        return lattice_row(self.grid.origin, resolution_m, resolution_m)
+
+    @cached_property
+    def _overhung(self) -> npt.NDArray[np.bool_]:
+        overhangs = self.environment.overhangs
+        if overhangs is None:
+            return np.zeros(self.grid.cells.shape, np.bool_)
+        return overhangs.below(self.height_m)
+
+
+class Terrains:
+    """The terrains of the newest environment asked for, one for each height."""
+
+    def __init__(self) -> None:
+        self._environment: Environment | None = None
+        self._terrains: dict[float, Terrain] = {}
+
+    def of(self, environment: Environment, height_m: float) -> Terrain:
+        """Return the terrain of a body `height_m` high; heights are rounded up to 0.25 m.
+
+        Where M3D says no more than the grid, all heights share one terrain.
+        """
+        if environment is not self._environment:
+            self._environment, self._terrains = environment, {}
+        level_m = math.ceil(height_m / HEIGHT_STEP_M) * HEIGHT_STEP_M
+        key = level_m if has_own_voxels(environment) else 0.0
+        if key not in self._terrains:
+            self._terrains[key] = Terrain(environment, level_m)
+        return self._terrains[key]
+
+
+def has_own_voxels(environment: Environment) -> bool:
+    """Tell whether M3D may close cells that are free in the grid."""
+    return environment.voxels is not None and not environment.voxels.is_extruded
+
+
+def _distances(is_open: npt.NDArray[np.bool_]) -> npt.NDArray[np.float32]:
+    """Return the exact distances [cells] from the nearest closed cell; outside all is closed."""
+    import cv2
+
+    padded = np.pad(is_open.astype(np.uint8), 1)
+    field = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.ascontiguousarray(field[1:-1, 1:-1], dtype=np.float32)
+
+
+@borrowing
+def rolls(
+    field: npt.NDArray[np.float32],
+    lattice: npt.NDArray[np.float64],
+    from_m: tuple[float, float],
+    to_m: tuple[float, float],
+    radius: float,
+) -> bool:
+    """March along the segment in leaps of what is surely left of the clearance."""
+    length = np.hypot(to_m[0] - from_m[0], to_m[1] - from_m[1])
+    unit = lattice[4]
+    along = 0.0
+    while True:
+        share = along / length if length > 0.0 else 0.0
+        dx = from_m[0] + share * (to_m[0] - from_m[0]) - lattice[0]
+        dy = from_m[1] + share * (to_m[1] - from_m[1]) - lattice[1]
+        x = (dx * lattice[2] + dy * lattice[3]) / unit
+        y = (dy * lattice[2] - dx * lattice[3]) / unit
+        if not (0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]):
+            return False
+        here = field[int(y), int(x)]
+        if here + _SURELY_MET * unit < radius:
+            return False
+        room = here - TWO_HALF_DIAGONALS * unit - radius
+        if room < 0.0 and not disc_is_free(field, x, y, radius / unit - TOUCH_TOLERANCE_M):
+            return False
+        if along >= length:
+            return True
+        along = min(along + max(0.5 * unit, room), length)
+
+
+@compiled
+def cell_centre(lattice: npt.NDArray[np.float64], row: int, col: int) -> tuple[float, float]:
+    """Return the centre of a cell in the map frame."""
+    x, y, unit = col + 0.5, row + 0.5, lattice[4]
+    return (
+        lattice[0] + (x * lattice[2] - y * lattice[3]) * unit,
+        lattice[1] + (x * lattice[3] + y * lattice[2]) * unit,
+    )
+
+
+@borrowing
+def disc_is_free(field: npt.NDArray[np.float32], x: float, y: float, radius: float) -> bool:
+    """Tell whether a disc covers open cells only; its centre and radius are given in cells."""
+    first_row, last_row = int(np.floor(y - radius)), int(np.floor(y + radius))
+    first_col, last_col = int(np.floor(x - radius)), int(np.floor(x + radius))
+    if min(first_row, first_col) < 0 or last_row >= field.shape[0] or last_col >= field.shape[1]:
+        return False
+    for row in range(first_row, last_row + 1):
+        v = max(row - y, y - row - 1.0, 0.0)
+        for col in range(first_col, last_col + 1):
+            u = max(col - x, x - col - 1.0, 0.0)
+            if field[row, col] == 0.0 and u * u + v * v < radius * radius:
+                return False
+    return True
+
+
+@borrowing
+def farthest(
+    field: npt.NDArray[np.float32],
+    lattice: npt.NDArray[np.float64],
+    from_m: tuple[float, float],
+    way_m: npt.NDArray[np.float64],
+    radius: float,
+) -> int:
+    """Return a point of a way that a disc can roll straight to, but not to the next.
+
+    It is looked along the way in leaps, each twice as far as the last, until a point is not seen,
+    and back by halving: what is seen again beyond that is not found. The end if all is seen, the
+    first point if none is.
+    """
+    last, seen, unseen = way_m.shape[0] - 1, 0, 0
+    leap = min(FIRST_LEAP, last)
+    while leap > seen:
+        if not rolls(field, lattice, from_m, (way_m[leap, 0], way_m[leap, 1]), radius):
+            unseen = leap
+            break
+        seen, leap = leap, min(2 * leap, last)
+    while unseen - seen > 1:
+        k = (seen + unseen) // 2
+        if rolls(field, lattice, from_m, (way_m[k, 0], way_m[k, 1]), radius):
+            seen = k
+        else:
+            unseen = k
+    return seen

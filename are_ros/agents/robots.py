@@ -1,0 +1,166 @@
+"""Where the robot is in the map's frame, from the frame tree, and how it moves."""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from are_ros.agents.local_planner.robot import RobotMotion
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import FrameError
+from are_ros.world.cameras import Camera, Observer
+from are_ros.world.footprint import Footprint
+from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.transforms.tree import FrameTree
+
+_USUAL_BASES = ("base_footprint", "base_link")
+
+
+_Answer = tuple[tuple[int, RigidTransform] | None, str]
+
+
+@dataclass(frozen=True, eq=False)
+class RobotPose:
+    """The robot at `stamp_ns`: base in the map's frame, and its footprint laid there."""
+
+    stamp_ns: int
+    map_from_base: RigidTransform
+    footprint: Footprint
+
+
+class RobotTracker:
+    """Looks up one observer in the frame tree; the last pose known is kept.
+
+    `missing` and `camera_missing` say in a sentence why there was no pose when it was last asked
+    for, and are empty where there was one.
+    """
+
+    def __init__(
+        self, observer: Observer, frames: FrameTree, map_frame: str, max_age_ns: int
+    ) -> None:
+        self.observer = observer
+        self.last: RobotPose | None = None
+        self.missing = "no transform was received"
+        self.camera_missing = ""
+        self._base_frame = ""
+        self._frames = frames
+        self._map_frame = map_frame
+        self._max_age_ns = max_age_ns
+        self._asked: tuple[str, int, int] | None = None
+        self._answer: _Answer = (None, "")
+
+    def base_frame(self) -> str:
+        """Return the base frame: the one configured, else the usual one that there is.
+
+        Once a usual one is joined to the map it stays the base, whatever is named later.
+        """
+        if self.observer.base_frame or self._base_frame:
+            return self.observer.base_frame or self._base_frame
+        known = [name for name in _USUAL_BASES if self._frames.has_frame(name)]
+        joined = (name for name in known if self._is_joined(name))
+        self._base_frame = next(joined, "")
+        return self._base_frame or next(iter(known), _USUAL_BASES[0])
+
+    def _is_joined(self, frame: str) -> bool:
+        try:
+            self._frames.latest_common_time(self._map_frame, frame)
+        except FrameError:
+            return False
+        return True
+
+    def pose(self, now_ns: int) -> RobotPose | None:
+        """Return the latest pose not after `now_ns`, or None if older than the oldest accepted."""
+        found, self.missing = self._transform_of(self.base_frame(), now_ns)
+        if found is None:
+            return None
+        stamp_ns, map_from_base = found
+        last = self.last
+        if (
+            last is None
+            or last.stamp_ns != stamp_ns
+            or not _equal(last.map_from_base, map_from_base)
+        ):
+            x, y, _ = map_from_base.translation_m.tolist()
+            footprint = self.observer.footprint.at(x, y, map_from_base.yaw_rad())
+            self.last = RobotPose(stamp_ns, map_from_base, footprint)
+        return self.last
+
+    def _transform_of(self, frame: str, now_ns: int) -> _Answer:
+        """Return (stamp, map_from_frame), the latest not after `now_ns`, or None and the reason."""
+        asked = (frame, now_ns, self._frames.changes)
+        if asked != self._asked:
+            self._asked, self._answer = asked, self._looked_up(frame, now_ns)
+        return self._answer
+
+    def _looked_up(self, frame: str, now_ns: int) -> _Answer:
+        try:
+            stamp_ns = self._frames.latest_before(self._map_frame, frame, now_ns)
+            if now_ns - stamp_ns > self._max_age_ns:
+                return None, _too_old(self._map_frame, frame, now_ns - stamp_ns)
+            return (stamp_ns, self._frames.lookup(self._map_frame, frame, stamp_ns)), ""
+        except FrameError as cause:
+            return None, str(cause)
+
+    def map_from_camera(self, camera: Camera, now_ns: int) -> RigidTransform | None:
+        """Return the pose of a camera's optical frame as of `now_ns`, None if it is not known."""
+        frame = camera.frame_id or self.base_frame()
+        found, self.camera_missing = self._transform_of(frame, now_ns)
+        if found is None:
+            return None
+        return found[1] if camera.frame_id else found[1] @ camera.base_from_optical
+
+    def forget(self) -> None:
+        """Forget the last pose: the clock jumped back."""
+        self.last = None
+
+
+def _equal(one: RigidTransform, other: RigidTransform) -> bool:
+    same_place = one.translation_m.tolist() == other.translation_m.tolist()
+    return bool(same_place and one.rotation_xyzw.tolist() == other.rotation_xyzw.tolist())
+
+
+def _too_old(target: str, source: str, age_ns: int) -> str:
+    return f"the latest transform from '{source}' to '{target}' is {age_ns * 1e-9:.3f} s old"
+
+
+_SPAN_NS = NS_PER_S // 4
+_JUMP_M = 1.0
+
+
+class RobotWatch:
+    """Estimates the robot's velocity over the last quarter of a second of its poses."""
+
+    def __init__(self) -> None:
+        self._seen: deque[RobotPose] = deque()
+
+    def forget(self) -> None:
+        """Forget where the robot was."""
+        self._seen.clear()
+
+    def see(self, robot: RobotPose, now_ns: int) -> RobotMotion:
+        """Take the pose that holds at `now_ns`, and return it with the velocity.
+
+        A robot whose poses end stands; one that jumps (a correction of its place) does not move.
+        """
+        seen = self._seen
+        if not seen or seen[-1] is not robot:
+            if seen and seen[-1].stamp_ns >= robot.stamp_ns:
+                seen.clear()
+            seen.append(robot)
+        while len(seen) > 1 and seen[1].stamp_ns <= robot.stamp_ns - _SPAN_NS:
+            seen.popleft()
+        return _motion(seen[0], robot, now_ns)
+
+
+def _motion(first: RobotPose, last: RobotPose, now_ns: int) -> RobotMotion:
+    x_m, y_m, _ = last.map_from_base.translation_m.tolist()
+    yaw_rad = last.map_from_base.yaw_rad()
+    then_x_m, then_y_m, _ = first.map_from_base.translation_m.tolist()
+    span_s = (last.stamp_ns - first.stamp_ns) / NS_PER_S
+    dx_m, dy_m = x_m - then_x_m, y_m - then_y_m
+    is_standing = span_s <= 0.0 or now_ns - last.stamp_ns > 2 * _SPAN_NS
+    if is_standing or math.hypot(dx_m, dy_m) > _JUMP_M:
+        return RobotMotion(last.footprint, x_m, y_m, yaw_rad, 0.0, 0.0, 0.0)
+    turn_rad = math.remainder(yaw_rad - first.map_from_base.yaw_rad(), math.tau)
+    return RobotMotion(
+        last.footprint, x_m, y_m, yaw_rad, dx_m / span_s, dy_m / span_s, turn_rad / span_s
+    )

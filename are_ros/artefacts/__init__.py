@@ -1,1 +1,0 @@
-"""The model of the artefacts (paper, section 3.2)."""

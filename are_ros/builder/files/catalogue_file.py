@@ -1,0 +1,363 @@
+"""Reading a catalogue of artefacts from YAML, with a sentence for whatever is wrong in it."""
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import asdict
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, Final, NoReturn
+
+from are_ros.agents.behaviours.registry import BEHAVIOURS, why_not
+from are_ros.errors import CatalogueError
+from are_ros.population.catalogue import (
+    Catalogue,
+    CatalogueRow,
+    MeshFile,
+    MotionLimits,
+    RewardWeights,
+)
+from are_ros.population.meshes.geometry import BoxGeometry, file_geometry, shape_geometry
+from are_ros.population.meshes.shapes import Shape
+from are_ros.yaml_text import read_yaml
+
+_KINDS: Mapping[type, str] = {
+    bool: "true or false",
+    int: "a number",
+    float: "a number",
+    str: "text",
+    list: "a list",
+    dict: "a mapping",
+    type(None): "nothing",
+}
+
+
+class Fields:
+    """The values of one mapping, the place that a refusal names, and the keys it may have."""
+
+    def __init__(self, place: str, values: object, known: Collection[str], path: str = "") -> None:
+        """Take a mapping as YAML gives it (nothing counts as an empty one).
+
+        CatalogueError if it is no mapping, or has a key that is not known.
+        """
+        self._place = place
+        self._path = path
+        self._values: dict[Any, Any] = {}
+        if values is not None:
+            self._values = _mapping(place, values, path)
+        for key in self._values:
+            if key not in known:
+                self.refuse(str(key), f"is not known{_nearest(str(key), known)}")
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._values
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def refuse(self, key: str, reason: str) -> NoReturn:
+        """Raise CatalogueError for a field."""
+        raise CatalogueError(f"{self._place}: {self._path}{key} {reason}")
+
+    def text(self, key: str, default: str | None = None) -> str:
+        """Return a text that is not empty."""
+        if default is not None and key not in self._values:
+            return default
+        value = self._get(key, str)
+        if not value.strip():
+            self.refuse(key, "is empty")
+        return str(value)
+
+    def choice(self, key: str, known: Collection[str], default: str | None = None) -> str:
+        """Return one of the known texts."""
+        if default is not None and key not in self._values:
+            return default
+        value = self.text(key)
+        if value not in known:
+            self.refuse(key, f"is {value!r}, which is not known{_nearest(value, known)}")
+        return value
+
+    def flag(self, key: str, *, default: bool) -> bool:
+        """Return true or false."""
+        return bool(self._get(key, bool)) if key in self._values else default
+
+    def number(self, key: str, default: float | None = None, *, positive: bool = False) -> float:
+        """Return a finite number that is not negative; with `positive`, not 0 either."""
+        if default is not None and key not in self._values:
+            return default
+        return self._checked(key, self._get(key, float), positive=positive)
+
+    def numbers(self, key: str, counts: Collection[int], *, positive: bool = False) -> list[float]:
+        """Return a list of finite, not negative numbers, as many as one of `counts`."""
+        values = self._get(key, list)
+        if len(values) not in counts:
+            wanted = " or ".join(str(count) for count in counts)
+            self.refuse(key, f"has {len(values)} numbers, but {wanted} are needed")
+        return [
+            self._checked(f"{key}[{i}]", value, positive=positive) for i, value in enumerate(values)
+        ]
+
+    def raw(self, key: str) -> object:
+        """Return a value as it is, None if it is not there."""
+        return self._values.get(key)
+
+    def section(self, key: str, known: Collection[str]) -> "Fields":
+        """Return a mapping inside this one; empty if it is not there."""
+        return Fields(self._place, self._values.get(key), known, f"{self._path}{key}.")
+
+    def _get(self, key: str, kind: type) -> Any:
+        if key not in self._values:
+            self.refuse(key, "is missing")
+        value = self._values[key]
+        self._check_kind(key, value, kind)
+        return value
+
+    def _check_kind(self, key: str, value: object, kind: type) -> None:
+        kinds = (int, float) if kind is float else (kind,)
+        if not isinstance(value, kinds) or (isinstance(value, bool) and kind is not bool):
+            self.refuse(key, f"is {value!r}, but {_KINDS[kind]} is needed")
+
+    def _checked(self, key: str, value: object, *, positive: bool) -> float:
+        self._check_kind(key, value, float)
+        number = float(value)  # type: ignore[arg-type]  # just checked
+        if not math.isfinite(number):
+            self.refuse(key, f"is {number}, but a finite number is needed")
+        if number < 0.0 or (positive and number == 0.0):
+            self.refuse(key, f"is {number:g}, but must be {'positive' if positive else '>= 0'}")
+        return number
+
+
+def _mapping(place: str, values: object, path: str) -> dict[Any, Any]:
+    """Return `values` if it is a mapping."""
+    if isinstance(values, dict):
+        return values
+    subject = f" {path.rstrip('.')}" if path else ""
+    found = _KINDS.get(type(values), type(values).__name__)
+    raise CatalogueError(f"{place}:{subject} is {found}, but a mapping is needed")
+
+
+def _nearest(word: str, known: Collection[str]) -> str:
+    """Name the nearest known word, or all of them if none is near."""
+    near = get_close_matches(word, known, n=1)
+    if near:
+        return f"; did you mean {near[0]!r}?"
+    return f"; known are {', '.join(known)}"
+
+
+SHIPPED_CATALOGUE: Final = Path(__file__).parent / "catalogue.yaml"
+
+_LARGEST_M = 100.0
+_HEXADECIMAL = frozenset("0123456789abcdefABCDEF")
+_METRES: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+_AXES = ("x", "y", "z", "-x", "-y", "-z")
+_CLASS_KEYS = ("shape", "colour", "forever", "motion", "behaviours", "rewards", "features")
+_ROW_KEYS = ("label", "class", "size_m", "mesh", *_CLASS_KEYS)
+_MERGED = ("motion", "rewards", "features")
+_SHAPES = tuple(shape.value for shape in Shape)
+_GLB_AXES = ("y", "z")
+"""Up and forward in a GLB file, by the glTF 2.0 specification (3.4)."""
+
+
+def read_catalogue(path: Path = SHIPPED_CATALOGUE) -> Catalogue:
+    """Read the catalogue at `path`; the format is described in docs/catalogue.md.
+
+    CatalogueError, one sentence that names file, row, field and reason, for whatever is wrong.
+    Meshes of the user's are read too, for their boxes; built-in shapes are not built.
+    """
+    content = read_yaml(path, f"the catalogue {path}", CatalogueError)
+    document = Fields(str(path), content, ("classes", "rows"))
+    names = document.raw("classes")
+    if not isinstance(names, dict) or not names:
+        document.refuse("classes", "must map the name of each class to its defaults")
+    classes = {str(name): _class_defaults(path, str(name), names[name]) for name in names}
+    entries = document.raw("rows")
+    if not isinstance(entries, list) or not entries:
+        document.refuse("rows", "must be a list with at least one row")
+    rows = [_row(path, index, entry, classes) for index, entry in enumerate(entries)]
+    _check_labels(path, rows)
+    _check_blocks(path, rows, list(classes))
+    return Catalogue(tuple(rows))
+
+
+def _class_defaults(path: Path, name: str, values: object) -> dict[str, Any]:
+    """Check the defaults of a class on their own, so that a refusal names the class."""
+    place = f"{path}: class {name!r}"
+    given = Fields(place, values, _CLASS_KEYS)
+    if "shape" in given:
+        given.choice("shape", _SHAPES)
+    _habits(given)
+    return {key: given.raw(key) for key in given}
+
+
+def _row(
+    path: Path, index: int, entry: object, classes: Mapping[str, Mapping[str, Any]]
+) -> CatalogueRow:
+    """Read one row, completed by the defaults of its class."""
+    label = entry.get("label") if isinstance(entry, dict) else None
+    place = f"{path}: row {index}" + (f" ({label})" if isinstance(label, str) else "")
+    own = Fields(place, entry, _ROW_KEYS)
+    own.text("label")
+    class_name = own.choice("class", tuple(classes))
+    _habits(own)
+    given = Fields(place, _merged(classes[class_name], own), _ROW_KEYS)
+    surface, geometry = _geometry(path, place, own, given)
+    habits = _habits(given)
+    _check_stands(given, habits)
+    return CatalogueRow(
+        index=index,
+        label=own.text("label"),
+        class_name=class_name,
+        size_m=geometry.size_m,
+        box_centre_in_artefact_m=geometry.box_centre_in_artefact_m,
+        surface=surface,
+        **habits,
+    )
+
+
+def _check_stands(given: Fields, habits: Mapping[str, Any]) -> None:
+    """Refuse a behaviour that moves where the speed is 0."""
+    for name, share in habits.get("behaviours", {}).items():
+        reason = why_not(name, habits["motion"].speed_mps)
+        if share > 0.0 and reason is not None:
+            given.refuse(f"behaviours.{name}", reason)
+
+
+def _merged(defaults: Mapping[str, Any], own: Fields) -> dict[str, Any]:
+    """Complete a row: its own values win, and inside motion, rewards and features key by key."""
+    values = {**defaults, **{key: own.raw(key) for key in own}}
+    for key in _MERGED:
+        if key in defaults or key in own:
+            values[key] = {**(defaults.get(key) or {}), **(own.raw(key) or {})}  # type: ignore[dict-item]
+    return values
+
+
+def _geometry(
+    path: Path, place: str, own: Fields, given: Fields
+) -> tuple[Shape | MeshFile, BoxGeometry]:
+    """Return the row's surface and its box in F_A."""
+    if "mesh" not in own:
+        shape = Shape(given.choice("shape", _SHAPES))
+        x, y, z = _size(given)
+        return shape, shape_geometry(shape, (x, y, z))
+    for key in ("shape", "size_m"):
+        if key in own:
+            own.refuse(key, "is given beside mesh, whose file decides it")
+    source = _mesh_file(path, own.section("mesh", ("file", "unit", "scale", "up", "forward")))
+    try:
+        geometry = file_geometry(source)
+    except CatalogueError as cause:
+        raise CatalogueError(f"{place}: mesh.file: {cause}") from cause
+    if max(geometry.size_m) > _LARGEST_M:
+        size = " x ".join(f"{length:g}" for length in geometry.size_m)
+        own.refuse("mesh.unit", f"makes the artefact {size} m large; is the unit right?")
+    return source, geometry
+
+
+def _size(given: Fields) -> list[float]:
+    """Return the three lengths of the box."""
+    size_m = given.numbers("size_m", (3,), positive=True)
+    for number, length in enumerate(size_m):
+        if length > _LARGEST_M:
+            given.refuse(
+                f"size_m[{number}]", f"is {length:g}, but at most {_LARGEST_M:g} m are taken"
+            )
+    return size_m
+
+
+def _mesh_file(path: Path, mesh: Fields) -> MeshFile:
+    """Read where a mesh of the user's is, and how it stands in its file."""
+    file = path.parent / mesh.text("file")
+    up, forward = _GLB_AXES if file.suffix.lower() == ".glb" else ("z", "x")
+    up, forward = mesh.choice("up", _AXES, up), mesh.choice("forward", _AXES, forward)
+    if up[-1] == forward[-1]:
+        mesh.refuse("forward", f"is {forward!r}, along the axis that is up")
+    unit = _METRES[mesh.choice("unit", tuple(_METRES), "m")]
+    return MeshFile(file, unit * mesh.number("scale", 1.0, positive=True), up, forward)
+
+
+def _habits(given: Fields) -> dict[str, Any]:
+    """Read what classes and rows share; what is not given is left to the row's own defaults."""
+    habits: dict[str, Any] = {"forever": given.flag("forever", default=False)}
+    if "colour" in given:
+        habits["colour"] = _colour(given)
+    for key, kind in (("motion", MotionLimits), ("rewards", RewardWeights)):
+        known = asdict(kind())
+        section = given.section(key, tuple(known))
+        habits[key] = kind(**{name: section.number(name, value) for name, value in known.items()})
+    if habits["motion"].running_factor < 1.0:
+        factor = habits["motion"].running_factor
+        given.refuse("motion.running_factor", f"is {factor:g}, but must be >= 1")
+    if "behaviours" in given:
+        habits["behaviours"] = _behaviours(given)
+    habits["features"] = _features(given)
+    return habits
+
+
+def _behaviours(given: Fields) -> dict[str, float]:
+    """Return the probability of each behaviour; the user's own are imported."""
+    raw = given.raw("behaviours")
+    own = [name for name in raw if ":" in str(name)] if isinstance(raw, dict) else []
+    weights = given.section("behaviours", (*BEHAVIOURS, *own))
+    for name in weights:
+        if (reason := why_not(name)) is not None:
+            weights.refuse(name, reason)
+    numbers = {name: weights.number(name) for name in weights}
+    total = sum(numbers.values())
+    if not total > 0.0:
+        given.refuse("behaviours", "has no positive weight")
+    return {name: number / total for name, number in numbers.items()}
+
+
+def _features(given: Fields) -> dict[str, str]:
+    """Return free features as text: words, numbers, true and false."""
+    raw = given.raw("features")
+    section = given.section("features", tuple(raw) if isinstance(raw, dict) else ())
+    features = {}
+    for key in section:
+        value = section.raw(key)
+        if not isinstance(value, str | int | float | bool):
+            section.refuse(str(key), f"is {value!r}, but text, a number, true or false is needed")
+        features[str(key)] = str(value).lower() if isinstance(value, bool) else str(value)
+    return features
+
+
+def _colour(given: Fields) -> tuple[float, float, float, float]:
+    """Return a colour given as '#rrggbb', '#rrggbbaa', or three or four numbers in [0, 1]."""
+    raw = given.raw("colour")
+    if isinstance(raw, str):
+        digits = raw.removeprefix("#")
+        if not raw.startswith("#") or len(digits) not in {6, 8} or not set(digits) <= _HEXADECIMAL:
+            given.refuse("colour", f"is {raw!r}, but '#rrggbb' or '#rrggbbaa' is needed")
+        values = [byte / 255.0 for byte in bytes.fromhex(digits)]
+    else:
+        values = given.numbers("colour", (3, 4))
+        if max(values) > 1.0:
+            given.refuse("colour", f"is {raw!r}, but each number must be in [0, 1]")
+    red, green, blue, alpha = [*values, 1.0][:4]
+    return (red, green, blue, alpha)
+
+
+def _check_labels(path: Path, rows: Sequence[CatalogueRow]) -> None:
+    """Refuse two rows of one label."""
+    first: dict[str, int] = {}
+    for row in rows:
+        if row.label in first:
+            msg = f"{path}: row {row.index} ({row.label}): label is that of row {first[row.label]}"
+            raise CatalogueError(f"{msg} already")
+        first[row.label] = row.index
+
+
+def _check_blocks(path: Path, rows: Sequence[CatalogueRow], classes: Sequence[str]) -> None:
+    """Refuse a class without rows, and one whose rows do not stand together."""
+    seen: list[str] = []
+    for row in rows:
+        if row.class_name in seen and seen[-1] != row.class_name:
+            msg = (
+                f"{path}: row {row.index} ({row.label}): class is {row.class_name!r}, whose block "
+                f"was ended by a row of {seen[-1]!r}; the rows of a class stand together"
+            )
+            raise CatalogueError(msg)
+        if row.class_name not in seen:
+            seen.append(row.class_name)
+    for name in classes:
+        if name not in seen:
+            raise CatalogueError(f"{path}: class {name!r} has no row")

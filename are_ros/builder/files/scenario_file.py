@@ -1,0 +1,491 @@
+"""Scenarios as YAML, with their long tracks in a CSV file; see docs/scenarios.md.
+
+The CSV has a line per pose, rounded to a micrometre and a microradian.
+"""
+
+import csv
+import math
+from array import array
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from decimal import Decimal
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import yaml
+
+from are_ros.agents.behaviours.along_way import AlongWay
+from are_ros.agents.behaviours.following import Following
+from are_ros.agents.behaviours.registry import why_not
+from are_ros.agents.behaviours.standing import Standing
+from are_ros.builder.files.catalogue_file import Fields
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import CatalogueError, ScenarioError
+from are_ros.population.artefact import GroundPose, Origin
+from are_ros.population.catalogue import Catalogue, CatalogueRow
+from are_ros.population.departures import Cause
+from are_ros.population.scenario import Scenario, ScriptedArtefact, Track
+from are_ros.wording import why_refused
+from are_ros.yaml_text import read_yaml
+
+_WHO: Final = "artefact"
+_TIME: Final = "t_s"
+_POSE: Final = ("x_m", "y_m", "z_m", "yaw_rad")
+_NEEDED: Final = (_TIME, *_POSE)
+COLUMNS: Final = (_WHO, *_NEEDED)
+_DECIMALS: Final = 6
+
+_SECOND_DIGITS: Final = 9
+_MOST_S: Final = 10**_SECOND_DIGITS
+
+
+def write_tracks(path: Path, tracks: Mapping[str, Track]) -> None:
+    """Write tracks by the key of their artefact (an id or a name); ScenarioError if that fails."""
+    try:
+        with path.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(COLUMNS)
+            for key, track in tracks.items():
+                for t_ns, pose in zip(track.times_ns.tolist(), track.poses.tolist(), strict=True):
+                    numbers = (round(number, _DECIMALS) for number in pose)
+                    writer.writerow((key, seconds_text(t_ns), *numbers))
+    except OSError as cause:
+        raise ScenarioError(f"{path} cannot be written ({why_refused(cause)})") from cause
+
+
+def read_tracks(path: Path) -> dict[str, Track]:
+    """Read tracks by the key of their artefact, "" in a file without the column `artefact`.
+
+    ScenarioError, a sentence that names file, line, column and reason, for whatever is wrong.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            return _read(path, csv.reader(file))
+    except (OSError, ValueError, csv.Error) as cause:
+        reason = getattr(cause, "strerror", None) or "it is no CSV of UTF-8 text"
+        raise ScenarioError(f"{path} cannot be read ({reason})") from cause
+
+
+@dataclass(eq=False, slots=True)
+class _Reading:
+    """The poses of one artefact so far."""
+
+    times_ns: "array[int]" = field(default_factory=lambda: array("q"))
+    numbers: "array[float]" = field(default_factory=lambda: array("d"))
+
+
+def _read(path: Path, lines: Iterator[list[str]]) -> dict[str, Track]:
+    names = [name.strip() for name in next(lines, [])]
+    _check_columns(path, names)
+    readings: defaultdict[str, _Reading] = defaultdict(_Reading)
+    for number, line in enumerate(lines, start=2):
+        if not line:
+            continue
+        place = f"{path}, line {number}"
+        if len(line) != len(names):
+            raise ScenarioError(f"{place}: it has {len(line)} cells, the first line {len(names)}")
+        cells = dict(zip(names, line, strict=True))
+        reading = readings[cells.get(_WHO, "")]
+        try:
+            reading.times_ns.append(_seconds_of_cell(cells[_TIME]))
+            reading.numbers.extend([_number(column, cells[column]) for column in _POSE])
+        except ValueError as cause:
+            raise ScenarioError(f"{place}: {cause}") from cause
+    return {key: _read_track(path, key, reading) for key, reading in readings.items()}
+
+
+def _read_track(path: Path, key: str, reading: _Reading) -> Track:
+    """Return the track that was read; ScenarioError where it is none."""
+    poses = np.array(reading.numbers).reshape(-1, len(_POSE))
+    try:
+        return Track(np.array(reading.times_ns), poses)
+    except ScenarioError as cause:
+        who = f", artefact {key}" if key else ""
+        raise ScenarioError(f"{path}{who}: {cause}") from cause
+
+
+def _check_columns(path: Path, names: Sequence[str]) -> None:
+    for name in names:
+        if name not in COLUMNS or names.count(name) > 1:
+            fault = "comes twice" if name in COLUMNS else "is not known"
+            msg = f"{path}: its first line names the columns, but {name!r} {fault}"
+            raise ScenarioError(f"{msg}; known are {', '.join(COLUMNS)}")
+    for name in _NEEDED:
+        if name not in names:
+            raise ScenarioError(f"{path}: its first line names the columns, but {name} is missing")
+
+
+def _number(column: str, cell: str) -> float:
+    try:
+        number = float(cell)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"{column} is {cell!r}, but a finite number is needed")
+    return number
+
+
+def _seconds_of_cell(cell: str) -> int:
+    try:
+        return ns_of_seconds(cell)
+    except ValueError as cause:
+        raise ValueError(f"{_TIME} {cause}") from cause
+
+
+def ns_of_seconds(value: object) -> int:
+    """Return a number, or its decimal text, of seconds in [0, 1e9] as the nearest nanosecond.
+
+    A float counts as the shortest text that stands for it, so that 0.1 is 100,000,000 ns. Raises
+    ValueError for anything else; its text goes on from the name of a field.
+    """
+    if isinstance(value, bool):
+        raise ValueError(f"is {value!r}, but seconds are needed")  # noqa: TRY004 - one kind for all
+    text = value.strip() if isinstance(value, str) else repr(value)
+    try:
+        seconds = Decimal(text)
+        is_in_range = 0 <= seconds <= _MOST_S
+    except ArithmeticError as cause:
+        raise ValueError(f"is {value!r}, but seconds are needed") from cause
+    if not is_in_range:
+        raise ValueError(f"is {text}, but seconds from 0 to 1e9 are taken")
+    return int((seconds * NS_PER_S).to_integral_value())
+
+
+def seconds_text(t_ns: int) -> str:
+    """Return nanoseconds >= 0 as seconds, in as many decimals as it takes and no more."""
+    whole, part = divmod(t_ns, NS_PER_S)
+    return f"{whole}.{part:0{_SECOND_DIGITS}d}".rstrip("0").rstrip(".")
+
+
+_EXACT_DIGITS: Final = 15
+"""A decimal of so many digits is the shortest text of the float that YAML makes of it."""
+_LINE: Final = 100
+
+_MOVEMENTS: Final = ("way", "follows", "track")
+_NOT_BESIDE_TRACK: Final = ("at", "speed")
+_KEYS: Final = (
+    *("label", "row", "id", "name", "at", "arrives", "stays", "behaviour", "way", "loop"),
+    *("speed", "follows", "track", "origin", "left_by"),
+)
+_ORIGINS: Final = {origin.name.lower(): origin for origin in Origin}
+_BLOCKS: Final = (Cause.MAX_ALIVE, Cause.NO_PLACE, Cause.NO_HIDDEN_PLACE, Cause.REFUSED)
+_CAUSES: Final = {cause.value: cause for cause in Cause if cause not in _BLOCKS}
+
+
+def read_scenario(path: Path, catalogue: Catalogue) -> Scenario:
+    """Read a scenario, whose artefacts are of a catalogue.
+
+    ScenarioError, one sentence that names file, artefact (index and name), field and reason, for
+    whatever is wrong.
+    """
+    content = read_yaml(path, f"the scenario {path}", ScenarioError)
+    with _as_scenario_errors():
+        document = Fields(str(path), content, ("scenario", "artefacts"))
+        head = document.section("scenario", ("name", "random"))
+        entries = document.raw("artefacts")
+        if not isinstance(entries, list):
+            document.refuse("artefacts", "must be a list of artefacts; it may be empty")
+        files = _TrackFiles(path.parent)
+        artefacts = [
+            _artefact(Fields(_place(path, index, entry), entry, _KEYS), catalogue, files)
+            for index, entry in enumerate(entries)
+        ]
+        name = head.text("name", "")
+        random = head.flag("random", default=True)
+    try:
+        return Scenario(tuple(artefacts), random, name)
+    except ScenarioError as cause:
+        raise ScenarioError(f"{path}: {cause}") from cause
+
+
+def scenario_files(path: Path) -> tuple[Path, Path]:
+    """Return the files that a scenario is written into: its own, and that of its long tracks."""
+    return path, path.with_name(f"{path.stem}.tracks.csv")
+
+
+def write_scenario(scenario: Scenario, path: Path) -> list[Path]:
+    """Write a scenario, and its long tracks beside it as NAME.tracks.csv; return the files.
+
+    Times are exact to the nanosecond; poses of long tracks are rounded to a micrometre.
+    ScenarioError if the files cannot be written.
+    """
+    _, sidecar = scenario_files(path)
+    artefacts = scenario.artefacts
+    tracks = {_key(one): one.track for one in artefacts if one.track and _is_beside(one)}
+    head: dict[str, Any] = {"name": scenario.name} if scenario.name else {}
+    head["random"] = scenario.random
+    if tracks:
+        write_tracks(sidecar, tracks)
+    content = {"scenario": head, "artefacts": [_entry(one, sidecar.name) for one in artefacts]}
+    text = yaml.safe_dump(
+        content, sort_keys=False, allow_unicode=True, width=_LINE, default_flow_style=None
+    )
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as cause:
+        raise ScenarioError(f"{path} cannot be written ({why_refused(cause)})") from cause
+    return [path, sidecar] if tracks else [path]
+
+
+@contextmanager
+def _as_scenario_errors() -> Iterator[None]:
+    """Raise errors of fields and of the catalogue as errors of the scenario."""
+    try:
+        yield
+    except CatalogueError as cause:
+        raise ScenarioError(str(cause)) from cause
+
+
+def _place(path: Path, index: int, entry: object) -> str:
+    """Return how sentences name an artefact, before anything of it is checked."""
+    name = None
+    if isinstance(entry, dict):
+        name = next((entry[key] for key in ("name", "label", "row") if key in entry), None)
+    return f"{path}: artefact {index}" + ("" if name is None else f" ({name})")
+
+
+def _is_beside(artefact: ScriptedArtefact) -> bool:
+    """Tell whether a track goes into the CSV: it has several poses, and a key to find it by."""
+    track = artefact.track
+    return bool(track and len(track) > 1 and _key(artefact))
+
+
+def _key(artefact: ScriptedArtefact) -> str:
+    return artefact.name if artefact.artefact_id is None else str(artefact.artefact_id)
+
+
+def _entry(artefact: ScriptedArtefact, sidecar: str) -> dict[str, Any]:
+    """Return one artefact as YAML has it, without the fields that have their defaults."""
+    given: dict[str, Any] = {"label": artefact.row.label}
+    if artefact.artefact_id is not None:
+        given["id"] = artefact.artefact_id
+    if artefact.name:
+        given["name"] = artefact.name
+    given["arrives"] = _seconds(artefact.arrives_ns)
+    if artefact.stays_ns is not None:
+        given["stays"] = _seconds(artefact.stays_ns)
+    if artefact.origin is not Origin.SCRIPTED:
+        given["origin"] = artefact.origin.name.lower()
+    if artefact.cause is not Cause.LIFE_OVER:
+        given["left_by"] = artefact.cause.value
+    return given | _movement(artefact, sidecar)
+
+
+def _movement(artefact: ScriptedArtefact, sidecar: str) -> dict[str, Any]:
+    given: dict[str, Any] = {}
+    if artefact.follows:
+        given["follows"] = artefact.follows
+    elif not artefact.way_m and artefact.behaviour != "standing":
+        given["behaviour"] = artefact.behaviour
+    if artefact.track is not None:
+        return given | {"track": sidecar if _is_beside(artefact) else _inline(artefact.track)}
+    pose = artefact.pose
+    given["at"] = [pose.x_m, pose.y_m, pose.yaw_rad]
+    if artefact.way_m:
+        given |= {"way": [list(point) for point in artefact.way_m], "loop": artefact.loop}
+    if artefact.speed_mps is not None:
+        given["speed"] = artefact.speed_mps
+    return given
+
+
+def _inline(track: Track) -> list[list[Any]]:
+    times_ns, poses = track.times_ns.tolist(), track.poses.tolist()
+    return [[_seconds(t_ns), *pose] for t_ns, pose in zip(times_ns, poses, strict=True)]
+
+
+def _seconds(t_ns: int) -> int | float | str:
+    """Return seconds as YAML keeps them: a number where that loses nothing, else its text."""
+    text = seconds_text(t_ns)
+    if "." not in text:
+        return int(text)
+    return float(text) if len(text) - 1 <= _EXACT_DIGITS else text
+
+
+class _TrackFiles:
+    """The tracks of files, named relative to a folder; each file is read once."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._tracks: dict[str, dict[str, Track]] = {}
+
+    def track(self, file: str, keys: tuple[str, ...]) -> Track:
+        """Return the track of the first key that the file has; ScenarioError if it has none."""
+        if file not in self._tracks:
+            self._tracks[file] = read_tracks(self._folder / file)
+        tracks = self._tracks[file]
+        for key in (*keys, ""):
+            if key in tracks:
+                return tracks[key]
+        known = " or ".join(map(repr, keys)) or "of nobody in particular (no id, no name is given)"
+        raise ScenarioError(f"{self._folder / file} has no track {known}")
+
+
+def _artefact(given: Fields, catalogue: Catalogue, files: _TrackFiles) -> ScriptedArtefact:
+    """Read one artefact; CatalogueError, with its place and field, for whatever is wrong."""
+    _check_movements(given)
+    row = _row(given, catalogue)
+    name = given.text("name", "")
+    artefact_id = _id(given)
+    track = _track(given, files, artefact_id, name)
+    arrives_ns = 0 if track is None else int(track.times_ns[0])
+    if "arrives" in given:
+        arrives_ns = _ns(given, "arrives", given.raw("arrives"))
+    stays = given.raw("stays")
+    return ScriptedArtefact(
+        row=row,
+        pose=_pose(given) if track is None else track.pose_at(arrives_ns),
+        arrives_ns=arrives_ns,
+        stays_ns=None if stays is None or stays == "forever" else _ns(given, "stays", stays),
+        behaviour=_behaviour(given, row),
+        way_m=_way(given),
+        loop=given.flag("loop", default=False),
+        follows=given.text("follows", ""),
+        track=track,
+        speed_mps=_speed_mps(given, row),
+        artefact_id=artefact_id,
+        name=name,
+        origin=_ORIGINS[given.choice("origin", tuple(_ORIGINS), "scripted")],
+        cause=_CAUSES[given.choice("left_by", tuple(_CAUSES), Cause.LIFE_OVER.value)],
+    )
+
+
+def _check_movements(given: Fields) -> None:
+    """Refuse fields that contradict each other."""
+    kinds = [key for key in _MOVEMENTS if key in given]
+    if len(kinds) > 1:
+        given.refuse(kinds[1], f"is given beside {kinds[0]}; an artefact has one of them")
+    for key in _NOT_BESIDE_TRACK:
+        if "track" in given and key in given:
+            given.refuse(key, "is given beside track, which tells where the artefact is when")
+    if "loop" in given and "way" not in given:
+        given.refuse("loop", "is given, but there is no way to go again and again")
+
+
+def _row(given: Fields, catalogue: Catalogue) -> CatalogueRow:
+    if "row" not in given:
+        return _row_of_label(given, catalogue)
+    if "label" in given:
+        given.refuse("label", "is given beside row; one of them is enough")
+    index, count = given.raw("row"), len(catalogue.rows)
+    if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < count:
+        given.refuse("row", f"is {index!r}, but the catalogue has rows 0 to {count - 1}")
+    return catalogue.rows[index]
+
+
+def _row_of_label(given: Fields, catalogue: Catalogue) -> CatalogueRow:
+    label = given.text("label")
+    try:
+        rows = catalogue.rows_named(label)
+    except CatalogueError as cause:
+        given.refuse("label", f"is not to be had: {cause}")
+    if len(rows) > 1:
+        labels = ", ".join(row.label for row in rows)
+        given.refuse("label", f"is {label!r}, a class of several rows; take one of {labels}")
+    return rows[0]
+
+
+def _id(given: Fields) -> int | None:
+    if "id" not in given:
+        return None
+    value = given.raw("id")
+    if isinstance(value, bool) or not isinstance(value, int):
+        given.refuse("id", f"is {value!r}, but a whole number is needed")
+    return value
+
+
+def _ns(given: Fields, key: str, value: object) -> int:
+    try:
+        return ns_of_seconds(value)
+    except ValueError as cause:
+        given.refuse(key, str(cause))
+
+
+def _pose(given: Fields) -> GroundPose:
+    if "at" not in given:
+        given.refuse("at", "is missing: [x, y, yaw] in the map's frame, or a track")
+    x_m, y_m, yaw_rad = _numbers(given, "at", given.raw("at"), "x, y, yaw")
+    return GroundPose(x_m, y_m, 0.0, yaw_rad)
+
+
+def _behaviour(given: Fields, row: CatalogueRow) -> str:
+    """Return the behaviour; on a track it is only a word for what the artefact is seen to do."""
+    if "track" in given:
+        return given.text("behaviour", Standing.name)
+    for key, name in (("way", AlongWay.name), ("follows", Following.name)):
+        if key in given:
+            _check_moves(given, key, row)
+            if "behaviour" in given and given.text("behaviour") != name:
+                given.refuse("behaviour", f"is given beside {key}, which makes it {name}")
+            return name
+    behaviour = given.text("behaviour", Standing.name)
+    reason = why_not(behaviour, row.motion.speed_mps)
+    if reason:
+        given.refuse("behaviour", f"is {behaviour!r}, which {reason}")
+    return behaviour
+
+
+def _check_moves(given: Fields, key: str, row: CatalogueRow) -> None:
+    if row.motion.speed_mps <= 0.0:
+        given.refuse(key, f"is given, but {row.label} cannot move (its motion.speed_mps is 0)")
+
+
+def _way(given: Fields) -> tuple[tuple[float, float], ...]:
+    if "way" not in given:
+        return ()
+    points = given.raw("way")
+    if not isinstance(points, list) or not points:
+        given.refuse("way", f"is {points!r}, but a list of points [x, y] is needed")
+    way = [_numbers(given, f"way[{k}]", point, "x, y") for k, point in enumerate(points)]
+    return tuple((x_m, y_m) for x_m, y_m in way)
+
+
+def _speed_mps(given: Fields, row: CatalogueRow) -> float | None:
+    if "speed" not in given:
+        return None
+    _check_moves(given, "speed", row)
+    speed_mps, most = given.number("speed", positive=True), row.motion.speed_mps
+    if speed_mps > most:
+        given.refuse("speed", f"is {speed_mps:g}, but {row.label} moves at {most:g} m/s at most")
+    return speed_mps
+
+
+def _track(given: Fields, files: _TrackFiles, artefact_id: int | None, name: str) -> Track | None:
+    if "track" not in given:
+        return None
+    value = given.raw("track")
+    keys = [text for text in (str(artefact_id or ""), name) if text]
+    try:
+        if isinstance(value, str):
+            return files.track(value, tuple(keys))
+        return _inline_track(given, value)
+    except ScenarioError as cause:
+        given.refuse("track", f"cannot be used: {cause}")
+
+
+def _inline_track(given: Fields, value: Any) -> Track:
+    if not isinstance(value, list):
+        given.refuse("track", f"is {value!r}, but a file or a list of [t, x, y, z, yaw] is needed")
+    times_ns, poses = [], []
+    for k, entry in enumerate(value):
+        if not isinstance(entry, list) or len(entry) != 5:
+            given.refuse(
+                f"track[{k}]", f"is {entry!r}, but five numbers t, x, y, z, yaw are needed"
+            )
+        times_ns.append(_ns(given, f"track[{k}], time,", entry[0]))
+        poses.append(_numbers(given, f"track[{k}]", entry[1:], "x, y, z, yaw"))
+    return Track(np.array(times_ns, np.int64), np.array(poses, np.float64).reshape(-1, 4))
+
+
+def _numbers(given: Fields, key: str, values: Any, names: str) -> list[float]:
+    """Return as many finite numbers as there are names."""
+    count = names.count(",") + 1
+    if not isinstance(values, list) or len(values) != count:
+        given.refuse(key, f"is {values!r}, but {count} numbers are needed: {names}")
+    for value in values:
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not is_number or not math.isfinite(value):
+            given.refuse(key, f"is {values!r}, but {value!r} in it is no finite number")
+    return [float(value) for value in values]

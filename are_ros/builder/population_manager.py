@@ -1,0 +1,428 @@
+"""The lives of the artefacts in the real world: arrivals, departures, sub-steps, collisions.
+
+`Lives.advance` lets happen what is due, in order: the events of the population at their exact
+times, and the sub-steps at multiples of `motion.step` since the epoch. A sub-step looks at what
+was received before it: the environment, the robot, its goal; and it fixes where everybody will be
+until the next one. Events between two sub-steps go by what the first of them saw. So what happens
+depends on the seed and on what was received before which sub-step, never on how often `advance` is
+called, nor on the instant of reception itself; and where an artefact is at an instant is known as
+soon as that has come, and does not change any more.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.agents.collisions import CollisionResolver
+from are_ros.agents.events import ArtefactEvent, EventKind
+from are_ros.agents.local_planner.state import STAYS
+from are_ros.agents.navigation.terrain import Terrains
+from are_ros.agents.robots import RobotPose, RobotTracker
+from are_ros.agents.scenario_recorder import LifeKeeper
+from are_ros.agents.simulate import CrowdSimulator, MotionCounts
+from are_ros.agents.table import AgentTable
+from are_ros.builder.real_world import RealWorld
+from are_ros.builder.scene import Scene
+from are_ros.builder.spawning.out_of_view import OutOfView, Viewpoint
+from are_ros.builder.spawning.populations import random_population
+from are_ros.builder.spawning.spawner import Spawning
+from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.errors import BehaviourError, PlacementError
+from are_ros.parameters.choices import Leave
+from are_ros.parameters.model import Parameters
+from are_ros.population.artefact import Artefact, GroundPose, Origin, boxes_of, on_ground
+from are_ros.population.catalogue import Catalogue, CatalogueRow
+from are_ros.population.departures import Cause
+from are_ros.population.mixture import mixture_of
+from are_ros.population.population import EventKind as PopulationEventKind
+from are_ros.population.population import PopulationEvent
+from are_ros.population.scenario import ScriptedOffer
+from are_ros.world.environment import Environment
+from are_ros.world.footprint import Footprint
+
+# When sub-steps end: at multiples of their length since the epoch, while anything comes in.
+
+
+IDLE_NS: Final = 60 * NS_PER_S
+"""Once nothing came in for this long, the world stands still between the population's events."""
+
+
+class StepClock:
+    """Gives the end of the next sub-step [ns], `next_ns`, of all that last `period_ns`."""
+
+    def __init__(self, period_ns: int) -> None:
+        self.period_ns = period_ns
+        self.next_ns = 0
+        self.is_running = False
+        self._last_input_ns = 0
+
+    def touch(self, received_ns: int) -> None:
+        """Say that an input came in."""
+        self._last_input_ns = received_ns
+
+    def begin(self, now_ns: int) -> None:
+        """Let the first sub-step end now, or as soon after as one can."""
+        self.next_ns, self.is_running = -(-now_ns // self.period_ns) * self.period_ns, True
+
+    def stop(self, now_ns: int) -> None:
+        """Wait for the next beginning: the clock jumped to `now_ns`."""
+        self.next_ns, self.is_running = 0, False
+        self._last_input_ns = now_ns
+
+    def go_on(self, now_ns: int) -> None:
+        """Turn to the following sub-step; the idle ones of a long pause are left out."""
+        step_ns, period_ns = self.next_ns, self.period_ns
+        self.next_ns += period_ns
+        if step_ns - self._last_input_ns >= IDLE_NS:
+            self.next_ns = max(self.next_ns, now_ns // period_ns * period_ns + period_ns)
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether nothing has come in for long when the next sub-step ends."""
+        return self.next_ns - self._last_input_ns > IDLE_NS
+
+
+_EVENT_KINDS = {
+    PopulationEventKind.ARRIVED: EventKind.ARRIVED,
+    PopulationEventKind.DEPARTED: EventKind.DEPARTED,
+    PopulationEventKind.BLOCKED: EventKind.BLOCKED,
+}
+
+
+def _no_viewpoints(_: int) -> Sequence[Viewpoint]:
+    return ()
+
+
+class Lives:
+    """The population, where it may stand, and what collides with it."""
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        catalogue: Catalogue,
+        world: RealWorld,
+        robots: RobotTracker,
+        resolver: CollisionResolver,
+    ) -> None:
+        terrains = Terrains()
+        self.crowd = CrowdSimulator(
+            parameters, robots.observer.name, resolver, terrains, self._depart, self._overdue
+        )
+        self.population = random_population(
+            parameters, catalogue, begun=self.crowd.begin, stays_on=self._stays_on
+        )
+        self.is_paused = False
+        self._paused_ns = 0
+        self.goal: Footprint | None = None
+        self.plan_m: npt.NDArray[np.float64] = np.empty((0, 2))
+        self.viewpoints: Callable[[int], Sequence[Viewpoint]] = _no_viewpoints
+        self._catalogue = catalogue
+        self._parameters = parameters
+        self._world = world
+        self._robots = robots
+        self._spawning = Spawning(parameters, robots.observer.footprint, terrains)
+        self._steps = StepClock(seconds_to_ns(parameters.motion.step))
+        self._robot: RobotPose | None = None
+        self._viewpoints: Sequence[Viewpoint] = ()
+        self._environment: Environment | None = None
+        self._scene = Scene.of((), 0)
+        self._scene_ns = 0
+
+    @property
+    def area_m2(self) -> float:
+        """The area nu(M2D) on which artefacts arrive, 0 before it is known."""
+        return self._spawning.area_m2
+
+    @property
+    def robot_contacts(self) -> int:
+        """How often the robot has come to touch an artefact."""
+        return self.crowd.contacts.count
+
+    @property
+    def displaced(self) -> int:
+        """How often an artefact had to be put elsewhere, or to leave, for want of a safe pose."""
+        return self.crowd.counts.displaced
+
+    @property
+    def keeper(self) -> LifeKeeper | None:
+        """What is told all that happens, so that it can be saved; None if nobody is."""
+        return self.crowd.keeper
+
+    def keep(self) -> LifeKeeper:
+        """Keep all that happens from the start on; to be called before anything does."""
+        self.crowd.keeper = LifeKeeper(self._steps.period_ns)
+        return self.crowd.keeper
+
+    def tell_faults(self, tell: Callable[[BehaviourError], None]) -> None:
+        """Report a behaviour that fails, and stop its artefact; without a callback it is raised."""
+        self.crowd.decisions.tell_fault = tell
+
+    @property
+    def motion_counts(self) -> MotionCounts:
+        """How many sub-steps artefacts have lived and moved, and how many had to be resolved."""
+        return self.crowd.counts
+
+    @property
+    def environment(self) -> Environment | None:
+        """The environment that the last sub-step saw; before one, the newest."""
+        return self._environment or self._world.environment
+
+    def scene_at(self, t_ns: int, arrived_by_ns: int | None = None) -> Scene:
+        """Return who is, or was, there at `t_ns`, and where; the same object while all stand.
+
+        Only of those who had arrived by another instant where there is one.
+        """
+        artefacts = self.population.present_at(t_ns)
+        if arrived_by_ns is not None:
+            artefacts = [one for one in artefacts if one.arrival_ns <= arrived_by_ns]
+        all_stood = self.crowd.table.history.still_since_ns <= min(t_ns, self._scene_ns)
+        if not all_stood or self._scene.artefacts != tuple(artefacts):
+            self._scene, self._scene_ns = Scene.of(artefacts, t_ns), t_ns
+        return self._scene
+
+    def take_events(self) -> list[ArtefactEvent]:
+        """Return what happened since the last call, in the order of time."""
+        return self.crowd.take_events()
+
+    def touch(self, received_ns: int) -> None:
+        """Say that an input came in: the next sub-steps have something to look at."""
+        self._steps.touch(received_ns)
+
+    def advance(self, now_ns: int) -> None:
+        """Run the population's events and the sub-steps that are due up to `now_ns`."""
+        steps = self._steps
+        if not steps.is_running:
+            self._start(now_ns)
+            steps.begin(now_ns)
+        while True:
+            event_ns = self._next_event_ns()
+            if event_ns is not None and event_ns <= min(now_ns, steps.next_ns):
+                for event in self.population.handle_next(self._find_place, self._admit):
+                    self._say(event)
+            elif steps.next_ns <= now_ns:
+                self._sub_step(steps.next_ns)
+                steps.go_on(now_ns)
+            else:
+                return
+
+    def next_due_ns(self) -> int:
+        """Return when the next sub-step or event of the population is due."""
+        step_ns, event_ns = self._steps.next_ns, self._next_event_ns()
+        return step_ns if event_ns is None else min(step_ns, event_ns)
+
+    def restart(self, now_ns: int, cause: Cause) -> None:
+        """Let all artefacts go, with an event each, and go on at another time."""
+        self.clear(now_ns, cause)
+        self._start(now_ns)
+        self._forget()
+        self._steps.stop(now_ns)
+
+    def interrupt(self, from_ns: int, until_ns: int) -> None:
+        """Let all artefacts go at `from_ns`, and go on at `until_ns`, as if nothing was between.
+
+        Arrivals are waited for anew; the scenario goes on where it was, so much later.
+        """
+        self.clear(from_ns, Cause.RECORDING_GAP)
+        self.population.interrupt(from_ns, until_ns)
+        if self.keeper is not None:
+            self.keeper.postpone(until_ns - from_ns)
+        self._forget()
+        self._steps.touch(until_ns)
+        self._steps.begin(until_ns)
+
+    def _forget(self) -> None:
+        """Forget the robot and what was planned: the clock jumped."""
+        self.crowd.forget()
+        self._robot = self.goal = None
+        self._viewpoints = ()
+        self.plan_m = np.empty((0, 2))
+
+    def _start(self, now_ns: int) -> None:
+        self.population.start(now_ns)
+        if self.keeper is not None:
+            self.keeper.start(now_ns)
+
+    def clear(self, now_ns: int, cause: Cause = Cause.REMOVED) -> int:
+        """Let all artefacts go, with an event each; return how many."""
+        ids = list(self.population.living)
+        for artefact_id in ids:
+            self.remove(artefact_id, now_ns, cause)
+        return len(ids)
+
+    def remove(self, artefact_id: int, now_ns: int, cause: Cause = Cause.REMOVED) -> None:
+        """Let an artefact depart; InputError if none of this id lives."""
+        self._say(self.population.remove(artefact_id, now_ns, cause))
+
+    def reseed(self, seed: int, now_ns: int) -> None:
+        """Let all that is drawn from `now_ns` on come from another seed; the living stay."""
+        self.population.reseed(seed, now_ns)
+        self.crowd.decisions.reseed(seed)
+
+    def pause(self, now_ns: int, *, is_paused: bool) -> None:
+        """Stop or resume arrivals, what is left of all lives, and collisions."""
+        if is_paused == self.is_paused:
+            return
+        self.is_paused = is_paused
+        if is_paused:
+            self._paused_ns = now_ns
+        else:
+            by_ns = max(0, now_ns - self._paused_ns)
+            self.population.postpone(by_ns)
+            for _, track in self.crowd.table.tracks:
+                track.postpone(by_ns)
+        self._set_rates(now_ns)
+
+    def reconfigure(self, parameters: Parameters, resolver: CollisionResolver, now_ns: int) -> None:
+        """Let other values of the live parameters hold from `now_ns` on.
+
+        Raises ParameterError, and changes nothing, where the mixture is bad.
+        """
+        settings = parameters.population
+        law = mixture_of(parameters, self._catalogue)
+        self._spawning.reconfigure(parameters)
+        self._parameters, self.crowd.resolver = parameters, resolver
+        self.population.max_alive = settings.max_alive
+        self.population.set_marks(self._catalogue.rows, law, settings.group_size)
+        self._set_rates(now_ns)
+
+    def place(
+        self,
+        row: CatalogueRow,
+        pose: GroundPose,
+        now_ns: int,
+        *,
+        origin: Origin = Origin.SERVICE,
+        life_ns: int | None = None,
+        behaviour: str = "",
+    ) -> int:
+        """Let an artefact live at this very pose, and return its id.
+
+        Raises PlacementError, and changes nothing, where it cannot stand there; it is never moved.
+        """
+        self.advance(now_ns)
+        reason = self._why_not_placed(row, pose, self._robots.pose(now_ns) or self._robot)
+        if reason:
+            raise PlacementError(f"{row.label} at {pose.x_m:.2f}, {pose.y_m:.2f}: {reason}")
+        event = self.population.admit(
+            row, pose, now_ns, origin=origin, life_ns=life_ns, behaviour=behaviour
+        )
+        self._say(event)
+        return event.artefact_id
+
+    def _next_event_ns(self) -> int | None:
+        if self.is_paused:
+            return None
+        return self.population.next_event_ns()
+
+    def _admit(self, offer: ScriptedOffer) -> GroundPose | str:
+        """Return where a scripted artefact stands, or why it cannot stand there."""
+        environment = self._environment
+        if environment is None:
+            return "there is no map yet"
+        pose, others = offer.pose, self.crowd.table.taken
+        if not offer.has_height:
+            pose = on_ground(offer.row, pose, environment)
+        box, robot = boxes_of([offer.row], [pose]), self._robot
+        return self._spawning.why_not(box, environment, others, robot, 0.0) or pose
+
+    def _find_place(
+        self,
+        artefact_id: int,  # noqa: ARG002 - the population's interface
+        row: CatalogueRow,
+        generator: np.random.Generator,
+        near: tuple[float, float] | None,
+    ) -> GroundPose | Cause:
+        crowd, spawning = self.crowd, self._spawning
+        boxes, is_clear = crowd.table.taken, crowd.planner.is_clear
+        pose = spawning.place(row, generator, boxes, self._robot, near, is_clear)
+        return pose or spawning.cause
+
+    def _why_not_placed(self, row: CatalogueRow, pose: GroundPose, robot: RobotPose | None) -> str:
+        environment = self._world.environment
+        if environment is None:
+            return "there is no map yet"
+        others = self.crowd.table.taken
+        return self._spawning.why_not(boxes_of([row], [pose]), environment, others, robot)
+
+    def _sub_step(self, step_ns: int) -> None:
+        """Look at the environment, the robot and its goal; resolve collisions; go on."""
+        self._world.retry_cloud()
+        # Unless the robot's pose is known now, it is where the last sub-step saw it. What ticks
+        # saw in between does not count: nothing may depend on when they run.
+        self._robot = self._robots.pose(step_ns) or self._robot
+        self._environment = self._world.environment
+        self._spawning.goal = self.goal
+        if self._environment is None:
+            return
+        spawning = self._spawning
+        if spawning.needs_viewpoints:
+            self._viewpoints = self.viewpoints(step_ns) or self._viewpoints
+        if spawning.refresh(self._environment, self._robot, self._viewpoints):
+            self._set_rates(step_ns)
+        self.population.scripted.open(step_ns)
+        goes_on = bool(self.population.living) and not (self.is_paused or self._steps.is_idle)
+        if goes_on:
+            self.crowd.enter(self._environment, spawning.region, spawning.zones)
+            self.crowd.step(step_ns, self._environment, self._robot, self.plan_m)
+
+    def _set_rates(self, now_ns: int) -> None:
+        """Let the rates of the parameters hold; nobody arrives before the region is known."""
+        settings, area_m2 = self._parameters.population, self._spawning.area_m2
+        rate, mean_life_s = settings.arrival_rate, settings.mean_life
+        if not self.population.scripted.scenario.random:
+            rate = 0.0
+        if self.is_paused:
+            rate, mean_life_s = 0.0, float("inf")
+        self.population.set_rates(rate, area_m2, mean_life_s, now_ns)
+
+    def _depart(self, artefact_id: int, now_ns: int, cause: Cause) -> None:
+        self.remove(artefact_id, now_ns, cause)
+
+    def _overdue(self, now_ns: int) -> list[int]:
+        """Return who departs in the sub-step at `now_ns` without having come to an exit."""
+        patience_ns = seconds_to_ns(self._parameters.population.exit_patience)
+        exits_m = self.crowd.navigation.places.exits_m
+        out_of_view = self._spawning.out_of_view
+        return overdue(self.crowd.table, now_ns, patience_ns, exits_m, out_of_view)
+
+    def _stays_on(self, artefact: Artefact) -> bool:
+        """Tell whether an artefact departs later than its life ends: at an exit."""
+        walks_to_exit = self._parameters.population.leave is Leave.WALK_TO_EXIT
+        return walks_to_exit and artefact.state is not None
+
+    def _say(self, event: PopulationEvent) -> None:
+        """Remove from the crowd who went, send out who is to go; keep the event for the outputs."""
+        artefact_id = event.artefact_id
+        if event.kind is PopulationEventKind.DEPARTED:
+            self.crowd.end(artefact_id, event.time_ns, event.cause or Cause.REMOVED)
+        elif event.kind is PopulationEventKind.LEAVING:
+            row = self.crowd.table.row_of(artefact_id)
+            self.crowd.decisions.send_out(row)
+            self.crowd.table.leaving_ns[row] = event.time_ns
+            return
+        detail = event.reason or (event.cause.value if event.cause else "")
+        kind, label = _EVENT_KINDS[event.kind], event.row.label
+        self.crowd.events.append(ArtefactEvent(event.time_ns, kind, artefact_id, label, detail))
+
+
+def overdue(
+    table: AgentTable,
+    now_ns: int,
+    patience_ns: int,
+    exits_m: npt.NDArray[np.float64],
+    out_of_view: OutOfView,
+) -> list[int]:
+    """Return the ids of those leaving who vanish now, ascending (section 3.2).
+
+    These are out of patience on their way to an exit, or unseen where there is no exit.
+    """
+    rows = np.flatnonzero(table.leaving_ns != STAYS)
+    if not rows.size:
+        return []
+    gone = now_ns - table.leaving_ns[rows] >= patience_ns
+    if not len(exits_m):
+        gone = gone | out_of_view.hides(table.boxes.take(rows))
+    ids: list[int] = table.ids[rows[gone]].tolist()
+    return ids

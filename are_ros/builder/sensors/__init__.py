@@ -1,0 +1,1 @@
+"""Augmented sensor readings, each at its own stamp."""

@@ -1,0 +1,346 @@
+"""The sensors: each reading augmented at its own stamp, once its transform is there.
+
+A reading is one message of a sensor: a laser scan, for example. It waits up to `wait_ns` for the
+transform at its stamp. Then the last map->odom is used with the interpolated odom->sensor (a slow
+correction may be held, odometry may not), else the reading passes through unaugmented and is
+counted. So does a reading from before all poses that are kept: its stamps are those of another
+clock than the other inputs', or it was held up for long.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any, Final, Protocol
+
+from are_ros.builder.occlusion.meshes import MeshBank, MeshSelection
+from are_ros.builder.occlusion.rays import VoxelField
+from are_ros.builder.population_manager import Lives
+from are_ros.builder.tick import tick_period_ns
+from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.errors import FrameError
+from are_ros.parameters.choices import SensorGate, Shape
+from are_ros.parameters.model import Parameters, SensorsParameters
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.environment import Environment
+from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.transforms.tree import FrameTree
+
+_WATCHED: Final = 50
+"""How late the transforms came is kept for this many readings that left too early."""
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacles:
+    """What a sensor can meet, in the map frame: `boxes` of N artefacts, one at least.
+
+    `shapes` are the N meshes (default: the boxes themselves), `surface` is that of the environment
+    (None: there is none).
+    """
+
+    boxes: OrientedBoxes
+    shapes: MeshSelection
+    surface: VoxelField | None = None
+
+
+class Reading(Protocol):
+    """One message of a sensor, in the sensor's frame. A kind of sensor implements this class.
+
+    `frame_id` is the sensor's frame, `stamp_ns` the time at which the reading was taken [ns].
+    """
+
+    @property
+    def frame_id(self) -> str:
+        """The sensor's frame."""
+
+    @property
+    def stamp_ns(self) -> int:
+        """When it was taken [ns]."""
+
+    def augmented(self, map_from_sensor: RigidTransform, obstacles: Obstacles) -> Any:
+        """Return the reading as the sensor would give it if the artefacts were there.
+
+        Called once per reading, with the sensor's pose at the reading's stamp. Returns the same
+        object where no artefact changes it.
+        """
+
+
+Augment = Callable[[Any, RigidTransform], Any]
+
+
+@dataclass(frozen=True, eq=False)
+class ReleasedReading:
+    """A reading that leaves the sensor path at `released_ns`, for the output of its topic.
+
+    `reading` and `received`, the reading as it came in (None: not told), are of the topic's kind.
+    """
+
+    topic: str
+    reading: Any
+    released_ns: int
+    is_augmented: bool
+    received: Any = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Waiting:
+    topic: str
+    reading: Reading
+    received_ns: int
+    deadline_ns: int
+
+
+@dataclass
+class SensorPathCounts:
+    """How readings left: with their exact transform, with map->odom held, or as they came."""
+
+    exact: int = 0
+    held: int = 0
+    passed_through: int = 0
+
+
+class SensorPath:
+    """The queue of the readings of one topic that wait, in the order of arrival."""
+
+    def __init__(
+        self,
+        frames: FrameTree,
+        map_frame: str,
+        odom_frame: str,
+        wait_ns: int,
+        history_ns: int,
+        augment: Augment,
+    ) -> None:
+        self.wait_ns = wait_ns
+        self._history_ns = history_ns
+        self.counts = SensorPathCounts()
+        self.last_problem = ""
+        self._frames = frames
+        self._map_frame = map_frame
+        self._odom_frame = odom_frame
+        self._augment = augment
+        self._waiting: deque[_Waiting] = deque()
+        self._too_early: deque[_Waiting] = deque(maxlen=_WATCHED)
+        self._late_ns: deque[int] = deque(maxlen=_WATCHED)
+        self._released: list[ReleasedReading] = []
+
+    def push(self, topic: str, reading: Reading, received_ns: int) -> None:
+        """Take a reading in; it leaves at once if its transform is there already."""
+        self._waiting.append(_Waiting(topic, reading, received_ns, received_ns + self.wait_ns))
+        self.transforms_came(received_ns)
+
+    @property
+    def late_ns(self) -> int:
+        """How long after a reading its transform came at most, of the last that came too late [ns].
+
+        It is 0 where none did: a longer wait would not have helped.
+        """
+        return max((late_ns for late_ns in self._late_ns if late_ns > self.wait_ns), default=0)
+
+    def next_deadline_ns(self) -> int | None:
+        """Return when the reading that waits longest must leave, None if none waits."""
+        return self._waiting[0].deadline_ns if self._waiting else None
+
+    def transforms_came(self, now_ns: int) -> None:
+        """Release the readings whose transform has become known; none overtakes another."""
+        self._watch_too_early(now_ns)
+        while self._waiting:
+            if self._is_too_old(self._waiting[0].reading, now_ns):
+                self._release(self._waiting.popleft(), now_ns, None)
+                continue
+            pose = self._exact_pose(self._waiting[0].reading)
+            if pose is None:
+                return
+            self._release(self._waiting.popleft(), now_ns, pose)
+
+    def deadline_passed(self, now_ns: int) -> None:
+        """Release the readings whose deadline is not after `now_ns`, as well as it can be done.
+
+        The last map->odom may be held, the motion since then may not.
+        """
+        while self._waiting and self._waiting[0].deadline_ns <= now_ns:
+            self._release_head(now_ns)
+            self.transforms_came(now_ns)
+
+    def take(self) -> list[ReleasedReading]:
+        """Return what was released since the last call."""
+        released, self._released = self._released, []
+        return released
+
+    def flush(self, now_ns: int) -> None:
+        """Release all that still waits: the input has ended."""
+        while self._waiting:
+            self._release_head(now_ns)
+
+    def clear(self) -> None:
+        """Drop the waiting readings: the clock jumped back."""
+        self._waiting.clear()
+        self._too_early.clear()
+        self._late_ns.clear()
+
+    def _watch_too_early(self, now_ns: int) -> None:
+        """Note how late the transforms are of readings that have left without them."""
+        while self._too_early:
+            item, age_ns = self._too_early[0], now_ns - self._too_early[0].received_ns
+            frames = self._map_frame, item.reading.frame_id
+            if self._frames.try_lookup(*frames, item.reading.stamp_ns) is not None:
+                self._late_ns.append(age_ns)
+            elif age_ns < self._history_ns:
+                return
+            self._too_early.popleft()
+
+    def _release_head(self, now_ns: int) -> None:
+        """Release the reading that has waited longest, with the best pose that there is."""
+        item = self._waiting.popleft()
+        if self._is_too_old(item.reading, now_ns):
+            self._release(item, now_ns, None)
+            return
+        pose = self._exact_pose(item.reading)
+        if pose is None:
+            self._too_early.append(item)
+            pose = self._held_pose(item.reading)
+        self._release(item, now_ns, pose)
+
+    def _is_too_old(self, reading: Reading, now_ns: int) -> bool:
+        """Count a reading that is older than the poses of the artefacts that are kept."""
+        age_ns = now_ns - reading.stamp_ns
+        if age_ns <= self._history_ns:
+            return False
+        self.counts.passed_through += 1
+        self.last_problem = (
+            f"its stamp is {age_ns / NS_PER_S:.1f} s old, but the artefacts' poses are kept for "
+            f"{self._history_ns / NS_PER_S:g} s only (poses.history); most often clocks differ"
+        )
+        return True
+
+    def _exact_pose(self, reading: Reading) -> RigidTransform | None:
+        pose = self._frames.try_lookup(self._map_frame, reading.frame_id, reading.stamp_ns)
+        self.counts.exact += pose is not None
+        return pose
+
+    def _held_pose(self, reading: Reading) -> RigidTransform | None:
+        has_odometry = self._frames.has_frame(self._odom_frame)
+        try:
+            if not has_odometry:
+                return self._frames.lookup(self._map_frame, reading.frame_id, reading.stamp_ns)
+            pose = self._frames.lookup_held(
+                self._map_frame, self._odom_frame, reading.frame_id, reading.stamp_ns
+            )
+        except FrameError as cause:
+            self.counts.passed_through += 1
+            self.last_problem = str(cause)
+            return None
+        self.counts.held += 1
+        return pose
+
+    def _release(self, item: _Waiting, now_ns: int, map_from_sensor: RigidTransform | None) -> None:
+        reading, is_augmented = item.reading, map_from_sensor is not None
+        if map_from_sensor is not None:
+            reading = self._augment(reading, map_from_sensor)
+        self._released.append(
+            ReleasedReading(item.topic, reading, now_ns, is_augmented, item.reading)
+        )
+
+
+class SensorAugmentation:
+    """Augments each reading with the artefacts that were there at its stamp; a path per topic.
+
+    An artefact is visible from the first tick that is not before its arrival, in all outputs alike.
+    `perceived` are the ids that `sensors.gate: perceived` lets through.
+    """
+
+    def __init__(
+        self, parameters: Parameters, frames: FrameTree, lives: Lives, meshes: MeshBank
+    ) -> None:
+        self.perceived: frozenset[int] = frozenset()
+        self._settings = parameters.sensors
+        self._history_ns = seconds_to_ns(parameters.poses.history)
+        self._tick_ns = tick_period_ns(parameters.builder.tick_rate)
+        self._frame_names = parameters.frames
+        self._frames = frames
+        self._lives = lives
+        self._meshes = meshes
+        self._paths: dict[str, SensorPath] = {}
+
+    def reconfigure(self, settings: SensorsParameters) -> None:
+        """Use other settings from now on; the wait holds for the next readings of known topics."""
+        self._settings = settings
+        for path in self._paths.values():
+            path.wait_ns = seconds_to_ns(settings.tf_wait)
+
+    def prepare(self, environment: Environment) -> None:
+        """Compute the surface of an environment, if there are sensors."""
+        if self._paths:
+            VoxelField.of(environment.voxels)
+
+    def push(self, topic: str, reading: Reading, received_ns: int) -> None:
+        """Take a reading in; topics do not wait for each other."""
+        if topic not in self._paths:
+            self._paths[topic] = SensorPath(
+                self._frames,
+                self._frame_names.map,
+                self._frame_names.odom,
+                seconds_to_ns(self._settings.tf_wait),
+                self._history_ns,
+                self._augmented,
+            )
+        self._paths[topic].push(topic, reading, received_ns)
+
+    def transforms_came(self, now_ns: int) -> None:
+        """Release the readings whose transform has become known."""
+        for path in self._paths.values():
+            path.transforms_came(now_ns)
+
+    def next_deadline_ns(self) -> int | None:
+        """Return when the next reading must leave, None if none waits."""
+        deadlines = [path.next_deadline_ns() for path in self._paths.values()]
+        return min((deadline for deadline in deadlines if deadline is not None), default=None)
+
+    def deadline_passed(self, now_ns: int) -> None:
+        """Release the readings whose deadline is not after `now_ns`."""
+        for path in self._paths.values():
+            path.deadline_passed(now_ns)
+
+    def take(self) -> list[ReleasedReading]:
+        """Return what was released since the last call, in the order of release."""
+        released = [one for path in self._paths.values() for one in path.take()]
+        return sorted(released, key=attrgetter("released_ns")) if len(self._paths) > 1 else released
+
+    def flush(self, now_ns: int) -> None:
+        """Release all that still waits: the input has ended."""
+        for path in self._paths.values():
+            path.flush(now_ns)
+
+    def clear(self) -> None:
+        """Drop the waiting readings: the clock jumped back."""
+        for path in self._paths.values():
+            path.clear()
+
+    def counts(self) -> dict[str, SensorPathCounts]:
+        """Return how the readings of each topic left."""
+        return {topic: path.counts for topic, path in self._paths.items()}
+
+    def problems(self) -> dict[str, str]:
+        """Return, by topic, why the last reading that passed through unaugmented did."""
+        return {
+            topic: path.last_problem for topic, path in self._paths.items() if path.last_problem
+        }
+
+    def late_ns(self) -> dict[str, int]:
+        """Return, by topic, how late the transforms were for which readings did not wait [ns]."""
+        return {topic: path.late_ns for topic, path in self._paths.items()}
+
+    def _augmented(self, reading: Reading, map_from_sensor: RigidTransform) -> Any:
+        last_tick_ns = reading.stamp_ns // self._tick_ns * self._tick_ns
+        scene = self._lives.scene_at(reading.stamp_ns, arrived_by_ns=last_tick_ns)
+        if self._settings.gate is SensorGate.PERCEIVED:
+            scene = scene.only(self.perceived)
+        if not len(scene):
+            return reading
+        if self._settings.shape is Shape.MESH:
+            shapes = self._meshes.selection(scene.rows)
+        else:
+            shapes = MeshSelection.boxes_only(len(scene))
+        environment = self._lives.environment
+        surface = VoxelField.of(environment.voxels) if environment else None
+        return reading.augmented(map_from_sensor, Obstacles(scene.boxes, shapes, surface))

@@ -1,0 +1,291 @@
+"""The real environment as it comes in, and the artefacts that live in it, in the order of time."""
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.builder import assembly
+from are_ros.builder.occlusion.meshes import MeshBank
+from are_ros.builder.population_manager import Lives
+from are_ros.builder.real_world import RealWorld
+from are_ros.builder.sensors.sensor_path import (
+    ReleasedReading,
+    SensorAugmentation,
+    SensorPathCounts,
+)
+from are_ros.builder.sensors.sensor_path import Reading
+from are_ros.builder.spawning.out_of_view import Viewpoint
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import InputError
+from are_ros.parameters.choices import CameraModel, OdometryUse
+from are_ros.parameters.model import Parameters
+from are_ros.population.catalogue import Catalogue
+from are_ros.population.departures import Cause
+from are_ros.world.cameras import Camera
+from are_ros.world.footprint import Footprint
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.rigid_transform import Values
+from are_ros.world.transforms.table import TransformSource
+from are_ros.world.transforms.tree import FrameTree
+
+_BEFORE_ALL_NS: Final = -(2**63)
+_AFTER_ALL_NS: Final = 2**63 - 1
+CLOCK_JITTER_NS: Final = NS_PER_S
+"""What comes out of order by no more than this is taken as if it came now: machines' clocks are
+set back by fractions of a second, recordings that loop go back further."""
+_LEAP_NS: Final = 7200 * NS_PER_S
+"""A clock that leaps ahead by more than this leaves everything behind: nobody saw that time, and
+to let a day of it happen takes seconds, years take hours."""
+_ODOMETRY_SOURCES: Final = {
+    OdometryUse.AUTO: TransformSource.ODOMETRY,
+    OdometryUse.USE: TransformSource.PREFERRED_ODOMETRY,
+}
+
+
+class Reality:
+    """What was received, and what lives: everything that goes on between the ticks.
+
+    Inputs come in through the `receive_...` methods, in the order of the time at which they were
+    received; whatever is due before that time happens first, with what was known before. Bad
+    input raises InputError or FrameError and changes nothing.
+    """
+
+    def __init__(self, parameters: Parameters, catalogue: Catalogue) -> None:
+        self.parameters = parameters
+        self.catalogue = catalogue
+        self.notices: list[str] = []
+        self.frames = FrameTree()
+        self.world = RealWorld(parameters.world, parameters.frames.map, self.frames, self.notices)
+        self.robots = assembly.robot_tracker(parameters, self.frames)
+        resolver = assembly.collision_resolver(parameters)
+        self.lives = Lives(parameters, catalogue, self.world, self.robots, resolver)
+        self.camera: Camera | None = assembly.default_camera(parameters)
+        self._meshes = MeshBank()
+        self.lives.viewpoints = self._viewpoints
+        self._sensors = SensorAugmentation(parameters, self.frames, self.lives, self._meshes)
+        self.judges_until_ns = _AFTER_ALL_NS
+        """No reading's deadline after this is judged yet; a node sets it, a replay need not."""
+        self._now_ns = _BEFORE_ALL_NS
+        self._idle_until_ns = _BEFORE_ALL_NS
+        assembly.set_static_frames(parameters, self.frames)
+
+    # ------------------------------------------------------------------------------ inputs
+
+    def receive_map(self, grid: OccupancyGrid, received_ns: int) -> None:
+        """Take the real map M2D, which must be in the map's frame."""
+        self._received(received_ns)
+        if grid.frame_id != self.parameters.frames.map:
+            wanted = self.parameters.frames.map
+            raise InputError(
+                f"map: its frame is '{grid.frame_id}', but frames.map is '{wanted}': set that to "
+                f"the map's frame (--map-frame {grid.frame_id}); but a map that moves with the "
+                "robot (a local, rolling one) cannot be the real map"
+            )
+        self.world.set_grid(grid)
+
+    def receive_cloud(
+        self,
+        centres_m: npt.NDArray[np.floating],
+        frame_id: str,
+        received_ns: int,
+        voxel_size_m: float | None = None,
+        stamp_ns: int | None = None,
+    ) -> None:
+        """Take the centres (N, 3) of M3D's occupied voxels, in any frame of the tree.
+
+        The frame's pose is that at the stamp where it is known, else (None, or too long ago) the
+        newest; a frame that is not known yet is waited for.
+        """
+        self._received(received_ns)
+        self.world.set_cloud(centres_m, voxel_size_m, frame_id, stamp_ns)
+
+    def receive_transform(
+        self,
+        parent: str,
+        child: str,
+        stamp_ns: int,
+        translation_m: Values,
+        rotation_xyzw: Values,
+        received_ns: int,
+        *,
+        is_static: bool = False,
+    ) -> None:
+        """Take one transform of /tf or /tf_static."""
+        self._received(received_ns)
+        if is_static:
+            self.frames.set_static(parent, child, translation_m, rotation_xyzw)
+        else:
+            self.frames.set_transform(parent, child, stamp_ns, translation_m, rotation_xyzw)
+        self._sensors.transforms_came(received_ns)
+
+    def receive_odometry(
+        self,
+        parent: str,
+        child: str,
+        stamp_ns: int,
+        translation_m: Values,
+        rotation_xyzw: Values,
+        received_ns: int,
+    ) -> None:
+        """Take a pose from odometry; an empty child frame means the robot's base."""
+        self._received(received_ns)
+        source = _ODOMETRY_SOURCES.get(self.parameters.frames.odometry)
+        if source is None:
+            return
+        child = child or self.robots.base_frame()
+        self.frames.set_transform(
+            parent, child, stamp_ns, translation_m, rotation_xyzw, source=source
+        )
+        self._sensors.transforms_came(received_ns)
+
+    def receive_camera(self, camera: Camera, received_ns: int) -> None:
+        """Take the view model of the robot's camera, from its CameraInfo."""
+        self._received(received_ns)
+        self.camera = assembly.chosen_camera(self.parameters, camera)
+
+    def receive_reading(self, topic: str, reading: Reading, received_ns: int) -> None:
+        """Take a reading of a sensor; it comes back, augmented, from `take_readings`."""
+        self._received(received_ns)
+        self._sensors.push(topic, reading, received_ns)
+        self._idle_until_ns = received_ns
+
+    def receive_plan(
+        self, points_m: npt.NDArray[np.floating], frame_id: str, received_ns: int
+    ) -> None:
+        """Take the way (N, 3) that the robot plans, in any frame of the tree; its end is the goal.
+
+        Nobody arrives within the robot's clearance of the goal; N of 0 means there is none. Raises
+        FrameError where the frame's pose is not known.
+        """
+        self._received(received_ns)
+        plan_m = self._in_map(points_m, frame_id) if len(points_m) else np.empty((0, 3))
+        self.lives.plan_m = plan_m[:, :2]
+        self.lives.goal = self._goal_of(plan_m) if len(plan_m) else None
+
+    def take_readings(self) -> list[ReleasedReading]:
+        """Return the readings that have left the sensor paths since the last call."""
+        return self._sensors.take()
+
+    def await_camera(self) -> None:
+        """Perceive nothing before the first CameraInfo, unless the parameters are the camera."""
+        if self.parameters.camera.model is CameraModel.AUTO:
+            self.camera = None
+
+    def use_default_camera(self) -> str:
+        """Look through the parameters' camera until a CameraInfo comes; return what to say."""
+        self.camera, camera = assembly.default_camera(self.parameters), self.parameters.camera
+        return (
+            f"a pinhole of {camera.width}x{camera.height} pixels on the base, "
+            f"{camera.mount[2]:g} m up, stands in for it (parameters camera.*)"
+        )
+
+    def sensor_counts(self) -> Mapping[str, SensorPathCounts]:
+        """Return how the readings of each topic have left so far."""
+        return self._sensors.counts()
+
+    def sensor_problems(self) -> Mapping[str, str]:
+        """Return why the last reading of a topic that passed through unaugmented did."""
+        return self._sensors.problems()
+
+    def sensor_lateness_ns(self) -> Mapping[str, int]:
+        """Return, by topic, how late the transforms were for which readings did not wait [ns]."""
+        return self._sensors.late_ns()
+
+    # ------------------------------------------------------------------------------ time
+
+    def advance(self, now_ns: int) -> None:
+        """Let happen what is due up to `now_ns`: lives, motion, collisions, waiting readings."""
+        if now_ns < self._idle_until_ns:
+            self._check_clock(now_ns)
+            return
+        if now_ns > self._now_ns + _LEAP_NS and self._now_ns != _BEFORE_ALL_NS:
+            self._leap(now_ns)
+        self._now_ns = max(self._now_ns, now_ns)
+        while (deadline_ns := self._sensors.next_deadline_ns()) is not None:
+            if deadline_ns > min(now_ns, self.judges_until_ns):
+                break
+            self.lives.advance(deadline_ns)
+            self._sensors.deadline_passed(deadline_ns)
+        self.lives.advance(now_ns)
+        self._idle_until_ns = self._next_due_ns()
+
+    def finish(self, now_ns: int) -> None:
+        """Release the readings that still wait: the inputs have ended."""
+        self.advance(now_ns)
+        self._sensors.flush(now_ns)
+
+    def next_deadline_ns(self) -> int | None:
+        """Return when the next reading that waits must leave, None if none waits."""
+        return self._sensors.next_deadline_ns()
+
+    def _next_due_ns(self) -> int:
+        """Return the time before which nothing is due unless an input comes."""
+        deadline_ns = self.next_deadline_ns()
+        due_ns = self.lives.next_due_ns()
+        return due_ns if deadline_ns is None else min(due_ns, deadline_ns)
+
+    def _check_clock(self, now_ns: int) -> None:
+        """Start anew when the clock has jumped back, as it does when a recording loops."""
+        if now_ns >= self._now_ns - CLOCK_JITTER_NS:
+            self._now_ns = max(self._now_ns, now_ns)
+            return
+        self.notices.append(
+            f"the clock jumped back by {(self._now_ns - now_ns) / NS_PER_S:.3f} s: "
+            "all artefacts are gone, and later transforms and scans are forgotten"
+        )
+        self._now_ns = self._idle_until_ns = now_ns
+        self.restart(now_ns)
+
+    def _leap(self, now_ns: int) -> None:
+        """Start anew when the clock has leapt ahead, as it does when another recording begins."""
+        self.notices.append(
+            f"the clock leapt ahead by {(now_ns - self._now_ns) / NS_PER_S:.0f} s: "
+            "all artefacts are gone"
+        )
+        self.restart(now_ns, Cause.CLOCK_LEAPT)
+
+    def restart(self, now_ns: int, cause: Cause = Cause.CLOCK_JUMPED_BACK) -> None:
+        """Let all artefacts go, and forget what came later than `now_ns`: the clock jumped."""
+        self.frames.forget_after(now_ns)
+        self.robots.forget()
+        self.lives.restart(now_ns, cause)
+        self._sensors.clear()
+
+    def interrupt(self, from_ns: int, until_ns: int) -> None:
+        """Leave out [from_ns, until_ns), in which nothing came in: nobody knows what happened.
+
+        All artefacts go at its beginning. What was known of the robot is forgotten, the transforms
+        too, but for the static ones: it may be anywhere. A scenario goes on afterwards.
+        """
+        self.finish(from_ns)
+        self.frames.forget_after(_BEFORE_ALL_NS)
+        self.robots.forget()
+        self.lives.interrupt(from_ns, until_ns)
+        self._now_ns = self._idle_until_ns = until_ns
+
+    def _received(self, received_ns: int) -> None:
+        """Let happen what was due before an input that is about to be taken."""
+        self.advance(received_ns)
+        self.lives.touch(received_ns)
+
+    def _in_map(self, points_m: npt.NDArray[np.floating], frame_id: str) -> npt.NDArray[np.float64]:
+        """Return points (N, 3) of a frame, where that is now, in the map's frame."""
+        map_frame = self.parameters.frames.map
+        stamp_ns = self.frames.latest_common_time(map_frame, frame_id)
+        map_from_plan = self.frames.lookup(map_frame, frame_id, stamp_ns)
+        return map_from_plan.apply(np.asarray(points_m, dtype=np.float64))
+
+    def _goal_of(self, plan_m: npt.NDArray[np.float64]) -> Footprint:
+        """Return the robot's disc at the end of its way (N, 3), in the map's frame."""
+        radius_m = self.robots.observer.footprint.circumscribed_radius_m
+        return Footprint(plan_m[-1:, :2], radius_m)
+
+    def _viewpoints(self, now_ns: int) -> Sequence[Viewpoint]:
+        """Return the camera where it is, nothing where that is not known."""
+        camera = self.camera
+        map_from_camera = self.robots.map_from_camera(camera, now_ns) if camera else None
+        if camera is None or map_from_camera is None:
+            return ()
+        return (Viewpoint(camera.view, map_from_camera),)

@@ -1,0 +1,1 @@
+"""Where artefacts arrive: placement, out of the robot's view, on request."""

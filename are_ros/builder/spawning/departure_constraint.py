@@ -1,0 +1,299 @@
+"""Conditions on an arrival pose, beside room for the box, so that the artefact can depart from it.
+
+A body that rotates on the spot needs a free disc. A vehicle needs free space that is connected over
+some metres, and a free first arc: between two walls it could not move for all of its life.
+"""
+
+from functools import cached_property
+from typing import Final, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros._compiled import compiled
+from are_ros.agents.behaviours.standing import Standing
+from are_ros.agents.local_planner.body import TIGHTEST, Body
+from are_ros.agents.mdp.coarse_kernels import exact_room
+from are_ros.agents.mdp.coarse_map import rounded_up_m
+from are_ros.agents.navigation.destinations import APART_M
+from are_ros.agents.navigation.profile import Traveller
+from are_ros.agents.navigation.terrain import Terrain, Terrains, rolls
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.world.boxes import TOUCH_TOLERANCE_M
+from are_ros.world.environment import Environment
+from are_ros.world.lattice_cover import TWO_HALF_DIAGONALS, is_free
+
+_Mask = npt.NDArray[np.bool_]
+_Floats = npt.NDArray[np.float64]
+
+FIRST_TURN_RAD: Final = 1.0
+"""Angle of the first arc at full lock; the straight one is as long."""
+
+LEAST_PART_M: Final = APART_M + 1.0
+"""A shorter part of the map has no two destinations that are far enough apart for a trip."""
+
+_HALF_CELL: Final = 0.5
+_SURELY_MET: Final = 0.25
+"""As in `terrain.rolls`, in cells."""
+_MET: Final = -1.0
+
+
+class DepartureConstraint(Protocol):
+    """Tells from which poses an artefact can depart, as far as the static map decides."""
+
+    radius_m: float
+    """Radius of a disc about F_A that is free at every such pose."""
+
+    @property
+    def is_searched_for(self) -> bool:
+        """Whether the whole pose lattice is searched; then every pose that is free leads out."""
+
+    @property
+    def key(self) -> tuple[float, ...]:
+        """What distinguishes two constraints in one environment, beside the shape of the box."""
+
+    @property
+    def is_anywhere(self) -> bool:
+        """Whether the map has any such place."""
+
+    def is_free_at(self, points_m: _Floats) -> _Mask:
+        """Tell at which points (N, >= 2) the disc is free, and can leave: bool (N,)."""
+
+    def leads_out(self, poses: _Floats) -> _Mask:
+        """Tell which poses (N, 4), x, y, 0, yaw, at such points lead out: bool (N,)."""
+
+
+class RotationCheck:
+    """A `DepartureConstraint`: the disc about F_A that the box sweeps when it rotates is free.
+
+    `region` bool (H, W) are the cells that the artefact may be in.
+    """
+
+    is_searched_for = True
+
+    def __init__(self, terrain: Terrain, radius_m: float, region: _Mask) -> None:
+        self.radius_m = radius_m
+        self._terrain = terrain
+        self._region = region
+
+    @property
+    def key(self) -> tuple[float, ...]:
+        return (self.radius_m, self._terrain.height_m)
+
+    @cached_property
+    def is_anywhere(self) -> bool:
+        field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
+        return bool((exact_room(field, self.radius_m, unit_m)[self._region] > 0.0).any())
+
+    def is_free_at(self, points_m: _Floats) -> _Mask:
+        terrain = self._terrain
+        return discs_are_free(terrain.clearance_m, terrain.lattice, points_m, self.radius_m)
+
+    def leads_out(self, poses: _Floats) -> _Mask:
+        return np.ones(len(poses), np.bool_)
+
+
+class ConnectedFreeSpace(RotationCheck):
+    """The disc is free, and in a connected part of the free space that is large enough for a trip.
+
+    Such a part is at least `extent_m` long, along the grid's axes, and has a cell of `region`.
+    """
+
+    def __init__(self, terrain: Terrain, radius_m: float, region: _Mask, extent_m: float) -> None:
+        super().__init__(terrain, radius_m, region)
+        self._extent_m = extent_m
+
+    @cached_property
+    def is_anywhere(self) -> bool:
+        return bool(self._roomy.any())
+
+    def is_free_at(self, points_m: _Floats) -> _Mask:
+        free = super().is_free_at(points_m)
+        rows, cols = self._terrain.grid.points_to_cells(points_m[free, :2]).T
+        free[free] = self._roomy[rows, cols]
+        return free
+
+    @cached_property
+    def _roomy(self) -> _Mask:
+        """The cells (H, W) of such parts, and those beside them, whose centres may be too near."""
+        import cv2
+
+        field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
+        open_cells = (exact_room(field, self.radius_m, unit_m) > 0.0).view(np.uint8)
+        count, labels, boxes, _ = cv2.connectedComponentsWithStats(open_cells, connectivity=4)
+        sides = boxes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
+        is_roomy = np.bincount(labels[self._region], minlength=count) > 0
+        is_roomy &= sides * unit_m >= self._extent_m
+        is_roomy[0] = False
+        mask = is_roomy[labels].view(np.uint8)
+        roomy: _Mask = cv2.dilate(mask, np.ones((3, 3), np.uint8)).view(np.bool_)
+        return roomy
+
+
+@compiled
+def discs_are_free(
+    field: npt.NDArray[np.float32],
+    lattice: npt.NDArray[np.float64],
+    points_m: npt.NDArray[np.float64],
+    radius_m: float,
+) -> _Mask:
+    """Tell for each point (N, >= 2) whether the disc about it covers open cells only: bool (N,).
+
+    The local planner has the same condition for the end of a move: `Terrain.sees` from a point to
+    itself.
+    """
+    free = np.empty(len(points_m), np.bool_)
+    for k in range(len(points_m)):
+        point_m = (points_m[k, 0], points_m[k, 1])
+        free[k] = rolls(field, lattice, point_m, point_m, radius_m)
+    return free
+
+
+class VehicleDepartureCheck(ConnectedFreeSpace):
+    """The disc of a vehicle's coarse route, narrower than its box is long, and a free first arc.
+
+    The pose lattice is not searched: to ask it all takes seconds where no vehicle can depart.
+    """
+
+    is_searched_for = False
+
+    def __init__(self, terrain: Terrain, body: Body, way_radius_m: float, region: _Mask) -> None:
+        super().__init__(terrain, rounded_up_m(way_radius_m), region, LEAST_PART_M)
+        self._turn_radius_m = body.turn_radius_m
+        self._body = _row_of(body)
+
+    @property
+    def key(self) -> tuple[float, ...]:
+        return (*super().key, self._turn_radius_m)
+
+    def leads_out(self, poses: _Floats) -> _Mask:
+        """Tell at which poses (N, 4), x, y, 0, yaw, one of six first arcs is free: bool (N,).
+
+        Straight or at full lock to the left or right, forward or in reverse; the box is checked
+        every half cell or less.
+        """
+        terrain, unit_m = self._terrain, self._terrain.grid.resolution_m
+        field, lattice = terrain.clearance_m, terrain.lattice
+        return some_arc_is_free(field, lattice, unit_m, self._body, poses)
+
+
+def _row_of(body: Body) -> _Floats:
+    """Return half sizes, centre, turning radius, way of the first metres, and the discs (9,)."""
+    radius_m = TIGHTEST * body.turn_radius_m
+    way_m = FIRST_TURN_RAD * body.turn_radius_m
+    count, gap_m, disc_m = body.discs()
+    return np.array([*body.half_size_m, *body.centre_m, radius_m, way_m, count, gap_m, disc_m])
+
+
+@compiled
+def some_arc_is_free(
+    field: npt.NDArray[np.float32],
+    lattice: _Floats,
+    unit_m: float,
+    body: _Floats,
+    poses: _Floats,
+) -> _Mask:
+    """Tell for each pose (N, 4), x, y, 0, yaw, whether one of six arcs is free: bool (N,)."""
+    out = np.zeros(len(poses), np.bool_)
+    box = np.zeros((1, 8))
+    box[0, 5], box[0, 6] = body[0], body[1]
+    for k in range(len(poses)):
+        for direction in (1.0, -1.0):
+            for bend in (0.0, 1.0, -1.0):
+                if not out[k]:
+                    curvature = bend / body[4]
+                    out[k] = _is_arc_free(
+                        field, lattice, unit_m, body, poses[k], direction, curvature, box
+                    )
+    return out
+
+
+@compiled
+def _is_arc_free(
+    field: npt.NDArray[np.float32],
+    lattice: _Floats,
+    unit_m: float,
+    body: _Floats,
+    pose: _Floats,
+    direction: float,
+    curvature: float,
+    box: _Floats,
+) -> bool:
+    """Tell whether the box is free at the end of an arc, and then all along it, in leaps."""
+    steps = int(np.ceil(body[5] / (_HALF_CELL * unit_m)))
+    step_m = body[5] / steps
+    far_m = np.hypot(abs(body[2]) + body[0], abs(body[3]) + body[1])
+    pace = 1.0 + abs(curvature) * far_m  # of the fastest point of the box
+    _lay(pose, direction * body[5], curvature, body, box)
+    if _room_m(field, lattice, unit_m, body, box) < 0.0:
+        return False
+    k = 0
+    while k < steps:
+        _lay(pose, direction * k * step_m, curvature, body, box)
+        room_m = _room_m(field, lattice, unit_m, body, box)
+        if room_m < 0.0:
+            return False
+        k += max(1, int(room_m / (pace * step_m)))
+    return True
+
+
+@compiled
+def _lay(pose: _Floats, way_m: float, curvature: float, body: _Floats, box: _Floats) -> None:
+    """Write the box's centre and heading where it is after a signed way along an arc."""
+    turn = curvature * way_m
+    ahead_m, aside_m = way_m, 0.0
+    if turn != 0.0:
+        ahead_m, aside_m = np.sin(turn) / curvature, (1.0 - np.cos(turn)) / curvature
+    cos, sin = np.cos(pose[3]), np.sin(pose[3])
+    x_m = pose[0] + cos * ahead_m - sin * aside_m
+    y_m = pose[1] + sin * ahead_m + cos * aside_m
+    cos, sin = np.cos(pose[3] + turn), np.sin(pose[3] + turn)
+    box[0, 0] = x_m + cos * body[2] - sin * body[3]
+    box[0, 1] = y_m + sin * body[2] + cos * body[3]
+    box[0, 3], box[0, 4] = cos, sin
+
+
+@compiled
+def _room_m(
+    field: npt.NDArray[np.float32],
+    lattice: _Floats,
+    unit_m: float,
+    body: _Floats,
+    box: _Floats,
+) -> float:
+    """Return how far the box surely is from closed cells; negative if it covers any: exact."""
+    least_m = np.inf
+    is_long = body[0] >= body[1]
+    along_x, along_y = (box[0, 3], box[0, 4]) if is_long else (-box[0, 4], box[0, 3])
+    for n in range(int(body[6])):
+        offset_m = (n - 0.5 * (body[6] - 1.0)) * body[7]
+        dx_m = box[0, 0] + offset_m * along_x - lattice[0]
+        dy_m = box[0, 1] + offset_m * along_y - lattice[1]
+        col = (dx_m * lattice[2] + dy_m * lattice[3]) / unit_m
+        row = (dy_m * lattice[2] - dx_m * lattice[3]) / unit_m
+        if not (0.0 <= col < field.shape[1] and 0.0 <= row < field.shape[0]):
+            return _MET
+        least_m = min(least_m, field[int(row), int(col)])
+    filled_m = min(0.5 * body[7], body[0], body[1])  # a disc about any of them lies in the box
+    if least_m + _SURELY_MET * unit_m < filled_m:
+        return _MET
+    room_m = least_m - TWO_HALF_DIAGONALS * unit_m - body[8]
+    if room_m < 0.0 and not is_free(box, 0, lattice, field, unit_m, TOUCH_TOLERANCE_M):
+        return _MET
+    return float(max(room_m, 0.0))
+
+
+def departure_constraint_of(
+    row: CatalogueRow, environment: Environment, terrains: Terrains, region: _Mask
+) -> DepartureConstraint | None:
+    """Return the constraint of a row's artefacts; None if they only stand.
+
+    `region` bool (H, W) are the cells that they may be in.
+    """
+    if row.motion.speed_mps <= 0.0 or set(row.behaviours) <= {Standing.name}:
+        return None
+    body = Body.of(row)
+    terrain = terrains.of(environment, body.height_m)
+    if body.turn_radius_m <= 0.0:
+        return RotationCheck(terrain, body.radius_m, region)
+    return VehicleDepartureCheck(terrain, body, Traveller.of(row, body).radius_m, region)

@@ -1,0 +1,574 @@
+"""Placement: uniform over the feasible poses of an artefact (section 3.2)."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros._compiled import compiled
+from are_ros.agents.navigation.terrain import Terrains
+from are_ros.builder.spawning.departure_constraint import (
+    DepartureConstraint,
+    departure_constraint_of,
+)
+from are_ros.population.artefact import GroundPose, shape_of
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.world.boxes import OrientedBoxes, overlaps_any
+from are_ros.world.environment import Environment
+from are_ros.world.footprint import Footprint, signed_distance_m
+from are_ros.world.lattice_cover import lattice_row
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.regions import SpawnRegion
+
+_LEVELS_PER_CELL: Final = 4
+_HIGHEST_LEVEL: Final = 2**16 - 1
+_SLACK_CELLS: Final = math.sqrt(0.5) - 0.5 + 1e-3
+"""A disc about any point of a cell, clear of all squares that are not free, may be wider by this
+than the clearance between the cells' centres: half a diagonal less half an edge, and rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateCells:
+    """Cells in descending order of clearance: those with room for a disc are a prefix.
+
+    `flat` is int32 (N,), row * width + col. `depths` is uint16 (N,), ascending: how many quarters
+    of a cell the clearance, rounded down, falls short of the highest that is told apart.
+    `cumulative` is None or float64 (N,), the running sum of the cells' weights.
+    """
+
+    flat: npt.NDArray[np.int32]
+    depths: npt.NDArray[np.uint16]
+    cumulative: npt.NDArray[np.float64] | None
+
+    @classmethod
+    def ordered(
+        cls,
+        flat: npt.NDArray[np.int32],
+        clearance_cells: npt.NDArray[np.float32],
+        weights: npt.NDArray[np.float64] | None,
+    ) -> "CandidateCells":
+        """Order cells (N,) with their clearance in cells (N,) and their weights (N,)."""
+        depths = _depths(clearance_cells)
+        order = _order(depths)
+        cumulative = None if weights is None else np.cumsum(weights[order])
+        return cls(flat[order], depths[order], cumulative)
+
+    def with_room(self, radius_cells: float) -> "CandidateCells":
+        """Keep the cells that hold a point about which a disc may be clear (a superset)."""
+        level = math.floor(needed_cells(radius_cells) * _LEVELS_PER_CELL)
+        depth = np.uint16(min(max(_HIGHEST_LEVEL - level, 0), _HIGHEST_LEVEL))
+        count = int(np.searchsorted(self.depths, depth, side="right"))
+        cumulative = None if self.cumulative is None else self.cumulative[:count]
+        return CandidateCells(self.flat[:count], self.depths[:count], cumulative)
+
+    def draw(self, uniforms: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+        """Return the cells (n,) that uniform numbers (n,) in [0, 1) choose by weight."""
+        if self.cumulative is None:
+            chosen = (uniforms * len(self.flat)).astype(np.int64)
+        else:
+            quantile = uniforms * self.cumulative[-1]
+            chosen = np.searchsorted(self.cumulative, quantile, side="right")
+        return self.flat[np.minimum(chosen, len(self.flat) - 1)].astype(np.int64)
+
+
+@compiled
+def _depths(clearance_cells: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
+    depths = np.empty(len(clearance_cells), np.uint16)
+    for index, clearance in enumerate(clearance_cells):
+        depths[index] = _HIGHEST_LEVEL - int(min(clearance * _LEVELS_PER_CELL, _HIGHEST_LEVEL))
+    return depths
+
+
+@compiled
+def _order(depths: npt.NDArray[np.uint16]) -> npt.NDArray[np.int32]:
+    """Return the stable ascending order, by counting."""
+    places = np.zeros(_HIGHEST_LEVEL + 2, np.int64)
+    for depth in depths:
+        places[depth + 1] += 1
+    places = np.cumsum(places)
+    order = np.empty(len(depths), np.int32)
+    for index, depth in enumerate(depths):
+        order[places[depth]] = index
+        places[depth] += 1
+    return order
+
+
+@compiled
+def poses_in_cells(
+    flat: npt.NDArray[np.int64],
+    width: int,
+    uniforms: npt.NDArray[np.float64],
+    lattice: npt.NDArray[np.float64],
+) -> npt.NDArray[np.float64]:
+    """Return poses (n, 4), x, y, 0, yaw in the map frame, anywhere in the cells (n,), row * width.
+
+    The columns of `uniforms` (n, 4), in [0, 1), after the first say where in a cell, along its
+    rows and columns, and the heading; `lattice` is the grid's row of `lattice_cover`.
+    """
+    x_m, y_m, cos, sin, cell_m, _ = lattice
+    poses = np.zeros((len(flat), 4))
+    for k in range(len(flat)):
+        along_y_m = (flat[k] // width + uniforms[k, 1]) * cell_m
+        along_x_m = (flat[k] % width + uniforms[k, 2]) * cell_m
+        poses[k, 0] = x_m + along_x_m * cos - along_y_m * sin
+        poses[k, 1] = y_m + along_x_m * sin + along_y_m * cos
+        poses[k, 3] = (2.0 * uniforms[k, 3] - 1.0) * np.pi
+    return poses
+
+
+@compiled
+def spines_are_clear(
+    flat: npt.NDArray[np.int32],
+    clearance_cells: npt.NDArray[np.float32],
+    spine: npt.NDArray[np.float64],
+    turns: npt.NDArray[np.float64],
+    needed_cells: float,
+) -> npt.NDArray[np.int64]:
+    """Return the lattice poses where a box may be clear, as cell * headings + heading.
+
+    A box at the centre of a cell, turned by one of `turns` (H, 2) (cos, sin), is filled by discs
+    about the points `spine` (K, 2) [cells]; each needs the clearance. A necessary condition.
+    """
+    height, width = clearance_cells.shape
+    headings = len(turns)
+    found = np.empty(len(flat) * headings, np.int64)
+    count = 0
+    for cell in flat.astype(np.int64):
+        row, col = cell // width, cell % width
+        for heading in range(headings):
+            c, s = turns[heading]
+            clear = True
+            for x, y in spine:
+                i = int(np.floor(row + 0.5 + s * x + c * y))
+                j = int(np.floor(col + 0.5 + c * x - s * y))
+                inside = 0 <= i < height and 0 <= j < width
+                clear = (clearance_cells[i, j] if inside else 0.0) >= needed_cells
+                if not clear:
+                    break
+            if clear:
+                found[count] = cell * headings + heading
+                count += 1
+    return found[:count]
+
+
+def spine_of(
+    half_length: float, half_width: float, offset: tuple[float, float]
+) -> tuple[npt.NDArray[np.float64], float]:
+    """Return points (K, 2) on a box's long axis, the ends first, and the radius of their discs.
+
+    The discs lie in the box; `offset` is its centre, all lengths are in one unit.
+    """
+    radius = min(half_length, half_width)
+    reach = max(half_length, half_width) - radius
+    along = reach * np.array([-1.0, 1.0, 0.0, -0.5, 0.5] if reach > 0.0 else [0.0])
+    zeros = np.zeros_like(along)
+    points = (along, zeros) if half_length >= half_width else (zeros, along)
+    return np.column_stack(points) + offset, radius
+
+
+def needed_cells(radius_cells: float) -> float:
+    """Return the least clearance between centres that leaves room for a disc (a lower bound)."""
+    return radius_cells - _SLACK_CELLS
+
+
+@dataclass(frozen=True, eq=False)
+class KeepOut:
+    """A shape on the ground, in the map frame, that stays `distance_m` away from artefacts.
+
+    A robot is its footprint at its pose; a goal is a footprint of one vertex.
+    """
+
+    footprint: Footprint
+    distance_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class PlacementConstraints:
+    """The boxes of the other artefacts, and the shapes to keep away from.
+
+    `allowed` may refuse more: it tells for N boxes which may stand there, bool (N,).
+    """
+
+    others: OrientedBoxes = field(default_factory=OrientedBoxes.empty)
+    keep_out: tuple[KeepOut, ...] = ()
+    allowed: Callable[[OrientedBoxes], npt.NDArray[np.bool_]] | None = None
+
+    def leave_room_for(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
+        """Tell which boxes meet all constraints, each on its own: bool (N,)."""
+        clear = self.are_clear(boxes)
+        clear[clear] = self.are_allowed(boxes.take(clear))
+        return clear
+
+    def are_clear(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
+        """Tell which boxes keep away from the others, robots and goals: bool (N,)."""
+        clear = ~overlaps_any(boxes, self.others)
+        for keep in self.keep_out:
+            left = boxes.take(clear)  # distances take the most time
+            clear[clear] = signed_distance_m(keep.footprint, left) >= keep.distance_m
+        return clear
+
+    def are_allowed(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
+        """Tell which boxes `allowed` does not refuse: bool (N,)."""
+        if self.allowed is None or not len(boxes):
+            return np.ones(len(boxes), np.bool_)
+        return self.allowed(boxes)
+
+
+@dataclass(frozen=True)
+class Disc:
+    """The points within `radius_m` of (x, y) in the map frame."""
+
+    x_m: float
+    y_m: float
+    radius_m: float
+
+    def contains(self, points_m: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        """Tell which of the points (N, 2) lie in the closed disc: bool (N,)."""
+        return np.hypot(points_m[:, 0] - self.x_m, points_m[:, 1] - self.y_m) <= self.radius_m
+
+
+HEADINGS: Final = 16
+"""Headings of the lattice that is searched where drawing at random found nothing."""
+LATTICE_CELLS: Final = 1 << 18
+_PITCH_M: Final = 0.05
+
+_Cells = npt.NDArray[np.int32]
+_Poses = npt.NDArray[np.int64]
+_Floats = npt.NDArray[np.float64]
+
+
+class PoseLattice:
+    """Poses of one grid as numbers: (row * width + col) * `HEADINGS` + heading."""
+
+    def __init__(self, grid: OccupancyGrid) -> None:
+        self._grid = grid
+        self._grid_yaw_rad = grid.origin.yaw_rad()
+
+    def thinned(self, flat: _Cells) -> _Cells:
+        """Return the cells (N,) on the lattice: all, or of very many every n-th row and column."""
+        if 2 * flat.size <= LATTICE_CELLS:
+            return flat
+        at_pitch = int(_PITCH_M / self._grid.resolution_m + 1e-6)
+        stride = max(1, at_pitch, math.ceil(math.sqrt(flat.size / LATTICE_CELLS)))
+        rows, cols = flat // self._grid.width, flat % self._grid.width
+        is_on = (rows % stride == stride // 2) & (cols % stride == stride // 2)
+        return np.compress(is_on, flat)
+
+    def poses(self, numbers: _Poses) -> _Floats:
+        """Return poses (N, 4), x, y, 0, yaw in the map frame, by their numbers (N,)."""
+        flat, heading = numbers // HEADINGS, numbers % HEADINGS
+        poses = np.zeros((flat.size, 4))
+        poses[:, :2] = self.centres_m(flat)
+        poses[:, 3] = self._grid_yaw_rad + heading * (math.tau / HEADINGS)
+        return poses
+
+    def centres_m(self, flat: _Cells | _Poses) -> _Floats:
+        """Return the centres (N, 2) of cells (N,), row * width + col, in the map frame."""
+        cells = np.column_stack((flat // self._grid.width, flat % self._grid.width))
+        return self._grid.cells_to_points(cells)
+
+
+@dataclass(frozen=True, eq=False)
+class PlacementQuery:
+    """What a pose is drawn for: a row, the constraints, an optional disc, and how it departs.
+
+    Without a `departure` the artefact need not be able to set out from there.
+    """
+
+    row: CatalogueRow
+    around: PlacementConstraints
+    within: Disc | None
+    departure: DepartureConstraint | None
+
+    @property
+    def key(self) -> tuple[float, ...]:
+        """What decides, of all this, where the static map has room."""
+        row, departure = self.row, self.departure
+        shape = (*row.size_m, *row.box_centre_in_artefact_m[:2])
+        return shape if departure is None else shape + departure.key
+
+    @property
+    def radius_m(self) -> float:
+        """Radius of a disc about F_A that is clear of walls in every such pose."""
+        return _inscribed_radius_m(self.row) if self.departure is None else self.departure.radius_m
+
+    def leading_out(
+        self, poses: npt.NDArray[np.float64], which: npt.NDArray[np.int64]
+    ) -> npt.NDArray[np.int64]:
+        """Return those indices, of some, of poses (N, 4), x, y, 0, yaw, that lead out."""
+        return which if self.departure is None else which[self.departure.leads_out(poses[which])]
+
+
+def _inscribed_radius_m(row: CatalogueRow) -> float:
+    """Return the radius of the largest disc about F_A within the box's footprint, at least 0."""
+    offset_x_m, offset_y_m, _ = row.box_centre_in_artefact_m
+    room_x_m = 0.5 * row.size_m[0] - abs(offset_x_m)
+    room_y_m = 0.5 * row.size_m[1] - abs(offset_y_m)
+    return max(0.0, min(room_x_m, room_y_m))
+
+
+_BATCHES: Final = (32, 256, 1024, 4096)
+_FEW: Final = 4
+"""So many of a batch are looked at first: mostly one of them is feasible."""
+_CHUNK_CELLS: Final = 1 << 11
+_CHUNK_POSES: Final = 1 << 14
+_KEPT_POSES: Final = LATTICE_CELLS * HEADINGS
+
+
+class _Static(NamedTuple):
+    """The lattice poses of a footprint that the static map allows, and those it may allow."""
+
+    allowed: _Poses
+    unchecked: _Poses
+
+    @property
+    def size(self) -> int:
+        """How many there are of both."""
+        return self.allowed.size + self.unchecked.size
+
+
+class Placer:
+    """Draws poses in one environment and one spawn region of it.
+
+    A pose is feasible if F_A's point on the ground lies in the region, the box covers free cells
+    only and hits no wall, and the constraints leave room for it. Poses are uniform over the
+    feasible ones (position continuous, heading in [-pi, pi)), or by the region's weights.
+
+    A body that rotates in place cannot leave a pose where the disc that it sweeps meets a closed
+    cell; a vehicle cannot leave one without a free first arc, or without free space beyond. Such
+    artefacts are placed, by the same law, among the feasible poses that meet their
+    `DepartureConstraint`; only if none is found, among all feasible poses.
+
+    Poses are drawn until one is feasible, some thousands at most. Then a lattice decides: the
+    centres of cells times `HEADINGS` headings. (Where more than 2**17 cells have room, it takes
+    every n-th row and column, 5 cm apart, or so many that at most about 2**18 remain.) The pose
+    is uniform, or by weight, over those that are feasible; None only if none is. What the static
+    map alone decides there is remembered per footprint, some thousand poses more at each search.
+    """
+
+    def __init__(
+        self, environment: Environment, region: SpawnRegion, terrains: Terrains | None = None
+    ) -> None:
+        self._environment = environment
+        self._region = region
+        self._terrains = terrains or Terrains()
+        self._grid = environment.grid
+        resolution_m = environment.grid.resolution_m
+        self._lattice = lattice_row(environment.grid.origin, resolution_m, resolution_m)
+        self._poses = PoseLattice(environment.grid)
+        self._static: dict[tuple[float, ...], _Static] = {}
+        self._departures: dict[CatalogueRow, DepartureConstraint | None] = {}
+        self._roomy: dict[float, CandidateCells] = {}
+
+    def place(
+        self,
+        row: CatalogueRow,
+        generator: np.random.Generator,
+        constraints: PlacementConstraints | None = None,
+        within: Disc | None = None,
+    ) -> GroundPose | None:
+        """Draw a feasible pose for an artefact of this row, None if the lattice holds none.
+
+        `within` restricts its point on the ground. All draws come from `generator`; how many
+        depends on nothing but this artefact's own attempts.
+        """
+        around = constraints or PlacementConstraints()
+        query = PlacementQuery(row, around, within, None)
+        static = self._static.get(query.key)
+        if static is not None and not static.size:
+            return None
+        cells = self._cells if within is None else self._cells_near(within)
+        departure = self._departure_of(row)
+        pose = None
+        if departure is not None:
+            pose = self._found(PlacementQuery(row, around, within, departure), cells, generator)
+        return pose or self._found(query, cells, generator)
+
+    def _departure_of(self, row: CatalogueRow) -> DepartureConstraint | None:
+        """Return what a row's artefacts need to set out; None too where the map has it nowhere."""
+        if row not in self._departures:
+            departure = departure_constraint_of(
+                row, self._environment, self._terrains, self._region.mask
+            )
+            self._departures[row] = departure if departure and departure.is_anywhere else None
+        return self._departures[row]
+
+    def _found(
+        self, query: PlacementQuery, cells: CandidateCells, generator: np.random.Generator
+    ) -> GroundPose | None:
+        """Draw some thousands of poses, then search the lattice, unless that would take long."""
+        cells = self._with_room(cells, query.radius_m)
+        if not cells.flat.size:
+            return None
+        for size in _BATCHES:
+            uniforms = generator.random((size, 4))
+            flat = cells.draw(uniforms[:, 0])
+            poses = poses_in_cells(flat, self._grid.width, uniforms, self._lattice)
+            for piece in (poses[:_FEW], poses[_FEW:]):
+                found = self._first_feasible(query, piece)
+                if found is not None:
+                    return found
+        is_searched = query.departure is None or query.departure.is_searched_for
+        return self._searched(query, cells, generator) if is_searched else None
+
+    def _with_room(self, cells: CandidateCells, radius_m: float) -> CandidateCells:
+        """Return the cells that may have room for a disc; of all cells, once for each radius."""
+        known = self._roomy.get(radius_m) if cells is self._cells else None
+        if known is None:
+            known = cells.with_room(radius_m / self._grid.resolution_m)
+            if cells is self._cells:
+                self._roomy[radius_m] = known
+        return known
+
+    def _first_feasible(self, query: PlacementQuery, poses: _Floats) -> GroundPose | None:
+        """Return the first feasible one of poses (N, 4), None if none is.
+
+        What moves is asked about few at once: mostly the first that the map allows is free.
+        """
+        if query.departure is not None:
+            poses = poses[query.departure.is_free_at(poses)]
+        boxes, heights_m = self._standing(query.row, poses)
+        is_allowed = self._environment.is_placeable(boxes)
+        if query.within is not None:
+            is_allowed &= query.within.contains(poses)
+        allowed = np.flatnonzero(is_allowed)
+        start, size = 0, 1
+        while start < allowed.size:
+            piece = allowed[start : start + size]
+            piece = piece[query.around.leave_room_for(boxes.take(piece))]
+            free = query.leading_out(poses, piece)  # last, as it takes the most time
+            if free.size:
+                first = free[0]
+                return _ground_pose(poses[first], heights_m[first])
+            start, size = start + size, 4 * size
+        return None
+
+    def _standing(self, row: CatalogueRow, poses: _Floats) -> tuple[OrientedBoxes, _Floats]:
+        """Return the boxes at poses (N, 4), x, y, 0, yaw, on the ground, and its heights (N,)."""
+        shape = np.array([shape_of(row)])
+        flat = OrientedBoxes.standing(poses, shape)
+        heights_m = self._environment.ground_heights_m(flat)
+        if not heights_m.any():
+            return flat, heights_m
+        x_m, y_m, _, yaws_rad = poses.T
+        ground = np.column_stack((x_m, y_m, heights_m, yaws_rad))
+        return OrientedBoxes.standing(ground, shape), heights_m
+
+    def _searched(
+        self, query: PlacementQuery, cells: CandidateCells, generator: np.random.Generator
+    ) -> GroundPose | None:
+        """Visit the whole lattice; the feasible pose with the least exponential clock wins."""
+        best: tuple[float, _Floats, float] | None = None
+        for piece, is_checked in self._lattice_poses(query, cells):
+            poses = self._poses.poses(piece)
+            found, heights_m = self._feasible(query, poses, is_checked=is_checked)
+            weights = self._weights(piece[found] // HEADINGS)
+            clocks = generator.standard_exponential(found.size) / weights
+            first = int(np.argmin(clocks)) if found.size else -1
+            if first >= 0 and (best is None or clocks[first] < best[0]):
+                best = (float(clocks[first]), poses[found[first]], heights_m[found[first]])
+        return None if best is None else _ground_pose(best[1], best[2])
+
+    def _feasible(
+        self, query: PlacementQuery, poses: _Floats, *, is_checked: bool
+    ) -> tuple[_Poses, _Floats]:
+        """Return the indices of the feasible poses, and the ground's height (N,) under all.
+
+        The map is asked about those only that the others leave, and not of poses that are checked:
+        where the lattice is searched it is crowded.
+        """
+        boxes, heights_m = self._standing(query.row, poses)
+        left = query.around.are_clear(boxes)
+        if query.within is not None:
+            left &= query.within.contains(poses)
+        found = np.flatnonzero(left)
+        if not is_checked:
+            found = found[self._environment.is_placeable(boxes.take(found))]
+        return found[query.around.are_allowed(boxes.take(found))], heights_m
+
+    def _lattice_poses(
+        self, query: PlacementQuery, cells: CandidateCells
+    ) -> Iterator[tuple[_Poses, bool]]:
+        """Yield, in pieces, lattice poses, all that the map allows among them; whether all are."""
+        if query.within is not None:
+            yield from ((piece, False) for piece in self._scan(query, cells))
+            return
+        known = self._static.get(query.key)
+        if known is None:
+            pieces = [np.empty(0, np.int64), *self._scan(query, cells)]
+            known = _Static(np.empty(0, np.int64), np.concatenate(pieces))
+        known = self._checked_on(query, known)
+        self._remember(query.key, known)
+        for poses, is_checked in ((known.allowed, True), (known.unchecked, False)):
+            for start in range(0, poses.size, _CHUNK_POSES):
+                yield poses[start : start + _CHUNK_POSES], is_checked
+
+    def _checked_on(self, query: PlacementQuery, known: "_Static") -> "_Static":
+        """Return what is known of a footprint's poses once the map is asked about some more.
+
+        All at once would take longer than the search itself.
+        """
+        piece = known.unchecked[:_CHUNK_POSES]
+        boxes, _ = self._standing(query.row, self._poses.poses(piece))
+        allowed = piece[self._environment.is_placeable(boxes)]
+        allowed = np.concatenate((known.allowed, allowed))
+        return _Static(allowed, known.unchecked[_CHUNK_POSES:])
+
+    def _remember(self, key: tuple[float, ...], static: "_Static") -> None:
+        """Keep the poses; of others only that there are none, if all together are too many."""
+        if static.size + sum(known.size for known in self._static.values()) > _KEPT_POSES:
+            self._static = {none: known for none, known in self._static.items() if not known.size}
+        self._static[key] = static
+
+    def _scan(self, query: PlacementQuery, cells: CandidateCells) -> Iterator[_Poses]:
+        """Yield the lattice poses over some cells that the static map may allow."""
+        row, departure, flat = query.row, query.departure, self._poses.thinned(cells.flat)
+        resolution_m = self._grid.resolution_m
+        half_m = (0.5 * row.size_m[0], 0.5 * row.size_m[1])
+        spine_m, radius_m = spine_of(*half_m, row.box_centre_in_artefact_m[:2])
+        angles = np.arange(HEADINGS) * (math.tau / HEADINGS)
+        turns = np.column_stack((np.cos(angles), np.sin(angles)))
+        least = needed_cells(radius_m / resolution_m)
+        for start in range(0, flat.size, _CHUNK_CELLS):
+            piece = flat[start : start + _CHUNK_CELLS]
+            if departure is not None:
+                piece = piece[departure.is_free_at(self._poses.centres_m(piece))]
+            yield spines_are_clear(
+                piece, self._clearance_cells, spine_m / resolution_m, turns, least
+            )
+
+    def _weights(self, flat: _Poses) -> _Floats:
+        if self._region.weight is None:
+            return np.ones(flat.size)
+        return self._region.weight.ravel()[flat].astype(np.float64)
+
+    @cached_property
+    def _clearance_cells(self) -> npt.NDArray[np.float32]:
+        clearance_m = self._environment.clearance_m
+        return np.divide(clearance_m, self._grid.resolution_m, dtype=np.float32)
+
+    @cached_property
+    def _cells(self) -> CandidateCells:
+        return self._ordered(np.flatnonzero(self._region.mask))
+
+    def _ordered(self, flat: _Poses) -> CandidateCells:
+        clearance_cells = self._clearance_cells.ravel()[flat]
+        weights = None if self._region.weight is None else self._weights(flat)
+        return CandidateCells.ordered(flat.astype(np.int32), clearance_cells, weights)
+
+    def _cells_near(self, disc: Disc) -> CandidateCells:
+        """Return the region's cells that meet the disc, and perhaps some beside it."""
+        centre = self._grid.points_to_cells(np.array([(disc.x_m, disc.y_m)]))[0]
+        reach = math.ceil(disc.radius_m / self._grid.resolution_m) + 1
+        low = np.clip(centre - reach, 0, self._region.mask.shape)
+        high = np.clip(centre + reach + 1, 0, self._region.mask.shape)
+        rows, cols = np.nonzero(self._region.mask[low[0] : high[0], low[1] : high[1]])
+        return self._ordered((rows + low[0]) * self._grid.width + cols + low[1])
+
+
+def _ground_pose(pose: _Floats, height_m: float) -> GroundPose:
+    return GroundPose(float(pose[0]), float(pose[1]), float(height_m), float(pose[3]))

@@ -1,0 +1,124 @@
+"""What people ask of ARE while it runs: place an artefact, take one away, clear, begin anew."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from are_ros.agents.behaviours.registry import BEHAVIOURS, why_not
+from are_ros.builder.simulation import Reality
+from are_ros.errors import CatalogueError
+from are_ros.population.artefact import GroundPose, Origin, on_ground
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.randomness import Purpose, generator
+from are_ros.world.rigid_transform import RigidTransform
+
+
+@dataclass(frozen=True, eq=False)
+class SpawnRequest:
+    """An artefact to be placed at `frame_from_pose`, of which x, y and yaw on the ground count.
+
+    `label` names a row or a class; `row` is the index of one, -1 for any of the label. `life_ns` of
+    None draws a life. A `behaviour` that is not given is drawn, too.
+    """
+
+    frame_id: str
+    frame_from_pose: RigidTransform
+    label: str = ""
+    row: int = -1
+    life_ns: int | None = None
+    behaviour: str = ""
+
+
+class Requests:
+    """Carries requests out at once, or refuses them with the reason and changes nothing."""
+
+    def __init__(self, reality: Reality) -> None:
+        self._reality = reality
+        self._seed = reality.parameters.seed
+        self._asked = 0
+
+    def spawn(self, request: SpawnRequest, now_ns: int) -> int:
+        """Place an artefact, and return its id; it is never moved.
+
+        Raises CatalogueError for an unknown label or row, or one that cannot behave so, FrameError
+        for an unknown frame, PlacementError where it cannot stand.
+        """
+        reality = self._reality
+        reality.advance(now_ns)
+        row = self._row_of(request)
+        pose = self._ground_pose(request, row)
+        return reality.lives.place(
+            row,
+            pose,
+            now_ns,
+            origin=Origin.SERVICE,
+            life_ns=request.life_ns,
+            behaviour=request.behaviour,
+        )
+
+    def remove(self, artefact_id: int, now_ns: int) -> None:
+        """Take one artefact away; InputError if none of this id is alive."""
+        self._reality.advance(now_ns)
+        self._reality.lives.remove(artefact_id, now_ns)
+
+    def clear(self, now_ns: int) -> int:
+        """Take all artefacts away, and return how many; others go on arriving."""
+        self._reality.advance(now_ns)
+        return self._reality.lives.clear(now_ns)
+
+    def reseed(self, seed: int, now_ns: int) -> None:
+        """Draw from another seed from now on; the living stay."""
+        self._reality.advance(now_ns)
+        self._reality.lives.reseed(seed, now_ns)
+        self._seed, self._asked = seed, 0
+
+    def _row_of(self, request: SpawnRequest) -> CatalogueRow:
+        catalogue = self._reality.catalogue
+        rows: Sequence[CatalogueRow]
+        rows = catalogue.rows_named(request.label) if request.label else catalogue.rows
+        if request.row < 0:
+            rows = self._able(rows, request)
+            self._asked += 1
+            stream = generator(self._seed, Purpose.REQUEST, self._asked)
+            return rows[int(stream.integers(len(rows)))]
+        chosen = [row for row in rows if row.index == request.row]
+        if not chosen:
+            among = f" of '{request.label}'" if request.label else ""
+            first, last = rows[0].index, rows[-1].index
+            message = f"the catalogue has no row {request.row}{among}: the rows are {first}..{last}"
+            raise CatalogueError(message)
+        return self._able(chosen, request)[0]
+
+    def _able(self, rows: Sequence[CatalogueRow], request: SpawnRequest) -> Sequence[CatalogueRow]:
+        """Return the rows that can behave as asked; CatalogueError where none can.
+
+        A class of the user's must be one that the catalogue names: no request imports another.
+        """
+        name = request.behaviour
+        if not name:
+            return rows
+        named = {own for row in self._reality.catalogue.rows for own in row.behaviours}
+        if name not in named and name not in BEHAVIOURS:
+            known = ", ".join(sorted(named | set(BEHAVIOURS)))
+            raise CatalogueError(f"behaviour '{name}' is not known; known are {known}")
+        refusals = [why_not(name, row.motion.speed_mps) for row in rows]
+        able = [row for row, refusal in zip(rows, refusals, strict=True) if refusal is None]
+        if not able:
+            raise CatalogueError(f"behaviour '{name}' {refusals[0]}")
+        return able
+
+    def _ground_pose(self, request: SpawnRequest, row: CatalogueRow) -> GroundPose:
+        """Return the pose in the map's frame, on the ground there."""
+        map_from_pose = self._map_from(request.frame_id) @ request.frame_from_pose
+        x_m, y_m, _ = map_from_pose.translation_m.tolist()
+        yaw_rad = map_from_pose.yaw_rad()
+        flat = GroundPose(x_m, y_m, 0.0, yaw_rad)
+        environment = self._reality.world.environment
+        return flat if environment is None else on_ground(row, flat, environment)
+
+    def _map_from(self, frame_id: str) -> RigidTransform:
+        frames, map_frame = self._reality.frames, self._reality.parameters.frames.map
+        frame_id = frame_id.lstrip("/") or map_frame
+        if frame_id == map_frame:
+            return RigidTransform.identity()
+        stamp_ns = frames.latest_common_time(map_frame, frame_id)
+        return frames.lookup(map_frame, frame_id, stamp_ns)

@@ -1,0 +1,233 @@
+"""Where artefacts may arrive in the present environment, and away from whom."""
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.agents.navigation.terrain import Terrains
+from are_ros.agents.robots import RobotPose
+from are_ros.builder.spawning.out_of_view import OutOfView, Viewpoint
+from are_ros.builder.spawning.placement import Disc, KeepOut, PlacementConstraints, Placer
+from are_ros.errors import ParameterError
+from are_ros.parameters.choices import Appear, Leave, Region
+from are_ros.parameters.model import Parameters
+from are_ros.population.artefact import GroundPose
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.departures import Cause
+from are_ros.world.boxes import OrientedBoxes, overlaps_any
+from are_ros.world.environment import Environment
+from are_ros.world.footprint import Footprint, signed_distance_m
+from are_ros.world.regions import (
+    RegionFinder,
+    SpawnRegion,
+    Zones,
+    polygon_mask,
+    read_zones_file,
+    region_finder,
+    zone_weights,
+)
+
+Allowed = Callable[[OrientedBoxes], npt.NDArray[np.bool_]]
+"""Tells which of N boxes may stand where they are: bool (N,)."""
+
+
+class Spawning:
+    """Keeps region and placer in step with the environment and with the robot's place in it.
+
+    `goal` is where the robot is going, None where that is not known: nobody arrives there.
+    `out_of_view` tells what no camera sees, and `cause` why `place` last found nothing.
+    """
+
+    def __init__(
+        self, parameters: Parameters, footprint: Footprint, terrains: Terrains | None = None
+    ) -> None:
+        self._terrains = terrains or Terrains()
+        self.goal: Footprint | None = None
+        self.cause = Cause.NO_PLACE
+        self.out_of_view = OutOfView(parameters.occlusion.max_range)
+        self._robot_radius_m = footprint.inscribed_radius_m
+        zones = parameters.population.zones
+        self.zones = read_zones_file(Path(zones)) if zones else Zones()
+        if parameters.population.region is Region.ZONES and not self.zones.zones:
+            raise ParameterError("population.region is zones, but population.zones lists none")
+        self._environment: Environment | None = None
+        self._finder: RegionFinder | None = None
+        self._region: SpawnRegion | None = None
+        self._placer: Placer | None = None
+        self._entrances: Placer | None = None
+        self.reconfigure(parameters)
+
+    def reconfigure(self, parameters: Parameters) -> None:
+        """Keep other distances, and appear otherwise, from now on; region and zones stay.
+
+        Raises ParameterError, and changes nothing, where artefacts are to appear in zones and
+        there is none.
+        """
+        if parameters.population.appear is Appear.ZONES and not self.zones.ways_in:
+            raise ParameterError(
+                "population.appear is zones, "
+                "but population.zones names no file that lists entrances or zones"
+            )
+        self._population = parameters.population
+        self._clearance_m = parameters.robot.clearance
+
+    @property
+    def area_m2(self) -> float:
+        """The effective area of the region, 0 before it is known."""
+        return self._region.area_m2 if self._region else 0.0
+
+    @property
+    def region(self) -> SpawnRegion | None:
+        """The region, None before it is known."""
+        return self._region
+
+    @property
+    def needs_viewpoints(self) -> bool:
+        """Whether it matters what the cameras see."""
+        appear, leave = self._population.appear, self._population.leave
+        return appear is Appear.OUT_OF_VIEW or leave is Leave.WALK_TO_EXIT
+
+    def refresh(
+        self,
+        environment: Environment,
+        robot: RobotPose | None,
+        viewpoints: Sequence[Viewpoint] = (),
+    ) -> bool:
+        """Follow environment, robot and cameras; return whether the region is another one."""
+        self.out_of_view.look(environment, viewpoints)
+        if self._finder is None or environment is not self._environment:
+            self._finder = self._finder_for(environment)
+            self._environment = environment
+        region = self._finder.at(_point_of(robot))
+        if region is self._region:
+            return False
+        self._region, self._placer = region, Placer(environment, region, self._terrains)
+        self._entrances = None
+        return True
+
+    def place(
+        self,
+        row: CatalogueRow,
+        generator: np.random.Generator,
+        others: OrientedBoxes,
+        robot: RobotPose | None,
+        near: tuple[float, float] | None,
+        allowed: Allowed | None = None,
+    ) -> GroundPose | None:
+        """Draw a pose for an artefact, near the first of its group; None, and a cause, if none.
+
+        `allowed` is a wish: boxes that it refuses are taken if there are no others.
+        """
+        self.cause = Cause.NO_PLACE
+        placer = self._placer_to_use()
+        if placer is None:
+            return None
+        shapes = ([robot.footprint] if robot else []) + ([self.goal] if self.goal else [])
+        keep_out = tuple(KeepOut(shape, self._clearance_m) for shape in shapes)
+        within = None if near is None else Disc(*near, self._population.group_radius)
+        hidden, wished = _Filter(self._hidden()), _Filter(allowed)
+        for tests in ((hidden, wished), (hidden,)):
+            around = PlacementConstraints(others, keep_out, _all_of(tests))
+            pose = placer.place(row, generator, around, within)
+            if pose is not None or not wished.has_refused:
+                break
+        if pose is None and hidden.has_refused:
+            self.cause = Cause.NO_HIDDEN_PLACE
+        return pose
+
+    def why_not(
+        self,
+        box: OrientedBoxes,
+        environment: Environment,
+        others: OrientedBoxes,
+        robot: RobotPose | None,
+        clearance_m: float | None = None,
+    ) -> str:
+        """Return why a box of length one cannot stand where it is, empty if it can."""
+        if not environment.is_placeable(box)[0]:
+            return "it would stand in a wall, or not on free cells only"
+        if overlaps_any(box, others)[0]:
+            return "it would overlap another artefact"
+        least_m = self._clearance_m if clearance_m is None else clearance_m
+        if robot is not None and signed_distance_m(robot.footprint, box)[0] < least_m:
+            if least_m <= 0.0:
+                return "it would overlap the robot"
+            return f"it would be nearer to the robot than robot.clearance, {least_m} m"
+        return ""
+
+    def _hidden(self) -> Allowed | None:
+        """Return the test that boxes have to pass to appear where they are."""
+        return self.out_of_view.hides if self._population.appear is Appear.OUT_OF_VIEW else None
+
+    def _placer_to_use(self) -> Placer | None:
+        """Return the placer of the region or, where artefacts appear there, of the entrances."""
+        environment, region = self._environment, self._region
+        if environment is None or region is None or self._population.appear is not Appear.ZONES:
+            return self._placer
+        if self._entrances is None:
+            ways_in = self._entrance_region(environment, region)
+            self._entrances = Placer(environment, ways_in, self._terrains)
+        return self._entrances
+
+    def _entrance_region(self, environment: Environment, region: SpawnRegion) -> SpawnRegion:
+        """Return the ways in, as far as they are in the region; zones keep them to free space."""
+        mask = region.mask
+        if self._population.region is Region.ZONES:
+            mask = environment.classes.free.copy()
+            for polygon_m in self.zones.no_spawn:
+                mask &= ~polygon_mask(polygon_m, environment.grid)
+        weight = zone_weights(self.zones.ways_in, environment.grid)
+        weight[~mask] = 0.0
+        area_m2 = float(weight.sum(dtype=np.float64)) * environment.grid.cell_area_m2
+        return SpawnRegion(weight > 0.0, weight, area_m2)
+
+    def _finder_for(self, environment: Environment) -> RegionFinder:
+        return region_finder(
+            self._population.region,
+            environment.grid,
+            environment.classes.free,
+            environment.clearance_m,
+            self._robot_radius_m,
+            zones=self.zones,
+            last_point_m=self._finder.last_point_m if self._finder else None,
+        )
+
+
+class _Filter:
+    """A test of boxes, or none, that remembers whether it has refused any."""
+
+    def __init__(self, test: Allowed | None) -> None:
+        self.has_refused = False
+        self.is_any = test is not None
+        self._test = test
+
+    def __call__(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
+        if self._test is None:
+            return np.ones(len(boxes), np.bool_)
+        passed = self._test(boxes)
+        self.has_refused |= not passed.all()
+        return passed
+
+
+def _all_of(tests: Iterable[_Filter]) -> Allowed | None:
+    """Return the test of passing all tests; a later one sees only what passed those before."""
+    asked = [test for test in tests if test.is_any]
+    if len(asked) < 2:
+        return asked[0] if asked else None
+
+    def allowed(boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
+        passed = np.ones(len(boxes), np.bool_)
+        for test in asked:
+            passed[passed] = test(boxes.take(passed))
+        return passed
+
+    return allowed
+
+
+def _point_of(robot: RobotPose | None) -> tuple[float, float] | None:
+    if robot is None:
+        return None
+    x_m, y_m, _ = robot.map_from_base.translation_m.tolist()
+    return x_m, y_m

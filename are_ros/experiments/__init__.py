@@ -1,1 +1,0 @@
-"""Experiments: what is measured over whole runs (section 4)."""

@@ -1,0 +1,1 @@
+"""Measurements over whole runs: the soak and its judge."""

@@ -1,0 +1,399 @@
+"""A judge of motion. It reads the ground truth only, and shares no geometry with the builder.
+
+At each sub-step it tests for overlaps with walls, artefacts and the robot, and for motion beyond
+the limits of the type. Over time it tests whether moving artefacts arrive, whether followers stay
+near their leaders, whether an artefact stands for long without a named cause, and for deadlocks.
+"""
+
+import math
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from are_ros.agents.events import ArtefactState
+from are_ros.checks.oracle.plane import TOUCHING_M, Outline, PlainBoxes, overlapping
+from are_ros.checks.oracle.solids import Covers, RealMap
+from are_ros.lab.verdict import LongStand, Verdict
+
+__all__ = ("Limits", "MotionJudge")
+
+# Limits of motion: speed, acceleration, turning, and no sliding sideways.
+
+
+_FASTER, _STRONGER = 1.001, 1.02
+"""What rounding may add: positions are rounded, and accelerations are their second differences."""
+
+_STANDS_MPS = 1e-6
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a type can do: top speed [m/s], acceleration [m/s^2], turn rate [rad/s], radius [m].
+
+    `turn_radius_m` is that of the smallest circle it can drive, 0: it turns on the spot.
+    """
+
+    speed_mps: float
+    acceleration_mps2: float
+    turn_rate_radps: float
+    turn_radius_m: float
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The motion in a sub-step: along the mean heading, across it, and the turn."""
+
+    step_s: float
+    along_m: float
+    across_m: float
+    turn_rad: float
+
+    @classmethod
+    def between(
+        cls, start: tuple[float, float, float], end: tuple[float, float, float], step_s: float
+    ) -> "Motion":
+        """Return the motion from one x, y, yaw to another: on an arc, the chord is along."""
+        dx_m, dy_m = end[0] - start[0], end[1] - start[1]
+        turn_rad = math.remainder(end[2] - start[2], math.tau)
+        middle_rad = start[2] + 0.5 * turn_rad
+        c, s = math.cos(middle_rad), math.sin(middle_rad)
+        return cls(step_s, dx_m * c + dy_m * s, dy_m * c - dx_m * s, turn_rad)
+
+    @property
+    def speed_mps(self) -> float:
+        """The speed along the heading; negative in reverse."""
+        return self.along_m / self.step_s
+
+    @property
+    def length_m(self) -> float:
+        """How far it came."""
+        return math.hypot(self.along_m, self.across_m)
+
+
+def excess(speed_mps: float, turn_rate: float, limits: Limits) -> str:
+    """Return which of a speed and a turn rate [rad/s] is too high; empty if none is."""
+    if speed_mps > limits.speed_mps * _FASTER + 1e-6:
+        return f"speed {speed_mps:.3f} m/s, at most {limits.speed_mps:g}"
+    if turn_rate > limits.turn_rate_radps * _FASTER + 1e-6:
+        return f"turns at {turn_rate:.3f} rad/s, at most {limits.turn_rate_radps:g}"
+    return ""
+
+
+def breach(motion: Motion, before_mps: float, limits: Limits) -> str:
+    """Return how a motion after a speed (NaN: unknown) breaks the limits, empty if it does not."""
+    speed_mps, turn_rate = motion.speed_mps, abs(motion.turn_rad) / motion.step_s
+    too_fast = excess(motion.length_m / motion.step_s, turn_rate, limits)
+    if too_fast:
+        return too_fast
+    gain = (speed_mps - before_mps) / motion.step_s
+    if abs(speed_mps) > abs(before_mps) and _is_beyond(gain, limits):
+        return f"gains {gain:.3f} m/s^2, at most {limits.acceleration_mps2:g}"
+    if abs(motion.across_m) > 1e-4 + 0.002 * abs(motion.along_m):
+        return f"slides {1000.0 * motion.across_m:.2f} mm sideways"
+    radius_m = limits.turn_radius_m
+    if radius_m > 0.0 and turn_rate * radius_m > abs(speed_mps) * 1.01 + 1e-3:
+        speeds = f"{turn_rate:.3f} rad/s with {speed_mps:.3f} m/s"
+        return f"turns at {speeds}: radius below {radius_m:g} m"
+    return ""
+
+
+def hard_braking_mps2(motion: Motion, before_mps: float, limits: Limits) -> float:
+    """Return the deceleration where it is beyond the limit, else 0."""
+    change = (motion.speed_mps - before_mps) / motion.step_s
+    is_braking = abs(motion.speed_mps) <= abs(before_mps)
+    return abs(change) if is_braking and _is_beyond(change, limits) else 0.0
+
+
+def is_standing(motion: Motion) -> bool:
+    """Tell whether the body is where it was."""
+    return abs(motion.speed_mps) <= _STANDS_MPS
+
+
+def _is_beyond(change_mps2: float, limits: Limits) -> bool:
+    # Positions rounded to float64 are exact enough; the millimetre per second is for arcs.
+    return abs(change_mps2) > limits.acceleration_mps2 * _STRONGER + 1e-3
+
+
+# Artefacts that stand for long, their causes, and deadlocks.
+
+
+STILL_S = 60.0
+_STILL_M = 0.3
+_WITHOUT_CAUSE = frozenset(
+    {
+        "",
+        "walking",
+        "driving",
+        "running",
+        "wandering",
+        "stopping",
+        "following",
+        "crossing",
+        "avoiding",
+        "leaving",
+        "on its way",
+    }
+)
+"""Activities of moving artefacts: none is a reason to stand."""
+
+_WAITS_FOR = re.compile(r"waiting for artefact (\d+)")
+
+
+@dataclass
+class _Stand:
+    """A stretch of time within 0.3 m: since when, and the seconds of each activity."""
+
+    place_m: tuple[float, float]
+    since_s: float
+    seconds: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
+    cause: str | None = None
+    noted: LongStand | None = None
+
+    def main_cause(self) -> str:
+        """Return the cause of most of the time that has one; empty if that is less than half."""
+        named = {what: s for what, s in self.seconds.items() if not _gets_on(what)}
+        if 2.0 * sum(named.values()) < sum(self.seconds.values()):
+            return ""
+        return max(named, key=lambda what: (named[what], what))
+
+    def doings(self, behaviour: str) -> str:
+        """Return what it said to do, the longest first."""
+        said = sorted(self.seconds.items(), key=lambda item: (-item[1], item[0]))
+        return ", ".join(f"{what or behaviour} {seconds:.0f} s" for what, seconds in said)
+
+
+class Patience:
+    """Looks at all artefacts in each sub-step, and reports those that stand too long."""
+
+    def __init__(self, verdict: Verdict, step_s: float) -> None:
+        self._verdict = verdict
+        self._step_s = step_s
+        self._stands: dict[int, _Stand] = {}
+        self._deadlocks: set[frozenset[int]] = set()
+
+    def see(self, t_s: float, states: Iterable[ArtefactState]) -> None:
+        """Take a sub-step; an artefact that is not among the states has departed."""
+        before, self._stands = self._stands, {}
+        for state in states:
+            pose = state.ground_pose
+            here_m = (pose.x_m, pose.y_m)
+            stand = before.get(state.artefact_id)
+            is_free = state.behaviour == state.activity == "standing"
+            is_free |= state.behaviour == "standing" and not state.activity
+            if stand is None or is_free or math.dist(stand.place_m, here_m) > _STILL_M:
+                stand = _Stand(here_m, t_s)
+            self._stands[state.artefact_id] = stand
+            stand.seconds[state.activity] += self._step_s
+            self._judge(t_s, state, stand)
+        self._find_deadlocks(t_s)
+
+    def _judge(self, t_s: float, state: ArtefactState, stand: _Stand) -> None:
+        """Name the cause as soon as the stand is too long, and keep the longest of each."""
+        stood_s = t_s - stand.since_s
+        if stood_s <= STILL_S:
+            return
+        verdict = self._verdict
+        if stand.cause is None:
+            stand.cause = stand.main_cause()
+            verdict.causes[_kind(stand.cause)] += 1
+            stand.noted = _noted(state, stand)
+            verdict.stands.append(stand.noted)
+            if not stand.cause:
+                who = f"{state.label} {state.artefact_id} ({state.behaviour})"
+                verdict.note("still", t_s, f"{who}: {stand.doings(state.behaviour)}")
+        if stand.noted is not None:
+            stand.noted.stood_s = round(stood_s, 2)
+        kind = _kind(stand.cause)
+        verdict.longest_s[kind] = max(verdict.longest_s.get(kind, 0.0), stood_s)
+
+    def _find_deadlocks(self, t_s: float) -> None:
+        """Report artefacts that have stood for long and wait for each other in a circle."""
+        awaited = {}
+        for artefact_id, stand in self._stands.items():
+            if stand.cause is not None and (match := _WAITS_FOR.fullmatch(stand.main_cause())):
+                awaited[artefact_id] = int(match[1])
+        circles = {circle for one in awaited if (circle := _circle_of(one, awaited))}
+        for circle in sorted(circles - self._deadlocks, key=min):
+            self._verdict.note("deadlocks", t_s, "artefacts " + ", ".join(map(str, sorted(circle))))
+        self._deadlocks = circles
+
+
+def _noted(state: ArtefactState, stand: _Stand) -> LongStand:
+    """Return a stand as the verdict keeps it."""
+    x_m, y_m = (round(coordinate, 3) for coordinate in stand.place_m)
+    since_s, cause = round(stand.since_s, 2), stand.cause or "no cause"
+    who = (state.artefact_id, state.label, state.behaviour)
+    return LongStand(*who, since_s, 0.0, x_m, y_m, cause)
+
+
+def _gets_on(activity: str) -> bool:
+    """Tell whether an activity is that of a moving artefact."""
+    return activity.partition(" artefact ")[0] in _WITHOUT_CAUSE
+
+
+def _kind(cause: str) -> str:
+    """Return the cause without the number of the artefact."""
+    return re.sub(r" \d+$", "", cause) or "no cause"
+
+
+def _circle_of(start: int, awaited: Mapping[int, int]) -> frozenset[int]:
+    """Return the circle of waiting that one is part of; empty if it is of none."""
+    way, here = [start], awaited.get(start)
+    while here is not None and here not in way:
+        way.append(here)
+        here = awaited.get(here)
+    return frozenset(way) if here == start else frozenset()
+
+
+_STOPS = frozenset({"pausing", "waiting", "talking", "looking round"})
+"""Activities at a destination."""
+
+_NEAR_LEADER_M = 4.0
+_MOVES_MPS = 0.1
+_FOLLOWS = re.compile(r"following|(?:following|waiting behind) artefact (\d+)")
+
+_Pose = tuple[float, float, float]
+
+
+@dataclass(slots=True)
+class _Last:
+    """An artefact a sub-step ago, or at its arrival; its speed is NaN where it is not known."""
+
+    t_s: float
+    pose: _Pose
+    speed_mps: float
+    activity: str
+
+
+class MotionJudge:
+    """Takes the ground truth of one sub-step after the other; nothing else is known to it."""
+
+    def __init__(self, walls: RealMap, limits: Mapping[str, Limits], step_s: float) -> None:
+        """Take a map whose cells are walls unless 0, the limits by label, and the sub-step [s]."""
+        self.verdict = Verdict()
+        self._is_wall, self._covers = walls.cells.reshape(-1) != 0, Covers(walls)
+        self._limits = limits
+        self._step_s = step_s
+        self._last: dict[int, _Last] = {}
+        self._patience = Patience(self.verdict, step_s)
+
+    def judge(
+        self,
+        t_s: float,
+        states: Sequence[ArtefactState],
+        jumped: frozenset[int] = frozenset(),
+        robot: tuple[float, float, float] | None = None,
+        excused: frozenset[int] = frozenset(),
+        arrived: Mapping[int, tuple[float, _Pose]] = MappingProxyType({}),
+    ) -> None:
+        """Judge the sub-step that ends at `t_s`.
+
+        `jumped` are those that an event says were displaced, `excused` those in a contact with the
+        robot (x, y, radius) that was reported, `arrived` when and where some came since the last.
+        """
+        self._judge_overlaps(t_s, states, robot, excused)
+        before, self._last = self._last, {}
+        for artefact_id, (came_s, pose) in arrived.items():
+            before[artefact_id] = _Last(came_s, pose, math.nan, "")
+        for state in states:
+            last = None if state.artefact_id in jumped else before.get(state.artefact_id)
+            self._last[state.artefact_id] = self._follow(t_s, state, last)
+            self._judge_twist(t_s, state)
+        self._patience.see(t_s, states)
+        for state in states:
+            if match := _FOLLOWS.fullmatch(state.activity or state.behaviour):
+                self._judge_company(state, match[1], states)
+
+    def _judge_overlaps(
+        self,
+        t_s: float,
+        states: Sequence[ArtefactState],
+        robot: tuple[float, float, float] | None,
+        excused: frozenset[int],
+    ) -> None:
+        boxes, names = _boxes_of(states), [f"{s.label} {s.artefact_id}" for s in states]
+        for i, j, _ in overlapping(boxes):
+            self.verdict.note("overlaps", t_s, f"{names[i]} and {names[j]}")
+        for name, cover in zip(names, self._covers.of(boxes), strict=True):
+            if self._is_wall[cover.sure].any():
+                self.verdict.note("walls", t_s, name)
+        if robot is not None:
+            x_m, y_m, radius_m = robot
+            depths_m = Outline.of("", radius_m).depths_m(x_m, y_m, 0.0, boxes)
+            for i in np.flatnonzero(depths_m > TOUCHING_M).tolist():
+                if states[i].artefact_id not in excused:
+                    self.verdict.note("robot", t_s, names[i])
+
+    def _follow(self, t_s: float, state: ArtefactState, last: _Last | None) -> _Last:
+        """Judge how one has moved, and return where it is."""
+        verdict, name = self.verdict, state.behaviour
+        pose = (state.ground_pose.x_m, state.ground_pose.y_m, state.ground_pose.yaw_rad)
+        verdict.artefact_s += self._step_s
+        verdict.lived_s[name] = verdict.lived_s.get(name, 0.0) + self._step_s
+        if last is None or last.t_s >= t_s:
+            return _Last(t_s, pose, math.nan, state.activity)
+        if state.activity in _STOPS and last.activity not in _STOPS:
+            verdict.arrivals[name] += 1
+        motion = Motion.between(last.pose, pose, t_s - last.t_s)
+        verdict.travelled_m[name] = verdict.travelled_m.get(name, 0.0) + motion.length_m
+        verdict.moving_s += motion.step_s * (motion.length_m > 1e-3 * motion.step_s)
+        limits = self._limits[state.label]
+        reason = breach(motion, last.speed_mps, limits)
+        if reason:
+            verdict.note("limits", t_s, f"{state.label} {state.artefact_id}: {reason}")
+        braking_mps2 = hard_braking_mps2(motion, last.speed_mps, limits)
+        if braking_mps2:
+            verdict.note_braking(braking_mps2, is_dead_stop=is_standing(motion))
+        return _Last(t_s, pose, motion.speed_mps, state.activity)
+
+    def _judge_twist(self, t_s: float, state: ArtefactState) -> None:
+        """Judge the velocities that one is said to have."""
+        reason = excess(
+            math.hypot(*state.linear_velocity_m_s),
+            abs(state.angular_velocity_rad_s[2]),
+            self._limits[state.label],
+        )
+        if reason:
+            self.verdict.note(
+                "limits", t_s, f"{state.label} {state.artefact_id}: its twist {reason}"
+            )
+
+    def _judge_company(
+        self, state: ArtefactState, leader: str | None, states: Sequence[ArtefactState]
+    ) -> None:
+        """Count the distance of a follower to its leader, else to the nearest moving artefact.
+
+        A follower without a leader walks, and does not count.
+        """
+        others = [s for s in states if s.artefact_id != state.artefact_id]
+        if leader is not None:
+            others = [s for s in others if s.artefact_id == int(leader)]
+        else:
+            others = [s for s in others if self._moves(s.artefact_id)]
+        gaps_m = [_apart_m(state, other) for other in others]
+        if gaps_m:
+            gap_m = min(gaps_m)
+            self.verdict.company.note(gap_m, self._step_s, is_near=gap_m <= _NEAR_LEADER_M)
+
+    def _moves(self, artefact_id: int) -> bool:
+        speed_mps = self._last[artefact_id].speed_mps
+        return abs(speed_mps) > _MOVES_MPS
+
+
+def _boxes_of(states: Sequence[ArtefactState]) -> PlainBoxes:
+    """Return the boxes of artefacts, which stand on their ground poses."""
+    poses = [state.ground_pose for state in states]
+    feet_m = np.array([(p.x_m, p.y_m, p.z_m) for p in poses], np.float64).reshape(-1, 3)
+    yaws_rad = np.array([pose.yaw_rad for pose in poses], np.float64)
+    offsets_m = np.array([state.box_centre_m for state in states], np.float64).reshape(-1, 3)
+    sizes_m = np.array([state.size_m for state in states], np.float64).reshape(-1, 3)
+    return PlainBoxes.standing(feet_m, yaws_rad, offsets_m, sizes_m)
+
+
+def _apart_m(one: ArtefactState, other: ArtefactState) -> float:
+    here, there = one.ground_pose, other.ground_pose
+    return math.hypot(here.x_m - there.x_m, here.y_m - there.y_m)

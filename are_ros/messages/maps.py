@@ -1,0 +1,177 @@
+"""nav_msgs/OccupancyGrid and its updates <-> the core's grid."""
+
+from struct import Struct
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.builder.costmap.augmented_map import GridUpdate
+from are_ros.errors import InputError
+from are_ros.messages.cdr import CdrWriter
+from are_ros.messages.common import MessageFactory, make_header, make_pose, read_array, read_time
+from are_ros.world.occupancy_grid import OccupancyGrid
+
+
+def read_grid(message: Any, source: str = "map") -> OccupancyGrid:
+    """Return the grid of a nav_msgs/OccupancyGrid; its cells are copied.
+
+    InputError, whose sentence begins with `source`, for everything Nav2 refuses too.
+    """
+    info, origin = message.info, message.info.origin
+    at, rotation = origin.position, origin.orientation
+    return OccupancyGrid.checked(
+        read_array(message.data, np.int8),
+        width=int(info.width),
+        height=int(info.height),
+        resolution_m=float(info.resolution),
+        origin_xyz_m=(at.x, at.y, at.z),
+        origin_rotation_xyzw=(rotation.x, rotation.y, rotation.z, rotation.w),
+        frame_id=str(message.header.frame_id).lstrip("/"),
+        stamp_ns=read_time(message.header.stamp),
+        source=source,
+    )
+
+
+def make_grid(factory: MessageFactory, grid: OccupancyGrid) -> Any:
+    """Return the nav_msgs/OccupancyGrid of a grid; `data` is a view of its cells."""
+    info = factory.make(
+        "nav_msgs/msg/MapMetaData",
+        resolution=grid.resolution_m,
+        width=grid.width,
+        height=grid.height,
+        origin=make_pose(factory, grid.origin),
+    )
+    return factory.make(
+        "nav_msgs/msg/OccupancyGrid",
+        header=make_header(factory, grid.frame_id, grid.stamp_ns),
+        info=info,
+        data=grid.cells.reshape(-1),
+    )
+
+
+# Occupancy grids as bytes: a head of a hundred bytes, and the cells as they lie in memory.
+
+
+_RESOLUTION_AND_SIZE: Final = Struct("<f2I")
+_POSE: Final = Struct("<7d")
+_RECTANGLE: Final = Struct("<2i2I")
+_NO_TIME_NS: Final = 0
+
+
+def encode_grid(grid: OccupancyGrid) -> bytes:
+    """Return a nav_msgs/OccupancyGrid, whose map has no load time."""
+    origin = grid.origin
+    writer = CdrWriter()
+    writer.header(grid.frame_id, grid.stamp_ns)
+    writer.time(_NO_TIME_NS)
+    writer.pack(_RESOLUTION_AND_SIZE, 4, grid.resolution_m, grid.width, grid.height)
+    writer.pack(_POSE, 8, *origin.translation_m.tolist(), *origin.rotation_xyzw.tolist())
+    return _with_cells(writer, grid.cells)
+
+
+def encode_grid_update(update: GridUpdate) -> bytes:
+    """Return a map_msgs/OccupancyGridUpdate; x is the first column, y the first row."""
+    rows, columns = update.cells.shape
+    writer = CdrWriter()
+    writer.header(update.frame_id, update.stamp_ns)
+    rectangle = update.rectangle
+    writer.pack(_RECTANGLE, 4, int(rectangle.col0), int(rectangle.row0), columns, rows)
+    return _with_cells(writer, update.cells)
+
+
+def _with_cells(
+    writer: CdrWriter, cells: "np.ndarray[tuple[int, ...], np.dtype[np.int8]]"
+) -> bytes:
+    """Return a message that ends with cells int8 (h, w), row by row: they are copied once."""
+    writer.count(cells.size)
+    return b"".join((writer.message(), np.ascontiguousarray(cells).data))
+
+
+# sensor_msgs/PointCloud2 <-> arrays of points, whatever the layout of its fields.
+
+
+Points = npt.NDArray[np.float32] | npt.NDArray[np.float64]
+
+_FLOAT_KINDS = {7: "f4", 8: "f8"}
+"""PointField.FLOAT32 and FLOAT64 as numpy kinds."""
+
+
+def read_points(message: Any, source: str = "points") -> Points:
+    """Return the points (N, 3) of a PointCloud2 in its own frame [m], NaN where it has NaN.
+
+    N is height * width, row by row. float32, or float64 if any of x, y, z is. The array is new.
+    InputError if a coordinate is missing or no float, or if steps and data do not fit together.
+    """
+    coordinates = _coordinates(message, read_array(message.data, np.uint8), source)
+    stored = [coordinates[axis] for axis in "xyz"]
+    dtype = np.result_type(*(values.dtype.newbyteorder("=") for values in stored))
+    points = np.empty((stored[0].size, 3), dtype=dtype)
+    for column, values in enumerate(stored):
+        points[:, column] = values.reshape(-1)
+    return points
+
+
+def make_cloud(factory: MessageFactory, frame_id: str, stamp_ns: int, points_m: Points) -> Any:
+    """Return an unorganised PointCloud2 of x, y, z float32 from points (N, 3) [m]."""
+    points = np.ascontiguousarray(points_m, dtype="<f4")
+    fields = [
+        factory.make("sensor_msgs/msg/PointField", name=axis, offset=4 * index, datatype=7, count=1)
+        for index, axis in enumerate("xyz")
+    ]
+    return factory.make(
+        "sensor_msgs/msg/PointCloud2",
+        header=make_header(factory, frame_id, stamp_ns),
+        height=1,
+        width=len(points),
+        fields=fields,
+        is_bigendian=False,
+        point_step=12,
+        row_step=12 * len(points),
+        data=points.reshape(-1).view(np.uint8),
+        is_dense=bool(np.isfinite(points).all()),
+    )
+
+
+def _coordinates(message: Any, data: npt.NDArray[np.uint8], source: str) -> npt.NDArray[np.void]:
+    """Return x, y, z as a structured view (height, width) of `data`."""
+    _check_steps(message, data.size, source)
+    kinds, offsets = _layout(message, source)
+    dtype = np.dtype(
+        {"names": list("xyz"), "formats": kinds, "offsets": offsets, "itemsize": message.point_step}
+    )
+    shape = (message.height, message.width)
+    strides = (message.row_step, message.point_step)
+    view: npt.NDArray[np.void] = np.ndarray(shape, dtype=dtype, buffer=data, strides=strides)
+    return view
+
+
+def _layout(message: Any, source: str) -> tuple[list[str], list[int]]:
+    """Return the numpy formats and the byte offsets of x, y, z."""
+    order = ">" if message.is_bigendian else "<"
+    fields = {field.name: field for field in message.fields}
+    kinds: list[str] = []
+    for axis in "xyz":
+        field = fields.get(axis)
+        if field is None or field.datatype not in _FLOAT_KINDS or field.count > 1:
+            have = ", ".join(fields) or "none"
+            message_text = f"{source}: fields have no {axis} of one float32 or float64 ({have})"
+            raise InputError(message_text)
+        kinds.append(order + _FLOAT_KINDS[field.datatype])
+        if field.offset + np.dtype(kinds[-1]).itemsize > message.point_step:
+            raise InputError(f"{source}: field {axis} ends beyond point_step {message.point_step}")
+    return kinds, [fields[axis].offset for axis in "xyz"]
+
+
+def _check_steps(message: Any, size: int, source: str) -> None:
+    """Refuse a cloud whose sizes contradict each other."""
+    if message.row_step < message.width * message.point_step:
+        raise InputError(
+            f"{source}: row_step {message.row_step} is less than width {message.width}"
+            f" x point_step {message.point_step}"
+        )
+    if size != message.height * message.row_step:
+        raise InputError(
+            f"{source}: data has {size} bytes, but height {message.height} x row_step"
+            f" {message.row_step} = {message.height * message.row_step}"
+        )

@@ -1,0 +1,1 @@
+"""Who comes, when, and for how long: the catalogue, the mixture, arrivals, lifetimes, scenarios."""

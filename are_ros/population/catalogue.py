@@ -1,0 +1,121 @@
+"""The space Q of artefact types (section 3.2): one row per tuple, in blocks of one class each."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.errors import CatalogueError
+from are_ros.population.meshes.shapes import Shape
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """A mesh of the user's, and how to read it.
+
+    `metres_per_unit` already contains the row's own scale. `up` and `forward` are the axes of the
+    file (`x`, `-x`, `y`, ...) that become +z and +x of F_A.
+    """
+
+    path: Path
+    metres_per_unit: float = 1.0
+    up: str = "z"
+    forward: str = "x"
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """What a type can do on the ground: speed [m/s], acceleration [m/s^2], turning.
+
+    `turn_rate_radps` limits the change of yaw [rad/s], `turn_radius_m` is the smallest circle that
+    it drives [m] (0: it turns on the spot). A speed of 0 means that it never moves. The speed is
+    that of walking and driving; running is `running_factor` (>= 1) times as fast.
+    """
+
+    speed_mps: float = 0.0
+    acceleration_mps2: float = 1.0
+    turn_rate_radps: float = 1.0
+    turn_radius_m: float = 0.0
+    running_factor: float = 1.8
+
+    @property
+    def top_speed_mps(self) -> float:
+        """The speed that it never exceeds, that of running."""
+        return self.speed_mps * self.running_factor
+
+
+@dataclass(frozen=True)
+class RewardWeights:
+    """Weights, not negative, of what the type's decision process gains and pays (section 3.2)."""
+
+    goal: float = 1.0
+    time: float = 0.1
+    clearance: float = 0.5
+    personal_space: float = 0.5
+    robot: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class CatalogueRow:
+    """One tuple Q: label l, box b and features Phi of an artefact, with its mesh and its habits.
+
+    Frame F_A has its origin at the centre of mass of the mesh (of the mesh's convex hull if it is
+    not watertight), +x forward, +z up. The box is the mesh's axis-aligned bounding box in F_A, of
+    `size_m` (x, y, z), centred at `box_centre_in_artefact_m`. Mesh and box are rigid. `colour` is
+    (red, green, blue, alpha), each in [0, 1]. `behaviours` maps a behaviour's name to its
+    probability. A row with `forever` gives artefacts that never depart.
+    """
+
+    index: int
+    label: str
+    class_name: str
+    size_m: tuple[float, float, float]
+    box_centre_in_artefact_m: tuple[float, float, float]
+    surface: Shape | MeshFile
+    colour: tuple[float, float, float, float] = (0.7, 0.7, 0.7, 1.0)
+    forever: bool = False
+    motion: MotionLimits = field(default_factory=MotionLimits)
+    behaviours: Mapping[str, float] = field(default_factory=lambda: {"standing": 1.0})
+    rewards: RewardWeights = field(default_factory=RewardWeights)
+    features: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def com_height_m(self) -> float:
+        """Height of F_A above the ground when the bottom of the box stands on it."""
+        return 0.5 * self.size_m[2] - self.box_centre_in_artefact_m[2]
+
+
+@dataclass(frozen=True, eq=False)
+class Catalogue:
+    """The rows in the order of their index; the rows of a class are contiguous."""
+
+    rows: tuple[CatalogueRow, ...]
+
+    @cached_property
+    def class_names(self) -> tuple[str, ...]:
+        """Names of the classes in the order of their blocks."""
+        return tuple(dict.fromkeys(row.class_name for row in self.rows))
+
+    def rows_named(self, name: str) -> tuple[CatalogueRow, ...]:
+        """Return the row with this label, or else the rows of the class with this name.
+
+        An unknown name raises `CatalogueError`.
+        """
+        found = tuple(row for row in self.rows if row.label == name)
+        found = found or tuple(row for row in self.rows if row.class_name == name)
+        if not found:
+            classes = ", ".join(self.class_names)
+            msg = f"the catalogue has no row and no class named {name!r}; its classes are {classes}"
+            raise CatalogueError(msg)
+        return found
+
+    def class_probabilities(
+        self, row_probabilities: npt.NDArray[np.float64]
+    ) -> npt.NDArray[np.float64]:
+        """Sum float64 (rows,) probabilities over each class: (classes,), as `class_names`."""
+        of_row = [row.class_name for row in self.rows]
+        starts = [of_row.index(name) for name in self.class_names]
+        return np.add.reduceat(row_probabilities, starts)

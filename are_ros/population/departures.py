@@ -1,0 +1,316 @@
+"""Departures: the two readings of the paper's leaving rate mu (section 3.2), and ends of lives."""
+
+from abc import ABC, abstractmethod
+from bisect import bisect_left, insort
+from enum import Enum
+from typing import NamedTuple
+
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import ParameterError
+from are_ros.parameters.choices import Departures
+from are_ros.population.arrivals import ArrivalProcess, due_ns
+from are_ros.population.randomness import Purpose, generator
+
+
+class Cause(Enum):
+    """Why an artefact departed or was blocked."""
+
+    LIFE_OVER = "life_over"
+    DISPLACED = "displaced"
+    REMOVED = "removed"
+    ROBOT_CONTACT = "robot_contact"
+    CLOCK_JUMPED_BACK = "clock_jumped_back"
+    CLOCK_LEAPT = "clock_leapt"
+    RECORDING_GAP = "recording_gap"
+    MAX_ALIVE = "max_alive"
+    NO_PLACE = "no_place"
+    REFUSED = "refused"
+    NO_HIDDEN_PLACE = "no_hidden_place"
+    """There is a place, but a camera sees each (population.appear: out_of_view)."""
+
+
+class Departure(NamedTuple):
+    """An artefact leaves at `time_ns`; it is not there at that instant any more."""
+
+    time_ns: int
+    artefact_id: int
+
+
+class DepartureLaw(ABC):
+    """Which artefact departs next, and when; times are integer nanoseconds."""
+
+    def __init__(self, seed: int, mean_life_s: float) -> None:
+        self._seed = seed
+        self._rate_per_s = leaving_rate_per_s(mean_life_s)
+
+    @abstractmethod
+    def arrived(self, artefact_id: int, now_ns: int) -> None:
+        """Begin a life at `now_ns`; ids are never reused."""
+
+    @abstractmethod
+    def removed(self, artefact_id: int, now_ns: int) -> None:
+        """Censor a life: the artefact goes for another reason. Unknown ids are ignored."""
+
+    @abstractmethod
+    def set_mean_life(self, mean_life_s: float, now_ns: int) -> None:
+        """Set the mean 1/mu from `now_ns` on, also for the rest of present lives."""
+
+    @abstractmethod
+    def next(self) -> Departure | None:
+        """Return the next departure as it stands now, None if there is none."""
+
+    def pop(self) -> Departure:
+        """Take the next departure; `ParameterError` if there is none."""
+        departure = self.next()
+        if departure is None:
+            raise ParameterError("no artefact is due to leave")
+        self._taken()
+        self.removed(departure.artefact_id, departure.time_ns)
+        return departure
+
+    def _taken(self) -> None:  # noqa: B027 - only a law with a process of its own has to do anything
+        """Go on to the departure after the one that is being taken."""
+
+    def departure_of(self, artefact_id: int) -> int | None:  # noqa: ARG002 - some laws use it
+        """Return when this artefact leaves [ns], None if that is not known in advance."""
+        return None
+
+    def check(self, members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:  # noqa: B027 - a law that is always stationary accepts everything
+        """Refuse (`ParameterError`) what would let the number of artefacts grow for ever."""
+
+    @abstractmethod
+    def restart(self, now_ns: int) -> None:
+        """Forget all lives and go on at `now_ns`, earlier or later."""
+
+    def reseed(self, seed: int, now_ns: int) -> None:  # noqa: ARG002 - some laws use it
+        """Draw from another seed from `now_ns` on; lives already drawn stay."""
+        self._seed = seed
+
+
+def departure_law(kind: Departures, seed: int, mean_life_s: float) -> DepartureLaw:
+    """Return the law of `population.departures`, without artefacts."""
+    if kind is Departures.INDEPENDENT:
+        return IndependentLives(seed, mean_life_s)
+    return ConstantRateDepartures(seed, mean_life_s)
+
+
+class IndependentLives(DepartureLaw):
+    """Every life is exponential on its own: death rate i*mu, stationary law Poisson(lambda/mu).
+
+    The life of artefact a ends when mu, integrated since its arrival, reaches the first draw of
+    `generator(seed, Purpose.LIFE, a)`.
+    """
+
+    def __init__(self, seed: int, mean_life_s: float) -> None:
+        super().__init__(seed, mean_life_s)
+        self._lives: dict[int, tuple[int, float]] = {}
+        self._departure_ns: dict[int, int] = {}
+        self._queue: list[Departure] = []
+
+    def arrived(self, artefact_id: int, now_ns: int) -> None:
+        """Draw the life that begins at `now_ns`."""
+        stream = generator(self._seed, Purpose.LIFE, artefact_id)
+        self._schedule(artefact_id, now_ns, float(stream.standard_exponential()))
+
+    def removed(self, artefact_id: int, now_ns: int) -> None:  # noqa: ARG002 - the law's interface
+        """Censor a life; the other lives do not change."""
+        self._lives.pop(artefact_id, None)
+        departure_ns = self._departure_ns.pop(artefact_id, None)
+        if departure_ns is not None:
+            del self._queue[bisect_left(self._queue, Departure(departure_ns, artefact_id))]
+
+    def set_mean_life(self, mean_life_s: float, now_ns: int) -> None:
+        """Stretch or shrink what is left at `now_ns` of each life; those due by then stay."""
+        before, rate_per_s = self._rate_per_s, leaving_rate_per_s(mean_life_s)
+        if rate_per_s == before:
+            return
+        self._rate_per_s = rate_per_s
+        for artefact_id, (start_ns, hazard) in list(self._lives.items()):
+            due = self._departure_ns.get(artefact_id)
+            if due is None or due > now_ns:
+                change_ns = max(now_ns, start_ns)
+                consumed = before * ((change_ns - start_ns) / NS_PER_S)
+                self.removed(artefact_id, now_ns)
+                self._schedule(artefact_id, change_ns, max(hazard - consumed, 0.0))
+
+    def next(self) -> Departure | None:
+        """Return the earliest end of a life, of two at once the lower id."""
+        return self._queue[0] if self._queue else None
+
+    def departure_of(self, artefact_id: int) -> int | None:
+        """Return the end of a life [ns], which only another mean life changes."""
+        return self._departure_ns.get(artefact_id)
+
+    def restart(self, now_ns: int) -> None:  # noqa: ARG002 - the law's interface
+        """Forget all lives."""
+        self._lives.clear()
+        self._departure_ns.clear()
+        self._queue.clear()
+
+    def _schedule(self, artefact_id: int, start_ns: int, hazard: float) -> None:
+        self._lives[artefact_id] = (start_ns, hazard)
+        departure_ns = due_ns(start_ns, hazard, self._rate_per_s)
+        if departure_ns is not None:
+            self._departure_ns[artefact_id] = departure_ns
+            insort(self._queue, Departure(departure_ns, artefact_id))
+
+
+class ConstantRateDepartures(DepartureLaw):
+    """The paper's transition matrix: one leaves at rate mu while anyone lives (geometric law).
+
+    The j-th departure has the unit exponential E_j, the first draw of
+    `generator(seed, Purpose.DEPARTURE, j)`, consumed by mu only while someone lives. The second
+    draw picks who leaves, uniform among those alive at that instant.
+    """
+
+    def __init__(self, seed: int, mean_life_s: float, now_ns: int = 0) -> None:
+        super().__init__(seed, mean_life_s)
+        self._process = ArrivalProcess(seed, Purpose.DEPARTURE, rate_per_s=0.0, now_ns=now_ns)
+        self._mark = (-1, 0.0)
+        self._alive: list[int] = []
+        self._someone_since_ns = now_ns
+
+    def arrived(self, artefact_id: int, now_ns: int) -> None:
+        """Add the artefact to those that can depart."""
+        if not self._alive:
+            self._someone_since_ns = now_ns
+        insort(self._alive, artefact_id)
+        self._process.set_rate(self._rate_per_s, now_ns)
+
+    def removed(self, artefact_id: int, now_ns: int) -> None:
+        """Remove the artefact from those that can depart; without any the process stops."""
+        place = bisect_left(self._alive, artefact_id)
+        if self._alive[place : place + 1] == [artefact_id]:
+            del self._alive[place]
+        if not self._alive:
+            self._process.set_rate(0.0, now_ns)
+
+    def set_mean_life(self, mean_life_s: float, now_ns: int) -> None:
+        """Change what is left until the next departure."""
+        self._rate_per_s = leaving_rate_per_s(mean_life_s)
+        if self._alive:
+            self._process.set_rate(self._rate_per_s, now_ns)
+
+    def next(self) -> Departure | None:
+        """Return the next departure if no artefact arrives or departs before."""
+        time_ns = self._process.next_ns() if self._alive else None
+        if time_ns is None:
+            return None
+        leaver = self._alive[int(self._uniform() * len(self._alive))]
+        return Departure(max(time_ns, self._someone_since_ns), leaver)
+
+    def check(self, members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:
+        """Refuse as many arrivals as departures where nothing bounds the number alive."""
+        check_stationary(members_per_s, mean_life_s, max_alive)
+
+    def restart(self, now_ns: int) -> None:
+        """Forget all lives; the present exponential goes on with the next arrival."""
+        self._alive.clear()
+        self._process.restart(now_ns)
+        self._process.set_rate(0.0, now_ns)
+
+    def reseed(self, seed: int, now_ns: int) -> None:
+        """Begin again at departure 0 of another seed, with the same artefacts alive."""
+        rate_per_s = self._rate_per_s if self._alive else 0.0
+        self._seed = seed
+        self._mark = (-1, 0.0)
+        self._process = ArrivalProcess(
+            seed, Purpose.DEPARTURE, rate_per_s=rate_per_s, now_ns=now_ns
+        )
+
+    def _taken(self) -> None:
+        self._process.pop()
+
+    def _uniform(self) -> float:
+        index = self._process.index
+        if self._mark[0] != index:
+            stream = generator(self._seed, Purpose.DEPARTURE, index)
+            stream.standard_exponential()
+            self._mark = (index, float(stream.random()))
+        return self._mark[1]
+
+
+def leaving_rate_per_s(mean_life_s: float) -> float:
+    """Return mu = 1/mean life [1/s]; `ParameterError` unless the mean is > 0 (infinite: for ever).
+
+    Means too short for a finite rate are refused too.
+    """
+    rate_per_s = 1.0 / mean_life_s if mean_life_s > 0.0 else float("inf")
+    if not rate_per_s < float("inf"):
+        raise ParameterError(f"a mean life of {mean_life_s} s is not a duration above 0")
+    return rate_per_s
+
+
+def check_stationary(members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:
+    """Refuse a constant-rate chain that would grow without bound.
+
+    Raises `ParameterError` if artefacts arrive at `members_per_s` >= mu and nothing bounds them.
+    """
+    rate_per_s = leaving_rate_per_s(mean_life_s)
+    if max_alive is None and members_per_s >= rate_per_s:
+        msg = (
+            f"with population.departures at constant_rate, {members_per_s:.6g} artefacts per second"
+            f" arrive and at most {rate_per_s:.6g} leave (mean life {mean_life_s:.6g} s), so their"
+            " number would grow for ever: lower population.arrival_rate, shorten"
+            " population.mean_life or bound population.max_alive"
+        )
+        raise ParameterError(msg)
+
+
+class Lifetimes:
+    """The ends of all present lives, in the order of time; instants are nanoseconds.
+
+    An artefact with a given end, or without one, is not subject to the `law`.
+    """
+
+    def __init__(self, law: DepartureLaw) -> None:
+        self.law = law
+        self._given: list[Departure] = []
+        self._outside_the_law: set[int] = set()
+
+    def begin(
+        self, artefact_id: int, now_ns: int, end_ns: int | None = None, *, is_for_ever: bool = False
+    ) -> int | None:
+        """Begin a life, and return its end where it is known; the law draws one not given."""
+        if end_ns is not None:
+            insort(self._given, Departure(end_ns, artefact_id))
+        if end_ns is not None or is_for_ever:
+            self._outside_the_law.add(artefact_id)
+            return end_ns
+        self.law.arrived(artefact_id, now_ns)
+        return self.law.departure_of(artefact_id)
+
+    def end(self, artefact_id: int, now_ns: int) -> None:
+        """Forget a life, which is over, or is cut short."""
+        if artefact_id in self._outside_the_law:
+            self._outside_the_law.remove(artefact_id)
+            self._given = [end for end in self._given if end.artefact_id != artefact_id]
+        else:
+            self.law.removed(artefact_id, now_ns)
+
+    def next(self) -> Departure | None:
+        """Return the next end of a life as things stand, None if there is none."""
+        drawn = self.law.next()
+        if self._given and (drawn is None or self._given[0] < drawn):
+            return self._given[0]
+        return drawn
+
+    def take(self, departure: Departure) -> None:
+        """Take the next end of a life, as `next` has just returned it; then `end` it."""
+        if self.is_by_law(departure.artefact_id):
+            self.law.pop()
+
+    def is_by_law(self, artefact_id: int) -> bool:
+        """Return whether the law ends this life."""
+        return artefact_id not in self._outside_the_law
+
+    def postpone(self, by_ns: int) -> list[Departure]:
+        """Move the given ends later; return them."""
+        self._given = [Departure(end.time_ns + by_ns, end.artefact_id) for end in self._given]
+        return self._given
+
+    def restart(self, now_ns: int) -> None:
+        """Forget all lives and go on at `now_ns`, earlier or later."""
+        self._given.clear()
+        self._outside_the_law.clear()
+        self.law.restart(now_ns)

@@ -1,0 +1,1 @@
+"""Shapes of artefacts: procedural ones, and files of the user's."""

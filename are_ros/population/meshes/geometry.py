@@ -1,0 +1,184 @@
+"""The polygonal meshes S_A of the artefacts (section 3.2), built only when asked for.
+
+Mesh files of the user's are read, painted, turned, scaled, and balanced on their F_A.
+"""
+
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.errors import CatalogueError
+from are_ros.population.catalogue import CatalogueRow, MeshFile
+from are_ros.population.meshes.shapes import Colour, Shape, build_shape
+
+if TYPE_CHECKING:
+    import trimesh
+
+
+Triple = tuple[float, float, float]
+
+
+class BoxGeometry(NamedTuple):
+    """The bounding box in F_A: its size (x, y, z) and its centre [m]."""
+
+    size_m: Triple
+    box_centre_in_artefact_m: Triple
+
+
+def shape_geometry(shape: Shape, size_m: Triple) -> BoxGeometry:
+    """Place the box of a built-in shape round its centre of mass; needs no trimesh."""
+    solid = build_shape(shape, size_m, (0.0, 0.0, 0.0, 1.0))
+    x, y, z = solid.centre_of_mass_m()
+    return BoxGeometry(size_m, (float(-x), float(-y), float(0.5 * size_m[2] - z)))
+
+
+def file_geometry(source: MeshFile) -> BoxGeometry:
+    """Read a mesh of the user's for its box; `CatalogueError` as `mesh_of`."""
+    low, high = read_mesh_file(source, (0.0, 0.0, 0.0, 1.0)).bounds
+    return BoxGeometry(_triple(high - low), _triple(0.5 * (low + high)))
+
+
+def surface_of(
+    row: CatalogueRow,
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    """Return the row's mesh in F_A as plain arrays; a built-in shape needs no trimesh for it.
+
+    Vertices (V, 3) [m], faces (F, 3) of vertex indices, and the faces' colours (F, 4) in [0, 1].
+    """
+    if isinstance(row.surface, MeshFile):
+        mesh = mesh_of(row)
+        colours = np.asarray(mesh.visual.face_colors, dtype=np.float64) / 255.0
+        return np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64), colours
+    solid = build_shape(row.surface, row.size_m, row.colour)
+    vertices_m = solid.vertices_m - solid.centre_of_mass_m()
+    return vertices_m, np.asarray(solid.faces, dtype=np.int64), np.asarray(solid.colours)
+
+
+def mesh_of(row: CatalogueRow) -> "trimesh.Trimesh":
+    """Build the row's mesh in F_A, in metres: triangles, normals outwards, a colour per face.
+
+    A mesh of the user's has the colours of its file (a texture's, at the corners), and takes the
+    row's colour where that gives none. `CatalogueError` if the file is missing, cannot be read,
+    holds no triangles, has a corner that is not finite, or is flat.
+    """
+    if isinstance(row.surface, MeshFile):
+        return read_mesh_file(row.surface, row.colour)
+    import trimesh
+
+    solid = build_shape(row.surface, row.size_m, row.colour)
+    return trimesh.Trimesh(
+        solid.vertices_m - solid.centre_of_mass_m(),
+        solid.faces,
+        face_colors=np.rint(255.0 * solid.colours).astype(np.uint8),
+        process=False,
+    )
+
+
+def _triple(values: npt.NDArray[np.float64]) -> Triple:
+    """Return an array (3,) as plain numbers."""
+    return (float(values[0]), float(values[1]), float(values[2]))
+
+
+MESH_SUFFIXES: Final = (".obj", ".stl", ".ply", ".glb")
+
+
+def read_mesh_file(source: MeshFile, colour: Colour) -> "trimesh.Trimesh":
+    """Return the file's bodies as one mesh in F_A, in metres, with a colour for each face.
+
+    `colour` is for bodies to which the file gives none; a texture becomes its colour at the
+    corners. `CatalogueError` if the file is missing, cannot be read, holds no triangles, has a
+    corner that is not finite, or is flat.
+    """
+    import trimesh
+
+    bodies = _bodies(source)
+    vertices = np.concatenate([body.vertices for body in bodies])
+    if not np.isfinite(vertices).all():
+        raise CatalogueError(f"the mesh file {source.path} has a vertex that is not finite")
+    starts = np.cumsum([0] + [len(body.vertices) for body in bodies[:-1]])
+    # Files repeat a vertex for each normal and texture coordinate. Without those, trimesh merges
+    # what is one point in space, so that a closed surface is seen to be closed.
+    mesh = trimesh.Trimesh(
+        source.metres_per_unit * vertices @ _axes(source).T,
+        np.concatenate([body.faces + start for body, start in zip(bodies, starts, strict=True)]),
+        face_colors=np.concatenate([_face_colours(body, colour) for body in bodies]),
+    )
+    return _balanced(mesh, source)
+
+
+def _bodies(source: MeshFile) -> list[Any]:
+    """Return the bodies (trimesh.Trimesh) of a file, each where the file has it."""
+    import trimesh
+
+    if not source.path.is_file():
+        raise CatalogueError(f"the mesh file {source.path} does not exist")
+    if source.path.suffix.lower() not in MESH_SUFFIXES:
+        known = ", ".join(suffix[1:].upper() for suffix in MESH_SUFFIXES)
+        raise CatalogueError(f"the mesh file {source.path} is none of {known}")
+    try:
+        # Unprocessed: trimesh would drop what is not finite without a word.
+        parts = trimesh.load(source.path, force="scene", process=False).dump()
+    except Exception as cause:  # a broken file fails anywhere in trimesh's readers
+        reason = " ".join(str(cause).split())
+        raise CatalogueError(f"the mesh file {source.path} cannot be read: {reason}") from cause
+    bodies = [part for part in parts if isinstance(part, trimesh.Trimesh) and len(part.faces)]
+    if not bodies:
+        raise CatalogueError(f"the mesh file {source.path} holds no triangles")
+    return bodies
+
+
+def _face_colours(body: "trimesh.Trimesh", colour: Colour) -> npt.NDArray[np.uint8]:
+    """Return the colours (F, 4) that the file gives to a body's faces, or else `colour`."""
+    visual = body.visual
+    if visual.kind != "texture":
+        own = np.rint(255.0 * np.array(colour)) if not visual.defined else visual.face_colors
+    else:
+        at_corners = None if visual.uv is None else visual.material.to_color(visual.uv)
+        if at_corners is None or at_corners.ndim == 1:
+            own = np.asarray(visual.material.main_color)
+        else:
+            own = at_corners[body.faces].mean(axis=1)
+    return np.broadcast_to(own, (len(body.faces), 4)).astype(np.uint8)
+
+
+def _axes(source: MeshFile) -> npt.NDArray[np.float64]:
+    """Return the rotation (3, 3) that takes the file's forward and up axes to +x and +z."""
+    forward, up = _axis(source.forward), _axis(source.up)
+    return np.stack((forward, np.cross(up, forward), up))
+
+
+def _axis(name: str) -> npt.NDArray[np.float64]:
+    """Return the unit vector (3,) of an axis `x`, `-x`, `y`, ..."""
+    vector = np.zeros(3)
+    vector["xyz".index(name[-1])] = -1.0 if name.startswith("-") else 1.0
+    return vector
+
+
+def _balanced(mesh: "trimesh.Trimesh", source: MeshFile) -> "trimesh.Trimesh":
+    """Move the origin to the centre of mass, and turn a closed surface's faces outwards."""
+    centre_m = _hull_centre_m(mesh, source)
+    if mesh.is_watertight and mesh.is_winding_consistent and mesh.volume != 0.0:
+        centre_m = mesh.center_mass
+        if mesh.volume < 0.0:
+            mesh.invert()
+    mesh.apply_translation(-centre_m)
+    return mesh
+
+
+def _hull_centre_m(mesh: "trimesh.Trimesh", source: MeshFile) -> npt.NDArray[np.float64]:
+    """Return the centre of mass (3,) of the convex hull; refuse a mesh that lies in a plane."""
+    # trimesh's own hull needs networkx whenever qhull's triangles are wound unequally.
+    from scipy.spatial import ConvexHull, QhullError
+
+    flat = f"the mesh file {source.path} is flat, but an artefact is not"
+    try:
+        hull = ConvexHull(mesh.vertices)
+    except QhullError as cause:
+        raise CatalogueError(flat) from cause
+    if hull.volume < 1e-9 * mesh.extents.max() ** 3:
+        raise CatalogueError(flat)
+    inside = mesh.vertices.mean(axis=0)
+    corners = mesh.vertices[hull.simplices] - inside
+    volumes = np.abs(np.linalg.det(corners))
+    return np.asarray(inside + volumes @ corners.sum(axis=1) / (4.0 * volumes.sum()))

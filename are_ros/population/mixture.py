@@ -1,0 +1,114 @@
+"""The Poisson mixture that picks a row of the catalogue (Eq. 1)."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.errors import ParameterError
+from are_ros.parameters.model import Parameters
+from are_ros.population.catalogue import Catalogue
+from are_ros.wording import counted
+
+Numbers = npt.NDArray[np.float64]
+
+_WEIGHT_SUM_TOLERANCE = 1e-6
+_LEAST_KEPT_MASS = 0.5
+
+
+class TruncatedPoissonMixture:
+    """The law of X, Pr(X = k) = sum_i pi_i Poisson(k; lambda_i | 0 <= k < rows) (Eq. 1).
+
+    A catalogue has finitely many rows. Each component is conditioned on them on its own, and not
+    the mixture as a whole, so that pi_i stays the probability that component i is the one.
+    """
+
+    def __init__(self, weights: Sequence[float], rates: Sequence[float], rows: int) -> None:
+        """Take pi and lambda of the same length, and the number of rows (at least 1).
+
+        ParameterError if the lengths differ or are 0, a weight is negative, the weights do not sum
+        to 1 within 1e-6 (they are then normalised exactly), a rate is not positive and finite, or
+        a component has less than half of its mass on the rows.
+        """
+        _check(weights, rates, rows)
+        self._weights: Numbers = np.array(weights, dtype=np.float64) / math.fsum(weights)
+        self._rates: Numbers = np.array(rates, dtype=np.float64)
+        self._components: Numbers = np.exp([_log_masses(rate, rows) for rate in rates])
+        kept = self._components.sum(axis=1)
+        _check_kept(rates, kept, rows)
+        self._components /= kept[:, np.newaxis]
+        self._probabilities: Numbers = self._weights @ self._components
+        self._cumulative = np.cumsum(self._probabilities)
+        for array in (self._weights, self._rates, self._components, self._probabilities):
+            array.flags.writeable = False
+
+    @property
+    def weights(self) -> Numbers:
+        """The weights pi, float64 (n,), summing to 1."""
+        return self._weights
+
+    @property
+    def rates(self) -> Numbers:
+        """The rates lambda, float64 (n,)."""
+        return self._rates
+
+    def component_probabilities(self) -> Numbers:
+        """Return the law of each component, float64 (n, rows), read-only."""
+        return self._components
+
+    def probabilities(self) -> Numbers:
+        """Return Pr(X = k) for every row, float64 (rows,), read-only."""
+        return self._probabilities
+
+    def sample(self, generator: np.random.Generator) -> int:
+        """Draw a row by inversion, with exactly one uniform number of the generator."""
+        uniform = generator.random() * self._cumulative[-1]
+        return int(np.searchsorted(self._cumulative, uniform, side="right"))
+
+
+def mixture_of(parameters: Parameters, catalogue: Catalogue) -> TruncatedPoissonMixture:
+    """Return the law of the rows that the parameters give; ParameterError where it is bad."""
+    mixture = parameters.mixture
+    return TruncatedPoissonMixture(mixture.weights, mixture.rates, len(catalogue.rows))
+
+
+def _log_masses(rate: float, rows: int) -> Numbers:
+    """Return the log of the Poisson probabilities of 0 <= k < rows."""
+    log_factorials = np.array([math.lgamma(k + 1.0) for k in range(rows)])
+    log_masses: Numbers = np.arange(rows) * math.log(rate) - rate - log_factorials
+    return log_masses
+
+
+def _check(weights: Sequence[float], rates: Sequence[float], rows: int) -> None:
+    """Refuse weights and rates that are no mixture."""
+    if len(weights) != len(rates) or not weights:
+        msg = (
+            f"mixture.weights has {len(weights)} numbers and mixture.rates {len(rates)}, "
+            "but each component needs one of both"
+        )
+        raise ParameterError(msg)
+    if rows < 1:
+        raise ParameterError(f"a mixture over {rows} rows has nothing to choose from")
+    for number, (weight, rate) in enumerate(zip(weights, rates, strict=True)):
+        if not (math.isfinite(weight) and weight >= 0.0):
+            msg = f"mixture.weights[{number}] is {weight}, but a weight is at least 0 and finite"
+            raise ParameterError(msg)
+        if not (math.isfinite(rate) and rate > 0.0):
+            msg = f"mixture.rates[{number}] is {rate}, but a rate is positive and finite"
+            raise ParameterError(msg)
+    total = math.fsum(weights)
+    if abs(total - 1.0) > _WEIGHT_SUM_TOLERANCE:
+        raise ParameterError(f"mixture.weights sums to {total:g}, but the weights must sum to 1")
+
+
+def _check_kept(rates: Sequence[float], kept: Numbers, rows: int) -> None:
+    """Refuse a component that mostly falls outside the catalogue: it would be another law."""
+    for number, (rate, mass) in enumerate(zip(rates, kept, strict=True)):
+        if mass < _LEAST_KEPT_MASS:
+            msg = (
+                f"mixture.rates[{number}] is {rate:g}, which leaves only {100.0 * mass:.3g} % "
+                f"of its mass on the {counted(rows, 'row')} of the catalogue, "
+                "but at least half is needed"
+            )
+            raise ParameterError(msg)

@@ -1,0 +1,386 @@
+"""The population: marked Poisson arrivals and the birth-death chain of section 3.2."""
+
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from itertools import accumulate, islice
+from operator import attrgetter
+from types import MappingProxyType
+
+import numpy as np
+
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import InputError, PlacementError
+from are_ros.population.arrivals import RandomSource, RowLaw, checked_rate
+from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.departures import (
+    Cause,
+    Departure,
+    DepartureLaw,
+    Lifetimes,
+    leaving_rate_per_s,
+)
+from are_ros.population.randomness import Purpose, generator
+from are_ros.population.scenario import Scenario, ScriptedOffer, ScriptedSource
+
+
+class EventKind(Enum):
+    """What happened to an artefact."""
+
+    ARRIVED = "arrived"
+    DEPARTED = "departed"
+    BLOCKED = "blocked"
+    LEAVING = "leaving"
+    """Its life is over: it walks to an exit, and departs there."""
+
+
+@dataclass(frozen=True, eq=False)
+class PopulationEvent:
+    """One artefact came, went, or could not come, at `time_ns`; an arrival has no cause.
+
+    `reason` says in words why one that was scripted is refused.
+    """
+
+    time_ns: int
+    kind: EventKind
+    artefact_id: int
+    row: CatalogueRow
+    cause: Cause | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Counts:
+    """How many so far: offered = arrived + blocked, alive = arrived - departed.
+
+    `displaced` are those of the departed who had to go for want of a safe pose: censored lives.
+    """
+
+    offered: int = 0
+    arrived: int = 0
+    blocked: int = 0
+    departed: int = 0
+    displaced: int = 0
+
+    def after(self, event: PopulationEvent) -> "Counts":
+        """Return the counts with one more event."""
+        kind = event.kind
+        return Counts(
+            offered=self.offered + (kind in {EventKind.ARRIVED, EventKind.BLOCKED}),
+            arrived=self.arrived + (kind is EventKind.ARRIVED),
+            blocked=self.blocked + (kind is EventKind.BLOCKED),
+            departed=self.departed + (kind is EventKind.DEPARTED),
+            displaced=self.displaced + (event.cause is Cause.DISPLACED),
+        )
+
+
+Place = Callable[
+    [int, CatalogueRow, np.random.Generator, tuple[float, float] | None], GroundPose | Cause | None
+]
+"""(id, row, generator, (x, y) of the group's first member) -> a free pose, or why there is none.
+
+None is short for `Cause.NO_PLACE`."""
+
+
+Admit = Callable[[ScriptedOffer], GroundPose | str]
+"""A scripted artefact that is to arrive -> where it stands, or why it cannot stand there."""
+
+
+class Population:
+    """The artefacts alive, and the events that change them, one at a time and in order.
+
+    Of two events at one instant a departure comes before an arrival. The bound `max_alive` (None:
+    none) counts all the living. Artefacts of rows that live for ever, and those admitted with a
+    life of their own, do not take part in the law of departures.
+
+    If `stays_on` is true, the artefact outlives its end until it is removed: it is leaving, and
+    still counts as alive, but the law of departures no longer applies to it.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        source: RandomSource,
+        departures: DepartureLaw,
+        *,
+        max_alive: int | None = 200,
+        history_ns: int = 2 * NS_PER_S,
+        stays_on: Callable[[Artefact], bool] = lambda _: False,
+        begun: Callable[[Artefact, ScriptedOffer | None], object] = lambda *_: None,
+        scripted: ScriptedSource | None = None,
+    ) -> None:
+        """Take the parts; `begun(artefact, offer)` is called for each arrival."""
+        self.scripted = scripted or ScriptedSource(Scenario())
+        self.max_alive = max_alive
+        self._begun = begun
+        self._stays_on = stays_on
+        self._seed = seed
+        self._source = source
+        self._lifetimes = Lifetimes(departures)
+        self._history_ns = history_ns
+        self._living: dict[int, Artefact] = {}
+        self._departed: deque[Artefact] = deque()
+        self._causes: dict[int, Cause] = {}
+        self.counts = Counts()
+
+    @property
+    def living(self) -> Mapping[int, Artefact]:
+        """The artefacts alive by id, in the order of their ids: a view, always up to date."""
+        return MappingProxyType(self._living)
+
+    def start(self, now_ns: int) -> None:
+        """Begin at `now_ns`, or again after a clock jump, without artefacts; ids go on.
+
+        Present artefacts are dropped without an event.
+        """
+        self._living.clear()
+        self._departed.clear()
+        self._causes.clear()
+        self._source.restart(now_ns)
+        self.scripted.restart(now_ns)
+        self._lifetimes.restart(now_ns)
+
+    def interrupt(self, from_ns: int, until_ns: int) -> None:
+        """Go on at `until_ns`, after all have departed at `from_ns`: nothing was in between.
+
+        The next random arrival is waited for from then on, the scenario comes so much later.
+        """
+        self._source.restart(until_ns)
+        self._lifetimes.restart(until_ns)
+        self.scripted.postpone(until_ns - from_ns)
+
+    def reseed(self, seed: int, now_ns: int) -> None:
+        """Draw from another seed from `now_ns` on; the living stay, ids go on."""
+        self._seed = seed
+        self._source.reseed(seed, now_ns)
+        self._lifetimes.law.reseed(seed, now_ns)
+
+    def set_rates(
+        self, arrival_rate: float, area_m2: float, mean_life_s: float, now_ns: int
+    ) -> None:
+        """Set lambda [1/(m^2 s)], nu(M2D) [m^2] and 1/mu [s] from `now_ns` on.
+
+        Values that are already in force change nothing, bit for bit. Raises `ParameterError`, and
+        changes nothing, where one is out of its domain or the law of departures refuses them.
+        """
+        rate_per_s = checked_rate(arrival_rate * area_m2)
+        leaving_rate_per_s(mean_life_s)
+        members_per_s = rate_per_s * self._source.mean_group_size
+        law = self._lifetimes.law
+        law.check(members_per_s, mean_life_s, self.max_alive)
+        self._source.set_rate(rate_per_s, now_ns)
+        law.set_mean_life(mean_life_s, now_ns)
+        for artefact in self._living.values():
+            if self._lifetimes.is_by_law(artefact.id) and not artefact.is_leaving:
+                artefact.departure_ns = law.departure_of(artefact.id)
+
+    def set_marks(self, rows: Sequence[CatalogueRow], law: RowLaw, mean_group_size: float) -> None:
+        """Set rows, law and mean group size of later arrivals."""
+        self._source.set_mean_group_size(mean_group_size)
+        self._source.set_rows(rows, law)
+
+    def postpone(self, by_ns: int) -> None:
+        """Move the given ends of lives later, after a pause.
+
+        Scripted artefacts still to come do so as much later, too.
+        """
+        self.scripted.postpone(by_ns)
+        for end in self._lifetimes.postpone(by_ns):
+            self._living[end.artefact_id].departure_ns = end.time_ns
+
+    def next_event_ns(self) -> int | None:
+        """Return when `handle_next` has something to do [ns], None if never as things stand."""
+        departure = self._lifetimes.next()
+        instants = (
+            departure.time_ns if departure else None,
+            self.scripted.next_ns(),
+            self._source.next_ns(),
+        )
+        return min((t_ns for t_ns in instants if t_ns is not None), default=None)
+
+    def handle_next(self, place: Place, admit: Admit = attrgetter("pose")) -> list[PopulationEvent]:
+        """Process the next event: one departure, a scripted arrival, or the arrival of one group.
+
+        In this order at one instant. `place` finds a pose for each member in turn; those before it
+        live already. `admit` says where a scripted one stands, or why it cannot. Returns what
+        happened, an event per artefact. Raises `ParameterError` if there is no event.
+        """
+        departure, next_ns = self._lifetimes.next(), self.next_event_ns()
+        if departure and departure.time_ns == next_ns:
+            self._lifetimes.take(departure)
+            return [self._end(departure)]
+        if next_ns is not None and self.scripted.next_ns() == next_ns:
+            return [self._arrive_by_script(admit)]
+        return self._arrive(place)
+
+    def remove(self, artefact_id: int, now_ns: int, cause: Cause) -> PopulationEvent:
+        """Remove an artefact at `now_ns`; `InputError` if the id is unknown.
+
+        It stays known to `present_at` for the history's length.
+        """
+        artefact = self._living.pop(artefact_id, None)
+        if artefact is None:
+            raise InputError(f"no artefact with id {artefact_id} is alive")
+        if not artefact.is_leaving:
+            self._lifetimes.end(artefact_id, now_ns)
+        artefact.departure_ns = now_ns
+        self._causes.pop(artefact_id, None)
+        self._departed.append(artefact)
+        self._forget_before(now_ns - self._history_ns)
+        return self._say(now_ns, EventKind.DEPARTED, artefact_id, artefact.row, cause)
+
+    def admit(
+        self,
+        row: CatalogueRow,
+        pose: GroundPose,
+        now_ns: int,
+        *,
+        origin: Origin,
+        life_ns: int | None = None,
+        behaviour: str = "",
+    ) -> PopulationEvent:
+        """Add a scripted or requested artefact at a pose that the caller found free.
+
+        A given life [ns] ends on its own; None draws one by the law of departures, or for a row
+        that lives for ever gives no end. A behaviour that is not given is drawn from the row's.
+        Raises `PlacementError` at the bound.
+        """
+        if self._is_full():
+            msg = (
+                f"{row.label} is refused: {len(self._living)} artefacts live, population.max_alive"
+            )
+            raise PlacementError(msg)
+        artefact_id = self.scripted.new_id()
+        end_ns = None if life_ns is None else now_ns + life_ns
+        return self._begin(artefact_id, row, pose, now_ns, origin, end_ns, behaviour)
+
+    def present_at(self, t_ns: int) -> list[Artefact]:
+        """Return the artefacts present at `t_ns` (arrival <= t < departure), by id.
+
+        Complete as far back as the history reaches before the last departure.
+        """
+        everyone = [*self._departed, *self._living.values()]
+        present = [
+            artefact
+            for artefact in everyone
+            if artefact.arrival_ns <= t_ns
+            and (artefact.departure_ns is None or t_ns < artefact.departure_ns)
+        ]
+        return sorted(present, key=attrgetter("id"))
+
+    def _end(self, departure: Departure) -> PopulationEvent:
+        """End a life: the artefact departs, or leaves by an exit first."""
+        time_ns, artefact_id = departure
+        artefact = self._living[artefact_id]
+        if not self._stays_on(artefact):
+            cause = self._causes.get(artefact_id, Cause.LIFE_OVER)
+            return self.remove(artefact_id, time_ns, cause)
+        self._lifetimes.end(artefact_id, time_ns)
+        artefact.is_leaving, artefact.departure_ns = True, None
+        return self._say(time_ns, EventKind.LEAVING, artefact_id, artefact.row, Cause.LIFE_OVER)
+
+    def _arrive_by_script(self, admit: Admit) -> PopulationEvent:
+        offer = self.scripted.take()
+        pose = admit(offer)
+        if isinstance(pose, str) or self._is_full():
+            cause = Cause.REFUSED if isinstance(pose, str) else Cause.MAX_ALIVE
+            reason = f"{offer.place}: {pose}" if isinstance(pose, str) else ""
+            blocked = EventKind.BLOCKED
+            return self._say(
+                offer.time_ns, blocked, offer.artefact_id, offer.row, cause, reason=reason
+            )
+        self._causes[offer.artefact_id] = offer.cause
+        return self._begin(
+            offer.artefact_id,
+            offer.row,
+            pose,
+            offer.time_ns,
+            offer.origin,
+            None if offer.life_ns is None else offer.time_ns + offer.life_ns,
+            offer.behaviour,
+            offer,
+        )
+
+    def _arrive(self, place: Place) -> list[PopulationEvent]:
+        offer = self._source.take()
+        events: list[PopulationEvent] = []
+        near: tuple[float, float] | None = None
+        for artefact_id, row in offer.members:
+            pose = self._find_pose(artefact_id, row, near, place)
+            if isinstance(pose, Cause):
+                blocked = EventKind.BLOCKED
+                events.append(self._say(offer.time_ns, blocked, artefact_id, row, pose))
+                continue
+            near = near or (pose.x_m, pose.y_m)
+            events.append(self._begin(artefact_id, row, pose, offer.time_ns, Origin.RANDOM, None))
+        return events
+
+    def _find_pose(
+        self, artefact_id: int, row: CatalogueRow, near: tuple[float, float] | None, place: Place
+    ) -> GroundPose | Cause:
+        if self._is_full():
+            return Cause.MAX_ALIVE
+        stream = generator(self._seed, Purpose.PLACE, artefact_id)
+        return place(artefact_id, row, stream, near) or Cause.NO_PLACE
+
+    def _begin(
+        self,
+        artefact_id: int,
+        row: CatalogueRow,
+        pose: GroundPose,
+        now_ns: int,
+        origin: Origin,
+        end_ns: int | None,
+        behaviour: str = "",
+        offer: ScriptedOffer | None = None,
+    ) -> PopulationEvent:
+        behaviour = behaviour or self._drawn_behaviour(artefact_id, row)
+        is_for_ever = row.forever or (offer is not None and end_ns is None)
+        end_ns = self._lifetimes.begin(artefact_id, now_ns, end_ns, is_for_ever=is_for_ever)
+        history = PoseHistory(now_ns, pose)
+        artefact = Artefact(artefact_id, row, origin, now_ns, history, end_ns, behaviour)
+        artefact.options = offer.options if offer else None
+        self._living[artefact_id] = artefact
+        self._sort_living()
+        self._begun(artefact, offer)
+        return self._say(now_ns, EventKind.ARRIVED, artefact_id, row, None)
+
+    def _drawn_behaviour(self, artefact_id: int, row: CatalogueRow) -> str:
+        """Draw one of the row's behaviours by their probabilities, with one uniform number."""
+        names, weights = list(row.behaviours), list(accumulate(row.behaviours.values()))
+        uniform = generator(self._seed, Purpose.BEHAVIOUR, artefact_id).random() * weights[-1]
+        return names[bisect_right(weights, uniform)]
+
+    def _sort_living(self) -> None:
+        """Put the newcomer, last in the dict, where its id belongs (admitted ids are high)."""
+        newest_two = list(islice(reversed(self._living), 2))
+        if newest_two != sorted(newest_two, reverse=True):
+            in_order = sorted(self._living.items())
+            self._living.clear()
+            self._living.update(in_order)
+
+    def _say(
+        self,
+        now_ns: int,
+        kind: EventKind,
+        artefact_id: int,
+        row: CatalogueRow,
+        cause: Cause | None,
+        *,
+        reason: str = "",
+    ) -> PopulationEvent:
+        event = PopulationEvent(now_ns, kind, artefact_id, row, cause, reason)
+        self.counts = self.counts.after(event)
+        return event
+
+    def _is_full(self) -> bool:
+        return self.max_alive is not None and len(self._living) >= self.max_alive
+
+    def _forget_before(self, t_ns: int) -> None:
+        """Drop artefacts departed up to then; they are in the order of departures."""
+        departed = self._departed
+        while departed and (departed[0].departure_ns or 0) <= t_ns:
+            departed.popleft()

@@ -1,0 +1,365 @@
+"""What a recording offers to a replay and what it lacks, for `are inspect`."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from are_ros.bag.clock import BASE_FRAMES, MOVING_ROLES, BagClock, RecordedTimes, first_time
+from are_ros.bag.reader import BagReader, BagTopic
+from are_ros.bag.roles import ROLE_TYPES, RolesFound, find_roles
+from are_ros.bag.stretches import Stretches, scan_waits, stretches_of, wait_sentence
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import AreError, BagError, InputError
+from are_ros.messages.camera_info import read_camera_info
+from are_ros.messages.sensors import SENSORS
+from are_ros.messages.transforms import StampedTransform
+from are_ros.parameters.model import PosesParameters, SensorsParameters
+from are_ros.replay.survey.frame_survey import FrameSurvey, FrameSurveyor, hertz, static_tf_option
+from are_ros.replay.timeline import LATE_CAMERA_NS, WITHOUT_CAMERA_INFO
+from are_ros.wording import aligned, counted, section
+from are_ros.world.transforms.table import TransformSource
+
+_CAMERA = "camera/camera_info"
+_SENSOR_ROLES = (*SENSORS, _CAMERA)
+_CLOUD = "octomap_point_cloud_centers"
+_GIVEN = "given"
+
+
+@dataclass(frozen=True)
+class InspectedTopic:
+    """A topic with its mean rate, and the frame of its first message.
+
+    The rate is that over the recording, without its gaps for topics of the kinds that move.
+
+    `frame_id` is "" where the type has no header, or no role could use the topic.
+    """
+
+    topic: BagTopic
+    rate_hz: float
+    frame_id: str
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """All that `are inspect` shows. Messages lie in [start_ns, end_ns).
+
+    `base_frame` is "" where none was found. `missing` names what a replay needs, or could use, and
+    the option that supplies it; it is empty for a recording that can be replayed as it is. `scans`
+    are the topics that are to be scans, where the user names them. `time` says what is to be known
+    of its clock, its gaps, and how late its transforms are.
+    """
+
+    start_ns: int
+    end_ns: int
+    topics: tuple[InspectedTopic, ...]
+    roles: RolesFound
+    scans: tuple[str, ...]
+    frames: FrameSurvey
+    map_frame: str
+    base_frame: str
+    missing: tuple[str, ...]
+    time: tuple[str, ...] = ()
+
+
+def inspect_bag(
+    reader: BagReader,
+    overrides: Mapping[str, str] | None = None,
+    *,
+    map_frame: str = "map",
+    base_frame: str = "",
+    has_map_file: bool = False,
+    given_edges: Iterable[tuple[str, str]] = (),
+    scans: Sequence[str] = (),
+) -> Inspection:
+    """Look through an open recording: all its transforms, and one message of each useful topic.
+
+    `overrides` are the user's topics by role, `given_edges` the (parent, child) of the transforms
+    that come by parameter or option, `scans` all topics that are to be scans; `map_frame` and
+    `base_frame` are those of the parameters (base empty: base_footprint, else base_link). BagError
+    as `find_roles` and the reader.
+    """
+    roles = find_roles(reader.topics, overrides or {})
+    for topic in scans:
+        find_roles(reader.topics, {"scan": topic})  # refuses what is no scan
+    given_edges = tuple(given_edges)
+    frame_ids = _first_frames(reader)
+    times = RecordedTimes.read(reader, _timed(reader, roles, scans), reader.start_ns, reader.end_ns)
+    clock, trouble = _clock(times)
+    stretches = stretches_of(times, clock, reader.start_ns, reader.end_ns, reader.files)
+    survey = _survey(reader, roles, given_edges, clock, stretches)
+    topics = tuple(
+        InspectedTopic(topic, _rate_hz(reader, topic, stretches), frame_ids.get(topic.name, ""))
+        for topic in reader.topics
+    )
+    map_topic = roles.topic("map")
+    of_map = "" if has_map_file else frame_ids.get(map_topic or "", "")
+    world_frame, map_frame = map_frame, of_map or map_frame
+    base_frame = base_frame or next((f for f in BASE_FRAMES if f in survey.frames()), "")
+    sensors = [topic for topic in map(roles.topic, _SENSOR_ROLES) if topic is not None]
+    missing = [
+        *_missing_map(map_topic, has_map_file=has_map_file),
+        *_other_map_frame(map_topic, map_frame, world_frame),
+        *survey.refused,
+        *_missing_pose(survey, map_frame, base_frame),
+        *_turned_round(survey),
+        *_missing_mounts(survey, (*sensors, *scans), frame_ids, base_frame),
+        *_missing_cloud_frame(survey, roles.topic(_CLOUD), frame_ids, map_frame),
+        *_missing_camera(reader, roles),
+    ]
+    return Inspection(
+        reader.start_ns,
+        reader.end_ns,
+        topics,
+        roles,
+        tuple(scans),
+        survey,
+        map_frame,
+        base_frame,
+        tuple(missing),
+        (
+            *stretches.sentences(reader.start_ns),
+            *filter(None, (clock.sentence, clock.disagreement, trouble)),
+            *_waits(times, clock, map_frame, given_edges),
+        ),
+    )
+
+
+def _timed(reader: BagReader, roles: RolesFound, scans: Iterable[str]) -> dict[str, str]:
+    """Return the roles of the topics that tell the time; all scans where none is chosen."""
+    named = ((roles.topic(role), role) for role in ("tf_static", *MOVING_ROLES))
+    found = {topic: role for topic, role in named if topic is not None}
+    found |= dict.fromkeys(scans, "scan")
+    if "scan" not in found.values():
+        types = ROLE_TYPES["scan"]
+        found |= {topic.name: "scan" for topic in reader.topics if topic.type_name in types}
+    return found
+
+
+def _rate_hz(reader: BagReader, topic: BagTopic, stretches: Stretches) -> float:
+    """Return the mean rate of a topic; one of a kind that moves is silent in the gaps."""
+    duration_ns = reader.end_ns - reader.start_ns
+    if any(topic.type_name in ROLE_TYPES[role] for role in MOVING_ROLES):
+        duration_ns -= sum(gap.stop_ns - gap.start_ns for gap in stretches.all_gaps())
+    return topic.count * NS_PER_S / max(duration_ns, 1)
+
+
+def _clock(times: RecordedTimes) -> tuple[BagClock, str]:
+    """Return the clock of a recording, or that of the log and why there is none."""
+    try:
+        return BagClock.of(times), ""
+    except BagError as cause:
+        return BagClock.of(replace(times, sources=())), str(cause)
+
+
+def _waits(
+    times: RecordedTimes, clock: BagClock, map_frame: str, given_edges: Iterable[tuple[str, str]]
+) -> Iterable[str]:
+    """Say how long scans wait for their transforms, where anything joins them to the map."""
+    waits = scan_waits(times, clock, map_frame, given_edges)
+    for topic, waits_ns in waits.items():
+        if len(waits_ns):
+            scans = len(times.scans[topic].log_ns)
+            wait_s, history_s = SensorsParameters().tf_wait, PosesParameters().history
+            yield wait_sentence(topic, waits_ns, scans, wait_s, history_s)
+
+
+def _first_frames(reader: BagReader) -> dict[str, str]:
+    """Return the header's frame of the first message of each topic that a role could use."""
+    types = {name for names in ROLE_TYPES.values() for name in names}
+    frames: dict[str, str] = {}
+    for topic in reader.topics:
+        if topic.type_name not in types or topic.count == 0:
+            continue
+        message = _first_message(reader, topic.name)
+        if hasattr(message, "header"):
+            frames[topic.name] = str(message.header.frame_id).lstrip("/")
+    return frames
+
+
+def _first_message(reader: BagReader, topic: str) -> Any:
+    """Return the first message of a topic as an object, None if it cannot be understood."""
+    first = next(reader.messages((topic,)), None)
+    try:
+        return None if first is None else reader.deserialize(first)
+    except AreError:
+        return None
+
+
+def _survey(
+    reader: BagReader,
+    roles: RolesFound,
+    given_edges: Iterable[tuple[str, str]],
+    clock: BagClock,
+    stretches: Stretches,
+) -> FrameSurvey:
+    """Survey both tf topics, the odometry's edge and those that were given."""
+    surveyor = FrameSurveyor()
+    static_topic = roles.topic("tf_static")
+    topics = [topic for topic in (roles.topic("tf"), static_topic) if topic is not None]
+    for message in reader.messages(topics):
+        try:
+            transforms = reader.transforms(message)
+        except InputError:
+            continue  # a replay counts it, and goes on
+        is_static = message.topic == static_topic
+        received_ns = clock.at(message.log_time_ns)
+        surveyor.see(transforms, message.topic, received_ns, is_static=is_static)
+    _survey_odometry(reader, roles.topic("odom"), surveyor)
+    given = [_edge(parent, child, reader.start_ns) for parent, child in given_edges]
+    source = TransformSource.PARAMETER
+    surveyor.see(given, _GIVEN, reader.start_ns, is_static=True, source=source)
+    gaps = [(clock.at(gap.start_ns), clock.at(gap.stop_ns)) for gap in stretches.all_gaps()]
+    return surveyor.survey(gaps, clock.apart)
+
+
+def _survey_odometry(reader: BagReader, topic: str | None, surveyor: FrameSurveyor) -> None:
+    """Take in the odometry's edge where it has both names (an empty child means the base)."""
+    if topic is None:
+        return
+    first = _first_message(reader, topic)
+    if first is None or not (first.header.frame_id and first.child_frame_id):
+        return
+    for message in reader.messages((topic,)):
+        edge = _edge(first.header.frame_id, first.child_frame_id, message.log_time_ns)
+        source = TransformSource.ODOMETRY
+        surveyor.see((edge,), topic, message.log_time_ns, is_static=False, source=source)
+
+
+def _edge(parent: str, child: str, stamp_ns: int) -> StampedTransform:
+    return StampedTransform(parent, child, stamp_ns, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+
+def _missing_map(map_topic: str | None, *, has_map_file: bool) -> Iterable[str]:
+    if map_topic is None and not has_map_file:
+        yield "there is no map: give its file with --map FILE.yaml, or its topic with --topic map:="
+
+
+def _other_map_frame(map_topic: str | None, map_frame: str, world_frame: str) -> Iterable[str]:
+    if map_frame != world_frame:
+        yield (
+            f"the map of {map_topic} is in {map_frame}, not in {world_frame}: give --map-frame"
+            f" {map_frame}; if it moves with the robot (a local, rolling map), it cannot be the"
+            " real map: give that with --map FILE.yaml"
+        )
+
+
+def _missing_pose(survey: FrameSurvey, map_frame: str, base_frame: str) -> Iterable[str]:
+    """Say what keeps the robot's pose on the map from being known."""
+    known = ", ".join(survey.frames()) or "none"
+    if not base_frame:
+        names = " nor ".join(BASE_FRAMES)
+        yield f"there is no frame of the base, neither {names}: set frames.base (frames: {known})"
+    elif map_frame not in survey.connected_to(base_frame):
+        beside = ", ".join(sorted(survey.connected_to(base_frame) - {base_frame}))
+        others = f", which hangs together with {beside}" if beside else ""
+        option = static_tf_option(map_frame, survey.root_of(base_frame))
+        yield (
+            f"nothing joins {map_frame} to {base_frame}{others}: give the transform with"
+            f" {option}, which `are align` finds by the scans, or the map's frame with --map-frame"
+        )
+
+
+def _turned_round(survey: FrameSurvey) -> Iterable[str]:
+    """Say which given transform takes a frame from the parent that it has in the recording."""
+    for given in survey.edges:
+        others = [e.parent for e in survey.edges if e.child == given.child and e != given]
+        if given.topics == (_GIVEN,) and others:
+            yield (
+                f"{given.child} hangs below {others[0]} in the recording, so that it cannot hang"
+                f" below {given.parent}: give the inverse transform, with {given.child} as PARENT"
+                f" and {given.parent} as CHILD"
+            )
+
+
+def _missing_mounts(
+    survey: FrameSurvey, topics: Iterable[str], frame_ids: Mapping[str, str], base_frame: str
+) -> Iterable[str]:
+    """Say which sensors are not mounted on the robot, as far as the frames tell."""
+    if not base_frame:
+        return
+    mounted = survey.connected_to(base_frame)
+    for topic in dict.fromkeys(topics):
+        frame = frame_ids.get(topic, "")
+        if frame and frame not in mounted:
+            yield (
+                f"nothing joins {frame}, the frame of {topic}, to {base_frame}:"
+                f" give the transform with {static_tf_option(base_frame, frame)}"
+            )
+
+
+def _missing_cloud_frame(
+    survey: FrameSurvey, topic: str | None, frame_ids: Mapping[str, str], map_frame: str
+) -> Iterable[str]:
+    """Say if the voxels have no place in the map."""
+    frame = frame_ids.get(topic or "", "")
+    if frame and frame not in survey.connected_to(map_frame):
+        yield (
+            f"nothing joins {frame}, the frame of {topic}, to {map_frame}:"
+            f" give the transform with --static-tf, or the walls of the map are extruded instead"
+        )
+
+
+def _missing_camera(reader: BagReader, roles: RolesFound) -> Iterable[str]:
+    """Say if the first CameraInfo is of no use, or comes late."""
+    topic = roles.topic(_CAMERA)
+    first = None if topic is None else next(reader.messages((topic,)), None)
+    if topic is None or first is None:
+        return
+    try:
+        read_camera_info(reader.deserialize(first), topic).view(rectified=False)
+    except AreError as cause:
+        yield f"the first CameraInfo is of no use: {cause}"
+    others = map(roles.topic, (role for role in MOVING_ROLES if role != _CAMERA))
+    begin_ns = first_time(reader, [name for name in others if name is not None])
+    late_ns = 0 if begin_ns is None else first.log_time_ns - begin_ns
+    if late_ns > LATE_CAMERA_NS:
+        yield (
+            f"{topic} begins {late_ns / NS_PER_S:.1f} s after what moves, and nothing is perceived"
+            f" before: {WITHOUT_CAMERA_INFO}"
+        )
+
+
+# What `are inspect` prints.
+
+
+def inspection_lines(inspection: Inspection) -> list[str]:
+    """Return topics, roles, frames and what is missing, as lines of aligned text."""
+    duration_s = (inspection.end_ns - inspection.start_ns) / NS_PER_S
+    topics = [_topic_cells(entry) for entry in inspection.topics]
+    roles = [(role, _players(inspection, role)) for role in ROLE_TYPES]
+    missing = inspection.missing or ("nothing: it can be replayed as it is",)
+    count = sum(entry.topic.count for entry in inspection.topics)
+    return [
+        f"{duration_s:.1f} s, {counted(count, 'message')}",
+        *section("topics", aligned(topics, numbers=(2, 3))),
+        *section("roles", [*aligned(roles), *inspection.roles.sentences()]),
+        *section("frames", [*inspection.frames.tree_lines(), *inspection.frames.oddities]),
+        *section("time", list(inspection.time or ("stamps and times of recording agree",))),
+        *section("missing", list(missing)),
+    ]
+
+
+def _players(inspection: Inspection, role: str) -> str:
+    """Return the topics of a role: several only of scans."""
+    if role == "scan" and inspection.scans:
+        return ", ".join(inspection.scans)
+    return inspection.roles.topic(role) or "-"
+
+
+def _topic_cells(entry: InspectedTopic) -> tuple[str, ...]:
+    topic = entry.topic
+    return (
+        topic.name,
+        topic.type_name,
+        str(topic.count),
+        _rate_text(entry),
+        entry.frame_id,
+        "latched" if topic.is_latched else "",
+    )
+
+
+def _rate_text(entry: InspectedTopic) -> str:
+    """Return the mean rate, of which a single message has none."""
+    if entry.topic.count <= 1:
+        return "once" if entry.topic.count else ""
+    return hertz(entry.rate_hz)

@@ -1,0 +1,254 @@
+"""What takes the outputs of a replay: the recording, its inputs, the picture, and the doubts."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from struct import error as StructError  # noqa: N812
+from typing import Final
+
+from are_ros.bag.reader import BagMessage, BagReader
+from are_ros.bag.types import as_ros2, ros2_type
+from are_ros.bag.writer import BagWriter
+from are_ros.builder.ar_builder import ArBuilder
+from are_ros.builder.sensors.laser_scan import LaserScan
+from are_ros.builder.sensors.sensor_path import ReleasedReading
+from are_ros.builder.tick import EVERYTHING, Demand, Tick
+from are_ros.draw.scene import ScanPoints, scan_points
+from are_ros.errors import AreError
+from are_ros.messages.common import MessageFactory
+from are_ros.messages.maps import Points, make_cloud, make_grid
+from are_ros.messages.sensors import sensor_outputs, sensor_topics
+from are_ros.messages.tick_encoding import OUTPUTS, TickEncoder
+from are_ros.messages.transforms import StampedTransform, encode_transforms_cdr, make_transforms
+from are_ros.parameters.choices import Region
+from are_ros.replay.runner import Listener
+from are_ros.replay.scene_record import SceneRecorder
+from are_ros.world.environment import Environment
+from are_ros.world.occupancy_grid import OccupancyGrid
+
+# The outputs of the builder into a recording, under the names that they have live.
+
+
+PREFIX = "/ar_builder/"
+
+
+class TickWriter(Listener):
+    """Encodes ticks and released readings, and appends them."""
+
+    def __init__(
+        self, writer: BagWriter, roles: Mapping[str, str], demand: Demand = EVERYTHING
+    ) -> None:
+        """Announce all output topics; `roles` are those of the input topics."""
+        self._writer = writer
+        self._encoder = TickEncoder(demand)
+        self._sensors = sensor_topics(roles)
+        self._sensor_outputs = {t: PREFIX + name for t, name in sensor_outputs(roles).items()}
+        for name, (type_name, is_latched, depth) in OUTPUTS.items():
+            writer.add_topic(PREFIX + name, type_name, is_latched=is_latched, depth=depth)
+        for topic, output in self._sensor_outputs.items():
+            writer.add_topic(output, self._sensors[topic].type_name)
+
+    def take_tick(self, tick: Tick) -> None:
+        """Append everything that a tick gives out, at its time."""
+        for name, stamp_ns, data in self._encoder.encode(tick):
+            self._writer.write_raw(PREFIX + name, stamp_ns, data)
+
+    def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
+        """Append readings of sensors, each at the time when it was released."""
+        for released in readings:
+            data = self._sensors[released.topic].encode(released.reading)
+            self._writer.write_raw(self._sensor_outputs[released.topic], released.released_ns, data)
+
+
+# The inputs of a replay beside its outputs: `--with-inputs`.
+
+
+_LATCHED_ROLES = ("map", "octomap_point_cloud_centers", "tf_static")
+_TRANSFORMS = "tf2_msgs/msg/TFMessage"
+
+
+class InputCopy(Listener):
+    """Writes the messages that the replay read under their own topics, as ROS 2 messages."""
+
+    def __init__(
+        self,
+        reader: BagReader,
+        writer: BagWriter,
+        factory: MessageFactory,
+        roles: Mapping[str, str],
+    ) -> None:
+        """Announce the topics; `roles` maps each topic that is read to its role."""
+        self._reader = reader
+        self._writer = writer
+        self._factory = factory
+        self._types: dict[str, str] = {}
+        for topic in reader.topics:
+            if topic.name in roles and topic.name not in self._types:
+                type_name = ros2_type(topic.type_name)
+                self._types[topic.name] = type_name
+                is_latched = roles[topic.name] in _LATCHED_ROLES
+                writer.add_topic(topic.name, type_name, is_latched=is_latched, depth=100)
+
+    def take_input(self, message: BagMessage, received_ns: int) -> None:
+        """Append one input; one that cannot be understood is left out, as the builder did."""
+        if message.topic not in self._types:
+            return
+        if not self._reader.is_ros1:
+            self._writer.write_raw(message.topic, received_ns, message.data)
+            return
+        try:
+            data = self._as_ros2(message)
+        except AreError:
+            return
+        self._writer.write_raw(message.topic, received_ns, data)
+
+    def _as_ros2(self, message: BagMessage) -> bytes:
+        """Return the bytes of a ROS 1 message as ROS 2 has them. Raises InputError, BagError."""
+        type_name = self._types[message.topic]
+        if type_name == _TRANSFORMS:
+            with suppress(StructError):  # a stamp that ROS 2 has not: let the general way complain
+                return encode_transforms_cdr(self._reader.transforms(message))
+        return as_ros2(self._factory, self._reader.deserialize(message), type_name)
+
+    def write_map(self, topic: str, grid: OccupancyGrid, now_ns: int) -> None:
+        """Append the map that came from a file, once."""
+        self._announce(topic, "nav_msgs/msg/OccupancyGrid", depth=1)
+        self._writer.write(topic, now_ns, make_grid(self._factory, grid))
+
+    def write_cloud(self, centres_m: Points, frame_id: str, now_ns: int) -> None:
+        """Append the voxels (N, 3) [m] that came from a file, once."""
+        topic = "/octomap_point_cloud_centers"
+        self._announce(topic, "sensor_msgs/msg/PointCloud2", depth=1)
+        self._writer.write(topic, now_ns, make_cloud(self._factory, frame_id, now_ns, centres_m))
+
+    def write_static(self, transforms: list[StampedTransform], now_ns: int) -> None:
+        """Append the static transforms that were given as parameters."""
+        topic = "/tf_static"
+        self._announce(topic, _TRANSFORMS, depth=100)
+        self._writer.write(topic, now_ns, make_transforms(self._factory, transforms))
+
+    def _announce(self, topic: str, type_name: str, *, depth: int) -> None:
+        """Add a latched topic, unless it is one of the inputs."""
+        if topic not in self._types:
+            self._types[topic] = type_name
+            self._writer.add_topic(topic, type_name, is_latched=True, depth=depth)
+
+
+class RecordKeeper(Listener):
+    """Keeps what the pictures, the viewer and the metrics need."""
+
+    def __init__(self, recorder: SceneRecorder, builder: ArBuilder) -> None:
+        self._recorder = recorder
+        self._builder = builder
+        self._scans: dict[str, ReleasedReading] = {}
+
+    def take_tick(self, tick: Tick) -> None:
+        """Keep a tick, with the camera that it looked through and the newest scan of each topic."""
+        scans: list[ScanPoints] = []
+        if self._recorder.wants_scans:
+            scans = [*filter(None, map(self._placed, self._scans.values()))]
+            self._scans.clear()
+        self._recorder.add(tick, self._builder.camera, scans)
+
+    def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
+        """Remember laser scans until the next tick that is shown."""
+        scans = (one for one in readings if isinstance(one.reading, LaserScan))
+        self._scans |= {released.topic: released for released in scans}
+
+    def _placed(self, released: ReleasedReading) -> ScanPoints | None:
+        scan, frames = released.reading, self._builder.frames
+        map_frame = self._builder.parameters.frames.map
+        pose = frames.try_lookup(map_frame, scan.frame_id, scan.stamp_ns)
+        return None if pose is None else scan_points(scan, released.received, pose)
+
+
+class CameraWatch(Listener):
+    """Keeps the time of the first tick that knew the camera, None before there is one."""
+
+    def __init__(self, builder: ArBuilder) -> None:
+        self.first_ns: int | None = None
+        self._builder = builder
+
+    def take_tick(self, tick: Tick) -> None:
+        """Look whether the camera is known."""
+        if self.first_ns is None and self._builder.camera is not None:
+            self.first_ns = tick.stamp_ns
+
+
+class All(Listener):
+    """Tells several listeners, in their order."""
+
+    def __init__(self, listeners: Sequence[Listener]) -> None:
+        self._listeners = tuple(listeners)
+
+    def take_tick(self, tick: Tick) -> None:
+        """Tell of a tick."""
+        for listener in self._listeners:
+            listener.take_tick(tick)
+
+    def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
+        """Tell of readings."""
+        for listener in self._listeners:
+            listener.take_readings(readings)
+
+    def take_input(self, message: BagMessage, received_ns: int) -> None:
+        """Tell of an input."""
+        for listener in self._listeners:
+            listener.take_input(message, received_ns)
+
+
+# Whether the robot of a recording stands where its map lets it: else the two do not fit.
+
+
+_SHARE: Final = 0.1
+"""No doubt is reported while at most this share of the ticks is outside of free cells."""
+_LEAST_AREA_M2: Final = 3.0
+"""A robot needs about this area to turn on the spot; a smaller region cannot be right."""
+
+
+class StandingWatch(Listener):
+    """Looks at each tick whether the cell of the robot's base is free."""
+
+    def __init__(self, builder: ArBuilder) -> None:
+        self._builder = builder
+        self._ticks = 0
+        self._outside_m: list[tuple[float, float]] = []
+        self._area_m2 = 0.0
+
+    def take_tick(self, tick: Tick) -> None:
+        """Look where the robot stands, as soon as there are a map and its pose."""
+        environment = self._builder.world.environment
+        if environment is None or tick.map_from_base is None:
+            return
+        x_m, y_m, _ = tick.map_from_base.translation_m.tolist()
+        self._ticks += 1
+        self._area_m2 = max(self._area_m2, tick.metrics.area_m2)
+        if not _is_free(environment, (x_m, y_m)):
+            self._outside_m.append((x_m, y_m))
+
+    def sentences(self) -> list[str]:
+        """Return what a user should know: nothing where robot and map agree."""
+        doubts = []
+        outside = self._outside()
+        if outside > _SHARE * self._ticks:
+            doubts.append(
+                "the robot stood on occupied or unknown cells, or beyond the map, "
+                f"in {outside} of {self._ticks} ticks"
+            )
+        kind = self._builder.parameters.population.region
+        if self._ticks and kind is Region.REACHABLE and self._area_m2 < _LEAST_AREA_M2:
+            doubts.append(f"the robot can reach {self._area_m2:.1f} m^2 of the map at most")
+        question = "does the map belong to the recording, and is its frame right?"
+        return [f"{', and '.join(doubts)}: {question}"] if doubts else []
+
+    def _outside(self) -> int:
+        """Return how often the cell was not free, then and in the last map.
+
+        While a map is being made, the cells under the robot may come to be known only later.
+        """
+        last = self._builder.world.environment
+        return 0 if last is None else sum(not _is_free(last, at_m) for at_m in self._outside_m)
+
+
+def _is_free(environment: Environment, at_m: tuple[float, float]) -> bool:
+    cell = environment.grid.cell_at(*at_m)
+    return cell is not None and bool(environment.classes.free[cell])

@@ -1,0 +1,139 @@
+"""What a new order changes, against a slow twin."""
+
+import math
+
+import numpy as np
+import pytest
+
+from are_ros.agents.local_planner import patience as _orders
+from are_ros.agents.local_planner import patience as _patience
+from are_ros.agents.local_planner import state as _state
+from are_ros.agents.local_planner.body import Body, Order
+from are_ros.agents.local_planner.planner import Traffic
+from are_ros.agents.table import AgentTable
+from are_ros.population.artefact import GroundPose
+from tests.agents.local_planner.streets import artefact_at
+
+BODY = Body((0.2, 0.3))
+
+
+def shift_m(before: Order, after: Order) -> float:
+    """Return how far a sub-goal has moved; infinitely far if there was none, or is none now."""
+    if before.subgoal_m is None or after.subgoal_m is None:
+        return 0.0 if before.subgoal_m is after.subgoal_m else math.inf
+    return math.dist(before.subgoal_m, after.subgoal_m)
+
+
+def twin(fleet: _state.Fleet, slot: int, before: Order, after: Order, now: int) -> None:
+    """Write an order into the records, one field after the other."""
+    mind, moved_m = fleet.mind[slot], shift_m(before, after)
+    if moved_m > 0.1 or after.speed_mps != before.speed_mps:
+        fleet.due[slot] = now
+    if moved_m > 0.0:
+        mind["passed_at"] = _state.NEVER
+    if moved_m > 1.0 and mind["credit"] < 0.0:
+        mind["credit"] = 0.0
+    if after.subgoal_m is None and moved_m > 0.0:
+        mind["blocked"] = mind["credit"] = 0.0
+        mind["patience"] = _patience._FIRST_DETOUR
+        mind["hindrance"], mind["hindered_by"] = _state.UNHINDERED, _state.NOBODY
+    fleet.order[slot] = _state.order_record(after)
+
+
+def drawn_order(rng: np.random.Generator, before: Order) -> Order:
+    """Return one like that before, a little or wholly other, or to stand."""
+    if rng.random() < 0.2:
+        return Order(None, 0.0)
+    x_m, y_m = before.subgoal_m or (0.0, 0.0)
+    step_m = rng.choice([0.0, 0.05, 0.5, 3.0])
+    speed_mps = before.speed_mps if rng.random() < 0.5 else float(rng.choice([0.8, 1.3]))
+    face_rad = None if rng.random() < 0.5 else 0.3
+    subgoal_m = (x_m + step_m, y_m - step_m)
+    return Order(subgoal_m, speed_mps, bool(rng.random() < 0.5), face_rad, 0.2, 0.4, 0.05)
+
+
+def drawn_fleet(rng: np.random.Generator, count: int) -> _state.Fleet:
+    """Return records of minds in any state, who all stand."""
+    fleet = _state.fleet_of(count, 4)
+    for name in ("blocked", "credit", "patience"):
+        fleet.mind[name] = rng.uniform(-1.0, 1.0, count)
+    for name in ("passed_at", "hindrance", "hindered_by"):
+        fleet.mind[name] = rng.integers(0, 4, count)
+    fleet.order[:] = _state.order_record(Order(None, 0.0))
+    return fleet
+
+
+def test_orders_change_what_the_twin_changes() -> None:
+    """Of some at once, again and again; the others' records stay what they are."""
+    rng, count = np.random.default_rng(8), 12
+    fleet = drawn_fleet(rng, count)
+    expected = _state.Fleet(*(table.copy() for table in fleet))
+    orders = [Order(None, 0.0)] * count
+    for now in range(60):
+        slots = rng.permutation(count)[:5]
+        after = [drawn_order(rng, orders[slot]) for slot in slots]
+        for slot, order in zip(slots.tolist(), after, strict=True):
+            twin(expected, slot, orders[slot], order, now)
+            orders[slot] = order
+        rows = np.array([_state.order_record(order) for order in after], np.float64)
+        _orders.give(fleet.order, fleet.mind, fleet.due, slots, rows, now)
+        np.testing.assert_array_equal(fleet.due, expected.due)
+        for table, other in ((fleet.mind, expected.mind), (fleet.order, expected.order)):
+            for name in table.dtype.names or ():
+                np.testing.assert_array_equal(table[name], other[name])
+        fleet.mind["credit"] -= rng.uniform(0.0, 0.1, count)
+        expected.mind["credit"] = fleet.mind["credit"]
+
+
+def traffic_of(*ids: int) -> Traffic:
+    """Return a traffic of people a metre apart."""
+    table = AgentTable(0.05)
+    for artefact_id in ids:
+        table.add(artefact_at(artefact_id, GroundPose(float(artefact_id), 0.0, 0.0, 0.0)), BODY)
+    return Traffic(table)
+
+
+def test_whom_nobody_knows_has_no_row() -> None:
+    """Be it beyond all, or between two."""
+    table = AgentTable(0.05)
+    with pytest.raises(KeyError):
+        table.rows_of([1])
+    for artefact_id in (3, 8):
+        table.add(artefact_at(artefact_id, GroundPose(0.0, 0.0, 0.0, 0.0)), BODY)
+    for artefact_ids in ([9], [5], [3, 4], [1]):
+        with pytest.raises(KeyError):
+            table.rows_of(artefact_ids)
+    assert table.rows_of([8, 3]).tolist() == [1, 0]
+
+
+def test_no_orders_are_no_orders() -> None:
+    """Nobody needs to be there."""
+    traffic = traffic_of()
+    traffic.give_orders([], [])
+    assert traffic.hindrances([]) == []
+
+
+def test_where_all_are_is_kept_up_to_date() -> None:
+    """Who comes, goes or is put elsewhere: as if it were looked for anew; old arrays stay."""
+    table, rng, there = AgentTable(0.05), np.random.default_rng(3), dict[int, GroundPose]()
+    traffic = Traffic(table)
+    for step in range(300):
+        before, copy = table.poses, table.poses.copy()
+        artefact_id = int(rng.integers(1000))
+        x_m, y_m, yaw_rad = rng.uniform(-3.0, 3.0, 3).tolist()
+        pose = GroundPose(x_m, y_m, 0.0, yaw_rad)
+        if artefact_id not in there and (len(there) < 9 or step % 3 == 0):
+            table.add(artefact_at(artefact_id, pose), BODY)
+            there[artefact_id] = pose
+        else:
+            artefact_id = list(there)[int(rng.integers(len(there)))]
+            del there[artefact_id]
+            if step % 3 == 1:
+                table.remove(artefact_id)
+            else:
+                table.stand(table.row_of(artefact_id), pose)
+                there[artefact_id] = pose
+        np.testing.assert_array_equal(before, copy)
+        assert table.ids.tolist() == table.arrays.place["id"].tolist() == sorted(there)
+        expected = [(*pose[:2], pose.yaw_rad) for _, pose in sorted(there.items())]
+        np.testing.assert_array_equal(traffic.motion[:, :3], np.array(expected).reshape(-1, 3))

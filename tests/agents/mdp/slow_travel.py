@@ -1,0 +1,214 @@
+"""Slow, obvious twins of the decision process: dictionaries, and matrices for QuantEcon."""
+
+import math
+from collections.abc import Iterator
+from itertools import product
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+
+from are_ros.agents.mdp.model import Problem, TravelModel
+
+Cell = tuple[int, int]
+State = tuple[int, int, int]
+STEPS = ((0, 1), (1, 0), (0, -1), (-1, 0))
+
+
+def random_edges(
+    open_share: float, shape: Cell, random: np.random.Generator
+) -> npt.NDArray[np.bool_]:
+    """Return edges bool (4, h, w), the same both ways, so many of them open."""
+    edges = np.zeros((4, *shape), np.bool_)
+    edges[0, :, :-1] = edges[2, :, 1:] = random.random((shape[0], shape[1] - 1)) < open_share
+    edges[1, :-1] = edges[3, 1:] = random.random((shape[0] - 1, shape[1])) < open_share
+    return edges
+
+
+class SlowTravel:
+    """The decision process of going to a goal, by its definition, in float64."""
+
+    def __init__(
+        self,
+        edges: npt.NDArray[np.bool_],
+        nearness: npt.NDArray[np.float32],
+        goal: Cell,
+        model: TravelModel,
+        penalty: npt.NDArray[np.float32] | None = None,
+    ) -> None:
+        """Take what `travel_problem` takes."""
+        self.edges, self.goal, self.model = edges, goal, model
+        cells = list(product(range(edges.shape[1]), range(edges.shape[2])))
+        self.price = {cell: model.time + model.clearance * float(nearness[cell]) for cell in cells}
+        self.cost = self._costs(cells)
+        if penalty is not None:
+            self.price = {cell: self.price[cell] + float(penalty[cell]) for cell in cells}
+        self.states = [(*cell, heading) for cell in cells for heading in range(4)]
+
+    def _costs(self, cells: list[Cell]) -> dict[Cell, float]:
+        """Relax every edge until nothing changes."""
+        cost = dict.fromkeys(cells, math.inf) | {self.goal: 0.0}
+        while True:
+            relaxed = {
+                cell: min([cost[cell], *(self._through(cost, cell, d) for d in range(4))])
+                for cell in cells
+            }
+            if relaxed == cost:
+                return cost
+            cost = relaxed
+
+    def _through(self, cost: dict[Cell, float], cell: Cell, direction: int) -> float:
+        if not self.edges[direction][cell]:
+            return math.inf
+        following = self.stepped(cell, direction)
+        return self.price[following] / self.model.reach + cost[following]
+
+    @staticmethod
+    def stepped(cell: Cell, direction: int) -> Cell:
+        """Return the neighbour."""
+        return cell[0] + STEPS[direction][0], cell[1] + STEPS[direction][1]
+
+    def ends(self, cell: Cell) -> bool:
+        """Tell whether nothing changes any more."""
+        return cell == self.goal or self.cost[cell] == math.inf
+
+    def moved(self, cell: Cell, direction: int) -> list[Cell]:
+        """Return the cells that a move enters."""
+        entered: list[Cell] = []
+        while not self.ends(cell) and len(entered) < self.model.reach:
+            following = self.stepped(cell, direction)
+            if not self.edges[direction][cell]:
+                break
+            if entered and self.cost[following] > self.cost[cell]:
+                break
+            entered.append(following)
+            cell = following
+        return entered
+
+    def gain(self, cell: Cell, direction: int) -> float:
+        """Return what an epoch brings that is spent going that way."""
+        if self.ends(cell):
+            return -1.0
+        entered = self.moved(cell, direction)
+        if not entered:
+            return -self.price[cell]
+        return -sum(self.price[other] for other in entered) / self.model.reach
+
+    def terminal(self) -> dict[State, float]:
+        """Return V_0."""
+        model = self.model
+        return {
+            (row, col, heading): -1e6
+            if self.cost[row, col] == math.inf
+            else model.goal - self.cost[row, col]
+            for row, col, heading in self.states
+        }
+
+    def outcomes(self, state: State, direction: int) -> Iterator[tuple[float, float, State]]:
+        """Yield probability, gain and next state of an action that goes somewhere."""
+        cell, slip = state[:2], self.model.slip
+        for turn, chance in ((0, 1.0 - 2.0 * slip), (1, slip), (3, slip)):
+            actual = (direction + turn) % 4
+            end = ([cell, *self.moved(cell, actual)])[-1]
+            yield chance, self.gain(cell, actual), (*end, actual)
+
+    def value_of(self, values: dict[State, float], state: State, action: int) -> float:
+        """Return what one of the five actions brings."""
+        cell, heading, model = state[:2], state[2], self.model
+        if action == 0:
+            return values[state] - (0.0 if self.ends(cell) else self.price[cell])
+        turn = (0.0, model.quarter_turn, model.half_turn, model.quarter_turn)
+        expected = sum(
+            chance * (gain + values[following])
+            for chance, gain, following in self.outcomes(state, action - 1)
+        )
+        return expected - turn[(action - 1 - heading) % 4]
+
+    def better(self, values: dict[State, float]) -> dict[State, float]:
+        """Return V_h of V_{h-1}."""
+        return {s: max(self.value_of(values, s, a) for a in range(5)) for s in self.states}
+
+    def values(self, horizon: int) -> list[dict[State, float]]:
+        """Return V_0 .. V_horizon."""
+        found = [self.terminal()]
+        for _ in range(horizon):
+            found.append(self.better(found[-1]))
+        return found
+
+
+def quantecon_arguments(
+    problem: Problem,
+) -> tuple[
+    npt.NDArray[np.float64], sparse.csr_matrix, npt.NDArray[np.int64], npt.NDArray[np.int64]
+]:
+    """Return R, Q, and the states and actions of their rows, for QuantEcon's DiscreteDP.
+
+    State heading * h * w + cell, so that values reshape to (4, h, w).
+    """
+    height, width = problem.terminal.shape
+    cells, slip = height * width, problem.model.slip
+    rewards: list[float] = []
+    rows: list[int] = []
+    columns: list[int] = []
+    chances: list[float] = []
+    for state, action in product(range(4 * cells), range(5)):
+        heading, cell = divmod(state, cells)
+        row, col = divmod(cell, width)
+        outcomes = [(1.0, float(problem.gains[4, row, col]), state)]
+        turn = 0.0
+        if action > 0:
+            turn = _turn(problem.model, heading, action - 1)
+            outcomes = [
+                (chance, *_outcome(problem, row, col, (action - 1 + quarter) % 4))
+                for quarter, chance in ((0, 1.0 - 2.0 * slip), (1, slip), (3, slip))
+            ]
+        for chance, _, following in outcomes:
+            rows.append(len(rewards))
+            columns.append(following)
+            chances.append(chance)
+        rewards.append(sum(chance * gain for chance, gain, _ in outcomes) - turn)
+    shape = (len(rewards), 4 * cells)
+    matrix = sparse.csr_matrix((chances, (rows, columns)), shape=shape)
+    states, actions = np.divmod(np.arange(len(rewards)), 5)
+    return np.array(rewards), matrix, states, actions
+
+
+def _outcome(problem: Problem, row: int, col: int, direction: int) -> tuple[float, int]:
+    height, width = problem.terminal.shape
+    length = int(problem.lengths[direction, row, col])
+    end = (row + length * STEPS[direction][0]) * width + col + length * STEPS[direction][1]
+    return float(problem.gains[direction, row, col]), direction * height * width + end
+
+
+def _turn(model: TravelModel, heading: int, direction: int) -> float:
+    return (0.0, model.quarter_turn, model.half_turn, model.quarter_turn)[(direction - heading) % 4]
+
+
+def plain_epochs(problem: Problem) -> Iterator[npt.NDArray[np.float32]]:
+    """Yield V_0, V_1, ... float32 (4, h, w), whole planes at a time, each from the last one."""
+    model, (height, width) = problem.model, problem.terminal.shape
+    straight, aside = np.float32(1.0 - 2.0 * model.slip), np.float32(model.slip)
+    turns = np.array([0.0, model.quarter_turn, model.half_turn, model.quarter_turn], np.float32)
+    rows, cols = np.indices((height, width))
+    ends = [
+        (rows + step[0] * length, cols + step[1] * length)
+        for step, length in zip(STEPS, problem.lengths.astype(np.int64), strict=True)
+    ]
+    values = np.tile(problem.terminal, (4, 1, 1))
+    while True:
+        yield values
+        brings = [values[d][ends[d]] + problem.gains[d] for d in range(4)]
+        moves = [
+            straight * brings[d] + aside * (brings[(d + 1) % 4] + brings[(d + 3) % 4])
+            for d in range(4)
+        ]
+        values = np.stack(
+            [
+                np.max(
+                    [values[h] + problem.gains[4]]
+                    + [moves[(h + turn) % 4] - turns[turn] for turn in range(4)],
+                    axis=0,
+                )
+                for h in range(4)
+            ]
+        )

@@ -1,0 +1,111 @@
+"""Ways by hand: the lookahead and the way of one who goes somewhere, as `route_step` has them."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.agents.mdp import routes as _route_kernels
+from are_ros.agents.mdp.coarse_map import CoarseMap
+from are_ros.agents.mdp.model import Action
+from are_ros.agents.mdp.value_tables import ValueTable
+from are_ros.agents.navigation.step_kernels import FADE_M
+
+_ACTIONS = tuple(Action)
+
+
+def choose(
+    table: ValueTable,
+    coarse: CoarseMap,
+    x_m: float,
+    y_m: float,
+    yaw_rad: float,
+    epochs_left: int,
+    moving_m: npt.NDArray[np.float64],
+    radii_m: npt.NDArray[np.float64],
+    weights: npt.NDArray[np.float64],
+) -> Action:
+    """Return the best action at a pose in the map frame, among others who move.
+
+    `moving_m` float64 (M, 2) is where they will be, `radii_m` (M,) how near one minds them wholly,
+    `weights` (M,) how much, per epoch (personal space, robot); it fades to nothing over another
+    `FADE_M`. They count for this epoch only, on each cell that a move enters and where one stays.
+    `Action.STAY` where the table knows no way.
+    """
+    state = _state(table, coarse, x_m, y_m, coarse.heading_of(yaw_rad))
+    if state is None:
+        return Action.STAY
+    brings = np.empty(9)
+    _route_kernels.action_values(
+        table.planes[table.place(epochs_left - 1)],
+        table.lengths,
+        table.gains,
+        table.weights,
+        coarse.anchors_m,
+        _packed(moving_m, radii_m, weights),
+        state,
+        brings,
+    )
+    return _ACTIONS[_route_kernels.best_action(brings, state[2])]
+
+
+def way(
+    table: ValueTable,
+    coarse: CoarseMap,
+    x_m: float,
+    y_m: float,
+    heading: int,
+    action: Action,
+    max_points: int = 16,
+) -> tuple[npt.NDArray[np.float64], float]:
+    """Return the anchors float64 (K, 2) along an action and then the best ones, and the epochs.
+
+    In the map frame, K at most `max_points`; the last is the table's `goal_m` if the way gets
+    there (only that in the goal's own cell). The epochs are those that this takes if nothing slips
+    and nobody is in the way. No points and inf where the table knows no way; inf, too, if the best
+    actions lead nowhere.
+    """
+    state = _state(table, coarse, x_m, y_m, heading)
+    if state is None:
+        return np.empty((0, 2)), math.inf
+    points_m = np.empty((max_points, 2))
+    count, epochs = _route_kernels.follow(
+        table.planes,
+        table.lengths,
+        table.gains,
+        table.weights,
+        coarse.anchors_m,
+        state,
+        int(action),
+        points_m,
+        np.empty(9),
+        np.empty((0, 5)),
+    )
+    if epochs == 0.0:
+        return np.array([table.goal_m]), epochs
+    points_m = points_m[:count]
+    if count > 0 and (points_m[-1] == coarse.anchors_m[table.goal]).all():
+        points_m[-1] = table.goal_m
+    return points_m, epochs
+
+
+def _packed(
+    moving_m: npt.NDArray[np.float64],
+    radii_m: npt.NDArray[np.float64],
+    weights: npt.NDArray[np.float64],
+) -> npt.NDArray[np.float64]:
+    """Return those who move in one array (M, 5) of always the same type, compiled for once."""
+    packed = np.empty((len(radii_m), 5))
+    packed[:, :2] = moving_m
+    packed[:, 2], packed[:, 3], packed[:, 4] = radii_m, FADE_M, weights
+    return packed
+
+
+def _state(
+    table: ValueTable, coarse: CoarseMap, x_m: float, y_m: float, heading: int
+) -> tuple[int, int, int] | None:
+    """Return row and column in the table's window, and heading; None without a way from there."""
+    cell = coarse.cell_of(x_m, y_m)
+    if cell is None or not table.reaches(cell):
+        return None
+    return cell[0] - table.corner[0], cell[1] - table.corner[1], heading

@@ -1,0 +1,110 @@
+"""The robot in the map: its frame, the age of its pose, its footprint there."""
+
+import numpy as np
+import pytest
+
+from are_ros.agents.robots import RobotTracker
+from are_ros.world.cameras import Camera, Observer, PinholeView, mounted_camera
+from are_ros.world.footprint import Footprint
+from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.transforms.tree import FrameTree
+
+NO_TURN = (0.0, 0.0, 0.0, 1.0)
+VIEW = PinholeView.from_field_of_view(8, 6, 1.5)
+
+
+def tracker(base: str = "", max_age_ns: int = 50) -> tuple[RobotTracker, FrameTree]:
+    """Return a tracker of a disc, and its frames."""
+    frames = FrameTree()
+    observer = Observer("robot", base, Footprint.disc(0.3))
+    return RobotTracker(observer, frames, "map", max_age_ns), frames
+
+
+@pytest.mark.parametrize(
+    ("configured", "frames_there", "expected"),
+    [
+        ("", (), "base_footprint"),
+        ("", ("base_link",), "base_link"),
+        ("", ("base_link", "base_footprint"), "base_footprint"),
+        ("chassis", ("base_link",), "chassis"),
+    ],
+)
+def test_the_base_frame(configured: str, frames_there: tuple[str, ...], expected: str) -> None:
+    """The one configured, else base_footprint, else base_link, whichever there is."""
+    robots, frames = tracker(configured)
+    for name in frames_there:
+        frames.set_static("odom", name, (0.0, 0.0, 0.0), NO_TURN)
+    assert robots.base_frame() == expected
+
+
+def test_a_pose_is_as_old_as_max_age_at_the_most() -> None:
+    """At the bound it is taken, a nanosecond later not, and the reason is told."""
+    robots, frames = tracker()
+    assert robots.pose(10) is None
+    assert "never seen" in robots.missing
+    frames.set_transform("map", "base_link", 100, (1.0, 2.0, 0.0), NO_TURN)
+    assert robots.pose(99) is None
+    found = robots.pose(150)
+    assert found is not None
+    assert found.stamp_ns == 100
+    assert robots.missing == ""
+    assert robots.pose(151) is None
+    assert "old" in robots.missing
+    assert robots.last is found
+    robots.forget()
+    assert robots.last is None
+
+
+def test_the_footprint_lies_where_the_robot_stands() -> None:
+    """Moved and turned with the base; the same value while the pose is the same."""
+    robots, frames = tracker()
+    turn = RigidTransform.planar(0.0, 0.0, 0.5).rotation_xyzw
+    frames.set_transform("map", "base_link", 100, (1.0, 2.0, 0.4), turn)
+    found = robots.pose(110)
+    assert found is not None
+    np.testing.assert_allclose(found.footprint.vertices_m, [[1.0, 2.0]])
+    assert found.map_from_base.yaw_rad() == pytest.approx(0.5)
+    assert robots.pose(120) is found
+
+
+def test_a_pose_that_is_corrected_at_the_same_stamp_is_taken() -> None:
+    """A static base that is given anew, for instance."""
+    robots, frames = tracker()
+    for x in (1.0, 2.0):
+        frames.set_static("map", "base_link", (x, 0.0, 0.0), NO_TURN)
+        found = robots.pose(7)
+        assert found is not None
+        assert found.map_from_base.translation_m[0] == x
+        np.testing.assert_allclose(found.footprint.vertices_m, [[x, 0.0]])
+
+
+def test_a_camera_is_found_by_its_frame_or_by_its_mount() -> None:
+    """A mounted one sits on the base and looks along +x; one with a frame is where that is."""
+    robots, frames = tracker()
+    mounted = mounted_camera(VIEW, (0.1, 0.0, 1.0, 0.0, 0.0, 0.0))
+    framed = Camera(VIEW, "lens", RigidTransform.planar(9.0, 9.0, 0.0))
+    assert robots.map_from_camera(mounted, 100) is None
+    frames.set_transform("map", "base_link", 100, (1.0, 2.0, 0.0), NO_TURN)
+    on_base = robots.map_from_camera(mounted, 120)
+    assert on_base is not None
+    np.testing.assert_allclose(on_base.translation_m, (1.1, 2.0, 1.0))
+    np.testing.assert_allclose(on_base.rotation_matrix()[:, 2], (1.0, 0.0, 0.0), atol=1e-12)
+    assert robots.map_from_camera(framed, 120) is None
+    assert "lens" in robots.camera_missing
+    frames.set_static("base_link", "lens", (0.0, 0.0, 0.7), NO_TURN)
+    in_frame = robots.map_from_camera(framed, 120)
+    assert in_frame is not None
+    np.testing.assert_allclose(in_frame.translation_m, (1.0, 2.0, 0.7))
+
+
+def test_the_base_is_the_usual_frame_that_is_joined_to_the_map() -> None:
+    """A base_footprint that hangs on nothing is not it, and the choice is kept."""
+    frames = FrameTree()
+    observer = Observer("robot", "", Footprint.disc(0.2))
+    robots = RobotTracker(observer, frames, "map", 10**9)
+    frames.set_transform("map", "base_link", 100, (1.0, 2.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    frames.set_static("base_footprint", "imu", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    assert robots.pose(100) is not None
+    assert robots.base_frame() == "base_link"
+    frames.set_static("base_link", "base_footprint", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    assert robots.base_frame() == "base_link"

@@ -1,0 +1,77 @@
+"""Laser scans: geometry, immutability, and what is refused."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from are_ros.builder.sensors.laser_scan import LaserScan
+from are_ros.errors import InputError
+
+SCAN = LaserScan(
+    frame_id="laser",
+    stamp_ns=5,
+    angle_min_rad=-1.0,
+    angle_max_rad=1.0,
+    angle_increment_rad=0.5,
+    time_increment_s=0.0,
+    scan_time_s=0.1,
+    range_min_m=0.1,
+    range_max_m=10.0,
+    ranges=np.ones(5, dtype=np.float32),
+    intensities=np.empty(0, dtype=np.float32),
+)
+
+
+def test_beams_are_counted_from_angle_min() -> None:
+    """Beam i looks along angle_min + i * increment in the x-y plane."""
+    expected = [(math.cos(a), math.sin(a), 0.0) for a in (-1.0, -0.5, 0.0, 0.5, 1.0)]
+    np.testing.assert_allclose(SCAN.directions(), expected, atol=1e-15)
+
+
+def test_a_scan_is_a_value() -> None:
+    """Its arrays are read-only views; the caller's own array stays writable."""
+    ranges = np.ones(5, dtype=np.float32)
+    scan = replace(SCAN, ranges=ranges)
+    assert not scan.ranges.flags.writeable
+    assert ranges.flags.writeable
+    assert scan.checked() is scan
+
+
+@pytest.mark.parametrize("count", [4, 5, 6])
+def test_a_count_off_by_one_is_accepted(count: int) -> None:
+    """Drivers disagree whether angle_max is the last beam or one past it."""
+    assert replace(SCAN, ranges=np.ones(count, dtype=np.float32)).checked()
+
+
+def test_a_scan_may_turn_the_other_way_and_see_without_end() -> None:
+    """A negative increment with angles to match, and an infinite range_max, are accepted."""
+    turned = replace(
+        SCAN, angle_min_rad=1.0, angle_max_rad=-1.0, angle_increment_rad=-0.5, range_max_m=math.inf
+    )
+    assert turned.checked()
+
+
+@pytest.mark.parametrize(
+    ("scan", "sentence"),
+    [
+        (replace(SCAN, angle_min_rad=math.nan), "front: angle_min is nan"),
+        (replace(SCAN, angle_max_rad=math.inf), "front: angle_max is inf"),
+        (replace(SCAN, time_increment_s=math.nan), "front: time_increment is nan"),
+        (replace(SCAN, angle_increment_rad=0.0), "front: angle_increment is 0"),
+        (replace(SCAN, angle_increment_rad=-0.5), "front: ranges has 5 values, and -1.0 to 1.0"),
+        (replace(SCAN, angle_max_rad=2.0), "front: ranges has 5 values, and -1.0 to 2.0 by 0.5"),
+        (replace(SCAN, range_min_m=11.0), "front: range_min is 11.0 and range_max 10.0"),
+        (replace(SCAN, range_min_m=-0.1), "front: range_min is -0.1"),
+        (replace(SCAN, range_max_m=math.nan), "front: range_min is 0.1 and range_max nan"),
+        (replace(SCAN, ranges=np.empty(0, dtype=np.float32)), "front: ranges is empty"),
+        (replace(SCAN, intensities=np.ones(3, dtype=np.float32)), "front: intensities has 3"),
+        (replace(SCAN, frame_id=""), "front: header.frame_id is empty"),
+    ],
+)
+def test_a_bad_scan_is_refused_with_field_and_reason(scan: LaserScan, sentence: str) -> None:
+    """Each fault is named by source, field and reason."""
+    with pytest.raises(InputError) as caught:
+        scan.checked("front")
+    assert str(caught.value).startswith(sentence)

@@ -1,0 +1,390 @@
+"""The lives in the real world: who comes, who goes, who is moved, and that nothing else decides."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from are_ros.agents.events import ArtefactEvent, EventKind
+from are_ros.builder.spawning.populations import random_population
+from are_ros.errors import ParameterError, PlacementError
+from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import Parameters
+from are_ros.population.artefact import GroundPose, boxes_of
+from are_ros.world.footprint import signed_distance_m
+from tests.world.overlapping import overlapping_pairs
+
+Scene = Any
+"""The `Scene` of conftest, which tests cannot import."""
+Make = Callable[..., Scene]
+BUSY = {"population.arrival_rate": 0.2, "population.mean_life": 3.0}
+"""About three arrivals a second on the room's 14 m^2, nine alive."""
+
+
+def kinds(events: list[ArtefactEvent]) -> list[tuple[EventKind, str]]:
+    """Return what happened, and why."""
+    return [(event.kind, event.detail) for event in events]
+
+
+# --- placing
+
+
+def test_a_placed_artefact_lives_until_its_life_is_over(scene: Scene) -> None:
+    """It arrives at the very time, departs at the very time, and both are said."""
+    artefact_id = scene.place(0, (2.5, 2.0), 0.32, life_s=0.5)
+    scene.builder.advance(scene.ns(2.0))
+    arrived, departed = scene.builder.lives.take_events()
+    assert (arrived.kind, arrived.stamp_ns) == (EventKind.ARRIVED, scene.ns(0.32))
+    assert (departed.kind, departed.stamp_ns) == (EventKind.DEPARTED, scene.ns(0.82))
+    assert arrived.artefact_id == departed.artefact_id == artefact_id
+    assert departed.detail == "life_over"
+
+
+@pytest.mark.parametrize(
+    ("x", "reason"),
+    [
+        (0.2, "in a wall"),
+        (-3.0, "not on free cells"),
+        (2.8, "overlap another artefact"),
+        (1.45, "robot.clearance"),
+        (float("nan"), "not on free cells"),
+    ],
+)
+def test_a_placement_that_overlaps_is_refused_with_the_reason(
+    scene: Scene, x: float, reason: str
+) -> None:
+    """Nothing is moved, and nothing is left behind."""
+    scene.place(0, (2.5, 2.0), 0.1)
+    with pytest.raises(PlacementError, match=reason):
+        scene.place(0, (x, 2.0), 0.2)
+    assert len(scene.builder.lives.scene_at(scene.ns(0.2)).artefacts) == 1
+    assert kinds(scene.builder.lives.take_events()) == [(EventKind.ARRIVED, "")]
+
+
+def test_nothing_is_placed_before_there_is_a_map(make_scene: Make) -> None:
+    """The reason says so."""
+    with pytest.raises(PlacementError, match="there is no map yet"):
+        make_scene().place(0, (2.0, 2.0), 0.0)
+
+
+def test_the_bound_on_the_living_holds_for_placements_too(make_scene: Make) -> None:
+    """With max_alive 1, the second is refused."""
+    scene = make_scene({"population.max_alive": 1})
+    scene.map(0.0)
+    scene.place(0, (2.0, 2.0), 0.0)
+    with pytest.raises(PlacementError, match="max_alive"):
+        scene.place(0, (3.0, 2.0), 0.0)
+
+
+def test_who_was_placed_before_the_process_starts_stays(make_scene: Make) -> None:
+    """Before the robot's pose is known nobody arrives; who was placed then lives on, or ends."""
+    scene = make_scene(BUSY)
+    scene.map(0.0)
+    brief = scene.place(0, (3.0, 3.0), 0.1, life_s=0.5)
+    long = scene.place(0, (3.0, 1.0), 0.1, life_s=50.0)
+    scene.builder.advance(scene.ns(1.0))
+    assert [event.artefact_id for event in scene.builder.lives.take_events()] == [
+        brief,
+        long,
+        brief,
+    ]
+    scene.robot(1.0, 1.0, 2.0)
+    scene.builder.advance(scene.ns(1.5))
+    assert long in scene.builder.lives.population.living
+
+
+def test_a_life_shorter_than_a_sub_step_ends_in_time(scene: Scene) -> None:
+    """The tick after its end does not have it, and tells of the end."""
+    artefact_id = scene.place(0, (2.5, 2.0), 0.1, life_s=0.01)
+    tick = scene.tick(0.2)
+    assert tick.artefacts == ()
+    ended = [e.stamp_ns for e in tick.events if e.kind is EventKind.DEPARTED]
+    assert ended == [scene.ns(0.11)]
+    assert artefact_id not in scene.builder.lives.population.living
+
+
+# --- arrivals at random
+
+
+def test_arrivals_begin_when_map_and_robot_are_known(make_scene: Make) -> None:
+    """Neither alone starts the process; the area is that of the room."""
+    scene = make_scene(BUSY)
+    scene.robot(0.0, 1.0, 2.0)
+    scene.builder.advance(scene.ns(5.0))
+    assert scene.builder.lives.population.counts.offered == 0
+    scene.map(5.0)
+    scene.robot(5.0, 1.0, 2.0)
+    scene.builder.advance(scene.ns(10.0))
+    events = scene.builder.lives.take_events()
+    assert scene.builder.lives.population.counts.offered > 5
+    assert min(event.stamp_ns for event in events) >= scene.ns(5.0)
+    assert scene.builder.lives.area_m2 == pytest.approx(38 * 38 * 0.01, abs=0.5)
+
+
+@pytest.mark.parametrize("group_size", [1.0, 4.0])
+def test_arrivals_overlap_nothing_at_the_instant_they_come(
+    make_scene: Make, group_size: float
+) -> None:
+    """Not even members of one group each other: nobody ever has to be moved."""
+    scene = make_scene(BUSY | {"population.group_size": group_size})
+    scene.map(0.0)
+    scene.robot(0.0, 1.0, 2.0)
+    lives = scene.builder.lives
+    for _ in range(60):
+        due_ns = lives.population.next_event_ns() or scene.ns(0.05)
+        scene.builder.advance(due_ns)
+        living = lives.scene_at(due_ns).artefacts
+        boxes = boxes_of([a.row for a in living], [a.ground_pose_at(due_ns) for a in living])
+        assert len(overlapping_pairs(boxes)) == 0
+        assert not scene.builder.world.environment.hits_wall(boxes).any()
+        robot = scene.builder.robots.last.footprint
+        assert (signed_distance_m(robot, boxes) >= 0.1 - 1e-9).all()
+    assert lives.population.counts.arrived > 15
+    assert lives.displaced == 0
+
+
+def busy_run(scene: Scene, late_s: float) -> list[ArtefactEvent]:
+    """Return what happens when walls and a robot come and go, all received `late_s` late."""
+    for step in range(60):
+        scene.map(0.1 * step + late_s, (10, 30, 18, 38) if step % 2 else (2, 8, 18, 38))
+        stamp_ns, now_ns = scene.ns(0.1 * step), scene.ns(0.1 * step + late_s)
+        place = (1.0 + 0.01 * step, 2.0, 0.0)
+        turn = (0.0, 0.0, 0.0, 1.0)
+        scene.builder.receive_transform("map", "base_link", stamp_ns, place, turn, now_ns)
+    scene.builder.advance(scene.ns(6.0))
+    events: list[ArtefactEvent] = scene.builder.lives.take_events()
+    return events
+
+
+def test_the_instant_of_reception_within_a_sub_step_decides_nothing(make_scene: Make) -> None:
+    """Whether maps and transforms come just after a sub-step or just before the next."""
+    values = {"population.arrival_rate": 1.0, "population.mean_life": 2.0}
+    early, late = (busy_run(make_scene(values), late_s) for late_s in (0.0, 0.049))
+    assert len(early) > 100
+    assert early == late
+    assert any(event.kind is EventKind.DISPLACED for event in early)
+    assert early != busy_run(make_scene(values), 0.06)
+
+
+def test_nobody_stands_in_a_new_wall_after_the_next_sub_step(make_scene: Make) -> None:
+    """Who arrives between a new map and the sub-step after it makes way like the others."""
+    scene = make_scene({"population.arrival_rate": 5.0, "population.mean_life": 0.2})
+    scene.robot(0.0, 1.0, 2.0)
+    lives, seen = scene.builder.lives, 0
+    for step in range(60):
+        scene.map(0.1 * step + 0.051, (10, 30, 18, 38) if step % 2 else (2, 8, 18, 38))
+        scene.builder.advance(scene.ns(0.1 * step + 0.1))
+        standing = lives.scene_at(scene.ns(0.1 * step + 0.1))
+        seen += len(standing)
+        assert not scene.builder.world.environment.hits_wall(standing.boxes).any()
+    assert seen > 50
+
+
+def test_nothing_goes_on_in_a_pause(make_scene: Make) -> None:
+    """Nobody arrives, no life is used up, drawn or given, and nobody is moved."""
+    scene = make_scene(BUSY)
+    scene.map(0.0)
+    scene.robot(0.0, 1.0, 2.0)
+    given = scene.place(0, (3.0, 3.0), 0.1, life_s=2.0)
+    scene.builder.advance(scene.ns(1.0))
+    lives = scene.builder.lives
+    before = {i: one.departure_ns for i, one in lives.population.living.items()}
+    assert len(before) > 1
+    lives.take_events()
+    lives.pause(scene.ns(1.0), is_paused=True)
+    scene.robot(5.0, 3.0, 3.0)
+    scene.builder.advance(scene.ns(11.0))
+    assert lives.take_events() == []
+    scene.robot(11.0, 1.0, 2.0)
+    lives.pause(scene.ns(11.0), is_paused=False)
+    after = {i: one.departure_ns for i, one in lives.population.living.items()}
+    assert after.keys() == before.keys()
+    assert all(abs(after[i] - before[i] - scene.ns(10.0) + scene.ns(0.0)) <= 2 for i in before)
+    scene.builder.advance(scene.ns(20.0))
+    ends = {event.artefact_id: event.stamp_ns for event in lives.take_events()}
+    assert ends[given] == scene.ns(12.1)
+
+
+def test_nobody_arrives_at_the_robots_goal(make_scene: Make) -> None:
+    """Where its plan ends the robot's clearance is kept, until there is no plan."""
+    scene = make_scene(BUSY | {"population.mean_life": 0.1, "robot.clearance": 0.8})
+    scene.map(0.0)
+    scene.robot(0.0, 0.6, 0.6)
+    scene.builder.receive_plan(np.array([[1.0, 1.0, 0.0], [2.5, 2.5, 0.0]]), "map", scene.ns(0.0))
+    distances = arrival_distances(scene, 60.0, (2.5, 2.5))
+    assert len(distances) > 100
+    assert distances.min() >= 0.8 + 0.2 + 0.05
+    scene.builder.receive_plan(np.empty((0, 3)), "map", scene.ns(60.0))
+    assert arrival_distances(scene, 120.0, (2.5, 2.5)).min() < 0.8
+
+
+def arrival_distances(scene: Scene, until_s: float, point: tuple[float, float]) -> Any:
+    """Return how far from a point the middles of those who arrive come to stand."""
+    lives, distances = scene.builder.lives, []
+    while (due_ns := lives.population.next_event_ns() or scene.ns(0.05)) < scene.ns(until_s):
+        scene.builder.advance(due_ns)
+        for artefact in lives.scene_at(due_ns).artefacts:
+            if artefact.arrival_ns == due_ns:
+                pose = artefact.ground_pose_at(due_ns)
+                distances.append(np.hypot(pose.x_m - point[0], pose.y_m - point[1]))
+    return np.array(distances)
+
+
+def test_a_full_place_blocks_arrivals_and_says_so(make_scene: Make) -> None:
+    """Where nothing fits, each arrival is an event, with the cause."""
+    scene = make_scene(BUSY | {"population.max_alive": 0})
+    scene.map(0.0)
+    scene.robot(0.0, 1.0, 2.0)
+    scene.builder.advance(scene.ns(3.0))
+    events = scene.builder.lives.take_events()
+    assert len(events) > 3
+    assert set(kinds(events)) == {(EventKind.BLOCKED, "max_alive")}
+
+
+def test_events_come_in_the_order_of_time(make_scene: Make) -> None:
+    """Arrivals, departures and what collisions do, all in one order."""
+    scene = make_scene(BUSY)
+    scene.map(0.0)
+    for step in range(50):
+        scene.robot(0.1 * step, 1.0 + 0.04 * step, 2.0)
+    stamps = [event.stamp_ns for event in scene.builder.lives.take_events()]
+    assert len(stamps) > 10
+    assert stamps == sorted(stamps)
+
+
+# --- remedies
+
+
+def test_a_wall_that_appears_moves_the_artefact_aside(scene: Scene) -> None:
+    """To the nearest safe place, at the next sub-step; the event tells how far."""
+    artefact_id = scene.place(0, (2.5, 2.0), 0.1)
+    scene.map(0.32, (18, 22, 26, 30))
+    scene.builder.advance(scene.ns(0.35))
+    (artefact,) = scene.builder.lives.scene_at(scene.ns(0.35)).artefacts
+    pose = artefact.ground_pose_at(scene.ns(0.35))
+    boxes = boxes_of([artefact.row], [pose])
+    assert not scene.builder.world.environment.hits_wall(boxes).any()
+    assert artefact.ground_pose_at(scene.ns(0.34)) == GroundPose(2.5, 2.0, 0.0, 0.0)
+    assert artefact.ground_pose_at(scene.ns(0.35)) == pose
+    _, moved = scene.builder.lives.take_events()
+    assert (moved.kind, moved.artefact_id) == (EventKind.DISPLACED, artefact_id)
+    assert moved.value == pytest.approx(np.hypot(pose.x_m - 2.5, pose.y_m - 2.0))
+    assert 0.1 <= moved.value <= 0.3
+    assert scene.builder.lives.displaced == 1
+
+
+def test_an_artefact_without_a_place_leaves(make_scene: Make) -> None:
+    """When the new map leaves no room within the search radius, it departs, displaced."""
+    scene = make_scene({"collisions.search_radius": 0.3})
+    scene.map(0.0)
+    scene.place(0, (2.5, 2.0), 0.1)
+    scene.map(0.2, (5, 35, 10, 39))
+    scene.builder.advance(scene.ns(0.25))
+    assert scene.builder.lives.scene_at(scene.ns(0.25)).artefacts == ()
+    assert kinds(scene.builder.lives.take_events()) == [
+        (EventKind.ARRIVED, ""),
+        (EventKind.DEPARTED, "displaced"),
+    ]
+    assert scene.builder.lives.displaced == 1
+
+
+@pytest.mark.parametrize("policy", ["displace", "hold", "remove", "auto"])
+def test_a_robot_that_drives_into_an_artefact(make_scene: Make, policy: str) -> None:
+    """The contact is said once, with its depth; then the policy decides. Auto holds."""
+    scene = make_scene({"collisions.on_robot_contact": policy})
+    scene.map(0.0)
+    scene.robot(0.0, 1.0, 2.0)
+    artefact_id = scene.place(0, (2.0, 2.0), 0.0)
+    for step in range(1, 6):
+        scene.robot(0.1 * step, 1.65, 2.0)
+    scene.builder.advance(scene.ns(0.55))
+    lives = scene.builder.lives
+    events = lives.take_events()
+    contacts = [event for event in events if event.kind is EventKind.ROBOT_CONTACT]
+    assert [(c.artefact_id, c.detail) for c in contacts] == [(artefact_id, "robot")]
+    assert contacts[0].value == pytest.approx(0.05)
+    assert contacts[0].stamp_ns == scene.ns(0.15)
+    assert lives.robot_contacts == 1
+    after = kinds(events)[-1]
+    if policy == "remove":
+        assert after == (EventKind.DEPARTED, "robot_contact")
+        assert lives.scene_at(scene.ns(0.55)).artefacts == ()
+        return
+    pose = lives.scene_at(scene.ns(0.55)).artefacts[0].ground_pose_at(scene.ns(0.55))
+    was_moved = pose != GroundPose(2.0, 2.0, 0.0, 0.0)
+    assert was_moved == (policy == "displace")
+    assert after[0] is (EventKind.DISPLACED if was_moved else EventKind.ROBOT_CONTACT)
+
+
+def test_a_second_contact_is_another_contact(scene: Scene) -> None:
+    """Back off and drive in again: two events."""
+    scene.place(0, (2.0, 2.0), 0.0)
+    for step, x in enumerate((1.65, 1.65, 1.0, 1.0, 1.65, 1.65)):
+        scene.robot(0.1 * (step + 1), x, 2.0)
+    scene.builder.advance(scene.ns(0.7))
+    assert scene.builder.lives.robot_contacts == 2
+
+
+# --- independence of how often it is asked
+
+
+def test_who_was_there_is_known_for_the_history(scene: Scene) -> None:
+    """A late scan still finds who has departed since."""
+    artefact_id = scene.place(0, (2.5, 2.0), 0.1, life_s=0.4)
+    scene.builder.advance(scene.ns(1.0))
+    lives = scene.builder.lives
+    assert [a.id for a in lives.scene_at(scene.ns(0.49)).artefacts] == [artefact_id]
+    assert lives.scene_at(scene.ns(0.5)).artefacts == ()
+    assert lives.scene_at(scene.ns(0.09)).artefacts == ()
+
+
+@pytest.mark.parametrize("leave", ["vanish", "walk_to_exit"])
+def test_what_cannot_move_lives_and_goes_the_same_however_lives_end(
+    make_scene: Make, leave: str
+) -> None:
+    """Rows without a speed have no way out to walk: every event is that of vanishing."""
+    plain, other = make_scene(BUSY), make_scene(BUSY | {"population.leave": leave})
+    for scene in (plain, other):
+        scene.map(0.0)
+        scene.robot(0.0, 1.0, 2.0)
+        scene.builder.advance(scene.ns(6.0))
+    events = plain.builder.lives.take_events()
+    assert len(events) > 10
+    assert events == other.builder.lives.take_events()
+
+
+def test_sub_steps_are_counted_for_all_who_live(scene: Scene) -> None:
+    """Twenty a second for each, none of them moving, none resolved."""
+    scene.place(0, (2.5, 2.0), 0.02)
+    scene.place(0, (3.2, 2.0), 0.52)
+    scene.builder.advance(scene.ns(1.01))
+    counts = scene.builder.lives.motion_counts
+    assert counts.artefact_steps == 20 + 10
+    assert (counts.moving_steps, counts.moved_back, counts.displaced) == (0, 0, 0)
+
+
+def test_long_silence_is_crossed_in_no_time(make_scene: Make) -> None:
+    """An hour without any input needs no sub-steps, and loses no event of the population."""
+    quiet = {"population.arrival_rate": 0.001, "population.mean_life": 30.0}
+    one, other = make_scene(quiet), make_scene(quiet)
+    for each in (one, other):
+        each.map(0.0)
+        each.robot(0.0, 1.0, 2.0)
+    one.builder.advance(one.ns(3600.0))
+    for second in range(1, 3601):
+        other.builder.advance(other.ns(float(second)))
+    events = one.builder.lives.take_events()
+    assert len(events) > 50
+    assert events == other.builder.lives.take_events()
+
+
+def test_a_bad_mixture_is_refused_by_name() -> None:
+    """Weights that do not fit the rates are a parameter error."""
+    from are_ros.builder.files.catalogue_file import read_catalogue
+
+    parameters = with_values(Parameters(), {"mixture.weights": (0.5, 0.5), "mixture.rates": (1.0,)})
+    with pytest.raises(ParameterError, match="mixture"):
+        random_population(
+            parameters, read_catalogue(), begun=lambda *_: None, stays_on=lambda *_: False
+        )

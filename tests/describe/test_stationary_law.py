@@ -1,0 +1,80 @@
+"""Tests of the stationary law of the number alive."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from are_ros.describe.birth_death import stationary_law
+from are_ros.parameters.choices import Departures
+
+INDEPENDENT, CONSTANT = Departures.INDEPENDENT, Departures.CONSTANT_RATE
+
+
+def _by_generator_matrix(
+    groups_per_s: float, mean_size: float, life_s: float, kind: Departures, bound: int
+) -> npt.NDArray[np.float64]:
+    """Return the law as the null vector of the chain's generator matrix."""
+    rates = np.zeros((bound + 1, bound + 1))
+    chances = stats.poisson.pmf(np.arange(100), mean_size - 1.0).tolist()
+    for n in range(bound + 1):
+        for size, chance in enumerate(chances, start=1):
+            rates[n, min(n + size, bound)] += groups_per_s * chance
+        if n:
+            rates[n, n - 1] += (n if kind is INDEPENDENT else 1) / life_s
+    generator = rates - np.diag(rates.sum(axis=1))
+    equations = np.vstack((generator.T, np.ones(bound + 1)))
+    target = np.append(np.zeros(bound + 1), 1.0)
+    law: npt.NDArray[np.float64] = np.linalg.lstsq(equations, target, rcond=None)[0]
+    return law
+
+
+@given(
+    groups_per_s=st.floats(0.01, 2.0),
+    mean_size=st.floats(1.0, 6.0),
+    life_s=st.floats(0.2, 5.0),
+    kind=st.sampled_from(Departures),
+    bound=st.integers(0, 9),
+)
+def test_balance_of_the_chain(
+    groups_per_s: float, mean_size: float, life_s: float, kind: Departures, bound: int
+) -> None:
+    """The law is the one in which the chain's generator changes nothing, groups or not."""
+    law = stationary_law(groups_per_s, mean_size, life_s, kind, bound)
+    oracle = _by_generator_matrix(groups_per_s, mean_size, life_s, kind, bound)
+    assert law == pytest.approx(oracle, abs=1e-9)
+
+
+def test_poisson_when_independent() -> None:
+    """Independent lives of single arrivals: the truncated Poisson law of rate*life."""
+    law = stationary_law(0.5, 1.0, 8.0, INDEPENDENT, 12)
+    poisson = stats.poisson.pmf(np.arange(13), 4.0)
+    assert law == pytest.approx(poisson / poisson.sum())
+
+
+def test_geometric_at_constant_rate() -> None:
+    """Departures at a constant rate: the truncated geometric law, also beyond its balance."""
+    for load in (0.5, 1.0, 3.0):
+        powers = load ** np.arange(21.0)
+        law = stationary_law(load, 1.0, 1.0, CONSTANT, 20)
+        assert law == pytest.approx(powers / powers.sum())
+
+
+def test_groups_keep_the_mean() -> None:
+    """With groups and no bound in reach the mean alive is groups times size times life."""
+    law = stationary_law(0.1, 3.0, 20.0, INDEPENDENT, 200)
+    assert law @ np.arange(201) == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize("kind", Departures)
+def test_extreme_loads(kind: Departures) -> None:
+    """Loads far beyond the bound, or none at all, neither overflow nor fail."""
+    crowded = stationary_law(1e5, 100.0, 1e7, kind, 3000)
+    assert math.isclose(crowded.sum(), 1.0)
+    assert crowded[-1] > 0.9
+    assert stationary_law(0.0, 1.0, 60.0, kind, 5).tolist() == [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    assert stationary_law(1.0, 1.0, 60.0, kind, 0).tolist() == [1.0]

@@ -1,0 +1,220 @@
+"""Meshes in F_A, built-in ones and those of the user's files."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from are_ros.errors import CatalogueError
+from are_ros.population.catalogue import CatalogueRow, MeshFile
+from are_ros.population.meshes.geometry import MESH_SUFFIXES, file_geometry, mesh_of, shape_geometry
+from are_ros.population.meshes.shapes import Shape
+
+
+def row_of(
+    surface: Shape | MeshFile, size_m: tuple[float, float, float] = (1, 1, 1)
+) -> CatalogueRow:
+    """Make a row round a surface, with the box that the module measures."""
+    geometry = (
+        file_geometry(surface) if isinstance(surface, MeshFile) else shape_geometry(surface, size_m)
+    )
+    return CatalogueRow(0, "thing", "class", *geometry, surface, (0.2, 0.4, 0.6, 1.0))
+
+
+def saved_wedge(path: Path) -> trimesh.Trimesh:
+    """Save a wedge, its centre of mass off the middle of its box, and return it."""
+    points = [(0, 0, 0), (4, 0, 0), (0, 2, 0), (0, 0, 1), (4, 0, 0.5), (0, 2, 1)]
+    wedge = trimesh.convex.convex_hull(np.array(points, dtype=float))
+    wedge.export(path)
+    return wedge
+
+
+@pytest.mark.parametrize("shape", Shape)
+def test_a_built_in_mesh_has_its_centre_of_mass_at_the_origin(shape: Shape) -> None:
+    """F_A is at the centre of mass, and the box that the row states is the mesh's bounds."""
+    row = row_of(shape, (1.5, 0.7, 1.2))
+    mesh = mesh_of(row)
+    np.testing.assert_allclose(mesh.center_mass, 0.0, atol=1e-9)
+    np.testing.assert_allclose(mesh.extents, row.size_m, atol=1e-9)
+    np.testing.assert_allclose(mesh.bounds.mean(axis=0), row.box_centre_in_artefact_m, atol=1e-9)
+    assert row.com_height_m == pytest.approx(-mesh.bounds[0, 2])
+    assert mesh.visual.face_colors.shape == (len(mesh.faces), 4)
+    assert mesh.face_normals.shape == (len(mesh.faces), 3)
+    assert mesh.vertex_normals.shape == (len(mesh.vertices), 3)
+
+
+@pytest.mark.parametrize("suffix", MESH_SUFFIXES)
+def test_a_users_mesh_is_read_from_every_format(suffix: str, tmp_path: Path) -> None:
+    """Box, volume and centre of mass are those of the mesh that was saved."""
+    wedge = saved_wedge(tmp_path / f"wedge{suffix}")
+    row = row_of(MeshFile(tmp_path / f"wedge{suffix}"))
+    mesh = mesh_of(row)
+    np.testing.assert_allclose(row.size_m, (4, 2, 1), atol=1e-6)
+    expected = wedge.bounds.mean(axis=0) - wedge.center_mass
+    np.testing.assert_allclose(row.box_centre_in_artefact_m, expected, atol=1e-6)
+    np.testing.assert_allclose(mesh.bounds.mean(axis=0), expected, atol=1e-6)
+    np.testing.assert_allclose(mesh.center_mass, 0.0, atol=1e-6)
+    assert mesh.volume == pytest.approx(wedge.volume, rel=1e-5)
+
+
+def test_unit_scale_and_axes_are_applied(tmp_path: Path) -> None:
+    """A mesh in millimetres, up along y and facing -z, comes out in metres, upright, facing +x."""
+    box = trimesh.creation.box((2000.0, 1000.0, 4000.0))
+    spike = trimesh.creation.cone(100.0, 500.0)
+    spike.apply_transform(trimesh.transformations.rotation_matrix(np.pi, (1, 0, 0), (0, 0, 0)))
+    spike.apply_translation((0.0, 300.0, -2000.0))
+    trimesh.util.concatenate([box, spike]).export(tmp_path / "m.stl")
+    row = row_of(MeshFile(tmp_path / "m.stl", 0.001, up="y", forward="-z"))
+    np.testing.assert_allclose(row.size_m, (4.5, 2.0, 1.0), atol=1e-6)
+    mesh = mesh_of(row)
+    tip = mesh.vertices[np.argmax(mesh.vertices[:, 0])]
+    assert tip[2] - mesh.bounds[0, 2] == pytest.approx(0.8, abs=1e-5)
+    assert mesh.volume > 0.0
+
+
+@pytest.mark.parametrize("up", ["x", "-x", "y", "-y", "z", "-z"])
+@pytest.mark.parametrize("forward", ["x", "-x", "y", "-y", "z", "-z"])
+def test_every_pair_of_axes_is_a_rotation(up: str, forward: str, tmp_path: Path) -> None:
+    """No choice of axes mirrors the mesh: a corner tetrahedron keeps its handedness."""
+    if up[-1] == forward[-1]:
+        return
+    points = np.array([(0, 0, 0), (1, 0, 0), (0, 2, 0), (0, 0, 3)], dtype=float)
+    faces = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]
+    trimesh.Trimesh(points, faces).export(tmp_path / "t.ply")
+    mesh = mesh_of(row_of(MeshFile(tmp_path / "t.ply", up=up, forward=forward)))
+    edges = mesh.vertices[1:] - mesh.vertices[0]
+    assert np.linalg.det(edges) == pytest.approx(6.0)
+    length = {"x": 1.0, "y": 2.0, "z": 3.0}
+    assert mesh.extents[2] == pytest.approx(length[up[-1]])
+    assert mesh.extents[0] == pytest.approx(length[forward[-1]])
+
+
+def test_an_open_mesh_balances_at_the_centre_of_its_hull(tmp_path: Path) -> None:
+    """A box without lid has the centre of mass of the full box."""
+    box = trimesh.creation.box((1.0, 2.0, 3.0))
+    box.update_faces(box.face_normals[:, 2] < 0.5)
+    box.export(tmp_path / "open.ply")
+    mesh = mesh_of(row_of(MeshFile(tmp_path / "open.ply")))
+    assert not mesh.is_watertight
+    np.testing.assert_allclose(mesh.bounds.mean(axis=0), 0.0, atol=1e-6)
+
+
+def test_the_hull_of_an_open_wedge_balances_as_the_wedge(tmp_path: Path) -> None:
+    """Without one face a convex mesh keeps the centre of mass that trimesh gives the whole."""
+    wedge = saved_wedge(tmp_path / "whole.ply")
+    expected = wedge.bounds.mean(axis=0) - wedge.center_mass
+    wedge.update_faces(np.arange(len(wedge.faces)) > 0)
+    wedge.export(tmp_path / "open.ply")
+    row = row_of(MeshFile(tmp_path / "open.ply"))
+    np.testing.assert_allclose(row.box_centre_in_artefact_m, expected, atol=1e-6)
+
+
+def test_faces_that_point_inwards_are_turned(tmp_path: Path) -> None:
+    """A closed surface turned inside out comes out with outward normals."""
+    box = trimesh.creation.box((1.0, 2.0, 3.0))
+    box.invert()
+    box.export(tmp_path / "inside_out.ply")
+    assert mesh_of(row_of(MeshFile(tmp_path / "inside_out.ply"))).volume == pytest.approx(6.0)
+
+
+def test_corners_repeated_for_their_normals_still_close(tmp_path: Path) -> None:
+    """A file with own vertices for each face is judged as a surface in space, not as an index."""
+    wedge = saved_wedge(tmp_path / "unused.ply")
+    wedge.unmerge_vertices()
+    wedge.export(tmp_path / "hard_edges.glb", include_normals=True)
+    row = row_of(MeshFile(tmp_path / "hard_edges.glb"))
+    expected = wedge.bounds.mean(axis=0) - wedge.center_mass
+    np.testing.assert_allclose(row.box_centre_in_artefact_m, expected, atol=1e-6)
+
+
+def test_a_file_of_several_bodies_is_one_mesh(tmp_path: Path) -> None:
+    """The bodies of a GLB scene are put together, each where the scene has it."""
+    away = trimesh.transformations.translation_matrix((5.0, 0.0, 0.0))
+    scene = trimesh.Scene([trimesh.creation.box((1, 1, 1)), trimesh.creation.box((1, 1, 1), away)])
+    scene.export(tmp_path / "scene.glb")
+    row = row_of(MeshFile(tmp_path / "scene.glb"))
+    np.testing.assert_allclose(row.size_m, (6, 1, 1), atol=1e-6)
+
+
+def test_colours_of_the_file_win_over_the_rows(tmp_path: Path) -> None:
+    """A coloured PLY keeps its colours; a bare one takes the row's."""
+    box = trimesh.creation.box((1, 1, 1))
+    box.export(tmp_path / "bare.ply")
+    box.visual.vertex_colors = np.tile((250, 128, 0, 255), (8, 1))
+    box.export(tmp_path / "orange.ply")
+    bare = mesh_of(row_of(MeshFile(tmp_path / "bare.ply")))
+    orange = mesh_of(row_of(MeshFile(tmp_path / "orange.ply")))
+    assert (bare.visual.face_colors == (51, 102, 153, 255)).all()
+    assert (orange.visual.face_colors == (250, 128, 0, 255)).all()
+
+
+def plain_material(colour: tuple[int, int, int, int]) -> trimesh.visual.TextureVisuals:
+    """Make the material of a GLB that has a colour and no texture."""
+    material = trimesh.visual.material.PBRMaterial(baseColorFactor=colour)
+    return trimesh.visual.TextureVisuals(material=material)
+
+
+def test_the_materials_of_a_scene_become_colours_of_faces(tmp_path: Path) -> None:
+    """Two bodies of a GLB keep a colour each; a third without material takes the row's."""
+    bodies = [trimesh.creation.box((1, 1, 1)) for _ in range(3)]
+    for number, body in enumerate(bodies):
+        body.apply_translation((3.0 * number, 0.0, 0.0))
+    bodies[0].visual = plain_material((255, 0, 0, 255))
+    bodies[1].visual = plain_material((0, 255, 0, 255))
+    trimesh.Scene(bodies).export(tmp_path / "scene.glb")
+    mesh = mesh_of(row_of(MeshFile(tmp_path / "scene.glb", forward="x", up="y")))
+    order = np.argsort(mesh.triangles_center[:, 0])
+    expected = np.repeat([(255, 0, 0, 255), (0, 255, 0, 255), (51, 102, 153, 255)], 12, axis=0)
+    np.testing.assert_array_equal(mesh.visual.face_colors[order], expected)
+
+
+def test_the_colour_of_an_obj_material_is_kept(tmp_path: Path) -> None:
+    """A material library beside an OBJ file, without texture, paints the faces."""
+    (tmp_path / "m.mtl").write_text("newmtl red\nKd 1 0 0\n")
+    body = trimesh.creation.box((1, 1, 1)).export(file_type="obj")
+    (tmp_path / "m.obj").write_text(f"mtllib m.mtl\nusemtl red\n{body}")
+    mesh = mesh_of(row_of(MeshFile(tmp_path / "m.obj")))
+    assert (mesh.visual.face_colors == (255, 0, 0, 255)).all()
+
+
+def test_a_texture_becomes_its_colour_at_the_corners(tmp_path: Path) -> None:
+    """Where an image is laid on the mesh, each face has the mean of its corners' colours."""
+    image = pytest.importorskip("PIL.Image", reason="Pillow is not there to read textures")
+    box = trimesh.creation.box((1, 1, 1))
+    picture = image.new("RGB", (8, 8), (10, 200, 30))
+    box.visual = trimesh.visual.TextureVisuals(uv=np.full((8, 2), 0.5), image=picture)
+    box.export(tmp_path / "textured.glb")
+    mesh = mesh_of(row_of(MeshFile(tmp_path / "textured.glb")))
+    assert (mesh.visual.face_colors == (10, 200, 30, 255)).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("missing.stl", None, "does not exist"),
+        ("notes.txt", b"hello", "is none of OBJ, STL, PLY, GLB"),
+        ("empty.obj", b"# nothing\n", "holds no triangles"),
+        ("broken.glb", b"glTFxxxxxxxxx", "cannot be read"),
+        ("broken.ply", b"ply\nformat nonsense\n", "cannot be read"),
+        ("nan.obj", b"v 0 0 1\nv 0 0 0\nv 1 0 0\nv 0 nan 1\nf 1 2 3\nf 2 3 4\n", "not finite"),
+    ],
+)
+def test_a_file_that_is_no_mesh_is_refused(
+    name: str, content: bytes | None, words: str, tmp_path: Path
+) -> None:
+    """The refusal names the file and the reason."""
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(CatalogueError, match=words) as refusal:
+        file_geometry(MeshFile(tmp_path / name))
+    assert name in str(refusal.value)
+
+
+@pytest.mark.parametrize("height", [0.0, 1.0])
+def test_a_flat_mesh_is_refused(height: float, tmp_path: Path) -> None:
+    """A sheet, level or tilted, has no centre of mass and no box."""
+    corners = [(0, 0, 0), (1, 0, height), (0, 1, height), (1, 1, 2 * height)]
+    trimesh.Trimesh(corners, [(0, 1, 2), (1, 3, 2)]).export(tmp_path / "flat.ply")
+    with pytest.raises(CatalogueError, match="is flat"):
+        file_geometry(MeshFile(tmp_path / "flat.ply"))

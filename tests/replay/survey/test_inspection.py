@@ -1,0 +1,215 @@
+"""Inspecting recordings, small ones and real ones."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from are_ros.bag.reader import BagReader
+from are_ros.bag.types import RosbagsFactory
+from are_ros.errors import BagError
+from are_ros.messages.common import make_header
+from are_ros.messages.maps import make_grid
+from are_ros.messages.odometry import OdometryReading, make_odometry
+from are_ros.messages.transforms import StampedTransform, make_transforms
+from are_ros.replay.survey.inspection import Inspection, inspect_bag, inspection_lines
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.rigid_transform import RigidTransform
+
+WriteBag = Callable[[Path, list[tuple[str, int, Any]]], Path]
+S = 1_000_000_000
+
+
+def transform(parent: str, child: str, stamp_ns: int) -> StampedTransform:
+    """Return an edge that does not move."""
+    return StampedTransform(parent, child, stamp_ns, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+
+def odometry(factory: RosbagsFactory, stamp_ns: int, child: str = "base_link") -> Any:
+    """Return an odometry message of a robot at rest."""
+    still = (0.0, 0.0, 0.0)
+    pose = RigidTransform.identity()
+    return make_odometry(factory, OdometryReading("odom", child, stamp_ns, pose, still, still))
+
+
+def scan(factory: RosbagsFactory, stamp_ns: int) -> Any:
+    """Return a scan, of which only the header matters."""
+    header = make_header(factory, "laser", stamp_ns)
+    return factory.make("sensor_msgs/msg/LaserScan", header=header)
+
+
+@pytest.fixture
+def complete(tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag) -> Path:
+    """Return a recording of two seconds that lacks nothing."""
+    grid = OccupancyGrid(np.zeros((2, 2), np.int8), 0.5, RigidTransform.identity(), "earth")
+    mounts = [transform("base_link", "laser", 0), transform("earth", "odom", 0)]
+    records = [
+        ("/map", 0, make_grid(factory, grid)),
+        ("/tf_static", 0, make_transforms(factory, mounts)),
+    ]
+    records += [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in range(21)]
+    records += [("/front", k * S // 10, scan(factory, k * S // 10)) for k in range(20)]
+    return write_bag(tmp_path / "bag.mcap", records)
+
+
+def inspected(path: Path, **options: Any) -> Inspection:
+    """Inspect one recording."""
+    with BagReader([path]) as reader:
+        return inspect_bag(reader, **options)
+
+
+def test_a_complete_recording_lacks_nothing(complete: Path) -> None:
+    """Topics, rates, roles and frames are found, and nothing is missing."""
+    inspection = inspected(complete, map_frame="earth")
+    front, _, odom, _ = inspection.topics
+    assert (front.topic.name, front.frame_id, round(front.rate_hz)) == ("/front", "laser", 10)
+    assert (odom.topic.count, odom.frame_id) == (21, "odom")
+    assert (inspection.map_frame, inspection.base_frame) == ("earth", "base_link")
+    assert (inspection.start_ns, inspection.end_ns) == (0, 2 * S + 1)
+    assert inspection.roles.topic("scan") == "/front"
+    assert inspection.missing == ()
+    assert inspection.frames.tree_lines() == (
+        "earth",
+        "  odom (static, /tf_static)",
+        "    base_link (10.0 Hz, /odom)",
+        "      laser (static, /tf_static)",
+    )
+
+
+def test_a_map_in_another_frame_is_said(complete: Path) -> None:
+    """A replay would refuse it: the option that names its frame is given, and ends the word."""
+    (sentence,) = inspected(complete).missing
+    assert sentence.startswith(
+        "the map of /map is in earth, not in map: give --map-frame earth; if it moves with"
+    )
+    missing = inspected(complete, has_map_file=True).missing
+    assert missing[0].startswith("nothing joins map to base_link")
+
+
+def test_rates_read_well(tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag) -> None:
+    """A single message has none, and a rare one is not said to come at 0.0 Hz."""
+    records = [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in range(1001)]
+    records += [("/scan", 0, scan(factory, 0))]
+    records += [("/rare", k * S, scan(factory, k * S)) for k in (0, 50)]
+    lines = inspection_lines(inspected(write_bag(tmp_path / "bag.db3", records)))
+    texts = {line.split()[0]: " ".join(line.split()[2:]) for line in lines[2:5]}
+    assert texts == {
+        "/odom": "1001 10.0 Hz odom",
+        "/rare": "2 0.02 Hz laser",
+        "/scan": "1 once laser",
+    }
+    assert lines[0] == "100.0 s, 1004 messages"
+
+
+def test_rates_leave_gaps_out(tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag) -> None:
+    """Ten messages a second in two drives, an hour apart: of the topic and of the edge."""
+    ticks = [at for begin_s in (0, 3600) for at in range(10 * begin_s, 10 * begin_s + 101)]
+    records = [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in ticks]
+    found = inspected(write_bag(tmp_path / "bag.mcap", records))
+    (edge,) = found.frames.edges
+    assert found.topics[0].rate_hz == pytest.approx(10.0, rel=0.02)
+    assert edge.rate_hz == pytest.approx(10.0, rel=0.02)
+
+
+def test_stamps_of_another_clock_are_said_once(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """The sentence on the time names the edge; those on frames do not repeat it."""
+    records = [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in range(50)]
+    ahead = [
+        transform("map", "odom", k * S // 10 + 5 * S)._replace(translation_m=(0.01 * k, 0.0, 0.0))
+        for k in range(50)
+    ]
+    records += [("/tf", k * S // 10, make_transforms(factory, [ahead[k]])) for k in range(50)]
+    records += [("/scan", k * S // 10, scan(factory, k * S // 10)) for k in range(50)]
+    found = inspected(write_bag(tmp_path / "bag.mcap", records))
+    (said,) = [line for line in (*found.frames.oddities, *found.time) if "stamped" in line]
+    assert said.startswith("map -> odom is stamped up to 5.00 s later than /odom"), said
+
+
+def test_what_is_missing_is_said_with_its_option(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """Map, pose and mount are asked for, until they are given."""
+    records = [("/odom", 0, odometry(factory, 0)), ("/scan", 0, scan(factory, 0))]
+    path = write_bag(tmp_path / "bag.db3", records)
+    no_map, no_pose, no_mount = inspected(path).missing
+    assert "--map FILE.yaml" in no_map
+    assert no_pose.startswith("nothing joins map to base_link, which hangs together with odom:")
+    assert '--static-tf "X Y Z YAW PITCH ROLL map odom", which `are align` finds' in no_pose
+    assert no_mount.startswith("nothing joins laser, the frame of /scan, to base_link:")
+    assert "--static-tf" in no_mount
+    edges = [("map", "odom"), ("base_link", "laser")]
+    assert inspected(path, has_map_file=True, given_edges=edges).missing == ()
+
+
+def test_a_missing_base_is_said(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """Frames that are there are listed; a name that is given ends the complaint."""
+    edges = [transform("map", "robot", 0)]
+    path = write_bag(tmp_path / "bag.mcap", [("/tf", 0, make_transforms(factory, edges))])
+    assert "(frames: map, robot)" in inspected(path, has_map_file=True).missing[0]
+    assert inspected(path, has_map_file=True, base_frame="robot").missing == ()
+
+
+def test_odometry_without_child_gives_no_edge(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """An empty child frame makes no frame with an empty name."""
+    path = write_bag(tmp_path / "bag.mcap", [("/odom", 0, odometry(factory, 0, child=""))])
+    assert inspected(path).frames.edges == ()
+
+
+def test_both_of_two_lasers_are_inspected(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """The second one, too, is listed, asked where it is mounted, and refused if it is no scan."""
+    mounts = make_transforms(factory, [transform("base_link", "laser", 0)])
+    rear = factory.make("sensor_msgs/msg/LaserScan", header=make_header(factory, "rear_laser", 0))
+    records = [("/tf_static", 0, mounts), ("/front", 0, scan(factory, 0)), ("/rear", 0, rear)]
+    path = write_bag(tmp_path / "bag.mcap", records)
+    options = {"overrides": {"scan": "/front"}, "has_map_file": True}
+    inspection = inspected(path, **options, scans=("/front", "/rear"))
+    assert any(
+        line.split() == ["scan", "/front,", "/rear"] for line in inspection_lines(inspection)
+    )
+    assert "nothing joins rear_laser, the frame of /rear, to base_link" in inspection.missing[-1]
+    with pytest.raises(BagError, match="scan:=/tf_static: that topic is of type"):
+        inspected(path, **options, scans=("/front", "/tf_static"))
+
+
+def test_the_real_hall_is_understood(real_data: Path) -> None:
+    """A drive with two scans, no map and slashes in its frames."""
+    inspection = inspected(real_data / "drl-jarvis-hall/jarvis_complex_path_fast.bag")
+    assert inspection.roles.topic("tf") == "/tf"
+    assert inspection.roles.topic("scan") is None
+    assert "/driver_laser_navigation/laser_scan" in inspection.roles.sentences()[0]
+    assert inspection.base_frame == "base_footprint"
+    assert "map" in inspection.frames.connected_to("base_footprint")
+    assert inspection.frames.oddities[0].startswith("4 frame names begin with a slash")
+    (no_map,) = inspection.missing
+    assert "--map" in no_map
+
+
+def test_the_real_ship_is_understood(real_data: Path) -> None:
+    """The map is a child of the robot under another name, and fixed joints come from the future."""
+    inspection = inspected(
+        real_data / "drl-ship-interior-gazebo/ship_interior_with_tilting_laser.bag"
+    )
+    assert "map_ground_truth" in inspection.frames.connected_to("base_footprint")
+    assert any("nothing joins map to base_footprint" in text for text in inspection.missing)
+    (ahead,) = (one for one in inspection.frames.oddities if "0.50 s after being recorded" in one)
+    assert ahead.count("->") == 5
+
+
+def test_a_base_that_hangs_alone_hangs_together_with_nothing(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """Its own name is not said twice."""
+    edges = [transform("map", "odom", 0), transform("base_link", "base_link", 0)]
+    path = write_bag(tmp_path / "bag.mcap", [("/tf", 0, make_transforms(factory, edges))])
+    (no_pose,) = inspected(path, has_map_file=True).missing
+    assert no_pose.startswith("nothing joins map to base_link: give the transform")
