@@ -154,8 +154,8 @@ def decide() -> None:
         (1.0, 0.0, 0.0, -1.0),
         np.empty((16, 2)),
     )
-    course = (tuple(coarse.ground), tuple(table.worth), ends)
-    step = (*course, crowd, nobody, (0, True, 30), False, way_m)
+    active = (tuple(coarse.ground), tuple(table.value_arrays), ends)
+    step = (*active, crowd, nobody, (0, True, 30), False, way_m)
     calls: dict[str, Callable[[], object]] = {
         "values of a known goal": functools.partial(tables.value, coarse, model, goals_m[0]),
         "a step, 10 others": functools.partial(route_step, *step),

@@ -33,8 +33,8 @@ import numpy.typing as npt
 
 from are_ros.builder import assembly
 from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
-from are_ros.builder.population_manager import Lives
-from are_ros.builder.simulation import Reality
+from are_ros.builder.population_manager import PopulationManager
+from are_ros.builder.simulation import Simulation
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
@@ -125,10 +125,10 @@ class Town:
                 "mixture.rates": (4.0,),
             },
         )
-        reality = Reality(self._parameters, people())
+        reality = Simulation(self._parameters, people())
         self.now_ns = 1_000 * NS_PER_S
         reality.receive_map(hall(self.side_m), self.now_ns)
-        self.lives: Lives = reality.lives
+        self.lives: PopulationManager = reality.lives
         self._fill(alive)
 
     def _fill(self, alive: int) -> None:

@@ -17,18 +17,23 @@ from are_ros.agents.behaviours.leaving import Leaving
 from are_ros.agents.behaviours.registry import make_behaviour
 from are_ros.agents.behaviours.situation import (
     Behaviour,
-    Fellow,
     Intent,
+    Neighbour,
     Point,
     RobotView,
     Situation,
 )
 from are_ros.agents.local_planner.body import Body
-from are_ros.agents.local_planner.planner import Hindrance, Traffic
+from are_ros.agents.local_planner.planner import LocalPlanner, Obstruction
 from are_ros.agents.navigation.destinations import Destinations
-from are_ros.agents.navigation.navigation import Course, Leg, Navigation, Wish
-from are_ros.agents.navigation.profile import Traveller
-from are_ros.agents.snapshot import Onlookers
+from are_ros.agents.navigation.navigation import (
+    ActiveGoal,
+    Navigation,
+    NavigationRequest,
+    NavigationResult,
+)
+from are_ros.agents.navigation.profile import NavigationProfile
+from are_ros.agents.snapshot import AgentSnapshot
 from are_ros.agents.table import AgentTable
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BehaviourError
@@ -57,10 +62,10 @@ _Asked = tuple[int, Artefact, "AgentState"]
 class AgentState:
     """The behaviour of one agent that decides, and what became of its last intent."""
 
-    traveller: Traveller
+    profile: NavigationProfile
     behaviour: Behaviour
     random: np.random.Generator
-    course: Course | None = None
+    active: ActiveGoal | None = None
     intent: Intent | None = None
     is_going: bool = False
     arrived: bool = False
@@ -78,13 +83,13 @@ class AgentState:
             self.spot_m, self.spot_since_ns = point_m if self.is_going else None, now_ns
         self.lingered_s = (now_ns - self.spot_since_ns) / NS_PER_S
 
-    def note_result(self, wish: Wish, leg: Leg) -> None:
+    def note_result(self, request: NavigationRequest, result: NavigationResult) -> None:
         """Keep what it has decided, and what that means."""
-        self.intent, self.is_going = wish.intent, leg.order.subgoal_m is not None
-        self.arrived, self.no_way = leg.arrived, leg.no_way
-        if leg.waits:
+        self.intent, self.is_going = request.intent, result.command.subgoal_m is not None
+        self.arrived, self.no_way = result.arrived, result.no_way
+        if result.waits:
             self.waits += 1
-        elif self.waits and wish.me.speed_mps > GETS_ON_MPS:
+        elif self.waits and request.me.speed_mps > GETS_ON_MPS:
             self.waits = 0
 
     def begin_anew(self, behaviour: Behaviour) -> None:
@@ -102,15 +107,15 @@ class DecisionLayer:
         period_s: float,
         table: AgentTable,
         navigation: Navigation,
-        traffic: Traffic,
+        planner: LocalPlanner,
     ) -> None:
         """Take the length of a decision period."""
         self._seed = seed
-        self._step_ns = seconds_to_ns(table.tempo.step_s)
-        self._period = max(1, round(period_s / table.tempo.step_s))
+        self._step_ns = seconds_to_ns(table.timing.step_s)
+        self._period = max(1, round(period_s / table.timing.step_s))
         self._table = table
         self._navigation = navigation
-        self._traffic = traffic
+        self._planner = planner
         self.tell_fault: Callable[[BehaviourError], None] | None = None
         """Told of each behaviour of the user's own that fails, whose agent stands from then on;
         with None that is raised."""
@@ -124,11 +129,11 @@ class DecisionLayer:
         body = Body.of(artefact.row)
         if body.speed_mps <= 0.0:
             return
-        traveller = Traveller.of(artefact.row, body)
+        profile = NavigationProfile.of(artefact.row, body)
         random = generator(self._seed, Purpose.GOAL, artefact.id)
-        artefact.state = AgentState(traveller, self._made(artefact), random)
-        phase = -(-artefact.arrival_ns // self._step_ns) % self._period
-        self._table.phases[self._table.row_of(artefact.id)] = phase
+        row = self._table.row_of(artefact.id)
+        self._table.states[row] = AgentState(profile, self._made(artefact), random)
+        self._table.phases[row] = -(-artefact.arrival_ns // self._step_ns) % self._period
 
     def decide(self, index: int, now_ns: int, robot: RobotView | None) -> list[int]:
         """Let all decide who are due in sub-step `index`; return who has left by an exit.
@@ -136,8 +141,8 @@ class DecisionLayer:
         Each is asked what it wants, finds the way there, and tells the traffic where to go. What
         it says then is seen by the others in the next sub-step.
         """
-        table, speeds_mps = self._table, self._traffic.motion[:, 5]
-        view = Onlookers(
+        table, speeds_mps = self._table, self._planner.motion[:, 5]
+        view = AgentSnapshot(
             table.artefacts.copy(),
             (table.ids, table.poses, speeds_mps, table.radii_m),
             self.sees,
@@ -145,21 +150,23 @@ class DecisionLayer:
         )
         out, asked = list[int](), list[_Asked]()
         for row in np.flatnonzero(table.phases == index % self._period).tolist():
-            agent = table.artefacts[row]
-            if agent.state is None:
+            agent, state = table.artefacts[row], table.states[row]
+            if state is None:
                 continue
-            if isinstance(agent.state.behaviour, Leaving) and agent.state.behaviour.has_left:
+            if isinstance(state.behaviour, Leaving) and state.behaviour.has_left:
                 out.append(agent.id)
             else:
-                asked.append((row, agent, agent.state))
-        wishes, situations = self._wishes(asked, now_ns, view, robot)
-        legs = self._navigation.legs(wishes, view, robot)
-        self._traffic.give_orders([row for row, _, _ in asked], [leg.order for leg in legs])
-        for (_, agent, state), wish, leg, situation in zip(
-            asked, wishes, legs, situations, strict=True
+                asked.append((row, agent, state))
+        requests, situations = self._requests(asked, now_ns, view, robot)
+        results = self._navigation.results(requests, view, robot)
+        self._planner.give_commands(
+            [row for row, _, _ in asked], [result.command for result in results]
+        )
+        for (_, agent, state), request, result, situation in zip(
+            asked, requests, results, situations, strict=True
         ):
-            state.note_result(wish, leg)
-            activity = _activity(wish.intent, leg, situation, state.lingered_s)
+            state.note_result(request, result)
+            activity = _activity(request.intent, result, situation, state.lingered_s)
             behaviour = agent.behaviour
             agent.activity = "" if activity == behaviour else activity
         return out
@@ -168,25 +175,25 @@ class DecisionLayer:
         """Let an agent walk to an exit from its next decision on; its life is over."""
         self._begin_anew(row, Leaving())
 
-    def sees(self, me: Fellow, x_m: float, y_m: float) -> bool:
+    def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:
         """Say whether an agent could go straight to a point, were nobody in its way."""
-        state = self._table.artefacts[self._table.row_of(me.id)].state
+        state = self._table.states[self._table.row_of(me.id)]
         if state is None:
             return False
-        return self._navigation.sees(state.traveller, me.point_m, (x_m, y_m))
+        return self._navigation.sees(state.profile, me.point_m, (x_m, y_m))
 
-    def _wishes(
-        self, asked: Sequence[_Asked], now_ns: int, view: Onlookers, robot: RobotView | None
-    ) -> tuple[list[Wish], list[Situation]]:
+    def _requests(
+        self, asked: Sequence[_Asked], now_ns: int, view: AgentSnapshot, robot: RobotView | None
+    ) -> tuple[list[NavigationRequest], list[Situation]]:
         """Return what each of those who are asked wants, and what it knows."""
         rows = [row for row, _, _ in asked]
-        known = zip(asked, view.fellows(rows), self._traffic.hindrances(rows), strict=True)
+        known = zip(asked, view.neighbours(rows), self._planner.obstructions(rows), strict=True)
         situations = [
-            self._situation(agent, state, me, hindrance, now_ns, view, robot)
-            for (_, agent, state), me, hindrance in known
+            self._situation(agent, state, me, obstruction, now_ns, view, robot)
+            for (_, agent, state), me, obstruction in known
         ]
         return [
-            Wish(
+            NavigationRequest(
                 state,
                 situation.me,
                 self._intent(row, state, situation),
@@ -200,16 +207,16 @@ class DecisionLayer:
         self,
         agent: Artefact,
         state: AgentState,
-        me: Fellow,
-        hindrance: tuple[Hindrance, int, float],
+        me: Neighbour,
+        obstruction: tuple[Obstruction, int, float],
         now_ns: int,
-        view: Onlookers,
+        view: AgentSnapshot,
         robot: RobotView | None,
     ) -> Situation:
         """Return what an agent knows when it decides."""
         state.note_place(me.point_m, now_ns)
-        what, who, since_s = hindrance
-        blocked_s = 0.0 if what is Hindrance.NONE else since_s
+        what, who, since_s = obstruction
+        blocked_s = 0.0 if what is Obstruction.NONE else since_s
         if state.lingered_s > LINGERS_S:
             blocked_s = max(blocked_s, state.lingered_s)
         departure_ns = agent.departure_ns
@@ -229,11 +236,11 @@ class DecisionLayer:
             state.no_way,
         )
 
-    def _places_of(self, state: AgentState, me: Fellow) -> Destinations:
+    def _places_of(self, state: AgentState, me: Neighbour) -> Destinations:
         """Return the places that one can get to, looked for anew where it has found no way."""
         known = self._navigation.places
         if state.places is None or state.known_places is not known or state.no_way:
-            state.places = self._navigation.places_from(state.traveller, me.point_m)
+            state.places = self._navigation.places_from(state.profile, me.point_m)
             state.known_places = known
         return state.places
 
@@ -257,7 +264,7 @@ class DecisionLayer:
         return state.behaviour.decide(situation)
 
     def _begin_anew(self, row: int, behaviour: Behaviour) -> None:
-        state = self._table.artefacts[row].state
+        state = self._table.states[row]
         if state is not None:
             self._table.set_behaviour(row, behaviour.name)
             state.begin_anew(behaviour)
@@ -268,24 +275,26 @@ class DecisionLayer:
         self.tell_fault(fault)
 
 
-def _name_of(what: Hindrance, who: int) -> str:
+def _name_of(what: Obstruction, who: int) -> str:
     """Return what is in the way, in words; none if nothing is."""
-    if what is Hindrance.NONE:
+    if what is Obstruction.NONE:
         return ""
-    if what is Hindrance.ARTEFACT:
+    if what is Obstruction.ARTEFACT:
         return f"artefact {who}"
-    return "the robot" if what is Hindrance.ROBOT else _WALL
+    return "the robot" if what is Obstruction.ROBOT else _WALL
 
 
-def _activity(intent: Intent, leg: Leg, situation: Situation, lingered_s: float) -> str:
+def _activity(
+    intent: Intent, result: NavigationResult, situation: Situation, lingered_s: float
+) -> str:
     """Return what an agent does just now; what it waits for, where it cannot go on."""
-    if leg.no_way:
+    if result.no_way:
         return "no way"
     wants_to_go = intent.goal_m is not None
     name = situation.blocked_by
     if wants_to_go and situation.blocked_s >= BLOCKED_S and name:
         return f"{'blocked by' if name == _WALL else 'waiting for'} {name}"
-    if leg.waits:
+    if result.waits:
         return "giving way"
     if wants_to_go and lingered_s > SHUNTS_S:
         return "manoeuvring"

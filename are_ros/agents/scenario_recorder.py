@@ -56,7 +56,7 @@ class _Life:
             self.add(t_ns, pose)
 
 
-class LifeKeeper:
+class ScenarioRecorder:
     """Records the lives of a run, and returns them as a `Scenario`.
 
     The caller reports what happens in the order of time; instants are nanoseconds since the epoch.

@@ -15,14 +15,14 @@ from are_ros.agents.behaviours.situation import RobotView
 from are_ros.agents.collisions import CollisionResolver, ContactLog, Outcome, Resolution
 from are_ros.agents.decision import DecisionLayer
 from are_ros.agents.events import ArtefactEvent, EventKind
-from are_ros.agents.local_planner.planner import Traffic
+from are_ros.agents.local_planner.planner import LocalPlanner
 from are_ros.agents.local_planner.robot import RobotMotion
 from are_ros.agents.mdp.exits import exits_of
 from are_ros.agents.navigation.destinations import destinations_in
 from are_ros.agents.navigation.navigation import Navigation
 from are_ros.agents.navigation.terrain import Terrains
 from are_ros.agents.robots import RobotPose, RobotWatch
-from are_ros.agents.scenario_recorder import LifeKeeper
+from are_ros.agents.scenario_recorder import ScenarioRecorder
 from are_ros.agents.table import AgentTable
 from are_ros.agents.track_player import FollowedTrack
 from are_ros.conventions import seconds_to_ns
@@ -87,12 +87,12 @@ class CrowdSimulator:
         history_ns = seconds_to_ns(parameters.poses.history)
         self.table = AgentTable(step_s, parameters.world.ground, history_ns)
         self.navigation = Navigation(settings, terrains)
-        self.planner = Traffic(self.table, terrains)
+        self.planner = LocalPlanner(self.table, terrains)
         self.decisions = DecisionLayer(
             parameters.seed, settings.decision_period, self.table, self.navigation, self.planner
         )
         self.resolver = resolver
-        self.keeper: LifeKeeper | None = None
+        self.keeper: ScenarioRecorder | None = None
         self.counts = MotionCounts()
         self.contacts = ContactLog(robot)
         self.events: list[ArtefactEvent] = []
@@ -152,8 +152,7 @@ class CrowdSimulator:
         if script is not None and script.track is not None:
             track = FollowedTrack(script.track, script.start_ns, self.period_ns)
             goes_to = track.begin(artefact)
-        artefact.track = track
-        self.table.add(artefact, goes_to=goes_to)
+        self.table.add(artefact, goes_to=goes_to, track=track)
         if track is None:
             self.decisions.admit(artefact)
         if self.keeper is not None:
@@ -163,7 +162,8 @@ class CrowdSimulator:
         """Remove an agent whose artefact has departed."""
         if self.keeper is not None:
             self.keeper.departed(agent_id, now_ns, cause)
-        if cause is Cause.DISPLACED and self.table.artefact_of(agent_id).track is not None:
+        is_on_track = any(self.table.ids[row] == agent_id for row, _ in self.table.tracks)
+        if cause is Cause.DISPLACED and is_on_track:
             self.counts.displaced += 1  # the resolver has not counted whom it lets pass
         self.table.remove(agent_id)
 
@@ -264,10 +264,12 @@ class CrowdSimulator:
         """Return the ends (N, 4) and boxes (N), where those on tracks go where these lead."""
         rows = np.array([row for row, _ in tracks])
         poses = map(GroundPose._make, self.table.poses[rows].tolist())
-        legs = [track.set_out(now_ns, pose) for (_, track), pose in zip(tracks, poses, strict=True)]
-        if np.array_equal(legs, ends[rows]):
+        results = [
+            track.set_out(now_ns, pose) for (_, track), pose in zip(tracks, poses, strict=True)
+        ]
+        if np.array_equal(results, ends[rows]):
             return ends, boxes
-        return self.table.with_poses(ends, rows, np.array(legs))
+        return self.table.with_poses(ends, rows, np.array(results))
 
 
 def _view_of(robot: RobotMotion | None, plan_m: _Floats) -> RobotView | None:

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.behaviours.situation import Fellow
+from are_ros.agents.behaviours.situation import Neighbour
 from are_ros.agents.navigation.step_kernels import CrowdArrays
 from are_ros.agents.neighbours import Neighbourhood
 from are_ros.population.artefact import Artefact
@@ -16,7 +16,7 @@ _Floats = npt.NDArray[np.float64]
 _Group = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Neighbourhood]
 
 
-class Onlookers:
+class AgentSnapshot:
     """N artefacts by id, ascending; made for one sub-step, and computed as far as it is asked for.
 
     `ids` int64 (N,), `poses` float64 (N, 4), x, y, z, yaw in the map frame, `speeds_mps` float64
@@ -29,7 +29,7 @@ class Onlookers:
         self,
         artefacts: Sequence[Artefact],
         columns: tuple[npt.NDArray[np.int64], _Floats, _Floats, _Floats],
-        sees: Callable[[Fellow, float, float], bool],
+        sees: Callable[[Neighbour, float, float], bool],
         doing: Callable[[str], npt.NDArray[np.int64]],
     ) -> None:
         """Take the artefacts, and the columns: ids, poses, speeds, radii."""
@@ -38,15 +38,15 @@ class Onlookers:
         self._poses = np.ascontiguousarray(poses)
         self._speeds_mps = np.ascontiguousarray(speeds_mps)
         self._sees, self._doing = sees, doing
-        self._fellows: dict[int, Fellow] = {}
+        self._neighbours: dict[int, Neighbour] = {}
         self._groups: dict[tuple[str, ...], _Group] = {}
 
-    def fellow(self, artefact_id: int) -> Fellow | None:
+    def neighbour(self, artefact_id: int) -> Neighbour | None:
         """Return an artefact that is alive, None if it is not."""
         index = self.index_of(artefact_id)
         if index == len(self._ids) or self._ids[index] != artefact_id:
             return None
-        return self.fellows([index])[0]
+        return self.neighbours([index])[0]
 
     def points_within(
         self,
@@ -70,16 +70,16 @@ class Onlookers:
         indices: list[int] = self._ids.searchsorted(artefact_ids).tolist()
         return indices
 
-    def fellows(self, indices: Sequence[int]) -> list[Fellow]:
+    def neighbours(self, indices: Sequence[int]) -> list[Neighbour]:
         """Return who is at some indices of the arrays, each made once."""
-        fellows = self._fellows
-        new = [i for i in indices if i not in fellows]
+        neighbours = self._neighbours
+        new = [i for i in indices if i not in neighbours]
         if new:
             poses, speeds_mps = self._poses[new].tolist(), self._speeds_mps[new].tolist()
             artefacts, radii_m = [self._artefacts[i] for i in new], self._radii_m[new].tolist()
-            made = map(_fellow, artefacts, poses, speeds_mps, radii_m)
-            fellows.update(zip(new, made, strict=True))
-        return [fellows[i] for i in indices]
+            made = map(_neighbour, artefacts, poses, speeds_mps, radii_m)
+            neighbours.update(zip(new, made, strict=True))
+        return [neighbours[i] for i in indices]
 
     def within(
         self,
@@ -88,7 +88,7 @@ class Onlookers:
         radius_m: float,
         behaviour: str = "",
         activities: Collection[str] = (),
-    ) -> Sequence[Fellow]:
+    ) -> Sequence[Neighbour]:
         """Return those whose (x, y) is at most this far from a point, the nearest first.
 
         Of one behaviour, if it is given, and at one of these activities, if any are.
@@ -96,13 +96,13 @@ class Onlookers:
         if behaviour:
             who, _, group = self._group(behaviour, activities)
             chosen: list[int] = who[group.within(x_m, y_m, radius_m)].tolist()
-            return self.fellows(chosen)
+            return self.neighbours(chosen)
         near: list[int] = self._neighbourhood.within(x_m, y_m, radius_m).tolist()
         if activities:
             near = [i for i in near if self._artefacts[i].activity in activities]
-        return self.fellows(near)
+        return self.neighbours(near)
 
-    def sees(self, me: Fellow, x_m: float, y_m: float) -> bool:
+    def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:
         """Say whether this artefact could go straight on to a point, were nobody in its way."""
         return self._sees(me, x_m, y_m)
 
@@ -129,10 +129,12 @@ class Onlookers:
         return self._groups[key]
 
 
-def _fellow(artefact: Artefact, pose: list[float], speed_mps: float, radius_m: float) -> Fellow:
+def _neighbour(
+    artefact: Artefact, pose: list[float], speed_mps: float, radius_m: float
+) -> Neighbour:
     """Return one as others see it, at a pose x, y, z, yaw."""
     (x_m, y_m, _, yaw_rad), row = pose, artefact.row
-    return Fellow(
+    return Neighbour(
         artefact.id,
         row.class_name,
         row.label,

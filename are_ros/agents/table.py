@@ -7,7 +7,7 @@ obstruction, history; and beside them what is no number. An arrival is one `add`
 
 import math
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -15,15 +15,18 @@ import numpy.typing as npt
 from are_ros.agents.local_planner import state as _state
 from are_ros.agents.local_planner.body import Body
 from are_ros.agents.local_planner.patience import forget_blockade
-from are_ros.agents.local_planner.state import STAND_ROW, STAYS, Fleet, Tempo
+from are_ros.agents.local_planner.state import STAND_ROW, STAYS, AgentArrays, PlannerTiming
 from are_ros.agents.navigation.terrain import HEIGHT_STEP_M
 from are_ros.agents.track_player import FollowedTrack
-from are_ros.agents.trajectory_buffer import PoseTape
+from are_ros.agents.trajectory_buffer import TrajectoryBuffer
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import GroundKind
 from are_ros.population.artefact import Artefact, GroundPose, shape_of
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment
+
+if TYPE_CHECKING:
+    from are_ros.agents.decision import AgentState
 
 _FIRST_CAPACITY: Final = 64
 
@@ -40,7 +43,9 @@ class AgentTable:
     that hold the boxes. These arrays are replaced, never written into: what was taken stays.
 
     `arrays` are the records that the local planner's kernels write into (body, command, committed
-    trajectory, obstruction); `artefacts` have what is no number. `history` keeps where all were.
+    trajectory, obstruction); `artefacts` have what is no number. `states` (N) say how each
+    decides, None for those that do not: they stand, or follow a track. `history` keeps where all
+    were.
     `now` counts the sub-steps planned; `heights` are those that bodies have, in steps of 0.25 m.
     """
 
@@ -52,18 +57,20 @@ class AgentTable:
     ) -> None:
         """Take the length of a sub-step [s], what the ground is, and how long poses are kept."""
         self._is_plane = ground is GroundKind.PLANE
-        self.tempo: Final[Tempo] = _state.tempo_of(step_s)
-        self.history = PoseTape(history_ns)
+        self.timing: Final[PlannerTiming] = _state.timing_of(step_s)
+        self.history = TrajectoryBuffer(history_ns)
         self.now = 0
         self.heights: list[int] = []
         self.artefacts: list[Artefact] = []
+        self.states: list[AgentState | None] = []
+        self._tracks: list[FollowedTrack | None] = []
         self._behaviours: list[str] = []
         self.ids = np.empty(0, np.int64)
         self.poses = self.ends = np.empty((0, 4))
         self.radii_m = np.empty(0)
         self.boxes = self.end_boxes = OrientedBoxes.empty()
         self._shapes = np.empty((0, 5))
-        self._records = _state.fleet_of(_FIRST_CAPACITY, _state.path_length(self.tempo))
+        self._records = _state.agent_arrays(_FIRST_CAPACITY, _state.path_length(self.timing))
         self._lives = np.zeros(_FIRST_CAPACITY, _state.LIFE)
 
     def __len__(self) -> int:
@@ -75,11 +82,13 @@ class AgentTable:
         artefact: Artefact,
         body: Body | None = None,
         goes_to: tuple[int, GroundPose] | None = None,
+        track: FollowedTrack | None = None,
     ) -> None:
         """Add an artefact that has just arrived; ValueError if one of its id is there.
 
         It stands where its history has it, or goes straight to a pose, where it is at an instant
         [ns]. From then on its history is a view of the table's. Without a body it has its row's.
+        It follows its track, if it has one.
         """
         row = self.row_of(artefact.id)
         if row < len(self) and self.ids[row] == artefact.id:
@@ -88,18 +97,19 @@ class AgentTable:
         end = goes_to[1] if goes_to else pose
         artefact.history = self.history.begin(artefact.id, artefact.arrival_ns, pose, goes_to)
         self.artefacts.insert(row, artefact)
+        self.states.insert(row, None)
+        self._tracks.insert(row, track)
         self._add_pose(row, artefact, pose, end)
         self._add_record(row, artefact.id, body)
-        self.arrays.place["is_scripted"][row] = artefact.track is not None
+        self.arrays.place["is_scripted"][row] = track is not None
         self.set_behaviour(row, artefact.behaviour)
         self.stand(row, end)
 
     def remove(self, agent_id: int) -> None:
         """Remove an agent; KeyError if it is not there. Its history stays what it is."""
         (row,) = self.rows_of([agent_id]).tolist()
-        artefact = self.artefacts.pop(row)
-        artefact.history.close()
-        artefact.state = artefact.track = None
+        self.artefacts.pop(row).history.close()
+        del self.states[row], self._tracks[row]
         is_moving = self.ends is not self.poses
         ends, end_packed = without_row(self.ends, row), without_row(self.end_boxes.packed, row)
         self.ids, self.radii_m = without_row(self.ids, row), without_row(self.radii_m, row)
@@ -128,6 +138,10 @@ class AgentTable:
         """Return an artefact by its id; KeyError if it is not there."""
         return self.artefacts[int(self.rows_of([agent_id])[0])]
 
+    def state_of(self, agent_id: int) -> "AgentState | None":
+        """Return how an agent decides, None if it does not; KeyError if it is not there."""
+        return self.states[int(self.rows_of([agent_id])[0])]
+
     def set_behaviour(self, row: int, behaviour: str) -> None:
         """Let the agent of a row be of a behaviour."""
         if behaviour not in self._behaviours:
@@ -146,7 +160,7 @@ class AgentTable:
     def tracks(self) -> list[tuple[int, FollowedTrack]]:
         """The tracks that are followed, with the rows of those who do."""
         rows = np.flatnonzero(self.arrays.place["is_scripted"]).tolist()
-        tracks = [(row, self.artefacts[row].track) for row in rows]
+        tracks = [(row, self._tracks[row]) for row in rows]
         return [(row, track) for row, track in tracks if track is not None]
 
     @property
@@ -241,7 +255,7 @@ class AgentTable:
         count = len(self)
         if count > len(self._lives):
             self._lives = np.concatenate((self._lives, np.zeros_like(self._lives)))
-            self._records = Fleet(
+            self._records = AgentArrays(
                 *(np.concatenate((array, np.zeros_like(array))) for array in self._records)
             )
         for array in (*self._records, self._lives):
@@ -251,7 +265,7 @@ class AgentTable:
         place, mind = self.arrays.place[row], self.arrays.mind[row]
         _state.write_body(self.arrays.body[row], body, self._height_step(body.height_m))
         place["id"], mind["passed_at"], mind["chosen"] = agent_id, _state.NEVER, np.nan
-        self.arrays.order[row] = STAND_ROW
+        self.arrays.command[row] = STAND_ROW
         forget_blockade(mind)
 
     def _height_step(self, height_m: float) -> int:
@@ -262,11 +276,11 @@ class AgentTable:
         return self.heights.index(steps)
 
     @property
-    def arrays(self) -> Fleet:
+    def arrays(self) -> AgentArrays:
         """The kernels' view of the records of all."""
-        (place, body, order, mind, due, path), count = self._records, len(self)
-        return Fleet(
-            place[:count], body[:count], order[:count], mind[:count], due[:count], path[:count]
+        (place, body, command, mind, due, path), count = self._records, len(self)
+        return AgentArrays(
+            place[:count], body[:count], command[:count], mind[:count], due[:count], path[:count]
         )
 
 

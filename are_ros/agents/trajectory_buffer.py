@@ -14,7 +14,7 @@ _Floats = npt.NDArray[np.float64]
 _Ints = npt.NDArray[np.int64]
 
 
-class PoseTape:
+class TrajectoryBuffer:
     """Frames, one a sub-step: who lives from an instant on, where, and where each will be next.
 
     Frame k holds from `times_ns[k]` until frame k + 1 begins: those of `ids` int64 (N,), ascending,
@@ -49,7 +49,7 @@ class PoseTape:
         t_ns: int,
         pose: GroundPose,
         goes_to: tuple[int, GroundPose] | None = None,
-    ) -> "TapeHistory":
+    ) -> "BufferedHistory":
         """Return the history of one who has come at `t_ns`; all frames from now on are its own.
 
         Until the first of them it stands, or goes straight to a pose, at which it is at an instant.
@@ -57,7 +57,7 @@ class PoseTape:
         first = (t_ns, pose, *(goes_to or (t_ns, pose)))
         if first[3] != pose:
             self.still_since_ns = max(self.still_since_ns, first[2])
-        return TapeHistory(self, artefact_id, first)
+        return BufferedHistory(self, artefact_id, first)
 
     def record(self, t_ns: int, until_ns: int, ids: _Ints, starts: _Floats, ends: _Floats) -> None:
         """Add the frame of a sub-step that begins at `t_ns`; `until_ns` is when it will end."""
@@ -82,21 +82,24 @@ class PoseTape:
             kept.clear()
 
 
-class TapeHistory(PoseHistory):
+class BufferedHistory(PoseHistory):
     """The history of one artefact on a tape: how it came, and its frames since.
 
     These are `first` and those that follow, before `end` once it is closed.
     """
 
     def __init__(
-        self, tape: PoseTape, artefact_id: int, first: tuple[int, GroundPose, int, GroundPose]
+        self,
+        buffer: TrajectoryBuffer,
+        artefact_id: int,
+        first: tuple[int, GroundPose, int, GroundPose],
     ) -> None:
         """Take from when and where until when and whither it goes before its first frame."""
         super().__init__(first[0], first[1])
-        self.tape = tape
+        self.buffer = buffer
         self.artefact_id = artefact_id
         self._came = first
-        self.first = tape.end
+        self.first = buffer.end
         self.end: int | None = None
         self._last = first[3]
 
@@ -104,22 +107,22 @@ class TapeHistory(PoseHistory):
     def latest_ns(self) -> int:
         """The time at which it is at the newest pose: as far as it is known where it will be."""
         low, high = self._frames()
-        return self.tape.until_ns[high - 1] if low < high else self._came[2]
+        return self.buffer.until_ns[high - 1] if low < high else self._came[2]
 
     @property
     def latest(self) -> GroundPose:
         """The newest pose, that of `latest_ns`."""
         low, high = self._frames()
-        return self._read(self.tape.ends, high - 1) if low < high else self._last
+        return self._read(self.buffer.ends, high - 1) if low < high else self._last
 
     def close(self) -> None:
         """Have no frames but those of now."""
         self._last = self.latest
-        self.end = self.tape.end
+        self.end = self.buffer.end
 
     def pose_at(self, t_ns: int) -> GroundPose:
         """Return the pose at `t_ns`: yaw by the shorter arc, in [-pi, pi] where interpolated."""
-        start_ns, start, until_ns, end = self._leg(t_ns)
+        start_ns, start, until_ns, end = self._result(t_ns)
         if t_ns >= until_ns:
             return end
         if t_ns <= start_ns or start == end:
@@ -132,35 +135,35 @@ class TapeHistory(PoseHistory):
         At an instant where two motions meet it is that of the later one: where an artefact is
         bound for is known. A jump is no motion, and outside the poses there is none.
         """
-        start_ns, start, until_ns, end = self._leg(t_ns)
+        start_ns, start, until_ns, end = self._result(t_ns)
         if not start_ns <= t_ns < until_ns:
             return 0.0, 0.0, 0.0
         return rates_between(start_ns, start, until_ns, end)
 
     def _frames(self) -> tuple[int, int]:
         """Return the bounds [low, high) of its frames among those kept."""
-        tape = self.tape
-        high = len(tape.times_ns) if self.end is None else max(self.end - tape.first, 0)
-        return min(max(self.first - tape.first, 0), high), high
+        buffer = self.buffer
+        high = len(buffer.times_ns) if self.end is None else max(self.end - buffer.first, 0)
+        return min(max(self.first - buffer.first, 0), high), high
 
-    def _leg(self, t_ns: int) -> tuple[int, GroundPose, int, GroundPose]:
+    def _result(self, t_ns: int) -> tuple[int, GroundPose, int, GroundPose]:
         """Return from when and where to when and where it goes as of `t_ns`.
 
         Where earlier frames are forgotten it stands before the first.
         """
-        tape, (low, high) = self.tape, self._frames()
-        frame = bisect_right(tape.times_ns, t_ns, low, high) - 1
+        buffer, (low, high) = self.buffer, self._frames()
+        frame = bisect_right(buffer.times_ns, t_ns, low, high) - 1
         if frame >= low:
-            times_ns = tape.times_ns[frame], tape.until_ns[frame]
-            start = self._read(tape.starts, frame)
-            return times_ns[0], start, times_ns[1], self._read(tape.ends, frame)
-        if self.first >= tape.first:
+            times_ns = buffer.times_ns[frame], buffer.until_ns[frame]
+            start = self._read(buffer.starts, frame)
+            return times_ns[0], start, times_ns[1], self._read(buffer.ends, frame)
+        if self.first >= buffer.first:
             return self._came
-        pose = self._read(tape.starts, low) if low < high else self._last
+        pose = self._read(buffer.starts, low) if low < high else self._last
         return t_ns, pose, t_ns, pose
 
     def _read(self, poses: list[_Floats], index: int) -> GroundPose:
-        row = self.tape.ids[index].searchsorted(self.artefact_id)
+        row = self.buffer.ids[index].searchsorted(self.artefact_id)
         return GroundPose._make(poses[index][row].tolist())
 
 
@@ -170,26 +173,32 @@ def motions_at(histories: Sequence[PoseHistory], t_ns: int) -> tuple[_Floats, _F
     Each is what its `pose_at` and `velocity_at` give; those in one frame of a tape at once.
     """
     poses, rates = np.empty((len(histories), 4)), np.zeros((len(histories), 3))
-    tape = next((one.tape for one in histories if isinstance(one, TapeHistory)), None)
-    frame = -1 if tape is None else bisect_right(tape.times_ns, t_ns) - 1
+    buffer = next((one.buffer for one in histories if isinstance(one, BufferedHistory)), None)
+    frame = -1 if buffer is None else bisect_right(buffer.times_ns, t_ns) - 1
     inside, ids = list[int](), list[int]()
     for k, one in enumerate(histories):
-        if isinstance(one, TapeHistory) and one.tape is tape and frame >= 0:
-            number = tape.first + frame
+        if isinstance(one, BufferedHistory) and one.buffer is buffer and frame >= 0:
+            number = buffer.first + frame
             if one.first <= number and (one.end is None or number < one.end):
                 inside.append(k)
                 ids.append(one.artefact_id)
                 continue
         poses[k], rates[k] = one.pose_at(t_ns), one.velocity_at(t_ns)
-    if tape is not None and inside:
-        poses[inside], rates[inside] = _frame_at(tape, frame, np.array(ids), t_ns)
+    if buffer is not None and inside:
+        poses[inside], rates[inside] = _frame_at(buffer, frame, np.array(ids), t_ns)
     return poses, rates
 
 
-def _frame_at(tape: PoseTape, frame: int, ids: _Ints, t_ns: int) -> tuple[_Floats, _Floats]:
+def _frame_at(
+    buffer: TrajectoryBuffer, frame: int, ids: _Ints, t_ns: int
+) -> tuple[_Floats, _Floats]:
     """Return the poses (M, 4) and rates (M, 3) at `t_ns` of some who are in a frame that holds."""
-    rows, starts, ends = tape.ids[frame].searchsorted(ids), tape.starts[frame], tape.ends[frame]
-    start_ns, until_ns = tape.times_ns[frame], tape.until_ns[frame]
+    rows, starts, ends = (
+        buffer.ids[frame].searchsorted(ids),
+        buffer.starts[frame],
+        buffer.ends[frame],
+    )
+    start_ns, until_ns = buffer.times_ns[frame], buffer.until_ns[frame]
     poses = (starts if t_ns == start_ns else ends)[rows]
     if starts is ends or t_ns >= until_ns:
         return poses, np.zeros((len(rows), 3))

@@ -9,7 +9,7 @@ from are_ros.builder.costmap.registration import CellPatch, clutter_ratio, cover
 from are_ros.builder.markers import MarkerBatch
 from are_ros.builder.observation import Observation, sight_events
 from are_ros.builder.scene import Scene
-from are_ros.builder.simulation import Reality
+from are_ros.builder.simulation import Simulation
 from are_ros.builder.states import StateKeeper, perceived_artefact
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
 from are_ros.parameters.model import Parameters
@@ -20,7 +20,7 @@ from are_ros.world.environment import Environment
 _NAN = float("nan")
 
 
-class ArBuilder(Reality):
+class ArBuilder(Simulation):
     """The real environment and the artefacts become what is perceived, tick by tick.
 
     What happens does not depend on how often `step` is called. Time is integer nanoseconds; all

@@ -11,7 +11,7 @@ from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
 from are_ros.builder.gates import ArtefactGate, gate_of
 from are_ros.builder.markers import Display, MarkerBoard
-from are_ros.builder.observation import Perception, Watch
+from are_ros.builder.observation import CameraObserver, Perception
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.conventions import seconds_to_ns
 from are_ros.errors import ParameterError
@@ -77,10 +77,10 @@ def chosen_camera(parameters: Parameters, received: Camera) -> Camera:
     return Camera(received.view, frame_id, received.base_from_optical)
 
 
-def watch(parameters: Parameters, robots: RobotTracker, meshes: MeshBank) -> Watch:
+def watch(parameters: Parameters, robots: RobotTracker, meshes: MeshBank) -> CameraObserver:
     """Return what lets the robot look, at `camera.rate`."""
     rate_hz, tick_rate_hz = parameters.camera.rate, parameters.builder.tick_rate
-    return Watch(robots, Perception(meshes), rate_hz, tick_rate_hz)
+    return CameraObserver(robots, Perception(meshes), rate_hz, tick_rate_hz)
 
 
 def gate(parameters: Parameters) -> ArtefactGate:

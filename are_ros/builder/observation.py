@@ -94,7 +94,7 @@ class Observation:
     seen_ns: int = 0
 
 
-class Watch:
+class CameraObserver:
     """Looks at most `rate_hz` times a second; in between, the last sightings hold.
 
     `looks` counts the looks, `blind_ticks` those without the camera's pose.

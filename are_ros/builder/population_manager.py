@@ -1,12 +1,12 @@
 """The lives of the artefacts in the real world: arrivals, departures, sub-steps, collisions.
 
-`Lives.advance` lets happen what is due, in order: the events of the population at their exact
-times, and the sub-steps at multiples of `motion.step` since the epoch. A sub-step looks at what
-was received before it: the environment, the robot, its goal; and it fixes where everybody will be
-until the next one. Events between two sub-steps go by what the first of them saw. So what happens
-depends on the seed and on what was received before which sub-step, never on how often `advance` is
-called, nor on the instant of reception itself; and where an artefact is at an instant is known as
-soon as that has come, and does not change any more.
+`PopulationManager.advance` runs what is due, in order: the events of the population at their exact
+times, and the sub-steps at multiples of `motion.step` since the epoch. A sub-step takes what was
+received before it (the environment, the robot, its goal), and fixes where all artefacts are until
+the next one. Events between two sub-steps use what the first of them took. So the result depends on
+the seed and on what was received before which sub-step, never on how often `advance` is called, nor
+on the instant of reception. The pose at an instant is known as soon as that has come, and does not
+change any more.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,7 +20,7 @@ from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.agents.local_planner.state import STAYS
 from are_ros.agents.navigation.terrain import Terrains
 from are_ros.agents.robots import RobotPose, RobotTracker
-from are_ros.agents.scenario_recorder import LifeKeeper
+from are_ros.agents.scenario_recorder import ScenarioRecorder
 from are_ros.agents.simulate import CrowdSimulator, MotionCounts
 from are_ros.agents.table import AgentTable
 from are_ros.builder.real_world import RealWorld
@@ -95,7 +95,7 @@ def _no_viewpoints(_: int) -> Sequence[Viewpoint]:
     return ()
 
 
-class Lives:
+class PopulationManager:
     """The population, where it may stand, and what collides with it."""
 
     def __init__(
@@ -146,13 +146,13 @@ class Lives:
         return self.crowd.counts.displaced
 
     @property
-    def keeper(self) -> LifeKeeper | None:
+    def keeper(self) -> ScenarioRecorder | None:
         """What is told all that happens, so that it can be saved; None if nobody is."""
         return self.crowd.keeper
 
-    def keep(self) -> LifeKeeper:
+    def keep(self) -> ScenarioRecorder:
         """Keep all that happens from the start on; to be called before anything does."""
-        self.crowd.keeper = LifeKeeper(self._steps.period_ns)
+        self.crowd.keeper = ScenarioRecorder(self._steps.period_ns)
         return self.crowd.keeper
 
     def tell_faults(self, tell: Callable[[BehaviourError], None]) -> None:
@@ -390,7 +390,7 @@ class Lives:
     def _stays_on(self, artefact: Artefact) -> bool:
         """Tell whether an artefact departs later than its life ends: at an exit."""
         walks_to_exit = self._parameters.population.leave is Leave.WALK_TO_EXIT
-        return walks_to_exit and artefact.state is not None
+        return walks_to_exit and self.crowd.table.state_of(artefact.id) is not None
 
     def _say(self, event: PopulationEvent) -> None:
         """Remove from the crowd who went, send out who is to go; keep the event for the outputs."""

@@ -8,14 +8,14 @@ import numpy.typing as npt
 
 from are_ros.builder import assembly
 from are_ros.builder.occlusion.meshes import MeshBank
-from are_ros.builder.population_manager import Lives
+from are_ros.builder.population_manager import PopulationManager
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.sensors.sensor_path import (
+    Reading,
     ReleasedReading,
     SensorAugmentation,
     SensorPathCounts,
 )
-from are_ros.builder.sensors.sensor_path import Reading
 from are_ros.builder.spawning.out_of_view import Viewpoint
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
@@ -44,7 +44,7 @@ _ODOMETRY_SOURCES: Final = {
 }
 
 
-class Reality:
+class Simulation:
     """What was received, and what lives: everything that goes on between the ticks.
 
     Inputs come in through the `receive_...` methods, in the order of the time at which they were
@@ -60,7 +60,7 @@ class Reality:
         self.world = RealWorld(parameters.world, parameters.frames.map, self.frames, self.notices)
         self.robots = assembly.robot_tracker(parameters, self.frames)
         resolver = assembly.collision_resolver(parameters)
-        self.lives = Lives(parameters, catalogue, self.world, self.robots, resolver)
+        self.lives = PopulationManager(parameters, catalogue, self.world, self.robots, resolver)
         self.camera: Camera | None = assembly.default_camera(parameters)
         self._meshes = MeshBank()
         self.lives.viewpoints = self._viewpoints

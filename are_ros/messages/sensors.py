@@ -1,7 +1,8 @@
 """The kinds of sensors whose readings are augmented, and their messages <-> the core's readings.
 
 To add a kind: a class with the methods of `are_ros.builder.sensors.sensor_path.Reading`, the
-conversion of its message in this file, an entry in `SENSORS`, and a parameter with its topics in `sensors`.
+conversion of its message in this file, an entry in `SENSORS`, and a parameter with its topics in
+`sensors`.
 """
 
 from collections.abc import Callable, Mapping

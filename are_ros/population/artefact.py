@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import chain
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,10 +14,6 @@ from are_ros.population.catalogue import CatalogueRow
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment
 from are_ros.world.rigid_transform import RigidTransform
-
-if TYPE_CHECKING:
-    from are_ros.agents.decision import AgentState
-    from are_ros.agents.track_player import FollowedTrack
 
 _JUMP_NS = 1_000_000
 
@@ -98,9 +94,6 @@ class Artefact:
     `behaviour` names what it does in its life, `activity` what it does just now (empty: that).
     Once its life is over, an artefact that walks to an exit `is_leaving`. `options` are those of
     a behaviour that takes any.
-
-    While it is an agent, `state` is how it decides, None if it does not, and `track` what it
-    follows instead.
     """
 
     id: int
@@ -113,8 +106,6 @@ class Artefact:
     activity: str = ""
     is_leaving: bool = False
     options: Mapping[str, Any] | None = None
-    state: "AgentState | None" = None
-    track: "FollowedTrack | None" = None
 
     def ground_pose_at(self, t_ns: int) -> GroundPose:
         """Return the pose on the ground at `t_ns`, in the map frame."""

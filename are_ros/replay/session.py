@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.scenario_recorder import LifeKeeper
+from are_ros.agents.scenario_recorder import ScenarioRecorder
 from are_ros.bag.reader import BagReader
 from are_ros.bag.roles import RolesFound, find_roles
 from are_ros.bag.stretches import needed_wait_s
@@ -202,7 +202,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
     )
 
 
-def _save_scenario(options: ReplayOptions, keeper: LifeKeeper, say: Say) -> None:
+def _save_scenario(options: ReplayOptions, keeper: ScenarioRecorder, say: Say) -> None:
     """Write the lives of the run as a scenario."""
     path = options.save_scenario
     if path is None:

@@ -9,10 +9,10 @@ import pytest
 
 from are_ros.agents.behaviours.situation import Intent, Situation
 from are_ros.agents.decision import AgentState, DecisionLayer
-from are_ros.agents.local_planner.body import Order
-from are_ros.agents.local_planner.planner import Hindrance
+from are_ros.agents.local_planner.body import MotionCommand
+from are_ros.agents.local_planner.planner import Obstruction
 from are_ros.agents.navigation.destinations import Destinations
-from are_ros.agents.navigation.navigation import Leg, Navigation, Wish
+from are_ros.agents.navigation.navigation import Navigation, NavigationRequest, NavigationResult
 from are_ros.agents.navigation.terrain import Terrains
 from are_ros.agents.table import AgentTable
 from are_ros.conventions import NS_PER_S
@@ -39,16 +39,16 @@ class Ways(Navigation):
         self.is_shut = self.is_crowded = False
         self.patience: list[bool] = []
 
-    def legs(self, wishes: Sequence[Wish], *_: Any) -> list[Leg]:
+    def results(self, requests: Sequence[NavigationRequest], *_: Any) -> list[NavigationResult]:
         """Return orders to go straight on."""
-        self.patience += [wish.is_patient for wish in wishes]
+        self.patience += [request.is_patient for request in requests]
         return [
-            Leg(
-                Order(wish.intent.goal_m, wish.intent.speed_mps),
+            NavigationResult(
+                MotionCommand(request.intent.goal_m, request.intent.speed_mps),
                 no_way=self.is_shut,
-                waits=self.is_crowded and wish.is_patient,
+                waits=self.is_crowded and request.is_patient,
             )
-            for wish in wishes
+            for request in requests
         ]
 
     def sees(self, *_: Any) -> bool:
@@ -61,15 +61,15 @@ class Road:
 
     def __init__(self, table: AgentTable) -> None:
         self.table = table
-        self.orders: dict[int, Order] = {}
-        self.way = (Hindrance.NONE, -1, 0.0)
+        self.commands: dict[int, MotionCommand] = {}
+        self.way = (Obstruction.NONE, -1, 0.0)
         self.speed_mps = 0.0
 
-    def give_orders(self, rows: Sequence[int], orders: Sequence[Order]) -> None:
+    def give_commands(self, rows: Sequence[int], commands: Sequence[MotionCommand]) -> None:
         """Keep the orders."""
-        self.orders |= dict(zip(self.table.ids[list(rows)].tolist(), orders, strict=True))
+        self.commands |= dict(zip(self.table.ids[list(rows)].tolist(), commands, strict=True))
 
-    def hindrances(self, rows: Sequence[int]) -> list[tuple[Hindrance, int, float]]:
+    def obstructions(self, rows: Sequence[int]) -> list[tuple[Obstruction, int, float]]:
         """Say what is in the way."""
         return [self.way for _ in rows]
 
@@ -105,7 +105,7 @@ class Town:
 
     def state(self, artefact_id: int) -> AgentState:
         """Return how one decides."""
-        state = self.table.artefact_of(artefact_id).state
+        state = self.table.state_of(artefact_id)
         assert state is not None
         return state
 
@@ -205,7 +205,7 @@ def test_what_cannot_move_does_not_decide() -> None:
     town = Town()
     post = CatalogueRow(0, "post", "thing", (0.3, 0.5, 1.7), (0, 0, 0), Shape.CRATE)
     town.admit(1, 0, row=post)
-    assert town.table.artefact_of(1).state is None
+    assert town.table.state_of(1) is None
     assert town.decide(0) == []
     town.table.remove(1)
     assert ENTRIES == []
@@ -233,21 +233,21 @@ def test_an_activity_that_says_no_more_than_the_behaviour_is_empty() -> None:
     other = town.admit(2, 0)
     town.decide(0)
     assert other.activity == "writing"
-    assert town.road.orders[1].subgoal_m is not None
-    assert town.road.orders[2].subgoal_m is None
+    assert town.road.commands[1].subgoal_m is not None
+    assert town.road.commands[2].subgoal_m is None
 
 
 @pytest.mark.parametrize(
     ("way", "words"),
     [
-        ((Hindrance.ARTEFACT, 7, 3.0), "waiting for artefact 7"),
-        ((Hindrance.ROBOT, -1, 1.0), "waiting for the robot"),
-        ((Hindrance.WALL, -1, 30.0), "blocked by a wall"),
-        ((Hindrance.ARTEFACT, 7, 0.9), ""),
-        ((Hindrance.NONE, -1, 5.0), ""),
+        ((Obstruction.ARTEFACT, 7, 3.0), "waiting for artefact 7"),
+        ((Obstruction.ROBOT, -1, 1.0), "waiting for the robot"),
+        ((Obstruction.WALL, -1, 30.0), "blocked by a wall"),
+        ((Obstruction.ARTEFACT, 7, 0.9), ""),
+        ((Obstruction.NONE, -1, 5.0), ""),
     ],
 )
-def test_who_is_stuck_says_why(way: tuple[Hindrance, int, float], words: str) -> None:
+def test_who_is_stuck_says_why(way: tuple[Obstruction, int, float], words: str) -> None:
     """From a second on, with the number of whom it waits for."""
     town = Town()
     one = town.admit(1, 0, "walking")
@@ -266,7 +266,7 @@ def test_what_others_do_is_known_from_the_sub_step_before() -> None:
     behaviour = state.behaviour
 
     def decide(situation: Situation) -> Intent:
-        seen.extend(fellow.activity for fellow in situation.fellows_within(1.0))
+        seen.extend(neighbour.activity for neighbour in situation.fellows_within(1.0))
         return behaviour.decide(situation)
 
     state.behaviour = SimpleNamespace(name="spy", decide=decide)  # type: ignore[assignment]
@@ -279,7 +279,7 @@ def test_who_only_stands_waits_for_nobody() -> None:
     """A hindrance means nothing to whom has no goal."""
     town = Town()
     one = town.admit(1, 0)
-    town.road.way = (Hindrance.ARTEFACT, 7, 30.0)
+    town.road.way = (Obstruction.ARTEFACT, 7, 30.0)
     town.decide(0)
     assert one.activity == "writing"
 
@@ -323,7 +323,7 @@ def test_who_is_sent_out_goes_to_the_exit_and_is_out_there() -> None:
     town.layer.send_out(town.table.row_of(1))
     assert one.behaviour == "leaving"
     assert [town.decide(index) for index in (20, 40, 60)] == [[], [], [1]]
-    assert town.road.orders[1].subgoal_m is None
+    assert town.road.commands[1].subgoal_m is None
 
 
 def test_the_rest_of_a_life_is_known_to_who_decides() -> None:
@@ -388,7 +388,7 @@ def test_who_has_a_behaviour_that_fails_stands_and_the_others_go_on(name: str) -
     failed = _run_with(town, name)
     assert [fault.behaviour for fault in told] == [f"{MODULE}:{name}"]
     assert (failed.behaviour, failed.activity) == ("standing", "its behaviour failed")
-    assert town.road.orders[5].subgoal_m is None
+    assert town.road.commands[5].subgoal_m is None
     assert draws_of(3) == undisturbed
     town.layer.send_out(town.table.row_of(5))
     _run(town, 200, 220)

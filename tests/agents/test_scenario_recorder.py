@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.agents.scenario_recorder import LifeKeeper
+from are_ros.agents.scenario_recorder import ScenarioRecorder
 from are_ros.builder.files.catalogue_file import read_catalogue
 from are_ros.builder.files.scenario_file import read_scenario, write_scenario
 from are_ros.conventions import NS_PER_S
@@ -26,8 +26,8 @@ def _artefact(artefact_id: int, t_ns: int, end_ns: int | None = None) -> Artefac
     return Artefact(artefact_id, row, Origin.RANDOM, t_ns, history, end_ns, "walking")
 
 
-def _keeper(*artefacts: Artefact) -> LifeKeeper:
-    keeper = LifeKeeper(PERIOD_NS)
+def _keeper(*artefacts: Artefact) -> ScenarioRecorder:
+    keeper = ScenarioRecorder(PERIOD_NS)
     keeper.start(START_NS)
     for artefact in artefacts:
         keeper.arrived(artefact)

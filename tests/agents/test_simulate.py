@@ -99,7 +99,7 @@ def test_only_what_can_move_decides_and_all_are_in_the_table() -> None:
     stage.add(3, WALKER, 5.0, 4.0)
     table = stage.crowd.table
     assert table.ids.tolist() == [3, 5]
-    assert [table.artefact_of(i).state is None for i in (3, 5)] == [False, True]
+    assert [table.state_of(i) is None for i in (3, 5)] == [False, True]
     stage.crowd.end(3, 0, Cause.REMOVED)
     assert table.ids.tolist() == [5]
     with pytest.raises(KeyError):

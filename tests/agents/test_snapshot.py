@@ -6,17 +6,17 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from are_ros.agents.behaviours.situation import Fellow
+from are_ros.agents.behaviours.situation import Neighbour
 from are_ros.agents.navigation.step_kernels import (
     FADE_M,
     MINDED_M,
     Crowd,
-    Minded,
+    NeighbourQuery,
     Scratch,
     find_others,
 )
 from are_ros.agents.neighbours import Cells
-from are_ros.agents.snapshot import Onlookers
+from are_ros.agents.snapshot import AgentSnapshot
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.meshes.shapes import Shape
@@ -24,14 +24,14 @@ from are_ros.population.meshes.shapes import Shape
 ROW = CatalogueRow(0, "somebody", "person", (0.3, 0.5, 1.7), (0.0, 0.0, 0.0), Shape.PERSON)
 
 
-def left_half(me: Fellow, x_m: float, y_m: float) -> bool:
+def left_half(me: Neighbour, x_m: float, y_m: float) -> bool:
     """See what is to the left, unless one is the third."""
     return me.id != 3 and x_m < 0.0 < abs(y_m) + 1.0
 
 
 def crowd(
     count: int, seed: int = 1
-) -> tuple[Onlookers, dict[int, Artefact], npt.NDArray[np.float64]]:
+) -> tuple[AgentSnapshot, dict[int, Artefact], npt.NDArray[np.float64]]:
     """Return so many people anywhere within 20 m, ids 3, 6, 9 ...; x, y, z, yaw, speed."""
     rng = np.random.default_rng(seed)
     numbers: npt.NDArray[np.float64] = rng.uniform(-10.0, 10.0, (count, 5))
@@ -46,42 +46,42 @@ def crowd(
     def doing(behaviour: str) -> npt.NDArray[np.int64]:
         return np.flatnonzero([one.behaviour == behaviour for one in living.values()])
 
-    return Onlookers(list(living.values()), columns, left_half, doing), living, numbers
+    return AgentSnapshot(list(living.values()), columns, left_half, doing), living, numbers
 
 
 def test_a_fellow_is_what_the_arrays_say() -> None:
     """Pose, velocity along the heading, radius, behaviour and activity, made once."""
     view, living, numbers = crowd(5)
     living[9].behaviour, living[9].activity = "walking", "pausing"
-    fellow = view.fellow(9)
-    assert fellow is not None
+    neighbour = view.neighbour(9)
+    assert neighbour is not None
     x, y, _, yaw, speed = numbers[2].tolist()
-    assert (fellow.x_m, fellow.y_m, fellow.yaw_rad) == (x, y, yaw)
-    assert (fellow.vx_mps, fellow.vy_mps) == pytest.approx(
+    assert (neighbour.x_m, neighbour.y_m, neighbour.yaw_rad) == (x, y, yaw)
+    assert (neighbour.vx_mps, neighbour.vy_mps) == pytest.approx(
         (speed * math.cos(yaw), speed * math.sin(yaw))
     )
-    assert fellow.radius_m == pytest.approx(0.22)
-    assert (fellow.behaviour, fellow.activity) == ("walking", "pausing")
-    assert (fellow.class_name, fellow.label) == ("person", "somebody")
-    assert view.fellow(9) is fellow
+    assert neighbour.radius_m == pytest.approx(0.22)
+    assert (neighbour.behaviour, neighbour.activity) == ("walking", "pausing")
+    assert (neighbour.class_name, neighbour.label) == ("person", "somebody")
+    assert view.neighbour(9) is neighbour
     living[9].activity = "walking on"
-    assert fellow.activity == "pausing"
+    assert neighbour.activity == "pausing"
 
 
 def test_who_does_not_live_is_nobody() -> None:
     """Neither an id that never was, nor one between two."""
     view, _, _ = crowd(3)
-    assert [view.fellow(i) for i in (0, 4, 99)] == [None] * 3
+    assert [view.neighbour(i) for i in (0, 4, 99)] == [None] * 3
 
 
 def test_many_are_the_same_as_one_by_one() -> None:
     """Before those about them were asked for, and afterwards."""
     (view, living, _), (other, others, _) = crowd(20), crowd(20)
     some = list(living)[4:15:3]
-    assert view.fellows(list(range(4, 15, 3))) == [other.fellow(i) for i in some]
+    assert view.neighbours(list(range(4, 15, 3))) == [other.neighbour(i) for i in some]
     view.within(0.0, 0.0, 7.0)
-    assert view.fellows(list(range(20))) == [other.fellow(i) for i in others]
-    assert view.fellows([]) == []
+    assert view.neighbours(list(range(20))) == [other.neighbour(i) for i in others]
+    assert view.neighbours([]) == []
 
 
 @pytest.mark.parametrize("radius_m", [0.0, 2.0, 7.0, 50.0])
@@ -110,8 +110,8 @@ def test_who_is_near_can_be_asked_for_by_what_it_does() -> None:
     assert talking == [f for f in everybody if f.activity == "talking"]
 
 
-def minded(
-    view: Onlookers, me: Fellow, others: Minded, radius_m: float = 0.2
+def query(
+    view: AgentSnapshot, me: Neighbour, others: NeighbourQuery, radius_m: float = 0.2
 ) -> npt.NDArray[np.float64]:
     """Return who is minded about one, as rows of x, y, radius, fade and weight."""
     arrays = view.crowd
@@ -126,10 +126,10 @@ def minded(
 def test_others_are_minded_where_their_velocity_takes_them(robot_price: float) -> None:
     """All but oneself within 3 m now, the nearest first; then the robot, if there is one."""
     view, _, numbers = crowd(300)
-    me = view.fellow(30)
+    me = view.neighbour(30)
     assert me is not None
     index = view.index_of(30)
-    found = minded(view, me, Minded(index, 2.0, 0.4, 1.0, 2.0, 0.9, robot_price))
+    found = query(view, me, NeighbourQuery(index, 2.0, 0.4, 1.0, 2.0, 0.9, robot_price))
     away = np.hypot(numbers[:, 0] - me.x_m, numbers[:, 1] - me.y_m)
     near = [i for i in np.argsort(away).tolist() if i != index and away[i] <= MINDED_M]
     expected = [
@@ -152,15 +152,15 @@ def test_alone_nobody_is_minded() -> None:
     """Nor in a crowd, by who is not to mind anybody."""
     for count, index in ((1, 0), (300, -1)):
         view, _, _ = crowd(count)
-        me = view.fellow(3)
+        me = view.neighbour(3)
         assert me is not None
-        assert minded(view, me, Minded(index, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0)).shape == (0, 5)
+        assert query(view, me, NeighbourQuery(index, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0)).shape == (0, 5)
 
 
 def test_seeing_is_asked_with_who_looks() -> None:
     """The callable gets the fellow and the point."""
     view, _, _ = crowd(2)
-    third, sixth = view.fellow(3), view.fellow(6)
+    third, sixth = view.neighbour(3), view.neighbour(6)
     assert third is not None
     assert sixth is not None
     assert view.sees(sixth, -1.0, 2.0)

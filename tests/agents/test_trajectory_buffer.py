@@ -9,7 +9,7 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from are_ros.agents.trajectory_buffer import PoseTape, TapeHistory, motions_at
+from are_ros.agents.trajectory_buffer import BufferedHistory, TrajectoryBuffer, motions_at
 from are_ros.conventions import NS_PER_S
 from are_ros.population.artefact import GroundPose, between, rates_between
 from tests.agents.histories import GivenPoses
@@ -19,7 +19,7 @@ HISTORY_NS = NS_PER_S
 
 
 @dataclass
-class Leg:
+class NavigationResult:
     """From when and where to when and where one goes."""
 
     start_ns: int
@@ -33,21 +33,21 @@ class Twins:
 
     def __init__(self, seed: int) -> None:
         self.random = np.random.default_rng(seed)
-        self.tape = PoseTape(HISTORY_NS)
+        self.buffer = TrajectoryBuffer(HISTORY_NS)
         self.now_ns = 40 * STEP_NS
         self.living: list[int] = []
-        self.taped: dict[int, TapeHistory] = {}
-        self.plain: dict[int, list[Leg]] = {}
+        self.taped: dict[int, BufferedHistory] = {}
+        self.plain: dict[int, list[NavigationResult]] = {}
 
     def arrive(self, artefact_id: int, t_ns: int, until_ns: int) -> None:
         """Let one come, that may be on its way to where it will be at the next sub-step."""
         pose = self._pose()
         goes = self.random.random() < 0.5
-        leg = Leg(t_ns, pose, until_ns, self._pose() if goes else pose)
+        result = NavigationResult(t_ns, pose, until_ns, self._pose() if goes else pose)
         self.living = sorted([*self.living, artefact_id])
-        goes_to = (leg.until_ns, leg.end) if goes else None
-        self.taped[artefact_id] = self.tape.begin(artefact_id, t_ns, pose, goes_to)
-        self.plain[artefact_id] = [leg]
+        goes_to = (result.until_ns, result.end) if goes else None
+        self.taped[artefact_id] = self.buffer.begin(artefact_id, t_ns, pose, goes_to)
+        self.plain[artefact_id] = [result]
 
     def depart(self, artefact_id: int) -> None:
         """Let one go."""
@@ -61,11 +61,14 @@ class Twins:
             start = self._pose() if what < 0.1 else was
             end = start if what < 0.4 else self._pose()
             end = start._replace(y_m=-0.0) if what > 0.9 else end
-            self.plain[artefact_id].append(Leg(t_ns, start, t_ns + STEP_NS, end))
-        legs = [self.plain[artefact_id][-1] for artefact_id in self.living]
-        poses = [_rows([leg.start for leg in legs]), _rows([leg.end for leg in legs])]
+            self.plain[artefact_id].append(NavigationResult(t_ns, start, t_ns + STEP_NS, end))
+        results = [self.plain[artefact_id][-1] for artefact_id in self.living]
+        poses = [
+            _rows([result.start for result in results]),
+            _rows([result.end for result in results]),
+        ]
         ids = np.array(self.living, np.int64)
-        self.tape.record(t_ns, t_ns + STEP_NS, ids, *poses)
+        self.buffer.record(t_ns, t_ns + STEP_NS, ids, *poses)
 
     def live_on(self) -> None:
         """Let some come and go at instants of their own, and then the next sub-step begin."""
@@ -85,12 +88,12 @@ class Twins:
 
     def check(self, t_ns: int) -> None:
         """Compare all that have come by `t_ns`, one by one and all at once."""
-        there = [i for i, legs in self.plain.items() if legs[0].start_ns <= t_ns]
+        there = [i for i, results in self.plain.items() if results[0].start_ns <= t_ns]
         for i in there:
-            leg = [leg for leg in self.plain[i] if leg.start_ns <= t_ns][-1]
+            result = [result for result in self.plain[i] if result.start_ns <= t_ns][-1]
             if i in self.living or t_ns > self.now_ns - HISTORY_NS // 2:
-                assert self.taped[i].pose_at(t_ns) == _pose_on(leg, t_ns)
-                assert self.taped[i].velocity_at(t_ns) == _velocity_on(leg, t_ns)
+                assert self.taped[i].pose_at(t_ns) == _pose_on(result, t_ns)
+                assert self.taped[i].velocity_at(t_ns) == _velocity_on(result, t_ns)
             assert self.taped[i].latest == self.plain[i][-1].end
             if i in self.living:
                 assert self.taped[i].latest_ns == self.plain[i][-1].until_ns or not any(
@@ -111,18 +114,20 @@ def _rows(poses: list[GroundPose]) -> np.ndarray[tuple[int, ...], np.dtype[np.fl
     return np.array(poses, np.float64).reshape(-1, 4)
 
 
-def _pose_on(leg: Leg, t_ns: int) -> GroundPose:
-    if t_ns >= leg.until_ns or leg.start == leg.end:
-        return leg.end
-    if t_ns == leg.start_ns:
-        return leg.start
-    return between(leg.start, leg.end, (t_ns - leg.start_ns) / (leg.until_ns - leg.start_ns))
+def _pose_on(result: NavigationResult, t_ns: int) -> GroundPose:
+    if t_ns >= result.until_ns or result.start == result.end:
+        return result.end
+    if t_ns == result.start_ns:
+        return result.start
+    return between(
+        result.start, result.end, (t_ns - result.start_ns) / (result.until_ns - result.start_ns)
+    )
 
 
-def _velocity_on(leg: Leg, t_ns: int) -> tuple[float, float, float]:
-    if t_ns >= leg.until_ns:
+def _velocity_on(result: NavigationResult, t_ns: int) -> tuple[float, float, float]:
+    if t_ns >= result.until_ns:
         return 0.0, 0.0, 0.0
-    return rates_between(leg.start_ns, leg.start, leg.until_ns, leg.end)
+    return rates_between(result.start_ns, result.start, result.until_ns, result.end)
 
 
 # A seed does not shrink to anything simpler.
@@ -138,64 +143,64 @@ def test_a_tape_gives_the_legs_that_each_was_given(seed: int) -> None:
         instants += [now_ns + STEP_NS - 1, now_ns + STEP_NS, now_ns + 2 * STEP_NS]
         for t_ns in (*instants, int(now_ns - twins.random.integers(HISTORY_NS))):
             twins.check(t_ns)
-    assert len(twins.tape.times_ns) <= 2 + HISTORY_NS // STEP_NS
+    assert len(twins.buffer.times_ns) <= 2 + HISTORY_NS // STEP_NS
 
 
-def _march(tape: PoseTape, steps: int, ways_m: Mapping[int, float]) -> None:
+def _march(buffer: TrajectoryBuffer, steps: int, ways_m: Mapping[int, float]) -> None:
     """Let each go its way in each sub-step."""
     ids = np.array(sorted(ways_m), np.int64)
     for k in range(steps):
         before, after = (
             np.array([[ways_m[i] * n, 0.0, 0.0, 0.0] for i in ids.tolist()]) for n in (k, k + 1)
         )
-        tape.record(k * STEP_NS, (k + 1) * STEP_NS, ids, before, after)
+        buffer.record(k * STEP_NS, (k + 1) * STEP_NS, ids, before, after)
 
 
 def test_the_tape_knows_since_when_all_stand() -> None:
     """Who moves, comes on his way or jumps moves; who stands does not."""
-    tape, ids = PoseTape(HISTORY_NS), np.array([1])
+    buffer, ids = TrajectoryBuffer(HISTORY_NS), np.array([1])
     rows, others = np.zeros((1, 4)), np.ones((1, 4))
-    tape.begin(1, 5, GroundPose(0.0, 0.0, 0.0, 0.0))
-    assert tape.still_since_ns == 0
-    tape.record(STEP_NS, 2 * STEP_NS, ids, rows, rows)
-    tape.record(2 * STEP_NS, 3 * STEP_NS, ids, rows, rows)
-    assert tape.still_since_ns == STEP_NS
-    tape.record(3 * STEP_NS, 4 * STEP_NS, ids, rows, others)
-    assert tape.still_since_ns == 4 * STEP_NS
-    tape.record(4 * STEP_NS, 5 * STEP_NS, ids, others, others)
-    assert tape.still_since_ns == 4 * STEP_NS
-    tape.record(5 * STEP_NS, 6 * STEP_NS, ids, rows, rows)
-    assert tape.still_since_ns == 5 * STEP_NS
+    buffer.begin(1, 5, GroundPose(0.0, 0.0, 0.0, 0.0))
+    assert buffer.still_since_ns == 0
+    buffer.record(STEP_NS, 2 * STEP_NS, ids, rows, rows)
+    buffer.record(2 * STEP_NS, 3 * STEP_NS, ids, rows, rows)
+    assert buffer.still_since_ns == STEP_NS
+    buffer.record(3 * STEP_NS, 4 * STEP_NS, ids, rows, others)
+    assert buffer.still_since_ns == 4 * STEP_NS
+    buffer.record(4 * STEP_NS, 5 * STEP_NS, ids, others, others)
+    assert buffer.still_since_ns == 4 * STEP_NS
+    buffer.record(5 * STEP_NS, 6 * STEP_NS, ids, rows, rows)
+    assert buffer.still_since_ns == 5 * STEP_NS
     far = GroundPose(1.0, 0.0, 0.0, 0.0)
-    tape.begin(2, 5 * STEP_NS + 7, GroundPose(0.0, 0.0, 0.0, 0.0), (6 * STEP_NS, far))
-    assert tape.still_since_ns == 6 * STEP_NS
+    buffer.begin(2, 5 * STEP_NS + 7, GroundPose(0.0, 0.0, 0.0, 0.0), (6 * STEP_NS, far))
+    assert buffer.still_since_ns == 6 * STEP_NS
 
 
 def test_the_departed_keep_what_they_had() -> None:
     """While the tape has it; then where they were last."""
-    tape = PoseTape(HISTORY_NS)
-    gone, _ = (tape.begin(i, 0, GroundPose(0.0, 0.0, 0.0, 0.0)) for i in (1, 2))
-    _march(tape, 4, {1: 1.0, 2: 0.1})
+    buffer = TrajectoryBuffer(HISTORY_NS)
+    gone, _ = (buffer.begin(i, 0, GroundPose(0.0, 0.0, 0.0, 0.0)) for i in (1, 2))
+    _march(buffer, 4, {1: 1.0, 2: 0.1})
     gone.close()
     ids, rows = np.array([2]), np.zeros((1, 4))
     for k in range(4, 50):
-        tape.record(k * STEP_NS, (k + 1) * STEP_NS, ids, rows, rows)
+        buffer.record(k * STEP_NS, (k + 1) * STEP_NS, ids, rows, rows)
         assert gone.pose_at((k + 1) * STEP_NS).x_m == 4.0
         if k < 15:
             assert gone.pose_at(7 * STEP_NS // 2).x_m == pytest.approx(3.5)
             assert gone.velocity_at(7 * STEP_NS // 2)[0] == pytest.approx(20.0)
     assert gone.velocity_at(7 * STEP_NS // 2) == (0.0, 0.0, 0.0)
-    tape.clear()
+    buffer.clear()
     assert gone.latest.x_m == 4.0
 
 
 def test_histories_of_no_tape_are_read_beside() -> None:
     """As those of artefacts that go by a track."""
-    tape, pose = PoseTape(HISTORY_NS), GroundPose(0.0, 0.0, 0.0, 0.0)
-    walking, plain = tape.begin(1, 0, pose), GivenPoses(0, pose)
+    buffer, pose = TrajectoryBuffer(HISTORY_NS), GroundPose(0.0, 0.0, 0.0, 0.0)
+    walking, plain = buffer.begin(1, 0, pose), GivenPoses(0, pose)
     assert [array.tolist() for array in motions_at([], 5)] == [[], []]
     assert motions_at([plain, walking], 5)[0].tolist() == [[*pose], [*pose]]
-    _march(tape, 2, {1: 1.0})
+    _march(buffer, 2, {1: 1.0})
     plain.append(2 * STEP_NS, pose._replace(yaw_rad=1.0))
     halves, rates = motions_at([plain, walking], STEP_NS)
     assert halves.tolist() == [[0.0, 0.0, 0.0, 0.5], [1.0, 0.0, 0.0, 0.0]]

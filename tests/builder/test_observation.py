@@ -8,7 +8,7 @@ import pytest
 
 from are_ros.agents.events import EventKind
 from are_ros.agents.robots import RobotTracker
-from are_ros.builder.observation import Observation, Perception, Watch, sight_events
+from are_ros.builder.observation import CameraObserver, Observation, Perception, sight_events
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
@@ -57,12 +57,12 @@ def standing(row: CatalogueRow, *places: tuple[float, float]) -> Scene:
     return Scene.of(artefacts, 0)
 
 
-def watch(rate_hz: float, tick_rate_hz: float = 10.0) -> tuple[Watch, FrameTree]:
+def watch(rate_hz: float, tick_rate_hz: float = 10.0) -> tuple[CameraObserver, FrameTree]:
     """Return a watch of a robot at (1, 2) since 0, and its frames."""
     frames = FrameTree()
     frames.set_transform("map", "base_link", 0, (1.0, 2.0, 0.0), NO_TURN)
     robots = RobotTracker(Observer("robot", "", Footprint.disc(0.2)), frames, "map", 500 * MS)
-    return Watch(robots, Perception(MeshBank()), rate_hz, tick_rate_hz), frames
+    return CameraObserver(robots, Perception(MeshBank()), rate_hz, tick_rate_hz), frames
 
 
 def test_a_look_tells_pose_and_sightings(post: CatalogueRow, environment: Environment) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from are_ros.agents.events import ArtefactState
-from are_ros.agents.trajectory_buffer import PoseTape
+from are_ros.agents.trajectory_buffer import TrajectoryBuffer
 from are_ros.builder.observation import Sighting
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.scene import Scene
@@ -96,14 +96,14 @@ def test_the_state_of_one_that_stands_is_the_same_object_again(row: CatalogueRow
 def test_who_turns_away_and_back_moves_where_it_is_as_before(row: CatalogueRow) -> None:
     """The same pose again is not the same velocity: that of the motion to come."""
     step_ns = NS_PER_S // 20
-    tape, ids = PoseTape(), np.array([7])
-    artefact = replace(an_artefact(row), history=tape.begin(7, 0, HERE))
+    buffer, ids = TrajectoryBuffer(), np.array([7])
+    artefact = replace(an_artefact(row), history=buffer.begin(7, 0, HERE))
     keeper = StateKeeper()
     (standing,) = states(keeper, 100, artefact)
     here, away = np.array([HERE]), np.array([HERE._replace(yaw_rad=HERE.yaw_rad + 0.1)])
-    tape.record(step_ns, 2 * step_ns, ids, here, away)
-    tape.record(2 * step_ns, 3 * step_ns, ids, away, here)
-    tape.record(3 * step_ns, 4 * step_ns, ids, here, away)
+    buffer.record(step_ns, 2 * step_ns, ids, here, away)
+    buffer.record(2 * step_ns, 3 * step_ns, ids, away, here)
+    buffer.record(3 * step_ns, 4 * step_ns, ids, here, away)
     found = [states(keeper, k * step_ns, artefact)[0] for k in (1, 3)]
     found.append(states(keeper, 4 * step_ns, artefact)[0])
     assert found[0].ground_pose == found[1].ground_pose == standing.ground_pose

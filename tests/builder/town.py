@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from are_ros.agents.events import ArtefactEvent
 from are_ros.builder.ar_builder import ArBuilder
-from are_ros.builder.population_manager import Lives
+from are_ros.builder.population_manager import PopulationManager
 from are_ros.builder.tick import Demand
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.declaration import with_values
@@ -97,7 +97,7 @@ class Town:
         return town
 
     @property
-    def lives(self) -> Lives:
+    def lives(self) -> PopulationManager:
         """Return the lives."""
         return self.builder.lives
 
@@ -156,7 +156,7 @@ class Record:
     moments: dict[int, dict[int, tuple[GroundPose, str]]]
     events: list[ArtefactEvent]
 
-    def look(self, lives: Lives, after_ns: int, until_ns: int) -> None:
+    def look(self, lives: PopulationManager, after_ns: int, until_ns: int) -> None:
         """Take the sub-steps of a half-open stretch (after, until]."""
         for index in range(after_ns // STEP_NS + 1, until_ns // STEP_NS + 1):
             t_ns = index * STEP_NS

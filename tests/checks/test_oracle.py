@@ -86,7 +86,9 @@ def test_no_check_imports_what_it_checks() -> None:
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             for name in names:
-                assert not name.startswith(("are_ros.builder", "are_ros.agents", "are_ros.population")), file.name
+                assert not name.startswith(
+                    ("are_ros.builder", "are_ros.agents", "are_ros.population")
+                ), file.name
                 assert "kernel" not in name, file.name
 
 

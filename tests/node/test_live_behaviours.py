@@ -32,7 +32,9 @@ PLACES = {"late": (2.5, 1.0), "unmade": (3.3, 1.0), "nothing": (3.3, 2.0), "walk
 def bench(make_bench: MakeBench, tmp_path: Path) -> Bench:
     """Return an active node at 1000.1 s: the room, the robot in it, nobody else."""
     catalogue = tmp_path / "catalogue.yaml"
-    catalogue.write_text(CATALOGUE.replace("FAILING", "tests.agents.behaviours.failing"), encoding="utf-8")
+    catalogue.write_text(
+        CATALOGUE.replace("FAILING", "tests.agents.behaviours.failing"), encoding="utf-8"
+    )
     made = make_bench({"catalogue": str(catalogue)}, "configure", "activate")
     made.clock(1000.0)
     made.send("map", room())

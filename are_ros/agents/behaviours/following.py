@@ -6,8 +6,8 @@ from typing import ClassVar
 
 from are_ros.agents.behaviours.situation import (
     ARRIVE_WITHIN_M,
-    Fellow,
     Intent,
+    Neighbour,
     Point,
     Situation,
     stand,
@@ -59,13 +59,13 @@ class Following:
             return self._behind(leader, situation)
         return self._along_trail(leader, situation)
 
-    def _leader(self, situation: Situation) -> Fellow | None:
+    def _leader(self, situation: Situation) -> Neighbour | None:
         """Return whom to follow: the leader so far, else somebody new."""
         if self._only_id is not None:
             return self._the_one(self._only_id, situation)
         leader = None
         if self._leader_id is not None:
-            leader = situation.fellow(self._leader_id)
+            leader = situation.neighbour(self._leader_id)
             if leader is None or self._is_tired(situation):
                 self._left_id, self._left_ns = self._leader_id, situation.now_ns
                 self._leader_id = leader = None
@@ -76,20 +76,22 @@ class Following:
                 self._begin(leader, situation)
         return leader
 
-    def _the_one(self, leader_id: int, situation: Situation) -> Fellow | None:
+    def _the_one(self, leader_id: int, situation: Situation) -> Neighbour | None:
         """Return the only one that it follows, None if that one does not live."""
-        leader = situation.fellow(leader_id)
+        leader = situation.neighbour(leader_id)
         if leader is not None and self._leader_id is None:
             self._begin(leader, situation)
         return leader
 
-    def _may_lead(self, fellow: Fellow, situation: Situation) -> bool:
-        is_free = fellow.behaviour != self.name or fellow.id < situation.me.id
-        moves = _IS_STANDING_MPS < fellow.speed_mps <= _fastest_mps(situation)
-        is_left = fellow.id == self._left_id and situation.now_ns < self._left_ns + _LEFT_ALONE_NS
-        return is_free and moves and not is_left and situation.sees(*fellow.point_m)
+    def _may_lead(self, neighbour: Neighbour, situation: Situation) -> bool:
+        is_free = neighbour.behaviour != self.name or neighbour.id < situation.me.id
+        moves = _IS_STANDING_MPS < neighbour.speed_mps <= _fastest_mps(situation)
+        is_left = (
+            neighbour.id == self._left_id and situation.now_ns < self._left_ns + _LEFT_ALONE_NS
+        )
+        return is_free and moves and not is_left and situation.sees(*neighbour.point_m)
 
-    def _begin(self, leader: Fellow, situation: Situation) -> None:
+    def _begin(self, leader: Neighbour, situation: Situation) -> None:
         self._leader_id = leader.id
         self._trail.clear()
         self._since_ns = self._moved_ns = situation.now_ns
@@ -103,7 +105,7 @@ class Following:
         cannot = situation.no_way and followed_s > 0.0
         return stood_s > self._patience_s or is_kept or cannot
 
-    def _watch(self, leader: Fellow, situation: Situation) -> None:
+    def _watch(self, leader: Neighbour, situation: Situation) -> None:
         """Keep the leader's trail, one point every 0.3 m or more."""
         if leader.speed_mps > _IS_STANDING_MPS:
             self._moved_ns = situation.now_ns
@@ -111,7 +113,7 @@ class Following:
         if not trail or math.dist(trail[-1], leader.point_m) >= _STEP_OF_TRAIL_M:
             trail.append(leader.point_m)
 
-    def _behind(self, leader: Fellow, situation: Situation) -> Intent:
+    def _behind(self, leader: Neighbour, situation: Situation) -> Intent:
         """Go to the point of the leader's way that is as far behind it as the gap."""
         keep_m = GAP_M + leader.radius_m + situation.me.radius_m
         goal_m = self._point_behind(leader, keep_m)
@@ -131,7 +133,7 @@ class Following:
             is_moving_goal=True,
         )
 
-    def _point_behind(self, leader: Fellow, keep_m: float) -> Point:
+    def _point_behind(self, leader: Neighbour, keep_m: float) -> Point:
         """Return the point of the trail that is nearest to `keep_m` before its end."""
         here_m = leader.point_m
         far = next((at for at in reversed(self._trail) if math.dist(at, here_m) >= keep_m), None)
@@ -145,7 +147,7 @@ class Following:
             )
         return _on_line(here_m, far, keep_m)
 
-    def _along_trail(self, leader: Fellow, situation: Situation) -> Intent:
+    def _along_trail(self, leader: Neighbour, situation: Situation) -> Intent:
         """Go to the newest point of the trail that is seen, else plan a way to the oldest."""
         trail = self._trail
         newest = next((k for k in range(len(trail) - 1, -1, -1) if situation.sees(*trail[k])), 0)
@@ -157,7 +159,7 @@ class Following:
         is_seen = situation.sees(*trail[0])
         return Intent(trail[0], speed_mps, activity=_activity(leader), is_moving_goal=is_seen)
 
-    def _speed_mps(self, leader: Fellow, behind_m: float, situation: Situation) -> float:
+    def _speed_mps(self, leader: Neighbour, behind_m: float, situation: Situation) -> float:
         """Return the leader's speed, and some more to catch up."""
         wanted_mps = leader.speed_mps + _CATCH_UP_PER_S * behind_m
         least_mps = 0.3 * situation.row.motion.speed_mps
@@ -170,12 +172,12 @@ def _fastest_mps(situation: Situation) -> float:
     return min(_HURRY * motion.speed_mps, motion.top_speed_mps)
 
 
-def _activity(leader: Fellow, *, is_there: bool = False) -> str:
+def _activity(leader: Neighbour, *, is_there: bool = False) -> str:
     """Say whom it follows, or behind whom it waits for him to go on."""
     return f"{'waiting behind' if is_there else 'following'} artefact {leader.id}"
 
 
-def _is_in_the_way(leader: Fellow, situation: Situation) -> bool:
+def _is_in_the_way(leader: Neighbour, situation: Situation) -> bool:
     """Say whether the leader comes on towards the follower."""
     dx_m, dy_m = situation.me.x_m - leader.x_m, situation.me.y_m - leader.y_m
     along = dx_m * leader.vx_mps + dy_m * leader.vy_mps

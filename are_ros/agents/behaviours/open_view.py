@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.behaviours.situation import Fellow, Point
+from are_ros.agents.behaviours.situation import Neighbour, Point
 
 
 @dataclass(frozen=True)
@@ -16,12 +16,14 @@ class OpenView:
     A straight way is clear if it crosses no wall; the width of bodies is left out.
     """
 
-    fellows: Sequence[Fellow] = ()
+    neighbours: Sequence[Neighbour] = ()
     walls_m: Sequence[tuple[Point, Point]] = ()
 
-    def fellow(self, artefact_id: int) -> Fellow | None:
+    def neighbour(self, artefact_id: int) -> Neighbour | None:
         """Return who has this id."""
-        return next((fellow for fellow in self.fellows if fellow.id == artefact_id), None)
+        return next(
+            (neighbour for neighbour in self.neighbours if neighbour.id == artefact_id), None
+        )
 
     def within(
         self,
@@ -30,9 +32,9 @@ class OpenView:
         radius_m: float,
         behaviour: str = "",
         activities: Collection[str] = (),
-    ) -> Sequence[Fellow]:
+    ) -> Sequence[Neighbour]:
         """Return those in the closed disc (who do this or that), the nearest first, then by id."""
-        asked = [f for f in self.fellows if behaviour in {"", f.behaviour}]
+        asked = [f for f in self.neighbours if behaviour in {"", f.behaviour}]
         if activities:
             asked = [f for f in asked if f.activity in activities]
         squares = {f.id: (f.x_m - x_m) ** 2 + (f.y_m - y_m) ** 2 for f in asked}
@@ -52,7 +54,7 @@ class OpenView:
         found = self.within(x_m, y_m, radius_m, behaviour, activities)
         return np.array([f.point_m for f in found if f.id != but_id]).reshape(-1, 2)
 
-    def sees(self, me: Fellow, x_m: float, y_m: float) -> bool:
+    def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:
         """Say whether the segment to a point crosses no wall."""
         here, there = (me.x_m, me.y_m), (x_m, y_m)
         return not any(_cross(here, there, start, end) for start, end in self.walls_m)

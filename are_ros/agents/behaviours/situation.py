@@ -64,7 +64,7 @@ def stand(activity: str, face_m: Point | None = None) -> Intent:
     return Intent(None, 0.0, face_m=face_m, activity=activity)
 
 
-class Fellow(NamedTuple):
+class Neighbour(NamedTuple):
     """An artefact as others see it: pose and velocity on the ground, map frame.
 
     `radius_m` is that of the circle about (x, y) that holds its body. `behaviour` names what it
@@ -123,7 +123,7 @@ class RobotView:
 class View(Protocol):
     """Everybody and the walls, as of one instant, asked by each artefact that decides then."""
 
-    def fellow(self, artefact_id: int) -> Fellow | None:
+    def neighbour(self, artefact_id: int) -> Neighbour | None:
         """Return an artefact that is alive, None if it is not."""
 
     def within(
@@ -133,7 +133,7 @@ class View(Protocol):
         radius_m: float,
         behaviour: str = "",
         activities: Collection[str] = (),
-    ) -> Sequence[Fellow]:
+    ) -> Sequence[Neighbour]:
         """Return those whose (x, y) is at most this far from a point, the nearest first.
 
         Of one behaviour, if it is given, and at one of these activities, if any are.
@@ -150,7 +150,7 @@ class View(Protocol):
     ) -> npt.NDArray[np.float64]:
         """Return where those are, float64 (M, 2), whom `within` returns, but for one."""
 
-    def sees(self, me: Fellow, x_m: float, y_m: float) -> bool:
+    def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:
         """Say whether this artefact could go straight on to a point, were nobody in its way."""
 
 
@@ -165,7 +165,7 @@ class Situation(NamedTuple):
     """
 
     now_ns: int
-    me: Fellow
+    me: Neighbour
     row: CatalogueRow
     places: Destinations
     random: np.random.Generator
@@ -183,13 +183,13 @@ class Situation(NamedTuple):
         """Where the artefact is."""
         return self.me.x_m, self.me.y_m
 
-    def fellow(self, artefact_id: int) -> Fellow | None:
+    def neighbour(self, artefact_id: int) -> Neighbour | None:
         """Return another artefact, None if it lives no more."""
-        return self.view.fellow(artefact_id)
+        return self.view.neighbour(artefact_id)
 
     def fellows_within(
         self, radius_m: float, behaviour: str = "", activities: Collection[str] = ()
-    ) -> list[Fellow]:
+    ) -> list[Neighbour]:
         """Return the others whose (x, y) is at most this far away, the nearest first.
 
         Of one behaviour, and at one of these activities, if they are given: in a crowd that is
@@ -197,7 +197,7 @@ class Situation(NamedTuple):
         """
         me = self.me
         found = self.view.within(me.x_m, me.y_m, radius_m, behaviour, activities)
-        return [fellow for fellow in found if fellow.id != me.id]
+        return [neighbour for neighbour in found if neighbour.id != me.id]
 
     def points_within(
         self, radius_m: float, behaviour: str, activities: Collection[str] = ()

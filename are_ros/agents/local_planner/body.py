@@ -62,7 +62,7 @@ class Body:
 # What an artefact is to do until told otherwise.
 
 
-class Order(NamedTuple):
+class MotionCommand(NamedTuple):
     """Move to `subgoal_m` (x, y in the map frame), or brake and stand where it is None.
 
     `speed_mps` is the speed wanted; the type's own limit holds, too. With `stop_there` the subgoal
@@ -80,4 +80,4 @@ class Order(NamedTuple):
     wall_comfort_m: float = 0.1
 
 
-STAND = Order(None, 0.0)
+STAND = MotionCommand(None, 0.0)

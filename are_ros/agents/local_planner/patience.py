@@ -12,17 +12,24 @@ import numpy.typing as npt
 
 from are_ros._compiled import borrowing, compiled
 from are_ros.agents.local_planner.primitives import way_left
-from are_ros.agents.local_planner.rollouts import COASTING, FACING, STANDING, Aim, kind_of, way_to
+from are_ros.agents.local_planner.rollouts import (
+    COASTING,
+    FACING,
+    STANDING,
+    PlanningGoal,
+    kind_of,
+    way_to,
+)
 from are_ros.agents.local_planner.state import (
     NEVER,
     NOBODY,
-    UNHINDERED,
+    UNOBSTRUCTED,
     YAW,
-    Fleet,
+    AgentArrays,
     Floats,
     Integers,
+    PlannerTiming,
     Records,
-    Tempo,
     X,
     Y,
 )
@@ -53,41 +60,48 @@ def hashed(a: int, b: int) -> float:
 
 
 @borrowing
-def _rank(fleet: Fleet, i: int, now: int, epoch: int) -> float:
-    own = hashed(fleet.place[i].id, epoch)
-    mind = fleet.mind[i]
+def _rank(agents: AgentArrays, i: int, now: int, epoch: int) -> float:
+    own = hashed(agents.place[i].id, epoch)
+    mind = agents.mind[i]
     return max(own, mind.push_rank) if now < mind.pushed_until else own
 
 
 @borrowing
-def can_yield(fleet: Fleet, j: int) -> bool:
+def can_yield(agents: AgentArrays, j: int) -> bool:
     """Tell whether an artefact may be pushed: not those that shall stand, or are prescribed."""
-    is_free = fleet.order[j].has_goal == 1 and fleet.place[j].is_scripted == 0
-    return bool(is_free and fleet.body[j].speed > 0.0)
+    is_free = agents.command[j].has_goal == 1 and agents.place[j].is_scripted == 0
+    return bool(is_free and agents.body[j].speed > 0.0)
 
 
 @borrowing
 def push(
-    fleet: Fleet, i: int, j: int, aim: Aim, pose: Floats, now: int, epoch: int, second: int
+    agents: AgentArrays,
+    i: int,
+    j: int,
+    aim: PlanningGoal,
+    pose: Floats,
+    now: int,
+    epoch: int,
+    second: int,
 ) -> None:
     """Let i, hindered by j, push j out of its way if it has waited, or already did, and may."""
-    mine, other = fleet.mind[i], fleet.mind[j]
-    is_pushing = other.push_by == fleet.place[i].id and now < other.pushed_until
+    mine, other = agents.mind[i], agents.mind[j]
+    is_pushing = other.push_by == agents.place[i].id and now < other.pushed_until
     is_pushed = now < mine.pushed_until
     if not (is_pushing or is_pushed or mine.blocked > _PUSHES_AFTER):
         return
-    if not can_yield(fleet, j):
+    if not can_yield(agents, j):
         return
-    rank = _rank(fleet, i, now, epoch)
-    if not is_pushing and rank <= _rank(fleet, j, now, epoch):
+    rank = _rank(agents, i, now, epoch)
+    if not is_pushing and rank <= _rank(agents, j, now, epoch):
         return
     if now >= other.pushed_until:  # it gets out of the way at once
-        fleet.due[j] = now
+        agents.due[j] = now
     other.pushed_until = now + _PUSH_SECONDS * second
-    other.push_by, other.push_rank = fleet.place[i].id, rank
+    other.push_by, other.push_rank = agents.place[i].id, rank
     other.push_x, other.push_y = pose[X], pose[Y]
     other.push_cos, other.push_sin = np.cos(aim.heading), np.sin(aim.heading)
-    other.push_room = fleet.body[i].radius + fleet.body[j].radius + _ROOM
+    other.push_room = agents.body[i].radius + agents.body[j].radius + _ROOM
 
 
 @borrowing
@@ -107,33 +121,33 @@ def consider_detour(mind: Any, artefact_id: int, now: int, second: int) -> None:
 
 @borrowing
 def note_progress(
-    fleet: Fleet, i: int, before: Floats, after: Floats, now: int, tempo: Tempo
+    agents: AgentArrays, i: int, before: Floats, after: Floats, now: int, timing: PlannerTiming
 ) -> None:
     """Count for how long one that wants to move has made no progress."""
-    mind, order, body = fleet.mind[i], fleet.order[i], fleet.body[i]
-    kind = kind_of(fleet, i, after, now, tempo.second)
-    if order.has_goal == 0 or kind in (STANDING, FACING, COASTING):
+    mind, command, body = agents.mind[i], agents.command[i], agents.body[i]
+    kind = kind_of(agents, i, after, now, timing.second)
+    if command.has_goal == 0 or kind in (STANDING, FACING, COASTING):
         forget_blockade(mind)
         return
     if body.turn_radius > 0.0:
-        gain = way_left(before[X], before[Y], before[YAW], order.x, order.y, body.turn_radius)
-        gain -= way_left(after[X], after[Y], after[YAW], order.x, order.y, body.turn_radius)
+        gain = way_left(before[X], before[Y], before[YAW], command.x, command.y, body.turn_radius)
+        gain -= way_left(after[X], after[Y], after[YAW], command.x, command.y, body.turn_radius)
     else:
-        gain = way_to(before, order) - way_to(after, order)
-    drain = _SLOWEST * tempo.step_s if mind.credit > 0.0 else 0.0
+        gain = way_to(before, command) - way_to(after, command)
+    drain = _SLOWEST * timing.step_s if mind.credit > 0.0 else 0.0
     credit = max(mind.credit + gain - drain, -_MOST_DEBT)
     mind.credit = min(credit, _MOST_CREDIT)
     if credit > min(_SLOWEST * mind.blocked, _RELEASE):
         mind.blocked, mind.patience = 0.0, _FIRST_DETOUR
     else:
-        mind.blocked += tempo.step_s
+        mind.blocked += timing.step_s
 
 
 @borrowing
 def forget_blockade(mind: Any) -> None:
     """Let one that does not want to move, or has got going, be patient again."""
     mind.blocked, mind.credit, mind.patience = 0.0, 0.0, _FIRST_DETOUR
-    mind.hindrance, mind.hindered_by = UNHINDERED, NOBODY
+    mind.obstruction, mind.obstructed_by = UNOBSTRUCTED, NOBODY
 
 
 # Compiled giving of orders: what a new one changes, beside itself, for who had another before.
@@ -145,37 +159,37 @@ _NEWS_M: Final = 0.1
 
 @compiled
 def give(
-    orders: Records,
+    commands: Records,
     minds: Records,
     due: Integers,
     rows: Integers,
-    commands: npt.NDArray[np.float64],
+    given: npt.NDArray[np.float64],
     now: int,
 ) -> None:
-    """Write orders into the records of some rows (M,); `commands` (M, 9) as `order_record`.
+    """Write orders into the records of some rows (M,); `given` (M, 9) as `command_record`.
 
     Whose sub-goal or speed is news plans at once; what was in the way to another is forgotten.
     """
     for k in range(rows.shape[0]):
         i = rows[k]
-        before, mind = orders[i], minds[i]
-        shift_m = _shift_m(before.has_goal != 0, before.x, before.y, commands[k])
-        if shift_m > _NEWS_M or commands[k, 3] != before.speed:
+        before, mind = commands[i], minds[i]
+        shift_m = _shift_m(before.has_goal != 0, before.x, before.y, given[k])
+        if shift_m > _NEWS_M or given[k, 3] != before.speed:
             due[i] = now
         if shift_m > 0.0:
             mind.passed_at = NEVER
         if shift_m > _ELSEWHERE_M and mind.credit < 0.0:
             mind.credit = 0.0  # what it went back from the old one is no loss
-        if commands[k, 0] == 0.0 and shift_m > 0.0:
+        if given[k, 0] == 0.0 and shift_m > 0.0:
             forget_blockade(mind)
         before.has_goal, before.x, before.y = (
-            np.int64(commands[k, 0]),
-            commands[k, 1],
-            commands[k, 2],
+            np.int64(given[k, 0]),
+            given[k, 1],
+            given[k, 2],
         )
-        before.speed, before.stops = commands[k, 3], np.int64(commands[k, 4])
-        before.face, before.comfort = commands[k, 5], commands[k, 6]
-        before.robot_comfort, before.wall_comfort = commands[k, 7], commands[k, 8]
+        before.speed, before.stops = given[k, 3], np.int64(given[k, 4])
+        before.face, before.comfort = given[k, 5], given[k, 6]
+        before.robot_comfort, before.wall_comfort = given[k, 7], given[k, 8]
 
 
 @compiled

@@ -19,11 +19,11 @@ import numpy.typing as npt
 from are_ros.agents.local_planner import patience as _orders
 from are_ros.agents.local_planner import state as _state
 from are_ros.agents.local_planner import sub_step as _steps
-from are_ros.agents.local_planner.body import Order
+from are_ros.agents.local_planner.body import MotionCommand
 from are_ros.agents.local_planner.planning import commit
 from are_ros.agents.local_planner.robot import RobotMotion, robot_path
 from are_ros.agents.local_planner.state import COS, NOBODY, SIN, SPEED, YAW, X, Y
-from are_ros.agents.local_planner.walls import Floors
+from are_ros.agents.local_planner.walls import ClearanceLayers
 from are_ros.agents.navigation.terrain import Terrains
 from are_ros.agents.table import AgentTable
 from are_ros.world.boxes import OrientedBoxes
@@ -32,22 +32,22 @@ from are_ros.world.environment import Environment
 # What may be in an artefact's way.
 
 
-class Hindrance(Enum):
+class Obstruction(Enum):
     """Nothing, a wall (or unknown ground), another artefact, the robot."""
 
-    NONE = _state.UNHINDERED
+    NONE = _state.UNOBSTRUCTED
     WALL = _state.BY_WALL
     ARTEFACT = _state.BY_ARTEFACT
     ROBOT = _state.BY_ROBOT
 
 
-_UNHINDERED: Final = (Hindrance.NONE, NOBODY, 0.0)
+_UNOBSTRUCTED: Final = (Obstruction.NONE, NOBODY, 0.0)
 
 _Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class TrafficCounters:
+class PlannerCounters:
     """How often so far a plan was made, an old one kept, a broken one found no way out."""
 
     plans_made: int
@@ -55,21 +55,21 @@ class TrafficCounters:
     emergency_stops: int
 
 
-class Traffic:
+class LocalPlanner:
     """Moves the agents of a table by their orders."""
 
     def __init__(self, table: AgentTable, terrains: Terrains | None = None) -> None:
         """Take the agents, and the terrains where others need them, too."""
         self._table = table
-        self._floors = Floors(terrains or Terrains())
-        self._desk = _state.desk_of(len(table), _state.path_length(table.tempo))
+        self._floors = ClearanceLayers(terrains or Terrains())
+        self._workspace = _state.workspace_of(len(table), _state.path_length(table.timing))
 
-    def give_orders(self, rows: Sequence[int], orders: Sequence[Order]) -> None:
+    def give_commands(self, rows: Sequence[int], commands: Sequence[MotionCommand]) -> None:
         """Tell the agents of some rows what to do from the next sub-step on."""
         arrays, which = self._table.arrays, np.array(rows, np.int64)
-        records = np.array([_state.order_record(order) for order in orders], np.float64)
+        records = np.array([_state.command_record(command) for command in commands], np.float64)
         _orders.give(
-            arrays.order, arrays.mind, arrays.due, which, records.reshape(-1, 9), self._table.now
+            arrays.command, arrays.mind, arrays.due, which, records.reshape(-1, 9), self._table.now
         )
 
     def prescribe(self, row: int, poses: _Floats) -> None:
@@ -77,7 +77,7 @@ class Traffic:
 
         Nothing is tested; the others plan around it. It plans nothing of its own any more.
         """
-        arrays, now, tempo = self._table.arrays, self._table.now, self._table.tempo
+        arrays, now, timing = self._table.arrays, self._table.now, self._table.timing
         place, coming = arrays.place[row], poses[: arrays.path.shape[1] - 1]
         path = np.empty((len(coming) + 1, arrays.path.shape[2]))
         path[0] = arrays.path[row, min(now - int(place["begin"]), int(place["last"]))]
@@ -86,9 +86,9 @@ class Traffic:
         steps = np.diff(path[:, :2], axis=0)
         along = steps[:, 0] * path[1:, COS] + steps[:, 1] * path[1:, SIN]
         ways = np.hypot(steps[:, 0], steps[:, 1])
-        path[1:, SPEED] = np.where(along < 0.0, -ways, ways) / tempo.step_s
+        path[1:, SPEED] = np.where(along < 0.0, -ways, ways) / timing.step_s
         path[-1, SPEED] = 0.0  # where it will stand if nothing follows
-        commit(arrays, row, path, len(coming), now, tempo)
+        commit(arrays, row, path, len(coming), now, timing)
         place["is_scripted"] = place["is_news"] = 1
 
     def step(
@@ -100,16 +100,18 @@ class Traffic:
         yaw float64 (N, 3) of all at the next sub-step, and whose pose is another then, bool (N,).
         """
         table, arrays = self._table, self._table.arrays
-        if len(table) > len(self._desk.near):
-            counters = self._desk.counters
-            desk = _state.desk_of(2 * len(table), arrays.path.shape[1])
-            self._desk = desk._replace(counters=counters)
+        if len(table) > len(self._workspace.near):
+            counters = self._workspace.counters
+            workspace = _state.workspace_of(2 * len(table), arrays.path.shape[1])
+            self._workspace = workspace._replace(counters=counters)
         is_new, floor = self._floors.of(environment, table.heights)
         if is_new:
-            _steps.mark_closed(arrays, table.now, floor, self._desk.box)
+            _steps.mark_closed(arrays, table.now, floor, self._workspace.box)
         _steps.mark_broken(arrays, table.now)
-        path = robot_path(robot, table.tempo.step_s)
-        moved, poses = _steps.run(arrays, table.now, index, table.tempo, floor, path, self._desk)
+        path = robot_path(robot, table.timing.step_s)
+        moved, poses = _steps.run(
+            arrays, table.now, index, table.timing, floor, path, self._workspace
+        )
         table.now += 1
         return poses[:, :3], moved
 
@@ -121,10 +123,10 @@ class Traffic:
         return poses
 
     @property
-    def counters(self) -> TrafficCounters:
+    def counters(self) -> PlannerCounters:
         """What planning has come to so far."""
-        made, kept, emergencies, _ = self._desk.counters.tolist()
-        return TrafficCounters(made, kept, emergencies)
+        made, kept, emergencies, _ = self._workspace.counters.tolist()
+        return PlannerCounters(made, kept, emergencies)
 
     def trajectory(self, row: int) -> _Floats:
         """Return x, y, yaw float64 (K, 3), K >= 1, at the next sub-steps; it holds the last."""
@@ -145,15 +147,15 @@ class Traffic:
         _steps.mark_clear(clear, self._table.arrays, self._table.now, poses, bodies)
         return clear
 
-    def hindrances(self, rows: Sequence[int]) -> list[tuple[Hindrance, int, float]]:
+    def obstructions(self, rows: Sequence[int]) -> list[tuple[Obstruction, int, float]]:
         """Tell what is in the way of some agents, whose id that is (or -1), and since when [s].
 
         The time is that in which one wanted to move and came nearer to its sub-goal by less than
         0.1 m/s; 0: nothing is in its way.
         """
         minds = self._table.arrays.mind[list(rows)]
-        fields = (minds[name].tolist() for name in ("hindrance", "hindered_by", "blocked"))
+        fields = (minds[name].tolist() for name in ("obstruction", "obstructed_by", "blocked"))
         return [
-            (Hindrance(kind), who, since_s) if since_s > 0.0 else _UNHINDERED
+            (Obstruction(kind), who, since_s) if since_s > 0.0 else _UNOBSTRUCTED
             for kind, who, since_s in zip(*fields, strict=True)
         ]

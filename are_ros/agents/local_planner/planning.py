@@ -35,14 +35,14 @@ from are_ros.agents.local_planner.state import (
     PLANS,
     SPEED,
     STAMP,
-    UNHINDERED,
-    Buckets,
-    Desk,
-    Fleet,
+    UNOBSTRUCTED,
+    AgentArrays,
+    ClearanceLayer,
     Floats,
-    Floor,
+    PlannerTiming,
     RobotPath,
-    Tempo,
+    SpatialHash,
+    Workspace,
     X,
     Y,
 )
@@ -66,17 +66,23 @@ _LATER = 0.05
 
 @borrowing
 def _assess_robot(
-    path: Floats, last: int, body: Any, order: Any, robot: RobotPath, pace: float, desk: Desk
+    path: Floats,
+    last: int,
+    body: Any,
+    command: Any,
+    robot: RobotPath,
+    pace: float,
+    workspace: Workspace,
 ) -> tuple[float, bool]:
     """Return what a path costs for its nearness to the robot; whether it runs into it."""
-    comfort = order.robot_comfort
+    comfort = command.robot_comfort
     if robot.outlines.shape[0] == 0:
         return 0.0, False
     far = np.hypot(path[0, X] - robot.x, path[0, Y] - robot.y)
     if far > robot.reach + last * pace + body.radius + comfort:
         return 0.0, False
     least, predicted, present = robot_conflict(
-        path, np.int64(0), last, body, robot, comfort, pace + robot.pace, desk.box
+        path, np.int64(0), last, body, robot, comfort, pace + robot.pace, workspace.box
     )
     if present != NEVER:
         return INFEASIBLE, True
@@ -88,38 +94,44 @@ def _assess_robot(
 
 @borrowing
 def look_round(
-    fleet: Fleet, i: int, pose: Floats, reach: float, now: int, desk: Desk, found: int
+    agents: AgentArrays,
+    i: int,
+    pose: Floats,
+    reach: float,
+    now: int,
+    workspace: Workspace,
+    found: int,
 ) -> int:
-    """Strike those out of the first of `desk.near` whom nothing within `reach` of a pose can meet.
+    """Keep those of the first of `workspace.near` that something within `reach` of a pose can meet.
 
     Writes the gap wanted from each of the others: its comfort, or what there is if that is less.
     Returns how many they are.
     """
-    count, body, comfort = 0, fleet.body[i], fleet.order[i].comfort
+    count, body, comfort = 0, agents.body[i], agents.command[i].comfort
     for n in range(found):
-        j = desk.near[n]
-        place = fleet.place[j]
+        j = workspace.near[n]
+        place = agents.place[j]
         dx, dy, far = place.x - pose[X], place.y - pose[Y], place.reach + reach
         if dx * dx + dy * dy < far * far:
-            other = fleet.path[j, min(now - place.begin, place.last)]
-            desk.near[count], desk.wanted[count] = j, comfort
-            if distance(pose, other) < comfort + body.radius + fleet.body[j].radius:
-                gap = max(separation(pose, body, other, fleet.body[j]), 0.0)
-                desk.wanted[count] = min(gap, comfort)
+            other = agents.path[j, min(now - place.begin, place.last)]
+            workspace.near[count], workspace.wanted[count] = j, comfort
+            if distance(pose, other) < comfort + body.radius + agents.body[j].radius:
+                gap = max(separation(pose, body, other, agents.body[j]), 0.0)
+                workspace.wanted[count] = min(gap, comfort)
             count += 1
     return count
 
 
 @borrowing
 def _assess_others(
-    fleet: Fleet,
+    agents: AgentArrays,
     i: int,
     path: Floats,
     last: int,
     pace: float,
     circle: tuple[float, float, float],
     now: int,
-    desk: Desk,
+    workspace: Workspace,
     count: int,
     met: int,
     most: float,
@@ -132,12 +144,16 @@ def _assess_others(
     a meeting counts, which is seen much sooner.
     """
     until, culprit, cost = NEVER, NOBODY, 0.0
-    body, comfort, home = fleet.body[i], fleet.order[i].comfort, fleet.path[i, fleet.place[i].last]
+    body, comfort, home = (
+        agents.body[i],
+        agents.command[i].comfort,
+        agents.path[i, agents.place[i].last],
+    )
     x, y, reach = circle[0], circle[1], circle[2] + body.radius
     reach += comfort if has_comfort else 0.0
     for n in range(count):
-        j = desk.near[n]
-        place, wanted = fleet.place[j], desk.wanted[n] if has_comfort else 0.0
+        j = workspace.near[n]
+        place, wanted = agents.place[j], workspace.wanted[n] if has_comfort else 0.0
         dx, dy, far = place.x - x, place.y - y, place.reach + reach
         if dx * dx + dy * dy >= far * far:
             continue
@@ -145,10 +161,10 @@ def _assess_others(
             path,
             last,
             body,
-            fleet.path[j],
+            agents.path[j],
             min(now - place.begin, place.last),
             place.last,
-            fleet.body[j],
+            agents.body[j],
             wanted,
             pace + place.pace,
             until,
@@ -156,8 +172,8 @@ def _assess_others(
         )
         if k != NEVER:
             until, culprit = k - 1, j
-            desk.near[0], desk.near[n] = j, desk.near[0]
-            desk.wanted[0], desk.wanted[n] = desk.wanted[n], desk.wanted[0]
+            workspace.near[0], workspace.near[n] = j, workspace.near[0]
+            workspace.wanted[0], workspace.wanted[n] = workspace.wanted[n], workspace.wanted[0]
             if met != NEVER or k == 1:
                 break
         elif gap < wanted:
@@ -169,15 +185,15 @@ def _assess_others(
 
 @borrowing
 def assess(
-    fleet: Fleet,
+    agents: AgentArrays,
     i: int,
     path: Floats,
     last: int,
     now: int,
-    tempo: Tempo,
-    floor: Floor,
+    timing: PlannerTiming,
+    floor: ClearanceLayer,
     robot: RobotPath,
-    desk: Desk,
+    workspace: Workspace,
     count: int,
     wall_gap: float,
     met: int,
@@ -188,22 +204,33 @@ def assess(
     What costs `most` or more is INFEASIBLE. `met`: see `_assess_others`; the others are looked at
     before the walls if one was in the way before.
     """
-    body, order = fleet.body[i], fleet.order[i]
+    body, command = agents.body[i], agents.command[i]
     if met != NEVER:  # the one that another path met, at the same sub-step
-        j, place = desk.near[0], fleet.place[desk.near[0]]
-        other = fleet.path[j, min(now - place.begin + met, place.last)]
-        if separation(path[min(met, last)], body, other, fleet.body[j]) < -TOUCH:
+        j, place = workspace.near[0], agents.place[workspace.near[0]]
+        other = agents.path[j, min(now - place.begin + met, place.last)]
+        if separation(path[min(met, last)], body, other, agents.body[j]) < -TOUCH:
             return INFEASIBLE, BY_ARTEFACT, j, met
-    pace = pace_of(path, last, body, tempo.step_s)
+    pace = pace_of(path, last, body, timing.step_s)
     circle = circle_of(path, last)
-    home = fleet.path[i, fleet.place[i].last]
+    home = agents.path[i, agents.place[i].last]
     cost = 0.0
     for turn in range(3):  # a loop, for two calls of one kernel take twice as long to compile
         if turn == 0 and met == NEVER:
             continue
         if turn != 1:
             nearness, culprit, k = _assess_others(
-                fleet, i, path, last, pace, circle, now, desk, count, met, most - cost, turn == 2
+                agents,
+                i,
+                path,
+                last,
+                pace,
+                circle,
+                now,
+                workspace,
+                count,
+                met,
+                most - cost,
+                turn == 2,
             )
             cost += nearness
             if culprit != NOBODY:
@@ -213,15 +240,15 @@ def assess(
         ):
             must_keep = cost + _NEAR_WALL >= most
             kept, k = wall_conflict(
-                path, last, body, wall_gap, pace, floor, desk.box, home, must_keep
+                path, last, body, wall_gap, pace, floor, workspace.box, home, must_keep
             )
             if k != NEVER:
                 return INFEASIBLE, BY_WALL, NOBODY, k
             cost += 0.0 if kept else _NEAR_WALL
         if cost >= most:
-            return INFEASIBLE, UNHINDERED, NOBODY, NEVER
-    nearness, meets = _assess_robot(path, last, body, order, robot, pace, desk)
-    return cost + nearness, BY_ROBOT if meets else UNHINDERED, NOBODY, NEVER
+            return INFEASIBLE, UNOBSTRUCTED, NOBODY, NEVER
+    nearness, meets = _assess_robot(path, last, body, command, robot, pace, workspace)
+    return cost + nearness, BY_ROBOT if meets else UNOBSTRUCTED, NOBODY, NEVER
 
 
 REPLAN = 10
@@ -238,34 +265,36 @@ def copy_pose(source: Floats, target: Floats) -> None:
 
 
 @borrowing
-def reach_of(body: Any, tempo: Tempo) -> float:
+def reach_of(body: Any, timing: PlannerTiming) -> float:
     """Return how far from where it is any point of a body can get on its next path."""
-    steps = tempo.drive if body.turn_radius > 0.0 else tempo.walk
-    way = body.speed * (steps * tempo.step_s + 0.5 * body.speed / body.acceleration)
+    steps = timing.drive if body.turn_radius > 0.0 else timing.walk
+    way = body.speed * (steps * timing.step_s + 0.5 * body.speed / body.acceleration)
     return float(way + body.radius)
 
 
 @borrowing
-def commit(fleet: Fleet, i: int, path: Floats, last: int, now: int, tempo: Tempo) -> None:
+def commit(
+    agents: AgentArrays, i: int, path: Floats, last: int, now: int, timing: PlannerTiming
+) -> None:
     """Make a path, whose pose 0 is that of `now`, the one that artefact i will follow."""
-    place = fleet.place[i]
+    place = agents.place[i]
     for k in range(last + 1):  # slices would take ten seconds more to compile
-        copy_pose(path[k], fleet.path[i, k])
+        copy_pose(path[k], agents.path[i, k])
     place.begin, place.last, place.must_plan = now, last, 0
-    place.pace = pace_of(path, last, fleet.body[i], tempo.step_s)
+    place.pace = pace_of(path, last, agents.body[i], timing.step_s)
     place.x, place.y, radius = circle_of(path, last)
-    place.reach = radius + fleet.body[i].radius
+    place.reach = radius + agents.body[i].radius
 
 
 @borrowing
 def _search(
-    fleet: Fleet,
+    agents: AgentArrays,
     i: int,
     now: int,
-    tempo: Tempo,
-    floor: Floor,
+    timing: PlannerTiming,
+    floor: ClearanceLayer,
     robot: RobotPath,
-    desk: Desk,
+    workspace: Workspace,
     options: int,
     near: int,
     wall_gap: float,
@@ -276,24 +305,24 @@ def _search(
     its last index, what was in the way of the first, and the row of the first that was in the way.
     """
     best, chosen, side, last = INFEASIBLE, -1, 0, 0
-    hindrance, culprit, is_first, met = UNHINDERED, NOBODY, True, NEVER
+    obstruction, culprit, is_first, met = UNOBSTRUCTED, NOBODY, True, NEVER
     while True:
-        n = cheapest(desk.options, options)
-        if n < 0 or desk.options[n, 3] >= best - _WORTH_IT:
+        n = cheapest(workspace.options, options)
+        if n < 0 or workspace.options[n, 3] >= best - _WORTH_IT:
             break
-        cost = desk.options[n, 3]
-        path = desk.paths[1 - side]
-        end = roll_out(path, desk.options[n], desk.goal, fleet.body[i], tempo)
+        cost = workspace.options[n, 3]
+        path = workspace.paths[1 - side]
+        end = roll_out(path, workspace.options[n], workspace.goal, agents.body[i], timing)
         extra, kind, who, k = assess(
-            fleet,
+            agents,
             i,
             path,
             end,
             now,
-            tempo,
+            timing,
             floor,
             robot,
-            desk,
+            workspace,
             near,
             wall_gap,
             met,
@@ -301,40 +330,40 @@ def _search(
         )
         cost += extra
         if is_first:
-            hindrance = kind
+            obstruction = kind
         if who != NOBODY:
             met = k
             culprit = who if culprit == NOBODY else culprit
         is_first = False
         if cost < best:
             best, chosen, side, last = cost, n, 1 - side, end
-        desk.options[n, 3] = np.inf
+        workspace.options[n, 3] = np.inf
         if k != NEVER:
-            rule_out_twin(desk.options, options, n, k, end, tempo.walk)
-    return chosen, side, last, hindrance, culprit
+            rule_out_twin(workspace.options, options, n, k, end, timing.walk)
+    return chosen, side, last, obstruction, culprit
 
 
 @borrowing
 def plan(
-    fleet: Fleet,
+    agents: AgentArrays,
     i: int,
     now: int,
     epoch: int,
-    tempo: Tempo,
-    floor: Floor,
+    timing: PlannerTiming,
+    floor: ClearanceLayer,
     robot: RobotPath,
-    buckets: Buckets,
-    desk: Desk,
+    buckets: SpatialHash,
+    workspace: Workspace,
 ) -> None:
     """Plan artefact i from where it is at sub-step `now`."""
-    place, mind, order, body = fleet.place[i], fleet.mind[i], fleet.order[i], fleet.body[i]
-    fleet.due[i] = now + REPLAN
+    place, mind, command, body = agents.place[i], agents.mind[i], agents.command[i], agents.body[i]
+    agents.due[i] = now + REPLAN
     start = min(now - place.begin, place.last)
-    pose = desk.paths[0, 0]
-    copy_pose(fleet.path[i, start], pose)
-    copy_pose(pose, desk.paths[1, 0])
-    consider_detour(mind, place.id, now, tempo.second)
-    aim = aim_of(fleet, i, pose, now, tempo.second)
+    pose = workspace.paths[0, 0]
+    copy_pose(agents.path[i, start], pose)
+    copy_pose(pose, workspace.paths[1, 0])
+    consider_detour(mind, place.id, now, timing.second)
+    aim = aim_of(agents, i, pose, now, timing.second)
     is_at_rest = aim.speed <= 0.0 and np.isnan(aim.heading) and pose[SPEED] == 0.0
     if is_at_rest and start == place.last:
         place.must_plan = 0
@@ -343,39 +372,48 @@ def plan(
     backs_off = body.turn_radius == 0.0 and pose[SPEED] <= 0.0
     backs_off = backs_off and (mind.blocked > _BACKS_OFF_AFTER or mind.gear < 0)
     backs_off = backs_off and not turns_freely(pose, body, floor)
-    options = fill_options(desk.options, aim, pose, body, order, mind, tempo, backs_off)
-    desk.counters[STAMP] += 1
-    reach = reach_of(body, tempo)
+    options = fill_options(workspace.options, aim, pose, body, command, mind, timing, backs_off)
+    workspace.counters[STAMP] += 1
+    reach = reach_of(body, timing)
     near = gather(
-        buckets, (pose[X], pose[Y], reach), i, fleet, desk.seen, desk.counters[STAMP], desk.near
+        buckets,
+        (pose[X], pose[Y], reach),
+        i,
+        agents,
+        workspace.seen,
+        workspace.counters[STAMP],
+        workspace.near,
     )
-    near = look_round(fleet, i, pose, reach, now, desk, near)
-    wall_gap = wall_gap_wanted(pose, body, order.wall_comfort, floor, desk.box)
-    desk.goal[0], desk.goal[1] = order.x, order.y
-    chosen, side, last, hindrance, culprit = _search(
-        fleet, i, now, tempo, floor, robot, desk, options, near, wall_gap
+    near = look_round(agents, i, pose, reach, now, workspace, near)
+    wall_gap = wall_gap_wanted(pose, body, command.wall_comfort, floor, workspace.box)
+    workspace.goal[0], workspace.goal[1] = command.x, command.y
+    chosen, side, last, obstruction, culprit = _search(
+        agents, i, now, timing, floor, robot, workspace, options, near, wall_gap
     )
-    stays = chosen < 0 or desk.options[chosen, 0] == BRAKE
-    if hindrance == BY_WALL and culprit != NOBODY and stays:
-        hindrance = BY_ARTEFACT  # the walls would have left it a way
-    who = fleet.place[culprit].id if culprit != NOBODY else NOBODY
+    stays = chosen < 0 or workspace.options[chosen, 0] == BRAKE
+    if obstruction == BY_WALL and culprit != NOBODY and stays:
+        obstruction = BY_ARTEFACT  # the walls would have left it a way
+    who = agents.place[culprit].id if culprit != NOBODY else NOBODY
     if aim.kind == GOING:
-        mind.hindrance, mind.hindered_by = hindrance, who if hindrance == BY_ARTEFACT else NOBODY
-        mind.can_yield = (
-            hindrance == BY_ARTEFACT and culprit != NOBODY and can_yield(fleet, culprit)
+        mind.obstruction, mind.obstructed_by = (
+            obstruction,
+            who if obstruction == BY_ARTEFACT else NOBODY,
         )
-    if culprit != NOBODY and (aim.kind == PUSHED or hindrance == BY_ARTEFACT):
-        push(fleet, i, culprit, aim, pose, now, epoch, tempo.second)
+        mind.can_yield = (
+            obstruction == BY_ARTEFACT and culprit != NOBODY and can_yield(agents, culprit)
+        )
+    if culprit != NOBODY and (aim.kind == PUSHED or obstruction == BY_ARTEFACT):
+        push(agents, i, culprit, aim, pose, now, epoch, timing.second)
     if chosen < 0:
-        desk.counters[KEPT] += 1
-        desk.counters[EMERGENCIES] += place.must_plan
+        workspace.counters[KEPT] += 1
+        workspace.counters[EMERGENCIES] += place.must_plan
         place.must_plan = 0
         return
-    option = desk.options[chosen]
+    option = workspace.options[chosen]
     if option[0] != BRAKE:
         mind.chosen = direction_of(option, pose)
         mind.gear = 1 if option[2] > 0.0 else -1
     elif aim.kind != GOING and aim.speed <= 0.0:
         mind.chosen = np.nan
-    commit(fleet, i, desk.paths[side], last, now, tempo)
-    desk.counters[PLANS] += 1
+    commit(agents, i, workspace.paths[side], last, now, timing)
+    workspace.counters[PLANS] += 1

@@ -20,10 +20,10 @@ from are_ros.agents.local_planner.rollouts import (
     POINT,
     PUSHED,
     RETREAT,
-    Aim,
+    PlanningGoal,
     wrapped,
 )
-from are_ros.agents.local_planner.state import COS, SIN, SPEED, YAW, Floats, Tempo, X, Y
+from are_ros.agents.local_planner.state import COS, SIN, SPEED, YAW, Floats, PlannerTiming, X, Y
 
 # The options of what cannot turn on the spot: arcs forward and in reverse.
 #
@@ -87,7 +87,13 @@ def _travelled(speed: float, wanted: float, acceleration: float, duration: float
 
 @borrowing
 def _arc_cost(
-    bend: float, way: float, aim: Aim, pose: Floats, order: Any, radius: float, full: float
+    bend: float,
+    way: float,
+    aim: PlanningGoal,
+    pose: Floats,
+    command: Any,
+    radius: float,
+    full: float,
 ) -> float:
     """Return what an arc of signed length `way` costs: 0 for a gain of `full` metres."""
     turn = bend * way / radius
@@ -101,9 +107,9 @@ def _arc_cost(
         return float(1.0 - (1.5 * min(aside, abs(aim.aside)) + 0.6 * ahead) / full)
     if aim.kind != GOING:
         return float(1.0 - (dx * np.cos(aim.heading) + dy * np.sin(aim.heading)) / full)
-    now = way_left(pose[X], pose[Y], pose[YAW], order.x, order.y, radius)
+    now = way_left(pose[X], pose[Y], pose[YAW], command.x, command.y, radius)
     yaw = pose[YAW] + turn
-    then = way_left(pose[X] + dx, pose[Y] + dy, yaw, order.x, order.y, radius)
+    then = way_left(pose[X] + dx, pose[Y] + dy, yaw, command.x, command.y, radius)
     return float(1.0 + (then - now) / full)
 
 
@@ -112,10 +118,10 @@ def _add_arcs(
     options: Floats,
     count: int,
     factors: Floats,
-    aim: Aim,
+    aim: PlanningGoal,
     pose: Floats,
     body: Any,
-    order: Any,
+    command: Any,
     mind: Any,
     duration: float,
 ) -> int:
@@ -127,7 +133,7 @@ def _add_arcs(
             top = aim.speed if factor > 0.0 else REVERSE_SHARE * aim.speed
             speed = factor * top
             way = _travelled(pose[SPEED], speed, body.acceleration, duration)
-            cost = _arc_cost(bend, way, aim, pose, order, radius, full) + _BEND * abs(bend)
+            cost = _arc_cost(bend, way, aim, pose, command, radius, full) + _BEND * abs(bend)
             cost += (
                 _BEND_CHANGE * abs(bend - mind.chosen * radius)
                 if mind.chosen == mind.chosen
@@ -153,15 +159,15 @@ def _arc_length(ahead: float, aside: float) -> float:
 def _add_arcs_to_goal(
     options: Floats,
     count: int,
-    aim: Aim,
+    aim: PlanningGoal,
     pose: Floats,
     body: Any,
-    order: Any,
+    command: Any,
     mind: Any,
     duration: float,
 ) -> int:
     """Add the one arc that ends in the goal, where it is not too tight."""
-    dx, dy = order.x - pose[X], order.y - pose[Y]
+    dx, dy = command.x - pose[X], command.y - pose[Y]
     ahead, aside = dx * pose[COS] + dy * pose[SIN], dy * pose[COS] - dx * pose[SIN]
     curvature = 2.0 * aside / max(dx * dx + dy * dy, 1e-6)
     if abs(curvature) * TIGHTEST * body.turn_radius > 1.0 or abs(ahead) < 0.02:
@@ -169,7 +175,7 @@ def _add_arcs_to_goal(
     direction = 1.0 if ahead > 0.0 else -1.0
     price = 1.0 if ahead > 0.0 else _REVERSE_PRICE
     radius, full = TIGHTEST * body.turn_radius, aim.speed * duration
-    saved = way_left(pose[X], pose[Y], pose[YAW], order.x, order.y, radius)
+    saved = way_left(pose[X], pose[Y], pose[YAW], command.x, command.y, radius)
     saved -= price * _arc_length(abs(ahead), abs(aside))
     for factor in _FORWARD:
         speed = direction * factor * aim.speed * (1.0 if ahead > 0.0 else REVERSE_SHARE)
@@ -184,14 +190,20 @@ def _add_arcs_to_goal(
 
 @borrowing
 def vehicle_options(
-    options: Floats, aim: Aim, pose: Floats, body: Any, order: Any, mind: Any, tempo: Tempo
+    options: Floats,
+    aim: PlanningGoal,
+    pose: Floats,
+    body: Any,
+    command: Any,
+    mind: Any,
+    timing: PlannerTiming,
 ) -> int:
     """Write the options of a vehicle at a pose; return how many there are."""
-    duration = tempo.drive * tempo.step_s
-    count = _add_arcs(options, np.int64(0), _FORWARD, aim, pose, body, order, mind, duration)
-    count = _add_arcs(options, count, _BACKWARD, aim, pose, body, order, mind, duration)
+    duration = timing.drive * timing.step_s
+    count = _add_arcs(options, np.int64(0), _FORWARD, aim, pose, body, command, mind, duration)
+    count = _add_arcs(options, count, _BACKWARD, aim, pose, body, command, mind, duration)
     if aim.ends:
-        count = _add_arcs_to_goal(options, count, aim, pose, body, order, mind, duration)
+        count = _add_arcs_to_goal(options, count, aim, pose, body, command, mind, duration)
     options[count, 0], options[count, 1], options[count, 2] = BRAKE, 0.0, 0.0
     options[count, 3] = aim.stop_cost
     if not np.isnan(mind.chosen):
@@ -230,12 +242,12 @@ def set_option(
 @borrowing
 def fill_options(
     options: Floats,
-    aim: Aim,
+    aim: PlanningGoal,
     pose: Floats,
     body: Any,
-    order: Any,
+    command: Any,
     mind: Any,
-    tempo: Tempo,
+    timing: PlannerTiming,
     backs_off: bool,
 ) -> int:
     """Write the options of an artefact at a pose; return how many there are.
@@ -246,13 +258,13 @@ def fill_options(
         count = set_option(options, 0, BRAKE, aim.heading, 0.0, 0.0, np.nan)
         return set_option(options, count, BRAKE, np.nan, 0.0, _PLAIN_STOP, np.nan)
     if body.turn_radius > 0.0:
-        return vehicle_options(options, aim, pose, body, order, mind, tempo)
+        return vehicle_options(options, aim, pose, body, command, mind, timing)
     count = _walker_options(options, aim, mind)
     return _add_retreat(options, count, aim, pose) if backs_off else count
 
 
 @borrowing
-def _gain(aim: Aim, delta: float, cosine: float, speed: float) -> float:
+def _gain(aim: PlanningGoal, delta: float, cosine: float, speed: float) -> float:
     """Return what a second at a speed gains, 1 for full speed straight on."""
     if aim.kind != PUSHED:
         return speed / aim.speed * cosine
@@ -261,7 +273,7 @@ def _gain(aim: Aim, delta: float, cosine: float, speed: float) -> float:
 
 
 @borrowing
-def _walker_options(options: Floats, aim: Aim, mind: Any) -> int:
+def _walker_options(options: Floats, aim: PlanningGoal, mind: Any) -> int:
     ends = aim.ends
     is_near = aim.kind == GOING and not ends and aim.distance < _STOPS_WITHIN
     count = 0
@@ -300,7 +312,7 @@ def _walker_options(options: Floats, aim: Aim, mind: Any) -> int:
 
 
 @borrowing
-def _add_retreat(options: Floats, count: int, aim: Aim, pose: Floats) -> int:
+def _add_retreat(options: Floats, count: int, aim: PlanningGoal, pose: Floats) -> int:
     """Add steps straight back, as somebody makes who has met another in a gap."""
     heading = math.atan2(-pose[SIN], -pose[COS])
     delta, speed = wrapped(heading - aim.heading), min(aim.speed, _BACK_MPS)

@@ -15,9 +15,9 @@ from are_ros.agents.local_planner.state import (
     SIN,
     SPEED,
     YAW,
-    Fleet,
+    AgentArrays,
     Floats,
-    Tempo,
+    PlannerTiming,
     X,
     Y,
 )
@@ -224,7 +224,7 @@ def _retreat(path: Floats, option: Floats, body: Any, steps: int, dt: float) -> 
 
 
 @borrowing
-def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, tempo: Tempo) -> int:
+def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, timing: PlannerTiming) -> int:
     """Fill a path, whose pose 0 is given, by an option (see `_options`).
 
     Returns the index of the last pose, where the body stands.
@@ -232,17 +232,17 @@ def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, tempo: Tempo
     kind = option[0]
     if kind == BRAKE and body.turn_radius > 0.0:
         curvature = 0.0 if np.isnan(option[1]) else option[1]  # straight if none was chosen
-        return brake(path, np.int64(0), curvature, body, tempo.step_s)
+        return brake(path, np.int64(0), curvature, body, timing.step_s)
     if kind == BRAKE:
-        k = _stop(path, option, body, tempo.walk, tempo.step_s)
+        k = _stop(path, option, body, timing.walk, timing.step_s)
     elif kind == RETREAT:
-        k = _retreat(path, option, body, tempo.walk, tempo.step_s)
+        k = _retreat(path, option, body, timing.walk, timing.step_s)
     elif kind <= POINT:
-        k = _walk(path, option, goal, body, tempo.walk, tempo.step_s)
+        k = _walk(path, option, goal, body, timing.walk, timing.step_s)
     else:
-        k = _drive(path, option, goal, body, tempo.drive, tempo.step_s)
-        return brake(path, k, option[1] if kind == CURVE else 0.0, body, tempo.step_s)
-    return brake(path, k, 0.0, body, tempo.step_s)
+        k = _drive(path, option, goal, body, timing.drive, timing.step_s)
+        return brake(path, k, option[1] if kind == CURVE else 0.0, body, timing.step_s)
+    return brake(path, k, 0.0, body, timing.step_s)
 
 
 @borrowing
@@ -281,7 +281,7 @@ _IMPATIENCE = 0.25
 _MOST_IMPATIENT = 1.5
 
 
-class Aim(NamedTuple):
+class PlanningGoal(NamedTuple):
     """What it is after: a kind, a heading in the map, how far that goes, how fast.
 
     `stop_cost` is what standing costs; going straight costs 0. Who is pushed wants to get `aside`
@@ -299,79 +299,79 @@ class Aim(NamedTuple):
 
 
 @borrowing
-def way_to(pose: Floats, order: Any) -> float:
+def way_to(pose: Floats, command: Any) -> float:
     """Return the distance of a pose from the sub-goal."""
-    dx, dy = order.x - pose[X], order.y - pose[Y]
+    dx, dy = command.x - pose[X], command.y - pose[Y]
     return float(np.sqrt(dx * dx + dy * dy))
 
 
 @borrowing
-def has_arrived(pose: Floats, order: Any, body: Any) -> bool:
+def has_arrived(pose: Floats, command: Any, body: Any) -> bool:
     """Tell whether one that stands at a pose is where its way ends."""
-    if way_to(pose, order) <= _ARRIVED:
+    if way_to(pose, command) <= _ARRIVED:
         return True
-    dx, dy = order.x - pose[X], order.y - pose[Y]
+    dx, dy = command.x - pose[X], command.y - pose[Y]
     ahead = dx * pose[COS] + dy * pose[SIN]
     aside = dy * pose[COS] - dx * pose[SIN]
     return bool(body.turn_radius > 0.0 and abs(ahead) <= _ARRIVED and abs(aside) <= _ABEAM)
 
 
 @borrowing
-def _passes(pose: Floats, order: Any, body: Any) -> bool:
+def _passes(pose: Floats, command: Any, body: Any) -> bool:
     """Tell whether a sub-goal on the way is as good as passed; nobody passes one standing."""
     if pose[SPEED] == 0.0 and body.turn_radius == 0.0:
         return False
-    way = way_to(pose, order)
+    way = way_to(pose, command)
     if way >= 2.0 * _PASSED + 0.3 * body.turn_radius:
         return False
-    ahead = (order.x - pose[X]) * pose[COS] + (order.y - pose[Y]) * pose[SIN]
+    ahead = (command.x - pose[X]) * pose[COS] + (command.y - pose[Y]) * pose[SIN]
     return bool(way < _PASSED or ahead < 0.0)
 
 
 @borrowing
-def kind_of(fleet: Fleet, i: int, pose: Floats, now: int, second: int) -> int:
+def kind_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) -> int:
     """Return what kind of aim artefact i has at sub-step `now`, standing or moving at `pose`.
 
     One that has passed its sub-goal goes on for a second; then it comes back to stand there.
     """
-    order, mind, body = fleet.order[i], fleet.mind[i], fleet.body[i]
+    command, mind, body = agents.command[i], agents.mind[i], agents.body[i]
     if now < mind.pushed_until and _missing_room(pose, mind) != 0.0:
         return PUSHED
-    if order.has_goal == 0 or min(order.speed, body.speed) <= 0.0:
+    if command.has_goal == 0 or min(command.speed, body.speed) <= 0.0:
         return STANDING
-    if order.stops == 0 and now - second < mind.passed_at:
-        if mind.passed_at == NEVER and _passes(pose, order, body):
+    if command.stops == 0 and now - second < mind.passed_at:
+        if mind.passed_at == NEVER and _passes(pose, command, body):
             mind.passed_at = now
         if mind.passed_at != NEVER:
             return COASTING
-    elif abs(pose[SPEED]) < _STANDS and has_arrived(pose, order, body):
-        if np.isnan(order.face) or body.turn_radius > 0.0:  # no heading wanted, or no turn there
+    elif abs(pose[SPEED]) < _STANDS and has_arrived(pose, command, body):
+        if np.isnan(command.face) or body.turn_radius > 0.0:  # no heading wanted, or no turn there
             return STANDING
-        return FACING if abs(wrapped(order.face - pose[YAW])) >= _FACED else STANDING
+        return FACING if abs(wrapped(command.face - pose[YAW])) >= _FACED else STANDING
     return DETOURING if now < mind.detour_until else GOING
 
 
 @borrowing
-def aim_of(fleet: Fleet, i: int, pose: Floats, now: int, second: int) -> Aim:
+def aim_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) -> PlanningGoal:
     """Return what artefact i is after at sub-step `now`; see `kind_of`."""
-    order, mind, body = fleet.order[i], fleet.mind[i], fleet.body[i]
-    speed = min(order.speed, body.speed)
-    kind = kind_of(fleet, i, pose, now, second)
+    command, mind, body = agents.command[i], agents.mind[i], agents.body[i]
+    speed = min(command.speed, body.speed)
+    kind = kind_of(agents, i, pose, now, second)
     if kind == PUSHED:
         line, aside = math.atan2(mind.push_sin, mind.push_cos), _missing_room(pose, mind)
-        return Aim(PUSHED, line, np.inf, max(speed, 0.5 * body.speed), 1.2, aside, False)
+        return PlanningGoal(PUSHED, line, np.inf, max(speed, 0.5 * body.speed), 1.2, aside, False)
     if kind == STANDING:
-        return Aim(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0, False)
+        return PlanningGoal(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0, False)
     if kind == FACING:
-        return Aim(FACING, order.face, 0.0, 0.0, 0.0, 0.0, False)
+        return PlanningGoal(FACING, command.face, 0.0, 0.0, 0.0, 0.0, False)
     stop_cost = 1.0 + min(_IMPATIENCE * mind.blocked, _MOST_IMPATIENT)
     if kind == COASTING:
-        return Aim(COASTING, pose[YAW], np.inf, speed, stop_cost, 0.0, False)
-    heading = math.atan2(order.y - pose[Y], order.x - pose[X])
+        return PlanningGoal(COASTING, pose[YAW], np.inf, speed, stop_cost, 0.0, False)
+    heading = math.atan2(command.y - pose[Y], command.x - pose[X])
     if kind == DETOURING:
-        return Aim(DETOURING, heading + mind.detour, np.inf, speed, stop_cost, 0.0, False)
-    ends = order.stops == 1 or mind.passed_at != NEVER
-    return Aim(GOING, heading, way_to(pose, order), speed, stop_cost, 0.0, ends)
+        return PlanningGoal(DETOURING, heading + mind.detour, np.inf, speed, stop_cost, 0.0, False)
+    ends = command.stops == 1 or mind.passed_at != NEVER
+    return PlanningGoal(GOING, heading, way_to(pose, command), speed, stop_cost, 0.0, ends)
 
 
 @borrowing

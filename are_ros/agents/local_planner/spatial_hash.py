@@ -3,7 +3,7 @@
 import numpy as np
 
 from are_ros._compiled import borrowing, owning
-from are_ros.agents.local_planner.state import Buckets, Fleet, Floats, Integers
+from are_ros.agents.local_planner.state import AgentArrays, Floats, Integers, SpatialHash
 
 _CELL = 3.0
 
@@ -20,7 +20,7 @@ def _span(x: float, y: float, half: float) -> tuple[int, int, int, int]:
 
 
 @owning
-def fill(squares: Floats) -> Buckets:
+def fill(squares: Floats) -> SpatialHash:
     """Return the grid of the squares (N, 3) of all rows; a bucket keeps their order."""
     total = 0
     spans = np.empty((squares.shape[0], 4), np.int64)
@@ -49,15 +49,15 @@ def fill(squares: Floats) -> Buckets:
                 bucket = (row & mask) << bits | (col & mask)
                 entries[ends[bucket]] = n
                 ends[bucket] += 1
-    return Buckets(starts, entries, bits)
+    return SpatialHash(starts, entries, bits)
 
 
 @borrowing
 def gather(
-    buckets: Buckets,
+    buckets: SpatialHash,
     square: tuple[float, float, float],
     me: int,
-    fleet: Fleet,
+    agents: AgentArrays,
     seen: Integers,
     stamp: int,
     near: Integers,
@@ -78,7 +78,7 @@ def gather(
                 if seen[other] == stamp:
                     continue
                 seen[other] = stamp
-                place = fleet.place[other]
+                place = agents.place[other]
                 reach = place.reach + square[2]
                 if abs(place.x - square[0]) < reach and abs(place.y - square[1]) < reach:
                     near[count] = other

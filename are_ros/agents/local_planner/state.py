@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.local_planner.body import STAND, Body, Order
+from are_ros.agents.local_planner.body import STAND, Body, MotionCommand
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -19,7 +19,7 @@ X, Y, YAW, COS, SIN, SPEED = range(6)
 """Columns of a path: the pose of F_A's ground point, and the speed along its heading."""
 
 NOBODY: Final = -1
-UNHINDERED, BY_WALL, BY_ARTEFACT, BY_ROBOT = range(4)
+UNOBSTRUCTED, BY_WALL, BY_ARTEFACT, BY_ROBOT = range(4)
 NEVER: Final = 1 << 60
 STAYS: Final = -(1 << 62)
 
@@ -59,7 +59,7 @@ BODY = np.dtype(
         ("terrain", "i8"),
     ]
 )
-ORDER = np.dtype(
+COMMAND = np.dtype(
     [
         ("has_goal", "i8"),
         ("x", "f8"),
@@ -90,8 +90,8 @@ MIND = np.dtype(
         ("chosen", "f8"),  # heading or curvature chosen last
         ("gear", "i8"),
         ("passed_at", "i8"),
-        ("hindrance", "i8"),
-        ("hindered_by", "i8"),
+        ("obstruction", "i8"),
+        ("obstructed_by", "i8"),
         ("can_yield", "i8"),  # whether that one could get out of the way
     ]
 )
@@ -105,7 +105,7 @@ LIFE = np.dtype(
 """What no kernel asks for."""
 
 
-class Fleet(NamedTuple):
+class AgentArrays(NamedTuple):
     """Records of N agents, in the order of their ids; `path` float64 (N, K, 6).
 
     `due`: the sub-steps at which they plan next, if there is anything to do.
@@ -113,13 +113,13 @@ class Fleet(NamedTuple):
 
     place: Records
     body: Records
-    order: Records
+    command: Records
     mind: Records
     due: Integers
     path: Floats
 
 
-class Tempo(NamedTuple):
+class PlannerTiming(NamedTuple):
     """The sub-step [s], and in sub-steps: manoeuvres on foot and of vehicles, pushes."""
 
     step_s: float
@@ -128,7 +128,7 @@ class Tempo(NamedTuple):
     second: int
 
 
-class Floor(NamedTuple):
+class ClearanceLayer(NamedTuple):
     """Clearance float32 (T, height, width) and solid cells, bool, of T terrains; the lattice."""
 
     clearance: npt.NDArray[np.float32]
@@ -151,7 +151,7 @@ class RobotPath(NamedTuple):
     pace: float
 
 
-class Buckets(NamedTuple):
+class SpatialHash(NamedTuple):
     """A hash grid: where the rows of each bucket start, and the rows in the order of ids."""
 
     starts: Integers
@@ -159,7 +159,7 @@ class Buckets(NamedTuple):
     bits: int
 
 
-class Desk(NamedTuple):
+class Workspace(NamedTuple):
     """Scratch: two paths (2, K, 6), neighbours and the gaps wanted from them, options (M, 5), ...
 
     Besides: marks of who was seen, counters, a packed box, a point.
@@ -179,30 +179,32 @@ PLANS, KEPT, EMERGENCIES, STAMP = range(4)
 """Counters: accepted, old trajectory kept, broken ones with no way out, marks given so far."""
 
 
-def tempo_of(step_s: float) -> Tempo:
+def timing_of(step_s: float) -> PlannerTiming:
     """Return the times of manoeuvres for the length of a sub-step [s]."""
-    return Tempo(step_s, round(_WALK_S / step_s), round(_DRIVE_S / step_s), round(1.0 / step_s))
+    return PlannerTiming(
+        step_s, round(_WALK_S / step_s), round(_DRIVE_S / step_s), round(1.0 / step_s)
+    )
 
 
-def path_length(tempo: Tempo) -> int:
+def path_length(timing: PlannerTiming) -> int:
     """Return how many poses the longest path has: a manoeuvre, and braking to a stand."""
-    return tempo.drive + round(_BRAKE_S / tempo.step_s) + 3
+    return timing.drive + round(_BRAKE_S / timing.step_s) + 3
 
 
-def fleet_of(capacity: int, length: int) -> Fleet:
+def agent_arrays(capacity: int, length: int) -> AgentArrays:
     """Return the records of so many agents, for paths of `length` poses.
 
     Each kind is an array of its own: a column of a record is contiguous for one agent only, and
     kernels would be compiled for both.
     """
-    place, body, order, mind = (np.zeros(capacity, kind) for kind in (PLACE, BODY, ORDER, MIND))
+    place, body, command, mind = (np.zeros(capacity, kind) for kind in (PLACE, BODY, COMMAND, MIND))
     due = np.zeros(capacity, np.int64)
-    return Fleet(place, body, order, mind, due, np.zeros((capacity, length, 6)))
+    return AgentArrays(place, body, command, mind, due, np.zeros((capacity, length, 6)))
 
 
-def desk_of(capacity: int, length: int) -> Desk:
+def workspace_of(capacity: int, length: int) -> Workspace:
     """Return scratch for that many agents."""
-    return Desk(
+    return Workspace(
         np.zeros((2, length, 6)),
         np.zeros(capacity, np.int64),
         np.zeros(capacity),
@@ -231,21 +233,21 @@ def write_body(record: Any, body: Body, terrain: int) -> None:
     record["terrain"] = terrain
 
 
-def order_record(order: Order) -> tuple[float, ...]:
-    """Return an order as a record of `ORDER`; to write it whole is much the fastest."""
-    goal = order.subgoal_m
+def command_record(command: MotionCommand) -> tuple[float, ...]:
+    """Return an order as a record of `COMMAND`; to write it whole is much the fastest."""
+    goal = command.subgoal_m
     x_m, y_m = goal or (0.0, 0.0)
     return (
         int(goal is not None),
         x_m,
         y_m,
-        order.speed_mps,
-        int(order.stop_there),
-        math.nan if order.face_rad is None else order.face_rad,
-        order.comfort_m,
-        order.robot_comfort_m,
-        order.wall_comfort_m,
+        command.speed_mps,
+        int(command.stop_there),
+        math.nan if command.face_rad is None else command.face_rad,
+        command.comfort_m,
+        command.robot_comfort_m,
+        command.wall_comfort_m,
     )
 
 
-STAND_ROW: Final = order_record(STAND)
+STAND_ROW: Final = command_record(STAND)

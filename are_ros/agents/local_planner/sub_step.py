@@ -14,13 +14,13 @@ from are_ros.agents.local_planner.spatial_hash import fill
 from are_ros.agents.local_planner.state import (
     NEVER,
     YAW,
-    Desk,
-    Fleet,
+    AgentArrays,
+    ClearanceLayer,
     Floats,
-    Floor,
+    PlannerTiming,
     Records,
     RobotPath,
-    Tempo,
+    Workspace,
     X,
     Y,
 )
@@ -36,15 +36,15 @@ def _is_moving(place: Any, now: int) -> bool:
 
 
 @borrowing
-def _is_due(fleet: Fleet, i: int, now: int, robot: RobotPath, box: Floats) -> bool:
+def _is_due(agents: AgentArrays, i: int, now: int, robot: RobotPath, box: Floats) -> bool:
     """Tell whether an artefact plans in this sub-step."""
-    if now < fleet.due[i] and robot.outlines.shape[0] == 0:
+    if now < agents.due[i] and robot.outlines.shape[0] == 0:
         return False
-    place = fleet.place[i]
+    place = agents.place[i]
     if place.is_scripted:
         return False
     moves = _is_moving(place, now)
-    if now < fleet.due[i]:
+    if now < agents.due[i]:
         # only where what is left of its path leads into the robot, where it is or will be
         reach = place.reach + robot.reach
         is_far = abs(place.x - robot.x) > reach or abs(place.y - robot.y) > reach
@@ -52,15 +52,21 @@ def _is_due(fleet: Fleet, i: int, now: int, robot: RobotPath, box: Floats) -> bo
             return False
         start, pace = now - place.begin, place.pace + robot.pace
         _, predicted, present = robot_conflict(
-            fleet.path[i], start, place.last, fleet.body[i], robot, 0.0, pace, box
+            agents.path[i], start, place.last, agents.body[i], robot, 0.0, pace, box
         )
         return bool(predicted != NEVER or present != NEVER)
-    return bool(moves or fleet.order[i].has_goal == 1 or now < fleet.mind[i].pushed_until)
+    return bool(moves or agents.command[i].has_goal == 1 or now < agents.mind[i].pushed_until)
 
 
 @borrowing
 def _mark_due(
-    due: _Mask, squares: Floats, fleet: Fleet, now: int, robot: RobotPath, desk: Desk, tempo: Tempo
+    due: _Mask,
+    squares: Floats,
+    agents: AgentArrays,
+    now: int,
+    robot: RobotPath,
+    workspace: Workspace,
+    timing: PlannerTiming,
 ) -> int:
     """Write who plans in this sub-step to `due` (N,); return how many they are.
 
@@ -68,58 +74,66 @@ def _mark_due(
     """
     count = 0
     for i in range(due.shape[0]):
-        place = fleet.place[i]
+        place = agents.place[i]
         squares[i, 0], squares[i, 1], squares[i, 2] = place.x, place.y, place.reach
-        due[i] = _is_due(fleet, i, now, robot, desk.box)
+        due[i] = _is_due(agents, i, now, robot, workspace.box)
         if due[i]:
             count += 1
-            pose = fleet.path[i, min(now - place.begin, place.last)]
+            pose = agents.path[i, min(now - place.begin, place.last)]
             away = max(abs(pose[X] - place.x), abs(pose[Y] - place.y))
             squares[i, 0], squares[i, 1] = pose[X], pose[Y]
-            squares[i, 2] = max(reach_of(fleet.body[i], tempo), away + place.reach)
+            squares[i, 2] = max(reach_of(agents.body[i], timing), away + place.reach)
     return count
 
 
 @owning
 def run(
-    fleet: Fleet, now: int, index: int, tempo: Tempo, floor: Floor, robot: RobotPath, desk: Desk
+    agents: AgentArrays,
+    now: int,
+    index: int,
+    timing: PlannerTiming,
+    floor: ClearanceLayer,
+    robot: RobotPath,
+    workspace: Workspace,
 ) -> tuple[_Mask, Floats]:
     """Let those who are due plan at sub-step `now`, in the order of ids, then all go on.
 
     Returns bool (N,): whose pose has changed; and the poses (N, 6) at the next sub-step.
     """
-    size = fleet.place.shape[0]
+    size = agents.place.shape[0]
     due, squares = np.empty(size, np.bool_), np.empty((size, 3))
-    if _mark_due(due, squares, fleet, now, robot, desk, tempo) > 0:
+    if _mark_due(due, squares, agents, now, robot, workspace, timing) > 0:
         buckets = fill(squares)
-        epoch = index // (_RANKS_LAST_SECONDS * tempo.second)
+        epoch = index // (_RANKS_LAST_SECONDS * timing.second)
         for i in range(size):
             if due[i]:
-                plan(fleet, i, now, epoch, tempo, floor, robot, buckets, desk)
+                plan(agents, i, now, epoch, timing, floor, robot, buckets, workspace)
     moved, poses = np.empty(size, np.bool_), np.empty((size, 6))
-    _go_on(moved, poses, fleet, now, tempo)
+    _go_on(moved, poses, agents, now, timing)
     return moved, poses
 
 
 @borrowing
-def _go_on(moved: _Mask, poses: Floats, fleet: Fleet, now: int, tempo: Tempo) -> None:
+def _go_on(
+    moved: _Mask, poses: Floats, agents: AgentArrays, now: int, timing: PlannerTiming
+) -> None:
     """Note what progress all make to the next sub-step; write who moves (N,), and to where."""
     for i in range(moved.shape[0]):
-        place, path = fleet.place[i], fleet.path[i]
+        place, path = agents.place[i], agents.path[i]
         before = path[min(now - place.begin, place.last)]
         after = path[min(now + 1 - place.begin, place.last)]
         copy_pose(after, poses[i])
         moved[i] = before[X] != after[X] or before[Y] != after[Y] or before[YAW] != after[YAW]
-        if fleet.order[i].has_goal:
-            note_progress(fleet, i, before, after, now + 1, tempo)
+        if agents.command[i].has_goal:
+            note_progress(agents, i, before, after, now + 1, timing)
 
 
 @borrowing
-def poses_at(fleet: Fleet, now: int, poses: Floats) -> None:
+def poses_at(agents: AgentArrays, now: int, poses: Floats) -> None:
     """Write everybody's pose (N, 6) at sub-step `now`."""
     for i in range(poses.shape[0]):
-        place = fleet.place[i]
-        copy_pose(fleet.path[i, min(now - place.begin, place.last)], poses[i])
+        place = agents.place[i]
+        copy_pose(agents.path[i, min(now - place.begin, place.last)], poses[i])
 
 
 @borrowing
@@ -130,84 +144,84 @@ def _is_near(place: Any, x: float, y: float, reach: float) -> bool:
 
 
 @borrowing
-def mark_closed(fleet: Fleet, now: int, floor: Floor, box: Floats) -> None:
+def mark_closed(agents: AgentArrays, now: int, floor: ClearanceLayer, box: Floats) -> None:
     """Let those plan at once whose path a new floor has closed."""
-    for i in range(fleet.place.shape[0]):
-        place, body = fleet.place[i], fleet.body[i]
+    for i in range(agents.place.shape[0]):
+        place, body = agents.place[i], agents.body[i]
         if place.is_scripted or not _is_moving(place, now):
             continue
-        rest = fleet.path[i][now - place.begin : place.last + 1]
+        rest = agents.path[i][now - place.begin : place.last + 1]
         last = rest.shape[0] - 1
         wanted = wall_gap_wanted(rest[0], body, 0.0, floor, box)
         if (
             wall_conflict(rest, last, body, wanted, place.pace, floor, box, rest[last], False)[1]
             != NEVER
         ):
-            place.must_plan, fleet.due[i] = 1, now
+            place.must_plan, agents.due[i] = 1, now
 
 
 @borrowing
-def mark_broken(fleet: Fleet, now: int) -> None:
+def mark_broken(agents: AgentArrays, now: int) -> None:
     """Let those plan at once whose path one that `is_news` has broken; it is so no more."""
-    for j in range(fleet.place.shape[0]):
-        other = fleet.place[j]
+    for j in range(agents.place.shape[0]):
+        other = agents.place[j]
         if not other.is_news:
             continue
         other.is_news = 0
-        for i in range(fleet.place.shape[0]):
-            place = fleet.place[i]
+        for i in range(agents.place.shape[0]):
+            place = agents.place[i]
             if i == j or not _is_near(place, other.x, other.y, other.reach):
                 continue
             if place.is_scripted or not _is_moving(place, now):
                 continue
-            rest = fleet.path[i][now - place.begin : place.last + 1]
+            rest = agents.path[i][now - place.begin : place.last + 1]
             last = rest.shape[0] - 1
             _, k = gap_between(
                 rest,
                 last,
-                fleet.body[i],
-                fleet.path[j],
+                agents.body[i],
+                agents.path[j],
                 min(now - other.begin, other.last),
                 other.last,
-                fleet.body[j],
+                agents.body[j],
                 0.0,
                 place.pace + other.pace,
                 NEVER,
                 rest[last],
             )
             if k != NEVER:
-                place.must_plan, fleet.due[i] = 1, now
+                place.must_plan, agents.due[i] = 1, now
 
 
 @borrowing
-def mark_clear(clear: _Mask, fleet: Fleet, now: int, poses: Floats, bodies: Records) -> None:
+def mark_clear(clear: _Mask, agents: AgentArrays, now: int, poses: Floats, bodies: Records) -> None:
     """Strike out of `clear` (M,) the bodies (M,) that somebody's path meets.
 
     They stand at poses (M, 6) from now on.
     """
     for m in range(poses.shape[0]):
-        for i in range(fleet.place.shape[0]):
-            near = _is_near(fleet.place[i], poses[m, X], poses[m, Y], bodies[m].radius)
-            if near and _meets(fleet, i, now, poses[m : m + 1], bodies[m]):
+        for i in range(agents.place.shape[0]):
+            near = _is_near(agents.place[i], poses[m, X], poses[m, Y], bodies[m].radius)
+            if near and _meets(agents, i, now, poses[m : m + 1], bodies[m]):
                 clear[m] = False
                 break
 
 
 @borrowing
-def _meets(fleet: Fleet, i: int, now: int, pose: Floats, body: Any) -> bool:
+def _meets(agents: AgentArrays, i: int, now: int, pose: Floats, body: Any) -> bool:
     """Tell whether a path meets a body that stands at a pose (1, 6) from now on."""
-    place = fleet.place[i]
+    place = agents.place[i]
     start = min(now - place.begin, place.last)
-    if separation(pose[0], body, fleet.path[i, start], fleet.body[i]) < 0.0:
+    if separation(pose[0], body, agents.path[i, start], agents.body[i]) < 0.0:
         return True
     _, k = gap_between(
         pose,
         0,
         body,
-        fleet.path[i],
+        agents.path[i],
         start,
         place.last,
-        fleet.body[i],
+        agents.body[i],
         0.0,
         place.pace,
         NEVER,

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from are_ros._compiled import borrowing, owning
 from are_ros.agents.local_planner.gaps import leap
-from are_ros.agents.local_planner.state import COS, NEVER, SIN, Floats, Floor, X, Y
+from are_ros.agents.local_planner.state import COS, NEVER, SIN, ClearanceLayer, Floats, X, Y
 from are_ros.agents.navigation.terrain import HEIGHT_STEP_M, Terrains, disc_is_free, has_own_voxels
 from are_ros.world.boxes import TOUCH_TOLERANCE_M
 from are_ros.world.environment import Environment
@@ -34,13 +34,13 @@ def lay_box(pose: Floats, body: Any, grow: float, box: Floats) -> None:
 
 
 @borrowing
-def layer_of(body: Any, floor: Floor) -> int:
+def layer_of(body: Any, floor: ClearanceLayer) -> int:
     """Return which layer of the floor is a body's; there may be one for all."""
     return int(min(body.terrain, floor.clearance.shape[0] - 1))
 
 
 @borrowing
-def _cells_free(col: float, row: float, floor: Floor, layer: int) -> float:
+def _cells_free(col: float, row: float, floor: ClearanceLayer, layer: int) -> float:
     """Return how far, in cells, a point (in cells) surely is from all that is closed."""
     field = floor.clearance
     if not (0.0 <= col < field.shape[2] and 0.0 <= row < field.shape[1]):
@@ -51,7 +51,7 @@ def _cells_free(col: float, row: float, floor: Floor, layer: int) -> float:
 
 
 @borrowing
-def point_room(x: float, y: float, body: Any, floor: Floor) -> float:
+def point_room(x: float, y: float, body: Any, floor: ClearanceLayer) -> float:
     """Return the radius [m] of a disc about a point that surely meets nothing that is closed."""
     lattice, unit = floor.lattice, floor.unit
     dx, dy = x - lattice[0], y - lattice[1]
@@ -61,7 +61,7 @@ def point_room(x: float, y: float, body: Any, floor: Floor) -> float:
 
 
 @borrowing
-def disc_room(pose: Floats, body: Any, floor: Floor) -> float:
+def disc_room(pose: Floats, body: Any, floor: ClearanceLayer) -> float:
     """Return how much each disc of a body could surely grow before it met a closed cell."""
     lattice = floor.lattice
     layer, scale = layer_of(body, floor), 1.0 / floor.unit
@@ -80,7 +80,7 @@ def disc_room(pose: Floats, body: Any, floor: Floor) -> float:
 
 
 @borrowing
-def is_free(pose: Floats, body: Any, grow: float, floor: Floor, box: Floats) -> bool:
+def is_free(pose: Floats, body: Any, grow: float, floor: ClearanceLayer, box: Floats) -> bool:
     """Tell whether a body, grown on each side, covers open cells of the grid only: exact."""
     lay_box(pose, body, grow, box)
     field = floor.clearance[layer_of(body, floor)]
@@ -88,7 +88,7 @@ def is_free(pose: Floats, body: Any, grow: float, floor: Floor, box: Floats) -> 
 
 
 @borrowing
-def turns_freely(pose: Floats, body: Any, floor: Floor) -> bool:
+def turns_freely(pose: Floats, body: Any, floor: ClearanceLayer) -> bool:
     """Tell whether the disc that a body sweeps, turning on the spot, covers open cells only."""
     lattice, unit = floor.lattice, floor.unit
     field = floor.clearance[layer_of(body, floor)]
@@ -103,7 +103,7 @@ def turns_freely(pose: Floats, body: Any, floor: Floor) -> bool:
 
 
 @owning
-def _solid_cells(pose: Floats, body: Any, floor: Floor, box: Floats) -> int:
+def _solid_cells(pose: Floats, body: Any, floor: ClearanceLayer, box: Floats) -> int:
     """Count the solid cells that a body covers; a huge number if it reaches outside the grid."""
     lay_box(pose, body, 0.0, box)
     layer = layer_of(body, floor)
@@ -120,7 +120,9 @@ def _solid_cells(pose: Floats, body: Any, floor: Floor, box: Floats) -> int:
 
 
 @borrowing
-def wall_gap_wanted(pose: Floats, body: Any, comfort: float, floor: Floor, box: Floats) -> float:
+def wall_gap_wanted(
+    pose: Floats, body: Any, comfort: float, floor: ClearanceLayer, box: Floats
+) -> float:
     """Return the comfort, 0 if a pose does not leave the walls that, or less if it is not free."""
     room = disc_room(pose, body, floor)
     if room >= comfort:
@@ -137,7 +139,7 @@ def wall_conflict(
     body: Any,
     wanted: float,
     pace: float,
-    floor: Floor,
+    floor: ClearanceLayer,
     box: Floats,
     home: Floats,
     must_keep: bool,
@@ -178,16 +180,16 @@ def wall_conflict(
 # The ground of the newest environment for the kernels, one layer for each height of bodies.
 
 
-class Floors:
+class ClearanceLayers:
     """Lays the floor of an environment for the heights that there are."""
 
     def __init__(self, terrains: Terrains) -> None:
         self._terrains = terrains
         self._environment: Environment | None = None
         self._levels: list[int] = []
-        self._floor: Floor | None = None
+        self._floor: ClearanceLayer | None = None
 
-    def of(self, environment: Environment, levels: Sequence[int]) -> tuple[bool, Floor]:
+    def of(self, environment: Environment, levels: Sequence[int]) -> tuple[bool, ClearanceLayer]:
         """Return whether the environment is new, and its floor, a layer for each level of height.
 
         Levels are heights in steps of `HEIGHT_STEP_M`.
@@ -198,7 +200,7 @@ class Floors:
             self._floor = self._lay(environment, levels or [1])
         return is_new, self._floor
 
-    def _lay(self, environment: Environment, levels: Sequence[int]) -> Floor:
+    def _lay(self, environment: Environment, levels: Sequence[int]) -> ClearanceLayer:
         grid = environment.grid
         terrains = [self._terrains.of(environment, HEIGHT_STEP_M * level) for level in levels]
         if not has_own_voxels(environment):  # all layers are one
@@ -208,7 +210,7 @@ class Floors:
             clearance = _frozen(np.stack([terrain.clearance_m for terrain in terrains]))
             solid = _frozen(np.stack([terrain.solid for terrain in terrains]))
         unit = grid.resolution_m
-        return Floor(clearance, solid, lattice_row(grid.origin, unit, unit), unit)
+        return ClearanceLayer(clearance, solid, lattice_row(grid.origin, unit, unit), unit)
 
 
 def _frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:

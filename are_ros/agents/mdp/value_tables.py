@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from are_ros.agents.mdp.coarse_map import Cell, CoarseMap
 from are_ros.agents.mdp.model import TravelModel, Ways, Window, problem_of, solve, ways_to
-from are_ros.agents.navigation.step_kernels import Worth
+from are_ros.agents.navigation.step_kernels import ValueArrays
 
 # Tables kept by key up to so much memory.
 
@@ -99,9 +99,9 @@ class ValueTable:
     weights: npt.NDArray[np.float64]
 
     @property
-    def worth(self) -> Worth:
+    def value_arrays(self) -> ValueArrays:
         """What kernels take of the table."""
-        return Worth(self.planes, self.lengths, self.gains, self.costs, self.weights)
+        return ValueArrays(self.planes, self.lengths, self.gains, self.costs, self.weights)
 
     @property
     def nbytes(self) -> int:

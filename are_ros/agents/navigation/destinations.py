@@ -115,7 +115,7 @@ _Points = npt.NDArray[np.float64]
 _Key = tuple[tuple[int, float, float, float], int, float]
 
 
-class Reach:
+class ReachableDestinations:
     """The places of one map, sorted by which of them a disc can get to; found when first asked."""
 
     def __init__(self, places: Destinations) -> None:

@@ -11,24 +11,24 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.behaviours.situation import Fellow, Intent, Point, RobotView
-from are_ros.agents.local_planner.body import Order
+from are_ros.agents.behaviours.situation import Intent, Neighbour, Point, RobotView
+from are_ros.agents.local_planner.body import MotionCommand
 from are_ros.agents.mdp.coarse_map import CoarseMaps
 from are_ros.agents.mdp.model import TravelModel
 from are_ros.agents.mdp.value_tables import ValueTables
-from are_ros.agents.navigation.destinations import Destinations, Reach
-from are_ros.agents.navigation.profile import Traveller
+from are_ros.agents.navigation.destinations import Destinations, ReachableDestinations
+from are_ros.agents.navigation.profile import NavigationProfile
 from are_ros.agents.navigation.step_kernels import (
     NO_WAY,
     STRAIGHT,
     STRAIGHT_M,
     WAITS,
-    CourseArrays,
+    GoalArrays,
     route_step,
 )
 from are_ros.agents.navigation.terrain import Terrain, Terrains
 from are_ros.agents.neighbours import Neighbourhood, nearest_of
-from are_ros.agents.snapshot import Onlookers
+from are_ros.agents.snapshot import AgentSnapshot
 from are_ros.parameters.model import BehaviourParameters
 from are_ros.world.environment import Environment
 
@@ -43,39 +43,39 @@ _NO_WAY = np.empty((0, 2))
 _NOWHERE = Destinations(np.empty((0, 2)), np.empty((0, 2)))
 
 
-class Wish(NamedTuple):
+class NavigationRequest(NamedTuple):
     """What somebody wants at a decision, and what is left of its life [s], if that is known.
 
     Who is not patient does not wait for others, but leaves it to the traffic to get past them.
     """
 
     state: "AgentState"
-    me: Fellow
+    me: Neighbour
     intent: Intent
     left_s: float | None = None
     is_patient: bool = True
 
 
-class Course(NamedTuple):
+class ActiveGoal(NamedTuple):
     """Where an agent was going at its last decision, how fast, and what that is worth.
 
     It holds in one environment. `arrays` are what kernels take of it: the fields of `Ground` and
-    `Worth`, and `Ends`.
+    `ValueArrays`, and `GoalSpec`.
     """
 
     goal_m: Point
     speed_mps: float
     environment: Environment
-    arrays: CourseArrays
+    arrays: GoalArrays
 
 
-class Leg(NamedTuple):
+class NavigationResult(NamedTuple):
     """What an intent means for one decision period: the order, and how the goal stands.
 
     With `waits` it stays for others who are in its way. `way_m` float64 (K, 2).
     """
 
-    order: Order
+    command: MotionCommand
     arrived: bool = False
     no_way: bool = False
     waits: bool = False
@@ -90,7 +90,7 @@ class Navigation:
 
     def __init__(self, settings: BehaviourParameters, terrains: Terrains) -> None:
         self.places = _NOWHERE
-        self._reach = Reach(_NOWHERE)
+        self._reach = ReachableDestinations(_NOWHERE)
         self._settings = settings
         self._terrains = terrains
         self._environment: Environment | None = None
@@ -109,73 +109,78 @@ class Navigation:
         nearest_of(nowhere_m, places.destinations_m)
         Neighbourhood(nowhere_m).points_within(0.0, 0.0, 0.0, np.empty(0, np.int64), 0)
         self._environment, self.places = environment, places
-        self._reach = Reach(places)
+        self._reach = ReachableDestinations(places)
 
-    def places_from(self, traveller: Traveller, point_m: Point) -> Destinations:
+    def places_from(self, profile: NavigationProfile, point_m: Point) -> Destinations:
         """Return the places that a type can get to from a point; all, where it is shut in."""
         if self._environment is None:
             return self.places
-        coarse = self._coarse_maps.of(self._terrain(traveller), traveller.narrow_m)
-        spare_m = max(0.0, traveller.radius_m - coarse.radius_m)
+        coarse = self._coarse_maps.of(self._terrain(profile), profile.narrow_m)
+        spare_m = max(0.0, profile.radius_m - coarse.radius_m)
         return self._reach.places_from(coarse, point_m, spare_m)
 
-    def sees(self, traveller: Traveller, from_m: Point, to_m: Point) -> bool:
+    def sees(self, profile: NavigationProfile, from_m: Point, to_m: Point) -> bool:
         """Say whether a type can go straight from one point to another, walls alone considered."""
-        return self._terrain(traveller).sees(from_m, to_m, traveller.radius_m)
+        return self._terrain(profile).sees(from_m, to_m, profile.radius_m)
 
-    def legs(self, wishes: Sequence[Wish], view: Onlookers, robot: RobotView | None) -> list[Leg]:
+    def results(
+        self, requests: Sequence[NavigationRequest], view: AgentSnapshot, robot: RobotView | None
+    ) -> list[NavigationResult]:
         """Return what each has to do for what it wants until its next decision."""
-        courses = [self._course(wish) for wish in wishes]
-        at_once = map(self._leg_at_once, wishes, courses)
-        legs = {k: leg for k, leg in enumerate(at_once) if leg is not None}
-        going = {k: course for k, course in enumerate(courses) if course and k not in legs}
-        legs |= self._legs_by_values(wishes, going, view, robot)
+        active_goals = [self._course(request) for request in requests]
+        at_once = map(self._result_at_once, requests, active_goals)
+        results = {k: result for k, result in enumerate(at_once) if result is not None}
+        going = {k: active for k, active in enumerate(active_goals) if active and k not in results}
+        results |= self._results_by_values(requests, going, view, robot)
         # The others set out, or have left the part of the map of which they know the values.
-        anew = {k: self._set_out(wish) for k, wish in enumerate(wishes) if k not in legs}
-        going = {k: course for k, course in anew.items() if course}
-        legs |= self._legs_by_values(wishes, going, view, robot)
+        anew = {k: self._set_out(request) for k, request in enumerate(requests) if k not in results}
+        going = {k: active for k, active in anew.items() if active}
+        results |= self._results_by_values(requests, going, view, robot)
         return [
-            legs.get(k) or Leg(_order(wish, None), no_way=True) for k, wish in enumerate(wishes)
+            results.get(k) or NavigationResult(_command(request, None), no_way=True)
+            for k, request in enumerate(requests)
         ]
 
-    def _leg_at_once(self, wish: Wish, course: Course | None) -> Leg | None:
+    def _result_at_once(
+        self, request: NavigationRequest, active: ActiveGoal | None
+    ) -> NavigationResult | None:
         """Return the leg of who stands, has arrived, or goes straight; None if values decide."""
-        me, intent = wish.me, wish.intent
+        me, intent = request.me, request.intent
         goal_m = intent.goal_m
         if goal_m is None:
-            return Leg(_order(wish, None))
+            return NavigationResult(_command(request, None))
         away_m = math.dist((me.x_m, me.y_m), goal_m)
         if away_m <= intent.arrive_within_m:
-            return Leg(_order(wish, None), arrived=True)
+            return NavigationResult(_command(request, None), arrived=True)
         is_near = intent.is_moving_goal or away_m <= STRAIGHT_M
-        if course is None and is_near and self.sees(wish.state.traveller, me.point_m, goal_m):
-            return Leg(_order(wish, goal_m))
+        if active is None and is_near and self.sees(request.state.profile, me.point_m, goal_m):
+            return NavigationResult(_command(request, goal_m))
         return None
 
-    def _legs_by_values(
+    def _results_by_values(
         self,
-        wishes: Sequence[Wish],
-        courses: Mapping[int, Course],
-        view: Onlookers,
+        requests: Sequence[NavigationRequest],
+        active_goals: Mapping[int, ActiveGoal],
+        view: AgentSnapshot,
         robot: RobotView | None,
-    ) -> dict[int, Leg]:
+    ) -> dict[int, NavigationResult]:
         """Return, of some wishes, the best action from where one is, and the way that follows it.
 
         Who knows no way is left out.
         """
-        if not courses:
+        if not active_goals:
             return {}
-        around, crowd, legs = self._around(robot), view.crowd, dict[int, Leg]()
-        ways_m = np.empty((len(courses), _MOST_POINTS, 2))
-        indices = view.indices_of([wishes[k].me.id for k in courses])
-        for (k, course), way_m, index in zip(courses.items(), ways_m, indices, strict=True):
-            wish = wishes[k]
-            minds = (index, wish.is_patient, self._epochs(wish.left_s))
-            is_moving_goal = wish.intent.is_moving_goal
-            step = route_step(*course.arrays, crowd, around, minds, is_moving_goal, way_m)
+        around, crowd, results = self._around(robot), view.crowd, dict[int, NavigationResult]()
+        ways_m = np.empty((len(active_goals), _MOST_POINTS, 2))
+        indices = view.indices_of([requests[k].me.id for k in active_goals])
+        for (k, active), way_m, index in zip(active_goals.items(), ways_m, indices, strict=True):
+            request = requests[k]
+            minds = (index, request.is_patient, self._epochs(request.left_s))
+            is_moving_goal = request.intent.is_moving_goal
+            step = route_step(*active.arrays, crowd, around, minds, is_moving_goal, way_m)
             if step[0] != NO_WAY:
-                legs[k] = _leg(wish, step, way_m)
-        return legs
+                results[k] = _result(request, step, way_m)
+        return results
 
     def _around(self, robot: RobotView | None) -> tuple[float, float, float, float]:
         """Return for how long ahead others are looked at [s], where the robot is then, its radius.
@@ -188,50 +193,50 @@ class Navigation:
         x_m, y_m = robot.x_m + ahead_s * robot.vx_mps, robot.y_m + ahead_s * robot.vy_mps
         return ahead_s, x_m, y_m, robot.radius_m
 
-    def _course(self, wish: Wish) -> Course | None:
+    def _course(self, request: NavigationRequest) -> ActiveGoal | None:
         """Return the course of one who was going there already, as fast."""
-        course, intent = wish.state.course, wish.intent
-        if course is None or course.environment is not self._environment:
+        active, intent = request.state.active, request.intent
+        if active is None or active.environment is not self._environment:
             return None
-        is_the_same = course.goal_m == intent.goal_m and course.speed_mps == intent.speed_mps
-        return course if is_the_same else None
+        is_the_same = active.goal_m == intent.goal_m and active.speed_mps == intent.speed_mps
+        return active if is_the_same else None
 
-    def _set_out(self, wish: Wish) -> Course | None:
+    def _set_out(self, request: NavigationRequest) -> ActiveGoal | None:
         """Set out to a goal; None where no way is known."""
-        traveller, me, intent = wish.state.traveller, wish.me, wish.intent
+        profile, me, intent = request.state.profile, request.me, request.intent
         goal_m, speed_mps, environment = intent.goal_m, intent.speed_mps, self._environment
         if goal_m is None:
             return None
         if environment is None:
             raise RuntimeError(_NO_ENVIRONMENT)
-        for radius_m in dict.fromkeys((traveller.radius_m, traveller.narrow_m)):
-            coarse = self._coarse_maps.of(self._terrain(traveller), radius_m)
+        for radius_m in dict.fromkeys((profile.radius_m, profile.narrow_m)):
+            coarse = self._coarse_maps.of(self._terrain(profile), radius_m)
             model = TravelModel.of(
-                traveller.row, speed_mps, coarse.cell_size_m, self._settings.decision_period, 0.0
+                profile.row, speed_mps, coarse.cell_size_m, self._settings.decision_period, 0.0
             )
             start = coarse.cell_of(me.x_m, me.y_m)
             table = self._tables.value(coarse, model, goal_m, start)
             if table is not None and start is not None and table.reaches(start):
                 ends = (
-                    min(traveller.radius_m, coarse.radius_m),
+                    min(profile.radius_m, coarse.radius_m),
                     goal_m,
                     table.goal_m,
-                    traveller.others_price,
-                    traveller.robot_price,
+                    profile.others_price,
+                    profile.robot_price,
                 )
-                arrays = (tuple(coarse.ground), tuple(table.worth), ends)
-                course = Course(goal_m, speed_mps, environment, arrays)
-                wish.state.course = course
-                return course
+                arrays = (tuple(coarse.ground), tuple(table.value_arrays), ends)
+                active = ActiveGoal(goal_m, speed_mps, environment, arrays)
+                request.state.active = active
+                return active
         return None
 
-    def _terrain(self, traveller: Traveller) -> Terrain:
+    def _terrain(self, profile: NavigationProfile) -> Terrain:
         if self._environment is None:
             raise RuntimeError(_NO_ENVIRONMENT)
-        terrain = self._known_terrains.get(traveller.height_m)
+        terrain = self._known_terrains.get(profile.height_m)
         if terrain is None:
-            terrain = self._terrains.of(self._environment, traveller.height_m)
-            self._known_terrains[traveller.height_m] = terrain
+            terrain = self._terrains.of(self._environment, profile.height_m)
+            self._known_terrains[profile.height_m] = terrain
         return terrain
 
     def _epochs(self, left_s: float | None) -> int:
@@ -241,24 +246,28 @@ class Navigation:
         return max(1, min(self.horizon, math.ceil(left_s / self._settings.decision_period)))
 
 
-def _leg(wish: Wish, step: Sequence[float], way_m: npt.NDArray[np.float64]) -> Leg:
+def _result(
+    request: NavigationRequest, step: Sequence[float], way_m: npt.NDArray[np.float64]
+) -> NavigationResult:
     """Return the leg of a step that `route_steps` has found."""
     what, count, x_m, y_m, is_end = step
     if what == STRAIGHT:
-        return Leg(_order(wish, wish.intent.goal_m))
+        return NavigationResult(_command(request, request.intent.goal_m))
     way_m = way_m[: int(count)]
     if what == WAITS:
-        return Leg(_order(wish, None), waits=True, way_m=way_m)
-    return Leg(_order(wish, (x_m, y_m), stop_there=is_end != 0.0), way_m=way_m)
+        return NavigationResult(_command(request, None), waits=True, way_m=way_m)
+    return NavigationResult(_command(request, (x_m, y_m), stop_there=is_end != 0.0), way_m=way_m)
 
 
-def _order(wish: Wish, sub_goal_m: Point | None, *, stop_there: bool = True) -> Order:
+def _command(
+    request: NavigationRequest, sub_goal_m: Point | None, *, stop_there: bool = True
+) -> MotionCommand:
     """Return the order to go to a point, or to stand; at the end to look where the intent says."""
-    intent, comfort, face_rad = wish.intent, wish.state.traveller.comfort, None
+    intent, comfort, face_rad = request.intent, request.state.profile.comfort, None
     if intent.face_m is not None and stop_there:
-        face_rad = math.atan2(intent.face_m[1] - wish.me.y_m, intent.face_m[0] - wish.me.x_m)
+        face_rad = math.atan2(intent.face_m[1] - request.me.y_m, intent.face_m[0] - request.me.x_m)
     robot_m = comfort.robot_m if intent.robot_comfort_m is None else intent.robot_comfort_m
     speed_mps = 0.0 if sub_goal_m is None else intent.speed_mps
-    return Order(
+    return MotionCommand(
         sub_goal_m, speed_mps, stop_there, face_rad, comfort.others_m, robot_m, comfort.walls_m
     )

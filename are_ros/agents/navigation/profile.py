@@ -16,7 +16,7 @@ _PERSONAL_SPACE, _ROBOT = 0.3, 0.6
 
 
 @dataclass(frozen=True)
-class Comfort:
+class Clearances:
     """Distances [m] that an artefact keeps where it can, by its type's reward weights."""
 
     others_m: float
@@ -24,13 +24,13 @@ class Comfort:
     walls_m: float
 
     @classmethod
-    def of(cls, rewards: RewardWeights) -> "Comfort":
+    def of(cls, rewards: RewardWeights) -> "Clearances":
         """Return what a type likes: a person about 0.3 m from others, half a metre from robots."""
         return cls(0.4 * rewards.personal_space, 0.6 * rewards.robot, 0.3 * rewards.clearance)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Traveller:
+class NavigationProfile:
     """What finding a way needs to know of an artefact's type.
 
     `others_price` and `robot_price` are what being near costs per epoch. Where the disc of
@@ -42,12 +42,12 @@ class Traveller:
     radius_m: float
     narrow_m: float
     height_m: float
-    comfort: Comfort
+    comfort: Clearances
     others_price: float
     robot_price: float
 
     @classmethod
-    def of(cls, row: CatalogueRow, body: Body) -> "Traveller":
+    def of(cls, row: CatalogueRow, body: Body) -> "NavigationProfile":
         """Return the traveller of a row.
 
         Who turns on the spot needs all of its disc wherever it may come to stand: that is where
@@ -62,7 +62,7 @@ class Traveller:
             narrow_m = 0.5 * row.size_m[1] + _TURNING_ROOM * row.size_m[0]
             radius_m = narrow_m = min(radius_m, narrow_m)
         prices = (_PERSONAL_SPACE * rewards.personal_space, _ROBOT * rewards.robot)
-        return cls(row, body, radius_m, narrow_m, row.size_m[2], Comfort.of(rewards), *prices)
+        return cls(row, body, radius_m, narrow_m, row.size_m[2], Clearances.of(rewards), *prices)
 
 
 def _stride_m(body: Body, speed_mps: float) -> float:

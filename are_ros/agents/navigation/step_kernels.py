@@ -29,7 +29,7 @@ STRAIGHT_M: Final = 3.0
 NO_WAY, WAITS, GOES, STRAIGHT = range(4)
 
 
-class Worth(NamedTuple):
+class ValueArrays(NamedTuple):
     """The arrays of a value table."""
 
     planes: npt.NDArray[np.float32]
@@ -39,7 +39,7 @@ class Worth(NamedTuple):
     weights: Floats
 
 
-class Ends(NamedTuple):
+class GoalSpec(NamedTuple):
     """Of one who goes: its radius, the goal, and where the values end, which may be beside it.
 
     Then what it costs an epoch to be near others, and near the robot.
@@ -64,14 +64,14 @@ class Crowd(NamedTuple):
 # Plain tuples go into compiled code in a third of the time that named ones take, so they are named
 # inside.
 GroundArrays = tuple[Any, ...]
-WorthArrays = tuple[Any, ...]
+ValueTuple = tuple[Any, ...]
 CrowdArrays = tuple[Any, ...]
-EndsArrays = tuple[float, tuple[float, float], tuple[float, float], float, float]
-CourseArrays = tuple[GroundArrays, WorthArrays, EndsArrays]
-"""The fields of `Ground`, `Worth` and `Ends`."""
+GoalSpecArrays = tuple[float, tuple[float, float], tuple[float, float], float, float]
+GoalArrays = tuple[GroundArrays, ValueTuple, GoalSpecArrays]
+"""The fields of `Ground`, `ValueArrays` and `GoalSpec`."""
 
 
-class Minded(NamedTuple):
+class NeighbourQuery(NamedTuple):
     """Whom one minds: the others, if `me` is not -1, which is one's own index among them.
 
     They are where their velocity takes them in `ahead_s`. Being near one of them costs `price` an
@@ -101,26 +101,26 @@ class Scratch(NamedTuple):
 
 @borrowing
 def find_others(
-    crowd: Crowd, minded: Minded, x_m: float, y_m: float, radius_m: float, scratch: Scratch
+    crowd: Crowd, query: NeighbourQuery, x_m: float, y_m: float, radius_m: float, scratch: Scratch
 ) -> int:
     """Write who is minded about a point to the scratch, `moving`; return how many they are."""
     near, moving, count = 0, scratch.moving, 0
-    if minded.me >= 0:
+    if query.me >= 0:
         near = find_near(crowd.cells, x_m, y_m, MINDED_M, scratch.found, scratch.squares)
     for n in range(near):
         i = scratch.found[n]
-        if i == minded.me:
+        if i == query.me:
             continue
-        way_m = minded.ahead_s * crowd.speeds_mps[i]
+        way_m = query.ahead_s * crowd.speeds_mps[i]
         moving[count, 0] = crowd.poses[i, 0] + way_m * np.cos(crowd.poses[i, 3])
         moving[count, 1] = crowd.poses[i, 1] + way_m * np.sin(crowd.poses[i, 3])
         moving[count, 2] = crowd.radii_m[i] + radius_m
-        moving[count, 3], moving[count, 4] = FADE_M, minded.price
+        moving[count, 3], moving[count, 4] = FADE_M, query.price
         count += 1
-    if minded.robot_price > 0.0:
-        moving[count, 0], moving[count, 1] = minded.robot_x_m, minded.robot_y_m
-        moving[count, 2] = minded.robot_within_m
-        moving[count, 3], moving[count, 4] = FADE_M, minded.robot_price
+    if query.robot_price > 0.0:
+        moving[count, 0], moving[count, 1] = query.robot_x_m, query.robot_y_m
+        moving[count, 2] = query.robot_within_m
+        moving[count, 3], moving[count, 4] = FADE_M, query.robot_price
         count += 1
     return count
 
@@ -128,8 +128,8 @@ def find_others(
 @compiled
 def route_step(
     ground: GroundArrays,
-    worth: WorthArrays,
-    ends: EndsArrays,
+    value_arrays: ValueTuple,
+    ends: GoalSpecArrays,
     crowd: CrowdArrays,
     robot: tuple[float, float, float, float],
     minds: tuple[int, bool, int],
@@ -138,15 +138,15 @@ def route_step(
 ) -> tuple[int, int, float, float, bool]:
     """Find the next step of one who goes somewhere, and fill in the way (K, 2) that it follows.
 
-    `ground`, `worth` and `ends` are the fields of `Ground`, `Worth` and `Ends`, `crowd` those of
-    `Cells` and the rest of `Crowd`. `robot` is for how long ahead others are looked at [s], where
-    the robot is then, and its radius; without a robot that is negative. `minds` is the index in the
+    `ground`, `value_arrays` and `ends` are the fields of `Ground`, `ValueArrays` and `GoalSpec`,
+    `crowd` those of `Cells` and the rest of `Crowd`. `robot` is the lookahead [s], the robot's
+    place then, and its radius, which is negative without a robot. `minds` is the index in the
     crowd, whether it minds others, and the epochs left. A moving goal is gone to straight from
     however far. Returns what to do (no way, waiting for others, going, straight to the goal), how
     many points the way has, the farthest of them that a disc can roll straight to, and whether
     that is the end.
     """
-    floor, values, going = Ground(*ground), Worth(*worth), Ends(*ends)
+    floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
     everybody = Crowd(Cells(*crowd[:8]), crowd[8], crowd[9], crowd[10])
     size = everybody.poses.shape[0]
     index, is_patient, epochs_left = minds
@@ -156,7 +156,7 @@ def route_step(
         floor.clearance_m, floor.lattice, (x_m, y_m), going.goal_m, going.radius_m
     ):
         return STRAIGHT, 0, going.goal_m[0], going.goal_m[1], True
-    minded = Minded(
+    query = NeighbourQuery(
         index if is_patient else -1,
         robot[0],
         going.others_price,
@@ -169,16 +169,16 @@ def route_step(
     found, squares, moving = np.empty(size, np.int64), np.empty(size), np.empty((size + 1, 5))
     scratch = Scratch(found, squares, moving, np.empty(9))
     return _find_step(
-        floor, values, everybody, minded, pose, epochs_left, going.end_m, way_m, scratch
+        floor, values, everybody, query, pose, epochs_left, going.end_m, way_m, scratch
     )
 
 
 @borrowing
 def _find_step(
     ground: Ground,
-    worth: Worth,
+    value_arrays: ValueArrays,
     crowd: Crowd,
-    minded: Minded,
+    query: NeighbourQuery,
     me: tuple[float, float, float, float],
     epochs_left: int,
     goal_m: tuple[float, float],
@@ -186,22 +186,22 @@ def _find_step(
     scratch: Scratch,
 ) -> tuple[int, int, float, float, bool]:
     """Take the best action at a pose, and fill in the way (K, 2) that follows it."""
-    state = _state(ground, worth, me)
+    state = _state(ground, value_arrays, me)
     if state[0] < 0:
         return NO_WAY, 0, 0.0, 0.0, False
-    others = find_others(crowd, minded, me[0], me[1], me[3], scratch)
-    values = worth.planes[max(0, min(epochs_left, worth.planes.shape[0]) - 1)]
-    arrays = (worth.lengths, worth.gains, worth.weights, ground.anchors_m)
+    others = find_others(crowd, query, me[0], me[1], me[3], scratch)
+    values = value_arrays.planes[max(0, min(epochs_left, value_arrays.planes.shape[0]) - 1)]
+    arrays = (value_arrays.lengths, value_arrays.gains, value_arrays.weights, ground.anchors_m)
     action_values(values, *arrays, scratch.moving[:others], state, scratch.brings)
     action = best_action(scratch.brings, state[2])
-    here_m, weights = (me[0], me[1]), worth.weights
+    here_m, weights = (me[0], me[1]), value_arrays.weights
     is_there = state[0] == weights[7] and state[1] == weights[8]
     if is_there or (
         action > 0 and rolls(ground.clearance_m, ground.lattice, here_m, goal_m, me[3])
     ):
         way_m[0, 0], way_m[0, 1] = goal_m
         return GOES, 1, goal_m[0], goal_m[1], True
-    count = _way(ground, worth, state, action, goal_m, way_m, scratch)
+    count = _way(ground, value_arrays, state, action, goal_m, way_m, scratch)
     if count == 0:
         return NO_WAY, 0, 0.0, 0.0, False
     if action == 0:
@@ -226,13 +226,13 @@ def _is_seen(ground: Ground, me: tuple[float, float, float, float], way_m: Float
 
 @borrowing
 def _state(
-    ground: Ground, worth: Worth, me: tuple[float, float, float, float]
+    ground: Ground, value_arrays: ValueArrays, me: tuple[float, float, float, float]
 ) -> tuple[int, int, int]:
     """Return row and column in the table's window, and heading; -1s without a way from there."""
     row, col = cell_of(ground, me[0], me[1])
-    row, col = row - int(worth.weights[5]), col - int(worth.weights[6])
-    height, width = worth.costs.shape
-    if not (0 <= row < height and 0 <= col < width) or worth.costs[row, col] == np.inf:
+    row, col = row - int(value_arrays.weights[5]), col - int(value_arrays.weights[6])
+    height, width = value_arrays.costs.shape
+    if not (0 <= row < height and 0 <= col < width) or value_arrays.costs[row, col] == np.inf:
         return -1, -1, -1
     return row, col, heading_of(ground.lattice, me[2])
 
@@ -240,7 +240,7 @@ def _state(
 @borrowing
 def _way(
     ground: Ground,
-    worth: Worth,
+    value_arrays: ValueArrays,
     state: tuple[int, int, int],
     action: int,
     goal_m: tuple[float, float],
@@ -248,10 +248,13 @@ def _way(
     scratch: Scratch,
 ) -> int:
     """Fill in the way that follows an action, with the goal at its end; return its length."""
-    arrays = (worth.lengths, worth.gains, worth.weights, ground.anchors_m)
+    arrays = (value_arrays.lengths, value_arrays.gains, value_arrays.weights, ground.anchors_m)
     nobody = scratch.moving[:0]
-    count, _ = follow(worth.planes, *arrays, state, action, way_m, scratch.brings, nobody)
-    row, col = worth.weights[5] + worth.weights[7], worth.weights[6] + worth.weights[8]
+    count, _ = follow(value_arrays.planes, *arrays, state, action, way_m, scratch.brings, nobody)
+    row, col = (
+        value_arrays.weights[5] + value_arrays.weights[7],
+        value_arrays.weights[6] + value_arrays.weights[8],
+    )
     end_m = ground.anchors_m[int(row), int(col)]
     if count > 0 and way_m[count - 1, 0] == end_m[0] and way_m[count - 1, 1] == end_m[1]:
         way_m[count - 1, 0], way_m[count - 1, 1] = goal_m

@@ -15,7 +15,7 @@ from typing import Any, Final, Protocol
 
 from are_ros.builder.occlusion.meshes import MeshBank, MeshSelection
 from are_ros.builder.occlusion.rays import VoxelField
-from are_ros.builder.population_manager import Lives
+from are_ros.builder.population_manager import PopulationManager
 from are_ros.builder.tick import tick_period_ns
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import FrameError
@@ -250,7 +250,7 @@ class SensorAugmentation:
     """
 
     def __init__(
-        self, parameters: Parameters, frames: FrameTree, lives: Lives, meshes: MeshBank
+        self, parameters: Parameters, frames: FrameTree, lives: PopulationManager, meshes: MeshBank
     ) -> None:
         self.perceived: frozenset[int] = frozenset()
         self._settings = parameters.sensors

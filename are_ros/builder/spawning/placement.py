@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.agents.navigation.terrain import Terrains
-from are_ros.builder.spawning.departure_constraint import (
+from are_ros.builder.spawning._departure_constraint import (
     DepartureConstraint,
     departure_constraint_of,
 )

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from are_ros.agents.behaviours.registry import BEHAVIOURS, why_not
-from are_ros.builder.simulation import Reality
+from are_ros.builder.simulation import Simulation
 from are_ros.errors import CatalogueError
 from are_ros.population.artefact import GroundPose, Origin, on_ground
 from are_ros.population.catalogue import CatalogueRow
@@ -31,9 +31,9 @@ class SpawnRequest:
 class Requests:
     """Carries requests out at once, or refuses them with the reason and changes nothing."""
 
-    def __init__(self, reality: Reality) -> None:
-        self._reality = reality
-        self._seed = reality.parameters.seed
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._seed = simulation.parameters.seed
         self._asked = 0
 
     def spawn(self, request: SpawnRequest, now_ns: int) -> int:
@@ -42,11 +42,11 @@ class Requests:
         Raises CatalogueError for an unknown label or row, or one that cannot behave so, FrameError
         for an unknown frame, PlacementError where it cannot stand.
         """
-        reality = self._reality
-        reality.advance(now_ns)
+        simulation = self._simulation
+        simulation.advance(now_ns)
         row = self._row_of(request)
         pose = self._ground_pose(request, row)
-        return reality.lives.place(
+        return simulation.lives.place(
             row,
             pose,
             now_ns,
@@ -57,22 +57,22 @@ class Requests:
 
     def remove(self, artefact_id: int, now_ns: int) -> None:
         """Take one artefact away; InputError if none of this id is alive."""
-        self._reality.advance(now_ns)
-        self._reality.lives.remove(artefact_id, now_ns)
+        self._simulation.advance(now_ns)
+        self._simulation.lives.remove(artefact_id, now_ns)
 
     def clear(self, now_ns: int) -> int:
         """Take all artefacts away, and return how many; others go on arriving."""
-        self._reality.advance(now_ns)
-        return self._reality.lives.clear(now_ns)
+        self._simulation.advance(now_ns)
+        return self._simulation.lives.clear(now_ns)
 
     def reseed(self, seed: int, now_ns: int) -> None:
         """Draw from another seed from now on; the living stay."""
-        self._reality.advance(now_ns)
-        self._reality.lives.reseed(seed, now_ns)
+        self._simulation.advance(now_ns)
+        self._simulation.lives.reseed(seed, now_ns)
         self._seed, self._asked = seed, 0
 
     def _row_of(self, request: SpawnRequest) -> CatalogueRow:
-        catalogue = self._reality.catalogue
+        catalogue = self._simulation.catalogue
         rows: Sequence[CatalogueRow]
         rows = catalogue.rows_named(request.label) if request.label else catalogue.rows
         if request.row < 0:
@@ -96,7 +96,7 @@ class Requests:
         name = request.behaviour
         if not name:
             return rows
-        named = {own for row in self._reality.catalogue.rows for own in row.behaviours}
+        named = {own for row in self._simulation.catalogue.rows for own in row.behaviours}
         if name not in named and name not in BEHAVIOURS:
             known = ", ".join(sorted(named | set(BEHAVIOURS)))
             raise CatalogueError(f"behaviour '{name}' is not known; known are {known}")
@@ -112,11 +112,11 @@ class Requests:
         x_m, y_m, _ = map_from_pose.translation_m.tolist()
         yaw_rad = map_from_pose.yaw_rad()
         flat = GroundPose(x_m, y_m, 0.0, yaw_rad)
-        environment = self._reality.world.environment
+        environment = self._simulation.world.environment
         return flat if environment is None else on_ground(row, flat, environment)
 
     def _map_from(self, frame_id: str) -> RigidTransform:
-        frames, map_frame = self._reality.frames, self._reality.parameters.frames.map
+        frames, map_frame = self._simulation.frames, self._simulation.parameters.frames.map
         frame_id = frame_id.lstrip("/") or map_frame
         if frame_id == map_frame:
             return RigidTransform.identity()

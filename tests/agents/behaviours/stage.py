@@ -10,8 +10,8 @@ import numpy.typing as npt
 from are_ros.agents.behaviours.open_view import OpenView
 from are_ros.agents.behaviours.situation import (
     Behaviour,
-    Fellow,
     Intent,
+    Neighbour,
     Point,
     RobotView,
     Situation,
@@ -52,10 +52,10 @@ def fellow_at(
     velocity_mps: Point = (0.0, 0.0),
     behaviour: str = "walking",
     activity: str = "walking",
-) -> Fellow:
+) -> Neighbour:
     """Return somebody at a point, who looks where it goes."""
     yaw_rad = math.atan2(velocity_mps[1], velocity_mps[0])
-    return Fellow(
+    return Neighbour(
         artefact_id, "person", "x", *point_m, yaw_rad, *velocity_mps, 0.3, behaviour, activity
     )
 
@@ -92,7 +92,7 @@ class Actor:
     def __post_init__(self) -> None:
         self.random = stream(self.seed, self.id)
 
-    def as_fellow(self) -> Fellow:
+    def as_fellow(self) -> Neighbour:
         """Return it as others see it."""
         activity = self.last.activity if self.last else ""
         name = self.behaviour.name
@@ -170,11 +170,11 @@ class Stage:
 def alone(
     actor: Actor,
     places: Destinations | None = None,
-    fellows: Sequence[Fellow] = (),
+    neighbours: Sequence[Neighbour] = (),
     walls_m: Sequence[tuple[Point, Point]] = NO_WALLS,
     robot: RobotView | None = None,
     now_s: float = 0.0,
 ) -> Intent:
     """Let one actor decide beside fellows made by hand."""
-    view = OpenView([*fellows, actor.as_fellow()], walls_m)
+    view = OpenView([*neighbours, actor.as_fellow()], walls_m)
     return actor.decide(view, lattice() if places is None else places, robot, now_s)

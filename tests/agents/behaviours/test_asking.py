@@ -99,8 +99,8 @@ def test_a_constructor_that_raises_is_said() -> None:
     with pytest.raises(BehaviourError, match=r"no parts") as caught:
         make_behaviour("tests.agents.behaviours.failing:Unmade", None, ASKED)
     assert str(caught.value) == (
-        "the behaviour tests.agents.behaviours.failing:Unmade of artefact 7 (guest) failed at 12.300 s: "
-        f"RuntimeError: no parts {line_of('no parts')}"
+        "the behaviour tests.agents.behaviours.failing:Unmade of artefact 7 (guest) failed at "
+        f"12.300 s: RuntimeError: no parts {line_of('no parts')}"
     )
 
 

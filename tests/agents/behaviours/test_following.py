@@ -4,7 +4,7 @@ import math
 from itertools import pairwise
 
 from are_ros.agents.behaviours.following import Following
-from are_ros.agents.behaviours.situation import Fellow, Intent, Point
+from are_ros.agents.behaviours.situation import Intent, Neighbour, Point
 from are_ros.agents.behaviours.walking import Walking
 from are_ros.population.catalogue import MotionLimits
 from tests.agents.behaviours.stage import (
@@ -21,9 +21,9 @@ KEEP_M = 1.6
 """A gap of 1 m between two bodies of 0.3 m radius."""
 
 
-def led_by(follower: Actor, leader: Fellow, second: float = 0.0) -> Intent:
+def led_by(follower: Actor, leader: Neighbour, second: float = 0.0) -> Intent:
     """Let the follower decide beside one other, and go."""
-    intent = alone(follower, fellows=[leader], now_s=second)
+    intent = alone(follower, neighbours=[leader], now_s=second)
     follower.move()
     return intent
 
@@ -79,7 +79,7 @@ def test_it_follows_the_trail_round_a_corner() -> None:
         velocity = (there[0] - here[0], there[1] - here[1])
         leader = fellow_at(here, velocity_mps=velocity)
         start_m = follower.point_m
-        intent = alone(follower, fellows=[leader], walls_m=walls, now_s=second)
+        intent = alone(follower, neighbours=[leader], walls_m=walls, now_s=second)
         follower.move()
         is_hidden = crosses(start_m, leader.point_m, 3.0)
         if is_hidden:
@@ -106,7 +106,7 @@ def test_where_nothing_of_the_trail_is_seen_a_way_is_planned() -> None:
     led_by(follower, fellow_at((0.0, 0.0), velocity_mps=(0.5, 0.0)))
     follower.point_m = (-20.0, 0.0)
     walls = (((-10.0, -50.0), (-10.0, 50.0)),)
-    intent = alone(follower, fellows=[fellow_at((0.5, 0.0))], walls_m=walls, now_s=1.0)
+    intent = alone(follower, neighbours=[fellow_at((0.5, 0.0))], walls_m=walls, now_s=1.0)
     assert (intent.goal_m, intent.is_moving_goal) == ((0.0, 0.0), False)
 
 
@@ -115,9 +115,9 @@ def test_it_does_not_stop_at_a_point_of_the_trail_that_it_has_come_to() -> None:
     follower = Actor(9, Following(leader_id=1), (0.0, 0.0))
     corner, behind = (0.0, 0.35), (1.0, 0.7)
     for second, point in enumerate((corner, behind)):
-        alone(follower, fellows=[fellow_at(point, velocity_mps=(0.3, 0.3))], now_s=second)
+        alone(follower, neighbours=[fellow_at(point, velocity_mps=(0.3, 0.3))], now_s=second)
     walls = (((0.5, -5.0), (0.5, 5.0)),)
-    intent = alone(follower, fellows=[fellow_at((1.1, 0.7))], walls_m=walls, now_s=2.0)
+    intent = alone(follower, neighbours=[fellow_at((1.1, 0.7))], walls_m=walls, now_s=2.0)
     assert (intent.goal_m, intent.is_moving_goal) == (behind, False)
 
 
@@ -126,9 +126,9 @@ def test_another_leader_is_found_when_the_leader_has_left() -> None:
     first = fellow_at((3.0, 0.0), 1, (0.5, 0.0))
     second = fellow_at((0.0, 8.0), 2, (0.0, 0.5))
     follower = Actor(9, Following(), (0.0, 0.0))
-    led = alone(follower, fellows=[first, second])
+    led = alone(follower, neighbours=[first, second])
     assert led.face_m == first.point_m
-    led = alone(follower, fellows=[second], now_s=1.0)
+    led = alone(follower, neighbours=[second], now_s=1.0)
     assert led.face_m == second.point_m
 
 
@@ -161,8 +161,8 @@ def test_nobody_leads_who_is_unseen_far_or_standing() -> None:
         (fellow_at((13.0, 0.0), velocity_mps=moving), NO_WALLS),
         (fellow_at((4.0, 0.0)), NO_WALLS),
     ]
-    for fellow, walls in cases:
-        intent = alone(Actor(9, Following(), (0.0, 0.0)), fellows=[fellow], walls_m=walls)
+    for neighbour, walls in cases:
+        intent = alone(Actor(9, Following(), (0.0, 0.0)), neighbours=[neighbour], walls_m=walls)
         assert intent.activity == "walking"
 
 
@@ -170,9 +170,10 @@ def test_two_followers_do_not_follow_each_other() -> None:
     """Only the younger follows the other, so that no circle of followers stands for ever."""
     older = fellow_at((4.0, 0.0), 3, (0.5, 0.0), "following")
     assert (
-        alone(Actor(9, Following(), (0.0, 0.0)), fellows=[older]).activity == "following artefact 3"
+        alone(Actor(9, Following(), (0.0, 0.0)), neighbours=[older]).activity
+        == "following artefact 3"
     )
-    assert alone(Actor(2, Following(), (0.0, 0.0)), fellows=[older]).activity == "walking"
+    assert alone(Actor(2, Following(), (0.0, 0.0)), neighbours=[older]).activity == "walking"
 
 
 def test_a_chain_of_followers_moves_with_a_walker() -> None:

@@ -8,14 +8,14 @@ from itertools import pairwise
 import pytest
 
 from are_ros.agents.behaviours.gathering import Gathering
-from are_ros.agents.behaviours.situation import Fellow
+from are_ros.agents.behaviours.situation import Neighbour
 from tests.agents.behaviours.stage import Actor, Stage, alone, fellow_at, lattice, places_at
 
 MIDDLE = (10.0, 0.0)
 PLACES = places_at([MIDDLE, (-10.0, 0.0), (0.0, 10.0), (0.0, -10.0)])
 
 
-def group_at(points_m: Sequence[tuple[float, float]], activity: str = "talking") -> list[Fellow]:
+def group_at(points_m: Sequence[tuple[float, float]], activity: str = "talking") -> list[Neighbour]:
     """Return some who stand gathered."""
     return [
         fellow_at(point, 10 + k, behaviour="gathering", activity=activity)

@@ -3,11 +3,11 @@
 import ast
 from pathlib import Path
 
-import are_ros.agents.behaviours as package
 import hypothesis
 import hypothesis.strategies as st
 import pytest
 
+import are_ros.agents.behaviours as package
 from are_ros.agents.behaviours.along_way import AlongWay
 from are_ros.agents.behaviours.registry import BEHAVIOURS, make_behaviour, why_not
 from are_ros.agents.behaviours.situation import Behaviour, Intent

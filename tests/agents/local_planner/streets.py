@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.agents.local_planner.body import Body, Order
-from are_ros.agents.local_planner.planner import Hindrance, Traffic
+from are_ros.agents.local_planner.body import Body, MotionCommand
+from are_ros.agents.local_planner.planner import LocalPlanner, Obstruction
 from are_ros.agents.local_planner.robot import RobotMotion
 from are_ros.agents.table import AgentTable
 from are_ros.conventions import FREE, OCCUPIED
@@ -90,7 +90,7 @@ class Street:
 
     environment: Environment
     table: AgentTable = field(default_factory=lambda: AgentTable(STEP_S))
-    traffic: Traffic = field(init=False)
+    planner: LocalPlanner = field(init=False)
     bodies: dict[int, Body] = field(default_factory=dict)
     index: int = 0
     inspects: bool = True
@@ -100,30 +100,30 @@ class Street:
     _speeds: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        self.traffic = Traffic(self.table)
+        self.planner = LocalPlanner(self.table)
         self.moved = np.zeros(0, np.bool_)
 
     @property
     def poses(self) -> NDArray[np.float64]:
         """Where all are: x, y, yaw."""
-        return self.traffic.motion[:, :3]
+        return self.planner.motion[:, :3]
 
     @property
     def speeds(self) -> NDArray[np.float64]:
         """How fast all are."""
-        return self.traffic.motion[:, 5]
+        return self.planner.motion[:, 5]
 
-    def order(self, one: int, order: Order) -> None:
+    def command(self, one: int, command: MotionCommand) -> None:
         """Tell one what to do."""
-        self.traffic.give_orders([self.table.row_of(one)], [order])
+        self.planner.give_commands([self.table.row_of(one)], [command])
 
-    def hindrance(self, one: int) -> tuple[Hindrance, int, float]:
+    def obstruction(self, one: int) -> tuple[Obstruction, int, float]:
         """Tell what is in the way of one."""
-        return self.traffic.hindrances(self.table.rows_of([one]).tolist())[0]
+        return self.planner.obstructions(self.table.rows_of([one]).tolist())[0]
 
     def trajectory(self, one: int) -> NDArray[np.float64]:
         """Return what one is committed to."""
-        return self.traffic.trajectory(self.table.row_of(one))
+        return self.planner.trajectory(self.table.row_of(one))
 
     def put(self, one: int, pose: GroundPose) -> None:
         """Let one stand at another pose."""
@@ -145,7 +145,7 @@ class Street:
         """Order one to go to a place at its speed."""
         self.goals[one] = (x_m, y_m)
         speed = self.bodies[one].speed_mps
-        self.order(one, Order((x_m, y_m), speed, stop_there))
+        self.command(one, MotionCommand((x_m, y_m), speed, stop_there))
 
     def forget(self) -> None:
         """Compare no motion across an interference from outside."""
@@ -155,7 +155,7 @@ class Street:
         """Go one sub-step on, and inspect."""
         if self._poses is None:
             self._poses = self.poses
-        planned, self.moved = self.traffic.step(self.index, self.environment, robot)
+        planned, self.moved = self.planner.step(self.index, self.environment, robot)
         assert np.array_equal(planned, self.poses)
         self.index += 1
         self.track.append(self.poses)
@@ -192,7 +192,7 @@ class Street:
 
     def longest_wait(self) -> float:
         """Return for how long the one has waited that has waited longest."""
-        return max(self.hindrance(one)[2] for one in self.bodies)
+        return max(self.obstruction(one)[2] for one in self.bodies)
 
     def _inspect(self) -> None:
         assert self.table.ids.tolist() == sorted(self.bodies)
@@ -213,7 +213,7 @@ def inspect_motion(
     bodies: Mapping[int, Body],
 ) -> NDArray[np.float64]:
     """Assert that the motion of one sub-step keeps to the limits; return the speeds (N,)."""
-    order = [bodies[one] for one in sorted(bodies)]
+    command = [bodies[one] for one in sorted(bodies)]
     shift = after - before
     turn = np.remainder(shift[:, 2] + np.pi, 2.0 * np.pi) - np.pi
     middle = before[:, 2] + 0.5 * turn
@@ -221,12 +221,12 @@ def inspect_motion(
     aside = shift[:, 1] * np.cos(middle) - shift[:, 0] * np.sin(middle)
     speed = along / STEP_S
     assert np.abs(aside).max(initial=0.0) < 1e-9
-    assert (np.abs(speed) <= [body.speed_mps + 1e-9 for body in order]).all()
-    assert (np.abs(turn) <= [body.turn_rate_radps * STEP_S + 1e-9 for body in order]).all()
-    radii = np.array([body.turn_radius_m for body in order])
+    assert (np.abs(speed) <= [body.speed_mps + 1e-9 for body in command]).all()
+    assert (np.abs(turn) <= [body.turn_rate_radps * STEP_S + 1e-9 for body in command]).all()
+    radii = np.array([body.turn_radius_m for body in command])
     assert (np.abs(turn) * radii <= np.abs(along) + 1e-9).all()
     assert (speed[radii == 0.0] >= -WALKS_BACK_MPS - 1e-9).all()
     if speeds is not None:
         gain = np.abs(speed - speeds) / STEP_S
-        assert (gain <= [body.acceleration_mps2 + 1e-6 for body in order]).all()
+        assert (gain <= [body.acceleration_mps2 + 1e-6 for body in command]).all()
     return speed

@@ -8,8 +8,8 @@ import pytest
 from are_ros.agents.local_planner import patience as _orders
 from are_ros.agents.local_planner import patience as _patience
 from are_ros.agents.local_planner import state as _state
-from are_ros.agents.local_planner.body import Body, Order
-from are_ros.agents.local_planner.planner import Traffic
+from are_ros.agents.local_planner.body import Body, MotionCommand
+from are_ros.agents.local_planner.planner import LocalPlanner
 from are_ros.agents.table import AgentTable
 from are_ros.population.artefact import GroundPose
 from tests.agents.local_planner.streets import artefact_at
@@ -17,18 +17,20 @@ from tests.agents.local_planner.streets import artefact_at
 BODY = Body((0.2, 0.3))
 
 
-def shift_m(before: Order, after: Order) -> float:
+def shift_m(before: MotionCommand, after: MotionCommand) -> float:
     """Return how far a sub-goal has moved; infinitely far if there was none, or is none now."""
     if before.subgoal_m is None or after.subgoal_m is None:
         return 0.0 if before.subgoal_m is after.subgoal_m else math.inf
     return math.dist(before.subgoal_m, after.subgoal_m)
 
 
-def twin(fleet: _state.Fleet, slot: int, before: Order, after: Order, now: int) -> None:
+def twin(
+    agents: _state.AgentArrays, slot: int, before: MotionCommand, after: MotionCommand, now: int
+) -> None:
     """Write an order into the records, one field after the other."""
-    mind, moved_m = fleet.mind[slot], shift_m(before, after)
+    mind, moved_m = agents.mind[slot], shift_m(before, after)
     if moved_m > 0.1 or after.speed_mps != before.speed_mps:
-        fleet.due[slot] = now
+        agents.due[slot] = now
     if moved_m > 0.0:
         mind["passed_at"] = _state.NEVER
     if moved_m > 1.0 and mind["credit"] < 0.0:
@@ -36,61 +38,61 @@ def twin(fleet: _state.Fleet, slot: int, before: Order, after: Order, now: int) 
     if after.subgoal_m is None and moved_m > 0.0:
         mind["blocked"] = mind["credit"] = 0.0
         mind["patience"] = _patience._FIRST_DETOUR
-        mind["hindrance"], mind["hindered_by"] = _state.UNHINDERED, _state.NOBODY
-    fleet.order[slot] = _state.order_record(after)
+        mind["obstruction"], mind["obstructed_by"] = _state.UNOBSTRUCTED, _state.NOBODY
+    agents.command[slot] = _state.command_record(after)
 
 
-def drawn_order(rng: np.random.Generator, before: Order) -> Order:
+def drawn_order(rng: np.random.Generator, before: MotionCommand) -> MotionCommand:
     """Return one like that before, a little or wholly other, or to stand."""
     if rng.random() < 0.2:
-        return Order(None, 0.0)
+        return MotionCommand(None, 0.0)
     x_m, y_m = before.subgoal_m or (0.0, 0.0)
     step_m = rng.choice([0.0, 0.05, 0.5, 3.0])
     speed_mps = before.speed_mps if rng.random() < 0.5 else float(rng.choice([0.8, 1.3]))
     face_rad = None if rng.random() < 0.5 else 0.3
     subgoal_m = (x_m + step_m, y_m - step_m)
-    return Order(subgoal_m, speed_mps, bool(rng.random() < 0.5), face_rad, 0.2, 0.4, 0.05)
+    return MotionCommand(subgoal_m, speed_mps, bool(rng.random() < 0.5), face_rad, 0.2, 0.4, 0.05)
 
 
-def drawn_fleet(rng: np.random.Generator, count: int) -> _state.Fleet:
+def drawn_fleet(rng: np.random.Generator, count: int) -> _state.AgentArrays:
     """Return records of minds in any state, who all stand."""
-    fleet = _state.fleet_of(count, 4)
+    agents = _state.agent_arrays(count, 4)
     for name in ("blocked", "credit", "patience"):
-        fleet.mind[name] = rng.uniform(-1.0, 1.0, count)
-    for name in ("passed_at", "hindrance", "hindered_by"):
-        fleet.mind[name] = rng.integers(0, 4, count)
-    fleet.order[:] = _state.order_record(Order(None, 0.0))
-    return fleet
+        agents.mind[name] = rng.uniform(-1.0, 1.0, count)
+    for name in ("passed_at", "obstruction", "obstructed_by"):
+        agents.mind[name] = rng.integers(0, 4, count)
+    agents.command[:] = _state.command_record(MotionCommand(None, 0.0))
+    return agents
 
 
 def test_orders_change_what_the_twin_changes() -> None:
     """Of some at once, again and again; the others' records stay what they are."""
     rng, count = np.random.default_rng(8), 12
-    fleet = drawn_fleet(rng, count)
-    expected = _state.Fleet(*(table.copy() for table in fleet))
-    orders = [Order(None, 0.0)] * count
+    agents = drawn_fleet(rng, count)
+    expected = _state.AgentArrays(*(table.copy() for table in agents))
+    commands = [MotionCommand(None, 0.0)] * count
     for now in range(60):
         slots = rng.permutation(count)[:5]
-        after = [drawn_order(rng, orders[slot]) for slot in slots]
-        for slot, order in zip(slots.tolist(), after, strict=True):
-            twin(expected, slot, orders[slot], order, now)
-            orders[slot] = order
-        rows = np.array([_state.order_record(order) for order in after], np.float64)
-        _orders.give(fleet.order, fleet.mind, fleet.due, slots, rows, now)
-        np.testing.assert_array_equal(fleet.due, expected.due)
-        for table, other in ((fleet.mind, expected.mind), (fleet.order, expected.order)):
+        after = [drawn_order(rng, commands[slot]) for slot in slots]
+        for slot, command in zip(slots.tolist(), after, strict=True):
+            twin(expected, slot, commands[slot], command, now)
+            commands[slot] = command
+        rows = np.array([_state.command_record(command) for command in after], np.float64)
+        _orders.give(agents.command, agents.mind, agents.due, slots, rows, now)
+        np.testing.assert_array_equal(agents.due, expected.due)
+        for table, other in ((agents.mind, expected.mind), (agents.command, expected.command)):
             for name in table.dtype.names or ():
                 np.testing.assert_array_equal(table[name], other[name])
-        fleet.mind["credit"] -= rng.uniform(0.0, 0.1, count)
-        expected.mind["credit"] = fleet.mind["credit"]
+        agents.mind["credit"] -= rng.uniform(0.0, 0.1, count)
+        expected.mind["credit"] = agents.mind["credit"]
 
 
-def traffic_of(*ids: int) -> Traffic:
+def traffic_of(*ids: int) -> LocalPlanner:
     """Return a traffic of people a metre apart."""
     table = AgentTable(0.05)
     for artefact_id in ids:
         table.add(artefact_at(artefact_id, GroundPose(float(artefact_id), 0.0, 0.0, 0.0)), BODY)
-    return Traffic(table)
+    return LocalPlanner(table)
 
 
 def test_whom_nobody_knows_has_no_row() -> None:
@@ -108,15 +110,15 @@ def test_whom_nobody_knows_has_no_row() -> None:
 
 def test_no_orders_are_no_orders() -> None:
     """Nobody needs to be there."""
-    traffic = traffic_of()
-    traffic.give_orders([], [])
-    assert traffic.hindrances([]) == []
+    planner = traffic_of()
+    planner.give_commands([], [])
+    assert planner.obstructions([]) == []
 
 
 def test_where_all_are_is_kept_up_to_date() -> None:
     """Who comes, goes or is put elsewhere: as if it were looked for anew; old arrays stay."""
     table, rng, there = AgentTable(0.05), np.random.default_rng(3), dict[int, GroundPose]()
-    traffic = Traffic(table)
+    planner = LocalPlanner(table)
     for step in range(300):
         before, copy = table.poses, table.poses.copy()
         artefact_id = int(rng.integers(1000))
@@ -136,4 +138,4 @@ def test_where_all_are_is_kept_up_to_date() -> None:
         np.testing.assert_array_equal(before, copy)
         assert table.ids.tolist() == table.arrays.place["id"].tolist() == sorted(there)
         expected = [(*pose[:2], pose.yaw_rad) for _, pose in sorted(there.items())]
-        np.testing.assert_array_equal(traffic.motion[:, :3], np.array(expected).reshape(-1, 3))
+        np.testing.assert_array_equal(planner.motion[:, :3], np.array(expected).reshape(-1, 3))

@@ -14,10 +14,18 @@ from are_ros.agents.local_planner.body import Body
 from are_ros.agents.local_planner.rollouts import circle_of, pace_of
 from are_ros.agents.local_planner.spatial_hash import fill, gather
 from are_ros.agents.local_planner.state import NEVER
-from are_ros.agents.local_planner.walls import Floors
+from are_ros.agents.local_planner.walls import ClearanceLayers
 from are_ros.agents.navigation.terrain import Terrains
 from are_ros.world.boxes import overlaps
-from tests.agents.local_planner.streets import CAR, PERSON, SCOOTER, boxes_at, environment, room, wall
+from tests.agents.local_planner.streets import (
+    CAR,
+    PERSON,
+    SCOOTER,
+    boxes_at,
+    environment,
+    room,
+    wall,
+)
 
 _BODIES = (PERSON, SCOOTER, CAR, Body((0.4, 0.1), (0.2, -0.1)))
 
@@ -95,7 +103,7 @@ def test_a_path_runs_into_a_wall_where_its_boxes_do(seed: int, body: Body, comfo
     cells = room(7.0, 6.0)
     wall(cells, (3.0, 3.2), (2.0, 4.0))
     here = environment(cells, (-3.0, -3.0, 0.2))
-    _, floor = Floors(Terrains()).of(here, [])
+    _, floor = ClearanceLayers(Terrains()).of(here, [])
     path, record = _path(random, 40), _records(body)[0]
     boxes = boxes_at(path[:, :3], [body] * 40)
     free = here.is_placeable(boxes)
@@ -132,7 +140,7 @@ def test_turning_freely_means_fitting_at_all_headings(seed: int, body: Body) -> 
     random = np.random.default_rng(seed)
     cells = room(7.0, 6.0)
     here = environment(cells)
-    _, floor = Floors(Terrains()).of(here, [])
+    _, floor = ClearanceLayers(Terrains()).of(here, [])
     pose = np.zeros(6)
     pose[:2] = random.uniform(0.0, 6.0, 2)
     record = _records(body)[0]
@@ -158,14 +166,16 @@ def test_discs_cover_the_box() -> None:
 def test_buckets_find_all_that_may_meet_a_square(seed: int, count: int) -> None:
     """Nobody whose circle meets the square is missed, nobody comes twice, the order is fixed."""
     random = np.random.default_rng(seed)
-    fleet = _state.fleet_of(count, 2)
-    desk = _state.desk_of(count, 2)
+    agents = _state.agent_arrays(count, 2)
+    workspace = _state.workspace_of(count, 2)
     squares = np.column_stack((random.uniform(-30, 30, (count, 2)), random.uniform(0.1, 6, count)))
-    fleet.place["x"], fleet.place["y"], fleet.place["reach"] = squares.T
+    agents.place["x"], agents.place["y"], agents.place["reach"] = squares.T
     buckets = fill(squares)
     for me in range(count):
-        found = gather(buckets, tuple(squares[me]), me, fleet, desk.seen, me + 1, desk.near)
-        near = desk.near[:found].tolist()
+        found = gather(
+            buckets, tuple(squares[me]), me, agents, workspace.seen, me + 1, workspace.near
+        )
+        near = workspace.near[:found].tolist()
         gaps = np.abs(squares[:, :2] - squares[me, :2]).max(axis=1) - squares[:, 2] - squares[me, 2]
         expected = set(np.flatnonzero(gaps < 0.0).tolist()) - {me}
         assert len(near) == len(set(near))
@@ -186,7 +196,7 @@ def test_a_point_has_the_room_that_it_is_said_to_have(seed: int, body: Body) -> 
     cells = room(7.0, 6.0)
     wall(cells, (3.0, 3.2), (2.0, 4.0))
     here = environment(cells)
-    _, floor = Floors(Terrains()).of(here, [])
+    _, floor = ClearanceLayers(Terrains()).of(here, [])
     x, y = random.uniform(0.2, 5.8, 2)
     told = _walls.point_room(x, y, _records(body)[0], floor)
     rows, columns = np.nonzero(cells)

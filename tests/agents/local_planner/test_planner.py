@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from are_ros.agents.local_planner.body import STAND, Body, Order
-from are_ros.agents.local_planner.planner import Hindrance
+from are_ros.agents.local_planner.body import STAND, Body, MotionCommand
+from are_ros.agents.local_planner.planner import Obstruction
 from are_ros.builder.files.catalogue_file import read_catalogue
 from are_ros.world.boxes import overlaps_any
 from tests.agents.local_planner.streets import (
@@ -24,12 +24,12 @@ _HERE = environment(room(16.0, 10.0))
 
 def _crowd(street: Street, ids: list[int]) -> None:
     """Let as many as there are ids stand in rows, in the order given, and walk about."""
-    order = sorted(ids)
+    command = sorted(ids)
     for one in ids:
-        n = order.index(one)
+        n = command.index(one)
         street.add(one, 2.0 + 1.5 * (n % 8), 2.0 + 2.0 * (n // 8), 0.3 * n)
-    for one in order:
-        n = order.index(one)
+    for one in command:
+        n = command.index(one)
         street.send(one, 14.0 - 1.4 * (n % 8), 8.5 - 2.0 * (n // 8))
 
 
@@ -134,9 +134,9 @@ def test_those_without_orders_make_no_plans() -> None:
     street = Street(_HERE)
     _crowd(street, list(range(10)))
     for one in range(10):
-        street.order(one, STAND)
+        street.command(one, STAND)
     street.run(2.0)
-    assert street.traffic.counters.plans_made == 0
+    assert street.planner.counters.plans_made == 0
     assert not street.moved.any()
 
 
@@ -147,11 +147,11 @@ def test_an_order_to_stand_brakes() -> None:
     street.send(1, 12.0, 5.0)
     street.run(3.0)
     x = float(street.pose(1)[0])
-    street.order(1, STAND)
+    street.command(1, STAND)
     street.run(3.0)
     assert street.speeds[0] == 0.0
     assert street.pose(1)[0] - x < 1.35**2 / 3.0 + 1.35 * 0.3
-    assert street.hindrance(1) == (Hindrance.NONE, -1, 0.0)
+    assert street.obstruction(1) == (Obstruction.NONE, -1, 0.0)
 
 
 def test_places_that_nobody_comes_to_are_clear() -> None:
@@ -164,7 +164,7 @@ def test_places_that_nobody_comes_to_are_clear() -> None:
     places = np.array(
         [[x, 5.0, 0.0], [x + 1.0, 5.0, 0.0], [x + 1.0, 6.0, 0.5], [x - 0.8, 5.0, 0.0]]
     )
-    clear = street.traffic.is_clear(boxes_at(places, [PERSON] * 4))
+    clear = street.planner.is_clear(boxes_at(places, [PERSON] * 4))
     assert clear.tolist() == [False, False, True, True]
 
 
@@ -181,7 +181,7 @@ def test_a_scripted_one_follows_its_poses_and_the_others_plan_around_it() -> Non
     street.send(2, 8.0, 9.3)
     script = _circle(200)
     for k, row in enumerate(script):
-        street.traffic.prescribe(0, script[k : k + 30])
+        street.planner.prescribe(0, script[k : k + 30])
         street.step()
         assert (street.pose(1) == row).all()
         assert not overlaps_any(street.boxes().at(0), street.boxes().at(1))[0]
@@ -194,7 +194,7 @@ def test_a_script_that_is_not_continued_ends_in_a_stand() -> None:
     """As far as it is prescribed the artefact follows it, and then stands, whatever it is told."""
     street = Street(_HERE, inspects=False)
     street.add(1, 11.0, 5.0, 0.0)
-    street.traffic.prescribe(0, _circle(200)[:20])
+    street.planner.prescribe(0, _circle(200)[:20])
     street.send(1, 4.0, 2.0)
     street.run(3.0)
     assert (street.pose(1) == _circle(200)[19]).all()
@@ -206,13 +206,13 @@ def test_who_waits_says_for_whom_and_how_long() -> None:
     street = Street(environment(room(8.0, 2.4)))
     street.add(1, 1.0, 1.2, 0.0)
     street.add(2, 5.0, 1.2, 0.0, Body((0.2, 1.0), speed_mps=0.0))
-    street.order(1, Order((7.0, 1.2), 1.3))
+    street.command(1, MotionCommand((7.0, 1.2), 1.3))
     told = []
     for _ in range(40):
         street.run(0.25)
-        told.append(street.hindrance(1))
-    kind, who, seconds = max(told, key=lambda hindrance: hindrance[2])
-    assert (kind, who) == (Hindrance.ARTEFACT, 2)
+        told.append(street.obstruction(1))
+    kind, who, seconds = max(told, key=lambda obstruction: obstruction[2])
+    assert (kind, who) == (Obstruction.ARTEFACT, 2)
     assert 2.0 < seconds < 8.0
 
 
@@ -229,6 +229,6 @@ def test_a_wall_on_a_new_map_is_not_run_into() -> None:
     told = set()
     for _ in range(20):
         street.run(0.5)
-        told.add(street.hindrance(1)[0])
+        told.add(street.obstruction(1)[0])
     assert street.pose(1)[0] < column * 0.05
-    assert told == {Hindrance.NONE, Hindrance.WALL}
+    assert told == {Obstruction.NONE, Obstruction.WALL}

@@ -21,7 +21,7 @@ from are_ros.agents.local_planner.rollouts import (
 )
 from tests.agents.local_planner.streets import CAR, PERSON, SCOOTER, STEP_S, inspect_motion
 
-_TEMPO = _state.Tempo(STEP_S, 20, 30, 20)
+_TEMPO = _state.PlannerTiming(STEP_S, 20, 30, 20)
 _angles = st.floats(-6.0, 6.0)
 
 

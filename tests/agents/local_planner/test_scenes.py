@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.agents.local_planner.body import Body, Order
-from are_ros.agents.local_planner.planner import Hindrance
+from are_ros.agents.local_planner.body import Body, MotionCommand
+from are_ros.agents.local_planner.planner import Obstruction
 from are_ros.agents.local_planner.robot import RobotMotion
 from are_ros.agents.navigation.terrain import Terrain
 from are_ros.conventions import UNKNOWN
@@ -34,7 +34,7 @@ def test_a_walker_arrives_without_oscillation_and_turns_to_the_face() -> None:
     street = Street(environment(room(12.0, 8.0)))
     street.add(1, 2.0, 2.0, 2.0)
     street.goals[1] = (9.0, 5.0)
-    street.order(1, Order((9.0, 5.0), 1.3, face_rad=-2.0))
+    street.command(1, MotionCommand((9.0, 5.0), 1.3, face_rad=-2.0))
     street.run(12.0)
     distances = [math.dist(poses[0, :2], (9.0, 5.0)) for poses in street.track]
     start = int(np.argmax(distances))
@@ -101,14 +101,14 @@ def test_who_is_kept_from_a_gap_by_somebody_in_it_waits_for_that_one() -> None:
     street.add(1, 3.2, 2.0, 0.0)
     street.add(2, 4.2, 2.0, 0.0)
     street.send(1, 4.5, 2.0, stop_there=False)
-    hindrances = set()
+    obstructions = set()
     for _ in range(100):
         street.step()
-        what, who, since_s = street.hindrance(1)
+        what, who, since_s = street.obstruction(1)
         if since_s > 0.5:
-            hindrances.add((what, who))
-    assert (Hindrance.ARTEFACT, 2) in hindrances
-    assert (Hindrance.WALL, -1) not in hindrances
+            obstructions.add((what, who))
+    assert (Obstruction.ARTEFACT, 2) in obstructions
+    assert (Obstruction.WALL, -1) not in obstructions
 
 
 @pytest.mark.parametrize(("width_m", "seconds"), [(2.0, 12.0), (1.6, 40.0)])
@@ -143,13 +143,13 @@ def test_in_too_narrow_a_corridor_one_backs_off_and_both_turn_away_when_told() -
     street.add(2, 11.0, 0.95, math.pi)
     street.send(1, 11.0, 0.95)
     street.send(2, 1.0, 0.95)
-    hindrances, farthest = set(), {1: 0.0, 2: 12.0}
+    obstructions, farthest = set(), {1: 0.0, 2: 12.0}
     for _ in range(30):
         street.run(0.5)
-        hindrances |= {street.hindrance(one)[:2] for one in (1, 2)}
+        obstructions |= {street.obstruction(one)[:2] for one in (1, 2)}
         x = {one: float(street.pose(one)[0]) for one in (1, 2)}
         farthest = {1: max(farthest[1], x[1]), 2: min(farthest[2], x[2])}
-    assert {(Hindrance.ARTEFACT, 1), (Hindrance.ARTEFACT, 2)} & hindrances
+    assert {(Obstruction.ARTEFACT, 1), (Obstruction.ARTEFACT, 2)} & obstructions
     assert farthest[1] - x[1] > 1.0 or x[2] - farthest[2] > 1.0
     is_pushed_left = x[1] + x[2] < 12.0
     street.send(1 if is_pushed_left else 2, 10.0 if is_pushed_left else 2.0, 0.95)
@@ -191,7 +191,7 @@ def _guide(street: Street, terrain: Terrain, one: int) -> None:
         way = way[3:]
     seen = [point for point in way if terrain.sees((x_m, y_m), point, 0.33)] or way[:1]
     speed = PERSON.speed_mps
-    street.order(one, Order(seen[-1], speed, stop_there=seen[-1] == goal))
+    street.command(one, MotionCommand(seen[-1], speed, stop_there=seen[-1] == goal))
 
 
 @pytest.mark.parametrize(("width_m", "seconds"), [(0.8, 150.0), (1.0, 120.0), (1.2, 90.0)])
@@ -329,7 +329,7 @@ def test_nobody_walks_into_a_robot_that_stands() -> None:
     for _ in range(240):
         street.step(robot)
         assert signed_distance_m(footprint, street.boxes()).min() > 0.0
-    assert street.hindrance(1)[:2] == (Hindrance.ROBOT, -1)
+    assert street.obstruction(1)[:2] == (Obstruction.ROBOT, -1)
 
 
 def test_one_that_the_robot_has_come_to_touch_can_walk_away() -> None:
@@ -388,7 +388,7 @@ def _mixed_crowd(seed: int, count: int) -> Street:
         x_m, y_m = _anywhere(street, random)
         yaw_rad = random.uniform(0.0, 6.0)
         boxes = boxes_at(np.array([[x_m, y_m, yaw_rad]]), [body])
-        if street.environment.is_placeable(boxes)[0] and street.traffic.is_clear(boxes)[0]:
+        if street.environment.is_placeable(boxes)[0] and street.planner.is_clear(boxes)[0]:
             street.add(len(street.bodies), x_m, y_m, yaw_rad, body)
     return street
 
@@ -407,7 +407,7 @@ def _wander(street: Street, random: np.random.Generator, seconds: float) -> None
             one = int(random.integers(len(street.bodies)))
             street.send(one, *_anywhere(street, random))
         street.step()
-    counters = street.traffic.counters
+    counters = street.planner.counters
     assert counters.plans_made > 10 * seconds
     assert counters.emergency_stops == 0
 
@@ -426,7 +426,7 @@ def test_small_random_scenes_keep_the_invariants(
     street = Street(environment(cells), index=index)
     for one, (start, goal) in enumerate(trips):
         boxes = boxes_at(np.array([start]), [PERSON])
-        if street.environment.is_placeable(boxes)[0] and street.traffic.is_clear(boxes)[0]:
+        if street.environment.is_placeable(boxes)[0] and street.planner.is_clear(boxes)[0]:
             street.add(one, *start)
             street.send(one, *goal[:2])
     street.run(6.0)

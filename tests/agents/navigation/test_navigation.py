@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from are_ros.agents.behaviours.situation import Fellow, Intent, Point, RobotView, stand
+from are_ros.agents.behaviours.situation import Intent, Neighbour, Point, RobotView, stand
 from are_ros.agents.behaviours.standing import Standing
 from are_ros.agents.decision import AgentState
 from are_ros.agents.local_planner.body import Body
 from are_ros.agents.navigation.destinations import Destinations
-from are_ros.agents.navigation.navigation import Leg, Navigation, Wish
-from are_ros.agents.navigation.profile import Comfort, Traveller
+from are_ros.agents.navigation.navigation import Navigation, NavigationRequest, NavigationResult
+from are_ros.agents.navigation.profile import Clearances, NavigationProfile
 from are_ros.agents.navigation.terrain import Terrains
-from are_ros.agents.snapshot import Onlookers
+from are_ros.agents.snapshot import AgentSnapshot
 from are_ros.parameters.model import BehaviourParameters
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.population.catalogue import CatalogueRow, MotionLimits, RewardWeights
@@ -50,17 +50,17 @@ def navigation(environment: Environment | None = None) -> Navigation:
     return found
 
 
-def traveller(row: CatalogueRow = ROW) -> Traveller:
+def profile(row: CatalogueRow = ROW) -> NavigationProfile:
     """Return the traveller of a row."""
-    return Traveller.of(row, Body.of(row))
+    return NavigationProfile.of(row, Body.of(row))
 
 
 def state(row: CatalogueRow = ROW) -> AgentState:
     """Return one of a row that has not decided yet."""
-    return AgentState(traveller(row), Standing(), np.random.default_rng(0))
+    return AgentState(profile(row), Standing(), np.random.default_rng(0))
 
 
-def view_of(*poses: tuple[float, float, float], speed_mps: float = 0.0) -> Onlookers:
+def view_of(*poses: tuple[float, float, float], speed_mps: float = 0.0) -> AgentSnapshot:
     """Return people at x, y, yaw with the ids 0, 1 ..., of whom 0 stands."""
     living = {
         k: Artefact(k, ROW, Origin.RANDOM, 0, PoseHistory(0, GroundPose(x, y, 0.0, yaw)))
@@ -71,17 +71,17 @@ def view_of(*poses: tuple[float, float, float], speed_mps: float = 0.0) -> Onloo
     speeds[0] = 0.0
     ids, radii_m = np.arange(len(poses)), np.full(len(poses), 0.3)
     columns = (ids, ground, speeds, radii_m)
-    return Onlookers(list(living.values()), columns, lambda *_: True, lambda _: NOBODY)
+    return AgentSnapshot(list(living.values()), columns, lambda *_: True, lambda _: NOBODY)
 
 
-def me_in(view: Onlookers) -> Fellow:
+def me_in(view: AgentSnapshot) -> Neighbour:
     """Return the first."""
-    me = view.fellow(0)
+    me = view.neighbour(0)
     assert me is not None
     return me
 
 
-def leg(
+def result(
     goal_m: Point | None,
     *poses: tuple[float, float, float],
     ways: Navigation | None = None,
@@ -90,13 +90,13 @@ def leg(
     is_patient: bool = True,
     is_moving_goal: bool = False,
     left_s: float | None = None,
-) -> Leg:
+) -> NavigationResult:
     """Return the leg of the first of some people, at (2, 5) if nobody is named."""
     view = view_of(*(poses or ((2.0, 5.0, 0.0),)))
     intent = Intent(goal_m, 1.2, is_moving_goal=is_moving_goal)
     found = ways or navigation()
-    wish = Wish(state(row), me_in(view), intent, left_s, is_patient)
-    return found.legs([wish], view, robot)[0]
+    request = NavigationRequest(state(row), me_in(view), intent, left_s, is_patient)
+    return found.results([request], view, robot)[0]
 
 
 # --- without values
@@ -106,35 +106,35 @@ def test_without_a_goal_one_stands_and_looks() -> None:
     """The order is to stand, facing the point; the robot's distance is the intent's own."""
     view = view_of((2.0, 5.0, 0.0))
     intent = replace(stand("pausing", (2.0, 9.0)), robot_comfort_m=2.5)
-    (found,) = navigation().legs([Wish(state(), me_in(view), intent)], view, None)
-    assert found.order.subgoal_m is None
-    assert found.order.face_rad == pytest.approx(math.pi / 2)
-    assert found.order.robot_comfort_m == 2.5
+    (found,) = navigation().results([NavigationRequest(state(), me_in(view), intent)], view, None)
+    assert found.command.subgoal_m is None
+    assert found.command.face_rad == pytest.approx(math.pi / 2)
+    assert found.command.robot_comfort_m == 2.5
     assert [found.arrived, found.no_way, found.waits] == [False] * 3
 
 
 @pytest.mark.parametrize(("x_m", "arrived"), [(2.39, True), (2.41, False)])
 def test_one_has_arrived_within_the_distance_asked_for(x_m: float, arrived: bool) -> None:
     """0.4 m if nothing else is said; then it stands."""
-    found = leg((x_m, 5.0))
+    found = result((x_m, 5.0))
     assert found.arrived == arrived
-    assert (found.order.subgoal_m is None) == arrived
+    assert (found.command.subgoal_m is None) == arrived
 
 
 def test_a_near_goal_that_is_seen_is_gone_to_straight() -> None:
     """The goal itself is the sub-goal, where it stops."""
-    found = leg((4.0, 6.0))
-    assert found.order.subgoal_m == (4.0, 6.0)
-    assert found.order.stop_there
-    assert found.order.speed_mps == 1.2
+    found = result((4.0, 6.0))
+    assert found.command.subgoal_m == (4.0, 6.0)
+    assert found.command.stop_there
+    assert found.command.speed_mps == 1.2
     assert not len(found.way_m)
 
 
 def test_a_moving_goal_is_gone_to_straight_from_afar() -> None:
     """As long as it is seen; behind a wall a way is planned."""
-    assert not len(leg((2.0, 9.5), is_moving_goal=True).way_m)
-    assert len(leg((2.0, 9.5)).way_m)
-    assert len(leg((8.0, 9.0), is_moving_goal=True).way_m)
+    assert not len(result((2.0, 9.5), is_moving_goal=True).way_m)
+    assert len(result((2.0, 9.5)).way_m)
+    assert len(result((8.0, 9.0), is_moving_goal=True).way_m)
 
 
 # --- by values
@@ -143,10 +143,10 @@ def test_a_moving_goal_is_gone_to_straight_from_afar() -> None:
 def test_a_way_leads_through_the_door() -> None:
     """From room to room, the sub-goal is seen and on the way, and the way passes the door."""
     goal_m = (8.0, 9.0)
-    found = leg(goal_m)
-    ways, at = navigation(), found.order.subgoal_m
+    found = result(goal_m)
+    ways, at = navigation(), found.command.subgoal_m
     assert at is not None
-    assert ways.sees(traveller(), (2.0, 5.0), at)
+    assert ways.sees(profile(), (2.0, 5.0), at)
     assert any((found.way_m == at).all(axis=1))
     assert math.dist(at, (2.0, 5.0)) > 1.0
     assert at[0] > 3.0
@@ -161,12 +161,12 @@ def test_following_the_legs_reaches_the_goal() -> None:
     ways, goal_m = navigation(), (8.5, 9.0)
     here, yaw = (1.5, 1.5), 0.0
     for _count in range(25):
-        found = leg(goal_m, (*here, yaw), ways=ways)
+        found = result(goal_m, (*here, yaw), ways=ways)
         if found.arrived:
             break
-        at = found.order.subgoal_m
+        at = found.command.subgoal_m
         assert at is not None
-        assert ways.sees(traveller(), here, at)
+        assert ways.sees(profile(), here, at)
         share = min(1.0, 1.0 / math.dist(here, at))
         yaw = math.atan2(at[1] - here[1], at[0] - here[0])
         here = (here[0] + share * (at[0] - here[0]), here[1] + share * (at[1] - here[1]))
@@ -177,40 +177,40 @@ def test_following_the_legs_reaches_the_goal() -> None:
 @pytest.mark.parametrize("goal_m", [(8.0, 5.0), (50.0, 5.0)])
 def test_where_no_way_leads_it_is_said(goal_m: Point) -> None:
     """Another room without a door, or a goal off the map: it stands."""
-    found = leg(goal_m, ways=navigation(rooms(door=None)))
+    found = result(goal_m, ways=navigation(rooms(door=None)))
     assert found.no_way
-    assert found.order.subgoal_m is None
+    assert found.command.subgoal_m is None
 
 
 def test_what_does_not_fit_through_the_door_has_no_way() -> None:
     """A car neither drives through 1 m, nor forgets it for who comes after."""
     ways = navigation()
-    assert leg((8.0, 5.0), row=LONG, ways=ways).no_way
-    assert not leg((8.0, 5.0), ways=ways).no_way
+    assert result((8.0, 5.0), row=LONG, ways=ways).no_way
+    assert not result((8.0, 5.0), ways=ways).no_way
 
 
 def test_another_environment_forgets_the_ways_of_the_last() -> None:
     """When the door closes there is no way, when it opens again there is."""
     ways = navigation()
-    assert not leg((8.0, 5.0), ways=ways).no_way
+    assert not result((8.0, 5.0), ways=ways).no_way
     ways.enter(rooms(door=None, version=1), PLACES)
-    assert leg((8.0, 5.0), ways=ways).no_way
+    assert result((8.0, 5.0), ways=ways).no_way
     ways.enter(rooms(version=2), PLACES)
-    assert not leg((8.0, 5.0), ways=ways).no_way
+    assert not result((8.0, 5.0), ways=ways).no_way
 
 
 def test_before_an_environment_there_is_no_way_to_find() -> None:
     """To ask is a fault of the program's."""
     with pytest.raises(RuntimeError, match="environment"):
-        leg((8.0, 5.0), ways=Navigation(BehaviourParameters(), Terrains()))
+        result((8.0, 5.0), ways=Navigation(BehaviourParameters(), Terrains()))
 
 
 @pytest.mark.parametrize("left_s", [0.0, 0.3, 5.0, 1e6, None])
 def test_any_rest_of_a_life_gives_a_leg(left_s: float | None) -> None:
     """The horizon is at least an epoch and at most the longest."""
-    found = leg((8.0, 9.0), left_s=left_s)
+    found = result((8.0, 9.0), left_s=left_s)
     assert not found.no_way
-    assert found.order.subgoal_m is not None or found.waits
+    assert found.command.subgoal_m is not None or found.waits
 
 
 # --- any angle
@@ -230,8 +230,8 @@ def walked_m(ways: Navigation, start_m: Point, goal_m: Point) -> list[Point]:
     points_m, yaw = [start_m], 0.0
     for _count in range(200):
         here = points_m[-1]
-        found = leg(goal_m, (*here, yaw), ways=ways)
-        at = found.order.subgoal_m
+        found = result(goal_m, (*here, yaw), ways=ways)
+        at = found.command.subgoal_m
         if at is None:
             break
         share = min(1.0, 1.0 / math.dist(here, at))
@@ -253,7 +253,9 @@ def test_on_open_ground_ways_go_at_any_angle() -> None:
         if (np.hypot(*(ends_m - 20.0).T) > 18.0).any() or math.dist(*ends_m) < 4.0:
             continue
         (x_m, y_m), goal_m = ends_m.tolist()
-        at = leg(tuple(goal_m), (x_m, y_m, random.uniform(-3.0, 3.0)), ways=ways).order.subgoal_m
+        at = result(
+            tuple(goal_m), (x_m, y_m, random.uniform(-3.0, 3.0)), ways=ways
+        ).command.subgoal_m
         assert at is not None
         angles_rad.append(math.atan2(at[1] - y_m, at[0] - x_m) % (0.5 * math.pi))
     angles = np.array(angles_rad)
@@ -271,13 +273,13 @@ def test_a_way_round_a_box_is_a_taut_one(start_m: Point, goal_m: Point) -> None:
     ways = navigation(hall((15.0, 14.0, 25.0, 26.0)))
     points_m = walked_m(ways, start_m, goal_m)
     corners = [(14.5, 13.5), (25.5, 13.5), (25.5, 26.5), (14.5, 26.5)]
-    assert not ways.sees(traveller(), start_m, goal_m)
+    assert not ways.sees(profile(), start_m, goal_m)
     strings: list[tuple[Point, ...]] = [(corner,) for corner in corners]
     strings += [pair for k in range(4) for pair in permutations((corners[k - 1], corners[k]))]
     shortest_m = min(
         length_m([start_m, *string, goal_m])
         for string in strings
-        if all(ways.sees(traveller(), *ends) for ends in pairwise([start_m, *string, goal_m]))
+        if all(ways.sees(profile(), *ends) for ends in pairwise([start_m, *string, goal_m]))
     )
     assert length_m(points_m) < 1.02 * shortest_m
 
@@ -297,44 +299,46 @@ def in_the_door() -> list[tuple[float, float, float]]:
 
 def test_a_patient_one_waits_for_those_in_the_door() -> None:
     """It stays and keeps its way; one who is not patient goes on, and leaves it to the traffic."""
-    waiting = leg((8.5, 5.0), *in_the_door(), row=SHY)
-    going = leg((8.5, 5.0), *in_the_door(), row=SHY, is_patient=False)
+    waiting = result((8.5, 5.0), *in_the_door(), row=SHY)
+    going = result((8.5, 5.0), *in_the_door(), row=SHY, is_patient=False)
     assert waiting.waits
-    assert waiting.order.subgoal_m is None
+    assert waiting.command.subgoal_m is None
     assert len(waiting.way_m)
     assert not going.waits
-    assert going.order.subgoal_m is not None
+    assert going.command.subgoal_m is not None
 
 
 def test_the_robot_in_the_door_is_waited_for() -> None:
     """By where it will be at the next decision."""
     plan = np.empty((0, 2))
     there = RobotView(5.0, 5.0, 0.0, 0.0, 0.0, 0.3, plan)
-    assert leg((8.5, 5.0), (3.4, 5.0, 0.0), robot=there, row=SHY).waits
+    assert result((8.5, 5.0), (3.4, 5.0, 0.0), robot=there, row=SHY).waits
     comes = RobotView(5.1, 7.0, 0.0, 0.0, -2.0, 0.3, plan)
     goes = RobotView(5.1, 5.0, 0.0, 0.0, 4.0, 0.3, plan)
-    assert leg((8.5, 5.0), (3.4, 5.0, 0.0), robot=comes, row=SHY).waits
-    assert not leg((8.5, 5.0), (3.4, 5.0, 0.0), robot=goes, row=SHY).waits
+    assert result((8.5, 5.0), (3.4, 5.0, 0.0), robot=comes, row=SHY).waits
+    assert not result((8.5, 5.0), (3.4, 5.0, 0.0), robot=goes, row=SHY).waits
 
 
 # --- many at once
 
 
-def wishes_of(view: Onlookers, states: Sequence[AgentState], seed: int) -> list[Wish]:
+def wishes_of(
+    view: AgentSnapshot, states: Sequence[AgentState], seed: int
+) -> list[NavigationRequest]:
     """Return what the people of a view want: to stand, or to go somewhere."""
     rng, goals_m = np.random.default_rng(seed), [(8.0, 5.0), (2.0, 9.0), (9.0, 1.0), (5.1, 5.0)]
-    wishes = []
+    requests = []
     for k, one in enumerate(states):
-        me = view.fellow(k)
+        me = view.neighbour(k)
         assert me is not None
         goal_m = None if rng.random() < 0.1 else goals_m[rng.integers(len(goals_m))]
         intent = Intent(goal_m, 1.2, is_moving_goal=bool(rng.random() < 0.2))
         left_s = None if rng.random() < 0.5 else float(rng.uniform(0.0, 90.0))
-        wishes.append(Wish(one, me, intent, left_s, bool(rng.random() < 0.7)))
-    return wishes
+        requests.append(NavigationRequest(one, me, intent, left_s, bool(rng.random() < 0.7)))
+    return requests
 
 
-def are_alike(one: Leg, other: Leg) -> bool:
+def are_alike(one: NavigationResult, other: NavigationResult) -> bool:
     """Tell whether two legs say the same."""
     return one[:4] == other[:4] and np.array_equal(one.way_m, other.way_m)
 
@@ -354,22 +358,22 @@ def test_many_at_once_find_what_each_alone_would(robot: RobotView | None) -> Non
             *((x_m, y_m, yaw) for (x_m, y_m), yaw in zip(points_m, yaws_rad, strict=True)),
             speed_mps=0.5,
         )
-        wishes = wishes_of(view, states, seed=round_ // 2)  # twice the same goals
+        requests = wishes_of(view, states, seed=round_ // 2)  # twice the same goals
         if round_ == 3:
             for k in (4, 9, 20):
-                states[k].course = None
-        legs = together.legs(wishes, view, robot)
-        for k, wish in enumerate(wishes):
-            (expected,) = alone[k].legs([wish._replace(state=lonely[k])], view, robot)
-            assert are_alike(legs[k], expected)
-            kinds.add((legs[k].no_way, legs[k].waits, legs[k].order.subgoal_m is None))
+                states[k].active = None
+        results = together.results(requests, view, robot)
+        for k, request in enumerate(requests):
+            (expected,) = alone[k].results([request._replace(state=lonely[k])], view, robot)
+            assert are_alike(results[k], expected)
+            kinds.add((results[k].no_way, results[k].waits, results[k].command.subgoal_m is None))
     assert len(kinds) > 2
 
 
 def test_nobody_wants_nothing() -> None:
     """Not even an environment is needed for it."""
     view = view_of((2.0, 5.0, 0.0))
-    assert Navigation(BehaviourParameters(), Terrains()).legs([], view, None) == []
+    assert Navigation(BehaviourParameters(), Terrains()).results([], view, None) == []
 
 
 # --- travellers
@@ -377,27 +381,27 @@ def test_nobody_wants_nothing() -> None:
 
 def test_comfort_follows_the_weights() -> None:
     """Nothing is kept where the weights are 0; people keep some tenths of a metre."""
-    assert Comfort.of(RewardWeights(personal_space=0.0, robot=0.0, clearance=0.0)) == Comfort(
+    assert Clearances.of(RewardWeights(personal_space=0.0, robot=0.0, clearance=0.0)) == Clearances(
         0.0, 0.0, 0.0
     )
-    person = Comfort.of(RewardWeights(personal_space=0.8, robot=0.8, clearance=0.3))
+    person = Clearances.of(RewardWeights(personal_space=0.8, robot=0.8, clearance=0.3))
     assert 0.2 < person.others_m < 0.5
     assert 0.3 < person.robot_m < 0.7
 
 
 def test_a_long_vehicle_needs_room_to_turn_but_no_circle() -> None:
     """Between half its width and the circle about it."""
-    assert 0.9 < traveller(LONG).radius_m < Body.of(LONG).radius_m
-    assert traveller(LONG).height_m == 1.5
+    assert 0.9 < profile(LONG).radius_m < Body.of(LONG).radius_m
+    assert profile(LONG).height_m == 1.5
 
 
 def test_who_turns_on_the_spot_needs_all_of_its_disc() -> None:
     """A bed of 0.6 x 1.4 m does not go through a door of 1 m, a vehicle of its size does."""
     bed = replace(ROW, size_m=(1.4, 0.6, 1.0))
-    assert traveller(bed).radius_m == Body.of(bed).radius_m
-    assert leg((8.0, 5.0), row=bed).no_way
+    assert profile(bed).radius_m == Body.of(bed).radius_m
+    assert result((8.0, 5.0), row=bed).no_way
     tug = replace(bed, motion=replace(WALK, turn_radius_m=1.0))
-    assert not leg((8.0, 5.0), row=tug).no_way
+    assert not result((8.0, 5.0), row=tug).no_way
 
 
 @pytest.mark.parametrize("yaw", [0.0, 1.5, -2.5])
@@ -406,11 +410,11 @@ def test_a_sub_goal_is_where_one_can_stand_and_turn(yaw: float) -> None:
     walls = np.random.default_rng(5).random((120, 160)) < 0.003
     walls[56:65, 76:85] = False
     environment = terrain_of(walls, yaw_rad=0.4).environment
-    ways, grid, radius_m = navigation(environment), environment.grid, traveller().radius_m
+    ways, grid, radius_m = navigation(environment), environment.grid, profile().radius_m
     closed = np.argwhere(np.pad(walls, 1, constant_values=True)) - 1
     goal_m, count = grid.cells_to_points([(60, 80)])[0].tolist(), 0
     for point_m in grid.cells_to_points(np.argwhere(~walls)[::300]).tolist():
-        at = leg((goal_m[0], goal_m[1]), (*point_m, yaw), ways=ways).order.subgoal_m
+        at = result((goal_m[0], goal_m[1]), (*point_m, yaw), ways=ways).command.subgoal_m
         if at is None or at == goal_m:
             continue
         row, col = _in_cells(environment, at)
@@ -431,15 +435,15 @@ def test_values_that_nobody_goes_by_are_let_go() -> None:
     """When one sets out to somewhere else, or is gone itself."""
     for goal_m in ((9.0, 1.0), None):
         ways, one, view = navigation(), state(), view_of((2.0, 5.0, 0.0))
-        ways.legs([Wish(one, me_in(view), Intent((8.0, 5.0), 1.2))], view, None)
-        assert one.course is not None
-        owner = weakref.ref(one.course.arrays[1][0])
+        ways.results([NavigationRequest(one, me_in(view), Intent((8.0, 5.0), 1.2))], view, None)
+        assert one.active is not None
+        owner = weakref.ref(one.active.arrays[1][0])
         ways.enter(rooms(version=1), PLACES)
         gc.collect()
         assert owner() is not None
         if goal_m is None:
             del one
         else:
-            ways.legs([Wish(one, me_in(view), Intent(goal_m, 1.2))], view, None)
+            ways.results([NavigationRequest(one, me_in(view), Intent(goal_m, 1.2))], view, None)
         gc.collect()
         assert owner() is None

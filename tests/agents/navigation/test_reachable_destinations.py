@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 from are_ros.agents.mdp.coarse_map import CoarseMap
-from are_ros.agents.navigation.destinations import APART_M, FEWEST, Destinations, Reach
+from are_ros.agents.navigation.destinations import (
+    APART_M,
+    FEWEST,
+    Destinations,
+    ReachableDestinations,
+)
 from tests.agents.floors import terrain_of, two_rooms
 
 LEFT_M = ((1.0, 1.0), (1.0, 4.0), (2.0, 2.5), (1.0, 2.5))
@@ -27,14 +32,14 @@ def rooms(door: slice | None = None) -> CoarseMap:
 def test_destinations_are_those_of_ones_own_room() -> None:
     """Where there are enough of them, no others are added; exits are all of them."""
     places = places_of(*LEFT_M, *RIGHT_M)
-    found = Reach(places).places_from(rooms(), (1.5, 1.5))
+    found = ReachableDestinations(places).places_from(rooms(), (1.5, 1.5))
     assert [tuple(point) for point in found.destinations_m.tolist()] == list(LEFT_M)
     assert np.array_equal(found.exits_m, places.exits_m)
 
 
 def test_a_door_joins_the_rooms() -> None:
     """Then all can be reached from anywhere, and one answer serves for both rooms."""
-    reach = Reach(places_of(*LEFT_M, *RIGHT_M))
+    reach = ReachableDestinations(places_of(*LEFT_M, *RIGHT_M))
     coarse = rooms(slice(40, 60))
     found = reach.places_from(coarse, (1.5, 1.5))
     assert len(found.destinations_m) == 6
@@ -47,7 +52,11 @@ def test_too_few_are_filled_up_with_others_in_the_same_room(
 ) -> None:
     """Well apart, each where the disc fits, and after those that there were."""
     coarse = rooms()
-    found = Reach(places_of(*LEFT_M, *known_m)).places_from(coarse, (5.0, 3.0)).destinations_m
+    found = (
+        ReachableDestinations(places_of(*LEFT_M, *known_m))
+        .places_from(coarse, (5.0, 3.0))
+        .destinations_m
+    )
     assert len(found) == FEWEST
     assert [tuple(point) for point in found[: len(known_m)].tolist()] == list(known_m)
     for one, other in combinations(found.tolist(), 2):
@@ -61,7 +70,7 @@ def test_a_place_beside_which_there_is_no_room_is_moved_to_where_the_disc_fits()
     """To the nearest cell's anchor; two that fall together are one."""
     coarse = rooms()
     places = places_of((0.05, 1.0), (0.1, 1.05), *LEFT_M[1:])
-    found = Reach(places).places_from(coarse, (1.5, 1.5)).destinations_m
+    found = ReachableDestinations(places).places_from(coarse, (1.5, 1.5)).destinations_m
     assert len(found) == FEWEST
     for x_m, y_m in found.tolist():
         assert coarse.holds(x_m, y_m)
@@ -71,7 +80,11 @@ def test_spare_room_is_asked_for_beside_the_disc() -> None:
     """A corridor where only the narrow disc fits is a way, not a place."""
     walls = two_rooms(100, 200, slice(60, 140), slice(44, 56))
     coarse = CoarseMap(terrain_of(walls), 0.25)
-    found = Reach(places_of((5.0, 2.5))).places_from(coarse, (1.0, 1.0), 0.1).destinations_m
+    found = (
+        ReachableDestinations(places_of((5.0, 2.5)))
+        .places_from(coarse, (1.0, 1.0), 0.1)
+        .destinations_m
+    )
     assert len(found) == FEWEST
     for x_m, y_m in found.tolist():
         assert x_m < 3.0 or x_m > 7.0
@@ -84,7 +97,7 @@ def test_who_is_shut_in_is_told_all_places() -> None:
     walls[2:16, 2:16] = False
     walls[25:, 2:] = False
     places = places_of((1.5, 2.0))
-    reach, coarse = Reach(places), CoarseMap(terrain_of(walls), 0.2)
+    reach, coarse = ReachableDestinations(places), CoarseMap(terrain_of(walls), 0.2)
     assert reach.places_from(coarse, (0.45, 0.45)) is places
     assert reach.places_from(coarse, (-9.0, 0.0)) is places
 
@@ -99,7 +112,7 @@ def test_a_place_in_the_middle_of_a_small_part_gives_way_to_its_ends(
     walls[30:58, 2:78] = False
     coarse = CoarseMap(terrain_of(walls), 0.2)
     places = places_of(*known_m, (2.0, 2.0))
-    found = Reach(places).places_from(coarse, (1.0, 0.6)).destinations_m
+    found = ReachableDestinations(places).places_from(coarse, (1.0, 0.6)).destinations_m
     assert len(found) >= 2
     for one, other in combinations(found.tolist(), 2):
         assert math.dist(one, other) >= APART_M

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from are_ros.agents.local_planner.body import Body
 from are_ros.agents.mdp.coarse_map import CoarseMaps, rounded_up_m
-from are_ros.agents.navigation.profile import Traveller
+from are_ros.agents.navigation.profile import NavigationProfile
 from are_ros.agents.navigation.terrain import Terrains
-from are_ros.builder.spawning.departure_constraint import (
+from are_ros.builder.spawning._departure_constraint import (
     ConnectedFreeSpace,
     RotationCheck,
     VehicleDepartureCheck,
@@ -130,7 +130,7 @@ def test_the_disc_is_that_of_the_map_that_ways_are_looked_for_in(
     """Its radius is rounded as `CoarseMaps` rounds it."""
     row = row_of(*size_m, motion=DRIVES)
     terrain = Terrains().of(environment_of(np.ones((9, 9), np.bool_)), 1.0)
-    radius_m = Traveller.of(row, Body.of(row)).radius_m
+    radius_m = NavigationProfile.of(row, Body.of(row)).radius_m
     assert CoarseMaps().of(terrain, radius_m).radius_m == rounded_up_m(radius_m)
     assert setting_out(row, np.ones((9, 9), np.bool_)).radius_m == rounded_up_m(radius_m)
 

@@ -16,7 +16,7 @@ from are_ros.agents.local_planner.body import TIGHTEST, Body
 from are_ros.agents.mdp.coarse_kernels import exact_room
 from are_ros.agents.mdp.coarse_map import rounded_up_m
 from are_ros.agents.navigation.destinations import APART_M
-from are_ros.agents.navigation.profile import Traveller
+from are_ros.agents.navigation.profile import NavigationProfile
 from are_ros.agents.navigation.terrain import Terrain, Terrains, rolls
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.world.boxes import TOUCH_TOLERANCE_M
@@ -296,4 +296,4 @@ def departure_constraint_of(
     terrain = terrains.of(environment, body.height_m)
     if body.turn_radius_m <= 0.0:
         return RotationCheck(terrain, body.radius_m, region)
-    return VehicleDepartureCheck(terrain, body, Traveller.of(row, body).radius_m, region)
+    return VehicleDepartureCheck(terrain, body, NavigationProfile.of(row, body).radius_m, region)
