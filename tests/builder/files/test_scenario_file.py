@@ -21,7 +21,7 @@ from are_ros.population.scenario import FIRST_ADMITTED_ID, Scenario, ScriptedArt
 
 CATALOGUE = read_catalogue()
 MOVING = [row for row in CATALOGUE.rows if row.motion.speed_mps > 0.0]
-EXAMPLES = sorted((Path(__file__).parents[2] / "config" / "scenarios").glob("*.yaml"))
+EXAMPLES = sorted((Path(__file__).parents[3] / "config" / "scenarios").glob("*.yaml"))
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 INSTANTS = st.integers(0, 10**18)
 POINTS = st.tuples(NUMBERS, NUMBERS)
