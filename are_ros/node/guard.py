@@ -13,37 +13,27 @@ from typing import Any, Final
 
 import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks, UnsupportedEventTypeError
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 
 from are_ros.errors import AreError, NodeError
 from are_ros.node.message_classes import message_class
+from are_ros.node.qos import HEARTBEAT, HEARTBEAT_TYPE, heartbeat_qos
 from are_ros.node.startup import fatal, ros_context, stop_on_signals
 
 NAME: Final = "ar_guard"
 _GUARDED: Final = "ar_builder"
-_HEARTBEAT: Final = "_alive"
-_HEARTBEAT_TYPE: Final = "std_msgs/msg/Empty"
 _MAP_TYPE: Final = "nav_msgs/msg/OccupancyGrid"
 _MAPS: Final = ("augmented_map", "artefact_map")
 _LATCHED: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_OFFERED_S: Final = 0.3
-"""DDS says that a process runs after two thirds of this."""
 _LEASE_S: Final = 0.5
 """Silence of this length is noticed, and must last `_GRACE_S` longer: when a whole machine stalls,
 the guard may wake up before it hears the node again."""
 _GRACE_S: Final = 0.3
 _WAIT_S: Final = 0.1
-
-
-def offer_heartbeat(node: Node) -> Any:
-    """Publish the heartbeat of this process; the caller keeps the publisher."""
-    kind, profile = message_class(_HEARTBEAT_TYPE), _heartbeat_qos(_OFFERED_S)
-    return node.create_publisher(kind, f"~/{_HEARTBEAT}", profile)
 
 
 class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
@@ -66,10 +56,10 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
         self._confirmation.cancel()
         try:
             self.create_subscription(
-                message_class(_HEARTBEAT_TYPE),
-                f"{_GUARDED}/{_HEARTBEAT}",
+                message_class(HEARTBEAT_TYPE),
+                f"{_GUARDED}/{HEARTBEAT}",
                 lambda _: None,
-                _heartbeat_qos(_LEASE_S),
+                heartbeat_qos(_LEASE_S),
                 event_callbacks=SubscriptionEventCallbacks(liveliness=self._take_heartbeat),
             )
         except UnsupportedEventTypeError as cause:
@@ -141,11 +131,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except AreError as cause:
             return fatal(NAME, cause)
     return 0
-
-
-def _heartbeat_qos(lease_s: float) -> QoSProfile:
-    return QoSProfile(
-        depth=1,
-        liveliness=LivelinessPolicy.AUTOMATIC,
-        liveliness_lease_duration=Duration(seconds=lease_s),
-    )

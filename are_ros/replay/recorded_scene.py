@@ -251,7 +251,7 @@ class SceneReader:
             self._robot.take_transform(stamped, is_static=is_static)
 
     def _take_odometry(self, odometry: Odometry) -> None:
-        self._robot.take_odometry(OdometryNumbers(*odometry.sample, twist=()))
+        self._robot.take_odometry(OdometryNumbers(*odometry.sample))
 
     def _take_map(self, value: Grid) -> None:
         grid = grid_of(value, "map")
