@@ -312,7 +312,7 @@ class BagReader:
     def topics(self) -> tuple[BagTopic, ...]:
         """The topics, in order of name, counted over all recordings."""
         found: dict[tuple[str, str], BagTopic] = {}
-        for connection in self._connections():
+        for connection in self.connections():
             key = (connection.topic, connection.msgtype)
             count, latched = connection.msgcount, _is_latched(connection)
             reliable = _is_reliable(connection)
@@ -342,7 +342,7 @@ class BagReader:
 
         A type that cannot be understood is left to the first message.
         """
-        for connection in self._connections():
+        for connection in self.connections():
             if connection.topic in topics:
                 with suppress(BagError):
                     self._types.store_of(connection)
@@ -376,7 +376,8 @@ class BagReader:
         """Return the numbers of an Odometry; errors as `deserialize`."""
         return read_odometry_numbers(self.deserialize(message))
 
-    def _connections(self) -> Iterator[Any]:
+    def connections(self) -> Iterator[Any]:
+        """Yield rosbags' connections of all recordings: a topic and a type each."""
         for _, reader in self._readers:
             yield from reader.connections
 

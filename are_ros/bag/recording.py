@@ -8,10 +8,8 @@ the file, tell the time instead: `RecordedMessage.at_ns` and `loop`.
 
 import json
 from bisect import bisect_left, bisect_right
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import ExitStack
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
-from heapq import merge
 from pathlib import Path
 from struct import Struct
 from struct import error as StructError  # noqa: N812
@@ -23,7 +21,7 @@ from mcap.reader import make_reader
 
 from are_ros.bag.decoded import Scene, value_of
 from are_ros.bag.marker_decoding import decode_markers
-from are_ros.bag.reader import BagTypes, as_bag_errors, open_reader, sentence_of
+from are_ros.bag.reader import BagMessage, BagReader, BagTopic, as_bag_errors
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
 from are_ros.messages.sensors import SENSORS
@@ -231,7 +229,6 @@ class RecordedMessage(NamedTuple):
     type_name: str
     log_ns: int
     data: bytes
-    source: int = 0
     at_ns: int = 0
     loop: int = 0
     is_latched: bool = False
@@ -240,30 +237,19 @@ class RecordedMessage(NamedTuple):
 class Recording:
     """The messages of a recording, any number of times; a context manager, open inside `with`.
 
-    `inputs` are recordings whose topics stand in for those that the recording lacks, such as the
-    inputs of a replay, of ROS 1 too. BagError where one cannot be opened or read.
+    BagError where it cannot be opened or read.
     """
 
-    def __init__(self, files: RecordingFiles, inputs: Sequence[Path] = ()) -> None:
+    def __init__(self, files: RecordingFiles) -> None:
         self.files = files
-        self._paths = (files.path, *inputs)
-        self._stack = ExitStack()
-        self._readers: list[Any] = []
-        self._types = [BagTypes(is_ros1=path.suffix == ".bag") for path in self._paths]
-        self._sources: dict[str, int] = {}
-        self._connections: dict[tuple[int, str, str], Any] = {}
+        self._reader = BagReader([files.path])
+        self._connections: dict[tuple[str, str], Any] = {}
         self._chronology: Chronology | None = None
 
     def __enter__(self) -> "Recording":  # noqa: PYI034 (Self came with Python 3.11)
-        with ExitStack() as stack:
-            self._readers = [stack.enter_context(open_reader(path)) for path in self._paths]
-            self._stack = stack.pop_all()
-        for source, reader in enumerate(self._readers):
-            for connection in reader.connections:
-                topic = connection.topic
-                if not source or not topic.startswith(PREFIX):
-                    self._sources.setdefault(topic, source)
-                self._connections[source, topic, connection.msgtype] = connection
+        self._reader.__enter__()
+        connections = self._reader.connections()
+        self._connections = {(one.topic, one.msgtype): one for one in connections}
         return self
 
     def __exit__(
@@ -272,38 +258,32 @@ class Recording:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._readers = []
-        self._stack.close()
+        self._reader.__exit__(kind, error, trace)
+
+    @property
+    def topics(self) -> tuple[BagTopic, ...]:
+        """The topics, in order of name."""
+        return self._reader.topics
 
     @property
     def types(self) -> dict[str, str]:
         """The type of each topic, as "sensor_msgs/msg/LaserScan"."""
-        keys = (key for key in self._connections if self._sources.get(key[1]) == key[0])
-        return {topic: type_name for _, topic, type_name in keys}
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """How many messages each topic has."""
-        counts: dict[str, int] = {}
-        for (source, topic, _), connection in self._connections.items():
-            if self._sources.get(topic) == source:
-                counts[topic] = counts.get(topic, 0) + int(connection.msgcount)
-        return counts
+        return {topic.name: topic.type_name for topic in self.topics}
 
     @property
     def span_ns(self) -> tuple[int, int]:
-        """The log times [first, just after the last) of the recording without the inputs."""
-        return int(self._readers[0].start_time), int(self._readers[0].end_time)
+        """The log times [first, just after the last)."""
+        return self._reader.start_ns, self._reader.end_ns
 
     @property
     def loops(self) -> int:
         """How many loops of the clock it holds; a replay has one."""
         return 1 if self.files.is_replay else self._clock().loops
 
-    def in_log_order(self, topics: Collection[str]) -> Iterator[RecordedMessage]:
+    def in_log_order(self, topics: Collection[str] | None) -> Iterator[RecordedMessage]:
         """Yield the messages of some topics in order of log time, which is their `at_ns`."""
-        streams = [self._logged(source, topics) for source in range(len(self._readers))]
-        yield from merge(*streams, key=_log_time) if len(streams) > 1 else streams[0]
+        for topic, log_ns, data, connection in self._reader.messages(topics):
+            yield RecordedMessage(topic, connection.msgtype, log_ns, data, log_ns)
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RecordedMessage]:
         """Yield the messages of some topics (None: all) with the times at which they count.
@@ -312,7 +292,7 @@ class Recording:
         file: the topics of `matters` only.
         """
         if self.files.is_replay:
-            yield from self.in_log_order(self._sources if topics is None else topics)
+            yield from self.in_log_order(topics)
             return
         clock = self._clock()
         for place, message in enumerate(self._in_file_order()):
@@ -331,35 +311,18 @@ class Recording:
 
     def deserialize(self, message: RecordedMessage) -> Any:
         """Return rosbags' object of a message; InputError where it is malformed."""
-        source, topic, type_name = message.source, message.topic, message.type_name
+        topic, type_name, log_ns, data, *_ = message
+        connection = self._connections[topic, type_name]
         try:
-            store = self._types[source].store_of(self._connections[source, topic, type_name])
-            is_ros1 = self._paths[source].suffix == ".bag"
-            read = store.deserialize_ros1 if is_ros1 else store.deserialize_cdr
-            return read(message.data, type_name)
-        except Exception as cause:
-            where = f"{topic}: the message at {message.log_ns} ns"
-            text = f"{where} is no {type_name}, {sentence_of(cause)}"
-            raise InputError(text) from cause
-
-    def _logged(self, source: int, topics: Collection[str]) -> Iterator[RecordedMessage]:
-        wanted = [
-            connection
-            for connection in self._readers[source].connections
-            if connection.topic in topics and self._sources.get(connection.topic) == source
-        ]
-        if not wanted:  # rosbags would take none as all
-            return
-        with as_bag_errors(str(self._paths[source])):
-            for connection, log_ns, data in self._readers[source].messages(connections=wanted):
-                topic, type_name = connection.topic, connection.msgtype
-                yield RecordedMessage(topic, type_name, log_ns, data, source, log_ns)
+            return self._reader.deserialize(BagMessage(topic, log_ns, data, connection))
+        except BagError as cause:
+            raise InputError(str(cause)) from None
 
     def _in_file_order(self) -> Iterator[RecordedMessage]:
         """Yield what matters of a live recording; of a database in order of log time."""
         types = {topic: name for topic, name in self.types.items() if matters(topic, name)}
         if self.files.files[0].suffix != ".mcap":
-            yield from self._logged(0, types)
+            yield from self.in_log_order(types)
             return
         for file in self.files.files:
             with as_bag_errors(str(file)), file.open("rb") as stream:
@@ -402,10 +365,6 @@ def _timed(message: RecordedMessage, place: int, clock: Chronology) -> RecordedM
         if is_drawn or (message.topic.startswith(PREFIX) and message.type_name.startswith("are_")):
             at_ns = stamp_ns
     return message._replace(at_ns=at_ns, loop=loop, is_latched=is_latched)
-
-
-def _log_time(message: RecordedMessage) -> int:
-    return message.log_ns
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ import numpy as np
 from are_ros.bag.clock import MOVING_ROLES, BagClock, Edge, Ints, RecordedTimes, first_time
 from are_ros.bag.reader import BagReader
 from are_ros.builder.population_manager import IDLE_NS
-from are_ros.conventions import NS_PER_S
+from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.errors import BagError
 from are_ros.wording import counted, duration_text
 
 GAP_NS: Final = IDLE_NS
@@ -48,7 +49,8 @@ class Gap:
 class Stretches:
     """The spans [start, stop) of the log [ns] that are replayed, in order, and the gaps.
 
-    `ahead` and `behind` are the gaps before the first and after the last span, if any.
+    `ahead` and `behind` are the gaps before the first and after the last span, if any. There is no
+    span where the whole window lies in one gap.
     """
 
     spans: tuple[Span, ...]
@@ -64,7 +66,7 @@ class Stretches:
         """Say what a replay leaves out; `begin_ns` is the log time from which seconds count."""
         said = []
         if self.ahead is not None:
-            said.append(stillness_ahead(self.ahead.length_ns))
+            said.append(stillness_ahead(self.ahead.length_ns, "the replay"))
         if self.gaps:
             gaps = [_gap_text(gap, begin_ns) for gap in self.gaps]
             more = [f"{len(gaps) - _SHOWN_GAPS} more"] if len(gaps) > _SHOWN_GAPS else []
@@ -80,19 +82,49 @@ class Stretches:
         return said
 
 
-def beginning(reader: BagReader, role_of_topic: Mapping[str, str]) -> int:
-    """Return the log time at which the recording begins: seconds of all options count from it.
+@dataclass(frozen=True)
+class Window:
+    """The part [start_ns, stop_ns) of a recording's log that --start and --duration choose.
 
-    What lies long before everything that moves (a latched map with the time of its making, or
-    with none) does not count.
+    Their seconds count from `begin_ns`. What lies a minute or more before everything that moves (a
+    latched map with the time of its making, or with none) does not count; it lasts `still_ns`.
     """
-    moving = [topic for topic, role in role_of_topic.items() if role in MOVING_ROLES]
-    begin_ns = first_time(reader, moving) or reader.start_ns
-    return begin_ns if begin_ns - reader.start_ns >= GAP_NS else reader.start_ns
+
+    begin_ns: int
+    start_ns: int
+    stop_ns: int
+    still_ns: int = 0
+
+    @classmethod
+    def of(
+        cls,
+        reader: BagReader,
+        role_of_topic: Mapping[str, str],
+        start_s: float,
+        duration_s: float | None,
+    ) -> "Window":
+        """Return the window; BagError, naming the option, where nothing lies in it."""
+        moving = [topic for topic, role in role_of_topic.items() if role in MOVING_ROLES]
+        still_ns = (first_time(reader, moving) or reader.start_ns) - reader.start_ns
+        still_ns = still_ns if still_ns >= GAP_NS else 0
+        begin_ns, stop_ns = reader.start_ns + still_ns, reader.end_ns
+        start_ns = begin_ns + seconds_to_ns(start_s)
+        if duration_s is not None:
+            stop_ns = min(stop_ns, start_ns + seconds_to_ns(duration_s))
+        if start_ns >= stop_ns:
+            is_late = start_ns >= reader.end_ns
+            option = f"--start {start_s:g}" if is_late else f"--duration {duration_s:g}"
+            length_s = (reader.end_ns - reader.start_ns) / NS_PER_S
+            raise BagError(f"{option}: the recording is {length_s:.1f} s long, nothing is left")
+        return cls(begin_ns, start_ns, stop_ns, still_ns)
+
+    def sentences(self, what: str) -> list[str]:
+        """Say how long nothing moves at the beginning, which `what` leaves out."""
+        return [stillness_ahead(self.still_ns, what)] if self.still_ns else []
 
 
-def stillness_ahead(length_ns: int, what: str = "the replay") -> str:
-    """Say how long nothing moves at the beginning, which `what` leaves out."""
+def stillness_ahead(length_ns: int, what: str) -> str:
+    """Say how long nothing moves at the beginning of what is read."""
     return f"nothing moves in the first {duration_text(length_ns)}: {what} begins after them"
 
 
@@ -110,10 +142,18 @@ def stretches_of(
     are the (name, start, stop) of those that make up the recording.
     """
     log_ns = times.moving_log_ns
-    if not len(log_ns):
-        return Stretches(((start_ns, stop_ns),), ())
     next_ns = stop_ns if times.next_moving_ns is None else times.next_moving_ns
     since_ns = start_ns if times.still_since_ns is None else times.still_since_ns
+
+    def gap(from_ns: int, to_ns: int) -> Gap:
+        length_ns = clock.at(to_ns) - clock.at(from_ns)
+        return Gap(from_ns, to_ns, length_ns, _between(files, from_ns, to_ns))
+
+    if not len(log_ns):
+        moves_elsewhere = times.next_moving_ns is not None or times.still_since_ns is not None
+        if moves_elsewhere and clock.at(next_ns) - clock.at(since_ns) >= GAP_NS:
+            return Stretches((), (gap(start_ns, stop_ns),))
+        return Stretches(((start_ns, stop_ns),), ())
     edges_ns = np.concatenate(([since_ns], log_ns, [next_ns]))
     is_gap = np.diff(clock.at_many(edges_ns)) >= GAP_NS
     first = np.flatnonzero(is_gap[:-1] | (np.arange(len(log_ns)) == 0))
@@ -126,10 +166,6 @@ def stretches_of(
     is_drive = stops - starts >= _STRAY_NS
     if is_drive.any():
         starts, stops = starts[is_drive], stops[is_drive]
-
-    def gap(from_ns: int, to_ns: int) -> Gap:
-        length_ns = clock.at(to_ns) - clock.at(from_ns)
-        return Gap(from_ns, to_ns, length_ns, _between(files, from_ns, to_ns))
 
     spans = list(zip(starts.tolist(), stops.tolist(), strict=True))
     begin_ns, end_ns = spans[0][0], spans[-1][1]

@@ -8,8 +8,8 @@ from typing import Final
 from are_ros.bag.clock import MOVING_ROLES, BagClock, RecordedTimes
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.roles import TF_TYPES, find_roles
-from are_ros.bag.stretches import beginning, stillness_ahead, stretches_of
-from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.bag.stretches import Window, stretches_of
+from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.record.lockstep import Lockstep, Pace, ShouldStop
 from are_ros.record.publishers import ClockTeller, PlayedTopics, PlayOptions, await_subscribers
@@ -28,17 +28,14 @@ _LASTING_ROLES: Final = ("map", "octomap_point_cloud_centers")
 
 @dataclass(frozen=True, eq=False)
 class PlayWindow:
-    """The window of a recording that is played, and the time it goes by.
+    """The window of a recording that is played, as a replay has it, and the time it goes by.
 
-    Before `begin_ns` of the log nothing moves for a minute or more; seconds of the options count
-    from it, as those of a replay. The topics `lasting` hold maps.
+    The topics `lasting` hold maps.
     """
 
     reader: BagReader
     clock: BagClock
-    first_log_ns: int
-    last_log_ns: int
-    begin_ns: int
+    window: Window
     lasting: frozenset[str]
     gaps_ns: int = 0
 
@@ -48,34 +45,26 @@ class PlayWindow:
         roles = find_roles(reader.topics, {})
         named = ((roles.topic(role), role) for role in (*MOVING_ROLES, *_LASTING_ROLES))
         role_of_topic = {topic: role for topic, role in named if topic is not None}
-        begin_ns = beginning(reader, role_of_topic)
-        first_ns = begin_ns + seconds_to_ns(options.start_s)
-        last_ns = reader.end_ns
-        if options.duration_s is not None:
-            last_ns = min(last_ns, first_ns + seconds_to_ns(options.duration_s))
-        if first_ns >= last_ns:
-            length_s = (reader.end_ns - reader.start_ns) / NS_PER_S
-            raise BagError(f"the recording is {length_s:.1f} s long: nothing is left to play")
-        times = RecordedTimes.read(reader, role_of_topic, first_ns, last_ns)
+        window = Window.of(reader, role_of_topic, options.start_s, options.duration_s)
+        times = RecordedTimes.read(reader, role_of_topic, window.start_ns, window.stop_ns)
         clock = BagClock.of(times)
-        gaps = stretches_of(times, clock, first_ns, last_ns, reader.files).gaps
+        gaps = stretches_of(times, clock, window.start_ns, window.stop_ns, reader.files).gaps
         lasting = frozenset(t for t, role in role_of_topic.items() if role in _LASTING_ROLES)
-        gaps_ns = sum(gap.length_ns for gap in gaps)
-        return cls(reader, clock, first_ns, last_ns, begin_ns, lasting, gaps_ns)
+        return cls(reader, clock, window, lasting, sum(gap.length_ns for gap in gaps))
 
     @property
     def start_ns(self) -> int:
         """The time at which it begins."""
-        return self.clock.at(self.first_log_ns)
+        return self.clock.at(self.window.start_ns)
 
     @property
     def end_ns(self) -> int:
         """The time at which it ends."""
-        return self.clock.at(self.last_log_ns)
+        return self.clock.at(self.window.stop_ns)
 
     def messages(self, topics: tuple[str, ...]) -> Iterator[tuple[int, BagMessage]]:
         """Yield (time, message) of the window."""
-        for message in self.reader.messages(topics, self.first_log_ns, self.last_log_ns):
+        for message in self.reader.messages(topics, self.window.start_ns, self.window.stop_ns):
             yield max(self.clock.at(message.log_time_ns), self.start_ns), message
 
     def earlier(self, topics: tuple[str, ...]) -> Iterator[BagMessage]:
@@ -84,10 +73,11 @@ class PlayWindow:
         latched = {topic.name for topic in known if topic.is_latched or "static" in topic.name}
         latched |= self.lasting & set(topics)
         moving = {topic.name for topic in known if topic.type_name in TF_TYPES} - latched
-        if self.first_log_ns == self.reader.start_ns or not latched | moving:
+        start_ns = self.window.start_ns
+        if start_ns == self.reader.start_ns or not latched | moving:
             return
-        recent_ns = self.first_log_ns - _RECENT_NS
-        for message in self.reader.messages(latched | moving, stop_ns=self.first_log_ns):
+        recent_ns = start_ns - _RECENT_NS
+        for message in self.reader.messages(latched | moving, stop_ns=start_ns):
             if message.topic in latched or message.log_time_ns >= recent_ns:
                 yield message
 
@@ -173,8 +163,8 @@ def play(
     """
     with BagReader(options.bags) as reader, ros_session("are_player") as node:
         recording = PlayWindow.of(reader, options)
-        if recording.begin_ns > reader.start_ns:
-            say(stillness_ahead(recording.begin_ns - reader.start_ns, "the player"))
+        for sentence in recording.window.sentences("the player"):
+            say(sentence)
         if recording.clock.sentence:
             say(recording.clock.sentence)
         if recording.gaps_ns:

@@ -34,7 +34,6 @@ from are_ros.replay.progress import ProgressBar
 from are_ros.replay.results import (
     Content,
     ReplayCounts,
-    WallClock,
     metrics_content,
     summary_lines,
     timing_content,
@@ -202,16 +201,17 @@ def _animate(outcome: Outcome, film: Path, say: Say) -> None:
 
 
 def _metrics(outcome: Outcome) -> Content:
-    counts = ReplayCounts(outcome.scans, outcome.refusals.counts, outcome.messages_written)
+    readings: dict[str, dict[str, SensorPathCounts]] = {role: {} for role in SENSORS}
+    for topic, of_topic in outcome.scans.items():
+        readings[outcome.role_of_topic[topic]][topic] = of_topic
+    counts = ReplayCounts(readings, outcome.refusals.counts, outcome.messages_written)
     has_octomap = outcome.options.octomap_file or _OCTOMAP_ROLE in outcome.role_of_topic.values()
     walls = "octomap" if has_octomap else "map"
     return {**metrics_content(outcome.record, counts), "walls": walls}
 
 
 def _timing(outcome: Outcome) -> Content:
-    stopwatch = outcome.stopwatch
-    clock = WallClock(stopwatch.phases_s, stopwatch.tick_durations_s)
-    return timing_content(outcome.record, clock)
+    return timing_content(outcome.record, outcome.stopwatch)
 
 
 def complaints(outcome: Outcome) -> list[str]:
@@ -226,7 +226,8 @@ def complaints(outcome: Outcome) -> list[str]:
         if (count := refusals.counts[topic])
     ]
     for topic, problem in sorted(outcome.scan_problems.items()):
-        passed = counted(outcome.scans[topic].passed_through, "scan")
+        noun = outcome.role_of_topic[topic]
+        passed = counted(outcome.scans[topic].passed_through, noun)
         lines.append(f"{topic}: {passed} passed through unaugmented, the last for: {problem}")
         if _is_bare(outcome.scans[topic]):
             lines[-1] += "; `are inspect` says which --static-tf or which wait is missing"

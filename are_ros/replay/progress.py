@@ -4,6 +4,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from types import TracebackType
 from typing import NoReturn
 
@@ -31,12 +32,12 @@ def said_if_slow(say: Callable[[str], None], sentence: str) -> Iterator[None]:
         timer.cancel()
 
 
+@dataclass
 class Stopwatch:
-    """Adds up seconds by phase, and keeps the duration of every tick."""
+    """Adds up seconds by phase, and keeps the duration of every tick [s]."""
 
-    def __init__(self) -> None:
-        self.phases_s: dict[str, float] = {}
-        self.tick_durations_s: list[float] = []
+    phases_s: dict[str, float] = field(default_factory=dict)
+    ticks_s: list[float] = field(default_factory=list)
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
@@ -53,7 +54,7 @@ class Stopwatch:
         """Keep the time inside the block as the duration of one tick."""
         began_s = time.perf_counter()
         yield
-        self.tick_durations_s.append(time.perf_counter() - began_s)
+        self.ticks_s.append(time.perf_counter() - began_s)
 
 
 _STEP_NS = NS_PER_S // 2

@@ -11,7 +11,6 @@ import numpy as np
 
 from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.bag.decoded import Event, Grid, Metrics, Odometry, Perceived, Scan, Scene, Transforms
-from are_ros.bag.reader import BagTopic
 from are_ros.bag.recording import PREFIX, Recording, find_recording
 from are_ros.bag.roles import find_roles
 from are_ros.builder.assembly import robot_footprint
@@ -113,9 +112,8 @@ def read_recorded_scene(
 
 def _topics(recording: Recording, *, with_scans: bool) -> dict[str, str]:
     """Return the role of each topic that is read."""
-    counts, types = recording.counts, recording.types
-    topics = [BagTopic(t, kind, counts[t], is_latched=False) for t, kind in types.items()]
-    roles = find_roles(topics, {})
+    types = recording.types
+    roles = find_roles(recording.topics, {})
     found = {role: roles.topic(role) for role in (*_ROLES, *([CLOUD] if with_scans else []))}
     chosen = {topic: role for role, topic in found.items() if topic and PREFIX not in topic}
     if with_scans:
@@ -123,7 +121,7 @@ def _topics(recording: Recording, *, with_scans: bool) -> dict[str, str]:
             if type_name == _SCAN_TYPE:
                 chosen[topic] = AUGMENTED_SCAN if topic.startswith(PREFIX) else SCAN
     outputs = [*_OUTPUTS, *([] if "map" in chosen.values() else [_AUGMENTED])]
-    return chosen | {PREFIX + name: name for name in outputs if PREFIX + name in counts}
+    return chosen | {PREFIX + name: name for name in outputs if PREFIX + name in types}
 
 
 @dataclass(frozen=True, eq=False)

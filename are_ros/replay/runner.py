@@ -48,6 +48,7 @@ class Replay:
         self.end_ns = self.clock.at(self._spans[-1][1])
         self.feed = Feed(reader, builder, self.role_of_topic)
         self.ticks = 0
+        self._listeners: tuple[Listener, ...] = ()
         self._skipped_ns = 0
         self._reader = reader
         self._builder = builder
@@ -61,13 +62,17 @@ class Replay:
         """How long it is by its clock, without the gaps."""
         return sum(self.clock.at(stop) - self.clock.at(start) for start, stop in self._spans)
 
-    def run(self, listener: Listener, progress: Progress) -> None:
-        """Run to the end; `progress` is told the time reached, the gaps taken off."""
+    def run(self, listeners: Sequence[Listener], progress: Progress) -> None:
+        """Run to the end; the listeners are told in their order.
+
+        `progress` is told the time reached, the gaps taken off.
+        """
+        self._listeners = tuple(listeners)
         before_ns = self._reader.start_ns
         for index, span in enumerate(self._spans):
             if index:
                 self._skip_gap(self.clock.at(before_ns), self.clock.at(span[0]))
-            self._run_span(before_ns, span, listener, progress)
+            self._run_span(before_ns, span, progress)
             before_ns = span[1]
         progress(self.end_ns - self._skipped_ns)
 
@@ -77,18 +82,19 @@ class Replay:
         self._schedule = TickSchedule.of(self._tick_rate_hz, to_ns)
         self._skipped_ns += to_ns - from_ns
 
-    def _run_span(self, before_ns: int, span: Span, listener: Listener, progress: Progress) -> None:
+    def _run_span(self, before_ns: int, span: Span, progress: Progress) -> None:
         start_ns, end_ns = self.clock.at(span[0]), self.clock.at(span[1])
         for message in self._messages(before_ns, span):
             received_ns = max(self.clock.at(message.log_time_ns), start_ns)
-            self._run_ticks(received_ns, listener)
+            self._run_ticks(received_ns)
             self.feed.take(message, received_ns)
-            listener.take_input(message, received_ns)
-            self._hand_over_readings(listener)
+            for listener in self._listeners:
+                listener.take_input(message, received_ns)
+            self._hand_over_readings()
             progress(received_ns - self._skipped_ns)
-        self._run_ticks(end_ns - 1, listener)
+        self._run_ticks(end_ns - 1)
         self._builder.finish(end_ns)
-        self._hand_over_readings(listener)
+        self._hand_over_readings()
 
     def _messages(self, before_ns: int, span: Span) -> Iterator[BagMessage]:
         """Yield what is fed from before the span, then the span's messages."""
@@ -97,14 +103,16 @@ class Replay:
             yield from self._reader.messages(early, before_ns, span[0])
         yield from self._reader.messages(list(self.role_of_topic), *span)
 
-    def _run_ticks(self, until_ns: int, listener: Listener) -> None:
+    def _run_ticks(self, until_ns: int) -> None:
         while (tick_ns := self._schedule.pop(until_ns)) is not None:
             with self._stopwatch.tick():
                 tick = self._builder.step(tick_ns)
-            listener.take_tick(tick)
-            self._hand_over_readings(listener)
+            for listener in self._listeners:
+                listener.take_tick(tick)
+            self._hand_over_readings()
             self.ticks += 1
 
-    def _hand_over_readings(self, listener: Listener) -> None:
+    def _hand_over_readings(self) -> None:
         if readings := self._builder.take_readings():
-            listener.take_readings(readings)
+            for listener in self._listeners:
+                listener.take_readings(readings)

@@ -36,14 +36,7 @@ from are_ros.replay.results import REPLAY_PHASE
 from are_ros.replay.runner import Listener, Replay
 from are_ros.replay.scene_record import SceneRecorder
 from are_ros.replay.survey.frame_survey import root_above, static_tf_option
-from are_ros.replay.survey.listeners import (
-    All,
-    CameraWatch,
-    InputCopy,
-    RecordKeeper,
-    StandingWatch,
-    TickWriter,
-)
+from are_ros.replay.survey.listeners import InputCopy, RecordKeeper, StandingWatch, TickWriter
 from are_ros.replay.timeline import (
     LATE_CAMERA_NS,
     WITHOUT_CAMERA_INFO,
@@ -156,7 +149,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 prepare_folder(options.out)
             if options.save_scenario is not None:
                 prepare_scenario(options.save_scenario)
-            for sentence in timeline.sentences(reader.start_ns):
+            for sentence in timeline.sentences():
                 say(sentence)
             if _CAMERA_ROLE in replay.role_of_topic.values():
                 builder.await_camera()
@@ -169,19 +162,18 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             files.feed(builder, replay.start_ns)
         recorder = _recorder(options, catalogue)
         keeper, standing = RecordKeeper(recorder, builder), StandingWatch(builder)
-        camera = CameraWatch(builder)
         with ExitStack() as stack:
             writers, counts = _open_writers(stack, options, reader, replay, builder, files)
             with stopwatch.phase(REPLAY_PHASE):
                 progress = open_progress(replay.start_ns, replay.start_ns + replay.length_ns)
-                replay.run(All([keeper, standing, camera, *writers]), progress)
+                replay.run([keeper, standing, *writers], progress)
             grid = _known_map(builder, replay)
     if lives_keeper is not None:
         _save_scenario(options, lives_keeper, say)
     for notice in [*builder.notices, *builder.frames.drain_notices()]:
         say(notice)
-    doubts = [*_late_camera(options, replay, camera), *standing.sentences()]
-    problem = _camera_problem(options, builder, replay, camera)
+    doubts = [*_late_camera(options, replay, keeper), *standing.sentences()]
+    problem = _camera_problem(options, builder, replay, keeper)
     return Outcome(
         options,
         replay.start_ns,
@@ -331,7 +323,7 @@ def _refused(replay: Replay, roles: Collection[str]) -> str:
 
 
 def _camera_problem(
-    options: ReplayOptions, builder: ArBuilder, replay: Replay, watch: CameraWatch
+    options: ReplayOptions, builder: ArBuilder, replay: Replay, keeper: RecordKeeper
 ) -> str:
     """Return why nothing can have been perceived, empty if something could."""
     if not options.demand.perception or builder.looks:
@@ -340,7 +332,7 @@ def _camera_problem(
     if builder.camera is None:
         why = _refused(replay, (_CAMERA_ROLE,)) or f"none came on {topic} in this time"
         return f"no usable CameraInfo was received ({why}); {WITHOUT_CAMERA_INFO}"
-    if watch.first_ns is None:
+    if keeper.camera_since_ns is None:
         return f"the first CameraInfo of {topic} came after the last tick; {WITHOUT_CAMERA_INFO}"
     refused = _refused(replay, _TRANSFORM_ROLES)
     cause = f"; refused: {refused}" if refused else ""
@@ -350,11 +342,11 @@ def _camera_problem(
     )
 
 
-def _late_camera(options: ReplayOptions, replay: Replay, watch: CameraWatch) -> list[str]:
+def _late_camera(options: ReplayOptions, replay: Replay, keeper: RecordKeeper) -> list[str]:
     """Say if the camera was not known for a while at the beginning."""
-    if not options.demand.perception or watch.first_ns is None:
+    if not options.demand.perception or keeper.camera_since_ns is None:
         return []
-    late_ns = watch.first_ns - replay.start_ns
+    late_ns = keeper.camera_since_ns - replay.start_ns
     if late_ns <= LATE_CAMERA_NS:
         return []
     late_s = late_ns / NS_PER_S

@@ -8,19 +8,14 @@ from typing import Final
 from are_ros.bag.clock import BagClock, Ints, RecordedTimes
 from are_ros.bag.reader import BagReader
 from are_ros.bag.roles import RolesFound
-from are_ros.bag.stretches import (
-    Stretches,
-    beginning,
-    scan_waits,
-    stillness_ahead,
-    stretches_of,
-)
+from are_ros.bag.stretches import Stretches, Window, scan_waits, stretches_of
 from are_ros.builder.assembly import parse_static_transform
 from are_ros.builder.tick import Demand
-from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.messages.sensors import SENSORS, SensorKind
 from are_ros.parameters.model import Parameters, SensorsParameters
+from are_ros.wording import duration_text
 
 FED_BEFORE_START = ("map", "octomap_point_cloud_centers", "camera/camera_info", "tf", "tf_static")
 _READ_ROLES = (*FED_BEFORE_START, "odom", *SENSORS, "plan")
@@ -64,12 +59,12 @@ class ReplayOptions:
 class Timeline:
     """What a replay reads of a recording, and when: known before the replay begins.
 
-    Nothing moves between the spans of `stretches`. Seconds of the options count from `begin_ns`.
-    `waits` tell how long scans wait for their transforms [ns], by topic.
+    Nothing moves between the spans of `stretches`. `waits` tell how long scans wait for their
+    transforms [ns], by topic.
     """
 
     role_of_topic: Mapping[str, str]
-    begin_ns: int
+    window: Window
     stretches: Stretches
     clock: BagClock
     waits: Mapping[str, Ints]
@@ -78,44 +73,34 @@ class Timeline:
     def of(cls, reader: BagReader, options: ReplayOptions, roles: RolesFound) -> "Timeline":
         """Read the times of the window that the options ask for.
 
-        Raises BagError where the window holds nothing, or a scan topic is absent.
+        Raises BagError where the window holds nothing that moves, or a scan topic is absent.
         """
         role_of_topic = topics_to_read(reader, options, roles)
-        begin_ns = beginning(reader, role_of_topic)
-        start_ns = begin_ns + seconds_to_ns(options.start_s)
-        stop_ns = _end_ns(reader, start_ns, options)
-        times = RecordedTimes.read(reader, role_of_topic, start_ns, stop_ns)
+        window = Window.of(reader, role_of_topic, options.start_s, options.duration_s)
+        span = window.start_ns, window.stop_ns
+        times = RecordedTimes.read(reader, role_of_topic, *span)
         clock = BagClock.of(times)
+        stretches = stretches_of(times, clock, *span, reader.files)
+        if not stretches.spans:
+            length = duration_text(stretches.gaps[0].length_ns)
+            raise BagError(
+                f"nothing moves in the {length} that --start and --duration choose: they lie in a "
+                "gap of the recording, which a replay leaves out"
+            )
         given = [parse_static_transform(text)[:2] for text in options.parameters.frames.static]
         return cls(
             role_of_topic=role_of_topic,
-            begin_ns=begin_ns,
-            stretches=stretches_of(times, clock, start_ns, stop_ns, reader.files),
+            window=window,
+            stretches=stretches,
             clock=clock,
             waits=scan_waits(times, clock, options.parameters.frames.map, given),
         )
 
-    def sentences(self, bag_start_ns: int) -> list[str]:
+    def sentences(self) -> list[str]:
         """Return what a user should know of it."""
-        said = self.stretches.sentences(self.begin_ns)
-        if self.begin_ns > bag_start_ns:
-            said.insert(0, stillness_ahead(self.begin_ns - bag_start_ns))
+        said = [*self.window.sentences("the replay")]
+        said += self.stretches.sentences(self.window.begin_ns)
         return [*said, *filter(None, (self.clock.sentence, self.clock.disagreement))]
-
-
-def _end_ns(reader: BagReader, start_ns: int, options: ReplayOptions) -> int:
-    end_ns = reader.end_ns
-    if options.duration_s is not None:
-        end_ns = min(end_ns, start_ns + seconds_to_ns(options.duration_s))
-    if start_ns >= end_ns:
-        length_s = (reader.end_ns - reader.start_ns) / NS_PER_S
-        option = f"--start {options.start_s:g}"
-        if start_ns < reader.end_ns:
-            option = f"--duration {options.duration_s:g}"
-        raise BagError(
-            f"{option}: the recording is {length_s:.1f} s long, and nothing of it is to be replayed"
-        )
-    return end_ns
 
 
 def topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound) -> dict[str, str]:

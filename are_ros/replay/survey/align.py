@@ -13,9 +13,9 @@ import numpy.typing as npt
 
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.roles import RolesFound, find_roles
-from are_ros.bag.stretches import GAP_NS, beginning
+from are_ros.bag.stretches import GAP_NS, Window
 from are_ros.builder.sensors.laser_scan import LaserScan
-from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.conventions import NS_PER_S
 from are_ros.draw.overview import PlacedScans, draw_alignment
 from are_ros.errors import BagError, FrameError, InputError, MapError
 from are_ros.messages.maps import read_grid
@@ -127,7 +127,8 @@ def gather(
     if not topics:
         raise BagError(_no_scan(roles))
     frames = {topic: role for topic, role in role_of_topic.items() if role in _FRAME_ROLES}
-    begin_ns, end_ns = _window(reader, role_of_topic, options)
+    window = Window.of(reader, role_of_topic, options.start_s, options.duration_s)
+    begin_ns, end_ns = window.start_ns, window.stop_ns
     first = next(reader.messages(topics, begin_ns, end_ns), None)
     if first is None:
         raise BagError(f"{', '.join(topics)}: no scan lies in the time that is to be read")
@@ -305,16 +306,6 @@ def _spread_scans(
     """Return which scans are read (topic, log time): all, or of a long recording some of them."""
     found = [(m.topic, m.log_time_ns) for m in reader.messages(topics, begin_ns, end_ns)]
     return frozenset(found[k] for k in _evenly(len(found), _CANDIDATES))
-
-
-def _window(
-    reader: BagReader, role_of_topic: Mapping[str, str], options: ReplayOptions
-) -> tuple[int, int]:
-    """Return the log times [begin, end) that are read, counted as a replay counts them."""
-    begin_ns = beginning(reader, role_of_topic) + seconds_to_ns(options.start_s)
-    if options.duration_s is None:
-        return begin_ns, reader.end_ns
-    return begin_ns, min(reader.end_ns, begin_ns + seconds_to_ns(options.duration_s))
 
 
 def _all_messages(

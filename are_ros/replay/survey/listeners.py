@@ -6,6 +6,7 @@ from struct import error as StructError  # noqa: N812
 from typing import Final
 
 from are_ros.bag.reader import BagMessage, BagReader
+from are_ros.bag.recording import PREFIX
 from are_ros.bag.types import as_ros2, ros2_type
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
@@ -25,12 +26,8 @@ from are_ros.replay.scene_record import SceneRecorder
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
 
+
 # The outputs of the builder into a recording, under the names that they have live.
-
-
-PREFIX = "/ar_builder/"
-
-
 class TickWriter(Listener):
     """Encodes ticks and released readings, and appends them."""
 
@@ -134,15 +131,21 @@ class InputCopy(Listener):
 
 
 class RecordKeeper(Listener):
-    """Keeps what the pictures, the viewer and the metrics need."""
+    """Keeps what the pictures, the viewer and the metrics need.
+
+    `camera_since_ns` is the time of the first tick that knew the camera, None before it.
+    """
 
     def __init__(self, recorder: SceneRecorder, builder: ArBuilder) -> None:
+        self.camera_since_ns: int | None = None
         self._recorder = recorder
         self._builder = builder
         self._scans: dict[str, ReleasedReading] = {}
 
     def take_tick(self, tick: Tick) -> None:
         """Keep a tick, with the camera that it looked through and the newest scan of each topic."""
+        if self.camera_since_ns is None and self._builder.camera is not None:
+            self.camera_since_ns = tick.stamp_ns
         scans: list[ScanPoints] = []
         if self._recorder.wants_scans:
             scans = [*filter(None, map(self._placed, self._scans.values()))]
@@ -159,41 +162,6 @@ class RecordKeeper(Listener):
         map_frame = self._builder.parameters.frames.map
         pose = frames.try_lookup(map_frame, scan.frame_id, scan.stamp_ns)
         return None if pose is None else scan_points(scan, released.received, pose)
-
-
-class CameraWatch(Listener):
-    """Keeps the time of the first tick that knew the camera, None before there is one."""
-
-    def __init__(self, builder: ArBuilder) -> None:
-        self.first_ns: int | None = None
-        self._builder = builder
-
-    def take_tick(self, tick: Tick) -> None:
-        """Look whether the camera is known."""
-        if self.first_ns is None and self._builder.camera is not None:
-            self.first_ns = tick.stamp_ns
-
-
-class All(Listener):
-    """Tells several listeners, in their order."""
-
-    def __init__(self, listeners: Sequence[Listener]) -> None:
-        self._listeners = tuple(listeners)
-
-    def take_tick(self, tick: Tick) -> None:
-        """Tell of a tick."""
-        for listener in self._listeners:
-            listener.take_tick(tick)
-
-    def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
-        """Tell of readings."""
-        for listener in self._listeners:
-            listener.take_readings(readings)
-
-    def take_input(self, message: BagMessage, received_ns: int) -> None:
-        """Tell of an input."""
-        for listener in self._listeners:
-            listener.take_input(message, received_ns)
 
 
 # Whether the robot of a recording stands where its map lets it: else the two do not fit.
