@@ -14,6 +14,7 @@ from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.common import MessageFactory, make_header
+from are_ros.messages.sensors import SENSORS
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import RclpyFactory
 from are_ros.node.watches import (
@@ -23,7 +24,7 @@ from are_ros.node.watches import (
     InputSnapshot,
     TickFigures,
 )
-from are_ros.wording import counted
+from are_ros.wording import counted, several
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -72,10 +73,14 @@ class NodeState(Enum):
 
 
 @dataclass(frozen=True)
-class ScanSnapshot:
-    """The augmented scans of a topic: totals, and those recently passed through unchanged."""
+class SensorSnapshot:
+    """The augmented readings of a topic: totals, and those recently passed through unchanged.
+
+    `role` is the kind of the sensor, "scan" or "range".
+    """
 
     topic: str
+    role: str = "scan"
     exact: int = 0
     held: int = 0
     passed_through: int = 0
@@ -83,7 +88,7 @@ class ScanSnapshot:
     """In the last 10 s."""
     last_problem: str = ""
     late_s: float = 0.0
-    """The largest delay of a transform behind its scan, of those recently too late."""
+    """The largest delay of a transform behind its reading, of those recently too late."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +143,7 @@ class NodeSnapshot:
     """The longest time without an answer in the last minute, by kind of work."""
     population: PopulationSnapshot = field(default_factory=PopulationSnapshot)
     contacts: ContactSnapshot = field(default_factory=ContactSnapshot)
-    scans: tuple[ScanSnapshot, ...] = ()
+    sensors: tuple[SensorSnapshot, ...] = ()
     faults: FaultSnapshot = field(default_factory=FaultSnapshot)
 
 
@@ -239,7 +244,7 @@ def statuses(snapshot: NodeSnapshot) -> list[Status]:
         _behaviours(snapshot),
         _contacts(snapshot),
     ]
-    return found + [_scan(scan) for scan in snapshot.scans]
+    return found + [_sensor(sensor) for sensor in snapshot.sensors]
 
 
 def make_diagnostics(
@@ -411,26 +416,27 @@ def _contacts(snapshot: NodeSnapshot) -> Status:
     return Status(Level.OK, "robot contact", counted(contacts.count, "contact"), values)
 
 
-def _scan(scan: ScanSnapshot) -> Status:
-    name = f"scans/{scan.topic.lstrip('/')}"
+def _sensor(sensor: SensorSnapshot) -> Status:
+    name = f"{SENSORS[sensor.role].parameter}/{sensor.topic.lstrip('/')}"
     values = {
-        "exact": str(scan.exact),
-        "held": str(scan.held),
-        "passed through": str(scan.passed_through),
-        "last problem": scan.last_problem or "-",
-        "late transforms": figure(scan.late_s or None, "s", 3),
+        "exact": str(sensor.exact),
+        "held": str(sensor.held),
+        "passed through": str(sensor.passed_through),
+        "last problem": sensor.last_problem or "-",
+        "late transforms": figure(sensor.late_s or None, "s", 3),
     }
-    if scan.passed_through_lately:
-        passed = counted(scan.passed_through_lately, "scan")
-        message = f"{passed} without artefacts in the last 10 s: {scan.last_problem}"
-        if scan.late_s:
-            needed_s = math.ceil(100.0 * scan.late_s + 1.0) / 100.0
+    if sensor.passed_through_lately:
+        passed = counted(sensor.passed_through_lately, sensor.role)
+        message = f"{passed} without artefacts in the last 10 s: {sensor.last_problem}"
+        if sensor.late_s:
+            needed_s = math.ceil(100.0 * sensor.late_s + 1.0) / 100.0
             message += (
-                f"; transforms come up to {scan.late_s:.3f} s after the scans: "
+                f"; transforms come up to {sensor.late_s:.3f} s after the {several(sensor.role)}: "
                 f"set sensors.tf_wait to {needed_s:.2f}"
             )
         return Status(Level.WARN, name, message, values)
-    return Status(Level.OK, name, f"{counted(scan.exact + scan.held, 'scan')} augmented", values)
+    augmented = counted(sensor.exact + sensor.held, sensor.role)
+    return Status(Level.OK, name, f"{augmented} augmented", values)
 
 
 # Gathering it, once a second.
@@ -525,7 +531,7 @@ class Reporter:
             "population": self._population(builder, now_ns),
             "contacts": self._contacts(builder, now_ns),
             "faults": live.faults.snapshot(),
-            "scans": tuple(self._scans(builder, now_ns)),
+            "sensors": tuple(self._sensors(live, now_ns)),
         }
 
     def _stamps_ahead_s(self, builder: ArBuilder) -> float | None:
@@ -557,13 +563,15 @@ class Reporter:
         last, then_ns = self._last_contact
         return ContactSnapshot(count, last, (now_ns - then_ns) / NS_PER_S)
 
-    def _scans(self, builder: ArBuilder, now_ns: int) -> Iterator[ScanSnapshot]:
+    def _sensors(self, live: LiveBuilder, now_ns: int) -> Iterator[SensorSnapshot]:
+        builder = live.builder
         problems, late_ns = builder.sensor_problems(), builder.sensor_lateness_ns()
         for topic, counts in builder.sensor_counts().items():
             watch = self._passed.setdefault(topic, CountWatch(_LATELY_NS))
             watch.update(now_ns, counts.passed_through)
-            yield ScanSnapshot(
+            yield SensorSnapshot(
                 topic=topic,
+                role=live.sensors[topic].role,
                 exact=counts.exact,
                 held=counts.held,
                 passed_through=counts.passed_through,

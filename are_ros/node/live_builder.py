@@ -109,7 +109,7 @@ class LiveBuilder:
         self._has_prepared = False
         self._view: ViewModel | None = None
         self._shown: Environment | None = None
-        self._sensors = sensor_topics(roles)
+        self.sensors = sensor_topics(roles)
         self._sensor_outputs = sensor_outputs(roles)
         self.builder.lives.is_paused = True
         self.builder.lives.tell_faults(self.faults.take)
@@ -350,7 +350,7 @@ class LiveBuilder:
 
     def _send_readings(self) -> None:
         for released in self.builder.take_readings():
-            encode = self._sensors[released.topic].encode
+            encode = self.sensors[released.topic].encode
             self._sink.publish(self._sensor_outputs[released.topic], encode(released.reading))
 
     def _follow_clock(self, now_ns: int) -> None:

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.bag.reader import BagReader, recording_in
+from are_ros.bag.recording import find_recording
 from are_ros.bag.roles import read_overrides, sensors_of
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms, replaced_statics
 from are_ros.builder.sensors.sensor_path import SensorPathCounts
@@ -18,7 +19,7 @@ from are_ros.draw.overview import draw_overview
 from are_ros.draw.viewer import MISSING_VISER, has_viser, write_view
 from are_ros.errors import AreError
 from are_ros.messages.sensors import SENSORS
-from are_ros.parameters.declaration import with_values
+from are_ros.parameters.declaration import flatten, with_values
 from are_ros.parameters.model import Parameters, SensorsParameters
 from are_ros.parameters.ros_yaml import (
     parse_assignment,
@@ -42,12 +43,12 @@ from are_ros.replay.results import (
 from are_ros.replay.session import Outcome, run_replay
 from are_ros.replay.survey.inspection import inspect_bag, inspection_lines
 from are_ros.replay.timeline import ReplayOptions
-from are_ros.wording import counted
+from are_ros.wording import counted, listed
 from are_ros.world.map_io import read_map_file
 
 Say = Callable[[str], None]
 
-_SHOWN_REFUSALS: Final = 5
+_SHOWN: Final = 5
 _WAIT: Final = "sensors.tf_wait"
 _OCTOMAP_ROLE: Final = "octomap_point_cloud_centers"
 
@@ -262,8 +263,8 @@ def refused_by_script(events: Iterable[ArtefactEvent]) -> list[str]:
     causes = {cause.value for cause in Cause}
     blocked = (event.detail for event in events if event.kind is EventKind.BLOCKED)
     reasons = [detail for detail in blocked if detail not in causes]
-    lines = [f"blocked: {reason}" for reason in reasons[:_SHOWN_REFUSALS]]
-    if others := reasons[_SHOWN_REFUSALS:]:
+    lines = [f"blocked: {reason}" for reason in reasons[:_SHOWN]]
+    if others := reasons[_SHOWN:]:
         lines.append(f"blocked: and {len(others)} more, see blocked_by_cause in {METRICS}")
     return lines
 
@@ -325,4 +326,18 @@ def check_command(
         echo(result.sentence())
     if sentence := want_of_inputs(results):
         echo(sentence)
-    return not any(result.outcome is CheckOutcome.FAILED for result in results)
+    has_failed = any(result.outcome is CheckOutcome.FAILED for result in results)
+    if has_failed and (sentence := other_parameters(path, parameters_file)):
+        echo(sentence)
+    return not has_failed
+
+
+def other_parameters(path: Path, given: Path | None) -> str:
+    """Say which parameters of a given file are not those of the run, empty if there is none."""
+    own = find_recording(path).parameters
+    if own is None or given is None:
+        return ""
+    used, meant = (flatten(with_file(Parameters(), file)) for file in (own, given))
+    others = [name for name in used if used[name] != meant[name]]
+    names = listed([*others[:_SHOWN], *(["others"] if others[_SHOWN:] else [])])
+    return f"{given} differs from the run's own {own} in {names}: check without it" if names else ""

@@ -15,7 +15,7 @@ from are_ros.node.diagnostics import (
     NodeSnapshot,
     NodeState,
     PopulationSnapshot,
-    ScanSnapshot,
+    SensorSnapshot,
     Status,
     make_diagnostics,
     statuses,
@@ -39,7 +39,7 @@ WELL = NodeSnapshot(
     inputs=(MAP, SCAN),
     ticks=TickFigures(0.1, count=600, age_s=0.05, p50_ms=9.0, p99_ms=21.0, max_ms=30.0),
     population=PopulationSnapshot(alive=12, arrivals=40, departures=28, arrivals_lately=10),
-    scans=(ScanSnapshot("/scan", exact=80, held=9),),
+    sensors=(SensorSnapshot("/scan", exact=80, held=9),),
 )
 
 
@@ -244,13 +244,19 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         "the robot has touched person_adult 7, 0.05 m deep, 5.0 s ago",
     ),
     (
-        {"scans": (ScanSnapshot("/a", passed_through_lately=1, last_problem="no frame 'x'"),)},
+        {"sensors": (SensorSnapshot("/a", passed_through_lately=1, last_problem="no frame 'x'"),)},
         "scans/a",
         Level.WARN,
         "1 scan without artefacts in the last 10 s: no frame 'x'",
     ),
     (
-        {"scans": (ScanSnapshot("/a", passed_through_lately=2, last_problem="late", late_s=0.24),)},
+        {"sensors": (SensorSnapshot("/b", "range", passed_through_lately=1, last_problem="why"),)},
+        "ranges/b",
+        Level.WARN,
+        "1 range without artefacts in the last 10 s: why",
+    ),
+    (
+        {"sensors": (SensorSnapshot("/a", "scan", 0, 0, 0, 2, "late", 0.24),)},
         "scans/a",
         Level.WARN,
         (
@@ -288,7 +294,7 @@ def test_trouble_is_told_by_the_part_that_has_it(
         {"population": PopulationSnapshot(arrivals_lately=1, blocked_lately=2)},
         {"population": PopulationSnapshot(arrivals_lately=5, blocked_lately=5)},
         {"contacts": ContactSnapshot(2, "person_adult 7", 5.1)},
-        {"scans": (ScanSnapshot("/a", passed_through=9, last_problem="no frame 'x'"),)},
+        {"sensors": (SensorSnapshot("/a", passed_through=9, last_problem="no frame 'x'"),)},
         {"uses_sim_time": True},
         {"stamps_ahead_s": -86_400.0},
     ],
@@ -314,7 +320,7 @@ def test_the_page_tells_of_every_level_that_a_line_can_have() -> None:
     snapshots = [replace(WELL, **change) for change, *_ in TROUBLES]
     snapshots += [replace(WELL, inputs=(entry,)) for entry in inputs]
     found = {
-        (re.sub("/(map|scan|a)$", "/", status.name), status.level)
+        (re.sub("/(map|scan|a|b)$", "/", status.name), status.level)
         for snapshot in snapshots
         for status in statuses(snapshot)
         if status.level is not Level.OK or status.name == "state"
