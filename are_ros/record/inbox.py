@@ -49,20 +49,11 @@ class LossCount:
         self._is_alone = publishers == 1
 
 
-# A live message on its way into a file: as it was received, and as it is written.
-
-
-class Received(NamedTuple):
-    """A message as it came: CDR bytes, and the wall clock's times [ns] of arrival and sending."""
-
-    topic: str
-    received_ns: int
-    published_ns: int
-    data: bytes
-
-
 class Stamped(NamedTuple):
-    """A message as it goes into the file: CDR bytes, and its log and publish times [ns]."""
+    """A message on its way into a file: CDR bytes, and its log and publish times [ns].
+
+    As it comes these are the wall clock's times of arrival and of sending.
+    """
 
     topic: str
     log_time_ns: int
@@ -105,10 +96,10 @@ class Inbox:
         if topic in self._topics:
             self._topics[topic].losses.settle(count, are_the_same=are_the_same)
 
-    def take_all(self) -> list[Received]:
+    def take_all(self) -> list[Stamped]:
         """Return what has arrived since the last call, in order of arrival."""
         messages = [message for topic in self._topics.values() for message in topic.take()]
-        messages.sort(key=attrgetter("received_ns"))
+        messages.sort(key=attrgetter("log_time_ns"))
         return messages
 
     def missed(self) -> Mapping[str, int]:
@@ -144,7 +135,7 @@ class _TopicInbox:
     def is_connected(self) -> bool:
         return bool(self._subscriptions[-1].get_publisher_count() > 0)
 
-    def take(self) -> Iterator[Received]:
+    def take(self) -> Iterator[Stamped]:
         for subscription in self._subscriptions:
             yield from self._drain(subscription)
         if len(self._subscriptions) > 1 and time.monotonic() > self._overlap_ends_s:
@@ -153,7 +144,7 @@ class _TopicInbox:
                 self._node.destroy_subscription(old)
             del self._subscriptions[:-1]
 
-    def _drain(self, subscription: Subscription) -> Iterator[Received]:
+    def _drain(self, subscription: Subscription) -> Iterator[Stamped]:
         take = subscription.handle.take_message
         for _ in range(_MOST_AT_ONCE):
             taken = take(self._class, True)
@@ -164,7 +155,7 @@ class _TopicInbox:
             published_ns = info["source_timestamp"]
             if sequence is None or self._is_new(published_ns, sequence):
                 received_ns = info["received_timestamp"] or time.time_ns()
-                yield Received(self._topic, received_ns, published_ns, data)
+                yield Stamped(self._topic, received_ns, published_ns, data)
 
     def _is_new(self, published_ns: int, sequence: int) -> bool:
         """Tell whether a message was not taken before, by this or another subscription."""

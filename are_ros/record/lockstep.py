@@ -12,13 +12,13 @@ from are_ros.bag.reader import BagMessage
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import NodeError
 from are_ros.node.message_classes import service_class
-from are_ros.record.publishers import CLOCK, LARGE_BYTES, PlayedTopics
+from are_ros.record.publishers import CLOCK, LARGE_BYTES, ClockPublisher, PlayedTopics
 
 ShouldStop = Callable[[], bool]
 
 
 class Pace:
-    """Decides when a player sends the next thing: as it stands, at once."""
+    """Decides when a player sends messages and the time; this one sends all at once."""
 
     def __init__(self, should_stop: ShouldStop) -> None:
         self._should_stop = should_stop
@@ -37,17 +37,13 @@ class Pace:
     def rest(self) -> None:
         """Give subscribers the time to take in the map of the start."""
 
-    def about_to_send(self, message: BagMessage) -> None:
-        """Get ready for a message."""
+    def send(self, message: BagMessage, topics: PlayedTopics) -> None:
+        """Publish a message."""
+        topics.publish(message)
 
-    def sent(self, message: BagMessage) -> None:
-        """Take note of a message."""
-
-    def about_to_tell(self) -> None:
-        """Get ready for the time to go on: everything earlier was sent."""
-
-    def told(self) -> None:
-        """Wait until the nodes know the time."""
+    def tell(self, now_ns: int, clock: ClockPublisher) -> None:
+        """Publish the time: everything earlier was sent."""
+        clock.publish(now_ns)
 
     def end(self) -> None:
         """Wait until the last messages were taken."""
@@ -160,12 +156,10 @@ class Lockstep(Pace):
         self,
         node: Node,
         names: Sequence[str],
-        outlets: PlayedTopics,
         should_stop: Callable[[], bool],
     ) -> None:
-        self._peers = [LockstepPeer(node, name, should_stop) for name in names]
         super().__init__(should_stop)
-        self._outlets = outlets
+        self._peers = [LockstepPeer(node, name, should_stop) for name in names]
         self._under_way: set[str] = set()
 
     def begin(self, now_ns: int) -> None:
@@ -177,25 +171,25 @@ class Lockstep(Pace):
             self._await(peer.is_there, _PATIENCE_S, said)
             self._await(peer.follows_clock, _CLOCK_PATIENCE_S, f"{peer.name}: {why}")
 
-    def about_to_send(self, message: BagMessage) -> None:
-        """Wait until the message before this one, on its topic, was taken."""
-        if self._outlets.target(message.topic) in self._under_way:
+    def send(self, message: BagMessage, topics: PlayedTopics) -> None:
+        """Publish a message when the one before it, on its topic, was taken.
+
+        Wait until a large one has arrived.
+        """
+        target = topics.target(message.topic)
+        if target in self._under_way:
             self._meet()
-
-    def sent(self, message: BagMessage) -> None:
-        """Remember the message; wait until a large one has arrived."""
-        if self._outlets.has_listeners(message.topic):
-            self._under_way.add(self._outlets.target(message.topic))
+        topics.publish(message)
+        if topics.has_listeners(message.topic):
+            self._under_way.add(target)
             if len(message.data) > LARGE_BYTES:
-                self._await_arrival(message.topic)
+                self._await_arrival(message.topic, topics)
 
-    def about_to_tell(self) -> None:
-        """Wait until the nodes have taken everything."""
+    def tell(self, now_ns: int, clock: ClockPublisher) -> None:
+        """Publish the time when the nodes have taken everything; wait until they know it."""
         if self._under_way:
             self._meet()
-
-    def told(self) -> None:
-        """Wait until the nodes know the time."""
+        clock.publish(now_ns)
         self._meet()
 
     def end(self) -> None:
@@ -210,10 +204,10 @@ class Lockstep(Pace):
                 raise NodeError(f"--lockstep {why_not}")
             time.sleep(ASK_S)
 
-    def _await_arrival(self, topic: str) -> None:
+    def _await_arrival(self, topic: str, topics: PlayedTopics) -> None:
         names = ", ".join(peer.name for peer in self._peers)
         why_not = f"{names}: {topic} was not acknowledged for {_PATIENCE_S:.0f} s"
-        arrived = partial(self._outlets.wait_until_acknowledged, topic, ASK_S)
+        arrived = partial(topics.wait_until_acknowledged, topic, ASK_S)
         self._await(arrived, _PATIENCE_S, why_not)
 
     def _meet(self) -> None:

@@ -3,6 +3,8 @@
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from heapq import merge
+from operator import itemgetter
 from typing import Final
 
 from are_ros.bag.clock import MOVING_ROLES, BagClock, RecordedTimes
@@ -12,7 +14,7 @@ from are_ros.bag.stretches import Window, stretches_of
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.record.lockstep import Lockstep, Pace, ShouldStop
-from are_ros.record.publishers import ClockTeller, PlayedTopics, PlayOptions, await_subscribers
+from are_ros.record.publishers import ClockPublisher, PlayedTopics, PlayOptions, await_subscribers
 from are_ros.record.session import ros_session
 from are_ros.replay.progress import Progress
 from are_ros.wording import duration_text
@@ -173,20 +175,20 @@ def play(
                 "played too: --start and --duration choose a part"
             )
         options.check_topics([topic.name for topic in reader.topics])
-        outlets = PlayedTopics(node, reader, options, say)
-        if not outlets.topics:
+        topics = PlayedTopics(node, reader, options, say)
+        if not topics.names:
             raise BagError("nothing is left to play of the recording")
-        teller = ClockTeller(node, options.clock_hz)
+        clock = ClockPublisher(node, options.clock_hz)
         pace: Pace = Lifelike(options.rate, should_stop)
         if options.lockstep:
-            pace = Lockstep(node, options.lockstep, outlets, should_stop)
-        publishers = {options.target(name): one for name, one in outlets.publishers.items()}
-        publishers |= teller.publishers
+            pace = Lockstep(node, options.lockstep, should_stop)
+        publishers = {options.target(name): one for name, one in topics.publishers.items()}
+        publishers |= clock.publishers
         is_complete = await_subscribers(node, publishers, options, say, should_stop)
-        outcome = PlayOutcome(outlets.counts, outlets.skipped, is_complete=is_complete)
+        outcome = PlayOutcome(topics.counts, topics.skipped, is_complete=is_complete)
         progress = open_progress(recording.start_ns, recording.end_ns)
         while outcome.is_complete and (options.loop or not outcome.passes):
-            outcome.is_complete = _play_once(recording, outlets, teller, pace, progress)
+            outcome.is_complete = _play_once(recording, topics, clock, pace, progress)
             outcome.passes += 1
         if outcome.is_complete:
             pace.end()
@@ -198,58 +200,34 @@ def play(
 
 def _play_once(
     recording: PlayWindow,
-    outlets: PlayedTopics,
-    teller: ClockTeller,
+    topics: PlayedTopics,
+    clock: ClockPublisher,
     pace: Pace,
     progress: Progress,
 ) -> bool:
     """Play the recording once; tell whether it came to its end."""
     pace.begin(recording.start_ns)
-    _tell(recording.start_ns, teller, pace)
-    for message in recording.earlier(outlets.topics):
+    pace.tell(recording.start_ns, clock)
+    for early in recording.earlier(topics.names):
         if not pace.wait_a_little():
             return False
-        _send(message, outlets, pace)
+        pace.send(early, topics)
     pace.begin(recording.start_ns)
-    clock = teller.times_after(recording.start_ns, recording.end_ns)
-    clock_ns = next(clock, None)
+    times_ns = clock.times_after(recording.start_ns, recording.end_ns)
+    instants: Iterator[tuple[int, BagMessage | None]] = ((at_ns, None) for at_ns in times_ns)
     has_begun = False
-    for now_ns, message in recording.messages(outlets.topics):
-        while clock_ns is not None and clock_ns <= now_ns:
-            if not pace.wait_until(clock_ns):
-                return False
-            if not has_begun:
-                _let_it_arrive(outlets, pace)
-                pace.begin(clock_ns)
-                has_begun = True
-            _tell(clock_ns, teller, pace)
-            clock_ns = next(clock, None)
+    for now_ns, message in merge(instants, recording.messages(topics.names), key=itemgetter(0)):
         if not pace.wait_until(now_ns):
             return False
-        _send(message, outlets, pace)
-        progress(now_ns)
-    while clock_ns is not None:
-        if not pace.wait_until(clock_ns):
-            return False
-        _tell(clock_ns, teller, pace)
-        clock_ns = next(clock, None)
+        if message is not None:
+            pace.send(message, topics)
+            progress(now_ns)
+            continue
+        if not has_begun:
+            has_begun = True
+            if topics.wait_for_latched(_LATCHED_S):
+                pace.rest()
+            pace.begin(now_ns)
+        pace.tell(now_ns, clock)
     progress(recording.end_ns)
     return True
-
-
-def _let_it_arrive(outlets: PlayedTopics, pace: Pace) -> None:
-    """Wait until the map of the start has arrived, if there was one."""
-    if outlets.wait_for_latched(_LATCHED_S):
-        pace.rest()
-
-
-def _send(message: BagMessage, outlets: PlayedTopics, pace: Pace) -> None:
-    pace.about_to_send(message)
-    outlets.publish(message)
-    pace.sent(message)
-
-
-def _tell(now_ns: int, teller: ClockTeller, pace: Pace) -> None:
-    pace.about_to_tell()
-    teller.tell(now_ns)
-    pace.told()

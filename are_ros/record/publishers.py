@@ -103,7 +103,7 @@ class PlayedTopics:
                 self._open(node, topic, options, say)
 
     @property
-    def topics(self) -> tuple[str, ...]:
+    def names(self) -> tuple[str, ...]:
         """The recorded names of the topics that are played."""
         return tuple(self._publishers)
 
@@ -203,7 +203,7 @@ def _qos(topic: BagTopic, options: PlayOptions) -> QoSProfile:
 # /clock: the time of the recording while it is played.
 
 
-class ClockTeller:
+class ClockPublisher:
     """Publishes /clock, reliably, or not at all."""
 
     def __init__(self, node: Node, clock_hz: float) -> None:
@@ -220,7 +220,7 @@ class ClockTeller:
         )
         yield end_ns
 
-    def tell(self, now_ns: int) -> None:
+    def publish(self, now_ns: int) -> None:
         """Publish the time."""
         for publisher in self.publishers.values():
             message = Clock()

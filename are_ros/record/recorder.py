@@ -9,12 +9,13 @@ from typing import Any, Final, NamedTuple
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
+from are_ros.bag.types import InstalledTypes
 from are_ros.bag.writer import BagWriter, describe_folder
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.record.file import FileWriter, SimulatedClock, WallClock
-from are_ros.record.inbox import Inbox, Received, Stamped
+from are_ros.record.inbox import Inbox, Stamped
 from are_ros.record.session import ros_session
-from are_ros.record.topics import RecordOptions, TopicFollower, TopicTypes
+from are_ros.record.topics import RecordOptions, TopicFollower
 from are_ros.wording import counted
 
 # The services of a node that nothing spins: their requests, taken and answered at chosen times.
@@ -133,7 +134,7 @@ def record(
     """
     awaited = options.awaited_topics()
     options.prepare_place()
-    types = TopicTypes()
+    types = InstalledTypes()
     clock = SimulatedClock(say) if options.use_sim_time else WallClock()
     bag = BagWriter(options.file, types.store, notes=_NOTES, keeps_partial=True)
     with ros_session(NODE_NAME, has_services=True) as node, FileWriter(bag) as file:
@@ -192,7 +193,7 @@ class _Recording:
     def finish(self) -> None:
         """Pass on what arrived until now, and nothing later."""
         end_ns = time.time_ns()
-        while self._pass_on([m for m in self._inbox.take_all() if m.received_ns <= end_ns]):
+        while self._pass_on([m for m in self._inbox.take_all() if m.log_time_ns <= end_ns]):
             pass
         self._put(self._clock.rest())
         self._follower.finish()
@@ -208,7 +209,7 @@ class _Recording:
             dropped=self._file.dropped + self._clock.dropped,
         )
 
-    def _pass_on(self, messages: Sequence[Received]) -> bool:
+    def _pass_on(self, messages: Sequence[Stamped]) -> bool:
         """Give messages to the file; return whether there were any."""
         if messages:
             self._put(self._clock.stamp(messages))

@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -15,7 +15,7 @@ from are_ros.bag.types import InstalledTypes
 from are_ros.bag.writer import OfferedQos, partial_path
 from are_ros.errors import BagError, InputError, NodeError
 from are_ros.node.message_classes import message_class
-from are_ros.record.file import CLOCK_TOPIC, CLOCK_TYPE, Announcement, FileWriter
+from are_ros.record.file import CLOCK_TOPIC, CLOCK_TYPE, FileWriter
 from are_ros.record.inbox import Inbox
 from are_ros.wording import why_refused
 
@@ -223,42 +223,6 @@ class GraphWatch:
         )
 
 
-# What is needed to record a type: its definition for the file, its class for the middleware.
-
-
-_NO_HASH = f"RIHS01_{'0' * 64}"
-
-
-class TopicTypes:
-    """The types of the recorded topics; `store` describes those that were asked for."""
-
-    def __init__(self, installed: InstalledTypes | None = None) -> None:
-        self._installed = InstalledTypes() if installed is None else installed
-
-    @property
-    def store(self) -> Any:
-        """The typestore of rosbags."""
-        return self._installed.store
-
-    def class_of(self, type_name: str) -> type[Any]:
-        """Return rclpy's class of a type, and learn the type's definition.
-
-        InputError or NodeError, with the reason, where one of the two is not installed.
-        """
-        self._installed.learn(type_name)
-        found: type[Any] = message_class(type_name)
-        return found
-
-    def is_as_published(self, type_name: str, type_hash: str) -> bool:
-        """Tell whether a publisher's type hash is that of the definition known here.
-
-        Publishers without a hash, as of older middlewares, are accepted.
-        """
-        if not type_hash.startswith("RIHS01_") or type_hash == _NO_HASH:
-            return True
-        return bool(type_hash == self.store.hash_rihs01(type_name))
-
-
 _LONGEST_LOOK_S: Final = 0.02
 
 
@@ -272,7 +236,7 @@ class TopicFollower:
         self,
         node: Node,
         options: RecordOptions,
-        types: TopicTypes,
+        types: InstalledTypes,
         inbox: Inbox,
         file: FileWriter,
         say: Callable[[str], None],
@@ -333,18 +297,19 @@ class TopicFollower:
             _check_clock(topic)
         try:
             type_name = self._type_names.get(topic.name) or _only_type(topic)
-            message_class = self._types.class_of(type_name)
+            self._types.learn(type_name)
+            kind = message_class(type_name)
         except (InputError, NodeError) as reason:
             self._skip(topic.name, str(reason))
             return
         self._say_doubts(topic, type_name)
         self._type_names[topic.name] = type_name
         if self._options.is_selected(topic.name):
-            self._file.announce(topic.name, Announcement(type_name, topic.offered))
+            self._file.announce(topic.name, type_name, topic.offered)
         qos = matching(topic.offered, type_name)
         if qos != self._qos.get(topic.name):
             self._qos[topic.name] = qos
-            self._inbox.subscribe(topic.name, message_class, qos)
+            self._inbox.subscribe(topic.name, kind, qos)
 
     def _say_doubts(self, topic: PublishedTopic, type_name: str) -> None:
         """Warn once where a publisher has another type, or another definition of it."""
