@@ -2,8 +2,8 @@
 
 import math
 from collections import OrderedDict, deque
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -124,17 +124,6 @@ def _topics(recording: Recording, *, with_scans: bool) -> dict[str, str]:
     return chosen | {PREFIX + name: name for name in outputs if PREFIX + name in types}
 
 
-@dataclass(frozen=True, eq=False)
-class _Tick:
-    """What is known when a list of artefacts comes."""
-
-    stamp_ns: int
-    artefacts: Sequence[ArtefactAt]
-    poses: tuple[RigidTransform | None, RigidTransform | None]
-    camera: Camera | None
-    scans: Sequence[ScanPoints]
-
-
 class SceneReader:
     """Takes decoded messages in the order in which they came, and gives a `Moment` for each tick.
 
@@ -152,7 +141,7 @@ class SceneReader:
         self._parameters, self._keep, self._is_live = parameters, keep, is_live
         self._robot = RecordedRobot(parameters, has_camera_info=has_camera_info)
         self._scans = _ScanKeeper(parameters.frames.map)
-        self._waiting: deque[_Tick] = deque()
+        self._waiting: deque[tuple[Moment, Camera | None]] = deque()
         self._perceived: OrderedDict[int, frozenset[int]] = OrderedDict()
         self._metrics: OrderedDict[int, SceneMetrics] = OrderedDict()
         self._last_metrics = _NO_METRICS
@@ -215,7 +204,8 @@ class SceneReader:
     def _take_artefacts(self, scene: Scene) -> None:
         artefacts = [self._artefact(scene, i) for i in range(len(scene.ids))]
         poses, scans = self._robot.poses(scene.stamp_ns), self._scans.take(self._robot.tree)
-        self._waiting.append(_Tick(scene.stamp_ns, artefacts, poses, self._robot.camera, scans))
+        moment = Moment(scene.stamp_ns, artefacts, frozenset(), *poses, scans=scans)
+        self._waiting.append((moment, self._robot.camera))
         self._give()
 
     def _artefact(self, scene: Scene, i: int) -> ArtefactAt:
@@ -272,29 +262,22 @@ class SceneReader:
     def _give(self) -> None:
         while self._waiting and (
             len(self._waiting) > _WAITING_TICKS
-            or (self._is_live and self._waiting[0].stamp_ns in self._perceived)
+            or (self._is_live and self._waiting[0][0].stamp_ns in self._perceived)
         ):
             self._give_first()
 
     def _give_first(self) -> None:
-        tick = self._waiting.popleft()
-        self._last_metrics = self._metrics.pop(tick.stamp_ns, self._last_metrics)
-        events = [event for event in self._events if event.stamp_ns <= tick.stamp_ns]
-        self._events = [event for event in self._events if event.stamp_ns > tick.stamp_ns]
-        perceived = self._perceived.pop(tick.stamp_ns, frozenset())
+        moment, camera = self._waiting.popleft()
+        now_ns = moment.stamp_ns
+        self._last_metrics = self._metrics.pop(now_ns, self._last_metrics)
+        events = [event for event in self._events if event.stamp_ns <= now_ns]
+        self._events = [event for event in self._events if event.stamp_ns > now_ns]
+        perceived = self._perceived.pop(now_ns, frozenset())
         for unused in (self._perceived, self._metrics):
             while len(unused) > 10 * _WAITING_TICKS:
                 unused.popitem(last=False)
-        moment = Moment(
-            tick.stamp_ns,
-            tick.artefacts,
-            perceived,
-            *tick.poses,
-            events,
-            self._last_metrics,
-            tick.scans,
-        )
-        self._keep(moment, tick.camera)
+        metrics = self._last_metrics
+        self._keep(replace(moment, perceived=perceived, events=events, metrics=metrics), camera)
 
 
 class _ScanKeeper:
