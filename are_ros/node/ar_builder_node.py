@@ -22,7 +22,7 @@ from are_ros.node.publishers import Publishers
 from are_ros.node.qos import advertise, offer_heartbeat
 from are_ros.node.services import Services
 from are_ros.node.subscriptions import Subscriptions, WireDecoding, WireMessage
-from are_ros.node.watches import BusyWatch, CameraWatch, HangWatch
+from are_ros.node.watches import CallbackTimer, CameraWatch, Watchdog
 from are_ros.parameters.choices import OnRobotContact
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
@@ -72,8 +72,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         diagnostics = advertise(self, "diagnostic_msgs/msg/DiagnosticArray", "/diagnostics")
         self._reporter = Reporter(self, diagnostics)
         self._camera_watch, self._stand_in = CameraWatch(), ""
-        self._busy = BusyWatch()
-        self._hangs: HangWatch | None = None
+        self._busy = CallbackTimer()
+        self._hangs: Watchdog | None = None
         self._wakes_ns: int | None = None
         self._timer = self.create_timer(_REPORT_S, self._wake)
         self._timer.cancel()
@@ -185,7 +185,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self._refused,
         )
         self.live.busy = self._busy
-        self._hangs = HangWatch(self._busy, self._cry)
+        self._hangs = Watchdog(self._busy, self._cry)
         subscriptions.follow_publishers()
         self.get_logger().info("configured: the real map is relayed")
 

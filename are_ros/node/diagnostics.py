@@ -157,37 +157,35 @@ _STALE_S: Final = 1.0
 def input_status(entry: InputSnapshot, active_s: float) -> Status:
     """Return the status of an input of a node that has been active for `active_s`."""
     level, message = _verdict(entry, active_s)
-    figures = entry.figures
     values = {
         "topic": entry.topic,
         "publishers": str(entry.publishers),
-        "messages": str(figures.count),
-        "refused": str(figures.refused),
-        "rate": figure(figures.rate_hz, "Hz"),
-        "age": figure(figures.age_s, "s"),
-        "last refusal": figures.last_refusal or "-",
+        "messages": str(entry.count),
+        "refused": str(entry.refused),
+        "rate": figure(entry.rate_hz, "Hz"),
+        "age": figure(entry.age_s, "s"),
+        "last refusal": entry.last_refusal or "-",
     }
     return Status(level, f"inputs/{entry.role}", message, values)
 
 
 def _verdict(entry: InputSnapshot, active_s: float) -> tuple[Level, str]:
-    figures = entry.figures
-    if figures.age_s is None:
+    if entry.age_s is None:
         return _nothing_yet(entry, active_s)
     if _is_stale(entry):
-        rate = figure(figures.rate_hz, "Hz")
-        age = figure(figures.age_s, "s")
+        rate = figure(entry.rate_hz, "Hz")
+        age = figure(entry.age_s, "s")
         return Level.STALE, f"it has stopped: it came at {rate}, and the last one is {age} old"
-    if entry.is_required and figures.refused == figures.count:
-        refused = counted(figures.count, "message")
-        return Level.ERROR, f"{refused}, none of use; the last: {figures.last_refusal}"
-    if figures.refused_lately:
-        refused = counted(figures.refused_lately, "message")
-        return Level.WARN, f"{refused} refused in the last 10 s; the last: {figures.last_refusal}"
-    if entry.is_latched or figures.rate_hz is None:
-        received = counted(figures.count, "message")
-        return Level.OK, f"{received}, the last {figure(figures.age_s, 's')} ago"
-    return Level.OK, figure(figures.rate_hz, "Hz")
+    if entry.is_required and entry.refused == entry.count:
+        refused = counted(entry.count, "message")
+        return Level.ERROR, f"{refused}, none of use; the last: {entry.last_refusal}"
+    if entry.refused_lately:
+        refused = counted(entry.refused_lately, "message")
+        return Level.WARN, f"{refused} refused in the last 10 s; the last: {entry.last_refusal}"
+    if entry.is_latched or entry.rate_hz is None:
+        received = counted(entry.count, "message")
+        return Level.OK, f"{received}, the last {figure(entry.age_s, 's')} ago"
+    return Level.OK, figure(entry.rate_hz, "Hz")
 
 
 def _nothing_yet(entry: InputSnapshot, active_s: float) -> tuple[Level, str]:
@@ -202,7 +200,7 @@ def _nothing_yet(entry: InputSnapshot, active_s: float) -> tuple[Level, str]:
 
 
 def _is_stale(entry: InputSnapshot) -> bool:
-    age_s, period_s = entry.figures.age_s, entry.figures.period_s
+    age_s, period_s = entry.age_s, entry.period_s
     if entry.is_latched or age_s is None or period_s is None:
         return False
     return age_s > _STALE_S and age_s > _STALE_PERIODS * period_s

@@ -18,7 +18,7 @@ from are_ros.messages.goals import read_clicked_point
 from are_ros.messages.maps import encode_grid, read_grid
 from are_ros.messages.sensors import SENSORS, sensor_outputs, sensor_topics
 from are_ros.messages.tick_encoding import TickEncoder
-from are_ros.node.watches import BusyWatch, FaultWatch, TickWatch
+from are_ros.node.watches import CallbackTimer, FaultWatch, TickWatch
 from are_ros.parameters.choices import CostmapGate, SensorGate
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
@@ -89,7 +89,7 @@ class LiveBuilder:
         self.builder = ArBuilder(parameters, catalogue)
         self.requests = Requests(self.builder)
         self.faults = FaultWatch()
-        self.busy = BusyWatch()
+        self.busy = CallbackTimer()
         self.watch = TickWatch(round(NS_PER_S / parameters.builder.tick_rate))
         self.is_running = False
         self._events: list[ArtefactEvent] = []

@@ -138,10 +138,10 @@ class Subscriptions:
         players = list(self.roles.values())
         for topic, role in self.roles.items():
             is_one_of_several = players.count(role) > 1
-            yield InputSnapshot(
-                role=f"{role}{topic}" if is_one_of_several else role,
-                topic=topic,
-                figures=self.watches[topic].figures(now_ns),
+            yield self.watches[topic].snapshot(
+                now_ns,
+                f"{role}{topic}" if is_one_of_several else role,
+                topic,
                 is_required=role in _REQUIRED,
                 is_latched=INPUTS[role].is_latched or role in {_CLOUD, "plan", "clicked_point"},
                 publishers=self._node.count_publishers(topic),

@@ -6,7 +6,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import monotonic_ns
-from typing import Final
+from typing import Any, Final
 
 from are_ros.agents.behaviours.asking import who_is_asked
 from are_ros.conventions import NS_PER_S
@@ -107,7 +107,7 @@ class Turn:
     thread: int
 
 
-class BusyWatch:
+class CallbackTimer:
     """Times each callback of the node; the executor runs one at a time.
 
     The times are those of a clock that never jumps. `turn` is the one that goes on, if any; other
@@ -234,14 +234,14 @@ PATIENCE_NS: Final = NS_PER_S
 _LOOKS_PER_S: Final = 4
 
 
-class HangWatch:
+class Watchdog:
     """A watchdog thread: logs the behaviour that has blocked the node for a second.
 
     `say(sentence)` is called from the thread of this watch, so it must not publish anything. What
     holds the interpreter's lock, as compiled code may, lets nobody look.
     """
 
-    def __init__(self, busy: BusyWatch, say: Callable[[str], None]) -> None:
+    def __init__(self, busy: CallbackTimer, say: Callable[[str], None]) -> None:
         self._busy = busy
         self._say = say
         self._hung: tuple[Turn, str] | None = None
@@ -317,13 +317,15 @@ _MOST_STAMPS: Final = 1024
 
 
 @dataclass(frozen=True)
-class InputFigures:
-    """An input at one moment; None where nothing can be said.
+class InputSnapshot:
+    """An input at one moment: its role, the full name of its topic, and what came in.
 
     `rate_hz` and `period_s` are those of the last messages, up to 10 s of them, whenever they came:
-    they stay as they were when the input stops, and `age_s` grows.
+    they stay as they were when the input stops, and `age_s` grows. None where nothing is known.
     """
 
+    role: str
+    topic: str
     count: int = 0
     refused: int = 0
     refused_lately: int = 0
@@ -331,6 +333,10 @@ class InputFigures:
     last_refusal: str = ""
     age_s: float | None = None
     period_s: float | None = None
+    is_required: bool = False
+    is_latched: bool = False
+    """It comes once, or when it changes; so it never goes stale."""
+    publishers: int = 0
 
     @property
     def rate_hz(self) -> float | None:
@@ -361,15 +367,18 @@ class InputWatch:
         self.last_refusal = sentence
         self._refusals.update(now_ns, self.refused_count)
 
-    def figures(self, now_ns: int) -> InputFigures:
-        """Return the figures at this moment."""
-        return InputFigures(
+    def snapshot(self, now_ns: int, role: str, topic: str, **known: Any) -> InputSnapshot:
+        """Return the input at this moment; `known` are further fields."""
+        return InputSnapshot(
+            role,
+            topic,
             count=self.count,
             refused=self.refused_count,
             refused_lately=self._refusals.growth(now_ns),
             last_refusal=self.last_refusal,
             age_s=(now_ns - self._stamps[-1]) / NS_PER_S if self._stamps else None,
             period_s=self._period_s(),
+            **known,
         )
 
     def _period_s(self) -> float | None:
@@ -377,19 +386,6 @@ class InputWatch:
         if intervals < 1:
             return None
         return (self._stamps[-1] - self._stamps[0]) / intervals / NS_PER_S
-
-
-@dataclass(frozen=True)
-class InputSnapshot:
-    """An input: its role, the full name of its topic, and what came in."""
-
-    role: str
-    topic: str
-    figures: InputFigures = field(default_factory=InputFigures)
-    is_required: bool = False
-    is_latched: bool = False
-    """It comes once, or when it changes; so it never goes stale."""
-    publishers: int = 0
 
 
 # How long no CameraInfo has been published, and when to warn.

@@ -93,7 +93,7 @@ _APART_S: Final = 0.001
 """So long between the messages from before the start: a reader's queue is short."""
 
 
-class Lifelike(Pace):
+class RealTimePace(Pace):
     """Sends each thing at its time, `rate` times as fast as it happened."""
 
     def __init__(self, rate: float, should_stop: ShouldStop) -> None:
@@ -179,7 +179,7 @@ def play(
         if not topics.names:
             raise BagError("nothing is left to play of the recording")
         clock = ClockPublisher(node, options.clock_hz)
-        pace: Pace = Lifelike(options.rate, should_stop)
+        pace: Pace = RealTimePace(options.rate, should_stop)
         if options.lockstep:
             pace = Lockstep(node, options.lockstep, should_stop)
         publishers = {options.target(name): one for name, one in topics.publishers.items()}
@@ -193,7 +193,7 @@ def play(
         if outcome.is_complete:
             pace.end()
         time.sleep(_LINGER_S)
-        if isinstance(pace, Lifelike) and pace.worst_s > _LATE_S:
+        if isinstance(pace, RealTimePace) and pace.worst_s > _LATE_S:
             say(f"the player fell behind by up to {pace.worst_s:.2f} s; nothing was left out")
     return outcome
 

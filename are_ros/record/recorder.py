@@ -30,7 +30,7 @@ class _Request(NamedTuple):
     header: Any
 
 
-class Answers:
+class RequestQueue:
     """Takes the requests to all services of a node, and answers them on demand.
 
     A player in lockstep asks whether everything from before its request was taken. So a request is
@@ -140,7 +140,7 @@ def record(
     with ros_session(NODE_NAME, has_services=True) as node, FileWriter(bag) as file:
         inbox = Inbox(node)
         follower = TopicFollower(node, options, types, inbox, file, say)
-        recording = _Recording(options, inbox, Answers(node), follower, file, clock)
+        recording = _Recording(options, inbox, RequestQueue(node), follower, file, clock)
         recording.run(awaited, on_ready, should_stop)
         recording.finish()
     if options.is_folder:
@@ -155,7 +155,7 @@ class _Recording:
         self,
         options: RecordOptions,
         inbox: Inbox,
-        answers: Answers,
+        answers: RequestQueue,
         follower: TopicFollower,
         file: FileWriter,
         clock: WallClock,

@@ -172,7 +172,7 @@ class PublishedTopic:
     publishers: tuple[bytes, ...]
 
 
-class GraphWatch:
+class TopicGraph:
     """Asks a node about the topics that are selected."""
 
     def __init__(self, node: Node, is_selected: Callable[[str], bool]) -> None:
@@ -246,7 +246,7 @@ class TopicFollower:
         self._inbox = inbox
         self._file = file
         self._say = say
-        self._watch = GraphWatch(node, self._is_wanted)
+        self._watch = TopicGraph(node, self._is_wanted)
         self._type_names: dict[str, str] = {}
         self._qos: dict[str, QoSProfile] = {}
         self._doubted: set[str] = set()

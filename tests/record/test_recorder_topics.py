@@ -115,7 +115,7 @@ def scene(ros_available: None, monkeypatch: pytest.MonkeyPatch) -> Scene:  # noq
     from are_ros.record import topics as topic_follower
 
     scene: Any = Scene()
-    monkeypatch.setattr(topic_follower, "GraphWatch", lambda *_: scene)
+    monkeypatch.setattr(topic_follower, "TopicGraph", lambda *_: scene)
     scene.follower = topic_follower.TopicFollower(
         None,  # the graph is scripted
         RecordOptions(Path("x.mcap")),
