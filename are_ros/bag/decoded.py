@@ -63,7 +63,7 @@ class Scene:
         return np.column_stack((cos * along - sin * across, sin * along + cos * across, turn))
 
     def is_like(self, other: "Scene | None") -> bool:
-        """Tell whether the same boxes stand at the same places."""
+        """Return whether the same boxes stand at the same places."""
         return (
             other is not None
             and np.array_equal(self.ids, other.ids)

@@ -345,7 +345,7 @@ class Recording:
 
 
 def matters(topic: str, type_name: str) -> bool:
-    """Tell whether a topic is an output of the node, or may be one of its inputs."""
+    """Return whether a topic is an output of the node, or may be one of its inputs."""
     if topic.startswith(PREFIX):
         name = topic.removeprefix(PREFIX)
         sensors = {kind.type_name for kind in SENSORS.values()}
@@ -378,29 +378,29 @@ class Runs:
     spans_ns: tuple[tuple[int, int], ...] = ()
 
     def is_fresh(self, stamp_ns: int) -> bool:
-        """Tell whether a run began so shortly before that something may have been missed."""
+        """Return whether a run began so shortly before that something may have been missed."""
         span = self._span_at(stamp_ns)
         return span is not None and stamp_ns < span[0] + SETTLING_NS
 
     def is_beginning(self, stamp_ns: int) -> bool:
-        """Tell whether this is the first tick of a run."""
+        """Return whether this is the first tick of a run."""
         span = self._span_at(stamp_ns)
         return span is not None and stamp_ns == span[0]
 
     def is_edge(self, stamp_ns: int) -> bool:
-        """Tell whether a time is in no run, or near the beginning or the end of one."""
+        """Return whether a time is in no run, or near the beginning or the end of one."""
         if not self.spans_ns:
             return False
         span = self._span_at(stamp_ns)
         return span is None or not span[0] + SETTLING_NS <= stamp_ns <= span[1] - SETTLING_NS
 
     def is_between(self, stamp_ns: int) -> bool:
-        """Tell whether a time is after a run and not near its end, and before the next one."""
+        """Return whether a time is after a run and not near its end, and before the next one."""
         index = bisect_right(self.spans_ns, (stamp_ns, 2**63)) - 1
         return index >= 0 and stamp_ns > self.spans_ns[index][1] + SETTLING_NS
 
     def are_together(self, before_ns: int, after_ns: int) -> bool:
-        """Tell whether two times are in the same run."""
+        """Return whether two times are in the same run."""
         if not self.spans_ns:
             return True
         return self._span_at(before_ns) == self._span_at(after_ns) is not None

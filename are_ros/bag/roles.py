@@ -166,7 +166,7 @@ def _why_no_default(role: str, topics: Sequence[BagTopic]) -> str:
 
 
 def _suits(role: str, topic: str) -> bool:
-    """Tell whether a topic's name speaks for this role among those that share its type."""
+    """Return whether a topic's name speaks for this role among those that share its type."""
     if role in _TELLTALES:
         return _TELLTALES[role] in topic.lower()
     rivals = [rival for rival in _TELLTALES if ROLE_TYPES[rival] == ROLE_TYPES[role]]

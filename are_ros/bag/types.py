@@ -195,7 +195,7 @@ class InstalledTypes:
             self.store.register(learnt)
 
     def is_as_published(self, type_name: str, type_hash: str) -> bool:
-        """Tell whether a publisher's type hash is that of the definition known here.
+        """Return whether a publisher's type hash is that of the definition known here.
 
         Publishers without a hash, as of older middlewares, are accepted.
         """

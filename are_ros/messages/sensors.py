@@ -120,7 +120,7 @@ class SensorKind:
         return topics
 
     def is_by_role(self, parameters: SensorsParameters) -> bool:
-        """Tell whether the topic is the role's own: a replay then finds it by name and type."""
+        """Return whether the topic is the role's own: a replay then finds it by name and type."""
         return self.topics(parameters) == (self.role,)
 
 

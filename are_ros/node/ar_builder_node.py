@@ -36,17 +36,17 @@ _KERNELS_A_LINE: Final = 25
 _LEAPS: Final = JumpThreshold(
     min_forward=Duration(seconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
 )
-"""After such a jump of the clock the timers are wrong: the node checks what is due."""
+"""After such a jump of the clock the timers are wrong: the node runs the due work at once."""
 _DONE, _FAILED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
 class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly typed
-    """Callbacks store what comes in; when something is due, `LiveBuilder.work` does it.
+    """Callbacks store the messages; `LiveBuilder.work` takes them and runs the due ticks.
 
     From configure to cleanup the real map and the scans are relayed; while the node is active, and
     not paused, artefacts are among them. Raises ParameterError where the parameters given are bad,
-    NodeError where are_msgs is not installed. A configuration that takes long is given up once the
-    node is not `is_wanted()` any more.
+    NodeError where are_msgs is not installed. `is_wanted()` is asked while the kernels compile; a
+    configuration ends early when it returns False.
     """
 
     def __init__(self, node_name: str = NAME, **options: Any) -> None:
@@ -141,7 +141,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         return _DONE
 
     def starts_itself(self) -> bool:
-        """Configure and activate, if `autostart` says so; tell whether that was possible."""
+        """Configure and activate if `autostart` is true; return False if that failed."""
         if not self.bridge.node_values.autostart:
             return True
         return bool(self.trigger_configure() == _DONE and self.trigger_activate() == _DONE)
@@ -156,7 +156,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self._timer.cancel()
 
     def flush(self, timeout_s: float) -> None:
-        """Wait until subscribers have what was published, but no longer than this."""
+        """Wait until reliable subscribers have acknowledged all messages, at most this long."""
         late = self._outputs.flush(timeout_s) if self._outputs is not None else []
         if late:
             self.get_logger().warning(
@@ -226,7 +226,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
                     self.live.faults.hung = sentence
 
     def _cry(self, sentence: str) -> None:
-        """Log from another thread: by a logger that is no node's, so that /rosout has no part."""
+        """Log from the watchdog's thread, by a logger without a node: nothing goes to /rosout."""
         get_logger(f"watch.{self.get_name()}").error(sentence)
 
     def _store(self, message: WireMessage) -> None:
@@ -235,14 +235,14 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
                 self._work()
 
     def _wake(self) -> None:
-        """Do what is due by the timer."""
+        """Run the due work when the timer fires."""
         if self._wakes_ns is not None:
             self._busy.woke(monotonic_ns(), self._wakes_ns)
         with self._turn("ticks"):
             self._work()
 
     def _work(self) -> None:
-        """Do what is due, and set the timer for the next due time."""
+        """Run the due work, log the faults, and set the timer for the next due time."""
         live, publishers = self.live, self._outputs
         if live is None or publishers is None:
             self._timer.cancel()
@@ -264,13 +264,13 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self._wakes_ns = monotonic_ns() + period_ns
 
     def _leapt(self) -> None:
-        """Do what is due after a leap of the clock, once."""
+        """Run the due work once after a jump of the clock."""
         self._alarm.cancel()
         with self._turn("ticks"):
             self._work()
 
     def _report(self) -> None:
-        """Once a second: follow the publishers, do what is due, publish diagnostics."""
+        """Once a second: follow the publishers, run the due work, publish diagnostics."""
         with self._turn("diagnostics"):
             self._look_and_report()
 
@@ -334,7 +334,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
 
 
 def for_a_live_robot(parameters: Parameters) -> Parameters:
-    """Return the parameters with what `auto` means beside a robot that can react."""
+    """Resolve on_robot_contact `auto` to `hold`: a live robot can react."""
     if parameters.collisions.on_robot_contact is not OnRobotContact.AUTO:
         return parameters
     return with_values(parameters, {"collisions.on_robot_contact": OnRobotContact.HOLD})

@@ -1,4 +1,4 @@
-"""/diagnostics: a snapshot of the node, the status of each part, and who gathers them.
+"""/diagnostics: the snapshot of the node, the status of each part, and the reporter.
 
 See docs/diagnostics.md for the page of the user.
 """
@@ -210,7 +210,7 @@ _CONTACT_S: Final = 5.0
 _TICK_STOP_S: Final = 1.0
 _TICK_STOP_PERIODS: Final = 5.0
 _RARE: Final = frozenset({"preparing", "transitions"})
-"""What may take longer than a tick's period, and is no reason to warn."""
+"""These kinds of work may take longer than a tick's period without a warning."""
 _OTHER_TIMES_S: Final = 30 * 86_400.0
 """Clocks of machines that are set wrongly are less apart; simulated time is by decades."""
 _YEAR_S: Final = 365.25 * 86_400.0
@@ -437,7 +437,7 @@ def _sensor(sensor: SensorSnapshot) -> Status:
     return Status(Level.OK, name, f"{augmented} augmented", values)
 
 
-# Gathering it, once a second.
+# The snapshot is taken and published once a second.
 
 
 _MINUTE_NS: Final = 60 * NS_PER_S
@@ -464,7 +464,7 @@ class Reporter:
         """A warning about the clock for the log, empty if there is none."""
 
     def happened(self, events: tuple[ArtefactEvent, ...], now_ns: int) -> None:
-        """Take what happened since the last tick."""
+        """Take the events since the last tick; the last contact of the robot is kept."""
         for event in events:
             if event.kind is EventKind.ROBOT_CONTACT:
                 last = f"{event.label} {event.artefact_id}, {event.value:.2f} m deep"
@@ -479,7 +479,7 @@ class Reporter:
         *,
         is_paused: bool,
     ) -> None:
-        """Publish how the node does."""
+        """Publish the diagnostics of this moment."""
         snapshot = self._snapshot(live, subscriptions, busy_ms, now_ns, is_paused=is_paused)
         self.clock_doubt = clock_doubt(snapshot)
         stamp_ns = int(self._node.get_clock().now().nanoseconds)

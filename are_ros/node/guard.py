@@ -78,7 +78,7 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
         }
 
     def _take_heartbeat(self, event: Any) -> None:
-        """Wait whether a publisher that fell silent is dead; one that was withdrawn is not."""
+        """Start the wait when a publisher falls silent; a withdrawn publisher is not dead."""
         if event.alive_count > 0:
             self._confirmation.cancel()
             self._step_back()
@@ -93,7 +93,7 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
             self._publish(message)
 
     def _stand_in(self) -> None:
-        """Publish what is real, for the node is dead."""
+        """Publish the real map in place of the dead node."""
         self._confirmation.cancel()
         self._is_standing_in = True
         self.get_logger().error(f"{self._guarded} was killed")
@@ -108,7 +108,7 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
         self.get_logger().info("the real map is published, and an empty artefact map")
 
     def _step_back(self) -> None:
-        """Withdraw what was published, for the node is there again."""
+        """Withdraw the guard's publishers when the node is back."""
         if not self._is_standing_in:
             return
         self._is_standing_in = False

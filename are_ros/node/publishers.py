@@ -1,4 +1,4 @@
-"""The publishers of the node's outputs: bytes go out as they are, to those who listen."""
+"""The publishers of the node's outputs, which take serialised messages."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -14,10 +14,11 @@ from are_ros.node.qos import advertise
 
 
 class Publishers:
-    """Publishes outputs under the node's own name; what nobody listens to is not wanted.
+    """Publishes outputs under the node's own name.
 
-    Latched outputs are always wanted. An output whose message package is not installed is left
-    out, and `say` is told of it. ParameterError where an override of its QoS makes no sense.
+    Outputs without a subscriber are not wanted, unless they are latched. An output whose message
+    package is not installed is left out, and `say` gets a sentence. ParameterError where an
+    override of its QoS makes no sense.
     """
 
     def __init__(self, node: Node, roles: Mapping[str, str], say: Callable[[str], None]) -> None:
@@ -36,7 +37,7 @@ class Publishers:
             raise
 
     def wanted(self) -> frozenset[str]:
-        """Return the names of the outputs that are to be built."""
+        """Return the names of the outputs that are latched or have a subscriber."""
         return frozenset(
             name
             for name, publisher in self._publishers.items()
@@ -44,20 +45,20 @@ class Publishers:
         )
 
     def has_new_viewer(self) -> bool:
-        """Tell whether more subscribe to the markers than when this was last asked."""
+        """Return whether the markers have more subscribers than at the last call."""
         before, self._viewers = self._viewers, self._count("markers")
         return self._viewers > before
 
     def publish(self, name: str, data: bytes) -> None:
-        """Send the bytes of a message, unless its output is not there."""
+        """Publish a serialised message; an output that was left out is ignored."""
         publisher = self._publishers.get(name)
         if publisher is not None:
             publisher.publish(data)
 
     def flush(self, timeout_s: float) -> list[str]:
-        """Wait until reliable subscribers have what was published, in all at most this long.
+        """Wait until reliable subscribers have acknowledged all messages, at most this long.
 
-        Returns the outputs of which somebody has not.
+        Returns the outputs with messages that were not acknowledged.
         """
         deadline_s, late = time.monotonic() + timeout_s, []
         for name, publisher in self._publishers.items():

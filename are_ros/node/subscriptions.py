@@ -24,7 +24,7 @@ from are_ros.node.qos import INPUTS, input_qos, is_latched_by_all, subscribe
 from are_ros.node.watches import InputSnapshot, InputWatch
 from are_ros.parameters.model import SensorsParameters
 
-# What came over DDS: bytes with their topic, and what they say.
+# Messages as DDS delivers them, and their decoding.
 
 
 class WireMessage(NamedTuple):
@@ -36,7 +36,7 @@ class WireMessage(NamedTuple):
 
 
 class WireDecoding:
-    """Makes values of the bytes; InputError, naming the topic, where they are malformed."""
+    """Decodes the bytes; InputError, naming the topic, where they are malformed."""
 
     def deserialize(self, message: WireMessage) -> Any:
         """Return the message object of rclpy."""
@@ -72,10 +72,10 @@ Store = Callable[[WireMessage], None]
 
 
 class Subscriptions:
-    """Subscribes to all inputs, each by its role; `store` is called with what comes in.
+    """Subscribes to all inputs, each by its role; `store` gets each message.
 
     The cloud's subscription follows its publishers: latched if they all latch, else not. An input
-    whose message package is not installed is left out, and `say` is told of it. Raises
+    whose message package is not installed is left out, and `say` gets a sentence. Raises
     ParameterError where an override of its QoS makes no sense.
     """
 
@@ -99,7 +99,7 @@ class Subscriptions:
             raise
 
     def is_offered(self, role: str) -> bool:
-        """Tell whether anybody publishes the input of a role."""
+        """Return whether the input of a role has a publisher."""
         topics = [topic for topic, its_role in self.roles.items() if its_role == role]
         return any(self._node.count_publishers(topic) for topic in topics)
 
@@ -116,7 +116,7 @@ class Subscriptions:
         self._subscriptions[topic] = self._subscribed(_CLOUD, topic)
 
     def waiting(self, roles: Container[str]) -> Iterator[WireMessage]:
-        """Yield, and take, what DDS holds of the inputs of some roles, in no order of topics."""
+        """Take and yield the messages that DDS holds of some roles, topic by topic."""
         for topic, role in self.roles.items():
             subscription = self._subscriptions.get(topic) if role in roles else None
             while subscription is not None:
@@ -130,11 +130,11 @@ class Subscriptions:
                 yield WireMessage(topic, INPUTS[role].type_name, taken[0])
 
     def is_time_simulated(self) -> bool:
-        """Tell whether the node's time is that of /clock."""
+        """Return whether the node's time is that of /clock."""
         return bool(self._node.get_clock().ros_time_is_active)
 
     def snapshots(self, now_ns: int) -> Iterator[InputSnapshot]:
-        """Yield what came in so far, by the monotonic clock."""
+        """Yield a snapshot of each input, by the monotonic clock."""
         players = list(self.roles.values())
         for topic, role in self.roles.items():
             is_one_of_several = players.count(role) > 1
@@ -187,5 +187,5 @@ class Subscriptions:
 
 
 def _adapt_later(event: Any) -> None:
-    """Warn of nothing: `follow_publishers` adapts the subscription to a publisher that differs."""
+    """Suppress rclpy's warning: `follow_publishers` adapts the subscription."""
     del event

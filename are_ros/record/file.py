@@ -15,7 +15,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.record.inbox import Stamped
 
 MOST_QUEUED_BYTES: Final = 256 * 1024 * 1024
-"""What waits for the disk at most."""
+"""The most bytes that may wait for the disk."""
 
 _FLUSH_S = 3.0
 """A killed recording lacks little more than this; shorter would spoil the compression of maps."""
@@ -24,9 +24,9 @@ _FLUSH_S = 3.0
 class FileWriter:
     """Hands messages to a `BagWriter` in a thread; a context manager, as that is.
 
-    A topic enters the file with its first message, or at the end if none came; what its publishers
-    were found to offer until then is written. What the disk cannot take in time is dropped beyond
-    `most_bytes`, and counted.
+    A topic enters the file with its first message, or at the end if none came, with the QoS that
+    its publishers offered until then. When more than `most_bytes` wait for the disk, messages are
+    dropped and counted.
     """
 
     def __init__(self, bag: BagWriter, most_bytes: int = MOST_QUEUED_BYTES) -> None:
@@ -65,7 +65,7 @@ class FileWriter:
                 raise error
 
     def announce(self, topic: str, type_name: str, offered: tuple[OfferedQos, ...]) -> None:
-        """Announce a topic and what its publishers offer; again, until its first message."""
+        """Announce a topic, or change what its publishers offer until its first message."""
         self._announced[topic] = type_name, offered
 
     def put(self, messages: Sequence[Stamped]) -> None:
@@ -76,7 +76,7 @@ class FileWriter:
             self._queue.put(accepted)
 
     def check(self) -> None:
-        """Raise what went wrong in the thread."""
+        """Raise the error of the thread, if there was one."""
         if self._failure is not None:
             raise self._failure
 
@@ -129,20 +129,20 @@ class FileWriter:
             self._added.add(topic)
 
 
-# When a message was recorded: by the wall clock, or by the simulated time of /clock.
+# Log times: by the wall clock, or by the simulated time of /clock.
 
 
 CLOCK_TOPIC: Final = "/clock"
 CLOCK_TYPE: Final = "rosgraph_msgs/msg/Clock"
 
 _MOST_WAITING_BYTES = 256 * 1024 * 1024
-"""What waits for the first /clock at most."""
+"""The most bytes that may wait for the first /clock."""
 
 
 class WallClock:
-    """Gives messages their log time: when the middleware received them; publish time: when sent.
+    """Log time is when the middleware received a message, publish time when it was sent.
 
-    `dropped` counts the messages that waited for a log time in vain.
+    `dropped` counts the messages that got no log time.
     """
 
     def __init__(self) -> None:
@@ -153,7 +153,7 @@ class WallClock:
         return time.monotonic_ns()
 
     def stamp(self, messages: Sequence[Stamped]) -> Iterator[Stamped]:
-        """Yield messages, in their order of arrival, with log times; some wait for a later call."""
+        """Yield messages in their order of arrival, with log times; some may come later."""
         yield from messages
 
     def rest(self) -> Iterator[Stamped]:
@@ -164,9 +164,9 @@ class WallClock:
 class SimulatedClock(WallClock):
     """Log time is the last /clock before a message, and never decreases.
 
-    What comes before the first /clock waits in memory and then counts as then. If the clock jumps
-    back, log times stay where they are until it has caught up, so that a reader gets the messages
-    in the order in which they came; one notice is given.
+    Messages before the first /clock wait in memory and get its time. If the clock jumps back, log
+    times stand still until it has caught up: a reader then gets the messages in their order of
+    arrival. One notice is given.
     """
 
     def __init__(self, say: Callable[[str], None]) -> None:
@@ -195,7 +195,7 @@ class SimulatedClock(WallClock):
             yield _at(self._now_ns, message)
 
     def rest(self) -> Iterator[Stamped]:
-        """Yield at time 0 what waits for a clock that never came, with a notice."""
+        """Yield the messages that wait for a /clock that never came, at time 0, with a notice."""
         if self._waiting:
             self._say("no /clock came: everything is recorded at time 0")
             yield from self._release(0)

@@ -19,18 +19,18 @@ from are_ros.record.session import ros_session
 from are_ros.replay.progress import Progress
 from are_ros.wording import duration_text
 
-# The part of a recording that is played, and the time it goes by.
+# The window of a recording that is played, and its clock.
 
 
 _RECENT_NS: Final = 10 * NS_PER_S
-"""Of what moves, so much from before the start is sent: as much as tf2 keeps."""
+"""Transforms of this long before the start are sent: tf2 keeps as much."""
 _LASTING_ROLES: Final = ("map", "octomap_point_cloud_centers")
-"""What counts as latched, however it was recorded."""
+"""These roles count as latched, however they were recorded."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlayWindow:
-    """The window of a recording that is played, as a replay has it, and the time it goes by.
+    """The window of a recording that is played, chosen as for a replay, and its clock.
 
     The topics `lasting` hold maps.
     """
@@ -70,7 +70,7 @@ class PlayWindow:
             yield max(self.clock.at(message.log_time_ns), self.start_ns), message
 
     def earlier(self, topics: tuple[str, ...]) -> Iterator[BagMessage]:
-        """Yield what was sent before the start, and counts as sent at it."""
+        """Yield latched messages and recent transforms of before the start."""
         known = [topic for topic in self.reader.topics if topic.name in topics]
         latched = {topic.name for topic in known if topic.is_latched or "static" in topic.name}
         latched |= self.lasting & set(topics)
@@ -84,17 +84,17 @@ class PlayWindow:
                 yield message
 
 
-# When a player sends what: at its time, or as another decides.
+# The pace of real time.
 
 
 _ASK_S: Final = 0.05
 _REST_S: Final = 0.5
 _APART_S: Final = 0.001
-"""So long between the messages from before the start: a reader's queue is short."""
+"""The pause between messages from before the start: a reader's queue is short."""
 
 
 class RealTimePace(Pace):
-    """Sends each thing at its time, `rate` times as fast as it happened."""
+    """Sends each message at its time, `rate` times as fast as it was recorded."""
 
     def __init__(self, rate: float, should_stop: ShouldStop) -> None:
         super().__init__(should_stop)
@@ -107,7 +107,7 @@ class RealTimePace(Pace):
         self._zero_ns, self._zero_s = now_ns, time.monotonic()
 
     def wait_until(self, now_ns: int) -> bool:
-        """Sleep until it is time; tell whether to go on."""
+        """Sleep until this time; False if the player is to stop."""
         due_s = self._zero_s + (now_ns - self._zero_ns) / NS_PER_S / self._rate
         while True:
             here_s = time.monotonic()
@@ -121,12 +121,12 @@ class RealTimePace(Pace):
             time.sleep(min(due_s - here_s, _ASK_S))
 
     def wait_a_little(self) -> bool:
-        """Sleep for as long as a reader takes for a message; tell whether to go on."""
+        """Sleep for as long as a reader takes for a message; False if the player is to stop."""
         time.sleep(_APART_S)
         return not self._should_stop()
 
     def rest(self) -> None:
-        """Sleep for a moment: what comes while a map is taken in would count as come later."""
+        """Sleep for a moment: messages would be received late while a node processes the map."""
         time.sleep(_REST_S)
 
 
@@ -134,15 +134,15 @@ __all__ = ("PlayOptions", "PlayOutcome", "play")
 
 _LATE_S: Final = 0.1
 _LINGER_S: Final = 0.1
-"""So long the publishers stay, for the last messages to arrive. (Acknowledgements take up to
-three seconds: readers give them when asked, and an idle publisher asks that seldom.)"""
+"""The publishers stay this long, so that the last messages arrive. (Acknowledgements take up to
+three seconds: an idle publisher asks its readers that seldom.)"""
 _LATCHED_S: Final = 5.0
-"""The time does not go on before the map of the start has arrived, or this is over."""
+"""/clock waits at most this long for the arrival of the first map."""
 
 
 @dataclass
 class PlayOutcome:
-    """What was played: messages by recorded topic, how often, what was not and why."""
+    """The result of a play: messages by topic, skipped topics with the reason, passes."""
 
     counts: Mapping[str, int] = field(default_factory=dict)
     skipped: Mapping[str, str] = field(default_factory=dict)
@@ -205,7 +205,7 @@ def _play_once(
     pace: Pace,
     progress: Progress,
 ) -> bool:
-    """Play the recording once; tell whether it came to its end."""
+    """Play the recording once; return whether it came to its end."""
     pace.begin(recording.start_ns)
     pace.tell(recording.start_ns, clock)
     for early in recording.earlier(topics.names):

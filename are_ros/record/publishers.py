@@ -64,7 +64,7 @@ class PlayOptions:
                     raise BagError(f"{option} {topic}: not in the recording, which has {there}")
 
     def is_chosen(self, topic: str) -> bool:
-        """Tell whether a recorded topic is to be played."""
+        """Return whether a recorded topic is to be played."""
         chosen = not self.topics or slashed(topic) in map(slashed, self.topics)
         return chosen and slashed(topic) not in map(slashed, self.exclude)
 
@@ -83,7 +83,7 @@ _DEPTH: Final = 100
 class PlayedTopics:
     """Publishes recorded messages; topics whose type is not installed are skipped, with a reason.
 
-    Quality of service is as recorded; in lockstep all are reliable, so that nothing is lost.
+    Quality of service is as recorded; in lockstep all publishers are reliable.
     """
 
     def __init__(
@@ -139,18 +139,18 @@ class PlayedTopics:
         return str(self._publishers[topic].topic_name)
 
     def has_listeners(self, topic: str) -> bool:
-        """Tell whether a topic, by its recorded name, has subscribers."""
+        """Return whether a topic, by its recorded name, has subscribers."""
         return bool(self._publishers[topic].get_subscription_count())
 
     def wait_until_acknowledged(self, topic: str, timeout_s: float) -> bool:
-        """Wait until reliable subscribers have all of a topic; tell whether they do."""
+        """Wait until reliable subscribers have acknowledged a topic; return whether they have."""
         return bool(self._publishers[topic].wait_for_all_acked(Duration(seconds=timeout_s)))
 
     def wait_for_latched(self, timeout_s: float) -> bool:
-        """Wait until reliable subscribers have what is latched; tell whether there was any.
+        """Wait until reliable subscribers have the large latched messages; False without any.
 
-        These are maps and clouds: of many fragments, of which one that is lost comes again only
-        with the next heartbeat of DDS, seconds later.
+        Maps and clouds have many fragments; a lost one is sent again with the next heartbeat of
+        DDS, seconds later.
         """
         limit = Duration(seconds=timeout_s)
         waiting, self._unacknowledged = self._unacknowledged, set()
@@ -248,11 +248,11 @@ def await_subscribers(
     say: Callable[[str], None],
     should_stop: Callable[[], bool],
 ) -> bool:
-    """Wait until the nodes of `options` listen, and all who are known to listen are connected.
+    """Wait until the nodes of `options` subscribe, and all known subscribers are connected.
 
-    They are if for half a second nobody came; where one cannot be connected (it asks for more than
-    was recorded), the wait ends after two. Returns whether to go on; NodeError if a node does not
-    listen in time. `say` takes what is waited for, now and then.
+    The wait ends when no subscriber came for half a second, or after two seconds if one cannot be
+    connected (it asks for more than was recorded). Returns False if the player is to stop.
+    NodeError if a node does not subscribe in time. `say` gets a sentence now and then.
     """
     began_s, report_after_s = time.monotonic(), _SILENT_S
     for name in options.wait_for:
@@ -302,7 +302,7 @@ def _await_connections(
 
 
 def _is_listening(node: Node, name: str, publishers: Mapping[str, Any]) -> bool:
-    """Tell whether a node subscribes to one of the topics."""
+    """Return whether a node subscribes to one of the topics."""
     space, _, short = name.strip("/").rpartition("/")
     return any(
         (info.node_name, info.node_namespace) == (short, f"/{space}")

@@ -18,7 +18,7 @@ from are_ros.record.session import ros_session
 from are_ros.record.topics import RecordOptions, TopicFollower
 from are_ros.wording import counted
 
-# The services of a node that nothing spins: their requests, taken and answered at chosen times.
+# The services of a node without an executor.
 
 
 _MOST_AT_ONCE: Final = 10
@@ -33,8 +33,8 @@ class _Request(NamedTuple):
 class RequestQueue:
     """Takes the requests to all services of a node, and answers them on demand.
 
-    A player in lockstep asks whether everything from before its request was taken. So a request is
-    taken first, then what else is there, and then the request is answered.
+    A player in lockstep asks whether all messages from before its request were taken. So a request
+    is taken first, then all messages, and then the request is answered.
     """
 
     def __init__(self, node: Node) -> None:
@@ -55,7 +55,7 @@ class RequestQueue:
             wait_set.wait(int(timeout_s * NS_PER_S))
 
     def take(self) -> bool:
-        """Take the requests that are there; tell whether any wait for their answer."""
+        """Take the waiting requests; return whether any request is unanswered."""
         for service in self._services:
             self._pending += self._taken(service)
         return bool(self._pending)
@@ -83,8 +83,7 @@ _LOOK_S = 0.1
 """How often new topics and publishers are looked for."""
 
 _REST_S = 0.004
-"""How long nothing is taken after nothing was there, unless somebody asks: 2 % of a core, and no
-queue fills in it."""
+"""The pause after an empty look, unless a request comes: 2 % of a core, and no queue fills."""
 
 _NOTES = {
     "what": "live topics, recorded by are record",
@@ -94,7 +93,7 @@ _NOTES = {
 
 @dataclass(frozen=True)
 class RecordOutcome:
-    """What a recording did; all mappings are by topic.
+    """The result of a recording; all mappings are by topic.
 
     `counts` are the messages in `file`, topics without one among them; `skipped` the topics that
     could not be recorded, with the reason, which was said. `missed` never arrived (the network, or
@@ -110,7 +109,7 @@ class RecordOutcome:
     dropped: Mapping[str, int]
 
     def sentences(self) -> Iterator[str]:
-        """Yield what a user should know of a recording that is not complete."""
+        """Yield a sentence for each way in which the recording is not complete."""
         if not self.counts:
             yield "nothing is recorded: no message arrived on any topic"
         for topic, count in self.missed.items():
@@ -191,7 +190,7 @@ class _Recording:
                 self._answers.wait(_REST_S)
 
     def finish(self) -> None:
-        """Pass on what arrived until now, and nothing later."""
+        """Pass on the messages that have arrived until now."""
         end_ns = time.time_ns()
         while self._pass_on([m for m in self._inbox.take_all() if m.log_time_ns <= end_ns]):
             pass
@@ -199,7 +198,7 @@ class _Recording:
         self._follower.finish()
 
     def outcome(self) -> RecordOutcome:
-        """Return what became of it, once the file is closed."""
+        """Return the result, once the file is closed."""
         return RecordOutcome(
             file=self._options.file,
             counts=self._file.counts(),

@@ -19,7 +19,7 @@ from are_ros.record.file import CLOCK_TOPIC, CLOCK_TYPE, FileWriter
 from are_ros.record.inbox import Inbox
 from are_ros.wording import why_refused
 
-# What a recording is asked to do, where its file goes, and which topics it takes.
+# The options of a recording.
 
 
 _OTHER_KINDS = (".bag", ".db3", ".part", ".yaml")
@@ -45,7 +45,7 @@ class RecordOptions:
     overwrite: bool = False
 
     def is_selected(self, topic: str) -> bool:
-        """Tell whether a topic, by its full name, is to be recorded."""
+        """Return whether a topic, by its full name, is to be recorded."""
         if _matches(topic, self.exclude):
             return False
         return _matches(topic, self.topics) if self.topics else "/_" not in topic  # hidden
@@ -123,7 +123,7 @@ _BULKY: Final = frozenset(
 
 
 def offered_by(profile: QoSProfile) -> OfferedQos:
-    """Return in rosbag2's words what one publisher was found to offer."""
+    """Return the QoS that a publisher offers, in the words of rosbag2."""
     return OfferedQos(
         reliability=profile.reliability.name.lower(),
         durability=profile.durability.name.lower(),
@@ -137,9 +137,10 @@ def offered_by(profile: QoSProfile) -> OfferedQos:
 
 
 def matching(offered: Sequence[OfferedQos], type_name: str) -> QoSProfile:
-    """Return what all publishers can serve: reliable, or transient local, only if each of them is.
+    """Return the QoS that all publishers can serve.
 
-    A subscription that asked for more would get nothing from those that offer less.
+    It is reliable, or transient local, only if each of them is: a subscription that asks for more
+    gets nothing from a publisher that offers less.
     """
     is_reliable = all(profile.reliability == "reliable" for profile in offered)
     is_latched = all(profile.durability == "transient_local" for profile in offered)
@@ -150,7 +151,7 @@ def matching(offered: Sequence[OfferedQos], type_name: str) -> QoSProfile:
     )
 
 
-# The published topics, and what has changed since the last look.
+# The published topics, and their changes.
 
 
 _RECHECK_S = 1.0
@@ -173,7 +174,7 @@ class PublishedTopic:
 
 
 class TopicGraph:
-    """Asks a node about the topics that are selected."""
+    """The publishers of the selected topics, by the graph of a node."""
 
     def __init__(self, node: Node, is_selected: Callable[[str], bool]) -> None:
         self._node = node
@@ -253,10 +254,10 @@ class TopicFollower:
         self.skipped: dict[str, str] = {}
 
     def look(self) -> bool:
-        """Look for topics and publishers; return False if the look is to be continued.
+        """Look for new topics and publishers; return False if there is more to look at.
 
-        Types take long to load, and messages must not wait. NodeError where /clock is needed and
-        is no clock.
+        Types take long to load, and messages must not wait. NodeError where /clock is needed but
+        has another type.
         """
         until_s = time.monotonic() + _LONGEST_LOOK_S
         for topic, has_changed in self._watch.look():
@@ -271,7 +272,7 @@ class TopicFollower:
         return True
 
     def are_connected(self, topics: Collection[str]) -> bool:
-        """Tell whether publishers of all these topics send to us; a skipped one is not awaited."""
+        """Return whether all these topics are skipped or have a connected publisher."""
         return all(name in self.skipped or self._inbox.is_connected(name) for name in topics)
 
     def finish(self) -> None:
@@ -292,7 +293,7 @@ class TopicFollower:
         return self._options.use_sim_time and name == CLOCK_TOPIC
 
     def _follow(self, topic: PublishedTopic) -> None:
-        """Subscribe, or change the subscription; the type stays what it was when first seen."""
+        """Subscribe, or change the subscription; the first type that was seen stays."""
         if topic.name not in self._type_names and self._is_our_clock(topic.name):
             _check_clock(topic)
         try:
@@ -337,7 +338,7 @@ def _only_type(topic: PublishedTopic) -> str:
 
 
 def _check_clock(topic: PublishedTopic) -> None:
-    """Raise what ends the recording: without a clock no message has its time."""
+    """Raise NodeError if /clock has another type: messages would have no time."""
     if topic.type_names != (CLOCK_TYPE,):
         kinds = " and ".join(topic.type_names)
         raise NodeError(f"{CLOCK_TOPIC} is published as {kinds}: that gives no simulated time")

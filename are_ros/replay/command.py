@@ -1,4 +1,4 @@
-"""The commands of `are` that read recordings, without the shell: text goes out by a callable."""
+"""The commands of `are` that read recordings; `say` and `echo` print their text."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -87,13 +87,13 @@ def effective_parameters(
 
 
 def is_given(path: str, parameter_files: Sequence[Path], assignments: Sequence[str]) -> bool:
-    """Say whether a parameter is set in a file or by an assignment. Raises ParameterError."""
+    """Return whether a file or an assignment sets a parameter. Raises ParameterError."""
     in_files = any(path in read_ros_parameters(file) for file in parameter_files)
     return in_files or any(parse_assignment(text)[0] == path for text in assignments)
 
 
 def options_of(skip: Sequence[str], **options: Any) -> ReplayOptions:
-    """Return what the options of the command line ask for. Raises AreError."""
+    """Return the options of a replay from those of the command line. Raises AreError."""
     parameters = effective_parameters(
         options["parameter_files"],
         options["assignments"],
@@ -120,7 +120,7 @@ def options_of(skip: Sequence[str], **options: Any) -> ReplayOptions:
 
 
 def replay_command(say: Say, **options: Any) -> bool:
-    """Run `are replay`; return whether all input was good, and all that was asked for was made.
+    """Run `are replay`; return False if input was refused or a result could not be written.
 
     Raises AreError where there is no result.
     """
@@ -148,7 +148,7 @@ def replay_command(say: Say, **options: Any) -> bool:
 
 
 def _is_bare(scans: SensorPathCounts) -> bool:
-    """Tell whether all scans of a topic went as they came."""
+    """Return whether no scan of a topic was augmented."""
     return scans.passed_through > 0 and not scans.exact + scans.held
 
 
@@ -169,7 +169,7 @@ def write_results(outcome: Outcome, folder: Path) -> None:
 
 
 def write_replay_view(outcome: Outcome, folder: Path) -> list[str]:
-    """Write the page of the viewer, a phase of its own in timing.json; return what to say of it.
+    """Write the page of the viewer, a phase of its own in timing.json; return its sentences.
 
     Without viser there is no page, and a sentence says what to install. Raises BagError.
     """
@@ -187,7 +187,7 @@ def write_replay_view(outcome: Outcome, folder: Path) -> list[str]:
 
 
 def summary(outcome: Outcome, folder: Path) -> list[str]:
-    """Return what a person wants to know, and where the results are."""
+    """Return the summary, and where the results are."""
     return [*summary_lines(_metrics(outcome), _timing(outcome)), f"results in {folder}"]
 
 
@@ -216,9 +216,10 @@ def _timing(outcome: Outcome) -> Content:
 
 
 def complaints(outcome: Outcome) -> list[str]:
-    """Return a sentence for each topic that had messages refused, or scans left as they were.
+    """Return a sentence for each problem of a replay.
 
-    And for whatever else a user should look at, such as a map that does not fit the robot's way.
+    Problems are refused messages, scans that were not augmented, a camera or a cloud that was not
+    used, blocked scripted artefacts, and a map that does not fit the robot's way.
     """
     refusals = outcome.refusals
     lines = [
@@ -241,7 +242,7 @@ def complaints(outcome: Outcome) -> list[str]:
 
 
 def _about_waiting(outcome: Outcome) -> str:
-    """Say how long scans wait for their transforms where the default is too short, else nothing."""
+    """Say how long scans wait for their transforms; empty if the default is long enough."""
     waited_s, needed_s = outcome.options.parameters.sensors.tf_wait, outcome.needed_wait_s
     usual_s = SensorsParameters().tf_wait
     if not outcome.options.is_wait_given and waited_s > usual_s:

@@ -1,4 +1,4 @@
-"""What a user sees of a replay that runs, and how long its phases take by the wall clock."""
+"""Progress bars, and how long the phases of a replay take by the wall clock."""
 
 import threading
 import time
@@ -11,9 +11,6 @@ from typing import NoReturn
 from tqdm import tqdm
 
 from are_ros.conventions import NS_PER_S
-
-# What the wall clock says of a replay: for `timing.json` only.
-
 
 Progress = Callable[[int], None]
 """Takes the time reached [ns]."""
@@ -63,9 +60,9 @@ _KERNELS = "{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} [{elapsed}]"
 
 
 class ProgressBar:
-    """A bar on stderr; a context manager, so that what is said after it has a line of its own.
+    """A bar on stderr; a context manager, which ends the bar's line.
 
-    Where stderr is no terminal (a file, CI) there is none.
+    Where stderr is no terminal (a file, CI) there is no bar.
     """
 
     def __init__(self, name: str = "replay") -> None:
@@ -85,7 +82,7 @@ class ProgressBar:
             self._bar.close()
 
     def open(self, start_ns: int, end_ns: int) -> Progress:
-        """Show the bar; what is returned moves it, and closes it at `end_ns`."""
+        """Show the bar; return a callable that moves it, and closes it at `end_ns`."""
         total_s = round((end_ns - start_ns) / NS_PER_S, 3)
         bar: tqdm[NoReturn] = tqdm(
             total=total_s, desc=self._name, bar_format=_LAYOUT, leave=True, disable=None
@@ -122,7 +119,7 @@ class KernelBar:
         trace: TracebackType | None,
     ) -> None:
         if error is None:
-            self._bar.total = max(self._bar.n, 1)  # those that nobody needs are not waited for
+            self._bar.total = max(self._bar.n, 1)  # kernels that are not needed are not compiled
         self._bar.close()
 
     def count(self, done: int, total: int) -> None:

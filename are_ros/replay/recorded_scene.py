@@ -46,7 +46,7 @@ _OUTPUTS: Final = ("artefacts", "perceived", "events", "metrics")
 _AUGMENTED: Final = "augmented_map"
 _SCAN_TYPE: Final = "sensor_msgs/msg/LaserScan"
 _WAITING_TICKS: Final = 20
-"""What belongs to one tick is received in any order, but not later than this."""
+"""The messages of a tick come in any order, but not later than this."""
 _WAITING_SCANS: Final = 40
 _NO_METRICS: Final = SceneMetrics(0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, float("nan"))
 
@@ -55,9 +55,9 @@ _NO_METRICS: Final = SceneMetrics(0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, float("nan"))
 class RecordedScene:
     """The record, the map that it goes with, and the parameters in force (effective.yaml's).
 
-    `voxels` is the octomap, None where there is none. `robot_problem` says why the robot is nowhere
-    in the record, empty where it is, or where nothing could tell; `cloud_problem` why there are no
-    voxels though a cloud was recorded.
+    `voxels` is the octomap, None where there is none. `robot_problem` says why the record has no
+    pose of the robot, empty where it has one or no transforms were recorded; `cloud_problem` says
+    why a recorded cloud gave no voxels.
     """
 
     record: SceneRecord
@@ -125,9 +125,9 @@ def _topics(recording: Recording, *, with_scans: bool) -> dict[str, str]:
 
 
 class SceneReader:
-    """Takes decoded messages in the order in which they came, and gives a `Moment` for each tick.
+    """Takes decoded messages in their order, and gives a `Moment` for each tick.
 
-    `keep` is called with a tick, and the camera of that time, when all that belongs to the tick has
+    `keep` is called with the moment and the camera of that time when all messages of the tick have
     come: 20 ticks later, or, live, as soon as the perceived artefacts are known.
     """
 
@@ -179,7 +179,7 @@ class SceneReader:
         self._handlers[role](value)
 
     def finish(self) -> None:
-        """Give all ticks that wait."""
+        """Give all waiting ticks."""
         while self._waiting:
             self._give_first()
 
@@ -248,7 +248,7 @@ class SceneReader:
         self.grid = grid
 
     def _take_augmented(self, value: Grid) -> None:
-        """Keep what was never more occupied: artefacts come and go, walls stay."""
+        """Keep the least value of each cell: artefacts come and go, walls stay."""
         grid, known = grid_of(value, _AUGMENTED), self.grid
         if known is not None and known.cells.shape == grid.cells.shape:
             cells = np.minimum(known.cells, grid.cells)
@@ -281,7 +281,7 @@ class SceneReader:
 
 
 class _ScanKeeper:
-    """Finds out where scans ended, and which returns are virtual: those that the input lacks."""
+    """Finds the ends of the beams, and which returns are virtual: those that the input lacks."""
 
     def __init__(self, map_frame: str) -> None:
         self._map_frame = map_frame
@@ -310,7 +310,7 @@ class _ScanKeeper:
 
 
 def _remember(scans: "OrderedDict[tuple[int, str], LaserScan]", value: Scan) -> None:
-    """Keep a scan; one that is malformed is not shown, and `are check` tells of it."""
+    """Keep a scan; a malformed one is not shown, and `are check` reports it."""
     first, last, step, beam_s, scan_s, nearest, farthest = value.numbers.values()
     angles, times, reach = (first, last, step), (beam_s, scan_s), (nearest, farthest)
     beams, head = (value.ranges, value.intensities), (value.frame_id, value.stamp_ns)
@@ -324,7 +324,7 @@ def _remember(scans: "OrderedDict[tuple[int, str], LaserScan]", value: Scan) -> 
 
 
 def _row(scene: Scene, i: int) -> CatalogueRow:
-    """Return what an artefact tells of its row: label, class and box; the rest is unknown."""
+    """Return the row of an artefact: label, class and box; the rest is unknown."""
     length_m, width_m, height_m = (2.0 * scene.half_sizes_m[i]).tolist()
     x_m, y_m, z_m = scene.box_centres_m[i].tolist()
     names = int(scene.rows[i]), scene.labels[i], scene.classes[i]

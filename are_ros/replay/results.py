@@ -1,4 +1,4 @@
-"""What a replay leaves in numbers: metrics.json (reproducible), timing.json (not), a summary.
+"""The numbers of a replay: metrics.json (reproducible), timing.json (not), a summary.
 
 Wall-clock figures stand in timing.json only; nothing holds a date or a path of the machine.
 """
@@ -37,7 +37,7 @@ _OTHER_PHASES = {
 
 @dataclass(frozen=True)
 class ReplayCounts:
-    """What was counted beside the scene, by topic: readings by outcome, messages refused, written.
+    """The counts beside the scene, by topic: readings by outcome, messages refused and written.
 
     `readings` are counted by role ("scan", "range") and topic.
     """
@@ -102,7 +102,7 @@ def write_json(path: Path, content: Content) -> None:
 
 
 def summary_lines(metrics: Content, timing: Content | None = None) -> list[str]:
-    """Return what a person wants to know at the end of a replay, as aligned lines of text."""
+    """Return the summary of a replay, as aligned lines of text."""
     entries = [
         ("time", _time_text(metrics, timing)),
         ("artefacts", _artefact_text(metrics)),

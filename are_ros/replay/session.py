@@ -50,12 +50,12 @@ from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.octomap_io import read_octomap_file
 from are_ros.world.voxel_map import VoxelMap
 
-# The map and the octomap that come from files beside the recording.
+# Map and octomap from files beside the recording.
 
 
 @dataclass(frozen=True, eq=False)
 class MapFiles:
-    """What was read of the files, None where there is none, both in the map's frame.
+    """The map and the octomap of files, None where there is none, both in the map's frame.
 
     The cloud is the centres (N, 3) of the occupied voxels [m] and the size of a voxel [m], from
     `octomap_file`.
@@ -76,7 +76,7 @@ class MapFiles:
         )
 
     def feed(self, builder: ArBuilder, now_ns: int) -> None:
-        """Give the builder what was read, as received at `now_ns`.
+        """Give map and cloud to the builder, as received at `now_ns`.
 
         MapError, naming the file, where the voxels cannot be used.
         """
@@ -104,7 +104,7 @@ OpenProgress = Callable[[int, int], Progress]
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a replay did; the window is [start_ns, end_ns) of log time."""
+    """The result of a replay, and its problems in sentences."""
 
     options: ReplayOptions
     start_ns: int
@@ -127,8 +127,8 @@ class Outcome:
 def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) -> Outcome:
     """Run a replay, and write `augmented.mcap` into its folder if it has one.
 
-    `say` takes sentences for the user; `open_progress(start_ns, end_ns)` returns what is told the
-    log time reached. Raises AreError, and then leaves no recording behind.
+    `say` takes sentences for the user; `open_progress(start_ns, end_ns)` returns a callable that
+    gets the time reached. Raises AreError, and then leaves no recording behind.
     """
     options = _with_replay_policy(options)
     stopwatch = Stopwatch()
@@ -212,7 +212,7 @@ def _with_replay_policy(options: ReplayOptions) -> ReplayOptions:
 
 
 def _with_wait(options: ReplayOptions, needed_s: float) -> ReplayOptions:
-    """Let scans wait as long as they need unless the user set the wait: a replay can."""
+    """Set `sensors.tf_wait` to the time that the scans need, unless the user has set it."""
     if options.is_wait_given or needed_s <= options.parameters.sensors.tf_wait:
         return options
     wait = {"sensors.tf_wait": needed_s}
@@ -220,7 +220,7 @@ def _with_wait(options: ReplayOptions, needed_s: float) -> ReplayOptions:
 
 
 def _say_what_is_missing(options: ReplayOptions, roles: RolesFound, say: Say) -> None:
-    """Raise BagError where there is no map; say what stands in for the rest."""
+    """Raise BagError where there is no map; say which topics play the other roles."""
     sensors = options.parameters.sensors
     named = [role for role, kind in SENSORS.items() if not kind.is_by_role(sensors)]
     for sentence in roles.sentences(silent=named):
@@ -248,7 +248,7 @@ def _open_writers(
     builder: ArBuilder,
     files: MapFiles,
 ) -> tuple[Sequence[Listener], Callable[[], Mapping[str, int]]]:
-    """Return what writes the recording, and what tells how much it wrote."""
+    """Return the listeners that write the recording, and a callable with their counts."""
     if options.out is None:
         return (), dict
     writer = stack.enter_context(BagWriter(options.out / AUGMENTED))
@@ -267,7 +267,7 @@ def _open_writers(
 
 
 def _static_transforms(parameters: Parameters, stamp_ns: int) -> list[StampedTransform]:
-    """Return the static transforms of the parameters as messages have them."""
+    """Return the static transforms of the parameters with a stamp."""
     transforms = []
     for parent, child, pose in parse_static_transforms(parameters.frames.static):
         x, y, z = pose.translation_m.tolist()
@@ -290,7 +290,7 @@ def _known_map(builder: ArBuilder, replay: Replay) -> OccupancyGrid:
 
 
 def _what_joins(builder: ArBuilder) -> str:
-    """Return how a user gives what is missing between map and robot."""
+    """Return the option that joins map and robot."""
     map_frame, base = builder.parameters.frames.map, builder.robots.base_frame()
     parents = {edge.child: edge.parent for edge in builder.frames.edges()}
     root = root_above(base, parents)
@@ -303,19 +303,19 @@ def _what_joins(builder: ArBuilder) -> str:
 
 
 def _why_no_map(replay: Replay) -> str:
-    """Return what became of the maps that the recording holds."""
+    """Return why no map of the recording was used."""
     reason = _refused(replay, ("map",)) or "the recording has none before its end"
     return f"no usable map was received ({reason}): give one with --map FILE.yaml"
 
 
 def _why_no_pose(builder: ArBuilder, replay: Replay) -> str:
-    """Return why the robot's pose was never known: transforms that were refused are the cause."""
+    """Return why the robot's pose was never known, with the refused transforms."""
     refused = _refused(replay, _TRANSFORM_ROLES)
     return f"{builder.robots.missing}; refused: {refused}" if refused else builder.robots.missing
 
 
 def _refused(replay: Replay, roles: Collection[str]) -> str:
-    """Return what was refused on the topics of some roles, and how often; empty if nothing was."""
+    """Return the refusals on the topics of some roles, and their number; empty without any."""
     refusals = replay.feed.refusals
     counts = {t: refusals.counts.get(t, 0) for t, r in replay.role_of_topic.items() if r in roles}
     said = (f"{refusals.sentences[t]} ({counted(n, 'message')})" for t, n in counts.items() if n)
@@ -325,7 +325,7 @@ def _refused(replay: Replay, roles: Collection[str]) -> str:
 def _camera_problem(
     options: ReplayOptions, builder: ArBuilder, replay: Replay, keeper: RecordKeeper
 ) -> str:
-    """Return why nothing can have been perceived, empty if something could."""
+    """Return why perception was impossible, empty if it was not."""
     if not options.demand.perception or builder.looks:
         return ""
     topic = _camera_topic(replay)
@@ -343,7 +343,7 @@ def _camera_problem(
 
 
 def _late_camera(options: ReplayOptions, replay: Replay, keeper: RecordKeeper) -> list[str]:
-    """Say if the camera was not known for a while at the beginning."""
+    """Return a sentence if the camera was unknown for a while at the beginning."""
     if not options.demand.perception or keeper.camera_since_ns is None:
         return []
     late_ns = keeper.camera_since_ns - replay.start_ns
@@ -370,7 +370,7 @@ def _octomap(builder: ArBuilder) -> VoxelMap | None:
 
 
 def _cloud_problem(builder: ArBuilder) -> str:
-    """Return why a cloud of voxels was not used though it came, empty if none was left out."""
+    """Return why a recorded cloud of voxels was not used, empty if it was."""
     if frame := builder.world.missing_frame():
         return (
             f"the voxel cloud was not used: nothing joins its frame '{frame}' to the map; "

@@ -1,4 +1,4 @@
-"""The options of a replay, and which parts of the recording it reads."""
+"""The options of a replay, and the topics and times of the recording that it reads."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -36,9 +36,9 @@ class ReplayOptions:
     """The options of `are replay`; times are seconds from the beginning of the recording.
 
     `parameters` are the effective ones. `map_file` and `octomap_file` replace what the recording
-    lacks or holds; `topics` are the user's choices by role. With `out` None nothing is written,
-    but for what happened, as a scenario, into `save_scenario` if that is given. `is_wait_given`:
-    the user has set `sensors.tf_wait`; else it is as long as the recording needs.
+    lacks or holds; `topics` are the user's choices by role. With `out` None nothing is written
+    but the scenario `save_scenario`, if that is given. `is_wait_given`: the user has set
+    `sensors.tf_wait`; else it is as long as the recording needs.
     """
 
     bags: tuple[Path, ...]
@@ -57,7 +57,7 @@ class ReplayOptions:
 
 @dataclass(frozen=True, eq=False)
 class Timeline:
-    """What a replay reads of a recording, and when: known before the replay begins.
+    """The topics and times that a replay reads, known before the replay begins.
 
     Nothing moves between the spans of `stretches`. `waits` tell how long scans wait for their
     transforms [ns], by topic.
@@ -97,7 +97,7 @@ class Timeline:
         )
 
     def sentences(self) -> list[str]:
-        """Return what a user should know of it."""
+        """Return notices for the user."""
         said = [*self.window.sentences("the replay")]
         said += self.stretches.sentences(self.window.begin_ns)
         return [*said, *filter(None, (self.clock.sentence, self.clock.disagreement))]
@@ -119,7 +119,7 @@ def topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound)
 
 
 def _is_replaced(role: str, options: ReplayOptions) -> bool:
-    """Tell whether a file replaces a topic."""
+    """Return whether a file replaces a topic."""
     by_file = {"map": options.map_file, "octomap_point_cloud_centers": options.octomap_file}
     return by_file.get(role) is not None
 

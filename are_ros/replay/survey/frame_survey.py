@@ -1,4 +1,4 @@
-"""How the frames of a recording hang together, for a person to read."""
+"""The frames of a recording as a tree, with oddities in sentences."""
 
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -67,7 +67,7 @@ class SurveyedEdge:
 
 @dataclass(frozen=True)
 class FrameSurvey:
-    """All edges in order of name, and what is odd about them, a sentence each.
+    """All edges in order of name, and a sentence for each oddity.
 
     `refused` has a sentence for each edge of which no transform can be used.
     """
@@ -97,7 +97,7 @@ class FrameSurvey:
         roots = [frame for frame in self.frames() if frame not in has_parent]
         lines: list[str] = []
         drawn: set[str] = set()
-        # Frames left over after the roots hang in a ring; it is opened at its first name.
+        # Frames left over after the roots form a ring; it is drawn from its first name.
         for frame in (*roots, *self.frames()):
             if frame in children and frame not in drawn:
                 lines.append(frame)
@@ -107,14 +107,14 @@ class FrameSurvey:
 
 @dataclass
 class _Refusal:
-    """What was refused of one edge on one topic, and why the first time."""
+    """The refused transforms of one edge on one topic, with the first reason."""
 
     reason: str
     count: int = 0
 
 
 class FrameSurveyor:
-    """Collects transforms as they come and tells what they amount to."""
+    """Collects transforms, and returns their survey."""
 
     def __init__(self) -> None:
         self._edges: dict[tuple[str, str], SurveyedEdge] = {}
@@ -213,7 +213,7 @@ def _said_of(key: tuple[str, str, str], refusal: _Refusal) -> str:
 def _oddities(
     edges: tuple[SurveyedEdge, ...], slashed: set[str], apart: Collection[str]
 ) -> Iterable[str]:
-    """Yield a sentence for each thing that a user would not expect."""
+    """Yield a sentence for each oddity."""
     pairs = {(edge.parent, edge.child) for edge in edges}
     for parent, child in sorted(pairs):
         if parent < child and (child, parent) in pairs:
@@ -240,7 +240,7 @@ def _oddities(
 
 
 def _said_of_parents(child: str, sources: Mapping[str, TransformSource]) -> str:
-    """Say which parents a frame has, and which of them holds."""
+    """Say which parents a frame has, and which of them is used."""
     said = f"{child} has several parents: {', '.join(sources)}"
     strongest = max(sources.values())
     best = [parent for parent, source in sources.items() if source == strongest]

@@ -1,4 +1,4 @@
-"""What a recording offers to a replay and what it lacks, for `are inspect`."""
+"""Which roles the topics of a recording play, and what is missing, for `are inspect`."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -41,12 +41,12 @@ class InspectedTopic:
 
 @dataclass(frozen=True)
 class Inspection:
-    """All that `are inspect` shows. Messages lie in [start_ns, end_ns).
+    """The content of `are inspect`. Messages lie in [start_ns, end_ns).
 
-    `base_frame` is "" where none was found. `missing` names what a replay needs, or could use, and
-    the option that supplies it; it is empty for a recording that can be replayed as it is. `scans`
-    are the topics that are to be scans, where the user names them. `time` says what is to be known
-    of its clock, its gaps, and how late its transforms are.
+    `base_frame` is "" where none was found. `missing` has a sentence with the option for each input
+    that a replay needs or could use; it is empty for a recording that can be replayed as it is.
+    `scans` are the scan topics that the user names. `time` has sentences about the clock, the gaps
+    and late transforms.
     """
 
     start_ns: int
@@ -144,7 +144,7 @@ def _rate_hz(reader: BagReader, topic: BagTopic, stretches: Stretches) -> float:
 
 
 def _clock(times: RecordedTimes) -> tuple[BagClock, str]:
-    """Return the clock of a recording, or that of the log and why there is none."""
+    """Return the clock of a recording; or that of the log, and why the other failed."""
     try:
         return BagClock.of(times), ""
     except BagError as cause:
@@ -319,7 +319,7 @@ def _missing_camera(reader: BagReader, roles: RolesFound) -> Iterable[str]:
         )
 
 
-# What `are inspect` prints.
+# The text of `are inspect`.
 
 
 def inspection_lines(inspection: Inspection) -> list[str]:

@@ -29,7 +29,7 @@ _SOURCES: Final = {
 class RecordedFrames:
     """A tree with the static frames of the parameters, fed with transforms and odometry.
 
-    What takes one returns why it cannot be taken, empty if it can.
+    The methods return why an input was refused, empty if it was accepted.
     """
 
     def __init__(self, parameters: Parameters) -> None:
@@ -65,13 +65,13 @@ class RecordedFrames:
 
 
 class RecordedRobot:
-    """Fed with transforms, odometry and CameraInfo in the order of the log; then asked for poses.
+    """Poses of robot and camera from transforms, odometry and CameraInfo in the order of the log.
 
-    A transform that cannot be taken is left out: `are check` tells of it, here a pose is missing.
+    A refused transform is left out: `are check` reports it, here a pose is missing.
     """
 
     def __init__(self, parameters: Parameters, *, has_camera_info: bool) -> None:
-        """Take the parameters; without CameraInfo in the recording theirs is the camera."""
+        """Take the parameters; without CameraInfo in the recording they define the camera."""
         self._parameters = parameters
         self._frames = RecordedFrames(parameters)
         self.tree = self._frames.tree
