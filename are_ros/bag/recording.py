@@ -1,9 +1,9 @@
-"""What the node, a replay or `are record` wrote: files, messages, loops of the clock, and runs.
+"""Recordings of the node, of a replay or of `are record`: files, messages, clock loops, runs.
 
-A replay logs every message at its very stamp. A live recorder logs a message when it is received:
-late, coarse, perhaps by another clock than that of the stamps. Where a looping recording is played
-to the node, log times stand still or go back. Then the ticks, by their stamps and in the order of
-the file, tell the time instead: `RecordedMessage.at_ns` and `loop`.
+A replay logs every message at its stamp. A live recorder logs a message when it is received: later,
+and perhaps by another clock than that of the stamps. Where a looping recording is played to the
+node, log times stand still or go back. Then the ticks, by their stamps and in the order of the
+file, give the time: `RecordedMessage.at_ns` and `loop`.
 """
 
 import json
@@ -65,16 +65,16 @@ _STAMPS: Final = (Struct(">iI"), Struct("<iI"))
 _LISTS: Final = (_MARKER_ARRAY, "tf2_msgs/msg/TFMessage")
 _LATCHED: Final = ("/map", "/tf_static")
 _PAST_NS: Final = 2 * NS_PER_S
-"""A stamp is that of a relayed message if it is so much before the last tick."""
+"""An output whose stamp is this much before the last tick is a relayed message."""
 _JUMP_NS: Final = NS_PER_S
-"""The clock jumped back where a tick is so much earlier than the tick before."""
+"""The clock jumped back where a tick is this much earlier than the tick before."""
 _NEIGHBOURS: Final = 500
-"""A message that is at most so many away from a jump may belong to the other side of it."""
+"""A message within this many messages of a jump may belong to the other side of it."""
 
 SETTLING_NS: Final = NS_PER_S
-"""For so long after the beginning of a run, and before its end, messages may be missing."""
+"""For this long after the beginning of a run, and before its end, messages may be missing."""
 _LONGEST_GAP: Final = 2.5
-"""In periods. After a single missing tick the next one still tells all that happened."""
+"""In periods: one tick may be missing within a run, since the next one has all events."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class RecordingFiles:
 
 
 def find_recording(path: Path) -> RecordingFiles:
-    """Return the recording that a path means.
+    """Return the recording at a path.
 
     A folder with augmented.mcap (metrics.json beside it: a replay's, else a live one), a rosbag2
     folder, a folder with one recording in it, or an .mcap or .db3 file. BagError for anything else.
@@ -112,7 +112,7 @@ def find_recording(path: Path) -> RecordingFiles:
 
 
 def walls_of(recording: Path) -> str:
-    """Return what the metrics beside a recording say of its walls: "map", "octomap" or nothing."""
+    """Return the walls of a run by the metrics beside its recording: "map", "octomap" or ""."""
     try:
         content = json.loads((recording.parent / _METRICS).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -174,7 +174,7 @@ def stamp_of(type_name: str, data: bytes) -> int | None:
 
 @dataclass
 class Chronology:
-    """The ticks of a recording by the places of their messages in it."""
+    """The ticks of a recording by the positions of their messages in the file."""
 
     _places: list[int] = field(default_factory=list)
     _stamps_ns: list[int] = field(default_factory=list)
@@ -194,7 +194,7 @@ class Chronology:
         self._stamps_ns.append(stamp_ns)
 
     def moment(self, place: int, stamp_ns: int | None) -> Moment:
-        """Return when a message at a place of the file came; near a jump its stamp decides."""
+        """Return the moment of a message at a place of the file; near a jump its stamp decides."""
         if not self._places:
             return Moment(0, stamp_ns or 0)
         index = max(bisect_right(self._places, place) - 1, 0)
@@ -218,11 +218,11 @@ class Chronology:
 
 
 class RecordedMessage(NamedTuple):
-    """A message as it was recorded; `Recording.decode` makes a value of it.
+    """A recorded message; `Recording.decode` makes a value of it.
 
-    `at_ns` is when it counts. In a replay that is its log time. Live it is the stamp of an output,
-    and for an input the stamp of the last tick before it, in the same loop of the clock. A message
-    that `is_latched` is known from the beginning of each later loop, too.
+    `at_ns` is the time at which it counts. In a replay that is its log time. Live it is the stamp
+    of an output, and for an input the stamp of the last tick before it in the same loop of the
+    clock. A message that `is_latched` also counts from the beginning of each later loop.
     """
 
     topic: str
@@ -319,7 +319,7 @@ class Recording:
             raise InputError(str(cause)) from None
 
     def _in_file_order(self) -> Iterator[RecordedMessage]:
-        """Yield what matters of a live recording; of a database in order of log time."""
+        """Yield the relevant messages of a live recording; of a database in order of log time."""
         types = {topic: name for topic, name in self.types.items() if matters(topic, name)}
         if self.files.files[0].suffix != ".mcap":
             yield from self.in_log_order(types)
@@ -371,14 +371,14 @@ def _timed(message: RecordedMessage, place: int, clock: Chronology) -> RecordedM
 class Runs:
     """First and last stamps of runs of ticks, in order; none where every tick counts.
 
-    A recording begins and ends at any time, and may pause; so may the node. What was missed then
-    cannot be asked for, nor what happens while the topics of a recording connect one by one.
+    A recording begins and ends at any time, and it may pause; so may the node. Checks cannot expect
+    messages of these times, nor while the topics of a recording connect one by one.
     """
 
     spans_ns: tuple[tuple[int, int], ...] = ()
 
     def is_fresh(self, stamp_ns: int) -> bool:
-        """Return whether a run began so shortly before that something may have been missed."""
+        """Return whether a run began less than `SETTLING_NS` before."""
         span = self._span_at(stamp_ns)
         return span is not None and stamp_ns < span[0] + SETTLING_NS
 
@@ -430,10 +430,9 @@ def runs_of(stamps_ns: Iterable[int], period_ns: int, breaks_ns: Iterable[int]) 
 
 
 def part_farewells(scenes: Iterable[Scene], period_ns: int) -> tuple[list[Scene], list[int]]:
-    """Part the lists of ticks from those with which a node takes its leave; return their stamps.
+    """Separate the ticks from the farewells of a node; return the ticks and the farewells' stamps.
 
-    A farewell is empty. It comes at any time, not at a multiple of the period, or once more at the
-    time of the tick before.
+    A farewell is empty. Its stamp is no multiple of the period, or that of the tick before.
     """
     ticks: list[Scene] = []
     farewells_ns: list[int] = []

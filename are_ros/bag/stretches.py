@@ -1,8 +1,8 @@
-"""What a replay has to know of a recording's time before it begins: gaps, and how late tf is.
+"""The window of a replay, the gaps of a recording, and how late its transforms are.
 
-A gap is a stretch of a minute or more in which nothing comes of what moves (`MOVING_ROLES`): two
-recordings of one day, a map that was recorded years before, a stray message an hour later. Nobody
-knows what happened in it, so a replay leaves it out, and begins anew after it.
+A gap is a minute or more without a moving message (`MOVING_ROLES`): between two recordings of one
+day, after a map that was recorded years before, before a stray message an hour later. A replay
+skips it, and begins anew after it.
 """
 
 from collections import defaultdict, deque
@@ -34,9 +34,9 @@ Span = tuple[int, int]
 
 @dataclass(frozen=True)
 class Gap:
-    """Nothing moves in [start_ns, stop_ns) of the log; it lasts `length_ns` by the clock.
+    """A gap [start_ns, stop_ns) of the log; it lasts `length_ns` by the clock.
 
-    `between` names the two files that it lies between, where it does.
+    `between` names the two files around it, None within one file.
     """
 
     start_ns: int
@@ -63,7 +63,7 @@ class Stretches:
         return tuple(gap for gap in (self.ahead, *self.gaps, self.behind) if gap is not None)
 
     def sentences(self, begin_ns: int) -> list[str]:
-        """Say what a replay leaves out; `begin_ns` is the log time from which seconds count."""
+        """Return notices about skipped times; seconds count from `begin_ns` of the log."""
         said = []
         if self.ahead is not None:
             said.append(stillness_ahead(self.ahead.length_ns, "the replay"))
@@ -119,12 +119,12 @@ class Window:
         return cls(begin_ns, start_ns, stop_ns, still_ns)
 
     def sentences(self, what: str) -> list[str]:
-        """Say how long nothing moves at the beginning, which `what` leaves out."""
+        """Return the sentence about stillness at the beginning, if any; `what` skips it."""
         return [stillness_ahead(self.still_ns, what)] if self.still_ns else []
 
 
 def stillness_ahead(length_ns: int, what: str) -> str:
-    """Say how long nothing moves at the beginning of what is read."""
+    """Return the sentence about stillness at the beginning, which `what` skips."""
     return f"nothing moves in the first {duration_text(length_ns)}: {what} begins after them"
 
 
@@ -137,9 +137,9 @@ def stretches_of(
 ) -> Stretches:
     """Return the stretches of the window [start_ns, stop_ns) of the log that are to be replayed.
 
-    Gaps are measured by the clock, the first one from what moved last before the window, the last
-    one up to what moves next behind it. A stray message between two gaps belongs to them. `files`
-    are the (name, start, stop) of those that make up the recording.
+    Gaps are measured by the clock, the first one from the last moving message before the window,
+    the last one up to the next one behind it. A stray message between two gaps belongs to them.
+    `files` are the (name, start, stop) of those that make up the recording.
     """
     log_ns = times.moving_log_ns
     next_ns = stop_ns if times.next_moving_ns is None else times.next_moving_ns
@@ -180,7 +180,7 @@ def stretches_of(
 def _between(
     files: Sequence[tuple[str, int, int]], from_ns: int, to_ns: int
 ) -> tuple[str, str] | None:
-    """Return the names of the two files that end and begin around a gap, if there are such."""
+    """Return the names of the two files around a gap, None within one file."""
     before = [name for name, _, stop_ns in files if stop_ns <= to_ns]
     after = [name for name, start_ns, _ in files if start_ns >= from_ns]
     if len(before) + len(after) < len(files) or not (before and after):
@@ -199,10 +199,9 @@ def scan_waits(
 ) -> dict[str, Ints]:
     """Return how long the scans of each topic wait for their transforms: int64 (N,) [ns] each.
 
-    From the reception of a scan until its pose in the map's frame is known at its stamp, by the
-    clock. N counts the scans for which it comes to be known; those that are the first of the
-    recording, or whose frame nothing joins to the map's, never wait to an end. `given_edges` are
-    the (parent, child) of static transforms that come from elsewhere.
+    The wait lasts from the reception of a scan until its pose in the map's frame at its stamp is
+    known, by the clock. N counts the scans whose pose becomes known. `given_edges` are the
+    (parent, child) of further static transforms.
     """
     static = times.static_edges | set(given_edges)
     waits: dict[str, Ints] = {}
@@ -239,11 +238,10 @@ def _chain(edges: Iterable[Edge], one: str, other: str) -> list[Edge] | None:
 
 
 def needed_wait_s(waits: Mapping[str, Ints], history_s: float) -> float:
-    """Return the `sensors.tf_wait` [s] with which no scan leaves too early, as far as it may go.
+    """Return the `sensors.tf_wait` [s] that is long enough for all scans.
 
-    Poses of artefacts are kept for `history_s`, the parameter `poses.history`.
-
-    It is longer than the longest wait by up to a hundredth of a second; 0 where none waits.
+    It exceeds the longest wait by at most 0.01 s, and is 0 where no scan waits. Waits beyond 0.75
+    `history_s` do not count: `poses.history` is how long poses of artefacts are kept.
     """
     in_reach = (_in_reach(one, history_s) for one in waits.values())
     longest_ns = max((int(one.max(initial=0)) for one in in_reach), default=0)
@@ -254,7 +252,7 @@ def needed_wait_s(waits: Mapping[str, Ints], history_s: float) -> float:
 def wait_sentence(
     topic: str, waits_ns: Ints, scans: int, tf_wait_s: float, history_s: float
 ) -> str:
-    """Say how long the scans of a topic wait, and what that means for `sensors.tf_wait`."""
+    """Return a sentence on the waits of a topic's scans, and the `sensors.tf_wait` they need."""
     known_ns = _in_reach(waits_ns, history_s)
     late, lost = len(waits_ns) - len(known_ns), scans - len(waits_ns)
     most = f"more than {_REACH * history_s:g} s, too late for any wait"

@@ -1,4 +1,4 @@
-"""The command of `are` that lets artefacts live for hours, and judges how they move."""
+"""`are soak`: a long simulation whose motion is judged."""
 
 import sys
 from pathlib import Path

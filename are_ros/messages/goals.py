@@ -1,4 +1,4 @@
-"""The navigation stack's own messages that ARE listens to: a path and a clicked point."""
+"""Messages of the navigation stack and of rviz: paths, clicked points, stamped poses."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -6,7 +6,7 @@ from are_ros.messages.common import read_time, read_vector
 
 
 class OdometryNumbers(NamedTuple):
-    """What of an Odometry is used, as it was sent: nothing is checked here.
+    """The fields of an Odometry that are used, unchecked.
 
     `pose` is x, y, z [m] and a quaternion x, y, z, w. The child frame may be empty.
     """
@@ -18,7 +18,7 @@ class OdometryNumbers(NamedTuple):
 
 
 def read_odometry_numbers(message: Any) -> OdometryNumbers:
-    """Return the numbers of a nav_msgs/Odometry, whatever they are."""
+    """Return the numbers of a nav_msgs/Odometry, unchecked."""
     header, pose = message.header, message.pose.pose
     rotation = pose.orientation
     return OdometryNumbers(

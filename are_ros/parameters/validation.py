@@ -18,7 +18,7 @@ _MOUNT: Final = ("x", "y", "z", "yaw", "pitch", "roll")
 
 
 def validated(parameters: Parameters) -> Parameters:
-    """Return the parameters as they are used: frames without leading slashes, as tf2 has them.
+    """Return the parameters with frames without leading slashes, as tf2 has them.
 
     ParameterError, naming the parameters, unless world.free_threshold is below
     world.occupied_threshold, mixture.weights and mixture.rates are of one length, not 0, the
