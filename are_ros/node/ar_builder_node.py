@@ -24,12 +24,14 @@ from are_ros.node.services import Services
 from are_ros.node.subscriptions import Subscriptions, WireDecoding, WireMessage
 from are_ros.node.watches import CallbackTimer, CameraWatch, Watchdog
 from are_ros.parameters.choices import OnRobotContact
-from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
+from are_ros.parameters.validation import with_contact_policy
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.mixture import mixture_of
 
 NAME: Final = "ar_builder"
+_ON_CONTACT: Final = OnRobotContact.HOLD
+"""What `auto` means for a live robot, which can react."""
 _REPORT_S: Final = 1.0
 _MOST_SENTENCES: Final = 1000
 _KERNELS_A_LINE: Final = 25
@@ -94,7 +96,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         del state
         try:
             with self._turn("transitions"):
-                self._configure(for_a_live_robot(self.bridge.values))
+                self._configure(with_contact_policy(self.bridge.values, _ON_CONTACT))
         except AreError as cause:
             self.get_logger().error(str(cause))
             self._close()
@@ -248,7 +250,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self._timer.cancel()
             return
         if publishers.has_new_viewer():
-            live.new_viewer()
+            live.builder.show_everything()
         live.work(self.now_ns())
         for sentence in live.faults.sentences(monotonic_ns()):
             self.get_logger().error(sentence)
@@ -318,7 +320,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
     def _reconfigure(self, values: Parameters) -> None:
         if self.live is not None:
             with self._turn("parameters"):
-                self.live.reconfigure(for_a_live_robot(values), self.now_ns())
+                values = with_contact_policy(values, _ON_CONTACT)
+                self.live.reconfigure(values, self.now_ns())
                 self._work()
 
     def _refused(self, topic: str, sentence: str) -> None:
@@ -331,10 +334,3 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         if sentence not in self._said and len(self._said) < _MOST_SENTENCES:
             self._said.add(sentence)
             self.get_logger().warning(sentence)
-
-
-def for_a_live_robot(parameters: Parameters) -> Parameters:
-    """Resolve on_robot_contact `auto` to `hold`: a live robot can react."""
-    if parameters.collisions.on_robot_contact is not OnRobotContact.AUTO:
-        return parameters
-    return with_values(parameters, {"collisions.on_robot_contact": OnRobotContact.HOLD})

@@ -214,10 +214,6 @@ class LiveBuilder:
         self.builder.notices.clear()
         return notices
 
-    def new_viewer(self) -> None:
-        """Send all markers at the next tick."""
-        self.builder.show_everything()
-
     @property
     def _offered(self) -> int:
         """The number of arrivals so far, those without a place included."""

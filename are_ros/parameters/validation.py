@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Final
 
 from are_ros.errors import ParameterError
+from are_ros.parameters.choices import OnRobotContact
 from are_ros.parameters.model import (
     CameraParameters,
     FramesParameters,
@@ -32,6 +33,14 @@ def validated(parameters: Parameters) -> Parameters:
         frames=_checked_frames(parameters.frames),
         camera=replace(parameters.camera, frame=parameters.camera.frame.lstrip("/")),
     )
+
+
+def with_contact_policy(parameters: Parameters, policy: OnRobotContact) -> Parameters:
+    """Return the parameters with this policy where collisions.on_robot_contact is `auto`."""
+    if parameters.collisions.on_robot_contact is not OnRobotContact.AUTO:
+        return parameters
+    collisions = replace(parameters.collisions, on_robot_contact=policy)
+    return replace(parameters, collisions=collisions)
 
 
 def _check_thresholds(world: WorldParameters) -> None:

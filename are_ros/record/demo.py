@@ -142,15 +142,8 @@ def _node_command(options: DemoOptions, remaps: Mapping[str, str]) -> list[str]:
 
 def _record_command(options: DemoOptions) -> list[str]:
     command = [sys.executable, "-m", "are_ros", "record", str(options.out / AUGMENTED)]
-    return [
-        *command,
-        "--overwrite",
-        "--use-sim-time",
-        "--exclude",
-        "/rosout",
-        "--exclude",
-        "/parameter_events",
-    ]
+    excluded = ["--exclude", "/rosout", "--exclude", "/parameter_events"]
+    return [*command, "--overwrite", "--use-sim-time", *excluded]
 
 
 @contextmanager

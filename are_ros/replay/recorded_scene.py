@@ -13,7 +13,6 @@ from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.bag.decoded import Event, Grid, Metrics, Odometry, Perceived, Scan, Scene, Transforms
 from are_ros.bag.recording import PREFIX, Recording, find_recording
 from are_ros.bag.roles import find_roles
-from are_ros.builder.assembly import robot_footprint
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, scan_points
 from are_ros.errors import AreError, BagError, InputError
@@ -82,12 +81,7 @@ def read_recorded_scene(
     parameters = Parameters()
     if found.parameters is not None:
         parameters = with_file(parameters, found.parameters)
-    recorder = SceneRecorder(
-        Catalogue(()),
-        seed=parameters.seed,
-        max_range_m=parameters.occlusion.max_range,
-        footprint=robot_footprint(parameters.robot),
-    )
+    recorder = SceneRecorder.of(parameters, Catalogue(()))
     with Recording(found) as recording:
         roles = _topics(recording, with_scans=with_scans)
         has_camera_info = "camera/camera_info" in roles.values()

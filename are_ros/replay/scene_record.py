@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
+from are_ros.builder.assembly import robot_footprint
 from are_ros.builder.tick import Tick
 from are_ros.draw.scene import (
     ArtefactAt,
@@ -20,6 +21,7 @@ from are_ros.draw.scene import (
     Track,
     shown_every,
 )
+from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.world.cameras import Camera, ViewModel
@@ -126,6 +128,19 @@ class SceneRecorder:
         self._scans: dict[int, Sequence[ScanPoints]] = {}
         self._scans_every = 1
         self._present: set[int] = set()
+
+    @classmethod
+    def of(
+        cls, parameters: Parameters, catalogue: Catalogue, *, is_perceiving: bool = True
+    ) -> "SceneRecorder":
+        """Return the recorder of a run with these parameters."""
+        return cls(
+            catalogue,
+            seed=parameters.seed,
+            max_range_m=parameters.occlusion.max_range,
+            footprint=robot_footprint(parameters.robot),
+            is_perceiving=is_perceiving,
+        )
 
     @property
     def wants_scans(self) -> bool:

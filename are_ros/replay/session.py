@@ -16,7 +16,7 @@ from are_ros.bag.stretches import needed_wait_s
 from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
-from are_ros.builder.assembly import catalogue_of, parse_static_transforms, robot_footprint
+from are_ros.builder.assembly import catalogue_of, parse_static_transforms
 from are_ros.builder.files.scenario_file import write_scenario
 from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.builder.warm_up import Warmth, warm_up
@@ -29,7 +29,7 @@ from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.choices import CameraModel, OnRobotContact
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.population.catalogue import Catalogue
+from are_ros.parameters.validation import with_contact_policy
 from are_ros.replay.output_folder import AUGMENTED, prepare_folder, prepare_scenario
 from are_ros.replay.progress import KernelBar, Progress, Stopwatch, said_if_slow
 from are_ros.replay.results import REPLAY_PHASE
@@ -107,8 +107,6 @@ class Outcome:
     """The result of a replay, and its problems in sentences."""
 
     options: ReplayOptions
-    start_ns: int
-    end_ns: int
     role_of_topic: Mapping[str, str]
     record: SceneRecord
     grid: OccupancyGrid
@@ -130,7 +128,9 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
     `say` takes sentences for the user; `open_progress(start_ns, end_ns)` returns a callable that
     gets the time reached. Raises AreError, and then leaves no recording behind.
     """
-    options = _with_replay_policy(options)
+    # A recorded robot cannot react to a contact.
+    parameters = with_contact_policy(options.parameters, OnRobotContact.DISPLACE)
+    options = replace(options, parameters=parameters)
     stopwatch = Stopwatch()
     with BagReader(options.bags) as reader:
         with stopwatch.phase("start_up"):
@@ -160,7 +160,8 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             with said_if_slow(say, _PREPARING), KernelBar() as bar:
                 warm_up(catalogue, warmth=warmth, count=bar.count)
             files.feed(builder, replay.start_ns)
-        recorder = _recorder(options, catalogue)
+        perceives = options.demand.perception
+        recorder = SceneRecorder.of(options.parameters, catalogue, is_perceiving=perceives)
         keeper, standing = RecordKeeper(recorder, builder), StandingWatch(builder)
         with ExitStack() as stack:
             writers, counts = _open_writers(stack, options, reader, replay, builder, files)
@@ -176,8 +177,6 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
     problem = _camera_problem(options, builder, replay, keeper)
     return Outcome(
         options,
-        replay.start_ns,
-        replay.end_ns,
         replay.role_of_topic,
         recorder.record(),
         grid,
@@ -203,14 +202,6 @@ def _save_scenario(options: ReplayOptions, keeper: ScenarioRecorder, say: Say) -
     say(f"scenario     {', '.join(str(file) for file in written)}")
 
 
-def _with_replay_policy(options: ReplayOptions) -> ReplayOptions:
-    """Displace artefacts on contact by default: a recorded robot cannot react."""
-    if options.parameters.collisions.on_robot_contact is not OnRobotContact.AUTO:
-        return options
-    policy = {"collisions.on_robot_contact": OnRobotContact.DISPLACE}
-    return replace(options, parameters=with_values(options.parameters, policy))
-
-
 def _with_wait(options: ReplayOptions, needed_s: float) -> ReplayOptions:
     """Set `sensors.tf_wait` to the time that the scans need, unless the user has set it."""
     if options.is_wait_given or needed_s <= options.parameters.sensors.tf_wait:
@@ -227,17 +218,6 @@ def _say_what_is_missing(options: ReplayOptions, roles: RolesFound, say: Say) ->
         say(sentence)
     if roles.topic("map") is None and options.map_file is None:
         raise BagError(WITHOUT_MAP)
-
-
-def _recorder(options: ReplayOptions, catalogue: Catalogue) -> SceneRecorder:
-    parameters = options.parameters
-    return SceneRecorder(
-        catalogue,
-        seed=parameters.seed,
-        max_range_m=parameters.occlusion.max_range,
-        footprint=robot_footprint(parameters.robot),
-        is_perceiving=options.demand.perception,
-    )
 
 
 def _open_writers(

@@ -317,7 +317,7 @@ def test_who_begins_to_listen_is_served_from_the_next_tick_on(rig: Rig) -> None:
     rig.work(10.2)
     assert rig.outlet.take("markers") == rig.outlet.take("perceived") == []
     rig.outlet.names = {"markers", "perceived"}
-    rig.live.new_viewer()
+    rig.live.builder.show_everything()
     rig.store("tf", robot_at(10.2), 10.25)
     rig.work(10.3)
     (perceived,) = rig.outlet.take("perceived")
