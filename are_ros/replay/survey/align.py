@@ -136,14 +136,13 @@ def gather(
     root = _root(_frames_of(reader, options, frames, begin_ns, end_ns), laser, options)
     collector = _Collector(root)
     recorded = RecordedFrames(options.parameters)
-    base = options.parameters.frames.base
     wanted = _spread_scans(reader, topics, begin_ns, end_ns)
     for message in _all_messages(reader, frames, topics, begin_ns, end_ns):
         if message.topic in topics:
             if (message.topic, message.log_time_ns) in wanted:
                 collector.take(reader, message)
         else:
-            _feed(reader, recorded, message, frames[message.topic], base)
+            _feed(reader, recorded, message, frames[message.topic])
         collector.place(recorded.tree, message.log_time_ns)
         progress(message.log_time_ns)
     collector.place(recorded.tree, None)
@@ -323,13 +322,11 @@ def _all_messages(
     yield from reader.messages(moving, begin_ns, end_ns)
 
 
-def _feed(
-    reader: BagReader, recorded: RecordedFrames, message: BagMessage, role: str, base: str
-) -> None:
+def _feed(reader: BagReader, recorded: RecordedFrames, message: BagMessage, role: str) -> None:
     """Take a message of transforms or of odometry; what is malformed is left out."""
     try:
         if role == "odom":
-            recorded.take_odometry(reader.odometry(message), base)
+            recorded.take_odometry(reader.odometry(message))
             return
         for transform in reader.transforms(message):
             recorded.take_transform(transform, is_static=role == "tf_static")
@@ -347,7 +344,7 @@ def _frames_of(
     """Return the tree as it is at the end."""
     recorded = RecordedFrames(options.parameters)
     for message in _all_messages(reader, frames, (), begin_ns, end_ns):
-        _feed(reader, recorded, message, frames[message.topic], options.parameters.frames.base)
+        _feed(reader, recorded, message, frames[message.topic])
     return recorded.tree
 
 
