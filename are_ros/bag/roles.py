@@ -53,6 +53,11 @@ class RolesFound:
         topic = next(entry.topic for entry in self.found if entry.role == role)
         return None if topic is None else topic.name
 
+    def by_topic(self, roles: Iterable[str]) -> dict[str, str]:
+        """Return {topic: role} of those of some roles that a topic plays."""
+        named = ((self.topic(role), role) for role in roles)
+        return {topic: role for topic, role in named if topic is not None}
+
     def sentences(self, silent: Collection[str] = ()) -> tuple[str, ...]:
         """Return notices: topics chosen by type, and roles without a topic.
 

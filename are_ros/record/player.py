@@ -45,8 +45,7 @@ class PlayWindow:
     def of(cls, reader: BagReader, options: PlayOptions) -> "PlayWindow":
         """Return the window that the options ask for; BagError where it holds nothing."""
         roles = find_roles(reader.topics, {})
-        named = ((roles.topic(role), role) for role in (*MOVING_ROLES, *_LASTING_ROLES))
-        role_of_topic = {topic: role for topic, role in named if topic is not None}
+        role_of_topic = roles.by_topic((*MOVING_ROLES, *_LASTING_ROLES))
         window = Window.of(reader, role_of_topic, options.start_s, options.duration_s)
         times = RecordedTimes.read(reader, role_of_topic, window.start_ns, window.stop_ns)
         clock = BagClock.of(times)

@@ -93,10 +93,8 @@ class PlayedTopics:
         self.counts: dict[str, int] = {}
         self._reader = reader
         self._factory = RosbagsFactory()
-        self._types: dict[str, str] = {}
-        self._recorded_types: dict[str, str] = {}
+        self._topics: dict[str, BagTopic] = {}
         self._publishers: dict[str, Any] = {}
-        self._latched: set[str] = set()
         self._unacknowledged: set[str] = set()
         for topic in reader.topics:
             if topic.count and options.is_chosen(topic.name):
@@ -117,8 +115,8 @@ class PlayedTopics:
 
         A topic that was recorded with two types is played with the first.
         """
-        topic = message.topic
-        if message.connection.msgtype != self._recorded_types[topic]:
+        topic, recorded = message.topic, self._topics[message.topic]
+        if message.connection.msgtype != recorded.type_name:
             return
         if self._reader.is_ros1:
             try:
@@ -126,12 +124,12 @@ class PlayedTopics:
             except AreError as cause:
                 self.skipped[topic] = str(cause)
                 return
-            data = as_ros2(self._factory, original, self._types[topic])
+            data = as_ros2(self._factory, original, ros2_type(recorded.type_name))
         else:
             data = bytes(message.data)
         self._publishers[topic].publish(data)
         self.counts[topic] += 1
-        if topic in self._latched and len(data) > LARGE_BYTES:
+        if recorded.is_latched and len(data) > LARGE_BYTES:
             self._unacknowledged.add(topic)
 
     def target(self, topic: str) -> str:
@@ -161,26 +159,23 @@ class PlayedTopics:
     def _open(
         self, node: Node, topic: BagTopic, options: PlayOptions, say: Callable[[str], None]
     ) -> None:
-        type_name = ros2_type(topic.type_name)
         try:
-            publisher = self._publisher(node, topic, type_name, options)
+            self._publishers[topic.name] = self._publisher(node, topic, options)
         except NodeError as cause:
             self.skipped[topic.name] = str(cause)
             say(f"{topic.name} is not played: {cause}")
             return
-        self._recorded_types[topic.name] = topic.type_name
-        self._types[topic.name] = type_name
-        self._publishers[topic.name] = publisher
+        self._topics[topic.name] = topic
         self.counts[topic.name] = 0
-        if topic.is_latched:
-            self._latched.add(topic.name)
 
-    def _publisher(self, node: Node, topic: BagTopic, type_name: str, options: PlayOptions) -> Any:
+    def _publisher(self, node: Node, topic: BagTopic, options: PlayOptions) -> Any:
         """Return a new publisher; NodeError, with the reason, where there can be none."""
+        type_name = ros2_type(topic.type_name)
         if topic.name == CLOCK and options.clock_hz:
             raise NodeError("the player tells the time itself")
-        if topic.name in self._types:
-            raise NodeError(f"as {type_name}, since it is played as {self._types[topic.name]}")
+        if topic.name in self._topics:
+            played = ros2_type(self._topics[topic.name].type_name)
+            raise NodeError(f"as {type_name}, since it is played as {played}")
         target = options.target(topic.name)
         try:
             return node.create_publisher(message_class(type_name), target, _qos(topic, options))

@@ -108,8 +108,8 @@ def _topics(recording: Recording, *, with_scans: bool) -> dict[str, str]:
     """Return the role of each topic that is read."""
     types = recording.types
     roles = find_roles(recording.topics, {})
-    found = {role: roles.topic(role) for role in (*_ROLES, *([CLOUD] if with_scans else []))}
-    chosen = {topic: role for role, topic in found.items() if topic and PREFIX not in topic}
+    found = roles.by_topic((*_ROLES, *([CLOUD] if with_scans else [])))
+    chosen = {topic: role for topic, role in found.items() if PREFIX not in topic}
     if with_scans:
         for topic, type_name in types.items():
             if type_name == _SCAN_TYPE:
