@@ -107,8 +107,11 @@ def summary_lines(metrics: Content, timing: Content | None = None) -> list[str]:
         ("time", _time_text(metrics, timing)),
         ("artefacts", _artefact_text(metrics)),
         ("perceived", _perceived_text(metrics)),
-        *((f"  {name}", _class_text(one)) for name, one in metrics["classes"].items()),
-        ("robot", _robot_text(metrics)),
+        *(
+            (f"  {name}", f"{one['perceived']} of {one['arrived']}")
+            for name, one in metrics["classes"].items()
+        ),
+        ("robot", f"{counted(metrics['robot_contacts'], 'contact')} with artefacts"),
         *(
             (f"{role} {topic}", _reading_text(one))
             for role, kind in SENSORS.items()
@@ -219,14 +222,6 @@ def _perceived_text(metrics: Content) -> str:
     blind = metrics["ticks_without_perception"]
     warning = f"; {blind} of {metrics['ticks']} ticks without camera or its pose" if blind else ""
     return f"{metrics['perceived_ever']} of {total} at some time{warning}"
-
-
-def _class_text(one: Content) -> str:
-    return f"{one['perceived']} of {one['arrived']}"
-
-
-def _robot_text(metrics: Content) -> str:
-    return f"{counted(metrics['robot_contacts'], 'contact')} with artefacts"
 
 
 def _reading_text(one: Content) -> str:
