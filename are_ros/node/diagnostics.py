@@ -480,35 +480,23 @@ class Reporter:
         is_paused: bool,
     ) -> None:
         """Publish the diagnostics of this moment."""
-        snapshot = self._snapshot(live, subscriptions, busy_ms, now_ns, is_paused=is_paused)
-        self.clock_doubt = clock_doubt(snapshot)
         stamp_ns = int(self._node.get_clock().now().nanoseconds)
+        uses_sim_time = bool(self._node.get_parameter("use_sim_time").value)
+        since_ns = self.active_since_ns
+        snapshot = NodeSnapshot(
+            state=self._state(live),
+            is_paused=is_paused,
+            active_s=0.0 if since_ns is None else (now_ns - since_ns) / NS_PER_S,
+            busy_ms=busy_ms,
+            uses_sim_time=uses_sim_time,
+            is_without_clock=uses_sim_time and not stamp_ns,
+            inputs=tuple(subscriptions.snapshots(now_ns)) if subscriptions else (),
+            **(self._of_builder(live, now_ns) if live else {}),
+        )
+        self.clock_doubt = clock_doubt(snapshot)
         name = self._node.get_fully_qualified_name().lstrip("/")
         message = make_diagnostics(self._factory, stamp_ns, statuses(snapshot), name)
         self._publisher.publish(message)
-
-    def _snapshot(
-        self,
-        live: LiveBuilder | None,
-        subscriptions: "Subscriptions | None",
-        busy_ms: Mapping[str, float],
-        now_ns: int,
-        *,
-        is_paused: bool,
-    ) -> NodeSnapshot:
-        uses_sim_time = bool(self._node.get_parameter("use_sim_time").value)
-        is_without_clock = uses_sim_time and not self._node.get_clock().now().nanoseconds
-        since_ns = self.active_since_ns
-        common: dict[str, Any] = {
-            "state": self._state(live),
-            "is_paused": is_paused,
-            "active_s": 0.0 if since_ns is None else (now_ns - since_ns) / NS_PER_S,
-            "busy_ms": busy_ms,
-            "uses_sim_time": uses_sim_time,
-            "is_without_clock": is_without_clock,
-            "inputs": tuple(subscriptions.snapshots(now_ns)) if subscriptions else (),
-        }
-        return NodeSnapshot(**common, **(self._of_builder(live, now_ns) if live else {}))
 
     def _state(self, live: LiveBuilder | None) -> NodeState:
         if self.is_shut_down:
@@ -517,7 +505,8 @@ class Reporter:
             return NodeState.UNCONFIGURED
         return NodeState.INACTIVE if self.active_since_ns is None else NodeState.ACTIVE
 
-    def _of_builder(self, live: LiveBuilder, now_ns: int) -> Mapping[str, Any]:
+    def _of_builder(self, live: LiveBuilder, now_ns: int) -> dict[str, Any]:
+        """Return the fields of the snapshot that a configured node has."""
         builder = live.builder
         frame = builder.world.missing_frame()
         return {
