@@ -26,8 +26,8 @@ from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.meshes.shapes import Shape
 from are_ros.replay.progress import Progress
+from are_ros.replay.recorded_frames import RecordedRobot
 from are_ros.replay.scene_record import SceneRecorder
-from are_ros.replay.survey.recorded_frames import RecordedRobot
 from are_ros.world.cameras import Camera, ViewModel
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform

@@ -30,13 +30,13 @@ from are_ros.parameters.choices import CameraModel, OnRobotContact
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.validation import with_contact_policy
+from are_ros.replay.listeners import InputCopy, RecordKeeper, StandingWatch, TickWriter
 from are_ros.replay.output_folder import AUGMENTED, prepare_folder, prepare_scenario
 from are_ros.replay.progress import KernelBar, Progress, Stopwatch, said_if_slow
 from are_ros.replay.results import REPLAY_PHASE
 from are_ros.replay.runner import Listener, Replay
 from are_ros.replay.scene_record import SceneRecorder
 from are_ros.replay.survey.frame_survey import root_above, static_tf_option
-from are_ros.replay.survey.listeners import InputCopy, RecordKeeper, StandingWatch, TickWriter
 from are_ros.replay.timeline import (
     LATE_CAMERA_NS,
     WITHOUT_CAMERA_INFO,

@@ -16,7 +16,7 @@ from are_ros.builder.sensors.sensor_path import ReleasedReading
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.population.artefact import GroundPose, Origin
-from are_ros.replay.survey.listeners import TickWriter
+from are_ros.replay.listeners import TickWriter
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

@@ -21,8 +21,8 @@ from are_ros.errors import BagError, FrameError, InputError, MapError
 from are_ros.messages.maps import read_grid
 from are_ros.messages.sensors import read_scan
 from are_ros.replay.progress import Progress, ProgressBar, said_if_slow
+from are_ros.replay.recorded_frames import RecordedFrames
 from are_ros.replay.survey.frame_survey import connected_to, root_above
-from are_ros.replay.survey.recorded_frames import RecordedFrames
 from are_ros.replay.timeline import WITHOUT_MAP, ReplayOptions, topics_to_read
 from are_ros.wording import counted, why_refused
 from are_ros.world.map_io import read_map_file
