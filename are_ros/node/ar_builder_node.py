@@ -16,12 +16,12 @@ from are_ros.builder.warm_up import warm_up
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, NodeError
 from are_ros.node.diagnostics import Reporter
+from are_ros.node.heartbeat import offer_heartbeat
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.parameters import ParameterBridge
-from are_ros.node.publishers import Publishers
-from are_ros.node.qos import advertise, offer_heartbeat
+from are_ros.node.qos import advertise
 from are_ros.node.services import Services
-from are_ros.node.subscriptions import Subscriptions, WireDecoding, WireMessage
+from are_ros.node.topics import Publishers, Subscriptions, WireDecoding, WireMessage
 from are_ros.node.watches import CallbackTimer, CameraWatch, Watchdog
 from are_ros.parameters.choices import OnRobotContact
 from are_ros.parameters.model import Parameters

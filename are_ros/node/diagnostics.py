@@ -29,7 +29,7 @@ from are_ros.wording import counted, several
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from are_ros.node.subscriptions import Subscriptions
+    from are_ros.node.topics import Subscriptions
 
 # A line of the diagnostics.
 

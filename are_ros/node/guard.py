@@ -2,10 +2,6 @@
 
 A node that ends in order leaves the real map behind. One that is killed cannot: its last map, with
 artefacts in it, would stay in Nav2's costmaps for as long as Nav2 runs.
-
-The node's heartbeat is a topic on which nothing is ever sent: DDS itself tells whether the process
-of its publisher still runs (QoS liveliness, AUTOMATIC). Neither a busy or paused node nor simulated
-time that stands still stops this heartbeat, and a publisher that was withdrawn is not a dead one.
 """
 
 from collections.abc import Sequence
@@ -20,8 +16,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 
 from are_ros.errors import AreError, NodeError
+from are_ros.node.heartbeat import HEARTBEAT, HEARTBEAT_TYPE, heartbeat_qos
 from are_ros.node.message_classes import message_class
-from are_ros.node.qos import HEARTBEAT, HEARTBEAT_TYPE, heartbeat_qos
 from are_ros.node.startup import fatal, ros_context, stop_on_signals
 
 NAME: Final = "ar_guard"

@@ -5,13 +5,11 @@ from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.duration import Duration
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.qos import (
     DurabilityPolicy,
     HistoryPolicy,
-    LivelinessPolicy,
     QoSPolicyKind,
     QoSProfile,
     ReliabilityPolicy,
@@ -49,12 +47,6 @@ INPUTS: Final[Mapping[str, InputTopic]] = MappingProxyType(
     }
 )
 """The inputs by role. The cloud of voxels is latched where its publishers latch it."""
-
-HEARTBEAT: Final = "_alive"
-"""The topic on which nothing is ever sent, below the node's own name."""
-HEARTBEAT_TYPE: Final = "std_msgs/msg/Empty"
-_HEARTBEAT_OFFERED_S: Final = 0.3
-"""DDS repeats that the process runs after two thirds of this."""
 
 _OTHER_OUTPUT: Final = OutputTopic("")
 """Augmented sensor data and the diagnostics are offered like this."""
@@ -120,21 +112,6 @@ def advertise(
     """
     profile = qos_profile or output_qos(topic.rpartition("/")[2])
     return _created(node.create_publisher, type_name, topic, qos_profile=profile, **options)
-
-
-def offer_heartbeat(node: Node) -> Any:
-    """Publish the heartbeat of this process, for `are guard`; the caller keeps the publisher."""
-    profile = heartbeat_qos(_HEARTBEAT_OFFERED_S)
-    return node.create_publisher(message_class(HEARTBEAT_TYPE), f"~/{HEARTBEAT}", profile)
-
-
-def heartbeat_qos(lease_s: float) -> QoSProfile:
-    """Return the profile of a heartbeat: DDS reports a process that is silent for the lease."""
-    return QoSProfile(
-        depth=1,
-        liveliness=LivelinessPolicy.AUTOMATIC,
-        liveliness_lease_duration=Duration(seconds=lease_s),
-    )
 
 
 def is_latched_by_all(node: Node, topic: str) -> bool | None:

@@ -20,7 +20,7 @@ from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import message_class
 from are_ros.node.qos import INPUTS
-from are_ros.node.subscriptions import WireDecoding, WireMessage
+from are_ros.node.topics import WireDecoding, WireMessage
 from are_ros.node.watches import CallbackTimer
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
