@@ -35,7 +35,7 @@ setup: $(VENV)/ready-for-ros # what the commands need, ROS 2's Python included; 
 
 demo: $(VENV)/ready-for-ros
 	@if test -e $<; then $(BIN)/are demo --params config/nav2_are.yaml --out $(OUT)/demo; \
-	else echo 'Instead of the live demo, the drive is replayed, which needs no ROS; whom the robot drives into moves aside.'; \
+	else echo 'Instead of the live demo, the drive is replayed, which needs no ROS; artefacts that the robot touches move aside.'; \
 	$(BIN)/are replay bags/sample_office.mcap --params bags/sample_office.yaml --params config/nav2_are.yaml --out $(OUT)/demo; fi
 
 test: $(VENV)/ready-for-tests

@@ -1,4 +1,4 @@
-"""The one family of errors: each failure a user can cause is an `AreError`, one sentence."""
+"""The family of errors: each failure that a user can cause is an `AreError` of one sentence."""
 
 
 class AreError(Exception):
@@ -18,7 +18,7 @@ class CatalogueError(AreError):
 
 
 class BehaviourError(AreError):
-    """A behaviour of the user's own failed, or wants what nobody can do; `behaviour` names it."""
+    """A behaviour of the user failed, or returned an impossible intent; `behaviour` names it."""
 
     def __init__(self, sentence: str, behaviour: str) -> None:
         super().__init__(sentence)

@@ -1,4 +1,4 @@
-"""Text for a person: how many there are and which, durations, and columns."""
+"""Text for people: counted nouns, lists, durations, and columns."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -26,7 +26,7 @@ def percent(share: float) -> str:
 
 
 def why_refused(cause: OSError) -> str:
-    """Return in words why the system refuses to make or to write something."""
+    """Return the reason of an OSError in words."""
     if isinstance(cause, FileExistsError):
         return "it is a file"
     if isinstance(cause, IsADirectoryError):
@@ -35,12 +35,12 @@ def why_refused(cause: OSError) -> str:
 
 
 def listed(words: Sequence[str]) -> str:
-    """Return words as a sentence names them: "a", "a and b", "a, b and c"."""
+    """Return words as a list: "a", "a and b", "a, b and c"."""
     return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 
 def duration_text(duration_ns: int) -> str:
-    """Return how long something lasts: "0.25 s", "61.0 s", "10.0 min", "1.0 h", "3.0 years"."""
+    """Return a duration: "0.25 s", "61.0 s", "10.0 min", "1.0 h", "3.0 years"."""
     duration_s = duration_ns / NS_PER_S
     for unit, length_s in _LONG_UNITS:
         if duration_s >= 2.0 * length_s:

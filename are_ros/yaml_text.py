@@ -1,4 +1,4 @@
-"""YAML text as values; whatever is wrong with it is one sentence of the family of errors."""
+"""YAML text as values; errors are one sentence of the family of errors."""
 
 import re
 from pathlib import Path
@@ -33,7 +33,7 @@ class _Loader(yaml.SafeLoader):
         return node
 
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
-        """Refuse a key that comes twice: else the last one would win without a word."""
+        """Refuse a repeated key: the last one would win without a warning."""
         mapping: yaml.MappingNode = super().compose_mapping_node(anchor)
         keys: set[str] = set()
         for key, _ in mapping.value:
@@ -52,7 +52,7 @@ _Loader.add_implicit_resolver(
     list("-+.0123456789"),
 )
 
-# Beside YAMLError, what PyYAML's constructors let through, as for `2001-99-99` or `!!bool x`.
+# Beside YAMLError, errors that PyYAML's constructors raise, as for `2001-99-99` or `!!bool x`.
 _FAULTS = (
     yaml.YAMLError,
     ValueError,
@@ -90,7 +90,7 @@ def read_yaml(path: Path, subject: str, error: type[AreError]) -> Any:
 
 
 def _reason(cause: Exception) -> str:
-    """Return the reason in one line; PyYAML's errors have it in parts, KeyError quotes a word."""
+    """Return the reason in one line; PyYAML's errors have it in parts."""
     if isinstance(cause, yaml.MarkedYAMLError):
         text = ", ".join(part for part in (cause.context, cause.problem) if part)
     elif isinstance(cause, yaml.YAMLError | ValueError):

@@ -212,7 +212,7 @@ BREAKAGES = (
              _BUILDER + "test_the_real_map_is_relayed_before_anything_else",
              _BUILDER + "test_a_new_map_is_relayed_too"),
     Breakage(TOPICS, "outputs have the inputs' names",
-             "replay.survey.listeners:PREFIX", lambda _: "/",
+             "replay.listeners:PREFIX", lambda _: "/",
              _RUN + "test_nothing_is_written_on_a_topic_of_the_robot"),
     Breakage(TOPICS, "the real map is handed on itself, not a copy",
              "builder.costmap.augmented_map:_like",

@@ -88,6 +88,43 @@ def test_imports_go_one_way() -> None:
     assert wrong == []
 
 
+def run_time_imports(module: Path) -> Iterator[str]:
+    """Yield the full names of what a module imports where it runs, not for type checkers only."""
+    todo: list[ast.AST] = [tree_of(module)]
+    while todo:
+        node = todo.pop()
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            todo += node.orelse
+        elif isinstance(node, ast.ImportFrom):
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        else:
+            todo += ast.iter_child_nodes(node)
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    """Nor from inside functions: a module that is imported by none of those left is taken off."""
+    by_name = {
+        ".".join(module.relative_to(PACKAGE.parent).with_suffix("").parts): module
+        for module in MODULES
+        if module.name != "__init__.py"
+    }
+    found = {
+        name: {
+            other
+            for text in run_time_imports(module)
+            for other in (text, text.rpartition(".")[0])
+            if other in by_name
+        }
+        for name, module in by_name.items()
+    }
+    while free := [name for name, others in found.items() if not others & found.keys()]:
+        for name in free:
+            del found[name]
+    assert sorted(found) == []
+
+
 def test_imports_are_absolute() -> None:
     """Relative ones would escape the test above."""
     assert [name for _, _, name in imports() if name.startswith(".")] == []

@@ -1,4 +1,4 @@
-"""The time that a replay goes by: that of the recording, or of the stamps where they disagree.
+"""The clock of a replay: the times of recording, or the stamps where the two disagree.
 
 A recording made under simulated time, from another recording, or on another machine than the
 robot's has stamps that lie seconds, hours or years from the times at which its messages were
@@ -25,11 +25,11 @@ from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.sensors import SENSORS
 from are_ros.wording import duration_text, listed
 
-# When the messages of a recording were stamped, and when they were recorded, source by source.
+# Stamps and times of recording, source by source.
 #
-# One pass over the messages that move (transforms, odometry, scans, CameraInfo) tells what a replay
-# has to know before it begins: whether stamps and times of recording go by one clock, where the
-# recording has gaps, and how long scans have to wait for their transforms.
+# One pass over the moving messages (transforms, odometry, scans, CameraInfo) shows whether stamps
+# and times of recording have one clock, where the recording has gaps, and how long scans have to
+# wait for their transforms.
 
 
 MOVING_ROLES = ("tf", "odom", *SENSORS, "camera/camera_info")
@@ -43,7 +43,7 @@ Edge = tuple[str, str]
 
 _NONE = np.empty(0, np.int64)
 _FEWEST_STAMPS = 5
-"""A source of fewer stamps tells no clock, unless there is no better one."""
+"""A source with fewer stamps is used for the clock only if there is no better one."""
 
 _CLOCK = "/clock"
 _CLOCK_SAMPLES = 50
@@ -55,7 +55,7 @@ _STAMP = {True: Struct("<iI"), False: Struct(">iI")}
 
 @dataclass(frozen=True, eq=False)
 class Times:
-    """What a source stamped: times of recording and stamps, int64 (N,) [ns], in order of the log.
+    """One source of stamps: times of recording and stamps, int64 (N,) [ns], in order of the log.
 
     `name` is how a sentence calls the source. `is_edge`: it is an edge of the transforms, which
     may be dated ahead on purpose, so that it can be used until the next one comes. `is_clock`:
@@ -73,14 +73,14 @@ class Times:
 class RecordedTimes:
     """The times of one window of a recording that begins at `bag_start_ns`.
 
-    `sources` are those that tell a clock, the most telling first: /clock (only where it disagrees
-    with the times of recording), odometry, edges that move, scans. A fixed joint tells none: it is
-    often dated far ahead. `edges` are all edges
-    (parent, child) of odometry and /tf, `static_edges` those of /tf_static. `scans` are the topics
-    of the scans, by name, and `scan_frames` their frames. `moving_log_ns`, int64 (N,) ascending,
-    are the times of recording of all messages that move; `next_moving_ns` is that of the first one
-    behind the window, None where the window ends with the recording. `still_since_ns` is that of
-    the last one before the window, or a minute before it; None where the recording begins with it.
+    `sources` are the candidates for the clock, the best first: /clock (only where it disagrees with
+    the times of recording), odometry, moving edges, scans. Fixed joints are none: they are often
+    dated far ahead. `edges` are all edges (parent, child) of odometry and /tf, `static_edges` those
+    of /tf_static. `scans` are the times of each scan topic, `scan_frames` the frames. The log times
+    of all moving messages are `moving_log_ns`, int64 (N,) ascending. `next_moving_ns` is the log
+    time of the first one after the window, None where the window ends with the recording.
+    `still_since_ns` is that of the last one before the window, or a minute before it; None where
+    the window begins with the recording.
     """
 
     bag_start_ns: int
@@ -101,7 +101,7 @@ class RecordedTimes:
         start_ns: int,
         stop_ns: int,
     ) -> "RecordedTimes":
-        """Read the window [start_ns, stop_ns) of the log; what is malformed is left out.
+        """Read the window [start_ns, stop_ns) of the log; malformed messages are left out.
 
         BagError where the recording is damaged.
         """
@@ -227,7 +227,7 @@ def _stamp_ns(message: BagMessage, *, is_ros1: bool, at: int = _STAMP_AT) -> int
 
 
 def _clock(reader: BagReader, start_ns: int, stop_ns: int) -> list[Times]:
-    """Return the times of /clock where it was recorded and is not that of the log."""
+    """Return the times of /clock where it was recorded and differs from the log."""
     if not any(topic.name == _CLOCK and topic.count for topic in reader.topics):
         return []
     at = 0 if reader.is_ros1 else _STAMP_AT
@@ -294,12 +294,11 @@ _LOOP_NS = NS_PER_S
 
 @dataclass(frozen=True, eq=False)
 class BagClock:
-    """Turns log times [ns] into the times that the replay goes by; never decreasing.
+    """Maps log times [ns] to the times of the replay, never decreasing.
 
-    Between the instants known (int64 (N,) each, N of 0 for the identity) the clock goes evenly,
-    outside them as fast as the log. `sentence` says what was done, empty for the identity;
-    `disagreement` which sources of stamps have no clock in common with the others, `apart` their
-    names.
+    The map is linear between the known instants (int64 (N,) each, N of 0 for the identity), with
+    slope 1 outside them. `sentence` describes it, empty for the identity. `disagreement` names the
+    sources whose stamps have no clock in common with the others; `apart` are their names.
     """
 
     log_ns: Ints
@@ -312,8 +311,8 @@ class BagClock:
     def of(cls, times: RecordedTimes) -> "BagClock":
         """Return the clock of a recording's window.
 
-        It is the clock of most sources of stamps, unless that is the log's. Raises BagError where
-        the stamps jump back, as they do in a recording that looped.
+        It is the clock that most sources share, the log's if they agree with it. Raises BagError
+        where the stamps jump back, as in a recording that looped.
         """
         source = _reference(times.sources)
         if source is None:
@@ -324,7 +323,7 @@ class BagClock:
         return cls(log_ns, clock_ns, sentence, disagreement, frozenset(apart))
 
     def at(self, log_time_ns: int) -> int:
-        """Return the time that belongs to a log time."""
+        """Return the time of a log time."""
         if not len(self.log_ns):
             return log_time_ns
         index = int(np.searchsorted(self.log_ns, log_time_ns, side="right"))
@@ -338,7 +337,7 @@ class BagClock:
         return int(self.clock_ns[index - 1]) + since_ns * clock_step_ns // log_step_ns
 
     def at_many(self, log_times_ns: Ints) -> Ints:
-        """Return the times that belong to log times, int64 (N,): `at`, to a microsecond or so."""
+        """Return the times of log times, int64 (N,): `at`, to about a microsecond."""
         if not len(self.log_ns):
             return log_times_ns
         index = np.searchsorted(self.log_ns, log_times_ns, side="right")
@@ -368,7 +367,7 @@ def _offset_ns(source: Times) -> float:
 
 
 def _instants(source: Times, bag_start_ns: int) -> tuple[Ints, Ints, str]:
-    """Return log times, the clock's times at them, and what is to be said; none for the log's."""
+    """Return log times, the clock's times at them, and a sentence; all empty for the log's."""
     offsets_ns = source.stamps_ns - source.log_ns
     low_ns, middle_ns, high_ns = np.percentile(offsets_ns, (10, 50, 90)).tolist()
     if low_ns >= -_BEHIND_NS and high_ns <= _AHEAD_NS:
@@ -401,7 +400,7 @@ def _check_no_loop(topic: str, instants: Ints, bag_start_ns: int) -> None:
 def _disagreement(
     clock: BagClock, reference: Times, sources: Sequence[Times]
 ) -> tuple[str, list[str]]:
-    """Say which sources go by another clock than the reference, and return their names."""
+    """Return a sentence about the sources with another clock, and their names."""
 
     def offset_ns(source: Times) -> float:
         return float(np.median(source.stamps_ns - clock.at_many(source.log_ns)))

@@ -26,7 +26,7 @@ _ACTIVITY: Final = "activity"
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """The N artefacts alive at a tick, as arrays: an are_msgs/ArtefactArray.
+    """The N artefacts alive at a tick, as arrays; from are_msgs/ArtefactArray.
 
     `ids`, `arrivals_ns`, `departures_ns` (0: unknown), `rows` and `origins` are int64 (N,). The
     boxes, upright and turned by `yaws_rad` (N,), are in the frame of the message: `centres_m` and
@@ -63,7 +63,7 @@ class Scene:
         return np.column_stack((cos * along - sin * across, sin * along + cos * across, turn))
 
     def is_like(self, other: "Scene | None") -> bool:
-        """Tell whether the same boxes stand at the same places."""
+        """Return whether the same boxes stand at the same places."""
         return (
             other is not None
             and np.array_equal(self.ids, other.ids)
@@ -276,7 +276,7 @@ def _scene(message: Any, at_ns: int) -> Scene:
 
 
 def _activity(artefact: Any) -> str:
-    """Return what an artefact does beside its behaviour, empty where it does not say."""
+    """Return the activity among the features of an artefact, empty where there is none."""
     return next((str(f.value) for f in artefact.features if f.key == _ACTIVITY), "")
 
 

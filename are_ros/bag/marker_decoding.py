@@ -1,6 +1,6 @@
-"""A MarkerArray from its bytes, as plain values.
+"""A MarkerArray decoded from its bytes, as plain values.
 
-Recordings hold millions of corners of meshes: they are looked at as arrays, not as objects.
+Recordings hold millions of mesh corners: they are decoded as arrays, not as objects.
 """
 
 from struct import Struct
@@ -51,7 +51,7 @@ class MarkerFields(NamedTuple):
 
 
 class CdrCursor:
-    """A cursor over little-endian XCDR1; ValueError where the bytes are no such thing."""
+    """A cursor over little-endian XCDR1; ValueError for other bytes."""
 
     def __init__(self, data: bytes) -> None:
         if data[:2] != b"\x00\x01":

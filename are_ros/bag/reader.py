@@ -25,7 +25,7 @@ from are_ros.messages.transforms import (
     read_transforms,
 )
 
-# What a reader of recordings raised, as one sentence a user can act on.
+# Errors of rosbags, as one sentence for the user.
 
 
 _REINDEX = "it ends too early or is damaged; `rosbag reindex` may repair it"
@@ -49,12 +49,12 @@ _SENTENCES = (
 )
 
 _PLAIN_SPOKEN = ("ReaderError", "SerdeError", "TypesysError", "FileNotFoundError")
-"""Errors whose own text says what is wrong with the data; others speak of the code that failed."""
+"""Errors whose text describes the data; the text of others describes the code that failed."""
 
 
 @contextmanager
 def as_bag_errors(what: str) -> Iterator[None]:
-    """Turn whatever is raised inside into a BagError that begins with `what`; ours pass."""
+    """Turn any other exception than an AreError into a BagError that begins with `what`."""
     try:
         yield
     except AreError:
@@ -65,7 +65,7 @@ def as_bag_errors(what: str) -> Iterator[None]:
 
 
 def sentence_of(error: Exception) -> str:
-    """Return in plain words what is wrong with the recording, without a full stop."""
+    """Return a plain description of an error, without a full stop."""
     text = " ".join(" ".join(str(part) for part in error.args).split()).rstrip(".")
     for part, sentence in _SENTENCES:
         if part in text:
@@ -76,13 +76,13 @@ def sentence_of(error: Exception) -> str:
     return f"it cannot be read: {text}" if name in _PLAIN_SPOKEN else f"it is damaged ({name})"
 
 
-# Which files are recordings, and who reads them.
+# Which files are recordings, and their readers.
 
 
 _ROS2_SUFFIXES = (".mcap", ".db3")
 _METADATA = "metadata.yaml"
 _RESULT = "augmented.mcap"
-"""What replay and demo leave in their folder."""
+"""The recording that replay and demo write into their folder."""
 
 
 def check_paths(paths: Sequence[Path]) -> bool:
@@ -116,9 +116,9 @@ def open_reader(path: Path) -> Iterator[Any]:
 
 
 def recording_in(path: Path) -> Path:
-    """Return the recording in a folder that is none itself: a result's, or the only one there.
+    """Return the recording in a folder: augmented.mcap, or the only recording there.
 
-    Anything else is returned as it is.
+    Any other path, a rosbag2 folder too, is returned unchanged.
     """
     if not path.is_dir() or (path / _METADATA).is_file():
         return path
@@ -127,7 +127,7 @@ def recording_in(path: Path) -> Path:
 
 
 def _is_ros1(path: Path) -> bool:
-    """Tell the kind of a recording by its name; BagError if it is none."""
+    """Return whether a recording is of ROS 1, by its name; BagError if it is none."""
     if not path.exists():
         raise BagError(f"{path}: there is no such file or folder")
     if path.is_dir():
@@ -143,7 +143,7 @@ def _is_ros1(path: Path) -> bool:
 
 
 def _check_once(paths: Sequence[Path]) -> None:
-    """Refuse a recording that is given twice, whether as a folder or as the file in it."""
+    """Refuse a recording that is given twice, as a folder or as the file in it."""
     seen: dict[Path, Path] = {}
     for path in paths:
         for file in _recordings_in(path) if path.is_dir() else [path]:
@@ -165,14 +165,14 @@ def _recordings_in(folder: Path) -> list[Path]:
     return sorted(file for file in folder.iterdir() if file.suffix in (".bag", *_ROS2_SUFFIXES))
 
 
-# The message types that a recording itself describes, learnt when they are first needed.
+# The message types that a recording defines, parsed when they are first needed.
 
 
 _IDL_SEPARATOR = "=" * 80 + "\n"
 
 
 class BagTypes:
-    """Typestores by connection: one odd type in a recording does not spoil the others."""
+    """Typestores by connection: a malformed type does not affect the others."""
 
     def __init__(self, *, is_ros1: bool) -> None:
         self._is_ros1 = is_ros1
@@ -252,7 +252,7 @@ class BagTopic:
 
 
 class BagMessage(NamedTuple):
-    """One message as it was recorded; `BagReader.deserialize` makes an object of its bytes."""
+    """One recorded message; `BagReader.deserialize` makes an object of its bytes."""
 
     topic: str
     log_time_ns: int
@@ -263,8 +263,8 @@ class BagMessage(NamedTuple):
 class BagReader:
     """One or several recordings as one stream; a context manager, open inside `with`.
 
-    Takes rosbag2 folders, .mcap and .db3 files, or ROS 1 .bag files, not mixed. BagError, in a
-    sentence, for whatever is wrong with one of them: on entering, or later while reading.
+    Takes rosbag2 folders, .mcap and .db3 files, or ROS 1 .bag files, not mixed. BagError if one of
+    them cannot be read: on entering, or later while reading.
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:
@@ -312,7 +312,7 @@ class BagReader:
     def topics(self) -> tuple[BagTopic, ...]:
         """The topics, in order of name, counted over all recordings."""
         found: dict[tuple[str, str], BagTopic] = {}
-        for connection in self._connections():
+        for connection in self.connections():
             key = (connection.topic, connection.msgtype)
             count, latched = connection.msgcount, _is_latched(connection)
             reliable = _is_reliable(connection)
@@ -338,11 +338,11 @@ class BagReader:
         yield from heapq.merge(*streams, key=_log_time) if len(streams) > 1 else streams[0]
 
     def learn_types(self, topics: Collection[str]) -> None:
-        """Make ready to deserialise the messages of some topics, which the first would else do.
+        """Parse the types of some topics now instead of at their first message.
 
-        A type that cannot be understood is left to the first message.
+        A malformed type is reported at its first message.
         """
-        for connection in self._connections():
+        for connection in self.connections():
             if connection.topic in topics:
                 with suppress(BagError):
                     self._types.store_of(connection)
@@ -376,7 +376,8 @@ class BagReader:
         """Return the numbers of an Odometry; errors as `deserialize`."""
         return read_odometry_numbers(self.deserialize(message))
 
-    def _connections(self) -> Iterator[Any]:
+    def connections(self) -> Iterator[Any]:
+        """Yield rosbags' connections of all recordings: a topic and a type each."""
         for _, reader in self._readers:
             yield from reader.connections
 

@@ -1,17 +1,15 @@
-"""What the node, a replay or `are record` wrote: files, messages, loops of the clock, and runs.
+"""Recordings of the node, of a replay or of `are record`: files, messages, clock loops, runs.
 
-A replay logs every message at its very stamp. A live recorder logs a message when it is received:
-late, coarse, perhaps by another clock than that of the stamps. Where a looping recording is played
-to the node, log times stand still or go back. Then the ticks, by their stamps and in the order of
-the file, tell the time instead: `RecordedMessage.at_ns` and `loop`.
+A replay logs every message at its stamp. A live recorder logs a message when it is received: later,
+and perhaps by another clock than that of the stamps. Where a looping recording is played to the
+node, log times stand still or go back. Then the ticks, by their stamps and in the order of the
+file, give the time: `RecordedMessage.at_ns` and `loop`.
 """
 
 import json
 from bisect import bisect_left, bisect_right
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import ExitStack
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
-from heapq import merge
 from pathlib import Path
 from struct import Struct
 from struct import error as StructError  # noqa: N812
@@ -23,7 +21,7 @@ from mcap.reader import make_reader
 
 from are_ros.bag.decoded import Scene, value_of
 from are_ros.bag.marker_decoding import decode_markers
-from are_ros.bag.reader import BagTypes, as_bag_errors, open_reader, sentence_of
+from are_ros.bag.reader import BagMessage, BagReader, BagTopic, as_bag_errors
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
 from are_ros.messages.sensors import SENSORS
@@ -67,16 +65,16 @@ _STAMPS: Final = (Struct(">iI"), Struct("<iI"))
 _LISTS: Final = (_MARKER_ARRAY, "tf2_msgs/msg/TFMessage")
 _LATCHED: Final = ("/map", "/tf_static")
 _PAST_NS: Final = 2 * NS_PER_S
-"""A stamp is that of a relayed message if it is so much before the last tick."""
+"""An output whose stamp is this much before the last tick is a relayed message."""
 _JUMP_NS: Final = NS_PER_S
-"""The clock jumped back where a tick is so much earlier than the tick before."""
+"""The clock jumped back where a tick is this much earlier than the tick before."""
 _NEIGHBOURS: Final = 500
-"""A message that is at most so many away from a jump may belong to the other side of it."""
+"""A message within this many messages of a jump may belong to the other side of it."""
 
 SETTLING_NS: Final = NS_PER_S
-"""For so long after the beginning of a run, and before its end, messages may be missing."""
+"""For this long after the beginning of a run, and before its end, messages may be missing."""
 _LONGEST_GAP: Final = 2.5
-"""In periods. After a single missing tick the next one still tells all that happened."""
+"""In periods: one tick may be missing within a run, since the next one has all events."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +91,7 @@ class RecordingFiles:
 
 
 def find_recording(path: Path) -> RecordingFiles:
-    """Return the recording that a path means.
+    """Return the recording at a path.
 
     A folder with augmented.mcap (metrics.json beside it: a replay's, else a live one), a rosbag2
     folder, a folder with one recording in it, or an .mcap or .db3 file. BagError for anything else.
@@ -114,7 +112,7 @@ def find_recording(path: Path) -> RecordingFiles:
 
 
 def walls_of(recording: Path) -> str:
-    """Return what the metrics beside a recording say of its walls: "map", "octomap" or nothing."""
+    """Return the walls of a run by the metrics beside its recording: "map", "octomap" or ""."""
     try:
         content = json.loads((recording.parent / _METRICS).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -176,7 +174,7 @@ def stamp_of(type_name: str, data: bytes) -> int | None:
 
 @dataclass
 class Chronology:
-    """The ticks of a recording by the places of their messages in it."""
+    """The ticks of a recording by the positions of their messages in the file."""
 
     _places: list[int] = field(default_factory=list)
     _stamps_ns: list[int] = field(default_factory=list)
@@ -196,7 +194,7 @@ class Chronology:
         self._stamps_ns.append(stamp_ns)
 
     def moment(self, place: int, stamp_ns: int | None) -> Moment:
-        """Return when a message at a place of the file came; near a jump its stamp decides."""
+        """Return the moment of a message at a place of the file; near a jump its stamp decides."""
         if not self._places:
             return Moment(0, stamp_ns or 0)
         index = max(bisect_right(self._places, place) - 1, 0)
@@ -220,18 +218,17 @@ class Chronology:
 
 
 class RecordedMessage(NamedTuple):
-    """A message as it was recorded; `Recording.decode` makes a value of it.
+    """A recorded message; `Recording.decode` makes a value of it.
 
-    `at_ns` is when it counts. In a replay that is its log time. Live it is the stamp of an output,
-    and for an input the stamp of the last tick before it, in the same loop of the clock. A message
-    that `is_latched` is known from the beginning of each later loop, too.
+    `at_ns` is the time at which it counts. In a replay that is its log time. Live it is the stamp
+    of an output, and for an input the stamp of the last tick before it in the same loop of the
+    clock. A message that `is_latched` also counts from the beginning of each later loop.
     """
 
     topic: str
     type_name: str
     log_ns: int
     data: bytes
-    source: int = 0
     at_ns: int = 0
     loop: int = 0
     is_latched: bool = False
@@ -240,30 +237,19 @@ class RecordedMessage(NamedTuple):
 class Recording:
     """The messages of a recording, any number of times; a context manager, open inside `with`.
 
-    `inputs` are recordings whose topics stand in for those that the recording lacks, such as the
-    inputs of a replay, of ROS 1 too. BagError where one cannot be opened or read.
+    BagError where it cannot be opened or read.
     """
 
-    def __init__(self, files: RecordingFiles, inputs: Sequence[Path] = ()) -> None:
+    def __init__(self, files: RecordingFiles) -> None:
         self.files = files
-        self._paths = (files.path, *inputs)
-        self._stack = ExitStack()
-        self._readers: list[Any] = []
-        self._types = [BagTypes(is_ros1=path.suffix == ".bag") for path in self._paths]
-        self._sources: dict[str, int] = {}
-        self._connections: dict[tuple[int, str, str], Any] = {}
+        self._reader = BagReader([files.path])
+        self._connections: dict[tuple[str, str], Any] = {}
         self._chronology: Chronology | None = None
 
     def __enter__(self) -> "Recording":  # noqa: PYI034 (Self came with Python 3.11)
-        with ExitStack() as stack:
-            self._readers = [stack.enter_context(open_reader(path)) for path in self._paths]
-            self._stack = stack.pop_all()
-        for source, reader in enumerate(self._readers):
-            for connection in reader.connections:
-                topic = connection.topic
-                if not source or not topic.startswith(PREFIX):
-                    self._sources.setdefault(topic, source)
-                self._connections[source, topic, connection.msgtype] = connection
+        self._reader.__enter__()
+        connections = self._reader.connections()
+        self._connections = {(one.topic, one.msgtype): one for one in connections}
         return self
 
     def __exit__(
@@ -272,38 +258,32 @@ class Recording:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._readers = []
-        self._stack.close()
+        self._reader.__exit__(kind, error, trace)
+
+    @property
+    def topics(self) -> tuple[BagTopic, ...]:
+        """The topics, in order of name."""
+        return self._reader.topics
 
     @property
     def types(self) -> dict[str, str]:
         """The type of each topic, as "sensor_msgs/msg/LaserScan"."""
-        keys = (key for key in self._connections if self._sources.get(key[1]) == key[0])
-        return {topic: type_name for _, topic, type_name in keys}
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """How many messages each topic has."""
-        counts: dict[str, int] = {}
-        for (source, topic, _), connection in self._connections.items():
-            if self._sources.get(topic) == source:
-                counts[topic] = counts.get(topic, 0) + int(connection.msgcount)
-        return counts
+        return {topic.name: topic.type_name for topic in self.topics}
 
     @property
     def span_ns(self) -> tuple[int, int]:
-        """The log times [first, just after the last) of the recording without the inputs."""
-        return int(self._readers[0].start_time), int(self._readers[0].end_time)
+        """The log times [first, just after the last)."""
+        return self._reader.start_ns, self._reader.end_ns
 
     @property
     def loops(self) -> int:
         """How many loops of the clock it holds; a replay has one."""
         return 1 if self.files.is_replay else self._clock().loops
 
-    def in_log_order(self, topics: Collection[str]) -> Iterator[RecordedMessage]:
+    def in_log_order(self, topics: Collection[str] | None) -> Iterator[RecordedMessage]:
         """Yield the messages of some topics in order of log time, which is their `at_ns`."""
-        streams = [self._logged(source, topics) for source in range(len(self._readers))]
-        yield from merge(*streams, key=_log_time) if len(streams) > 1 else streams[0]
+        for topic, log_ns, data, connection in self._reader.messages(topics):
+            yield RecordedMessage(topic, connection.msgtype, log_ns, data, log_ns)
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RecordedMessage]:
         """Yield the messages of some topics (None: all) with the times at which they count.
@@ -312,7 +292,7 @@ class Recording:
         file: the topics of `matters` only.
         """
         if self.files.is_replay:
-            yield from self.in_log_order(self._sources if topics is None else topics)
+            yield from self.in_log_order(topics)
             return
         clock = self._clock()
         for place, message in enumerate(self._in_file_order()):
@@ -331,35 +311,18 @@ class Recording:
 
     def deserialize(self, message: RecordedMessage) -> Any:
         """Return rosbags' object of a message; InputError where it is malformed."""
-        source, topic, type_name = message.source, message.topic, message.type_name
+        topic, type_name, log_ns, data, *_ = message
+        connection = self._connections[topic, type_name]
         try:
-            store = self._types[source].store_of(self._connections[source, topic, type_name])
-            is_ros1 = self._paths[source].suffix == ".bag"
-            read = store.deserialize_ros1 if is_ros1 else store.deserialize_cdr
-            return read(message.data, type_name)
-        except Exception as cause:
-            where = f"{topic}: the message at {message.log_ns} ns"
-            text = f"{where} is no {type_name}, {sentence_of(cause)}"
-            raise InputError(text) from cause
-
-    def _logged(self, source: int, topics: Collection[str]) -> Iterator[RecordedMessage]:
-        wanted = [
-            connection
-            for connection in self._readers[source].connections
-            if connection.topic in topics and self._sources.get(connection.topic) == source
-        ]
-        if not wanted:  # rosbags would take none as all
-            return
-        with as_bag_errors(str(self._paths[source])):
-            for connection, log_ns, data in self._readers[source].messages(connections=wanted):
-                topic, type_name = connection.topic, connection.msgtype
-                yield RecordedMessage(topic, type_name, log_ns, data, source, log_ns)
+            return self._reader.deserialize(BagMessage(topic, log_ns, data, connection))
+        except BagError as cause:
+            raise InputError(str(cause)) from None
 
     def _in_file_order(self) -> Iterator[RecordedMessage]:
-        """Yield what matters of a live recording; of a database in order of log time."""
+        """Yield the relevant messages of a live recording; of a database in order of log time."""
         types = {topic: name for topic, name in self.types.items() if matters(topic, name)}
         if self.files.files[0].suffix != ".mcap":
-            yield from self._logged(0, types)
+            yield from self.in_log_order(types)
             return
         for file in self.files.files:
             with as_bag_errors(str(file)), file.open("rb") as stream:
@@ -382,7 +345,7 @@ class Recording:
 
 
 def matters(topic: str, type_name: str) -> bool:
-    """Tell whether a topic is an output of the node, or may be one of its inputs."""
+    """Return whether a topic is an output of the node, or may be one of its inputs."""
     if topic.startswith(PREFIX):
         name = topic.removeprefix(PREFIX)
         sensors = {kind.type_name for kind in SENSORS.values()}
@@ -404,44 +367,40 @@ def _timed(message: RecordedMessage, place: int, clock: Chronology) -> RecordedM
     return message._replace(at_ns=at_ns, loop=loop, is_latched=is_latched)
 
 
-def _log_time(message: RecordedMessage) -> int:
-    return message.log_ns
-
-
 @dataclass(frozen=True)
 class Runs:
     """First and last stamps of runs of ticks, in order; none where every tick counts.
 
-    A recording begins and ends at any time, and may pause; so may the node. What was missed then
-    cannot be asked for, nor what happens while the topics of a recording connect one by one.
+    A recording begins and ends at any time, and it may pause; so may the node. Checks cannot expect
+    messages of these times, nor while the topics of a recording connect one by one.
     """
 
     spans_ns: tuple[tuple[int, int], ...] = ()
 
     def is_fresh(self, stamp_ns: int) -> bool:
-        """Tell whether a run began so shortly before that something may have been missed."""
+        """Return whether a run began less than `SETTLING_NS` before."""
         span = self._span_at(stamp_ns)
         return span is not None and stamp_ns < span[0] + SETTLING_NS
 
     def is_beginning(self, stamp_ns: int) -> bool:
-        """Tell whether this is the first tick of a run."""
+        """Return whether this is the first tick of a run."""
         span = self._span_at(stamp_ns)
         return span is not None and stamp_ns == span[0]
 
     def is_edge(self, stamp_ns: int) -> bool:
-        """Tell whether a time is in no run, or near the beginning or the end of one."""
+        """Return whether a time is in no run, or near the beginning or the end of one."""
         if not self.spans_ns:
             return False
         span = self._span_at(stamp_ns)
         return span is None or not span[0] + SETTLING_NS <= stamp_ns <= span[1] - SETTLING_NS
 
     def is_between(self, stamp_ns: int) -> bool:
-        """Tell whether a time is after a run and not near its end, and before the next one."""
+        """Return whether a time is after a run and not near its end, and before the next one."""
         index = bisect_right(self.spans_ns, (stamp_ns, 2**63)) - 1
         return index >= 0 and stamp_ns > self.spans_ns[index][1] + SETTLING_NS
 
     def are_together(self, before_ns: int, after_ns: int) -> bool:
-        """Tell whether two times are in the same run."""
+        """Return whether two times are in the same run."""
         if not self.spans_ns:
             return True
         return self._span_at(before_ns) == self._span_at(after_ns) is not None
@@ -471,10 +430,9 @@ def runs_of(stamps_ns: Iterable[int], period_ns: int, breaks_ns: Iterable[int]) 
 
 
 def part_farewells(scenes: Iterable[Scene], period_ns: int) -> tuple[list[Scene], list[int]]:
-    """Part the lists of ticks from those with which a node takes its leave; return their stamps.
+    """Separate the ticks from the farewells of a node; return the ticks and the farewells' stamps.
 
-    A farewell is empty. It comes at any time, not at a multiple of the period, or once more at the
-    time of the tick before.
+    A farewell is empty. Its stamp is no multiple of the period, or that of the tick before.
     """
     ticks: list[Scene] = []
     farewells_ns: list[int] = []

@@ -1,4 +1,4 @@
-"""Which topic of a recording plays which part: the inputs of section 4 found among its topics."""
+"""The roles of topics: the inputs of the node, found among the topics of a recording."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ _TELLTALES: Final = {
 
 @dataclass(frozen=True)
 class FoundRole:
-    """A role, the topic that plays it (None: none does), and what a user should know of it."""
+    """A role, the topic that plays it (None: none does), and a notice for the user."""
 
     role: str
     topic: BagTopic | None
@@ -53,10 +53,15 @@ class RolesFound:
         topic = next(entry.topic for entry in self.found if entry.role == role)
         return None if topic is None else topic.name
 
-    def sentences(self, silent: Collection[str] = ()) -> tuple[str, ...]:
-        """Return what is to be said: topics chosen by type, and those that could not be.
+    def by_topic(self, roles: Iterable[str]) -> dict[str, str]:
+        """Return {topic: role} of those of some roles that a topic plays."""
+        named = ((self.topic(role), role) for role in roles)
+        return {topic: role for topic, role in named if topic is not None}
 
-        Nothing is said of `silent` roles.
+    def sentences(self, silent: Collection[str] = ()) -> tuple[str, ...]:
+        """Return notices: topics chosen by type, and roles without a topic.
+
+        There is none about `silent` roles.
         """
         said = (entry for entry in self.found if entry.role not in silent)
         return tuple(entry.sentence for entry in said if entry.sentence)
@@ -65,8 +70,8 @@ class RolesFound:
 def find_roles(topics: Sequence[BagTopic], overrides: Mapping[str, str]) -> RolesFound:
     """Find a topic for each role: the override, else "/<role>", else the only one of its type.
 
-    A topic that another role has by name is nobody's "only one", and where two roles share a type
-    the name decides ("depth", "octomap", "static"). Topics without messages do not count.
+    A topic that another role has by name is not considered. Where two roles share a type, the name
+    decides ("octomap", "static"). Topics without messages do not count.
     BagError for an override of an unknown role, with an absent topic, or one of another type.
     """
     chosen = {role: _overridden(topics, role, name) for role, name in overrides.items()}
@@ -138,7 +143,7 @@ def _overridden(topics: Sequence[BagTopic], role: str, name: str) -> BagTopic:
 
 
 def _by_type(role: str, topics: Sequence[BagTopic], free: Sequence[BagTopic]) -> FoundRole:
-    """Return the only free topic of the role's type, or say why it is not to be had."""
+    """Return the only free topic of the role's type, or why there is none."""
     types = ROLE_TYPES[role]
     why = _why_no_default(role, topics)
     candidates = [topic for topic in free if topic.type_name in types and _suits(role, topic.name)]
@@ -166,7 +171,7 @@ def _why_no_default(role: str, topics: Sequence[BagTopic]) -> str:
 
 
 def _suits(role: str, topic: str) -> bool:
-    """Tell whether a topic's name speaks for this role among those that share its type."""
+    """Return whether a topic's name fits this role among the roles of its type."""
     if role in _TELLTALES:
         return _TELLTALES[role] in topic.lower()
     rivals = [rival for rival in _TELLTALES if ROLE_TYPES[rival] == ROLE_TYPES[role]]

@@ -1,8 +1,8 @@
-"""What a replay has to know of a recording's time before it begins: gaps, and how late tf is.
+"""The window of a replay, the gaps of a recording, and how late its transforms are.
 
-A gap is a stretch of a minute or more in which nothing comes of what moves (`MOVING_ROLES`): two
-recordings of one day, a map that was recorded years before, a stray message an hour later. Nobody
-knows what happened in it, so a replay leaves it out, and begins anew after it.
+A gap is a minute or more without a moving message (`MOVING_ROLES`): between two recordings of one
+day, after a map that was recorded years before, before a stray message an hour later. A replay
+skips it, and begins anew after it.
 """
 
 from collections import defaultdict, deque
@@ -16,7 +16,8 @@ import numpy as np
 from are_ros.bag.clock import MOVING_ROLES, BagClock, Edge, Ints, RecordedTimes, first_time
 from are_ros.bag.reader import BagReader
 from are_ros.builder.population_manager import IDLE_NS
-from are_ros.conventions import NS_PER_S
+from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.errors import BagError
 from are_ros.wording import counted, duration_text
 
 GAP_NS: Final = IDLE_NS
@@ -33,9 +34,9 @@ Span = tuple[int, int]
 
 @dataclass(frozen=True)
 class Gap:
-    """Nothing moves in [start_ns, stop_ns) of the log; it lasts `length_ns` by the clock.
+    """A gap [start_ns, stop_ns) of the log; it lasts `length_ns` by the clock.
 
-    `between` names the two files that it lies between, where it does.
+    `between` names the two files around it, None within one file.
     """
 
     start_ns: int
@@ -48,7 +49,8 @@ class Gap:
 class Stretches:
     """The spans [start, stop) of the log [ns] that are replayed, in order, and the gaps.
 
-    `ahead` and `behind` are the gaps before the first and after the last span, if any.
+    `ahead` and `behind` are the gaps before the first and after the last span, if any. There is no
+    span where the whole window lies in one gap.
     """
 
     spans: tuple[Span, ...]
@@ -61,10 +63,10 @@ class Stretches:
         return tuple(gap for gap in (self.ahead, *self.gaps, self.behind) if gap is not None)
 
     def sentences(self, begin_ns: int) -> list[str]:
-        """Say what a replay leaves out; `begin_ns` is the log time from which seconds count."""
+        """Return notices about skipped times; seconds count from `begin_ns` of the log."""
         said = []
         if self.ahead is not None:
-            said.append(stillness_ahead(self.ahead.length_ns))
+            said.append(stillness_ahead(self.ahead.length_ns, "the replay"))
         if self.gaps:
             gaps = [_gap_text(gap, begin_ns) for gap in self.gaps]
             more = [f"{len(gaps) - _SHOWN_GAPS} more"] if len(gaps) > _SHOWN_GAPS else []
@@ -80,19 +82,49 @@ class Stretches:
         return said
 
 
-def beginning(reader: BagReader, role_of_topic: Mapping[str, str]) -> int:
-    """Return the log time at which the recording begins: seconds of all options count from it.
+@dataclass(frozen=True)
+class Window:
+    """The part [start_ns, stop_ns) of a recording's log that --start and --duration choose.
 
-    What lies long before everything that moves (a latched map with the time of its making, or
-    with none) does not count.
+    Their seconds count from `begin_ns`. What lies a minute or more before everything that moves (a
+    latched map with the time of its making, or with none) does not count; it lasts `still_ns`.
     """
-    moving = [topic for topic, role in role_of_topic.items() if role in MOVING_ROLES]
-    begin_ns = first_time(reader, moving) or reader.start_ns
-    return begin_ns if begin_ns - reader.start_ns >= GAP_NS else reader.start_ns
+
+    begin_ns: int
+    start_ns: int
+    stop_ns: int
+    still_ns: int = 0
+
+    @classmethod
+    def of(
+        cls,
+        reader: BagReader,
+        role_of_topic: Mapping[str, str],
+        start_s: float,
+        duration_s: float | None,
+    ) -> "Window":
+        """Return the window; BagError, naming the option, where nothing lies in it."""
+        moving = [topic for topic, role in role_of_topic.items() if role in MOVING_ROLES]
+        still_ns = (first_time(reader, moving) or reader.start_ns) - reader.start_ns
+        still_ns = still_ns if still_ns >= GAP_NS else 0
+        begin_ns, stop_ns = reader.start_ns + still_ns, reader.end_ns
+        start_ns = begin_ns + seconds_to_ns(start_s)
+        if duration_s is not None:
+            stop_ns = min(stop_ns, start_ns + seconds_to_ns(duration_s))
+        if start_ns >= stop_ns:
+            is_late = start_ns >= reader.end_ns
+            option = f"--start {start_s:g}" if is_late else f"--duration {duration_s:g}"
+            length_s = (reader.end_ns - reader.start_ns) / NS_PER_S
+            raise BagError(f"{option}: the recording is {length_s:.1f} s long, nothing is left")
+        return cls(begin_ns, start_ns, stop_ns, still_ns)
+
+    def sentences(self, what: str) -> list[str]:
+        """Return the sentence about stillness at the beginning, if any; `what` skips it."""
+        return [stillness_ahead(self.still_ns, what)] if self.still_ns else []
 
 
-def stillness_ahead(length_ns: int, what: str = "the replay") -> str:
-    """Say how long nothing moves at the beginning, which `what` leaves out."""
+def stillness_ahead(length_ns: int, what: str) -> str:
+    """Return the sentence about stillness at the beginning, which `what` skips."""
     return f"nothing moves in the first {duration_text(length_ns)}: {what} begins after them"
 
 
@@ -105,15 +137,23 @@ def stretches_of(
 ) -> Stretches:
     """Return the stretches of the window [start_ns, stop_ns) of the log that are to be replayed.
 
-    Gaps are measured by the clock, the first one from what moved last before the window, the last
-    one up to what moves next behind it. A stray message between two gaps belongs to them. `files`
-    are the (name, start, stop) of those that make up the recording.
+    Gaps are measured by the clock, the first one from the last moving message before the window,
+    the last one up to the next one behind it. A stray message between two gaps belongs to them.
+    `files` are the (name, start, stop) of those that make up the recording.
     """
     log_ns = times.moving_log_ns
-    if not len(log_ns):
-        return Stretches(((start_ns, stop_ns),), ())
     next_ns = stop_ns if times.next_moving_ns is None else times.next_moving_ns
     since_ns = start_ns if times.still_since_ns is None else times.still_since_ns
+
+    def gap(from_ns: int, to_ns: int) -> Gap:
+        length_ns = clock.at(to_ns) - clock.at(from_ns)
+        return Gap(from_ns, to_ns, length_ns, _between(files, from_ns, to_ns))
+
+    if not len(log_ns):
+        moves_elsewhere = times.next_moving_ns is not None or times.still_since_ns is not None
+        if moves_elsewhere and clock.at(next_ns) - clock.at(since_ns) >= GAP_NS:
+            return Stretches((), (gap(start_ns, stop_ns),))
+        return Stretches(((start_ns, stop_ns),), ())
     edges_ns = np.concatenate(([since_ns], log_ns, [next_ns]))
     is_gap = np.diff(clock.at_many(edges_ns)) >= GAP_NS
     first = np.flatnonzero(is_gap[:-1] | (np.arange(len(log_ns)) == 0))
@@ -126,10 +166,6 @@ def stretches_of(
     is_drive = stops - starts >= _STRAY_NS
     if is_drive.any():
         starts, stops = starts[is_drive], stops[is_drive]
-
-    def gap(from_ns: int, to_ns: int) -> Gap:
-        length_ns = clock.at(to_ns) - clock.at(from_ns)
-        return Gap(from_ns, to_ns, length_ns, _between(files, from_ns, to_ns))
 
     spans = list(zip(starts.tolist(), stops.tolist(), strict=True))
     begin_ns, end_ns = spans[0][0], spans[-1][1]
@@ -144,7 +180,7 @@ def stretches_of(
 def _between(
     files: Sequence[tuple[str, int, int]], from_ns: int, to_ns: int
 ) -> tuple[str, str] | None:
-    """Return the names of the two files that end and begin around a gap, if there are such."""
+    """Return the names of the two files around a gap, None within one file."""
     before = [name for name, _, stop_ns in files if stop_ns <= to_ns]
     after = [name for name, start_ns, _ in files if start_ns >= from_ns]
     if len(before) + len(after) < len(files) or not (before and after):
@@ -163,10 +199,9 @@ def scan_waits(
 ) -> dict[str, Ints]:
     """Return how long the scans of each topic wait for their transforms: int64 (N,) [ns] each.
 
-    From the reception of a scan until its pose in the map's frame is known at its stamp, by the
-    clock. N counts the scans for which it comes to be known; those that are the first of the
-    recording, or whose frame nothing joins to the map's, never wait to an end. `given_edges` are
-    the (parent, child) of static transforms that come from elsewhere.
+    The wait lasts from the reception of a scan until its pose in the map's frame at its stamp is
+    known, by the clock. N counts the scans whose pose becomes known. `given_edges` are the
+    (parent, child) of further static transforms.
     """
     static = times.static_edges | set(given_edges)
     waits: dict[str, Ints] = {}
@@ -203,11 +238,10 @@ def _chain(edges: Iterable[Edge], one: str, other: str) -> list[Edge] | None:
 
 
 def needed_wait_s(waits: Mapping[str, Ints], history_s: float) -> float:
-    """Return the `sensors.tf_wait` [s] with which no scan leaves too early, as far as it may go.
+    """Return the `sensors.tf_wait` [s] that is long enough for all scans.
 
-    Poses of artefacts are kept for `history_s`, the parameter `poses.history`.
-
-    It is longer than the longest wait by up to a hundredth of a second; 0 where none waits.
+    It exceeds the longest wait by at most 0.01 s, and is 0 where no scan waits. Waits beyond 0.75
+    `history_s` do not count: `poses.history` is how long poses of artefacts are kept.
     """
     in_reach = (_in_reach(one, history_s) for one in waits.values())
     longest_ns = max((int(one.max(initial=0)) for one in in_reach), default=0)
@@ -218,7 +252,7 @@ def needed_wait_s(waits: Mapping[str, Ints], history_s: float) -> float:
 def wait_sentence(
     topic: str, waits_ns: Ints, scans: int, tf_wait_s: float, history_s: float
 ) -> str:
-    """Say how long the scans of a topic wait, and what that means for `sensors.tf_wait`."""
+    """Return a sentence on the waits of a topic's scans, and the `sensors.tf_wait` they need."""
     known_ns = _in_reach(waits_ns, history_s)
     late, lost = len(waits_ns) - len(known_ns), scans - len(waits_ns)
     most = f"more than {_REACH * history_s:g} s, too late for any wait"

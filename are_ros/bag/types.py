@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from are_ros.errors import InputError
 from are_ros.messages.common import MessageFactory
 
-# The texts of the message definitions that ARE brings along, from one source: msg_defs/.
+# The texts of ARE's message definitions, from msg_defs/.
 
 
 _PACKAGES = ("are_msgs", "compat/map_msgs", "compat/tf2_msgs")
@@ -60,14 +60,14 @@ _BASE, _NAME, _ARRAY = 1, 2, 3
 def jazzy_typestore() -> Any:
     """Return the types of ROS 2 Jazzy with are_msgs, tf2_msgs and map_msgs, built once.
 
-    It is shared: whoever learns further types takes a `new_typestore()`. InputError if the message
+    It is shared: take a `new_typestore()` to register further types. InputError if the message
     definitions of ARE are not installed.
     """
     return new_typestore()
 
 
 def new_typestore() -> Any:
-    """Return a typestore of one's own with the same types; InputError as in `jazzy_typestore`."""
+    """Return a new typestore with the same types; InputError as in `jazzy_typestore`."""
     store = get_typestore(Stores.ROS2_JAZZY)
     types: dict[str, Any] = {}
     for name, text in message_texts().items():
@@ -139,8 +139,8 @@ def as_ros2(factory: MessageFactory, original: Any, type_name: str) -> bytes:
 def converted(factory: MessageFactory, original: Any, type_name: str) -> Any:
     """Return a ROS 1 message object as the ROS 2 type of its name, field by field.
 
-    What ROS 2 left out (Header.seq) is dropped, what it added has its default, and the upper case
-    of CameraInfo's D, K, R, P is folded.
+    Fields that ROS 2 lacks (Header.seq) are dropped, new fields have their defaults, and D, K, R, P
+    of CameraInfo become lower case.
     """
     fields = {}
     for name, description in jazzy_typestore().fielddefs[type_name][1]:
@@ -165,11 +165,14 @@ def _converted_field(factory: MessageFactory, value: Any, description: Any) -> A
 # Message types beyond ROS 2 Jazzy's own: read from the .msg texts of the installed packages.
 
 
-class InstalledTypes:
-    """A typestore that learns from share/<package>/msg what it does not know yet.
+_NO_HASH = f"RIHS01_{'0' * 64}"
 
-    `prefixes` are the installations looked through, the first that has a text counts; None means
-    those of AMENT_PREFIX_PATH, then Python's own environment.
+
+class InstalledTypes:
+    """A typestore that reads unknown types from share/<package>/msg.
+
+    `prefixes` are the installations in order of preference; None means those of AMENT_PREFIX_PATH,
+    then Python's environment.
     """
 
     def __init__(self, prefixes: Sequence[Path] | None = None) -> None:
@@ -177,7 +180,7 @@ class InstalledTypes:
         self._prefixes = _ament_prefixes() if prefixes is None else tuple(prefixes)
 
     def learn(self, type_name: str) -> None:
-        """Make the store know a type and all that it is made of; "my_msgs/msg/Thing".
+        """Register a type, as "my_msgs/msg/Thing", and the types of its fields.
 
         InputError, naming the definition that is missing or malformed; the store is unchanged.
         """
@@ -190,6 +193,15 @@ class InstalledTypes:
                 wanted += _nested(learnt[name])
         if learnt:
             self.store.register(learnt)
+
+    def is_as_published(self, type_name: str, type_hash: str) -> bool:
+        """Return whether a publisher's type hash is that of the definition known here.
+
+        Publishers without a hash, as of older middlewares, are accepted.
+        """
+        if not type_hash.startswith("RIHS01_") or type_hash == _NO_HASH:
+            return True
+        return bool(type_hash == self.store.hash_rihs01(type_name))
 
     def _parse(self, type_name: str) -> dict[str, Any]:
         text = self._text_of(type_name)

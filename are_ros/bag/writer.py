@@ -1,4 +1,4 @@
-"""Recordings are written here: MCAP files that ROS 2, Foxglove and rosbags open, and folders."""
+"""Writes recordings: MCAP files that ROS 2, Foxglove and rosbags open, and rosbag2 folders."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -18,7 +18,7 @@ from are_ros.bag.types import jazzy_typestore
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 
-# What publishers offer (quality of service), as rosbag2 writes it beside a recorded topic.
+# The quality of service of publishers, as rosbag2 writes it beside a recorded topic.
 
 
 FOREVER_NS: Final = 2**63 - 1
@@ -41,7 +41,7 @@ _PROFILE = """\
 class OfferedQos:
     """The profile of one publisher, in the words of rosbag2; times in nanoseconds.
 
-    What the network does not tell is "unknown": DDS announces neither history nor depth (0).
+    DDS announces neither history nor depth: these are "unknown" and 0 for live publishers.
     """
 
     reliability: str = "reliable"
@@ -78,7 +78,7 @@ def _duration_text(duration_ns: int) -> str:
 
 
 _CHUNK_BYTES = 4 * 1024 * 1024
-"""Holds several maps, which compress to almost nothing against each other."""
+"""A chunk holds several maps, which are alike and compress well together."""
 
 
 @dataclass(eq=False)
@@ -201,7 +201,7 @@ class BagWriter:
         channel.count += 1
 
     def flush(self) -> None:
-        """Hand all that was written to the system, so that a kill does not take it."""
+        """Flush all messages to the system, so that they survive a kill."""
         try:
             self._writer.flush()
         except OSError as cause:
@@ -230,7 +230,7 @@ class BagWriter:
             raise self._unwritable(cause) from cause
 
     def _close(self) -> None:
-        """Close the file, also where nothing more can be written to it."""
+        """Close the file, also on a full disk."""
         with suppress(OSError):
             self._file.close()
         if not self._keeps_partial:

@@ -1,4 +1,4 @@
-"""The commands of `are` that speak ROS 2: the node, a player, a recorder, and the demo of all."""
+"""The commands of `are` that need ROS 2: node, guard, play, record and demo."""
 
 import sys
 from collections.abc import Sequence
@@ -196,7 +196,7 @@ def view_live(namespace: str | None, port: int) -> None:
 
 
 def _require_ros() -> None:
-    """Raise NodeError, which says what to do, where ROS is not to be had."""
+    """Raise NodeError, with the remedy, where rclpy is not installed."""
     if find_spec("rclpy") is None:
         raise NodeError(
             "rclpy is not installed: source /opt/ros/jazzy/setup.bash on a robot, or run "

@@ -1,4 +1,4 @@
-"""Options that several commands of `are` have, and how commands speak."""
+"""Options that several commands of `are` share, notices, and exit statuses."""
 
 import math
 from collections.abc import Callable
@@ -15,7 +15,7 @@ FILE = click.Path(path_type=Path)
 
 
 class Amount(FloatParamType):
-    """A number that is neither endless nor undefined; its unit stands in the help."""
+    """A finite number with bounds; its unit stands in the help."""
 
     def __init__(self, unit: str, least: float = 0.0, most: float = 1e9) -> None:
         self.name = unit
@@ -24,7 +24,7 @@ class Amount(FloatParamType):
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """Return the number; usage is wrong where it is none, too small or too large."""
+        """Return the number; a usage error where it is none, too small or too large."""
         try:
             number = float(value)
         except ValueError:
@@ -43,7 +43,7 @@ SECONDS: Final = Amount("seconds")
 
 
 class Assignment(click.types.StringParamType):
-    """A text NAME:=VALUE, kept as it is; usage is wrong where it has another form."""
+    """A text NAME:=VALUE, unchanged; a usage error for another form."""
 
     name = "assignment"
 
@@ -67,13 +67,13 @@ PARAMETER: Final = Assignment("NAME:=VALUE", "population.arrival_rate:=0.001")
 
 
 class Film(click.Path):
-    """The file of an animation; a recording is refused with a hint."""
+    """The file of an animation; another suffix is refused with a hint."""
 
     def __init__(self) -> None:
         super().__init__(path_type=Path)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        """Return the path; its suffix must be that of a format that can be written."""
+        """Return the path; a usage error for another suffix than .gif."""
         path = Path(value)
         if reason := why_no_animation(path):
             self.fail(f"{reason}; where none is meant, --animate goes last", param, ctx)
@@ -117,7 +117,7 @@ _RECORDING_OPTIONS = (
 
 
 def recording_options(command: _Command) -> _Command:
-    """Add BAG, --map, --map-frame, --static-tf and --topic: a recording, and what it lacks."""
+    """Add BAG, --map, --map-frame, --static-tf and --topic."""
     for option in reversed(_RECORDING_OPTIONS):
         command = option(command)
     return command
@@ -160,7 +160,7 @@ def say(sentence: str) -> None:
     click.echo(sentence, err=True)
 
 
-# The exit status of `are`; 0 is all well, 2 wrong usage.
+# The exit statuses of `are`; 0 is success, 2 a usage error.
 
 
 FAILED: Final = 1

@@ -1,8 +1,7 @@
-"""`are`: the group of its commands, and what becomes of errors.
+"""`are`: the group of its commands, and the handling of errors.
 
-Exit status: 0 all well; 1 an error, said in a sentence; 2 wrong usage; 3 finished, but some input
-was refused or left out, a part of the results could not be made, or a check failed; 130
-interrupted.
+Exit status: 0 success; 1 an error, printed as one sentence; 2 a usage error; 3 finished, but some
+input was refused or left out, a result could not be written, or a check failed; 130 interrupted.
 """
 
 import sys

@@ -1,15 +1,16 @@
-"""The command of `are` that lets artefacts live for hours, and judges how they move."""
+"""`are soak`: a long simulation whose motion is judged."""
 
 import sys
-import time
-from collections.abc import Callable
-from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, NoReturn
 
 import click
 
 from are_ros.cli.options import FILE, IMPERFECT, Amount, parameter_options, say
+
+_LAYOUT: Final = "soak {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} min [{elapsed}<{remaining}]"
+_LOGGED_EVERY_S: Final = 60.0
+"""Where stderr is no terminal (a file, CI), the bar is written this seldom."""
 
 
 @click.command(short_help="Let artefacts live for hours, and judge how they move.")
@@ -32,6 +33,8 @@ def soak(**options: Any) -> None:
     deadlocks. It prints the verdict; the output folder gets soak.json and soak.png, a picture of
     all ways. The exit status is 3 if anything was found that must not be.
     """
+    from tqdm import tqdm
+
     from are_ros.builder.assembly import catalogue_of
     from are_ros.lab.soak import soak as run
     from are_ros.lab.soak_picture import write_soak
@@ -43,13 +46,15 @@ def soak(**options: Any) -> None:
     )
     grid = read_map_file(options["map_file"], parameters.frames.map)
     minutes = options["minutes"]
-    with closing(SoakProgress(minutes, say)) as progress:
+    interval_s = 0.1 if sys.stderr.isatty() else _LOGGED_EVERY_S
+    bar: tqdm[NoReturn] = tqdm(total=minutes, bar_format=_LAYOUT, mininterval=interval_s, delay=1.0)
+
+    def move(done_min: float) -> None:
+        bar.update(min(done_min, minutes) - bar.n)
+
+    with bar:
         result = run(
-            grid,
-            parameters,
-            catalogue_of(parameters),
-            artefact_minutes=minutes,
-            progress=progress.move,
+            grid, parameters, catalogue_of(parameters), artefact_minutes=minutes, progress=move
         )
     write_soak(result, grid, options["out"])
     for line in result.table():
@@ -60,57 +65,3 @@ def soak(**options: Any) -> None:
 
 
 COMMANDS = (soak,)
-
-
-# How far a soak has come: a bar on a terminal, a line a minute in a log.
-
-
-_LAYOUT = "soak {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} min [{elapsed}<{remaining}]"
-_EVERY_S = 60.0
-
-
-class SoakProgress:
-    """Shows on stderr how many artefact-minutes are done; close it at the end.
-
-    On a terminal as a bar. Elsewhere (a file, CI) in a line after each minute of the wall clock,
-    with an estimate of what is left; a soak that is shorter says nothing.
-    """
-
-    def __init__(
-        self,
-        total_min: float,
-        say: Callable[[str], None],
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self._total_min = total_min
-        self._say, self._clock = say, clock
-        self._began_s = self._said_s = clock()
-        self._bar: Any = None
-        if sys.stderr.isatty():
-            from tqdm import tqdm
-
-            self._bar = tqdm(total=total_min, bar_format=_LAYOUT)
-
-    def close(self) -> None:
-        """End the bar, so that later output begins on a new line."""
-        if self._bar is not None:
-            self._bar.close()
-
-    def move(self, done_min: float) -> None:
-        """Take the artefact-minutes that are done."""
-        done_min = min(done_min, self._total_min)
-        if self._bar is not None:
-            self._bar.update(done_min - self._bar.n)
-            return
-        now_s = self._clock()
-        if now_s - self._said_s >= _EVERY_S and done_min < self._total_min:
-            self._said_s = now_s
-            self._say(self._sentence(done_min, now_s - self._began_s))
-
-    def _sentence(self, done_min: float, passed_s: float) -> str:
-        done = f"soak: {done_min:.0f} of {self._total_min:.0f} artefact-minutes"
-        if done_min <= 0.0:
-            return f"{done} after {passed_s / 60.0:.0f} min: nobody lives yet"
-        left_min = passed_s / 60.0 * (self._total_min / done_min - 1.0)
-        left = "less than a minute" if left_min < 1.0 else f"about {left_min:.0f} min"
-        return f"{done} after {passed_s / 60.0:.0f} min, {left} to go"

@@ -1,10 +1,10 @@
-"""sensor_msgs/CameraInfo <-> the numbers that a view model is made of."""
+"""The numbers of a sensor_msgs/CameraInfo that a view model is made of."""
 
 from typing import Any
 
 import numpy as np
 
-from are_ros.messages.common import Header, MessageFactory, make_header, read_array
+from are_ros.messages.common import read_array
 from are_ros.world.cameras import CameraInfo
 
 
@@ -26,27 +26,6 @@ def read_camera_info(message: Any, source: str = "camera_info") -> CameraInfo:
         binning_y=int(message.binning_y),
         roi=(int(roi.x_offset), int(roi.y_offset), int(roi.width), int(roi.height)),
         source=source,
-    )
-
-
-def make_camera_info(factory: MessageFactory, header: Header, info: CameraInfo) -> Any:
-    """Return a sensor_msgs/CameraInfo of ROS 2."""
-    x, y, width, height = info.roi
-    return factory.make(
-        "sensor_msgs/msg/CameraInfo",
-        header=make_header(factory, header.frame_id, header.stamp_ns),
-        width=info.width,
-        height=info.height,
-        distortion_model=info.distortion_model,
-        d=np.array(info.d, dtype=np.float64),
-        k=np.array(info.k, dtype=np.float64),
-        r=np.array(info.r, dtype=np.float64),
-        p=np.array(info.p, dtype=np.float64),
-        binning_x=info.binning_x,
-        binning_y=info.binning_y,
-        roi=factory.make(
-            "sensor_msgs/msg/RegionOfInterest", x_offset=x, y_offset=y, width=width, height=height
-        ),
     )
 
 

@@ -25,10 +25,10 @@ def encapsulated(body: bytes | bytearray) -> bytes:
 
 
 class CdrWriter:
-    """Appends values to the body of a message, or to a part of one, padding with zeros.
+    """Appends values to the body of a message, or to a part of it, padding with zeros.
 
-    Numbers are aligned to their size, counted from where the body begins. A part begins `phase`
-    bytes (0 to 7) behind a multiple of eight of them.
+    Numbers are aligned to their size from the beginning of the body. A part begins `phase` bytes
+    (0 to 7) after a multiple of eight bytes.
     """
 
     def __init__(self, phase: int = 0) -> None:
@@ -74,9 +74,9 @@ class CdrWriter:
         self.text(frame_id)
 
     def part(self) -> bytes:
-        """Return what was appended."""
+        """Return the bytes of the part."""
         return bytes(self._body[self._phase :])
 
     def message(self) -> bytes:
-        """Return what was appended as a message, or as its beginning."""
+        """Return the message, or its beginning, with the encapsulation header."""
         return encapsulated(self._body)

@@ -112,15 +112,6 @@ def make_quaternion(factory: MessageFactory, xyzw: Values) -> Any:
     )
 
 
-def make_twist(factory: MessageFactory, linear_m_s: Values, angular_rad_s: Values) -> Any:
-    """Return a geometry_msgs/Twist."""
-    return factory.make(
-        "geometry_msgs/msg/Twist",
-        linear=make_vector(factory, linear_m_s),
-        angular=make_vector(factory, angular_rad_s),
-    )
-
-
 # geometry_msgs/Pose <-> rigid transforms.
 
 

@@ -1,4 +1,4 @@
-"""Inputs, message by message from their bytes, into the builder; live and from recordings alike."""
+"""Gives inputs, message by message, to the builder; for live topics and recordings alike."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ _STAMP = Struct("<iI")
 
 
 class RawMessage(Protocol):
-    """A message as it came: its topic, and its bytes in the adapter's encoding."""
+    """A received message: its topic, and its bytes in the adapter's encoding."""
 
     @property
     def topic(self) -> str:
@@ -37,7 +37,7 @@ class RawMessage(Protocol):
 
 
 class Decoding(Protocol):
-    """What an adapter makes of bytes; InputError, naming the topic, where they are malformed."""
+    """The decoder of an adapter; InputError, naming the topic, for malformed bytes."""
 
     def deserialize(self, message: Any) -> Any:
         """Return the message object."""
@@ -54,7 +54,7 @@ Handler = Callable[[RawMessage, int], None]
 
 @dataclass
 class Refusals:
-    """How many messages of each topic were refused, and what was said of the first."""
+    """The number of refused messages of each topic, and the first reason."""
 
     counts: dict[str, int] = field(default_factory=dict)
     sentences: dict[str, str] = field(default_factory=dict)
@@ -68,14 +68,14 @@ class Refusals:
 
 
 class Feed:
-    """Reads what each topic's messages say into the builder, as received at a given time.
+    """Decodes messages by the role of their topic, and gives them to the builder.
 
     A malformed message is counted and changes nothing; the next good one is taken. Maps, clouds
-    and cameras that say the same as the last, but for their stamp, are not decoded again.
+    and cameras that equal the last one, except for the stamp, are not decoded again.
     """
 
     def __init__(self, decoding: Decoding, builder: ArBuilder, roles: Mapping[str, str]) -> None:
-        """Take what decodes, the builder, and the role of each topic that is to be read."""
+        """Take the decoder, the builder, and the role of each topic that is read."""
         self.refusals = Refusals()
         self._decoding = decoding
         self._builder = builder
@@ -129,7 +129,7 @@ class Feed:
         )
 
     def _sensor(self, kind: SensorKind) -> Handler:
-        """Return what takes the messages of a kind of sensor."""
+        """Return the handler of a kind of sensor."""
 
         def take(message: RawMessage, received_ns: int) -> None:
             reading = kind.read(self._decoding.deserialize(message), message.topic)
@@ -151,7 +151,7 @@ class Feed:
         self._builder.receive_camera(self._decoded(message, decode), received_ns)
 
     def _decoded(self, message: RawMessage, decode: Callable[[Any], Any]) -> Any:
-        """Return what a message says; what it says again, but for its stamp, is not decoded."""
+        """Return the decoded content; a repeated content is not decoded again."""
         content = message.data[_STAMP_END:]
         known = self._last.get(message.topic)
         if known is None or known[0] != content:
@@ -178,6 +178,6 @@ class Feed:
 
 
 def _about(topic: str, role: str, cause: AreError) -> str:
-    """Return the cause with its topic in front, whether it named topic, role or neither."""
+    """Return the cause with its topic in front."""
     text = str(cause).removeprefix(f"{topic}: ").removeprefix(f"{role}: ")
     return f"{topic}: {text}"

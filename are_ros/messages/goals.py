@@ -1,4 +1,4 @@
-"""The navigation stack's own messages that ARE listens to: a path and a clicked point."""
+"""Messages of the navigation stack and of rviz: paths, clicked points, stamped poses."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,10 +8,6 @@ import numpy.typing as npt
 
 from are_ros.errors import InputError
 from are_ros.messages.common import (
-    MessageFactory,
-    make_header,
-    make_point,
-    make_pose,
     read_header,
     read_pose,
     read_vector,
@@ -49,30 +45,6 @@ def read_stamped_pose(message: Any, source: str) -> tuple[str, int, RigidTransfo
     """Return frame, stamp [ns] and `frame_from_pose` of a geometry_msgs/PoseStamped."""
     frame_id, stamp_ns = read_header(message, source)
     return frame_id, stamp_ns, read_pose(message.pose, "pose", source)
-
-
-def make_path(factory: MessageFactory, path: StampedPoints) -> Any:
-    """Return a nav_msgs/Path through the points, its poses unturned."""
-    header = make_header(factory, path.frame_id, path.stamp_ns)
-    unturned = np.array((0.0, 0.0, 0.0, 1.0))
-    poses = [
-        factory.make(
-            "geometry_msgs/msg/PoseStamped",
-            header=header,
-            pose=make_pose(factory, RigidTransform(point.copy(), unturned)),
-        )
-        for point in path.points_m
-    ]
-    return factory.make("nav_msgs/msg/Path", header=header, poses=poses)
-
-
-def make_clicked_point(factory: MessageFactory, point: StampedPoints) -> Any:
-    """Return the geometry_msgs/PointStamped of the first point."""
-    return factory.make(
-        "geometry_msgs/msg/PointStamped",
-        header=make_header(factory, point.frame_id, point.stamp_ns),
-        point=make_point(factory, point.points_m[0]),
-    )
 
 
 def _checked(

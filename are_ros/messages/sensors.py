@@ -17,7 +17,7 @@ from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.builder.sensors.range_reading import RangeReading
 from are_ros.builder.sensors.sensor_path import Reading
 from are_ros.messages.cdr import CdrWriter
-from are_ros.messages.common import MessageFactory, make_header, read_array, read_time
+from are_ros.messages.common import read_array, read_time
 from are_ros.parameters.model import SensorsParameters
 
 
@@ -39,23 +39,6 @@ def read_scan(message: Any, source: str = "scan") -> LaserScan:
         ranges=read_array(message.ranges, np.float32),
         intensities=read_array(message.intensities, np.float32),
     ).checked(source)
-
-
-def make_scan(factory: MessageFactory, scan: LaserScan) -> Any:
-    """Return the sensor_msgs/LaserScan of a scan; its arrays are views."""
-    return factory.make(
-        "sensor_msgs/msg/LaserScan",
-        header=make_header(factory, scan.frame_id, scan.stamp_ns),
-        angle_min=scan.angle_min_rad,
-        angle_max=scan.angle_max_rad,
-        angle_increment=scan.angle_increment_rad,
-        time_increment=scan.time_increment_s,
-        scan_time=scan.scan_time_s,
-        range_min=scan.range_min_m,
-        range_max=scan.range_max_m,
-        ranges=scan.ranges,
-        intensities=scan.intensities,
-    )
 
 
 _NUMBERS: Final = Struct("<7f")
@@ -137,7 +120,7 @@ class SensorKind:
         return topics
 
     def is_by_role(self, parameters: SensorsParameters) -> bool:
-        """Tell whether the topic is the role's own: a replay then finds it by name and type."""
+        """Return whether the topic is the role's own: a replay then finds it by name and type."""
         return self.topics(parameters) == (self.role,)
 
 

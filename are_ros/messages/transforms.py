@@ -77,7 +77,7 @@ _CDR_LITTLE_ENDIAN = b"\x00\x01"
 
 
 def is_plain_cdr(data: bytes) -> bool:
-    """Tell whether these bytes begin as little-endian XCDR1, which is what ROS 2 writes."""
+    """Return whether these bytes are little-endian XCDR1, which ROS 2 writes."""
     return data[:2] == _CDR_LITTLE_ENDIAN
 
 

@@ -16,38 +16,39 @@ from are_ros.builder.warm_up import warm_up
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, NodeError
 from are_ros.node.diagnostics import Reporter
-from are_ros.node.guard import offer_heartbeat
+from are_ros.node.heartbeat import offer_heartbeat
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.parameters import ParameterBridge
-from are_ros.node.publishers import Publishers
 from are_ros.node.qos import advertise
 from are_ros.node.services import Services
-from are_ros.node.subscriptions import Subscriptions, WireDecoding, WireMessage
-from are_ros.node.watches import BusyWatch, CameraWatch, HangWatch
+from are_ros.node.topics import Publishers, Subscriptions, WireDecoding, WireMessage
+from are_ros.node.watches import CallbackTimer, CameraWatch, Watchdog
 from are_ros.parameters.choices import OnRobotContact
-from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
+from are_ros.parameters.validation import with_contact_policy
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.mixture import mixture_of
 
 NAME: Final = "ar_builder"
+_ON_CONTACT: Final = OnRobotContact.HOLD
+"""What `auto` means for a live robot, which can react."""
 _REPORT_S: Final = 1.0
 _MOST_SENTENCES: Final = 1000
 _KERNELS_A_LINE: Final = 25
 _LEAPS: Final = JumpThreshold(
     min_forward=Duration(seconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
 )
-"""After such a jump of the clock the timers are wrong: the node checks what is due."""
+"""After such a jump of the clock the timers are wrong: the node runs the due work at once."""
 _DONE, _FAILED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
 class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly typed
-    """Callbacks store what comes in; when something is due, `LiveBuilder.work` does it.
+    """Callbacks store the messages; `LiveBuilder.work` takes them and runs the due ticks.
 
     From configure to cleanup the real map and the scans are relayed; while the node is active, and
     not paused, artefacts are among them. Raises ParameterError where the parameters given are bad,
-    NodeError where are_msgs is not installed. A configuration that takes long is given up once the
-    node is not `is_wanted()` any more.
+    NodeError where are_msgs is not installed. `is_wanted()` is asked while the kernels compile; a
+    configuration ends early when it returns False.
     """
 
     def __init__(self, node_name: str = NAME, **options: Any) -> None:
@@ -73,8 +74,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         diagnostics = advertise(self, "diagnostic_msgs/msg/DiagnosticArray", "/diagnostics")
         self._reporter = Reporter(self, diagnostics)
         self._camera_watch, self._stand_in = CameraWatch(), ""
-        self._busy = BusyWatch()
-        self._hangs: HangWatch | None = None
+        self._busy = CallbackTimer()
+        self._hangs: Watchdog | None = None
         self._wakes_ns: int | None = None
         self._timer = self.create_timer(_REPORT_S, self._wake)
         self._timer.cancel()
@@ -95,7 +96,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         del state
         try:
             with self._turn("transitions"):
-                self._configure(for_a_live_robot(self.bridge.values))
+                self._configure(with_contact_policy(self.bridge.values, _ON_CONTACT))
         except AreError as cause:
             self.get_logger().error(str(cause))
             self._close()
@@ -142,7 +143,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         return _DONE
 
     def starts_itself(self) -> bool:
-        """Configure and activate, if `autostart` says so; tell whether that was possible."""
+        """Configure and activate if `autostart` is true; return False if that failed."""
         if not self.bridge.node_values.autostart:
             return True
         return bool(self.trigger_configure() == _DONE and self.trigger_activate() == _DONE)
@@ -157,7 +158,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self._timer.cancel()
 
     def flush(self, timeout_s: float) -> None:
-        """Wait until subscribers have what was published, but no longer than this."""
+        """Wait until reliable subscribers have acknowledged all messages, at most this long."""
         late = self._outputs.flush(timeout_s) if self._outputs is not None else []
         if late:
             self.get_logger().warning(
@@ -186,7 +187,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self._refused,
         )
         self.live.busy = self._busy
-        self._hangs = HangWatch(self._busy, self._cry)
+        self._hangs = Watchdog(self._busy, self._cry)
         subscriptions.follow_publishers()
         self.get_logger().info("configured: the real map is relayed")
 
@@ -227,7 +228,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
                     self.live.faults.hung = sentence
 
     def _cry(self, sentence: str) -> None:
-        """Log from another thread: by a logger that is no node's, so that /rosout has no part."""
+        """Log from the watchdog's thread, by a logger without a node: nothing goes to /rosout."""
         get_logger(f"watch.{self.get_name()}").error(sentence)
 
     def _store(self, message: WireMessage) -> None:
@@ -236,20 +237,20 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
                 self._work()
 
     def _wake(self) -> None:
-        """Do what is due by the timer."""
+        """Run the due work when the timer fires."""
         if self._wakes_ns is not None:
             self._busy.woke(monotonic_ns(), self._wakes_ns)
         with self._turn("ticks"):
             self._work()
 
     def _work(self) -> None:
-        """Do what is due, and set the timer for the next due time."""
+        """Run the due work, log the faults, and set the timer for the next due time."""
         live, publishers = self.live, self._outputs
         if live is None or publishers is None:
             self._timer.cancel()
             return
         if publishers.has_new_viewer():
-            live.new_viewer()
+            live.builder.show_everything()
         live.work(self.now_ns())
         for sentence in live.faults.sentences(monotonic_ns()):
             self.get_logger().error(sentence)
@@ -265,13 +266,13 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self._wakes_ns = monotonic_ns() + period_ns
 
     def _leapt(self) -> None:
-        """Do what is due after a leap of the clock, once."""
+        """Run the due work once after a jump of the clock."""
         self._alarm.cancel()
         with self._turn("ticks"):
             self._work()
 
     def _report(self) -> None:
-        """Once a second: follow the publishers, do what is due, publish diagnostics."""
+        """Once a second: follow the publishers, run the due work, publish diagnostics."""
         with self._turn("diagnostics"):
             self._look_and_report()
 
@@ -319,7 +320,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
     def _reconfigure(self, values: Parameters) -> None:
         if self.live is not None:
             with self._turn("parameters"):
-                self.live.reconfigure(for_a_live_robot(values), self.now_ns())
+                values = with_contact_policy(values, _ON_CONTACT)
+                self.live.reconfigure(values, self.now_ns())
                 self._work()
 
     def _refused(self, topic: str, sentence: str) -> None:
@@ -332,10 +334,3 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         if sentence not in self._said and len(self._said) < _MOST_SENTENCES:
             self._said.add(sentence)
             self.get_logger().warning(sentence)
-
-
-def for_a_live_robot(parameters: Parameters) -> Parameters:
-    """Return the parameters with what `auto` means beside a robot that can react."""
-    if parameters.collisions.on_robot_contact is not OnRobotContact.AUTO:
-        return parameters
-    return with_values(parameters, {"collisions.on_robot_contact": OnRobotContact.HOLD})

@@ -1,4 +1,4 @@
-"""/diagnostics: a snapshot of the node, the status of each part, and who gathers them.
+"""/diagnostics: the snapshot of the node, the status of each part, and the reporter.
 
 See docs/diagnostics.md for the page of the user.
 """
@@ -14,6 +14,7 @@ from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.common import MessageFactory, make_header
+from are_ros.messages.sensors import SENSORS
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import RclpyFactory
 from are_ros.node.watches import (
@@ -23,12 +24,12 @@ from are_ros.node.watches import (
     InputSnapshot,
     TickFigures,
 )
-from are_ros.wording import counted
+from are_ros.wording import counted, several
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from are_ros.node.subscriptions import Subscriptions
+    from are_ros.node.topics import Subscriptions
 
 # A line of the diagnostics.
 
@@ -72,10 +73,14 @@ class NodeState(Enum):
 
 
 @dataclass(frozen=True)
-class ScanSnapshot:
-    """The augmented scans of a topic: totals, and those recently passed through unchanged."""
+class SensorSnapshot:
+    """The augmented readings of a topic: totals, and those recently passed through unchanged.
+
+    `role` is the kind of the sensor, "scan" or "range".
+    """
 
     topic: str
+    role: str = "scan"
     exact: int = 0
     held: int = 0
     passed_through: int = 0
@@ -83,7 +88,7 @@ class ScanSnapshot:
     """In the last 10 s."""
     last_problem: str = ""
     late_s: float = 0.0
-    """The largest delay of a transform behind its scan, of those recently too late."""
+    """The largest delay of a transform behind its reading, of those recently too late."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +143,7 @@ class NodeSnapshot:
     """The longest time without an answer in the last minute, by kind of work."""
     population: PopulationSnapshot = field(default_factory=PopulationSnapshot)
     contacts: ContactSnapshot = field(default_factory=ContactSnapshot)
-    scans: tuple[ScanSnapshot, ...] = ()
+    sensors: tuple[SensorSnapshot, ...] = ()
     faults: FaultSnapshot = field(default_factory=FaultSnapshot)
 
 
@@ -152,37 +157,35 @@ _STALE_S: Final = 1.0
 def input_status(entry: InputSnapshot, active_s: float) -> Status:
     """Return the status of an input of a node that has been active for `active_s`."""
     level, message = _verdict(entry, active_s)
-    figures = entry.figures
     values = {
         "topic": entry.topic,
         "publishers": str(entry.publishers),
-        "messages": str(figures.count),
-        "refused": str(figures.refused),
-        "rate": figure(figures.rate_hz, "Hz"),
-        "age": figure(figures.age_s, "s"),
-        "last refusal": figures.last_refusal or "-",
+        "messages": str(entry.count),
+        "refused": str(entry.refused),
+        "rate": figure(entry.rate_hz, "Hz"),
+        "age": figure(entry.age_s, "s"),
+        "last refusal": entry.last_refusal or "-",
     }
     return Status(level, f"inputs/{entry.role}", message, values)
 
 
 def _verdict(entry: InputSnapshot, active_s: float) -> tuple[Level, str]:
-    figures = entry.figures
-    if figures.age_s is None:
+    if entry.age_s is None:
         return _nothing_yet(entry, active_s)
     if _is_stale(entry):
-        rate = figure(figures.rate_hz, "Hz")
-        age = figure(figures.age_s, "s")
+        rate = figure(entry.rate_hz, "Hz")
+        age = figure(entry.age_s, "s")
         return Level.STALE, f"it has stopped: it came at {rate}, and the last one is {age} old"
-    if entry.is_required and figures.refused == figures.count:
-        refused = counted(figures.count, "message")
-        return Level.ERROR, f"{refused}, none of use; the last: {figures.last_refusal}"
-    if figures.refused_lately:
-        refused = counted(figures.refused_lately, "message")
-        return Level.WARN, f"{refused} refused in the last 10 s; the last: {figures.last_refusal}"
-    if entry.is_latched or figures.rate_hz is None:
-        received = counted(figures.count, "message")
-        return Level.OK, f"{received}, the last {figure(figures.age_s, 's')} ago"
-    return Level.OK, figure(figures.rate_hz, "Hz")
+    if entry.is_required and entry.refused == entry.count:
+        refused = counted(entry.count, "message")
+        return Level.ERROR, f"{refused}, none of use; the last: {entry.last_refusal}"
+    if entry.refused_lately:
+        refused = counted(entry.refused_lately, "message")
+        return Level.WARN, f"{refused} refused in the last 10 s; the last: {entry.last_refusal}"
+    if entry.is_latched or entry.rate_hz is None:
+        received = counted(entry.count, "message")
+        return Level.OK, f"{received}, the last {figure(entry.age_s, 's')} ago"
+    return Level.OK, figure(entry.rate_hz, "Hz")
 
 
 def _nothing_yet(entry: InputSnapshot, active_s: float) -> tuple[Level, str]:
@@ -197,7 +200,7 @@ def _nothing_yet(entry: InputSnapshot, active_s: float) -> tuple[Level, str]:
 
 
 def _is_stale(entry: InputSnapshot) -> bool:
-    age_s, period_s = entry.figures.age_s, entry.figures.period_s
+    age_s, period_s = entry.age_s, entry.period_s
     if entry.is_latched or age_s is None or period_s is None:
         return False
     return age_s > _STALE_S and age_s > _STALE_PERIODS * period_s
@@ -207,7 +210,7 @@ _CONTACT_S: Final = 5.0
 _TICK_STOP_S: Final = 1.0
 _TICK_STOP_PERIODS: Final = 5.0
 _RARE: Final = frozenset({"preparing", "transitions"})
-"""What may take longer than a tick's period, and is no reason to warn."""
+"""These kinds of work may take longer than a tick's period without a warning."""
 _OTHER_TIMES_S: Final = 30 * 86_400.0
 """Clocks of machines that are set wrongly are less apart; simulated time is by decades."""
 _YEAR_S: Final = 365.25 * 86_400.0
@@ -239,7 +242,7 @@ def statuses(snapshot: NodeSnapshot) -> list[Status]:
         _behaviours(snapshot),
         _contacts(snapshot),
     ]
-    return found + [_scan(scan) for scan in snapshot.scans]
+    return found + [_sensor(sensor) for sensor in snapshot.sensors]
 
 
 def make_diagnostics(
@@ -411,29 +414,30 @@ def _contacts(snapshot: NodeSnapshot) -> Status:
     return Status(Level.OK, "robot contact", counted(contacts.count, "contact"), values)
 
 
-def _scan(scan: ScanSnapshot) -> Status:
-    name = f"scans/{scan.topic.lstrip('/')}"
+def _sensor(sensor: SensorSnapshot) -> Status:
+    name = f"{SENSORS[sensor.role].parameter}/{sensor.topic.lstrip('/')}"
     values = {
-        "exact": str(scan.exact),
-        "held": str(scan.held),
-        "passed through": str(scan.passed_through),
-        "last problem": scan.last_problem or "-",
-        "late transforms": figure(scan.late_s or None, "s", 3),
+        "exact": str(sensor.exact),
+        "held": str(sensor.held),
+        "passed through": str(sensor.passed_through),
+        "last problem": sensor.last_problem or "-",
+        "late transforms": figure(sensor.late_s or None, "s", 3),
     }
-    if scan.passed_through_lately:
-        passed = counted(scan.passed_through_lately, "scan")
-        message = f"{passed} without artefacts in the last 10 s: {scan.last_problem}"
-        if scan.late_s:
-            needed_s = math.ceil(100.0 * scan.late_s + 1.0) / 100.0
+    if sensor.passed_through_lately:
+        passed = counted(sensor.passed_through_lately, sensor.role)
+        message = f"{passed} without artefacts in the last 10 s: {sensor.last_problem}"
+        if sensor.late_s:
+            needed_s = math.ceil(100.0 * sensor.late_s + 1.0) / 100.0
             message += (
-                f"; transforms come up to {scan.late_s:.3f} s after the scans: "
+                f"; transforms come up to {sensor.late_s:.3f} s after the {several(sensor.role)}: "
                 f"set sensors.tf_wait to {needed_s:.2f}"
             )
         return Status(Level.WARN, name, message, values)
-    return Status(Level.OK, name, f"{counted(scan.exact + scan.held, 'scan')} augmented", values)
+    augmented = counted(sensor.exact + sensor.held, sensor.role)
+    return Status(Level.OK, name, f"{augmented} augmented", values)
 
 
-# Gathering it, once a second.
+# The snapshot is taken and published once a second.
 
 
 _MINUTE_NS: Final = 60 * NS_PER_S
@@ -460,7 +464,7 @@ class Reporter:
         """A warning about the clock for the log, empty if there is none."""
 
     def happened(self, events: tuple[ArtefactEvent, ...], now_ns: int) -> None:
-        """Take what happened since the last tick."""
+        """Take the events since the last tick; the last contact of the robot is kept."""
         for event in events:
             if event.kind is EventKind.ROBOT_CONTACT:
                 last = f"{event.label} {event.artefact_id}, {event.value:.2f} m deep"
@@ -475,36 +479,24 @@ class Reporter:
         *,
         is_paused: bool,
     ) -> None:
-        """Publish how the node does."""
-        snapshot = self._snapshot(live, subscriptions, busy_ms, now_ns, is_paused=is_paused)
-        self.clock_doubt = clock_doubt(snapshot)
+        """Publish the diagnostics of this moment."""
         stamp_ns = int(self._node.get_clock().now().nanoseconds)
+        uses_sim_time = bool(self._node.get_parameter("use_sim_time").value)
+        since_ns = self.active_since_ns
+        snapshot = NodeSnapshot(
+            state=self._state(live),
+            is_paused=is_paused,
+            active_s=0.0 if since_ns is None else (now_ns - since_ns) / NS_PER_S,
+            busy_ms=busy_ms,
+            uses_sim_time=uses_sim_time,
+            is_without_clock=uses_sim_time and not stamp_ns,
+            inputs=tuple(subscriptions.snapshots(now_ns)) if subscriptions else (),
+            **(self._of_builder(live, now_ns) if live else {}),
+        )
+        self.clock_doubt = clock_doubt(snapshot)
         name = self._node.get_fully_qualified_name().lstrip("/")
         message = make_diagnostics(self._factory, stamp_ns, statuses(snapshot), name)
         self._publisher.publish(message)
-
-    def _snapshot(
-        self,
-        live: LiveBuilder | None,
-        subscriptions: "Subscriptions | None",
-        busy_ms: Mapping[str, float],
-        now_ns: int,
-        *,
-        is_paused: bool,
-    ) -> NodeSnapshot:
-        uses_sim_time = bool(self._node.get_parameter("use_sim_time").value)
-        is_without_clock = uses_sim_time and not self._node.get_clock().now().nanoseconds
-        since_ns = self.active_since_ns
-        common: dict[str, Any] = {
-            "state": self._state(live),
-            "is_paused": is_paused,
-            "active_s": 0.0 if since_ns is None else (now_ns - since_ns) / NS_PER_S,
-            "busy_ms": busy_ms,
-            "uses_sim_time": uses_sim_time,
-            "is_without_clock": is_without_clock,
-            "inputs": tuple(subscriptions.snapshots(now_ns)) if subscriptions else (),
-        }
-        return NodeSnapshot(**common, **(self._of_builder(live, now_ns) if live else {}))
 
     def _state(self, live: LiveBuilder | None) -> NodeState:
         if self.is_shut_down:
@@ -513,7 +505,8 @@ class Reporter:
             return NodeState.UNCONFIGURED
         return NodeState.INACTIVE if self.active_since_ns is None else NodeState.ACTIVE
 
-    def _of_builder(self, live: LiveBuilder, now_ns: int) -> Mapping[str, Any]:
+    def _of_builder(self, live: LiveBuilder, now_ns: int) -> dict[str, Any]:
+        """Return the fields of the snapshot that a configured node has."""
         builder = live.builder
         frame = builder.world.missing_frame()
         return {
@@ -525,7 +518,7 @@ class Reporter:
             "population": self._population(builder, now_ns),
             "contacts": self._contacts(builder, now_ns),
             "faults": live.faults.snapshot(),
-            "scans": tuple(self._scans(builder, now_ns)),
+            "sensors": tuple(self._sensors(live, now_ns)),
         }
 
     def _stamps_ahead_s(self, builder: ArBuilder) -> float | None:
@@ -557,13 +550,15 @@ class Reporter:
         last, then_ns = self._last_contact
         return ContactSnapshot(count, last, (now_ns - then_ns) / NS_PER_S)
 
-    def _scans(self, builder: ArBuilder, now_ns: int) -> Iterator[ScanSnapshot]:
+    def _sensors(self, live: LiveBuilder, now_ns: int) -> Iterator[SensorSnapshot]:
+        builder = live.builder
         problems, late_ns = builder.sensor_problems(), builder.sensor_lateness_ns()
         for topic, counts in builder.sensor_counts().items():
             watch = self._passed.setdefault(topic, CountWatch(_LATELY_NS))
             watch.update(now_ns, counts.passed_through)
-            yield ScanSnapshot(
+            yield SensorSnapshot(
                 topic=topic,
+                role=live.sensors[topic].role,
                 exact=counts.exact,
                 held=counts.held,
                 passed_through=counts.passed_through,

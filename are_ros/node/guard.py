@@ -2,10 +2,6 @@
 
 A node that ends in order leaves the real map behind. One that is killed cannot: its last map, with
 artefacts in it, would stay in Nav2's costmaps for as long as Nav2 runs.
-
-The node's heartbeat is a topic on which nothing is ever sent: DDS itself tells whether the process
-of its publisher still runs (QoS liveliness, AUTOMATIC). Neither a busy or paused node nor simulated
-time that stands still stops this heartbeat, and a publisher that was withdrawn is not a dead one.
 """
 
 from collections.abc import Sequence
@@ -13,37 +9,27 @@ from typing import Any, Final
 
 import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks, UnsupportedEventTypeError
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 
 from are_ros.errors import AreError, NodeError
+from are_ros.node.heartbeat import HEARTBEAT, HEARTBEAT_TYPE, heartbeat_qos
 from are_ros.node.message_classes import message_class
 from are_ros.node.startup import fatal, ros_context, stop_on_signals
 
 NAME: Final = "ar_guard"
 _GUARDED: Final = "ar_builder"
-_HEARTBEAT: Final = "_alive"
-_HEARTBEAT_TYPE: Final = "std_msgs/msg/Empty"
 _MAP_TYPE: Final = "nav_msgs/msg/OccupancyGrid"
 _MAPS: Final = ("augmented_map", "artefact_map")
 _LATCHED: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_OFFERED_S: Final = 0.3
-"""DDS says that a process runs after two thirds of this."""
 _LEASE_S: Final = 0.5
 """Silence of this length is noticed, and must last `_GRACE_S` longer: when a whole machine stalls,
 the guard may wake up before it hears the node again."""
 _GRACE_S: Final = 0.3
 _WAIT_S: Final = 0.1
-
-
-def offer_heartbeat(node: Node) -> Any:
-    """Publish the heartbeat of this process; the caller keeps the publisher."""
-    kind, profile = message_class(_HEARTBEAT_TYPE), _heartbeat_qos(_OFFERED_S)
-    return node.create_publisher(kind, f"~/{_HEARTBEAT}", profile)
 
 
 class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
@@ -66,10 +52,10 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
         self._confirmation.cancel()
         try:
             self.create_subscription(
-                message_class(_HEARTBEAT_TYPE),
-                f"{_GUARDED}/{_HEARTBEAT}",
+                message_class(HEARTBEAT_TYPE),
+                f"{_GUARDED}/{HEARTBEAT}",
                 lambda _: None,
-                _heartbeat_qos(_LEASE_S),
+                heartbeat_qos(_LEASE_S),
                 event_callbacks=SubscriptionEventCallbacks(liveliness=self._take_heartbeat),
             )
         except UnsupportedEventTypeError as cause:
@@ -88,7 +74,7 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
         }
 
     def _take_heartbeat(self, event: Any) -> None:
-        """Wait whether a publisher that fell silent is dead; one that was withdrawn is not."""
+        """Start the wait when a publisher falls silent; a withdrawn publisher is not dead."""
         if event.alive_count > 0:
             self._confirmation.cancel()
             self._step_back()
@@ -103,7 +89,7 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
             self._publish(message)
 
     def _stand_in(self) -> None:
-        """Publish what is real, for the node is dead."""
+        """Publish the real map in place of the dead node."""
         self._confirmation.cancel()
         self._is_standing_in = True
         self.get_logger().error(f"{self._guarded} was killed")
@@ -118,7 +104,7 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
         self.get_logger().info("the real map is published, and an empty artefact map")
 
     def _step_back(self) -> None:
-        """Withdraw what was published, for the node is there again."""
+        """Withdraw the guard's publishers when the node is back."""
         if not self._is_standing_in:
             return
         self._is_standing_in = False
@@ -141,11 +127,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except AreError as cause:
             return fatal(NAME, cause)
     return 0
-
-
-def _heartbeat_qos(lease_s: float) -> QoSProfile:
-    return QoSProfile(
-        depth=1,
-        liveliness=LivelinessPolicy.AUTOMATIC,
-        liveliness_lease_duration=Duration(seconds=lease_s),
-    )

@@ -1,4 +1,4 @@
-"""The builder by the node's clock: inputs are stored as they come, and worked through in order."""
+"""The builder driven by the node's clock: inputs are stored on arrival, then taken in order."""
 
 from collections import deque
 from collections.abc import Callable, Container, Iterable, Mapping
@@ -18,7 +18,7 @@ from are_ros.messages.goals import read_clicked_point
 from are_ros.messages.maps import encode_grid, read_grid
 from are_ros.messages.sensors import SENSORS, sensor_outputs, sensor_topics
 from are_ros.messages.tick_encoding import TickEncoder
-from are_ros.node.watches import BusyWatch, FaultWatch, TickWatch
+from are_ros.node.watches import CallbackTimer, FaultWatch, TickWatch
 from are_ros.parameters.choices import CostmapGate, SensorGate
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
@@ -33,7 +33,7 @@ _COSTLY: Final = ("map", "octomap_point_cloud_centers")
 """These take long to process: they are processed on arrival, not before the next tick."""
 _MOST_KEPT: Final = 1000
 _MOVING: Final = ("tf", "odom", "tf_static")
-"""What a scan may wait for."""
+"""The roles of the transforms that a scan may wait for."""
 _LISTENS_NS: Final = NS_PER_S // 100
 """So long the node listens after a scan's deadline before it judges it, by the wall's clock. A
 process that was stopped has to get from the network first what came meanwhile."""
@@ -45,17 +45,17 @@ _SIGHTS: Final = ("perceived", "events", "metrics", "markers")
 
 
 class Inbox(Protocol):
-    """What the node has received, and has not been called for yet; and its clock."""
+    """The messages that DDS holds and no callback has taken yet, and the node's clock."""
 
     def waiting(self, roles: Container[str]) -> Iterable[RawMessage]:
         """Yield, and take, the messages of the inputs of some roles."""
 
     def is_time_simulated(self) -> bool:
-        """Tell whether the time is that of /clock, which comes as messages come."""
+        """Return whether the node's time is that of /clock."""
 
 
 class OutputSink(Protocol):
-    """Where outputs go."""
+    """Takes the outputs: publishers, or a list in tests."""
 
     def wanted(self) -> Container[str]:
         """Return the names of the outputs that have subscribers, or are latched."""
@@ -72,8 +72,8 @@ class _Stored(NamedTuple):
 class LiveBuilder:
     """Stores inputs, and works through them: ticks run at their times with what came before.
 
-    Until `resume`, and after `pause`, nobody lives on and nothing virtual goes out: scans and maps
-    are relayed as they came. `refused(topic, sentence)` is told of each refused message.
+    Before `resume` and after `pause` the population stands still and no output is augmented: scans
+    and maps are relayed unchanged. `refused(topic, sentence)` is called for each refused message.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class LiveBuilder:
         self.builder = ArBuilder(parameters, catalogue)
         self.requests = Requests(self.builder)
         self.faults = FaultWatch()
-        self.busy = BusyWatch()
+        self.busy = CallbackTimer()
         self.watch = TickWatch(round(NS_PER_S / parameters.builder.tick_rate))
         self.is_running = False
         self._events: list[ArtefactEvent] = []
@@ -109,7 +109,7 @@ class LiveBuilder:
         self._has_prepared = False
         self._view: ViewModel | None = None
         self._shown: Environment | None = None
-        self._sensors = sensor_topics(roles)
+        self.sensors = sensor_topics(roles)
         self._sensor_outputs = sensor_outputs(roles)
         self.builder.lives.is_paused = True
         self.builder.lives.tell_faults(self.faults.take)
@@ -117,10 +117,10 @@ class LiveBuilder:
             self.builder.await_camera()
 
     def store(self, message: RawMessage, received_ns: int) -> bool:
-        """Keep an input until `work`; tell whether it should not wait for the next tick.
+        """Store an input until `work`; return whether `work` is to be called at once.
 
-        While no ticks run, maps and scans are relayed here and now. At a time of 0 the clock does
-        not know the time yet: what is not latched is dropped.
+        While no ticks run, maps and scans are relayed at once. At time 0 the clock is not known
+        yet: then only latched inputs are kept.
         """
         role, has_time = self._roles[message.topic], received_ns > 0
         if not (self.is_running and has_time):
@@ -135,7 +135,7 @@ class LiveBuilder:
         return self.is_running and (role in SENSORS or role in _COSTLY or is_awaited)
 
     def _keep(self, role: str, message: RawMessage) -> None:
-        """Keep what is latched until the time is known: the newest map and cloud, all statics."""
+        """Keep latched inputs until the time is known: the newest map and cloud, all statics."""
         replaced = [
             stored
             for stored in self._stored
@@ -149,7 +149,7 @@ class LiveBuilder:
             self._stored.popleft()
 
     def work(self, now_ns: int) -> None:
-        """Take what was stored, run the ticks that are due, release the scans that must go."""
+        """Take the stored inputs, run the due ticks, release the scans past their deadline."""
         if now_ns <= 0:
             return
         ticks, offered = self.watch.count, self._offered
@@ -214,13 +214,9 @@ class LiveBuilder:
         self.builder.notices.clear()
         return notices
 
-    def new_viewer(self) -> None:
-        """Send all markers at the next tick."""
-        self.builder.show_everything()
-
     @property
     def _offered(self) -> int:
-        """How many have arrived so far, or have found no place."""
+        """The number of arrivals so far, those without a place included."""
         counts = self.builder.lives.population.counts
         return counts.arrived + counts.blocked
 
@@ -305,7 +301,7 @@ class LiveBuilder:
             self._relay_map(message)
 
     def _relay_map(self, message: RawMessage) -> None:
-        """Relay a map that the builder will take; if it will not, it says why when it refuses."""
+        """Relay a map that the builder accepts; the builder reports the reason for a refusal."""
         try:
             grid = read_grid(self._decoding.deserialize(message), message.topic)
         except AreError:
@@ -350,7 +346,7 @@ class LiveBuilder:
 
     def _send_readings(self) -> None:
         for released in self.builder.take_readings():
-            encode = self._sensors[released.topic].encode
+            encode = self.sensors[released.topic].encode
             self._sink.publish(self._sensor_outputs[released.topic], encode(released.reading))
 
     def _follow_clock(self, now_ns: int) -> None:

@@ -57,7 +57,7 @@ def ros_type(item: Description) -> Any:
 
 
 def descriptor(item: Description, *, is_read_only: bool = False) -> ParameterDescriptor:
-    """Return what tools show of a parameter: meaning, unit, choices, bounds, when it may change."""
+    """Return the descriptor of a parameter: meaning, unit, choices, bounds, when it may change."""
     unit = f" [{item.unit}]" if item.unit else ""
     return ParameterDescriptor(
         name=item.path,
@@ -105,13 +105,13 @@ _QOS_OVERRIDES: Final = "qos_overrides."
 
 
 class ParameterBridge:
-    """Holds `values`, what the parameters of a node say, valid at any time.
+    """Declares the parameters on a node; `values` are the current ones, valid at any time.
 
     The values that parameter files and the command line give are taken at the start; ParameterError
     if one is wrong, unknown, or contradicts another. Later calls of the parameter services are
-    accepted or refused as a whole. A refusal carries the sentence of the error. `is_fixed()` tells
-    whether parameters that take effect at configure are out of reach; `check(candidate)` raises an
-    AreError if what runs cannot take the candidate; `on_change(values)` follows each accepted call.
+    accepted or refused as a whole. A refusal carries the sentence of the error. While `is_fixed()`,
+    parameters that take effect at configure cannot change. `check(candidate)` raises an AreError if
+    the running node cannot use the candidate; `on_change(values)` follows each accepted call.
     """
 
     def __init__(
@@ -151,9 +151,9 @@ class ParameterBridge:
     def _before_set(self, given: Sequence[Parameter]) -> list[Parameter]:
         """Check a call before rclpy does, and give each value the type of its parameter.
 
-        So `mean_life: 60` stays a number with a fraction, and what is refused leaves no trace (with
-        dynamic typing, rclpy changes the type even where it then refuses the value). A refused call
-        goes on as a set of one value as it is, for `_on_set` to refuse with the reason.
+        So `mean_life: 60` stays a float, and a refused call changes nothing (with dynamic typing,
+        rclpy changes the type before it refuses the value). A refused call is replaced by setting
+        one parameter to its current value, which `_on_set` then refuses with the reason.
         """
         try:
             accepted = self._accepted(given)
@@ -181,7 +181,7 @@ class ParameterBridge:
             self._on_change(self.values)
 
     def _accepted(self, given: Sequence[Parameter]) -> Parameters:
-        """Return the values with those given; raises AreError if the call is to be refused."""
+        """Return the values with those given; AreError if the call must be refused."""
         changes = {one.name: one.value for one in given if not self._is_of_others(one.name)}
         for path, value in changes.items():
             if path in self._node_items:
@@ -206,7 +206,7 @@ class ParameterBridge:
                 raise ParameterError(message)
 
     def _is_of_others(self, name: str) -> bool:
-        """Tell whether rclpy or other code has declared a parameter."""
+        """Return whether rclpy or other code has declared a parameter."""
         is_ours = name in self._items or name in self._node_items
         return not is_ours and bool(self._node.has_parameter(name))
 

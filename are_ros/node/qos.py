@@ -1,4 +1,4 @@
-"""How topics are offered and asked for: one table of the inputs, with overrides by parameters."""
+"""QoS of publishers and subscriptions: one table of the inputs, with overrides by parameters."""
 
 from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
@@ -23,7 +23,7 @@ from are_ros.node.message_classes import message_class
 
 
 class InputTopic(NamedTuple):
-    """What an input is, and how it is asked for; best effort matches every publisher."""
+    """The type of an input and its requested QoS; best effort matches every publisher."""
 
     type_name: str
     is_reliable: bool = False
@@ -115,7 +115,7 @@ def advertise(
 
 
 def is_latched_by_all(node: Node, topic: str) -> bool | None:
-    """Tell whether each publisher of a topic latches; None while there is none.
+    """Return whether all publishers of a topic are transient local; None while there is none.
 
     A latched subscription gets nothing from a publisher that does not latch, and another one gets
     nothing that was latched before: an input that comes either way has to follow its publishers.
@@ -143,7 +143,7 @@ def _created(
     policies: Iterable[QoSPolicyKind] = _POLICIES,
     **options: Any,
 ) -> Any:
-    """Return what rclpy creates for a topic, policies of its profile open to overrides."""
+    """Return the publisher or subscription that rclpy creates, its policies open to overrides."""
     overriding = QoSOverridingOptions(policies, callback=_checked)
     try:
         return create(message_class(type_name), topic, qos_overriding_options=overriding, **options)
@@ -157,7 +157,7 @@ def _created(
 
 
 def _checked(profile: QoSProfile) -> SetParametersResult:
-    """Refuse what rclpy lets through and DDS does not."""
+    """Refuse a depth below 1, which rclpy accepts and DDS does not."""
     if profile.history == HistoryPolicy.KEEP_LAST and profile.depth < 1:
         return SetParametersResult(
             successful=False, reason=f"depth {profile.depth} keeps no message"

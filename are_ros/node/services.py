@@ -25,10 +25,11 @@ _NOT_ACTIVE: Final = "the node is not active: configure and activate it first"
 
 
 class Services:
-    """Offers the services; `live()` is what runs, None while nothing does, `now_ns()` the time.
+    """Offers the services.
 
-    `pause(is_paused)` pauses and resumes the node, and returns what is to be said. All is done
-    within a `turn("services")`.
+    `live()` returns the running builder, None while the node is inactive; `now_ns()` the time.
+    `pause(is_paused)` pauses or resumes the node and returns the answer's message. Each request is
+    carried out within `turn("services")`.
     """
 
     def __init__(

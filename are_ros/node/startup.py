@@ -1,4 +1,4 @@
-"""Processes of the node: signals, room for messages, start, spin, and an orderly end.
+"""The node's process: signals, shared memory for DDS, start, spin, and an orderly end.
 
 Nothing here imports rclpy at the top: signals are handled before anything slow is imported.
 """
@@ -21,7 +21,7 @@ _FLUSH_S: Final = 2.0
 
 
 class Stop:
-    """Set by a signal, which does nothing else: raised exceptions would crash what is compiled."""
+    """A flag that signals set. They raise nothing: an exception would crash a compiled kernel."""
 
     def __init__(self) -> None:
         self.is_set = False
@@ -32,15 +32,15 @@ class Stop:
         self.is_set = True
 
     def should_stop(self) -> bool:
-        """Tell whether a signal was received."""
+        """Return whether a signal was received."""
         return self.is_set
 
 
 @contextmanager
 def stop_on_signals(*, is_last: bool = True) -> Iterator[Stop]:
-    """Give out what SIGINT and SIGTERM set while the block runs; for the main thread.
+    """Yield a flag that SIGINT and SIGTERM set while the block runs; for the main thread.
 
-    Where the process ends after the block (`is_last`), later signals are ignored once one came.
+    With `is_last` the process ends after the block: once a signal came, later ones are ignored.
     """
     stop = Stop()
     before = {number: signal.signal(number, stop) for number in _SIGNALS}
@@ -65,10 +65,10 @@ _ROOM_BYTES: Final = 48 << 20
 
 
 def make_room() -> None:
-    """Let this process send more at once than Fast DDS has room for, and repair losses soon.
+    """Give Fast DDS a profile with larger shared-memory segments and faster repair of losses.
 
-    To be called before rclpy starts. What the user has chosen for Fast DDS stays, and so does its
-    default where shared memory is short. Other middlewares do not look.
+    Call it before rclpy starts. A profile that the user has chosen stays; where shared memory is
+    short, the default of Fast DDS stays. Other middlewares ignore it.
     """
     is_chosen = any(os.environ.get(name) for name in _CHOICES) or _PROFILE_HERE.exists()
     if is_chosen or not has_room():
@@ -77,7 +77,7 @@ def make_room() -> None:
 
 
 def has_room() -> bool:
-    """Tell whether shared memory holds what the profile asks for."""
+    """Return whether shared memory has room for the segments of the profile."""
     try:
         free = os.statvfs(_SHARED_MEMORY)
     except OSError:
@@ -87,7 +87,7 @@ def has_room() -> bool:
 
 @contextmanager
 def refusals_of_ros() -> Iterator[None]:
-    """Make a NodeError of what ROS finds wrong, without the line of its own sources."""
+    """Turn an error of rclpy into a NodeError, without the line of its sources."""
     from rclpy.exceptions import ParameterException  # after the signals: rclpy takes long to import
 
     try:
@@ -151,7 +151,7 @@ def fatal(name: str, cause: AreError) -> int:
 
 
 def _spin(node: "ArBuilderNode", stop: Stop) -> bool:
-    """Run the node until it is to stop, then publish the real outputs; tell whether it started."""
+    """Run the node until `stop`, then publish the real outputs; return whether it started."""
     node.is_wanted = lambda: not stop.is_set
     try:
         executor = _executor(node.context)

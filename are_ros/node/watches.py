@@ -1,4 +1,4 @@
-"""What the node measures of itself: ticks, turns, inputs, faults and hangs."""
+"""The node's measurements of itself: ticks, callbacks, inputs, faults and hangs."""
 
 import sys
 import threading
@@ -6,7 +6,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import monotonic_ns
-from typing import Final
+from typing import Any, Final
 
 from are_ros.agents.behaviours.asking import who_is_asked
 from are_ros.conventions import NS_PER_S
@@ -49,7 +49,7 @@ class TickWatch:
         self._durations: deque[tuple[int, int]] = deque()
 
     def ran(self, now_ns: int, duration_ns: int, late_ns: int = 0) -> None:
-        """Count a tick that has just ended, and that had begun `late_ns` after its time."""
+        """Count a tick that has just ended; it began `late_ns` after its time."""
         self.count += 1
         self.late_count += 2 * late_ns > self.period_ns
         self._ended_ns = now_ns
@@ -57,7 +57,7 @@ class TickWatch:
         self._forget_before(now_ns - WINDOW_NS)
 
     def skipped(self, ticks: int = 1) -> None:
-        """Count ticks that were left out."""
+        """Count skipped ticks."""
         self.skipped_count += ticks
 
     def figures(self, now_ns: int) -> TickFigures:
@@ -89,29 +89,29 @@ def _percentile_ms(durations_ns: list[int], percent: int) -> float | None:
     return durations_ns[max(rank, 1) - 1] / _NS_PER_MS
 
 
-# How long the node was blocked, and by which work.
+# Blocking times of the node, by kind of work.
 
 
 WINDOW_S: Final = 60
 MACHINE: Final = "machine"
-"""The node had something to do, and was not run: others had the processor, or it was stopped."""
+"""The node had due work but did not run: other processes had the processor, or it was stopped."""
 _REQUESTED: Final = frozenset({"services", "parameters", "transitions", "diagnostics"})
-"""Turns that keep their names, though ticks may be run in them first."""
+"""Turns that keep their names, although ticks may run in them first."""
 
 
 @dataclass(frozen=True)
 class Turn:
-    """Something that the node does: since when, and in which thread."""
+    """One callback of the node: when it began, and in which thread."""
 
     began_ns: int
     thread: int
 
 
-class BusyWatch:
+class CallbackTimer:
     """Times each callback of the node; the executor runs one at a time.
 
-    The times are those of a clock that never jumps. `turn` is the one that goes on, if any; other
-    threads may look at it.
+    The times are those of a clock that never jumps. `turn` is the running callback, None between
+    callbacks; other threads may read it.
     """
 
     def __init__(self) -> None:
@@ -122,14 +122,14 @@ class BusyWatch:
         self._longest: deque[tuple[int, dict[str, int]]] = deque()
 
     def begin(self, now_ns: int, what: str) -> None:
-        """Begin a turn; one within another is a part of it."""
+        """Begin a turn; a nested one is part of the outer one."""
         self._depth += 1
         if self._depth == 1:
             self._what = what
             self.turn = Turn(now_ns, threading.get_ident())
 
     def call_it(self, what: str) -> None:
-        """Name the turn after what is done in it, if it was none of a user's: inputs make ticks."""
+        """Rename the turn after its work; a turn that a user asked for keeps its name."""
         if self._what not in _REQUESTED:
             self._what = what
 
@@ -142,7 +142,7 @@ class BusyWatch:
             self._note(now_ns, self._what, now_ns - turn.began_ns)
 
     def woke(self, now_ns: int, due_ns: int) -> None:
-        """Note by how much a timer was late, as far as no turn explains it."""
+        """Record the delay of a timer that no turn explains."""
         self._note(now_ns, MACHINE, now_ns - max(due_ns, self._ended_ns))
 
     def figures(self, now_ns: int) -> dict[str, float]:
@@ -168,7 +168,7 @@ class BusyWatch:
             self._longest.popleft()
 
 
-# User behaviours that failed: what is logged of them, and how often.
+# Failed behaviours of users, and when they are logged.
 
 
 _REST_NS: Final = 60 * NS_PER_S
@@ -177,9 +177,9 @@ _REST_NS: Final = 60 * NS_PER_S
 
 @dataclass(frozen=True)
 class FaultSnapshot:
-    """How many artefacts have lost their behaviour since the start, by its name, and the last.
+    """The number of failed behaviours since the start, by name, and the last failure.
 
-    `hung` says which has not returned for long at last, and for how long.
+    `hung` is a sentence about the last behaviour that blocked the node, empty if there was none.
     """
 
     counts: dict[str, int] = field(default_factory=dict)
@@ -227,21 +227,21 @@ class FaultWatch:
         return FaultSnapshot(dict(sorted(self._counts.items())), self._last, self.hung)
 
 
-# User behaviours that do not return: a watchdog thread logs them at once.
+# Behaviours of users that do not return: a watchdog thread logs them at once.
 
 
 PATIENCE_NS: Final = NS_PER_S
 _LOOKS_PER_S: Final = 4
 
 
-class HangWatch:
+class Watchdog:
     """A watchdog thread: logs the behaviour that has blocked the node for a second.
 
-    `say(sentence)` is called from the thread of this watch, so it must not publish anything. What
-    holds the interpreter's lock, as compiled code may, lets nobody look.
+    `say(sentence)` is called from the watchdog's thread, so it must not publish anything. Compiled
+    code that holds the interpreter's lock stops the watchdog, too.
     """
 
-    def __init__(self, busy: BusyWatch, say: Callable[[str], None]) -> None:
+    def __init__(self, busy: CallbackTimer, say: Callable[[str], None]) -> None:
         self._busy = busy
         self._say = say
         self._hung: tuple[Turn, str] | None = None
@@ -250,9 +250,9 @@ class HangWatch:
         self._thread.start()
 
     def take(self) -> tuple[Turn, str] | None:
-        """Return the blocked turn and the behaviour that blocked it; each once.
+        """Return the blocked turn and the behaviour that blocked it, each once.
 
-        To be asked between turns.
+        Call it between turns.
         """
         hung, self._hung = self._hung, None
         return hung
@@ -273,7 +273,7 @@ class HangWatch:
             who = who_is_asked(sys._current_frames().get(turn.thread))  # noqa: SLF001 - of Python
             if self._busy.turn is not turn:
                 continue
-            # Several that are slow, one after the other, are no hang.
+            # Several slow behaviours, one after the other, are no hang.
             if (turn, who) != asked:
                 asked, since_ns = (turn, who), monotonic_ns()
             elif who and monotonic_ns() - since_ns >= PATIENCE_NS:
@@ -281,7 +281,7 @@ class HangWatch:
                 self._say(f"{who} has not returned for a second; the node stands still")
 
 
-# How much a counter has grown recently.
+# The recent growth of a counter.
 
 
 class CountWatch:
@@ -293,7 +293,7 @@ class CountWatch:
         """When each total was first seen; the first of them is that of the window's begin."""
 
     def update(self, now_ns: int, total: int) -> None:
-        """Take the counter's total; one that is smaller means that it was set to zero."""
+        """Take the counter's total; a smaller one means that the counter was reset."""
         if total < self._totals[-1][1]:
             self._totals = deque([(now_ns, 0)])
         if total != self._totals[-1][1]:
@@ -307,7 +307,7 @@ class CountWatch:
         return self._totals[-1][1] - self._totals[0][1]
 
 
-# What comes in on one input: how much, how often, and what was refused of it and why.
+# One input: messages, rate, refusals and their reasons.
 
 
 RATE_WINDOW_NS: Final = 10 * NS_PER_S
@@ -317,13 +317,15 @@ _MOST_STAMPS: Final = 1024
 
 
 @dataclass(frozen=True)
-class InputFigures:
-    """An input at one moment; None where nothing can be said.
+class InputSnapshot:
+    """An input at one moment: its role, the full name of its topic, and what came in.
 
     `rate_hz` and `period_s` are those of the last messages, up to 10 s of them, whenever they came:
-    they stay as they were when the input stops, and `age_s` grows.
+    they stay as they were when the input stops, and `age_s` grows. None where nothing is known.
     """
 
+    role: str
+    topic: str
     count: int = 0
     refused: int = 0
     refused_lately: int = 0
@@ -331,6 +333,10 @@ class InputFigures:
     last_refusal: str = ""
     age_s: float | None = None
     period_s: float | None = None
+    is_required: bool = False
+    is_latched: bool = False
+    """It comes once, or when it changes; so it never goes stale."""
+    publishers: int = 0
 
     @property
     def rate_hz(self) -> float | None:
@@ -361,15 +367,18 @@ class InputWatch:
         self.last_refusal = sentence
         self._refusals.update(now_ns, self.refused_count)
 
-    def figures(self, now_ns: int) -> InputFigures:
-        """Return the figures at this moment."""
-        return InputFigures(
+    def snapshot(self, now_ns: int, role: str, topic: str, **known: Any) -> InputSnapshot:
+        """Return the input at this moment; `known` are further fields."""
+        return InputSnapshot(
+            role,
+            topic,
             count=self.count,
             refused=self.refused_count,
             refused_lately=self._refusals.growth(now_ns),
             last_refusal=self.last_refusal,
             age_s=(now_ns - self._stamps[-1]) / NS_PER_S if self._stamps else None,
             period_s=self._period_s(),
+            **known,
         )
 
     def _period_s(self) -> float | None:
@@ -379,33 +388,20 @@ class InputWatch:
         return (self._stamps[-1] - self._stamps[0]) / intervals / NS_PER_S
 
 
-@dataclass(frozen=True)
-class InputSnapshot:
-    """An input: its role, the full name of its topic, and what came in."""
-
-    role: str
-    topic: str
-    figures: InputFigures = field(default_factory=InputFigures)
-    is_required: bool = False
-    is_latched: bool = False
-    """It comes once, or when it changes; so it never goes stale."""
-    publishers: int = 0
-
-
-# How long no CameraInfo has been published, and when to warn.
+# How long no CameraInfo has been published.
 
 
 GRACE_S: Final = 5.0
-"""For so long after activation nothing that is missing is an error."""
+"""For this long after activation a missing input is no error."""
 _STAND_IN_S: Final = 3.0
 
 
 class CameraWatch:
     """Decides when the default camera is used, and when the node warns of it.
 
-    Times are those of a clock that never jumps. Publishers are discovered one after the other,
-    and a robot may be started after the node: so nothing is said before a map has been on offer
-    for the grace, all the while without a CameraInfo.
+    Times are those of a clock that never jumps. Publishers are discovered one after the other, and
+    the robot may start after the node. So the warning comes only when a map has been published for
+    `GRACE_S` without a CameraInfo.
     """
 
     def __init__(self) -> None:

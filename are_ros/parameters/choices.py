@@ -4,7 +4,7 @@ from enum import Enum
 
 
 class Departures(Enum):
-    """How the paper's leaving rate mu is read (section 3.2)."""
+    """The meaning of the paper's leaving rate mu (section 3.2)."""
 
     INDEPENDENT = "independent"
     CONSTANT_RATE = "constant_rate"
@@ -19,7 +19,7 @@ class Region(Enum):
 
 
 class Appear(Enum):
-    """Where in the region an artefact comes into being."""
+    """Where in the region an artefact appears."""
 
     ANYWHERE = "anywhere"
     OUT_OF_VIEW = "out_of_view"
@@ -27,14 +27,14 @@ class Appear(Enum):
 
 
 class Leave(Enum):
-    """What an artefact does when its life is over."""
+    """How an artefact leaves at the end of its life."""
 
     VANISH = "vanish"
     WALK_TO_EXIT = "walk_to_exit"
 
 
 class GroundKind(Enum):
-    """What artefacts stand on."""
+    """The ground under the artefacts."""
 
     PLANE = "plane"
     VOXELS = "voxels"
@@ -87,7 +87,7 @@ class SensorGate(Enum):
 
 
 class OnRobotContact(Enum):
-    """What becomes of an artefact that the robot drives into."""
+    """How an artefact reacts when the robot drives into it."""
 
     AUTO = "auto"
     DISPLACE = "displace"

@@ -1,4 +1,4 @@
-"""How a parameter is declared, found by its path, checked and changed.
+"""Declaration of parameters, their values by path, and checked changes.
 
 A parameter is a field of a frozen dataclass, made by `parameter(...)`; sections are dataclasses in
 dataclasses. The path of a field ("population.arrival_rate") is its YAML path and its ROS name.
@@ -20,7 +20,7 @@ _Section = TypeVar("_Section")
 
 @dataclass(frozen=True)
 class Description:
-    """What a parameter is: all that descriptors, the YAML file and the table in the docs need."""
+    """A parameter: for ROS descriptors, the YAML file and the table in the docs."""
 
     path: str
     default: Value

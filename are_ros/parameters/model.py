@@ -94,12 +94,12 @@ class PopulationParameters:
     )
     leave: Leave = parameter(
         Leave.VANISH,
-        "What they do when their life is over: vanish, or walk to an exit and vanish there.",
+        "At the end of its life an artefact vanishes, or walks to an exit and vanishes there.",
         live=True,
     )
     exit_patience: float = parameter(
         60.0,
-        "One that is to leave and reaches no exit vanishes after this.",
+        "An artefact that is to leave but reaches no exit vanishes after this time.",
         unit="s",
         low=0.0,
         high=1e6,
@@ -285,7 +285,7 @@ class AugmentedMapParameters:
 
     max_rate: float = parameter(
         5.0,
-        "Moves reach the grids at most this often; who appears or goes does so at once.",
+        "Moves reach the grids at most this often; arrivals and departures at once.",
         unit="Hz",
         low=0.01,
         high=100.0,
@@ -351,9 +351,9 @@ class CollisionsParameters:
     )
     on_robot_contact: OnRobotContact = parameter(
         OnRobotContact.AUTO,
-        "What becomes of an artefact that the robot drives into; "
-        "auto: hold live (in the demo, too), where a robot can react, displace in replay. "
-        "A drive with a contact goes on differently in the two, unless this is set.",
+        "How an artefact reacts when the robot drives into it: it is displaced, holds its place, "
+        "or is removed. auto: hold in the live node and the demo, where a robot can react; "
+        "displace in a replay. So a contact has another outcome in the two unless this is set.",
     )
 
 
@@ -363,15 +363,15 @@ class SensorsParameters:
 
     gate: SensorGate = parameter(
         SensorGate.GEOMETRY,
-        "Artefacts that a sensor meets: geometry and all, whatever its rays hit; "
-        "perceived, of these only the perceived ones.",
+        "Artefacts that sensor rays can hit: geometry and all, every artefact; "
+        "perceived, only the perceived ones.",
         live=True,
     )
-    shape: Shape = parameter(Shape.MESH, "Shape of the artefacts that a sensor meets.", live=True)
+    shape: Shape = parameter(Shape.MESH, "Shape of the artefacts that sensor rays hit.", live=True)
     tf_wait: float = parameter(
         0.2,
-        "How long a scan waits for the transform at its stamp; only one whose transform is late "
-        "waits. 0.2 s are enough for poses at 10 Hz that are under way for 0.1 s.",
+        "How long a scan waits at most for the transform at its stamp. 0.2 s are enough for poses "
+        "at 10 Hz with a delay of 0.1 s.",
         unit="s",
         low=0.0,
         high=10.0,
@@ -391,7 +391,7 @@ class MarkersParameters:
         Shape.MESH, "Artefacts as meshes (TRIANGLE_LIST) or as their boxes (CUBE).", live=True
     )
     labels: Labels = parameter(
-        Labels.PERCEIVED, "Whose label is shown above them: of many they overlap.", live=True
+        Labels.PERCEIVED, "Which artefacts have their label shown above them.", live=True
     )
 
 
@@ -401,7 +401,7 @@ class ClicksParameters:
 
     label: str = parameter(
         "",
-        "What is placed where somebody clicks (topic clicked_point): a label or a class of the "
+        "The artefact that a click in rviz places (topic clicked_point): a label or a class of the "
         "catalogue; empty: any row.",
         live=True,
     )

@@ -38,7 +38,7 @@ def read_ros_parameters(path: Path) -> dict[str, Any]:
     sections = [*_sections(content)]
     ours = [(node, section) for node, section in sections if _is_for_us(node)]
     if not ours:
-        reason = _why_for_nobody(content, [node for node, _ in sections])
+        reason = _why_not_for_us(content, [node for node, _ in sections])
         raise ParameterError(f"parameter file {path} holds nothing for {_NODE}: {reason}")
     values: dict[str, Any] = {}
     for node, section in ours:
@@ -58,8 +58,8 @@ def with_file(parameters: Parameters, path: Path) -> Parameters:
 def in_any_namespace(path: Path) -> str:
     """Return the text of a parameter file whose `ar_builder:` holds in every namespace.
 
-    ROS takes that line for /ar_builder alone, and would leave a node of a namespace its defaults
-    without a word. ParameterError if the file cannot be read.
+    ROS applies that line to /ar_builder only: a node in a namespace would keep its defaults without
+    a warning. ParameterError if the file cannot be read.
     """
     read_ros_parameters(path)
     text = path.read_text(encoding="utf-8")
@@ -69,8 +69,7 @@ def in_any_namespace(path: Path) -> str:
 def parse_assignment(text: str) -> tuple[str, Any]:
     """Return (path, value) of `name:=value`, the value read as YAML. Raises ParameterError.
 
-    A list for a parameter that is a string (robot.footprint) stays the text that it is: nobody
-    need quote it twice.
+    A list for a string parameter (robot.footprint) stays a text, so that it needs no quotes.
     """
     name, separator, value = text.partition(":=")
     name = name.strip()
@@ -84,7 +83,7 @@ def parse_assignment(text: str) -> tuple[str, Any]:
 
 
 def assignment_for_ros(text: str) -> str:
-    """Return `name:=value` as rcl takes it: a text that would be a list to it stands in quotes.
+    """Return `name:=value` as rcl takes it: a text that looks like a list is quoted.
 
     Raises ParameterError as `parse_assignment`.
     """
@@ -113,8 +112,8 @@ def _is_for_us(node: str) -> bool:
     return node.rsplit("/", maxsplit=1)[-1] in _OURS
 
 
-def _why_for_nobody(content: Mapping[Any, Any], nodes: Sequence[str]) -> str:
-    """Return what a file without a section for this node holds instead."""
+def _why_not_for_us(content: Mapping[Any, Any], nodes: Sequence[str]) -> str:
+    """Return why a file has no section for this node."""
     known = {item.path for item in describe(Parameters())}
     known |= {path.split(".", maxsplit=1)[0] for path in known}
     for name in map(str, content):

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Final
 
 from are_ros.errors import ParameterError
+from are_ros.parameters.choices import OnRobotContact
 from are_ros.parameters.model import (
     CameraParameters,
     FramesParameters,
@@ -18,7 +19,7 @@ _MOUNT: Final = ("x", "y", "z", "yaw", "pitch", "roll")
 
 
 def validated(parameters: Parameters) -> Parameters:
-    """Return the parameters as they are used: frames without leading slashes, as tf2 has them.
+    """Return the parameters with frames without leading slashes, as tf2 has them.
 
     ParameterError, naming the parameters, unless world.free_threshold is below
     world.occupied_threshold, mixture.weights and mixture.rates are of one length, not 0, the
@@ -32,6 +33,14 @@ def validated(parameters: Parameters) -> Parameters:
         frames=_checked_frames(parameters.frames),
         camera=replace(parameters.camera, frame=parameters.camera.frame.lstrip("/")),
     )
+
+
+def with_contact_policy(parameters: Parameters, policy: OnRobotContact) -> Parameters:
+    """Return the parameters with this policy where collisions.on_robot_contact is `auto`."""
+    if parameters.collisions.on_robot_contact is not OnRobotContact.AUTO:
+        return parameters
+    collisions = replace(parameters.collisions, on_robot_contact=policy)
+    return replace(parameters, collisions=collisions)
 
 
 def _check_thresholds(world: WorldParameters) -> None:

@@ -1,4 +1,4 @@
-"""The commands of `are` that play, record and show; text goes out by a callable."""
+"""The commands of `are` that play, record and show; `say` prints their text."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The main job, shown: the live node over DDS, fed with a recording, its outputs recorded."""
+"""`are demo`: the live node over DDS, fed with a recording, its outputs recorded."""
 
 import os
 import signal
@@ -41,7 +41,7 @@ _READY_S: Final = 600.0
 _ASK_S: Final = 0.05
 _END_S: Final = 15.0
 _DOMAINS: Final = range(102, 41, -1)
-"""Those of people are low, as a rule."""
+"""People mostly use low domain ids."""
 
 Say = Callable[[str], None]
 ShouldStop = Callable[[], bool]
@@ -50,7 +50,7 @@ OpenProgress = Callable[[int, int], Progress]
 
 @dataclass(frozen=True)
 class DemoOptions:
-    """What is shown: the recording, how fast, with which parameters, into which folder."""
+    """The options of `are demo`: recording, parameters, folder, rate."""
 
     bag: Path
     parameters: Parameters
@@ -142,15 +142,8 @@ def _node_command(options: DemoOptions, remaps: Mapping[str, str]) -> list[str]:
 
 def _record_command(options: DemoOptions) -> list[str]:
     command = [sys.executable, "-m", "are_ros", "record", str(options.out / AUGMENTED)]
-    return [
-        *command,
-        "--overwrite",
-        "--use-sim-time",
-        "--exclude",
-        "/rosout",
-        "--exclude",
-        "/parameter_events",
-    ]
+    excluded = ["--exclude", "/rosout", "--exclude", "/parameter_events"]
+    return [*command, "--overwrite", "--use-sim-time", *excluded]
 
 
 @contextmanager
@@ -193,7 +186,7 @@ def _await_active(
 
 
 def _is_recorded(node: Node) -> bool:
-    """Tell whether the recorder subscribes to all outputs of the node."""
+    """Return whether the recorder subscribes to all outputs of the node."""
     return all(
         any(
             info.node_name == NODE_NAME

@@ -1,4 +1,4 @@
-"""What a recording of the live node holds, in a few lines."""
+"""The summary of a recording of the live node, in a few lines."""
 
 from collections import Counter
 from collections.abc import Iterator

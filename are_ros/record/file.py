@@ -6,43 +6,34 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Final
 
 from are_ros.bag.writer import BagWriter, OfferedQos
 from are_ros.conventions import NS_PER_S
-from are_ros.record.inbox import Received, Stamped
+from are_ros.record.inbox import Stamped
 
 MOST_QUEUED_BYTES: Final = 256 * 1024 * 1024
-"""What waits for the disk at most."""
+"""The most bytes that may wait for the disk."""
 
 _FLUSH_S = 3.0
 """A killed recording lacks little more than this; shorter would spoil the compression of maps."""
 
 
-@dataclass(frozen=True)
-class Announcement:
-    """A topic as it stands in the file: its type, and what its publishers offer."""
-
-    type_name: str
-    offered: tuple[OfferedQos, ...]
-
-
 class FileWriter:
     """Hands messages to a `BagWriter` in a thread; a context manager, as that is.
 
-    A topic enters the file with its first message, or at the end if none came; what its publishers
-    were found to offer until then is written. What the disk cannot take in time is dropped beyond
-    `most_bytes`, and counted.
+    A topic enters the file with its first message, or at the end if none came, with the QoS that
+    its publishers offered until then. When more than `most_bytes` wait for the disk, messages are
+    dropped and counted.
     """
 
     def __init__(self, bag: BagWriter, most_bytes: int = MOST_QUEUED_BYTES) -> None:
         self._bag = bag
         self._most_bytes = most_bytes
         self._queue: SimpleQueue[Sequence[Stamped] | None] = SimpleQueue()
-        self._announced: dict[str, Announcement] = {}
+        self._announced: dict[str, tuple[str, tuple[OfferedQos, ...]]] = {}
         self._added: set[str] = set()
         self._queued_bytes = 0
         self._written_bytes = 0
@@ -73,9 +64,9 @@ class FileWriter:
                 self._bag.flush()
                 raise error
 
-    def announce(self, topic: str, announcement: Announcement) -> None:
-        """Announce a topic; callable again, with changes, until its first message."""
-        self._announced[topic] = announcement
+    def announce(self, topic: str, type_name: str, offered: tuple[OfferedQos, ...]) -> None:
+        """Announce a topic, or change what its publishers offer until its first message."""
+        self._announced[topic] = type_name, offered
 
     def put(self, messages: Sequence[Stamped]) -> None:
         """Give messages of announced topics to the file; AreError if it can take no more."""
@@ -85,7 +76,7 @@ class FileWriter:
             self._queue.put(accepted)
 
     def check(self) -> None:
-        """Raise what went wrong in the thread."""
+        """Raise the error of the thread, if there was one."""
         if self._failure is not None:
             raise self._failure
 
@@ -133,25 +124,25 @@ class FileWriter:
 
     def _add(self, topic: str) -> None:
         if topic not in self._added:
-            announced = self._announced[topic]
-            self._bag.add_topic(topic, announced.type_name, offered=announced.offered)
+            type_name, offered = self._announced[topic]
+            self._bag.add_topic(topic, type_name, offered=offered)
             self._added.add(topic)
 
 
-# When a message was recorded: by the wall clock, or by the simulated time of /clock.
+# Log times: by the wall clock, or by the simulated time of /clock.
 
 
 CLOCK_TOPIC: Final = "/clock"
 CLOCK_TYPE: Final = "rosgraph_msgs/msg/Clock"
 
 _MOST_WAITING_BYTES = 256 * 1024 * 1024
-"""What waits for the first /clock at most."""
+"""The most bytes that may wait for the first /clock."""
 
 
 class WallClock:
-    """Gives messages their log time: when the middleware received them; publish time: when sent.
+    """Log time is when the middleware received a message, publish time when it was sent.
 
-    `dropped` counts the messages that waited for a log time in vain.
+    `dropped` counts the messages that got no log time.
     """
 
     def __init__(self) -> None:
@@ -161,10 +152,9 @@ class WallClock:
         """Return a time that measures the length of a recording; None before it runs."""
         return time.monotonic_ns()
 
-    def stamp(self, messages: Sequence[Received]) -> Iterator[Stamped]:
-        """Yield messages, in their order of arrival, with log times; some wait for a later call."""
-        for message in messages:
-            yield Stamped(message.topic, message.received_ns, message.published_ns, message.data)
+    def stamp(self, messages: Sequence[Stamped]) -> Iterator[Stamped]:
+        """Yield messages in their order of arrival, with log times; some may come later."""
+        yield from messages
 
     def rest(self) -> Iterator[Stamped]:
         """Yield the messages that still wait when the recording ends."""
@@ -174,9 +164,9 @@ class WallClock:
 class SimulatedClock(WallClock):
     """Log time is the last /clock before a message, and never decreases.
 
-    What comes before the first /clock waits in memory and then counts as then. If the clock jumps
-    back, log times stay where they are until it has caught up, so that a reader gets the messages
-    in the order in which they came; one notice is given.
+    Messages before the first /clock wait in memory and get its time. If the clock jumps back, log
+    times stand still until it has caught up: a reader then gets the messages in their order of
+    arrival. One notice is given.
     """
 
     def __init__(self, say: Callable[[str], None]) -> None:
@@ -184,7 +174,7 @@ class SimulatedClock(WallClock):
         self._say = say
         self._now_ns: int | None = None
         self._last_ns = 0
-        self._waiting: list[Received] = []
+        self._waiting: list[Stamped] = []
         self._waiting_bytes = 0
         self._has_jumped = False
 
@@ -192,7 +182,7 @@ class SimulatedClock(WallClock):
         """Return the log time reached, None before the first /clock."""
         return self._now_ns
 
-    def stamp(self, messages: Sequence[Received]) -> Iterator[Stamped]:
+    def stamp(self, messages: Sequence[Stamped]) -> Iterator[Stamped]:
         """Yield the messages from the first /clock on; those before it just then."""
         for message in messages:
             if message.topic == CLOCK_TOPIC:
@@ -205,7 +195,7 @@ class SimulatedClock(WallClock):
             yield _at(self._now_ns, message)
 
     def rest(self) -> Iterator[Stamped]:
-        """Yield at time 0 what waits for a clock that never came, with a notice."""
+        """Yield the messages that wait for a /clock that never came, at time 0, with a notice."""
         if self._waiting:
             self._say("no /clock came: everything is recorded at time 0")
             yield from self._release(0)
@@ -224,7 +214,7 @@ class SimulatedClock(WallClock):
                 f" {now_ns / NS_PER_S:.3f} s until it has caught up"
             )
 
-    def _wait(self, message: Received) -> None:
+    def _wait(self, message: Stamped) -> None:
         if self._waiting_bytes + len(message.data) > _MOST_WAITING_BYTES:
             self.dropped[message.topic] += 1
             return
@@ -236,9 +226,9 @@ class SimulatedClock(WallClock):
         return (_at(log_time_ns, message) for message in waiting)
 
 
-def _at(log_time_ns: int, message: Received) -> Stamped:
+def _at(log_time_ns: int, message: Stamped) -> Stamped:
     """Stamp with simulated time; the wall clock's time of sending would be of another kind."""
-    return Stamped(message.topic, log_time_ns, log_time_ns, message.data)
+    return message._replace(log_time_ns=log_time_ns, publish_time_ns=log_time_ns)
 
 
 def _clock_of(data: bytes) -> int:

@@ -1,8 +1,7 @@
-"""What arrives on the recorded topics: taken from the middleware in bulk, in order of arrival.
+"""Messages of the recorded topics, taken from the middleware in bulk, in order of arrival.
 
-Messages are taken when they are there, not called back. The executors of rclpy cannot serve here:
-EventsExecutor (7.1.6) fails on callbacks that ask for the time of reception, and the other one
-spends several times as long on a message.
+No callback is used. The executors of rclpy do not fit: EventsExecutor (7.1.6) fails on callbacks
+that ask for the time of reception, and the other one takes several times as long for a message.
 """
 
 import time
@@ -22,8 +21,8 @@ from rclpy.subscription import Subscription
 class LossCount:
     """Counts sequence gaps of one topic while it has one publisher.
 
-    A gap counts only when the publishers are seen to be the same afterwards: a new publisher
-    speaks before it is found, and its numbers are its own.
+    A gap counts only if the publishers are the same afterwards: messages of a new publisher arrive
+    before it is discovered, with sequence numbers of its own.
     """
 
     def __init__(self) -> None:
@@ -33,14 +32,14 @@ class LossCount:
         self._is_alone = False
 
     def see(self, sequence: int) -> None:
-        """Take the number of a message as its publisher counted it, in order of arrival."""
+        """Take the sequence number of a message, in order of arrival."""
         if self._is_alone:
             if self._last is not None and sequence > self._last + 1:
                 self._unproven += sequence - self._last - 1
             self._last = sequence
 
     def settle(self, publishers: int, *, are_the_same: bool) -> None:
-        """Take how many publishers there are now, and whether they are those of the last time."""
+        """Take the number of publishers, and whether they are the same as at the last call."""
         if are_the_same:
             self.lost += self._unproven
         else:
@@ -49,20 +48,11 @@ class LossCount:
         self._is_alone = publishers == 1
 
 
-# A live message on its way into a file: as it was received, and as it is written.
-
-
-class Received(NamedTuple):
-    """A message as it came: CDR bytes, and the wall clock's times [ns] of arrival and sending."""
-
-    topic: str
-    received_ns: int
-    published_ns: int
-    data: bytes
-
-
 class Stamped(NamedTuple):
-    """A message as it goes into the file: CDR bytes, and its log and publish times [ns]."""
+    """A message on its way into a file: CDR bytes, and its log and publish times [ns].
+
+    As it comes these are the wall clock's times of arrival and of sending.
+    """
 
     topic: str
     log_time_ns: int
@@ -74,30 +64,30 @@ _MOST_AT_ONCE: Final = 250
 """Messages taken from one topic before the others have their turn."""
 
 _REMEMBERED = 1000
-"""Messages of a topic that are known again; a publisher latches fewer."""
+"""The messages of a topic that are recognised; a publisher latches fewer."""
 
 _OVERLAP_S = 1.0
-"""How long an old subscription stays beside its successor, which the publishers must find first."""
+"""How long an old subscription stays beside its successor, until publishers have found that."""
 
 
 class Inbox:
-    """Subscriptions of one node, which nothing spins."""
+    """Subscriptions of a node without an executor."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._topics: dict[str, _TopicInbox] = {}
 
     def subscribe(self, topic: str, message_class: type[Any], qos: QoSProfile) -> None:
-        """Take a topic from now on, or take it with another quality of service.
+        """Subscribe to a topic, or change its quality of service.
 
-        Nothing is lost or doubled by the change: both subscriptions stand for a while.
+        No message is lost or doubled by the change: both subscriptions exist for a while.
         """
         if topic not in self._topics:
             self._topics[topic] = _TopicInbox(self._node, topic, message_class)
         self._topics[topic].subscribe(qos)
 
     def is_connected(self, topic: str) -> bool:
-        """Tell whether a publisher of the topic is connected."""
+        """Return whether a publisher of the topic is connected."""
         return topic in self._topics and self._topics[topic].is_connected()
 
     def publishers_found(self, topic: str, count: int, *, are_the_same: bool) -> None:
@@ -105,14 +95,14 @@ class Inbox:
         if topic in self._topics:
             self._topics[topic].losses.settle(count, are_the_same=are_the_same)
 
-    def take_all(self) -> list[Received]:
-        """Return what has arrived since the last call, in order of arrival."""
+    def take_all(self) -> list[Stamped]:
+        """Return the messages since the last call, in order of arrival."""
         messages = [message for topic in self._topics.values() for message in topic.take()]
-        messages.sort(key=attrgetter("received_ns"))
+        messages.sort(key=attrgetter("log_time_ns"))
         return messages
 
     def missed(self) -> Mapping[str, int]:
-        """Return how many messages never arrived, by topic, where it is known and not zero."""
+        """Return the number of lost messages by topic, where it is known and not zero."""
         counts = {name: topic.losses.lost for name, topic in self._topics.items()}
         return {name: count for name, count in counts.items() if count}
 
@@ -144,7 +134,7 @@ class _TopicInbox:
     def is_connected(self) -> bool:
         return bool(self._subscriptions[-1].get_publisher_count() > 0)
 
-    def take(self) -> Iterator[Received]:
+    def take(self) -> Iterator[Stamped]:
         for subscription in self._subscriptions:
             yield from self._drain(subscription)
         if len(self._subscriptions) > 1 and time.monotonic() > self._overlap_ends_s:
@@ -153,7 +143,7 @@ class _TopicInbox:
                 self._node.destroy_subscription(old)
             del self._subscriptions[:-1]
 
-    def _drain(self, subscription: Subscription) -> Iterator[Received]:
+    def _drain(self, subscription: Subscription) -> Iterator[Stamped]:
         take = subscription.handle.take_message
         for _ in range(_MOST_AT_ONCE):
             taken = take(self._class, True)
@@ -164,10 +154,10 @@ class _TopicInbox:
             published_ns = info["source_timestamp"]
             if sequence is None or self._is_new(published_ns, sequence):
                 received_ns = info["received_timestamp"] or time.time_ns()
-                yield Received(self._topic, received_ns, published_ns, data)
+                yield Stamped(self._topic, received_ns, published_ns, data)
 
     def _is_new(self, published_ns: int, sequence: int) -> bool:
-        """Tell whether a message was not taken before, by this or another subscription."""
+        """Return whether a message was not taken before, by this or another subscription."""
         key = (published_ns, sequence)
         if key in self._seen:
             return False
@@ -179,5 +169,5 @@ class _TopicInbox:
 
 
 def _never_called(message: bytes) -> None:
-    """Stand in for the callback that rclpy wants, and that an executor would call."""
+    """Fail: rclpy requires a callback, and only an executor would call it."""
     raise NotImplementedError(f"{len(message)} bytes were called back: nothing may spin this node")

@@ -1,4 +1,4 @@
-"""Lockstep: the time goes on when the nodes have taken every message sent before."""
+"""Pacing of the player. Lockstep: /clock advances when the nodes have taken all messages."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -12,13 +12,13 @@ from are_ros.bag.reader import BagMessage
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import NodeError
 from are_ros.node.message_classes import service_class
-from are_ros.record.publishers import CLOCK, LARGE_BYTES, PlayedTopics
+from are_ros.record.publishers import CLOCK, LARGE_BYTES, ClockPublisher, PlayedTopics
 
 ShouldStop = Callable[[], bool]
 
 
 class Pace:
-    """Decides when a player sends the next thing: as it stands, at once."""
+    """Decides when a player sends messages and the time; this one sends all at once."""
 
     def __init__(self, should_stop: ShouldStop) -> None:
         self._should_stop = should_stop
@@ -31,29 +31,25 @@ class Pace:
         return not self._should_stop()
 
     def wait_a_little(self) -> bool:
-        """Wait between messages that count as sent at the same time; False as above."""
+        """Wait between messages of the same time; False as above."""
         return not self._should_stop()
 
     def rest(self) -> None:
-        """Give subscribers the time to take in the map of the start."""
+        """Wait until subscribers have processed the first map."""
 
-    def about_to_send(self, message: BagMessage) -> None:
-        """Get ready for a message."""
+    def send(self, message: BagMessage, topics: PlayedTopics) -> None:
+        """Publish a message."""
+        topics.publish(message)
 
-    def sent(self, message: BagMessage) -> None:
-        """Take note of a message."""
-
-    def about_to_tell(self) -> None:
-        """Get ready for the time to go on: everything earlier was sent."""
-
-    def told(self) -> None:
-        """Wait until the nodes know the time."""
+    def tell(self, now_ns: int, clock: ClockPublisher) -> None:
+        """Publish the time: everything earlier was sent."""
+        clock.publish(now_ns)
 
     def end(self) -> None:
         """Wait until the last messages were taken."""
 
 
-# A node with which a player keeps in step: asked whether it has taken everything earlier.
+# A node in lockstep with the player.
 
 
 ASK_S: Final = 0.05
@@ -61,7 +57,7 @@ _REQUESTS: Final = 2
 
 
 class LockstepPeer:
-    """Asks one node through a service that every node has, its parameters'.
+    """Asks one node, by its parameter service, whether it has taken all earlier messages.
 
     NodeError, which names the node, where it does not answer.
     """
@@ -75,24 +71,24 @@ class LockstepPeer:
         self._asked = 0
 
     def is_there(self) -> bool:
-        """Tell whether the node can be asked."""
+        """Return whether the node can be asked."""
         return bool(self._client.service_is_ready())
 
     def follows_clock(self) -> bool:
-        """Tell whether the node subscribes to /clock."""
+        """Return whether the node subscribes to /clock."""
         space, _, name = self.name.rpartition("/")
         wanted = (name, space or "/")
         infos = self._node.get_subscriptions_info_by_topic(CLOCK)
         return any((info.node_name, info.node_namespace) == wanted for info in infos)
 
     def ask(self) -> None:
-        """Send what the node answers when it has taken everything from before."""
+        """Send the requests; the node answers when it has taken all earlier messages."""
         client = self._client.handle
         with client:
             self._asked = [client.send_request(self._kind.Request()) for _ in range(_REQUESTS)][-1]
 
     def await_answer(self, patience_s: float) -> None:
-        """Wait for the answer to `ask`, or return early where it is to stop."""
+        """Wait for the answer to `ask`, or until `should_stop()`."""
         deadline_s = time.monotonic() + patience_s
         with self._client.handle, self._node.context.handle:
             while not self._should_stop():
@@ -103,9 +99,9 @@ class LockstepPeer:
                     raise NodeError(f"--lockstep {self.name}: no answer for {patience_s:.0f} s")
 
     def _next_answer(self) -> int | None:
-        """Return the number of the next request that was answered, None if none is soon.
+        """Return the number of the next answered request, None if none is answered soon.
 
-        By a wait set of its own: an executor would take ten times as long about it.
+        A wait set is used: an executor would take ten times as long.
         """
         client = self._client.handle
         wait_set = rclpy_implementation.WaitSet(0, 0, 0, 1, 0, 0, self._node.context.handle)
@@ -126,7 +122,7 @@ _CLOCK_PATIENCE_S: Final = 5.0
 
 
 class Lockstep(Pace):
-    """A pace that is set by the slowest of some nodes: as fast as it can, and always the same.
+    """As fast as the slowest of some nodes can take the messages, in the same order each time.
 
     A barrier is a round trip through a service that every node has, its parameters'. Small
     messages and requests of this process travel in one queue, in the order in which they were
@@ -160,12 +156,10 @@ class Lockstep(Pace):
         self,
         node: Node,
         names: Sequence[str],
-        outlets: PlayedTopics,
         should_stop: Callable[[], bool],
     ) -> None:
-        self._peers = [LockstepPeer(node, name, should_stop) for name in names]
         super().__init__(should_stop)
-        self._outlets = outlets
+        self._peers = [LockstepPeer(node, name, should_stop) for name in names]
         self._under_way: set[str] = set()
 
     def begin(self, now_ns: int) -> None:
@@ -177,29 +171,29 @@ class Lockstep(Pace):
             self._await(peer.is_there, _PATIENCE_S, said)
             self._await(peer.follows_clock, _CLOCK_PATIENCE_S, f"{peer.name}: {why}")
 
-    def about_to_send(self, message: BagMessage) -> None:
-        """Wait until the message before this one, on its topic, was taken."""
-        if self._outlets.target(message.topic) in self._under_way:
+    def send(self, message: BagMessage, topics: PlayedTopics) -> None:
+        """Publish a message when the one before it, on its topic, was taken.
+
+        Wait until a large one has arrived.
+        """
+        target = topics.target(message.topic)
+        if target in self._under_way:
             self._meet()
-
-    def sent(self, message: BagMessage) -> None:
-        """Remember the message; wait until a large one has arrived."""
-        if self._outlets.has_listeners(message.topic):
-            self._under_way.add(self._outlets.target(message.topic))
+        topics.publish(message)
+        if topics.has_listeners(message.topic):
+            self._under_way.add(target)
             if len(message.data) > LARGE_BYTES:
-                self._await_arrival(message.topic)
+                self._await_arrival(message.topic, topics)
 
-    def about_to_tell(self) -> None:
-        """Wait until the nodes have taken everything."""
+    def tell(self, now_ns: int, clock: ClockPublisher) -> None:
+        """Publish the time when the nodes have taken everything; wait until they know it."""
         if self._under_way:
             self._meet()
-
-    def told(self) -> None:
-        """Wait until the nodes know the time."""
+        clock.publish(now_ns)
         self._meet()
 
     def end(self) -> None:
-        """Wait twice: until the nodes have taken the messages, and the outputs made of them."""
+        """Wait twice: until the nodes have taken the messages, and then each other's outputs."""
         self._meet()
         self._meet()
 
@@ -210,14 +204,14 @@ class Lockstep(Pace):
                 raise NodeError(f"--lockstep {why_not}")
             time.sleep(ASK_S)
 
-    def _await_arrival(self, topic: str) -> None:
+    def _await_arrival(self, topic: str, topics: PlayedTopics) -> None:
         names = ", ".join(peer.name for peer in self._peers)
         why_not = f"{names}: {topic} was not acknowledged for {_PATIENCE_S:.0f} s"
-        arrived = partial(self._outlets.wait_until_acknowledged, topic, ASK_S)
+        arrived = partial(topics.wait_until_acknowledged, topic, ASK_S)
         self._await(arrived, _PATIENCE_S, why_not)
 
     def _meet(self) -> None:
-        """Pass the barrier, or return early where it is to stop."""
+        """Pass the barrier, or return when `should_stop()`."""
         self._under_way.clear()
         for peer in self._peers:
             peer.ask()

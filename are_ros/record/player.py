@@ -3,42 +3,41 @@
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from heapq import merge
+from operator import itemgetter
 from typing import Final
 
 from are_ros.bag.clock import MOVING_ROLES, BagClock, RecordedTimes
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.roles import TF_TYPES, find_roles
-from are_ros.bag.stretches import beginning, stillness_ahead, stretches_of
-from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.bag.stretches import Window, stretches_of
+from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.record.lockstep import Lockstep, Pace, ShouldStop
-from are_ros.record.publishers import ClockTeller, PlayedTopics, PlayOptions, await_subscribers
+from are_ros.record.publishers import ClockPublisher, PlayedTopics, PlayOptions, await_subscribers
 from are_ros.record.session import ros_session
 from are_ros.replay.progress import Progress
 from are_ros.wording import duration_text
 
-# The part of a recording that is played, and the time it goes by.
+# The window of a recording that is played, and its clock.
 
 
 _RECENT_NS: Final = 10 * NS_PER_S
-"""Of what moves, so much from before the start is sent: as much as tf2 keeps."""
+"""Transforms of this long before the start are sent: tf2 keeps as much."""
 _LASTING_ROLES: Final = ("map", "octomap_point_cloud_centers")
-"""What counts as latched, however it was recorded."""
+"""These roles count as latched, however they were recorded."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlayWindow:
-    """The window of a recording that is played, and the time it goes by.
+    """The window of a recording that is played, chosen as for a replay, and its clock.
 
-    Before `begin_ns` of the log nothing moves for a minute or more; seconds of the options count
-    from it, as those of a replay. The topics `lasting` hold maps.
+    The topics `lasting` hold maps.
     """
 
     reader: BagReader
     clock: BagClock
-    first_log_ns: int
-    last_log_ns: int
-    begin_ns: int
+    window: Window
     lasting: frozenset[str]
     gaps_ns: int = 0
 
@@ -46,63 +45,55 @@ class PlayWindow:
     def of(cls, reader: BagReader, options: PlayOptions) -> "PlayWindow":
         """Return the window that the options ask for; BagError where it holds nothing."""
         roles = find_roles(reader.topics, {})
-        named = ((roles.topic(role), role) for role in (*MOVING_ROLES, *_LASTING_ROLES))
-        role_of_topic = {topic: role for topic, role in named if topic is not None}
-        begin_ns = beginning(reader, role_of_topic)
-        first_ns = begin_ns + seconds_to_ns(options.start_s)
-        last_ns = reader.end_ns
-        if options.duration_s is not None:
-            last_ns = min(last_ns, first_ns + seconds_to_ns(options.duration_s))
-        if first_ns >= last_ns:
-            length_s = (reader.end_ns - reader.start_ns) / NS_PER_S
-            raise BagError(f"the recording is {length_s:.1f} s long: nothing is left to play")
-        times = RecordedTimes.read(reader, role_of_topic, first_ns, last_ns)
+        role_of_topic = roles.by_topic((*MOVING_ROLES, *_LASTING_ROLES))
+        window = Window.of(reader, role_of_topic, options.start_s, options.duration_s)
+        times = RecordedTimes.read(reader, role_of_topic, window.start_ns, window.stop_ns)
         clock = BagClock.of(times)
-        gaps = stretches_of(times, clock, first_ns, last_ns, reader.files).gaps
+        gaps = stretches_of(times, clock, window.start_ns, window.stop_ns, reader.files).gaps
         lasting = frozenset(t for t, role in role_of_topic.items() if role in _LASTING_ROLES)
-        gaps_ns = sum(gap.length_ns for gap in gaps)
-        return cls(reader, clock, first_ns, last_ns, begin_ns, lasting, gaps_ns)
+        return cls(reader, clock, window, lasting, sum(gap.length_ns for gap in gaps))
 
     @property
     def start_ns(self) -> int:
         """The time at which it begins."""
-        return self.clock.at(self.first_log_ns)
+        return self.clock.at(self.window.start_ns)
 
     @property
     def end_ns(self) -> int:
         """The time at which it ends."""
-        return self.clock.at(self.last_log_ns)
+        return self.clock.at(self.window.stop_ns)
 
     def messages(self, topics: tuple[str, ...]) -> Iterator[tuple[int, BagMessage]]:
         """Yield (time, message) of the window."""
-        for message in self.reader.messages(topics, self.first_log_ns, self.last_log_ns):
+        for message in self.reader.messages(topics, self.window.start_ns, self.window.stop_ns):
             yield max(self.clock.at(message.log_time_ns), self.start_ns), message
 
     def earlier(self, topics: tuple[str, ...]) -> Iterator[BagMessage]:
-        """Yield what was sent before the start, and counts as sent at it."""
+        """Yield latched messages and recent transforms of before the start."""
         known = [topic for topic in self.reader.topics if topic.name in topics]
         latched = {topic.name for topic in known if topic.is_latched or "static" in topic.name}
         latched |= self.lasting & set(topics)
         moving = {topic.name for topic in known if topic.type_name in TF_TYPES} - latched
-        if self.first_log_ns == self.reader.start_ns or not latched | moving:
+        start_ns = self.window.start_ns
+        if start_ns == self.reader.start_ns or not latched | moving:
             return
-        recent_ns = self.first_log_ns - _RECENT_NS
-        for message in self.reader.messages(latched | moving, stop_ns=self.first_log_ns):
+        recent_ns = start_ns - _RECENT_NS
+        for message in self.reader.messages(latched | moving, stop_ns=start_ns):
             if message.topic in latched or message.log_time_ns >= recent_ns:
                 yield message
 
 
-# When a player sends what: at its time, or as another decides.
+# The pace of real time.
 
 
 _ASK_S: Final = 0.05
 _REST_S: Final = 0.5
 _APART_S: Final = 0.001
-"""So long between the messages from before the start: a reader's queue is short."""
+"""The pause between messages from before the start: a reader's queue is short."""
 
 
-class Lifelike(Pace):
-    """Sends each thing at its time, `rate` times as fast as it happened."""
+class RealTimePace(Pace):
+    """Sends each message at its time, `rate` times as fast as it was recorded."""
 
     def __init__(self, rate: float, should_stop: ShouldStop) -> None:
         super().__init__(should_stop)
@@ -115,7 +106,7 @@ class Lifelike(Pace):
         self._zero_ns, self._zero_s = now_ns, time.monotonic()
 
     def wait_until(self, now_ns: int) -> bool:
-        """Sleep until it is time; tell whether to go on."""
+        """Sleep until this time; False if the player is to stop."""
         due_s = self._zero_s + (now_ns - self._zero_ns) / NS_PER_S / self._rate
         while True:
             here_s = time.monotonic()
@@ -129,12 +120,12 @@ class Lifelike(Pace):
             time.sleep(min(due_s - here_s, _ASK_S))
 
     def wait_a_little(self) -> bool:
-        """Sleep for as long as a reader takes for a message; tell whether to go on."""
+        """Sleep for as long as a reader takes for a message; False if the player is to stop."""
         time.sleep(_APART_S)
         return not self._should_stop()
 
     def rest(self) -> None:
-        """Sleep for a moment: what comes while a map is taken in would count as come later."""
+        """Sleep for a moment: messages would be received late while a node processes the map."""
         time.sleep(_REST_S)
 
 
@@ -142,15 +133,15 @@ __all__ = ("PlayOptions", "PlayOutcome", "play")
 
 _LATE_S: Final = 0.1
 _LINGER_S: Final = 0.1
-"""So long the publishers stay, for the last messages to arrive. (Acknowledgements take up to
-three seconds: readers give them when asked, and an idle publisher asks that seldom.)"""
+"""The publishers stay this long, so that the last messages arrive. (Acknowledgements take up to
+three seconds: an idle publisher asks its readers that seldom.)"""
 _LATCHED_S: Final = 5.0
-"""The time does not go on before the map of the start has arrived, or this is over."""
+"""/clock waits at most this long for the arrival of the first map."""
 
 
 @dataclass
 class PlayOutcome:
-    """What was played: messages by recorded topic, how often, what was not and why."""
+    """The result of a play: messages by topic, skipped topics with the reason, passes."""
 
     counts: Mapping[str, int] = field(default_factory=dict)
     skipped: Mapping[str, str] = field(default_factory=dict)
@@ -173,8 +164,8 @@ def play(
     """
     with BagReader(options.bags) as reader, ros_session("are_player") as node:
         recording = PlayWindow.of(reader, options)
-        if recording.begin_ns > reader.start_ns:
-            say(stillness_ahead(recording.begin_ns - reader.start_ns, "the player"))
+        for sentence in recording.window.sentences("the player"):
+            say(sentence)
         if recording.clock.sentence:
             say(recording.clock.sentence)
         if recording.gaps_ns:
@@ -183,83 +174,59 @@ def play(
                 "played too: --start and --duration choose a part"
             )
         options.check_topics([topic.name for topic in reader.topics])
-        outlets = PlayedTopics(node, reader, options, say)
-        if not outlets.topics:
+        topics = PlayedTopics(node, reader, options, say)
+        if not topics.names:
             raise BagError("nothing is left to play of the recording")
-        teller = ClockTeller(node, options.clock_hz)
-        pace: Pace = Lifelike(options.rate, should_stop)
+        clock = ClockPublisher(node, options.clock_hz)
+        pace: Pace = RealTimePace(options.rate, should_stop)
         if options.lockstep:
-            pace = Lockstep(node, options.lockstep, outlets, should_stop)
-        publishers = {options.target(name): one for name, one in outlets.publishers.items()}
-        publishers |= teller.publishers
+            pace = Lockstep(node, options.lockstep, should_stop)
+        publishers = {options.target(name): one for name, one in topics.publishers.items()}
+        publishers |= clock.publishers
         is_complete = await_subscribers(node, publishers, options, say, should_stop)
-        outcome = PlayOutcome(outlets.counts, outlets.skipped, is_complete=is_complete)
+        outcome = PlayOutcome(topics.counts, topics.skipped, is_complete=is_complete)
         progress = open_progress(recording.start_ns, recording.end_ns)
         while outcome.is_complete and (options.loop or not outcome.passes):
-            outcome.is_complete = _play_once(recording, outlets, teller, pace, progress)
+            outcome.is_complete = _play_once(recording, topics, clock, pace, progress)
             outcome.passes += 1
         if outcome.is_complete:
             pace.end()
         time.sleep(_LINGER_S)
-        if isinstance(pace, Lifelike) and pace.worst_s > _LATE_S:
+        if isinstance(pace, RealTimePace) and pace.worst_s > _LATE_S:
             say(f"the player fell behind by up to {pace.worst_s:.2f} s; nothing was left out")
     return outcome
 
 
 def _play_once(
     recording: PlayWindow,
-    outlets: PlayedTopics,
-    teller: ClockTeller,
+    topics: PlayedTopics,
+    clock: ClockPublisher,
     pace: Pace,
     progress: Progress,
 ) -> bool:
-    """Play the recording once; tell whether it came to its end."""
+    """Play the recording once; return whether it came to its end."""
     pace.begin(recording.start_ns)
-    _tell(recording.start_ns, teller, pace)
-    for message in recording.earlier(outlets.topics):
+    pace.tell(recording.start_ns, clock)
+    for early in recording.earlier(topics.names):
         if not pace.wait_a_little():
             return False
-        _send(message, outlets, pace)
+        pace.send(early, topics)
     pace.begin(recording.start_ns)
-    clock = teller.times_after(recording.start_ns, recording.end_ns)
-    clock_ns = next(clock, None)
+    times_ns = clock.times_after(recording.start_ns, recording.end_ns)
+    instants: Iterator[tuple[int, BagMessage | None]] = ((at_ns, None) for at_ns in times_ns)
     has_begun = False
-    for now_ns, message in recording.messages(outlets.topics):
-        while clock_ns is not None and clock_ns <= now_ns:
-            if not pace.wait_until(clock_ns):
-                return False
-            if not has_begun:
-                _let_it_arrive(outlets, pace)
-                pace.begin(clock_ns)
-                has_begun = True
-            _tell(clock_ns, teller, pace)
-            clock_ns = next(clock, None)
+    for now_ns, message in merge(instants, recording.messages(topics.names), key=itemgetter(0)):
         if not pace.wait_until(now_ns):
             return False
-        _send(message, outlets, pace)
-        progress(now_ns)
-    while clock_ns is not None:
-        if not pace.wait_until(clock_ns):
-            return False
-        _tell(clock_ns, teller, pace)
-        clock_ns = next(clock, None)
+        if message is not None:
+            pace.send(message, topics)
+            progress(now_ns)
+            continue
+        if not has_begun:
+            has_begun = True
+            if topics.wait_for_latched(_LATCHED_S):
+                pace.rest()
+            pace.begin(now_ns)
+        pace.tell(now_ns, clock)
     progress(recording.end_ns)
     return True
-
-
-def _let_it_arrive(outlets: PlayedTopics, pace: Pace) -> None:
-    """Wait until the map of the start has arrived, if there was one."""
-    if outlets.wait_for_latched(_LATCHED_S):
-        pace.rest()
-
-
-def _send(message: BagMessage, outlets: PlayedTopics, pace: Pace) -> None:
-    pace.about_to_send(message)
-    outlets.publish(message)
-    pace.sent(message)
-
-
-def _tell(now_ns: int, teller: ClockTeller, pace: Pace) -> None:
-    pace.about_to_tell()
-    teller.tell(now_ns)
-    pace.told()

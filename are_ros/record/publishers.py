@@ -64,7 +64,7 @@ class PlayOptions:
                     raise BagError(f"{option} {topic}: not in the recording, which has {there}")
 
     def is_chosen(self, topic: str) -> bool:
-        """Tell whether a recorded topic is to be played."""
+        """Return whether a recorded topic is to be played."""
         chosen = not self.topics or slashed(topic) in map(slashed, self.topics)
         return chosen and slashed(topic) not in map(slashed, self.exclude)
 
@@ -83,7 +83,7 @@ _DEPTH: Final = 100
 class PlayedTopics:
     """Publishes recorded messages; topics whose type is not installed are skipped, with a reason.
 
-    Quality of service is as recorded; in lockstep all are reliable, so that nothing is lost.
+    Quality of service is as recorded; in lockstep all publishers are reliable.
     """
 
     def __init__(
@@ -93,17 +93,15 @@ class PlayedTopics:
         self.counts: dict[str, int] = {}
         self._reader = reader
         self._factory = RosbagsFactory()
-        self._types: dict[str, str] = {}
-        self._recorded_types: dict[str, str] = {}
+        self._topics: dict[str, BagTopic] = {}
         self._publishers: dict[str, Any] = {}
-        self._latched: set[str] = set()
         self._unacknowledged: set[str] = set()
         for topic in reader.topics:
             if topic.count and options.is_chosen(topic.name):
                 self._open(node, topic, options, say)
 
     @property
-    def topics(self) -> tuple[str, ...]:
+    def names(self) -> tuple[str, ...]:
         """The recorded names of the topics that are played."""
         return tuple(self._publishers)
 
@@ -117,8 +115,8 @@ class PlayedTopics:
 
         A topic that was recorded with two types is played with the first.
         """
-        topic = message.topic
-        if message.connection.msgtype != self._recorded_types[topic]:
+        topic, recorded = message.topic, self._topics[message.topic]
+        if message.connection.msgtype != recorded.type_name:
             return
         if self._reader.is_ros1:
             try:
@@ -126,12 +124,12 @@ class PlayedTopics:
             except AreError as cause:
                 self.skipped[topic] = str(cause)
                 return
-            data = as_ros2(self._factory, original, self._types[topic])
+            data = as_ros2(self._factory, original, ros2_type(recorded.type_name))
         else:
             data = bytes(message.data)
         self._publishers[topic].publish(data)
         self.counts[topic] += 1
-        if topic in self._latched and len(data) > LARGE_BYTES:
+        if recorded.is_latched and len(data) > LARGE_BYTES:
             self._unacknowledged.add(topic)
 
     def target(self, topic: str) -> str:
@@ -139,18 +137,18 @@ class PlayedTopics:
         return str(self._publishers[topic].topic_name)
 
     def has_listeners(self, topic: str) -> bool:
-        """Tell whether a topic, by its recorded name, has subscribers."""
+        """Return whether a topic, by its recorded name, has subscribers."""
         return bool(self._publishers[topic].get_subscription_count())
 
     def wait_until_acknowledged(self, topic: str, timeout_s: float) -> bool:
-        """Wait until reliable subscribers have all of a topic; tell whether they do."""
+        """Wait until reliable subscribers have acknowledged a topic; return whether they have."""
         return bool(self._publishers[topic].wait_for_all_acked(Duration(seconds=timeout_s)))
 
     def wait_for_latched(self, timeout_s: float) -> bool:
-        """Wait until reliable subscribers have what is latched; tell whether there was any.
+        """Wait until reliable subscribers have the large latched messages; False without any.
 
-        These are maps and clouds: of many fragments, of which one that is lost comes again only
-        with the next heartbeat of DDS, seconds later.
+        Maps and clouds have many fragments; a lost one is sent again with the next heartbeat of
+        DDS, seconds later.
         """
         limit = Duration(seconds=timeout_s)
         waiting, self._unacknowledged = self._unacknowledged, set()
@@ -161,26 +159,23 @@ class PlayedTopics:
     def _open(
         self, node: Node, topic: BagTopic, options: PlayOptions, say: Callable[[str], None]
     ) -> None:
-        type_name = ros2_type(topic.type_name)
         try:
-            publisher = self._publisher(node, topic, type_name, options)
+            self._publishers[topic.name] = self._publisher(node, topic, options)
         except NodeError as cause:
             self.skipped[topic.name] = str(cause)
             say(f"{topic.name} is not played: {cause}")
             return
-        self._recorded_types[topic.name] = topic.type_name
-        self._types[topic.name] = type_name
-        self._publishers[topic.name] = publisher
+        self._topics[topic.name] = topic
         self.counts[topic.name] = 0
-        if topic.is_latched:
-            self._latched.add(topic.name)
 
-    def _publisher(self, node: Node, topic: BagTopic, type_name: str, options: PlayOptions) -> Any:
+    def _publisher(self, node: Node, topic: BagTopic, options: PlayOptions) -> Any:
         """Return a new publisher; NodeError, with the reason, where there can be none."""
+        type_name = ros2_type(topic.type_name)
         if topic.name == CLOCK and options.clock_hz:
             raise NodeError("the player tells the time itself")
-        if topic.name in self._types:
-            raise NodeError(f"as {type_name}, since it is played as {self._types[topic.name]}")
+        if topic.name in self._topics:
+            played = ros2_type(self._topics[topic.name].type_name)
+            raise NodeError(f"as {type_name}, since it is played as {played}")
         target = options.target(topic.name)
         try:
             return node.create_publisher(message_class(type_name), target, _qos(topic, options))
@@ -203,7 +198,7 @@ def _qos(topic: BagTopic, options: PlayOptions) -> QoSProfile:
 # /clock: the time of the recording while it is played.
 
 
-class ClockTeller:
+class ClockPublisher:
     """Publishes /clock, reliably, or not at all."""
 
     def __init__(self, node: Node, clock_hz: float) -> None:
@@ -220,7 +215,7 @@ class ClockTeller:
         )
         yield end_ns
 
-    def tell(self, now_ns: int) -> None:
+    def publish(self, now_ns: int) -> None:
         """Publish the time."""
         for publisher in self.publishers.values():
             message = Clock()
@@ -248,11 +243,11 @@ def await_subscribers(
     say: Callable[[str], None],
     should_stop: Callable[[], bool],
 ) -> bool:
-    """Wait until the nodes of `options` listen, and all who are known to listen are connected.
+    """Wait until the nodes of `options` subscribe, and all known subscribers are connected.
 
-    They are if for half a second nobody came; where one cannot be connected (it asks for more than
-    was recorded), the wait ends after two. Returns whether to go on; NodeError if a node does not
-    listen in time. `say` takes what is waited for, now and then.
+    The wait ends when no subscriber came for half a second, or after two seconds if one cannot be
+    connected (it asks for more than was recorded). Returns False if the player is to stop.
+    NodeError if a node does not subscribe in time. `say` gets a sentence now and then.
     """
     began_s, report_after_s = time.monotonic(), _SILENT_S
     for name in options.wait_for:
@@ -302,7 +297,7 @@ def _await_connections(
 
 
 def _is_listening(node: Node, name: str, publishers: Mapping[str, Any]) -> bool:
-    """Tell whether a node subscribes to one of the topics."""
+    """Return whether a node subscribes to one of the topics."""
     space, _, short = name.strip("/").rpartition("/")
     return any(
         (info.node_name, info.node_namespace) == (short, f"/{space}")

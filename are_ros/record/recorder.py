@@ -9,15 +9,16 @@ from typing import Any, Final, NamedTuple
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
+from are_ros.bag.types import InstalledTypes
 from are_ros.bag.writer import BagWriter, describe_folder
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.record.file import FileWriter, SimulatedClock, WallClock
-from are_ros.record.inbox import Inbox, Received, Stamped
+from are_ros.record.inbox import Inbox, Stamped
 from are_ros.record.session import ros_session
-from are_ros.record.topics import RecordOptions, TopicFollower, TopicTypes
+from are_ros.record.topics import RecordOptions, TopicFollower
 from are_ros.wording import counted
 
-# The services of a node that nothing spins: their requests, taken and answered at chosen times.
+# The services of a node without an executor.
 
 
 _MOST_AT_ONCE: Final = 10
@@ -29,11 +30,11 @@ class _Request(NamedTuple):
     header: Any
 
 
-class Answers:
+class RequestQueue:
     """Takes the requests to all services of a node, and answers them on demand.
 
-    A player in lockstep asks whether everything from before its request was taken. So a request is
-    taken first, then what else is there, and then the request is answered.
+    A player in lockstep asks whether all messages from before its request were taken. So a request
+    is taken first, then all messages, and then the request is answered.
     """
 
     def __init__(self, node: Node) -> None:
@@ -54,7 +55,7 @@ class Answers:
             wait_set.wait(int(timeout_s * NS_PER_S))
 
     def take(self) -> bool:
-        """Take the requests that are there; tell whether any wait for their answer."""
+        """Take the waiting requests; return whether any request is unanswered."""
         for service in self._services:
             self._pending += self._taken(service)
         return bool(self._pending)
@@ -82,8 +83,7 @@ _LOOK_S = 0.1
 """How often new topics and publishers are looked for."""
 
 _REST_S = 0.004
-"""How long nothing is taken after nothing was there, unless somebody asks: 2 % of a core, and no
-queue fills in it."""
+"""The pause after an empty look, unless a request comes: 2 % of a core, and no queue fills."""
 
 _NOTES = {
     "what": "live topics, recorded by are record",
@@ -93,7 +93,7 @@ _NOTES = {
 
 @dataclass(frozen=True)
 class RecordOutcome:
-    """What a recording did; all mappings are by topic.
+    """The result of a recording; all mappings are by topic.
 
     `counts` are the messages in `file`, topics without one among them; `skipped` the topics that
     could not be recorded, with the reason, which was said. `missed` never arrived (the network, or
@@ -109,7 +109,7 @@ class RecordOutcome:
     dropped: Mapping[str, int]
 
     def sentences(self) -> Iterator[str]:
-        """Yield what a user should know of a recording that is not complete."""
+        """Yield a sentence for each way in which the recording is not complete."""
         if not self.counts:
             yield "nothing is recorded: no message arrived on any topic"
         for topic, count in self.missed.items():
@@ -133,13 +133,13 @@ def record(
     """
     awaited = options.awaited_topics()
     options.prepare_place()
-    types = TopicTypes()
+    types = InstalledTypes()
     clock = SimulatedClock(say) if options.use_sim_time else WallClock()
     bag = BagWriter(options.file, types.store, notes=_NOTES, keeps_partial=True)
     with ros_session(NODE_NAME, has_services=True) as node, FileWriter(bag) as file:
         inbox = Inbox(node)
         follower = TopicFollower(node, options, types, inbox, file, say)
-        recording = _Recording(options, inbox, Answers(node), follower, file, clock)
+        recording = _Recording(options, inbox, RequestQueue(node), follower, file, clock)
         recording.run(awaited, on_ready, should_stop)
         recording.finish()
     if options.is_folder:
@@ -154,7 +154,7 @@ class _Recording:
         self,
         options: RecordOptions,
         inbox: Inbox,
-        answers: Answers,
+        answers: RequestQueue,
         follower: TopicFollower,
         file: FileWriter,
         clock: WallClock,
@@ -190,15 +190,15 @@ class _Recording:
                 self._answers.wait(_REST_S)
 
     def finish(self) -> None:
-        """Pass on what arrived until now, and nothing later."""
+        """Pass on the messages that have arrived until now."""
         end_ns = time.time_ns()
-        while self._pass_on([m for m in self._inbox.take_all() if m.received_ns <= end_ns]):
+        while self._pass_on([m for m in self._inbox.take_all() if m.log_time_ns <= end_ns]):
             pass
         self._put(self._clock.rest())
         self._follower.finish()
 
     def outcome(self) -> RecordOutcome:
-        """Return what became of it, once the file is closed."""
+        """Return the result, once the file is closed."""
         return RecordOutcome(
             file=self._options.file,
             counts=self._file.counts(),
@@ -208,7 +208,7 @@ class _Recording:
             dropped=self._file.dropped + self._clock.dropped,
         )
 
-    def _pass_on(self, messages: Sequence[Received]) -> bool:
+    def _pass_on(self, messages: Sequence[Stamped]) -> bool:
         """Give messages to the file; return whether there were any."""
         if messages:
             self._put(self._clock.stamp(messages))

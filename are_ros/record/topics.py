@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -15,11 +15,11 @@ from are_ros.bag.types import InstalledTypes
 from are_ros.bag.writer import OfferedQos, partial_path
 from are_ros.errors import BagError, InputError, NodeError
 from are_ros.node.message_classes import message_class
-from are_ros.record.file import CLOCK_TOPIC, CLOCK_TYPE, Announcement, FileWriter
+from are_ros.record.file import CLOCK_TOPIC, CLOCK_TYPE, FileWriter
 from are_ros.record.inbox import Inbox
 from are_ros.wording import why_refused
 
-# What a recording is asked to do, where its file goes, and which topics it takes.
+# The options of a recording.
 
 
 _OTHER_KINDS = (".bag", ".db3", ".part", ".yaml")
@@ -45,7 +45,7 @@ class RecordOptions:
     overwrite: bool = False
 
     def is_selected(self, topic: str) -> bool:
-        """Tell whether a topic, by its full name, is to be recorded."""
+        """Return whether a topic, by its full name, is to be recorded."""
         if _matches(topic, self.exclude):
             return False
         return _matches(topic, self.topics) if self.topics else "/_" not in topic  # hidden
@@ -123,7 +123,7 @@ _BULKY: Final = frozenset(
 
 
 def offered_by(profile: QoSProfile) -> OfferedQos:
-    """Return in rosbag2's words what one publisher was found to offer."""
+    """Return the QoS that a publisher offers, in the words of rosbag2."""
     return OfferedQos(
         reliability=profile.reliability.name.lower(),
         durability=profile.durability.name.lower(),
@@ -137,9 +137,10 @@ def offered_by(profile: QoSProfile) -> OfferedQos:
 
 
 def matching(offered: Sequence[OfferedQos], type_name: str) -> QoSProfile:
-    """Return what all publishers can serve: reliable, or transient local, only if each of them is.
+    """Return the QoS that all publishers can serve.
 
-    A subscription that asked for more would get nothing from those that offer less.
+    It is reliable, or transient local, only if each of them is: a subscription that asks for more
+    gets nothing from a publisher that offers less.
     """
     is_reliable = all(profile.reliability == "reliable" for profile in offered)
     is_latched = all(profile.durability == "transient_local" for profile in offered)
@@ -150,7 +151,7 @@ def matching(offered: Sequence[OfferedQos], type_name: str) -> QoSProfile:
     )
 
 
-# The published topics, and what has changed since the last look.
+# The published topics, and their changes.
 
 
 _RECHECK_S = 1.0
@@ -172,8 +173,8 @@ class PublishedTopic:
     publishers: tuple[bytes, ...]
 
 
-class GraphWatch:
-    """Asks a node about the topics that are selected."""
+class TopicGraph:
+    """The publishers of the selected topics, by the graph of a node."""
 
     def __init__(self, node: Node, is_selected: Callable[[str], bool]) -> None:
         self._node = node
@@ -223,42 +224,6 @@ class GraphWatch:
         )
 
 
-# What is needed to record a type: its definition for the file, its class for the middleware.
-
-
-_NO_HASH = f"RIHS01_{'0' * 64}"
-
-
-class TopicTypes:
-    """The types of the recorded topics; `store` describes those that were asked for."""
-
-    def __init__(self, installed: InstalledTypes | None = None) -> None:
-        self._installed = InstalledTypes() if installed is None else installed
-
-    @property
-    def store(self) -> Any:
-        """The typestore of rosbags."""
-        return self._installed.store
-
-    def class_of(self, type_name: str) -> type[Any]:
-        """Return rclpy's class of a type, and learn the type's definition.
-
-        InputError or NodeError, with the reason, where one of the two is not installed.
-        """
-        self._installed.learn(type_name)
-        found: type[Any] = message_class(type_name)
-        return found
-
-    def is_as_published(self, type_name: str, type_hash: str) -> bool:
-        """Tell whether a publisher's type hash is that of the definition known here.
-
-        Publishers without a hash, as of older middlewares, are accepted.
-        """
-        if not type_hash.startswith("RIHS01_") or type_hash == _NO_HASH:
-            return True
-        return bool(type_hash == self.store.hash_rihs01(type_name))
-
-
 _LONGEST_LOOK_S: Final = 0.02
 
 
@@ -272,7 +237,7 @@ class TopicFollower:
         self,
         node: Node,
         options: RecordOptions,
-        types: TopicTypes,
+        types: InstalledTypes,
         inbox: Inbox,
         file: FileWriter,
         say: Callable[[str], None],
@@ -282,17 +247,17 @@ class TopicFollower:
         self._inbox = inbox
         self._file = file
         self._say = say
-        self._watch = GraphWatch(node, self._is_wanted)
+        self._watch = TopicGraph(node, self._is_wanted)
         self._type_names: dict[str, str] = {}
         self._qos: dict[str, QoSProfile] = {}
         self._doubted: set[str] = set()
         self.skipped: dict[str, str] = {}
 
     def look(self) -> bool:
-        """Look for topics and publishers; return False if the look is to be continued.
+        """Look for new topics and publishers; return False if there is more to look at.
 
-        Types take long to load, and messages must not wait. NodeError where /clock is needed and
-        is no clock.
+        Types take long to load, and messages must not wait. NodeError where /clock is needed but
+        has another type.
         """
         until_s = time.monotonic() + _LONGEST_LOOK_S
         for topic, has_changed in self._watch.look():
@@ -307,7 +272,7 @@ class TopicFollower:
         return True
 
     def are_connected(self, topics: Collection[str]) -> bool:
-        """Tell whether publishers of all these topics send to us; a skipped one is not awaited."""
+        """Return whether all these topics are skipped or have a connected publisher."""
         return all(name in self.skipped or self._inbox.is_connected(name) for name in topics)
 
     def finish(self) -> None:
@@ -328,23 +293,24 @@ class TopicFollower:
         return self._options.use_sim_time and name == CLOCK_TOPIC
 
     def _follow(self, topic: PublishedTopic) -> None:
-        """Subscribe, or change the subscription; the type stays what it was when first seen."""
+        """Subscribe, or change the subscription; the first type that was seen stays."""
         if topic.name not in self._type_names and self._is_our_clock(topic.name):
             _check_clock(topic)
         try:
             type_name = self._type_names.get(topic.name) or _only_type(topic)
-            message_class = self._types.class_of(type_name)
+            self._types.learn(type_name)
+            kind = message_class(type_name)
         except (InputError, NodeError) as reason:
             self._skip(topic.name, str(reason))
             return
         self._say_doubts(topic, type_name)
         self._type_names[topic.name] = type_name
         if self._options.is_selected(topic.name):
-            self._file.announce(topic.name, Announcement(type_name, topic.offered))
+            self._file.announce(topic.name, type_name, topic.offered)
         qos = matching(topic.offered, type_name)
         if qos != self._qos.get(topic.name):
             self._qos[topic.name] = qos
-            self._inbox.subscribe(topic.name, message_class, qos)
+            self._inbox.subscribe(topic.name, kind, qos)
 
     def _say_doubts(self, topic: PublishedTopic, type_name: str) -> None:
         """Warn once where a publisher has another type, or another definition of it."""
@@ -372,7 +338,7 @@ def _only_type(topic: PublishedTopic) -> str:
 
 
 def _check_clock(topic: PublishedTopic) -> None:
-    """Raise what ends the recording: without a clock no message has its time."""
+    """Raise NodeError if /clock has another type: messages would have no time."""
     if topic.type_names != (CLOCK_TYPE,):
         kinds = " and ".join(topic.type_names)
         raise NodeError(f"{CLOCK_TOPIC} is published as {kinds}: that gives no simulated time")

@@ -1,4 +1,4 @@
-"""The commands of `are` that read recordings, without the shell: text goes out by a callable."""
+"""The commands of `are` that read recordings; `say` and `echo` print their text."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.bag.reader import BagReader, recording_in
+from are_ros.bag.recording import find_recording
 from are_ros.bag.roles import read_overrides, sensors_of
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms, replaced_statics
 from are_ros.builder.sensors.sensor_path import SensorPathCounts
@@ -18,7 +19,7 @@ from are_ros.draw.overview import draw_overview
 from are_ros.draw.viewer import MISSING_VISER, has_viser, write_view
 from are_ros.errors import AreError
 from are_ros.messages.sensors import SENSORS
-from are_ros.parameters.declaration import with_values
+from are_ros.parameters.declaration import flatten, with_values
 from are_ros.parameters.model import Parameters, SensorsParameters
 from are_ros.parameters.ros_yaml import (
     parse_assignment,
@@ -34,7 +35,6 @@ from are_ros.replay.progress import ProgressBar
 from are_ros.replay.results import (
     Content,
     ReplayCounts,
-    WallClock,
     metrics_content,
     summary_lines,
     timing_content,
@@ -43,12 +43,12 @@ from are_ros.replay.results import (
 from are_ros.replay.session import Outcome, run_replay
 from are_ros.replay.survey.inspection import inspect_bag, inspection_lines
 from are_ros.replay.timeline import ReplayOptions
-from are_ros.wording import counted
+from are_ros.wording import counted, listed
 from are_ros.world.map_io import read_map_file
 
 Say = Callable[[str], None]
 
-_SHOWN_REFUSALS: Final = 5
+_SHOWN: Final = 5
 _WAIT: Final = "sensors.tf_wait"
 _OCTOMAP_ROLE: Final = "octomap_point_cloud_centers"
 
@@ -87,13 +87,13 @@ def effective_parameters(
 
 
 def is_given(path: str, parameter_files: Sequence[Path], assignments: Sequence[str]) -> bool:
-    """Say whether a parameter is set in a file or by an assignment. Raises ParameterError."""
+    """Return whether a file or an assignment sets a parameter. Raises ParameterError."""
     in_files = any(path in read_ros_parameters(file) for file in parameter_files)
     return in_files or any(parse_assignment(text)[0] == path for text in assignments)
 
 
 def options_of(skip: Sequence[str], **options: Any) -> ReplayOptions:
-    """Return what the options of the command line ask for. Raises AreError."""
+    """Return the options of a replay from those of the command line. Raises AreError."""
     parameters = effective_parameters(
         options["parameter_files"],
         options["assignments"],
@@ -120,7 +120,7 @@ def options_of(skip: Sequence[str], **options: Any) -> ReplayOptions:
 
 
 def replay_command(say: Say, **options: Any) -> bool:
-    """Run `are replay`; return whether all input was good, and all that was asked for was made.
+    """Run `are replay`; return False if input was refused or a result could not be written.
 
     Raises AreError where there is no result.
     """
@@ -148,7 +148,7 @@ def replay_command(say: Say, **options: Any) -> bool:
 
 
 def _is_bare(scans: SensorPathCounts) -> bool:
-    """Tell whether all scans of a topic went as they came."""
+    """Return whether no scan of a topic was augmented."""
     return scans.passed_through > 0 and not scans.exact + scans.held
 
 
@@ -169,7 +169,7 @@ def write_results(outcome: Outcome, folder: Path) -> None:
 
 
 def write_replay_view(outcome: Outcome, folder: Path) -> list[str]:
-    """Write the page of the viewer, a phase of its own in timing.json; return what to say of it.
+    """Write the page of the viewer, a phase of its own in timing.json; return its sentences.
 
     Without viser there is no page, and a sentence says what to install. Raises BagError.
     """
@@ -187,7 +187,7 @@ def write_replay_view(outcome: Outcome, folder: Path) -> list[str]:
 
 
 def summary(outcome: Outcome, folder: Path) -> list[str]:
-    """Return what a person wants to know, and where the results are."""
+    """Return the summary, and where the results are."""
     return [*summary_lines(_metrics(outcome), _timing(outcome)), f"results in {folder}"]
 
 
@@ -202,22 +202,24 @@ def _animate(outcome: Outcome, film: Path, say: Say) -> None:
 
 
 def _metrics(outcome: Outcome) -> Content:
-    counts = ReplayCounts(outcome.scans, outcome.refusals.counts, outcome.messages_written)
+    readings: dict[str, dict[str, SensorPathCounts]] = {role: {} for role in SENSORS}
+    for topic, of_topic in outcome.scans.items():
+        readings[outcome.role_of_topic[topic]][topic] = of_topic
+    counts = ReplayCounts(readings, outcome.refusals.counts, outcome.messages_written)
     has_octomap = outcome.options.octomap_file or _OCTOMAP_ROLE in outcome.role_of_topic.values()
     walls = "octomap" if has_octomap else "map"
     return {**metrics_content(outcome.record, counts), "walls": walls}
 
 
 def _timing(outcome: Outcome) -> Content:
-    stopwatch = outcome.stopwatch
-    clock = WallClock(stopwatch.phases_s, stopwatch.tick_durations_s)
-    return timing_content(outcome.record, clock)
+    return timing_content(outcome.record, outcome.stopwatch)
 
 
 def complaints(outcome: Outcome) -> list[str]:
-    """Return a sentence for each topic that had messages refused, or scans left as they were.
+    """Return a sentence for each problem of a replay.
 
-    And for whatever else a user should look at, such as a map that does not fit the robot's way.
+    Problems are refused messages, scans that were not augmented, a camera or a cloud that was not
+    used, blocked scripted artefacts, and a map that does not fit the robot's way.
     """
     refusals = outcome.refusals
     lines = [
@@ -226,7 +228,8 @@ def complaints(outcome: Outcome) -> list[str]:
         if (count := refusals.counts[topic])
     ]
     for topic, problem in sorted(outcome.scan_problems.items()):
-        passed = counted(outcome.scans[topic].passed_through, "scan")
+        noun = outcome.role_of_topic[topic]
+        passed = counted(outcome.scans[topic].passed_through, noun)
         lines.append(f"{topic}: {passed} passed through unaugmented, the last for: {problem}")
         if _is_bare(outcome.scans[topic]):
             lines[-1] += "; `are inspect` says which --static-tf or which wait is missing"
@@ -239,7 +242,7 @@ def complaints(outcome: Outcome) -> list[str]:
 
 
 def _about_waiting(outcome: Outcome) -> str:
-    """Say how long scans wait for their transforms where the default is too short, else nothing."""
+    """Say how long scans wait for their transforms; empty if the default is long enough."""
     waited_s, needed_s = outcome.options.parameters.sensors.tf_wait, outcome.needed_wait_s
     usual_s = SensorsParameters().tf_wait
     if not outcome.options.is_wait_given and waited_s > usual_s:
@@ -261,8 +264,8 @@ def refused_by_script(events: Iterable[ArtefactEvent]) -> list[str]:
     causes = {cause.value for cause in Cause}
     blocked = (event.detail for event in events if event.kind is EventKind.BLOCKED)
     reasons = [detail for detail in blocked if detail not in causes]
-    lines = [f"blocked: {reason}" for reason in reasons[:_SHOWN_REFUSALS]]
-    if others := reasons[_SHOWN_REFUSALS:]:
+    lines = [f"blocked: {reason}" for reason in reasons[:_SHOWN]]
+    if others := reasons[_SHOWN:]:
         lines.append(f"blocked: and {len(others)} more, see blocked_by_cause in {METRICS}")
     return lines
 
@@ -324,4 +327,18 @@ def check_command(
         echo(result.sentence())
     if sentence := want_of_inputs(results):
         echo(sentence)
-    return not any(result.outcome is CheckOutcome.FAILED for result in results)
+    has_failed = any(result.outcome is CheckOutcome.FAILED for result in results)
+    if has_failed and (sentence := other_parameters(path, parameters_file)):
+        echo(sentence)
+    return not has_failed
+
+
+def other_parameters(path: Path, given: Path | None) -> str:
+    """Say which parameters of a given file are not those of the run, empty if there is none."""
+    own = find_recording(path).parameters
+    if own is None or given is None:
+        return ""
+    used, meant = (flatten(with_file(Parameters(), file)) for file in (own, given))
+    others = [name for name in used if used[name] != meant[name]]
+    names = listed([*others[:_SHOWN], *(["others"] if others[_SHOWN:] else [])])
+    return f"{given} differs from the run's own {own} in {names}: check without it" if names else ""

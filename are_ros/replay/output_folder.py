@@ -1,4 +1,4 @@
-"""The folder of a replay's results: made before the run, and never left with half of a set."""
+"""The folder of a replay's results: made before the run; it gets all results or none."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -17,7 +17,7 @@ RESULTS: Final = (AUGMENTED, "overview.png", VIEW, "effective.yaml", METRICS, "t
 
 
 def prepare_folder(folder: Path) -> None:
-    """Make the folder; BagError if it cannot be, or if a folder has the name of a result."""
+    """Make the folder; BagError if that fails, or if a folder has the name of a result."""
     _make(folder, f"--out {folder}: the folder")
     for name in RESULTS:
         if (folder / name).is_dir():
@@ -25,7 +25,7 @@ def prepare_folder(folder: Path) -> None:
 
 
 def prepare_scenario(path: Path) -> None:
-    """Make the folder of a scenario that is to be written; BagError if that will not go."""
+    """Make the folder of a scenario; BagError if the files cannot be written."""
     from are_ros.builder.files.scenario_file import scenario_files
 
     _make(path.parent, f"--save-scenario {path}: its folder")
@@ -45,9 +45,9 @@ def _make(folder: Path, subject: str) -> None:
 
 
 def picture_beside(recording: Path, name: str) -> Path:
-    """Return where a picture of a recording goes: into its folder, where none of another is.
+    """Return the path of a picture of a recording, in the folder of the recording.
 
-    The standard recording gives it its name, any other file has its own before that.
+    Beside augmented.mcap it is `name`; beside any other file the file's name comes first.
     """
     if recording.is_dir():
         return recording / name
@@ -76,7 +76,7 @@ def animation_path(wanted: Path, folder: Path) -> Path:
 
 @contextmanager
 def all_or_nothing(folder: Path, results: Sequence[str] = RESULTS) -> Iterator[None]:
-    """Turn what the system refuses to write into a BagError, and remove every result then."""
+    """Turn an OSError of a write into a BagError, and remove all results."""
     try:
         yield
     except OSError as cause:

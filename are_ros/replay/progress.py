@@ -1,18 +1,16 @@
-"""What a user sees of a replay that runs, and how long its phases take by the wall clock."""
+"""Progress bars, and how long the phases of a replay take by the wall clock."""
 
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from types import TracebackType
 from typing import NoReturn
 
 from tqdm import tqdm
 
 from are_ros.conventions import NS_PER_S
-
-# What the wall clock says of a replay: for `timing.json` only.
-
 
 Progress = Callable[[int], None]
 """Takes the time reached [ns]."""
@@ -31,12 +29,12 @@ def said_if_slow(say: Callable[[str], None], sentence: str) -> Iterator[None]:
         timer.cancel()
 
 
+@dataclass
 class Stopwatch:
-    """Adds up seconds by phase, and keeps the duration of every tick."""
+    """Adds up seconds by phase, and keeps the duration of every tick [s]."""
 
-    def __init__(self) -> None:
-        self.phases_s: dict[str, float] = {}
-        self.tick_durations_s: list[float] = []
+    phases_s: dict[str, float] = field(default_factory=dict)
+    ticks_s: list[float] = field(default_factory=list)
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
@@ -53,7 +51,7 @@ class Stopwatch:
         """Keep the time inside the block as the duration of one tick."""
         began_s = time.perf_counter()
         yield
-        self.tick_durations_s.append(time.perf_counter() - began_s)
+        self.ticks_s.append(time.perf_counter() - began_s)
 
 
 _STEP_NS = NS_PER_S // 2
@@ -62,9 +60,9 @@ _KERNELS = "{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} [{elapsed}]"
 
 
 class ProgressBar:
-    """A bar on stderr; a context manager, so that what is said after it has a line of its own.
+    """A bar on stderr; a context manager, which ends the bar's line.
 
-    Where stderr is no terminal (a file, CI) there is none.
+    Where stderr is no terminal (a file, CI) there is no bar.
     """
 
     def __init__(self, name: str = "replay") -> None:
@@ -84,7 +82,7 @@ class ProgressBar:
             self._bar.close()
 
     def open(self, start_ns: int, end_ns: int) -> Progress:
-        """Show the bar; what is returned moves it, and closes it at `end_ns`."""
+        """Show the bar; return a callable that moves it, and closes it at `end_ns`."""
         total_s = round((end_ns - start_ns) / NS_PER_S, 3)
         bar: tqdm[NoReturn] = tqdm(
             total=total_s, desc=self._name, bar_format=_LAYOUT, leave=True, disable=None
@@ -121,7 +119,7 @@ class KernelBar:
         trace: TracebackType | None,
     ) -> None:
         if error is None:
-            self._bar.total = max(self._bar.n, 1)  # those that nobody needs are not waited for
+            self._bar.total = max(self._bar.n, 1)  # kernels that are not needed are not compiled
         self._bar.close()
 
     def count(self, done: int, total: int) -> None:

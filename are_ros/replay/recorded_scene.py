@@ -2,8 +2,8 @@
 
 import math
 from collections import OrderedDict, deque
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,10 +11,8 @@ import numpy as np
 
 from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.bag.decoded import Event, Grid, Metrics, Odometry, Perceived, Scan, Scene, Transforms
-from are_ros.bag.reader import BagTopic
 from are_ros.bag.recording import PREFIX, Recording, find_recording
 from are_ros.bag.roles import find_roles
-from are_ros.builder.assembly import robot_footprint
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, scan_points
 from are_ros.errors import AreError, BagError, InputError
@@ -28,8 +26,8 @@ from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.meshes.shapes import Shape
 from are_ros.replay.progress import Progress
+from are_ros.replay.recorded_frames import RecordedRobot
 from are_ros.replay.scene_record import SceneRecorder
-from are_ros.replay.survey.recorded_frames import RecordedRobot
 from are_ros.world.cameras import Camera, ViewModel
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
@@ -47,7 +45,7 @@ _OUTPUTS: Final = ("artefacts", "perceived", "events", "metrics")
 _AUGMENTED: Final = "augmented_map"
 _SCAN_TYPE: Final = "sensor_msgs/msg/LaserScan"
 _WAITING_TICKS: Final = 20
-"""What belongs to one tick is received in any order, but not later than this."""
+"""The messages of a tick come in any order, but not later than this."""
 _WAITING_SCANS: Final = 40
 _NO_METRICS: Final = SceneMetrics(0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, float("nan"))
 
@@ -56,9 +54,9 @@ _NO_METRICS: Final = SceneMetrics(0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, float("nan"))
 class RecordedScene:
     """The record, the map that it goes with, and the parameters in force (effective.yaml's).
 
-    `voxels` is the octomap, None where there is none. `robot_problem` says why the robot is nowhere
-    in the record, empty where it is, or where nothing could tell; `cloud_problem` why there are no
-    voxels though a cloud was recorded.
+    `voxels` is the octomap, None where there is none. `robot_problem` says why the record has no
+    pose of the robot, empty where it has one or no transforms were recorded; `cloud_problem` says
+    why a recorded cloud gave no voxels.
     """
 
     record: SceneRecord
@@ -83,12 +81,7 @@ def read_recorded_scene(
     parameters = Parameters()
     if found.parameters is not None:
         parameters = with_file(parameters, found.parameters)
-    recorder = SceneRecorder(
-        Catalogue(()),
-        seed=parameters.seed,
-        max_range_m=parameters.occlusion.max_range,
-        footprint=robot_footprint(parameters.robot),
-    )
+    recorder = SceneRecorder.of(parameters, Catalogue(()))
     with Recording(found) as recording:
         roles = _topics(recording, with_scans=with_scans)
         has_camera_info = "camera/camera_info" in roles.values()
@@ -113,34 +106,22 @@ def read_recorded_scene(
 
 def _topics(recording: Recording, *, with_scans: bool) -> dict[str, str]:
     """Return the role of each topic that is read."""
-    counts, types = recording.counts, recording.types
-    topics = [BagTopic(t, kind, counts[t], is_latched=False) for t, kind in types.items()]
-    roles = find_roles(topics, {})
-    found = {role: roles.topic(role) for role in (*_ROLES, *([CLOUD] if with_scans else []))}
-    chosen = {topic: role for role, topic in found.items() if topic and PREFIX not in topic}
+    types = recording.types
+    roles = find_roles(recording.topics, {})
+    found = roles.by_topic((*_ROLES, *([CLOUD] if with_scans else [])))
+    chosen = {topic: role for topic, role in found.items() if PREFIX not in topic}
     if with_scans:
         for topic, type_name in types.items():
             if type_name == _SCAN_TYPE:
                 chosen[topic] = AUGMENTED_SCAN if topic.startswith(PREFIX) else SCAN
     outputs = [*_OUTPUTS, *([] if "map" in chosen.values() else [_AUGMENTED])]
-    return chosen | {PREFIX + name: name for name in outputs if PREFIX + name in counts}
-
-
-@dataclass(frozen=True, eq=False)
-class _Tick:
-    """What is known when a list of artefacts comes."""
-
-    stamp_ns: int
-    artefacts: Sequence[ArtefactAt]
-    poses: tuple[RigidTransform | None, RigidTransform | None]
-    camera: Camera | None
-    scans: Sequence[ScanPoints]
+    return chosen | {PREFIX + name: name for name in outputs if PREFIX + name in types}
 
 
 class SceneReader:
-    """Takes decoded messages in the order in which they came, and gives a `Moment` for each tick.
+    """Takes decoded messages in their order, and gives a `Moment` for each tick.
 
-    `keep` is called with a tick, and the camera of that time, when all that belongs to the tick has
+    `keep` is called with the moment and the camera of that time when all messages of the tick have
     come: 20 ticks later, or, live, as soon as the perceived artefacts are known.
     """
 
@@ -154,7 +135,7 @@ class SceneReader:
         self._parameters, self._keep, self._is_live = parameters, keep, is_live
         self._robot = RecordedRobot(parameters, has_camera_info=has_camera_info)
         self._scans = _ScanKeeper(parameters.frames.map)
-        self._waiting: deque[_Tick] = deque()
+        self._waiting: deque[tuple[Moment, Camera | None]] = deque()
         self._perceived: OrderedDict[int, frozenset[int]] = OrderedDict()
         self._metrics: OrderedDict[int, SceneMetrics] = OrderedDict()
         self._last_metrics = _NO_METRICS
@@ -192,7 +173,7 @@ class SceneReader:
         self._handlers[role](value)
 
     def finish(self) -> None:
-        """Give all ticks that wait."""
+        """Give all waiting ticks."""
         while self._waiting:
             self._give_first()
 
@@ -217,7 +198,8 @@ class SceneReader:
     def _take_artefacts(self, scene: Scene) -> None:
         artefacts = [self._artefact(scene, i) for i in range(len(scene.ids))]
         poses, scans = self._robot.poses(scene.stamp_ns), self._scans.take(self._robot.tree)
-        self._waiting.append(_Tick(scene.stamp_ns, artefacts, poses, self._robot.camera, scans))
+        moment = Moment(scene.stamp_ns, artefacts, frozenset(), *poses, scans=scans)
+        self._waiting.append((moment, self._robot.camera))
         self._give()
 
     def _artefact(self, scene: Scene, i: int) -> ArtefactAt:
@@ -251,7 +233,7 @@ class SceneReader:
             self._robot.take_transform(stamped, is_static=is_static)
 
     def _take_odometry(self, odometry: Odometry) -> None:
-        self._robot.take_odometry(OdometryNumbers(*odometry.sample, twist=()))
+        self._robot.take_odometry(OdometryNumbers(*odometry.sample))
 
     def _take_map(self, value: Grid) -> None:
         grid = grid_of(value, "map")
@@ -260,7 +242,7 @@ class SceneReader:
         self.grid = grid
 
     def _take_augmented(self, value: Grid) -> None:
-        """Keep what was never more occupied: artefacts come and go, walls stay."""
+        """Keep the least value of each cell: artefacts come and go, walls stay."""
         grid, known = grid_of(value, _AUGMENTED), self.grid
         if known is not None and known.cells.shape == grid.cells.shape:
             cells = np.minimum(known.cells, grid.cells)
@@ -274,33 +256,26 @@ class SceneReader:
     def _give(self) -> None:
         while self._waiting and (
             len(self._waiting) > _WAITING_TICKS
-            or (self._is_live and self._waiting[0].stamp_ns in self._perceived)
+            or (self._is_live and self._waiting[0][0].stamp_ns in self._perceived)
         ):
             self._give_first()
 
     def _give_first(self) -> None:
-        tick = self._waiting.popleft()
-        self._last_metrics = self._metrics.pop(tick.stamp_ns, self._last_metrics)
-        events = [event for event in self._events if event.stamp_ns <= tick.stamp_ns]
-        self._events = [event for event in self._events if event.stamp_ns > tick.stamp_ns]
-        perceived = self._perceived.pop(tick.stamp_ns, frozenset())
+        moment, camera = self._waiting.popleft()
+        now_ns = moment.stamp_ns
+        self._last_metrics = self._metrics.pop(now_ns, self._last_metrics)
+        events = [event for event in self._events if event.stamp_ns <= now_ns]
+        self._events = [event for event in self._events if event.stamp_ns > now_ns]
+        perceived = self._perceived.pop(now_ns, frozenset())
         for unused in (self._perceived, self._metrics):
             while len(unused) > 10 * _WAITING_TICKS:
                 unused.popitem(last=False)
-        moment = Moment(
-            tick.stamp_ns,
-            tick.artefacts,
-            perceived,
-            *tick.poses,
-            events,
-            self._last_metrics,
-            tick.scans,
-        )
-        self._keep(moment, tick.camera)
+        metrics = self._last_metrics
+        self._keep(replace(moment, perceived=perceived, events=events, metrics=metrics), camera)
 
 
 class _ScanKeeper:
-    """Finds out where scans ended, and which returns are virtual: those that the input lacks."""
+    """Finds the ends of the beams, and which returns are virtual: those that the input lacks."""
 
     def __init__(self, map_frame: str) -> None:
         self._map_frame = map_frame
@@ -329,7 +304,7 @@ class _ScanKeeper:
 
 
 def _remember(scans: "OrderedDict[tuple[int, str], LaserScan]", value: Scan) -> None:
-    """Keep a scan; one that is malformed is not shown, and `are check` tells of it."""
+    """Keep a scan; a malformed one is not shown, and `are check` reports it."""
     first, last, step, beam_s, scan_s, nearest, farthest = value.numbers.values()
     angles, times, reach = (first, last, step), (beam_s, scan_s), (nearest, farthest)
     beams, head = (value.ranges, value.intensities), (value.frame_id, value.stamp_ns)
@@ -343,7 +318,7 @@ def _remember(scans: "OrderedDict[tuple[int, str], LaserScan]", value: Scan) -> 
 
 
 def _row(scene: Scene, i: int) -> CatalogueRow:
-    """Return what an artefact tells of its row: label, class and box; the rest is unknown."""
+    """Return the row of an artefact: label, class and box; the rest is unknown."""
     length_m, width_m, height_m = (2.0 * scene.half_sizes_m[i]).tolist()
     x_m, y_m, z_m = scene.box_centres_m[i].tolist()
     names = int(scene.rows[i]), scene.labels[i], scene.classes[i]

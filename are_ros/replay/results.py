@@ -1,4 +1,4 @@
-"""What a replay leaves in numbers: metrics.json (reproducible), timing.json (not), a summary.
+"""The numbers of a replay: metrics.json (reproducible), timing.json (not), a summary.
 
 Wall-clock figures stand in timing.json only; nothing holds a date or a path of the machine.
 """
@@ -18,6 +18,8 @@ from are_ros.agents.events import EventKind
 from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import Life, SceneRecord
+from are_ros.messages.sensors import SENSORS
+from are_ros.replay.progress import Stopwatch
 from are_ros.wording import counted, listed
 
 Content = dict[str, Any]
@@ -35,19 +37,14 @@ _OTHER_PHASES = {
 
 @dataclass(frozen=True)
 class ReplayCounts:
-    """What was counted beside the scene, by topic: scans by outcome, messages refused, written."""
+    """The counts beside the scene, by topic: readings by outcome, messages refused and written.
 
-    scans: Mapping[str, SensorPathCounts] = field(default_factory=dict)
+    `readings` are counted by role ("scan", "range") and topic.
+    """
+
+    readings: Mapping[str, Mapping[str, SensorPathCounts]] = field(default_factory=dict)
     refused: Mapping[str, int] = field(default_factory=dict)
     written: Mapping[str, int] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class WallClock:
-    """What a wall clock measured [s]: the phases of the replay by name, and each tick's step."""
-
-    phases_s: Mapping[str, float]
-    ticks_s: Sequence[float] = ()
 
 
 def metrics_content(record: SceneRecord, counts: ReplayCounts) -> Content:
@@ -68,26 +65,26 @@ def metrics_content(record: SceneRecord, counts: ReplayCounts) -> Content:
         "perceived_ever": sum(life.is_perceived for life in record.lives),
         "clutter_ratio": _mean_and_max(series.clutter_ratio),
         "classes": _classes(record.lives),
-        "scans": {topic: asdict(counts.scans[topic]) for topic in sorted(counts.scans)},
+        **_readings(counts.readings),
         "refused": {topic: counts.refused[topic] for topic in sorted(counts.refused)},
         "written": {topic: counts.written[topic] for topic in sorted(counts.written)},
         "lives": [_life(record, life) for life in record.lives],
     }
 
 
-def timing_content(record: SceneRecord, clock: WallClock) -> Content:
+def timing_content(record: SceneRecord, stopwatch: Stopwatch) -> Content:
     """Return the content of timing.json.
 
     The real-time factor is the time simulated over that of the replay proper; the overall one
     counts the other phases (start-up, picture, view, animation), too.
     """
-    total_s = math.fsum(clock.phases_s.values())
-    replay_s = clock.phases_s.get(REPLAY_PHASE, total_s)
+    total_s = math.fsum(stopwatch.phases_s.values())
+    replay_s = stopwatch.phases_s.get(REPLAY_PHASE, total_s)
     simulated_s = record.duration_ns / NS_PER_S
-    ticks_ms = 1e3 * np.array(clock.ticks_s, dtype=np.float64)
+    ticks_ms = 1e3 * np.array(stopwatch.ticks_s, dtype=np.float64)
     names = {"p50": 50.0, "p90": 90.0, "p99": 99.0, "max": 100.0}
     return {
-        "phases_s": {name: round(value, 6) for name, value in clock.phases_s.items()},
+        "phases_s": {name: round(value, 6) for name, value in stopwatch.phases_s.items()},
         "total_s": round(total_s, 6),
         "real_time_factor": simulated_s / replay_s if replay_s > 0.0 else None,
         "real_time_factor_overall": simulated_s / total_s if total_s > 0.0 else None,
@@ -105,14 +102,21 @@ def write_json(path: Path, content: Content) -> None:
 
 
 def summary_lines(metrics: Content, timing: Content | None = None) -> list[str]:
-    """Return what a person wants to know at the end of a replay, as aligned lines of text."""
+    """Return the summary of a replay, as aligned lines of text."""
     entries = [
         ("time", _time_text(metrics, timing)),
         ("artefacts", _artefact_text(metrics)),
         ("perceived", _perceived_text(metrics)),
-        *((f"  {name}", _class_text(one)) for name, one in metrics["classes"].items()),
-        ("robot", _robot_text(metrics)),
-        *((f"scan {topic}", _scan_text(one)) for topic, one in metrics["scans"].items()),
+        *(
+            (f"  {name}", f"{one['perceived']} of {one['arrived']}")
+            for name, one in metrics["classes"].items()
+        ),
+        ("robot", f"{counted(metrics['robot_contacts'], 'contact')} with artefacts"),
+        *(
+            (f"{role} {topic}", _reading_text(one))
+            for role, kind in SENSORS.items()
+            for topic, one in metrics.get(kind.parameter, {}).items()
+        ),
         *((f"refused {topic}", counted(n, "message")) for topic, n in metrics["refused"].items()),
         ("written", _written_text(metrics["written"])),
     ]
@@ -134,6 +138,16 @@ def _population(record: SceneRecord) -> Content:
         "robot_contacts": last.robot_contacts if last else 0,
         "area_m2": _number(last.area_m2) if last else None,
     }
+
+
+def _readings(by_role: Mapping[str, Mapping[str, SensorPathCounts]]) -> Content:
+    """Return the counts of each kind of sensor, under "scans" always and under others if any."""
+    found: Content = {"scans": {}}
+    for role, counts in by_role.items():
+        if counts:
+            name = SENSORS[role].parameter
+            found[name] = {topic: asdict(counts[topic]) for topic in sorted(counts)}
+    return found
 
 
 def _by_detail(record: SceneRecord, kind: EventKind) -> dict[str, int]:
@@ -210,15 +224,7 @@ def _perceived_text(metrics: Content) -> str:
     return f"{metrics['perceived_ever']} of {total} at some time{warning}"
 
 
-def _class_text(one: Content) -> str:
-    return f"{one['perceived']} of {one['arrived']}"
-
-
-def _robot_text(metrics: Content) -> str:
-    return f"{counted(metrics['robot_contacts'], 'contact')} with artefacts"
-
-
-def _scan_text(one: Content) -> str:
+def _reading_text(one: Content) -> str:
     texts = {
         "exact": "augmented at their stamp",
         "held": "augmented with the latest map->odom (that of their stamp came too late)",

@@ -13,13 +13,13 @@ from are_ros.replay.timeline import FED_BEFORE_START, ReplayOptions, Timeline
 
 
 class Listener:
-    """Takes the outputs of a replay, in their order; as it stands, it ignores them."""
+    """Takes the outputs of a replay, in their order; this base class ignores them."""
 
     def take_tick(self, tick: Tick) -> None:
         """Take a tick."""
 
     def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
-        """Take readings that left the sensor path."""
+        """Take readings that the sensor path has released."""
 
     def take_input(self, message: BagMessage, received_ns: int) -> None:
         """Take an input, after the builder did."""
@@ -28,9 +28,9 @@ class Listener:
 class Replay:
     """Runs one builder over the spans of a recording's timeline, by its `clock`.
 
-    Ticks run at the multiples of the tick period since the epoch, each with what was received
-    before it. What was recorded before a span and lasts (maps, transforms) counts as received at
-    its beginning. In the gaps between spans nothing happens; all artefacts go before each.
+    Ticks run at the multiples of the tick period since the epoch, each with the messages received
+    before it. Maps and transforms from before a span count as received at its beginning. Gaps
+    between spans are skipped; all artefacts depart before each gap.
     """
 
     def __init__(
@@ -48,6 +48,7 @@ class Replay:
         self.end_ns = self.clock.at(self._spans[-1][1])
         self.feed = Feed(reader, builder, self.role_of_topic)
         self.ticks = 0
+        self._listeners: tuple[Listener, ...] = ()
         self._skipped_ns = 0
         self._reader = reader
         self._builder = builder
@@ -58,53 +59,60 @@ class Replay:
 
     @property
     def length_ns(self) -> int:
-        """How long it is by its clock, without the gaps."""
+        """The length by the clock, without the gaps."""
         return sum(self.clock.at(stop) - self.clock.at(start) for start, stop in self._spans)
 
-    def run(self, listener: Listener, progress: Progress) -> None:
-        """Run to the end; `progress` is told the time reached, the gaps taken off."""
+    def run(self, listeners: Sequence[Listener], progress: Progress) -> None:
+        """Run to the end; the listeners are called in their order.
+
+        `progress` gets the time reached, without the gaps.
+        """
+        self._listeners = tuple(listeners)
         before_ns = self._reader.start_ns
         for index, span in enumerate(self._spans):
             if index:
                 self._skip_gap(self.clock.at(before_ns), self.clock.at(span[0]))
-            self._run_span(before_ns, span, listener, progress)
+            self._run_span(before_ns, span, progress)
             before_ns = span[1]
         progress(self.end_ns - self._skipped_ns)
 
     def _skip_gap(self, from_ns: int, to_ns: int) -> None:
-        """Go on after a gap, as if a new recording began."""
+        """Continue after a gap as with a new recording."""
         self._builder.interrupt(from_ns, to_ns)
         self._schedule = TickSchedule.of(self._tick_rate_hz, to_ns)
         self._skipped_ns += to_ns - from_ns
 
-    def _run_span(self, before_ns: int, span: Span, listener: Listener, progress: Progress) -> None:
+    def _run_span(self, before_ns: int, span: Span, progress: Progress) -> None:
         start_ns, end_ns = self.clock.at(span[0]), self.clock.at(span[1])
         for message in self._messages(before_ns, span):
             received_ns = max(self.clock.at(message.log_time_ns), start_ns)
-            self._run_ticks(received_ns, listener)
+            self._run_ticks(received_ns)
             self.feed.take(message, received_ns)
-            listener.take_input(message, received_ns)
-            self._hand_over_readings(listener)
+            for listener in self._listeners:
+                listener.take_input(message, received_ns)
+            self._hand_over_readings()
             progress(received_ns - self._skipped_ns)
-        self._run_ticks(end_ns - 1, listener)
+        self._run_ticks(end_ns - 1)
         self._builder.finish(end_ns)
-        self._hand_over_readings(listener)
+        self._hand_over_readings()
 
     def _messages(self, before_ns: int, span: Span) -> Iterator[BagMessage]:
-        """Yield what is fed from before the span, then the span's messages."""
+        """Yield the maps and transforms from before the span, then the span's messages."""
         if span[0] > before_ns:
             early = [t for t, role in self.role_of_topic.items() if role in FED_BEFORE_START]
             yield from self._reader.messages(early, before_ns, span[0])
         yield from self._reader.messages(list(self.role_of_topic), *span)
 
-    def _run_ticks(self, until_ns: int, listener: Listener) -> None:
+    def _run_ticks(self, until_ns: int) -> None:
         while (tick_ns := self._schedule.pop(until_ns)) is not None:
             with self._stopwatch.tick():
                 tick = self._builder.step(tick_ns)
-            listener.take_tick(tick)
-            self._hand_over_readings(listener)
+            for listener in self._listeners:
+                listener.take_tick(tick)
+            self._hand_over_readings()
             self.ticks += 1
 
-    def _hand_over_readings(self, listener: Listener) -> None:
+    def _hand_over_readings(self) -> None:
         if readings := self._builder.take_readings():
-            listener.take_readings(readings)
+            for listener in self._listeners:
+                listener.take_readings(readings)

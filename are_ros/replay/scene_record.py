@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
+from are_ros.builder.assembly import robot_footprint
 from are_ros.builder.tick import Tick
 from are_ros.draw.scene import (
     ArtefactAt,
@@ -20,6 +21,7 @@ from are_ros.draw.scene import (
     Track,
     shown_every,
 )
+from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.world.cameras import Camera, ViewModel
@@ -62,7 +64,7 @@ class _LifeRecorder:
     doings: list[Doing] = field(default_factory=list)
 
     def stand(self, stamp_ns: int, pose: GroundPose) -> None:
-        """Take where the artefact stands."""
+        """Take the artefact's pose."""
         if pose == self.last_pose:
             return
         self.last_pose = pose
@@ -73,12 +75,12 @@ class _LifeRecorder:
         self.heights_m.append(pose.z_m)
 
     def do(self, stamp_ns: int, behaviour: str, activity: str) -> None:
-        """Take what the artefact does."""
+        """Take the artefact's behaviour and activity."""
         if not self.doings or self.doings[-1][1:] != (behaviour, activity):
             self.doings.append(Doing(stamp_ns, behaviour, activity))
 
     def finished(self, artefact_id: int) -> Life:
-        """Return the life as it is known so far."""
+        """Return the life so far."""
         return Life(
             artefact_id,
             self.row,
@@ -107,9 +109,9 @@ class SceneRecorder:
         footprint: Footprint,
         is_perceiving: bool = True,
     ) -> None:
-        """Take the rows that the artefacts are of, and the robot's outline on its base.
+        """Take the catalogue's rows, and the robot's outline on its base.
 
-        Where perception is left out (not `is_perceiving`), no tick counts as blind.
+        Without perception (not `is_perceiving`) no tick counts as blind.
         """
         self._is_perceiving = is_perceiving
         self._rows = {row.label: row for row in catalogue.rows}
@@ -127,9 +129,22 @@ class SceneRecorder:
         self._scans_every = 1
         self._present: set[int] = set()
 
+    @classmethod
+    def of(
+        cls, parameters: Parameters, catalogue: Catalogue, *, is_perceiving: bool = True
+    ) -> "SceneRecorder":
+        """Return the recorder of a run with these parameters."""
+        return cls(
+            catalogue,
+            seed=parameters.seed,
+            max_range_m=parameters.occlusion.max_range,
+            footprint=robot_footprint(parameters.robot),
+            is_perceiving=is_perceiving,
+        )
+
     @property
     def wants_scans(self) -> bool:
-        """Whether the next tick is one of those that the viewer shows, as far as is known."""
+        """Whether the viewer shows the next tick, as far as is known."""
         return len(self._clutter) % self._scans_every == 0
 
     def add(self, tick: Tick, camera: Camera | None, scans: Sequence[ScanPoints] = ()) -> None:
@@ -158,7 +173,7 @@ class SceneRecorder:
         self.keep(moment, camera)
 
     def keep(self, moment: Moment, camera: Camera | None) -> None:
-        """Take what is kept of a tick."""
+        """Take a tick in the form that is kept."""
         if moment.scans and self.wants_scans:
             self._scans[moment.stamp_ns] = moment.scans
         for one in moment.artefacts:
@@ -182,7 +197,7 @@ class SceneRecorder:
         self._thin_scans()
 
     def record(self) -> SceneRecord:
-        """Return what was collected so far."""
+        """Return the record so far."""
         stamps, alive, perceived = (np.array(values, dtype=np.int64) for values in self._counts)
         clutter = np.array(self._clutter, dtype=np.float64)
         return SceneRecord(
@@ -202,7 +217,7 @@ class SceneRecorder:
         )
 
     def _thin_scans(self) -> None:
-        """Forget the scans of ticks that the viewer of so long a run does not show."""
+        """Drop the scans of ticks that the viewer does not show in a run of this length."""
         stamps, every = self._counts[0], shown_every(len(self._clutter))
         if every > self._scans_every:
             shown = (stamp_ns for stamp_ns in stamps[::every] if stamp_ns in self._scans)
@@ -219,7 +234,7 @@ class SceneRecorder:
                 life.departure_ns, life.left_by = event.stamp_ns, event.detail
 
     def _end_absent(self, moment: Moment) -> None:
-        """End the lives that a tick lacks without an event, as of a node that was paused."""
+        """End the lives that are missing in a tick without an event, as after a pause."""
         before, self._present = self._present, {one.artefact_id for one in moment.artefacts}
         for number in before - self._present:
             if self._lives[number].departure_ns is None:

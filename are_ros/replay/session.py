@@ -16,7 +16,7 @@ from are_ros.bag.stretches import needed_wait_s
 from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
-from are_ros.builder.assembly import catalogue_of, parse_static_transforms, robot_footprint
+from are_ros.builder.assembly import catalogue_of, parse_static_transforms
 from are_ros.builder.files.scenario_file import write_scenario
 from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.builder.warm_up import Warmth, warm_up
@@ -29,21 +29,14 @@ from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.choices import CameraModel, OnRobotContact
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.population.catalogue import Catalogue
+from are_ros.parameters.validation import with_contact_policy
+from are_ros.replay.listeners import InputCopy, RecordKeeper, StandingWatch, TickWriter
 from are_ros.replay.output_folder import AUGMENTED, prepare_folder, prepare_scenario
 from are_ros.replay.progress import KernelBar, Progress, Stopwatch, said_if_slow
 from are_ros.replay.results import REPLAY_PHASE
 from are_ros.replay.runner import Listener, Replay
 from are_ros.replay.scene_record import SceneRecorder
 from are_ros.replay.survey.frame_survey import root_above, static_tf_option
-from are_ros.replay.survey.listeners import (
-    All,
-    CameraWatch,
-    InputCopy,
-    RecordKeeper,
-    StandingWatch,
-    TickWriter,
-)
 from are_ros.replay.timeline import (
     LATE_CAMERA_NS,
     WITHOUT_CAMERA_INFO,
@@ -57,12 +50,12 @@ from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.octomap_io import read_octomap_file
 from are_ros.world.voxel_map import VoxelMap
 
-# The map and the octomap that come from files beside the recording.
+# Map and octomap from files beside the recording.
 
 
 @dataclass(frozen=True, eq=False)
 class MapFiles:
-    """What was read of the files, None where there is none, both in the map's frame.
+    """The map and the octomap of files, None where there is none, both in the map's frame.
 
     The cloud is the centres (N, 3) of the occupied voxels [m] and the size of a voxel [m], from
     `octomap_file`.
@@ -83,7 +76,7 @@ class MapFiles:
         )
 
     def feed(self, builder: ArBuilder, now_ns: int) -> None:
-        """Give the builder what was read, as received at `now_ns`.
+        """Give map and cloud to the builder, as received at `now_ns`.
 
         MapError, naming the file, where the voxels cannot be used.
         """
@@ -111,11 +104,9 @@ OpenProgress = Callable[[int, int], Progress]
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a replay did; the window is [start_ns, end_ns) of log time."""
+    """The result of a replay, and its problems in sentences."""
 
     options: ReplayOptions
-    start_ns: int
-    end_ns: int
     role_of_topic: Mapping[str, str]
     record: SceneRecord
     grid: OccupancyGrid
@@ -134,10 +125,12 @@ class Outcome:
 def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) -> Outcome:
     """Run a replay, and write `augmented.mcap` into its folder if it has one.
 
-    `say` takes sentences for the user; `open_progress(start_ns, end_ns)` returns what is told the
-    log time reached. Raises AreError, and then leaves no recording behind.
+    `say` takes sentences for the user; `open_progress(start_ns, end_ns)` returns a callable that
+    gets the time reached. Raises AreError, and then leaves no recording behind.
     """
-    options = _with_replay_policy(options)
+    # A recorded robot cannot react to a contact.
+    parameters = with_contact_policy(options.parameters, OnRobotContact.DISPLACE)
+    options = replace(options, parameters=parameters)
     stopwatch = Stopwatch()
     with BagReader(options.bags) as reader:
         with stopwatch.phase("start_up"):
@@ -156,7 +149,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 prepare_folder(options.out)
             if options.save_scenario is not None:
                 prepare_scenario(options.save_scenario)
-            for sentence in timeline.sentences(reader.start_ns):
+            for sentence in timeline.sentences():
                 say(sentence)
             if _CAMERA_ROLE in replay.role_of_topic.values():
                 builder.await_camera()
@@ -167,25 +160,23 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             with said_if_slow(say, _PREPARING), KernelBar() as bar:
                 warm_up(catalogue, warmth=warmth, count=bar.count)
             files.feed(builder, replay.start_ns)
-        recorder = _recorder(options, catalogue)
+        perceives = options.demand.perception
+        recorder = SceneRecorder.of(options.parameters, catalogue, is_perceiving=perceives)
         keeper, standing = RecordKeeper(recorder, builder), StandingWatch(builder)
-        camera = CameraWatch(builder)
         with ExitStack() as stack:
             writers, counts = _open_writers(stack, options, reader, replay, builder, files)
             with stopwatch.phase(REPLAY_PHASE):
                 progress = open_progress(replay.start_ns, replay.start_ns + replay.length_ns)
-                replay.run(All([keeper, standing, camera, *writers]), progress)
+                replay.run([keeper, standing, *writers], progress)
             grid = _known_map(builder, replay)
     if lives_keeper is not None:
         _save_scenario(options, lives_keeper, say)
     for notice in [*builder.notices, *builder.frames.drain_notices()]:
         say(notice)
-    doubts = [*_late_camera(options, replay, camera), *standing.sentences()]
-    problem = _camera_problem(options, builder, replay, camera)
+    doubts = [*_late_camera(options, replay, keeper), *standing.sentences()]
+    problem = _camera_problem(options, builder, replay, keeper)
     return Outcome(
         options,
-        replay.start_ns,
-        replay.end_ns,
         replay.role_of_topic,
         recorder.record(),
         grid,
@@ -211,16 +202,8 @@ def _save_scenario(options: ReplayOptions, keeper: ScenarioRecorder, say: Say) -
     say(f"scenario     {', '.join(str(file) for file in written)}")
 
 
-def _with_replay_policy(options: ReplayOptions) -> ReplayOptions:
-    """Displace artefacts on contact by default: a recorded robot cannot react."""
-    if options.parameters.collisions.on_robot_contact is not OnRobotContact.AUTO:
-        return options
-    policy = {"collisions.on_robot_contact": OnRobotContact.DISPLACE}
-    return replace(options, parameters=with_values(options.parameters, policy))
-
-
 def _with_wait(options: ReplayOptions, needed_s: float) -> ReplayOptions:
-    """Let scans wait as long as they need unless the user set the wait: a replay can."""
+    """Set `sensors.tf_wait` to the time that the scans need, unless the user has set it."""
     if options.is_wait_given or needed_s <= options.parameters.sensors.tf_wait:
         return options
     wait = {"sensors.tf_wait": needed_s}
@@ -228,24 +211,13 @@ def _with_wait(options: ReplayOptions, needed_s: float) -> ReplayOptions:
 
 
 def _say_what_is_missing(options: ReplayOptions, roles: RolesFound, say: Say) -> None:
-    """Raise BagError where there is no map; say what stands in for the rest."""
+    """Raise BagError where there is no map; say which topics play the other roles."""
     sensors = options.parameters.sensors
     named = [role for role, kind in SENSORS.items() if not kind.is_by_role(sensors)]
     for sentence in roles.sentences(silent=named):
         say(sentence)
     if roles.topic("map") is None and options.map_file is None:
         raise BagError(WITHOUT_MAP)
-
-
-def _recorder(options: ReplayOptions, catalogue: Catalogue) -> SceneRecorder:
-    parameters = options.parameters
-    return SceneRecorder(
-        catalogue,
-        seed=parameters.seed,
-        max_range_m=parameters.occlusion.max_range,
-        footprint=robot_footprint(parameters.robot),
-        is_perceiving=options.demand.perception,
-    )
 
 
 def _open_writers(
@@ -256,7 +228,7 @@ def _open_writers(
     builder: ArBuilder,
     files: MapFiles,
 ) -> tuple[Sequence[Listener], Callable[[], Mapping[str, int]]]:
-    """Return what writes the recording, and what tells how much it wrote."""
+    """Return the listeners that write the recording, and a callable with their counts."""
     if options.out is None:
         return (), dict
     writer = stack.enter_context(BagWriter(options.out / AUGMENTED))
@@ -275,7 +247,7 @@ def _open_writers(
 
 
 def _static_transforms(parameters: Parameters, stamp_ns: int) -> list[StampedTransform]:
-    """Return the static transforms of the parameters as messages have them."""
+    """Return the static transforms of the parameters with a stamp."""
     transforms = []
     for parent, child, pose in parse_static_transforms(parameters.frames.static):
         x, y, z = pose.translation_m.tolist()
@@ -298,7 +270,7 @@ def _known_map(builder: ArBuilder, replay: Replay) -> OccupancyGrid:
 
 
 def _what_joins(builder: ArBuilder) -> str:
-    """Return how a user gives what is missing between map and robot."""
+    """Return the option that joins map and robot."""
     map_frame, base = builder.parameters.frames.map, builder.robots.base_frame()
     parents = {edge.child: edge.parent for edge in builder.frames.edges()}
     root = root_above(base, parents)
@@ -311,19 +283,19 @@ def _what_joins(builder: ArBuilder) -> str:
 
 
 def _why_no_map(replay: Replay) -> str:
-    """Return what became of the maps that the recording holds."""
+    """Return why no map of the recording was used."""
     reason = _refused(replay, ("map",)) or "the recording has none before its end"
     return f"no usable map was received ({reason}): give one with --map FILE.yaml"
 
 
 def _why_no_pose(builder: ArBuilder, replay: Replay) -> str:
-    """Return why the robot's pose was never known: transforms that were refused are the cause."""
+    """Return why the robot's pose was never known, with the refused transforms."""
     refused = _refused(replay, _TRANSFORM_ROLES)
     return f"{builder.robots.missing}; refused: {refused}" if refused else builder.robots.missing
 
 
 def _refused(replay: Replay, roles: Collection[str]) -> str:
-    """Return what was refused on the topics of some roles, and how often; empty if nothing was."""
+    """Return the refusals on the topics of some roles, and their number; empty without any."""
     refusals = replay.feed.refusals
     counts = {t: refusals.counts.get(t, 0) for t, r in replay.role_of_topic.items() if r in roles}
     said = (f"{refusals.sentences[t]} ({counted(n, 'message')})" for t, n in counts.items() if n)
@@ -331,16 +303,16 @@ def _refused(replay: Replay, roles: Collection[str]) -> str:
 
 
 def _camera_problem(
-    options: ReplayOptions, builder: ArBuilder, replay: Replay, watch: CameraWatch
+    options: ReplayOptions, builder: ArBuilder, replay: Replay, keeper: RecordKeeper
 ) -> str:
-    """Return why nothing can have been perceived, empty if something could."""
+    """Return why perception was impossible, empty if it was not."""
     if not options.demand.perception or builder.looks:
         return ""
     topic = _camera_topic(replay)
     if builder.camera is None:
         why = _refused(replay, (_CAMERA_ROLE,)) or f"none came on {topic} in this time"
         return f"no usable CameraInfo was received ({why}); {WITHOUT_CAMERA_INFO}"
-    if watch.first_ns is None:
+    if keeper.camera_since_ns is None:
         return f"the first CameraInfo of {topic} came after the last tick; {WITHOUT_CAMERA_INFO}"
     refused = _refused(replay, _TRANSFORM_ROLES)
     cause = f"; refused: {refused}" if refused else ""
@@ -350,11 +322,11 @@ def _camera_problem(
     )
 
 
-def _late_camera(options: ReplayOptions, replay: Replay, watch: CameraWatch) -> list[str]:
-    """Say if the camera was not known for a while at the beginning."""
-    if not options.demand.perception or watch.first_ns is None:
+def _late_camera(options: ReplayOptions, replay: Replay, keeper: RecordKeeper) -> list[str]:
+    """Return a sentence if the camera was unknown for a while at the beginning."""
+    if not options.demand.perception or keeper.camera_since_ns is None:
         return []
-    late_ns = watch.first_ns - replay.start_ns
+    late_ns = keeper.camera_since_ns - replay.start_ns
     if late_ns <= LATE_CAMERA_NS:
         return []
     late_s = late_ns / NS_PER_S
@@ -378,7 +350,7 @@ def _octomap(builder: ArBuilder) -> VoxelMap | None:
 
 
 def _cloud_problem(builder: ArBuilder) -> str:
-    """Return why a cloud of voxels was not used though it came, empty if none was left out."""
+    """Return why a recorded cloud of voxels was not used, empty if it was."""
     if frame := builder.world.missing_frame():
         return (
             f"the voxel cloud was not used: nothing joins its frame '{frame}' to the map; "

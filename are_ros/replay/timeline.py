@@ -1,4 +1,4 @@
-"""The options of a replay, and which parts of the recording it reads."""
+"""The options of a replay, and the topics and times of the recording that it reads."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,19 +8,14 @@ from typing import Final
 from are_ros.bag.clock import BagClock, Ints, RecordedTimes
 from are_ros.bag.reader import BagReader
 from are_ros.bag.roles import RolesFound
-from are_ros.bag.stretches import (
-    Stretches,
-    beginning,
-    scan_waits,
-    stillness_ahead,
-    stretches_of,
-)
+from are_ros.bag.stretches import Stretches, Window, scan_waits, stretches_of
 from are_ros.builder.assembly import parse_static_transform
 from are_ros.builder.tick import Demand
-from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.messages.sensors import SENSORS, SensorKind
 from are_ros.parameters.model import Parameters, SensorsParameters
+from are_ros.wording import duration_text
 
 FED_BEFORE_START = ("map", "octomap_point_cloud_centers", "camera/camera_info", "tf", "tf_static")
 _READ_ROLES = (*FED_BEFORE_START, "odom", *SENSORS, "plan")
@@ -41,9 +36,9 @@ class ReplayOptions:
     """The options of `are replay`; times are seconds from the beginning of the recording.
 
     `parameters` are the effective ones. `map_file` and `octomap_file` replace what the recording
-    lacks or holds; `topics` are the user's choices by role. With `out` None nothing is written,
-    but for what happened, as a scenario, into `save_scenario` if that is given. `is_wait_given`:
-    the user has set `sensors.tf_wait`; else it is as long as the recording needs.
+    lacks or holds; `topics` are the user's choices by role. With `out` None nothing is written
+    but the scenario `save_scenario`, if that is given. `is_wait_given`: the user has set
+    `sensors.tf_wait`; else it is as long as the recording needs.
     """
 
     bags: tuple[Path, ...]
@@ -62,14 +57,14 @@ class ReplayOptions:
 
 @dataclass(frozen=True, eq=False)
 class Timeline:
-    """What a replay reads of a recording, and when: known before the replay begins.
+    """The topics and times that a replay reads, known before the replay begins.
 
-    Nothing moves between the spans of `stretches`. Seconds of the options count from `begin_ns`.
-    `waits` tell how long scans wait for their transforms [ns], by topic.
+    Nothing moves between the spans of `stretches`. `waits` tell how long scans wait for their
+    transforms [ns], by topic.
     """
 
     role_of_topic: Mapping[str, str]
-    begin_ns: int
+    window: Window
     stretches: Stretches
     clock: BagClock
     waits: Mapping[str, Ints]
@@ -78,44 +73,34 @@ class Timeline:
     def of(cls, reader: BagReader, options: ReplayOptions, roles: RolesFound) -> "Timeline":
         """Read the times of the window that the options ask for.
 
-        Raises BagError where the window holds nothing, or a scan topic is absent.
+        Raises BagError where the window holds nothing that moves, or a scan topic is absent.
         """
         role_of_topic = topics_to_read(reader, options, roles)
-        begin_ns = beginning(reader, role_of_topic)
-        start_ns = begin_ns + seconds_to_ns(options.start_s)
-        stop_ns = _end_ns(reader, start_ns, options)
-        times = RecordedTimes.read(reader, role_of_topic, start_ns, stop_ns)
+        window = Window.of(reader, role_of_topic, options.start_s, options.duration_s)
+        span = window.start_ns, window.stop_ns
+        times = RecordedTimes.read(reader, role_of_topic, *span)
         clock = BagClock.of(times)
+        stretches = stretches_of(times, clock, *span, reader.files)
+        if not stretches.spans:
+            length = duration_text(stretches.gaps[0].length_ns)
+            raise BagError(
+                f"nothing moves in the {length} that --start and --duration choose: they lie in a "
+                "gap of the recording, which a replay leaves out"
+            )
         given = [parse_static_transform(text)[:2] for text in options.parameters.frames.static]
         return cls(
             role_of_topic=role_of_topic,
-            begin_ns=begin_ns,
-            stretches=stretches_of(times, clock, start_ns, stop_ns, reader.files),
+            window=window,
+            stretches=stretches,
             clock=clock,
             waits=scan_waits(times, clock, options.parameters.frames.map, given),
         )
 
-    def sentences(self, bag_start_ns: int) -> list[str]:
-        """Return what a user should know of it."""
-        said = self.stretches.sentences(self.begin_ns)
-        if self.begin_ns > bag_start_ns:
-            said.insert(0, stillness_ahead(self.begin_ns - bag_start_ns))
+    def sentences(self) -> list[str]:
+        """Return notices for the user."""
+        said = [*self.window.sentences("the replay")]
+        said += self.stretches.sentences(self.window.begin_ns)
         return [*said, *filter(None, (self.clock.sentence, self.clock.disagreement))]
-
-
-def _end_ns(reader: BagReader, start_ns: int, options: ReplayOptions) -> int:
-    end_ns = reader.end_ns
-    if options.duration_s is not None:
-        end_ns = min(end_ns, start_ns + seconds_to_ns(options.duration_s))
-    if start_ns >= end_ns:
-        length_s = (reader.end_ns - reader.start_ns) / NS_PER_S
-        option = f"--start {options.start_s:g}"
-        if start_ns < reader.end_ns:
-            option = f"--duration {options.duration_s:g}"
-        raise BagError(
-            f"{option}: the recording is {length_s:.1f} s long, and nothing of it is to be replayed"
-        )
-    return end_ns
 
 
 def topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound) -> dict[str, str]:
@@ -134,7 +119,7 @@ def topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound)
 
 
 def _is_replaced(role: str, options: ReplayOptions) -> bool:
-    """Tell whether a file replaces a topic."""
+    """Return whether a file replaces a topic."""
     by_file = {"map": options.map_file, "octomap_point_cloud_centers": options.octomap_file}
     return by_file.get(role) is not None
 

@@ -7,11 +7,8 @@ from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
-from are_ros.messages.camera_info import make_camera_info
 from are_ros.messages.common import Header, MessageFactory
 from are_ros.messages.maps import make_cloud, make_grid
-from are_ros.messages.odometry import OdometryReading, make_odometry
-from are_ros.messages.sensors import make_scan
 from are_ros.messages.transforms import make_transforms
 from bags.simulation.building import surface_centres_m
 from bags.simulation.frames import (
@@ -23,6 +20,7 @@ from bags.simulation.frames import (
     fixed_joints,
     stamped,
 )
+from bags.simulation.making import OdometryReading, make_camera_info, make_odometry, make_scan
 from bags.simulation.robot import Driver
 from bags.simulation.simulator import STEPS_PER_S, Simulator
 

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 from subprocess import CompletedProcess
@@ -87,6 +88,31 @@ def test_a_window_that_begins_in_a_gap_begins_with_what_moves() -> None:
         found = stretches_of(times, BagClock.of(times), 90 * S, 111 * S)
         assert found.spans == ((start_ns, 111 * S),)
         assert (found.ahead is None) == (start_ns == 90 * S)
+
+
+def test_a_window_within_a_gap_has_no_span() -> None:
+    """A gap on both sides of it, or up to the recording's end; a shorter pause is replayed."""
+    none = np.empty(0, np.int64)
+    for since_ns, next_ns, has_span in (
+        (40 * S, 101 * S, False), (40 * S, 99 * S, True), (30 * S, None, False), (None, None, True)
+    ):  # fmt: skip
+        times = replace(times_of(none), still_since_ns=since_ns, next_moving_ns=next_ns)
+        found = stretches_of(times, BagClock.of(times), 80 * S, 91 * S)
+        assert found.spans == (((80 * S, 91 * S),) if has_span else ())
+        assert [gap.length_ns for gap in found.gaps] == ([] if has_span else [11 * S])
+
+
+def test_a_replay_of_a_gap_alone_is_refused(
+    run_are: RunAre, sample_records: Records, write_bag: WriteBag, tmp_path: Path
+) -> None:
+    """In one sentence, before anything is compiled or written."""
+    parted, _, _ = with_gap(list(sample_records), 100 * S)
+    bag = write_bag(tmp_path / "b.mcap", parted)
+    window = ("--start", "30", "--duration", "20")
+    done = run_are("replay", bag, *window, "--out", tmp_path / "out")
+    assert done.returncode == 1
+    assert "nothing moves in the 20.0 s that --start and --duration choose" in done.stderr
+    assert not (tmp_path / "out").exists()
 
 
 def test_what_moved_before_a_window_is_looked_for_a_minute_back(
@@ -196,6 +222,7 @@ def with_gap(records: Records, gap_ns: int) -> tuple[list[tuple[str, int, Any]],
         if at < middle_ns:
             parted.append((topic, at, message))
         elif topic in {"/odom", "/tf", "/scan", "/camera/camera_info"}:
+            message = deepcopy(message)  # noqa: PLW2901 - other tests have the records, too
             stamped = [message.header] if hasattr(message, "header") else []
             stamped += [one.header for one in getattr(message, "transforms", [])]
             for header in stamped:

@@ -33,7 +33,7 @@ from are_ros.checks.oracle.plane import (
 from are_ros.errors import InputError
 from are_ros.messages.feed import Feed
 from are_ros.population.artefact import GroundPose
-from are_ros.replay.survey.listeners import TickWriter
+from are_ros.replay.listeners import TickWriter
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

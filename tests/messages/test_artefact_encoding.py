@@ -19,11 +19,11 @@ from are_ros.messages.common import (
     make_pose,
     make_quaternion,
     make_time,
-    make_twist,
     make_vector,
 )
 from are_ros.population.artefact import GroundPose, Origin
 from are_ros.world.rigid_transform import RigidTransform
+from bags.simulation.making import make_twist
 
 ARRAY = "are_msgs/msg/ArtefactArray"
 STATE = ArtefactState(

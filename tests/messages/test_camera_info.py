@@ -5,9 +5,10 @@ from types import SimpleNamespace
 from typing import Any
 
 from are_ros.bag.types import RosbagsFactory
-from are_ros.messages.camera_info import make_camera_info, read_camera_info
+from are_ros.messages.camera_info import read_camera_info
 from are_ros.messages.common import Header, read_header
 from are_ros.world.cameras import CameraInfo
+from bags.simulation.making import make_camera_info
 
 INFO = CameraInfo(
     640, 480, "plumb_bob", (0.1, -0.2, 0.0, 0.01, 0.0),

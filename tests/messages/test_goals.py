@@ -11,13 +11,12 @@ from are_ros.errors import InputError
 from are_ros.messages.common import make_header, make_pose
 from are_ros.messages.goals import (
     StampedPoints,
-    make_clicked_point,
-    make_path,
     read_clicked_point,
     read_path,
     read_stamped_pose,
 )
 from are_ros.world.rigid_transform import RigidTransform
+from bags.simulation.making import make_clicked_point, make_path
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.sensors.laser_scan import LaserScan
-from are_ros.messages.sensors import encode_scan, make_scan
+from are_ros.messages.sensors import encode_scan
+from bags.simulation.making import make_scan
 
 FLOATS = st.floats(width=32)
 RANGES = st.lists(FLOATS, max_size=5).map(lambda values: np.array(values, np.float32))

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from are_ros.agents.events import ArtefactEvent, EventKind, PerceivedArtefact, SceneMetrics
 from are_ros.bag.types import RosbagsFactory, jazzy_typestore
 from are_ros.messages.artefacts import encode_event, encode_metrics, encode_perceived
-from are_ros.messages.common import make_header, make_pose, make_time, make_twist, make_vector
+from are_ros.messages.common import make_header, make_pose, make_time, make_vector
 from are_ros.world.rigid_transform import RigidTransform
+from bags.simulation.making import make_twist
 
 Wire = Callable[[Any], bytes]
 Readings = Callable[[bytes, str], tuple[Any, Any]]

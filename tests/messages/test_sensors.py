@@ -10,7 +10,8 @@ import pytest
 from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.errors import InputError
-from are_ros.messages.sensors import make_scan, read_scan, sensor_outputs
+from are_ros.messages.sensors import read_scan, sensor_outputs
+from bags.simulation.making import make_scan
 
 SCAN = LaserScan(
     "laser", 5_000_000_001, -0.5, 0.25, 0.25, 0.125, 0.5, 0.0625, 30.0,

@@ -94,7 +94,7 @@ def make_bench(
 @pytest.fixture
 def running_clock(ros_available: None, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ARG001
     """Let the node's ages of things (an input that stopped, what was refused) not count stalls."""
-    for module in ("ar_builder_node", "subscriptions", "live_builder"):
+    for module in ("ar_builder_node", "topics", "live_builder"):
         monkeypatch.setattr(f"are_ros.node.{module}.monotonic_ns", running_ns)
 
 

@@ -10,14 +10,19 @@ import numpy as np
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.common import make_header, make_pose
-from are_ros.messages.goals import StampedPoints, make_clicked_point, make_path
+from are_ros.messages.goals import StampedPoints
 from are_ros.messages.maps import make_cloud, make_grid
-from are_ros.messages.odometry import OdometryReading, make_odometry
-from are_ros.messages.sensors import make_scan
 from are_ros.messages.transforms import StampedTransform, make_transforms
 from are_ros.node.message_classes import RclpyFactory
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
+from bags.simulation.making import (
+    OdometryReading,
+    make_clicked_point,
+    make_odometry,
+    make_path,
+    make_scan,
+)
 
 FACTORY: Final = RclpyFactory()
 SIDE: Final = 40

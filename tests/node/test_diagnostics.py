@@ -15,23 +15,18 @@ from are_ros.node.diagnostics import (
     NodeSnapshot,
     NodeState,
     PopulationSnapshot,
-    ScanSnapshot,
+    SensorSnapshot,
     Status,
     make_diagnostics,
     statuses,
 )
-from are_ros.node.watches import (
-    FaultSnapshot,
-    InputFigures,
-    InputSnapshot,
-    TickFigures,
-)
+from are_ros.node.watches import FaultSnapshot, InputSnapshot, TickFigures
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "diagnostics.md"
-MAP = InputSnapshot(
-    "map", "/map", InputFigures(count=1, age_s=70.0), is_required=True, is_latched=True
-)
-SCAN = InputSnapshot("scan", "/scan", InputFigures(count=90, age_s=0.02, period_s=0.1))
+NO_MAP = InputSnapshot("map", "/map", is_required=True, is_latched=True)
+NO_SCAN = InputSnapshot("scan", "/scan")
+MAP = replace(NO_MAP, count=1, age_s=70.0)
+SCAN = replace(NO_SCAN, count=90, age_s=0.02, period_s=0.1)
 SLOW = TickFigures(0.1, count=9, age_s=0.1, p50_ms=80.0, p99_ms=100.5, max_ms=120.0)
 WELL = NodeSnapshot(
     NodeState.ACTIVE,
@@ -39,7 +34,7 @@ WELL = NodeSnapshot(
     inputs=(MAP, SCAN),
     ticks=TickFigures(0.1, count=600, age_s=0.05, p50_ms=9.0, p99_ms=21.0, max_ms=30.0),
     population=PopulationSnapshot(alive=12, arrivals=40, departures=28, arrivals_lately=10),
-    scans=(ScanSnapshot("/scan", exact=80, held=9),),
+    sensors=(SensorSnapshot("/scan", exact=80, held=9),),
 )
 
 
@@ -78,8 +73,7 @@ def test_what_is_not_active_complains_of_nothing(
     state: NodeState, names: list[str], message: str
 ) -> None:
     """Its user wanted it so."""
-    waiting = replace(MAP, figures=InputFigures())
-    inputs = (waiting,) if "inputs/map" in names else ()
+    inputs = (NO_MAP,) if "inputs/map" in names else ()
     snapshot = NodeSnapshot(state, inputs=inputs, robot_problem="no frame", ticks=None)
     found = statuses(snapshot)
     assert [status.name for status in found] == names
@@ -96,7 +90,7 @@ def test_paused() -> None:
 
 def test_a_required_input_that_never_came() -> None:
     """An error after 5 s, which says what can be done."""
-    nothing = replace(MAP, figures=InputFigures())
+    nothing = NO_MAP
     assert of_input(nothing, 4.9) == (Level.OK, "no message yet")
     expected = (Level.ERROR, "no message for 8 s: nobody publishes /map")
     assert of_input(nothing, 8.0) == expected
@@ -107,8 +101,7 @@ def test_a_required_input_that_never_came() -> None:
 
 def test_an_optional_input_that_never_came() -> None:
     """It is said, and no more."""
-    nothing = replace(SCAN, figures=InputFigures())
-    assert of_input(nothing) == (Level.OK, "no message yet; the node works without")
+    assert of_input(NO_SCAN) == (Level.OK, "no message yet; the node works without")
 
 
 @pytest.mark.parametrize(
@@ -126,23 +119,24 @@ def test_stale_is_five_periods_and_a_second(
     age_s: float, period_s: float | None, is_stale: bool
 ) -> None:
     """An input that never had a rate cannot stop; nor can one that is latched."""
-    figures = InputFigures(count=9, age_s=age_s, period_s=period_s)
-    level, message = of_input(replace(SCAN, figures=figures))
+    scan = replace(NO_SCAN, count=9, age_s=age_s, period_s=period_s)
+    level, message = of_input(scan)
     assert (level is Level.STALE) == is_stale
     assert message.startswith("it has stopped: it came at") == is_stale
-    assert of_input(replace(SCAN, figures=figures, is_latched=True))[0] is Level.OK
+    assert of_input(replace(scan, is_latched=True))[0] is Level.OK
 
 
 def test_refused_messages() -> None:
     """A warning while it is recent; an error where a required input brought nothing else."""
-    figures = InputFigures(9, 2, 2, "scan: ranges: 3 values for 4 beams", 0.1, 0.1)
-    level, message = of_input(replace(SCAN, figures=figures))
+    why = "scan: ranges: 3 values for 4 beams"
+    scan = InputSnapshot("scan", "/scan", 9, 2, 2, why, 0.1, 0.1)
+    level, message = of_input(scan)
     assert level is Level.WARN
     expected = "2 messages refused in the last 10 s; the last: scan: ranges: 3 values for 4 beams"
     assert message == expected
-    assert of_input(replace(SCAN, figures=replace(figures, refused_lately=0)))[0] is Level.OK
-    useless = InputFigures(1, 1, 0, "map: data: it is empty", 50.0)
-    level, message = of_input(replace(MAP, figures=useless))
+    assert of_input(replace(scan, refused_lately=0))[0] is Level.OK
+    why = "map: data: it is empty"
+    level, message = of_input(replace(NO_MAP, count=1, refused=1, last_refusal=why, age_s=50.0))
     assert level is Level.ERROR
     assert message == "1 message, none of use; the last: map: data: it is empty"
 
@@ -244,13 +238,19 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         "the robot has touched person_adult 7, 0.05 m deep, 5.0 s ago",
     ),
     (
-        {"scans": (ScanSnapshot("/a", passed_through_lately=1, last_problem="no frame 'x'"),)},
+        {"sensors": (SensorSnapshot("/a", passed_through_lately=1, last_problem="no frame 'x'"),)},
         "scans/a",
         Level.WARN,
         "1 scan without artefacts in the last 10 s: no frame 'x'",
     ),
     (
-        {"scans": (ScanSnapshot("/a", passed_through_lately=2, last_problem="late", late_s=0.24),)},
+        {"sensors": (SensorSnapshot("/b", "range", passed_through_lately=1, last_problem="why"),)},
+        "ranges/b",
+        Level.WARN,
+        "1 range without artefacts in the last 10 s: why",
+    ),
+    (
+        {"sensors": (SensorSnapshot("/a", "scan", 0, 0, 0, 2, "late", 0.24),)},
         "scans/a",
         Level.WARN,
         (
@@ -288,7 +288,7 @@ def test_trouble_is_told_by_the_part_that_has_it(
         {"population": PopulationSnapshot(arrivals_lately=1, blocked_lately=2)},
         {"population": PopulationSnapshot(arrivals_lately=5, blocked_lately=5)},
         {"contacts": ContactSnapshot(2, "person_adult 7", 5.1)},
-        {"scans": (ScanSnapshot("/a", passed_through=9, last_problem="no frame 'x'"),)},
+        {"sensors": (SensorSnapshot("/a", passed_through=9, last_problem="no frame 'x'"),)},
         {"uses_sim_time": True},
         {"stamps_ahead_s": -86_400.0},
     ],
@@ -307,14 +307,13 @@ def documented() -> Iterator[tuple[str, Level]]:
 
 def test_the_page_tells_of_every_level_that_a_line_can_have() -> None:
     """And of no other; OK needs no line."""
-    stopped = InputFigures(count=9, age_s=9.0, period_s=0.1)
-    refused = InputFigures(9, 1, 1, "why", 0.1, 0.1)
-    inputs = [replace(MAP, figures=InputFigures())]
-    inputs += [replace(SCAN, figures=figures) for figures in (stopped, refused)]
+    stopped = replace(NO_SCAN, count=9, age_s=9.0, period_s=0.1)
+    refused = InputSnapshot("scan", "/scan", 9, 1, 1, "why", 0.1, 0.1)
+    inputs = [NO_MAP, stopped, refused]
     snapshots = [replace(WELL, **change) for change, *_ in TROUBLES]
     snapshots += [replace(WELL, inputs=(entry,)) for entry in inputs]
     found = {
-        (re.sub("/(map|scan|a)$", "/", status.name), status.level)
+        (re.sub("/(map|scan|a|b)$", "/", status.name), status.level)
         for snapshot in snapshots
         for status in statuses(snapshot)
         if status.level is not Level.OK or status.name == "state"

@@ -1,7 +1,7 @@
 """What is known of an input: its counts, its rate, its age."""
 
 from are_ros.conventions import NS_PER_S
-from are_ros.node.watches import InputFigures, InputWatch
+from are_ros.node.watches import InputSnapshot, InputWatch
 
 MS = NS_PER_S // 1000
 
@@ -14,21 +14,27 @@ def fed(times_ms: range) -> InputWatch:
     return watch
 
 
+def at(watch: InputWatch, now_ns: int) -> InputSnapshot:
+    """Return what is known at a time."""
+    return watch.snapshot(now_ns, "scan", "/scan")
+
+
 def test_nothing_is_said_of_what_never_came() -> None:
     """Neither a rate nor an age."""
-    assert InputWatch().figures(5 * NS_PER_S) == InputFigures()
-    assert InputFigures().rate_hz is None
+    nothing = InputSnapshot("scan", "/scan")
+    assert at(InputWatch(), 5 * NS_PER_S) == nothing
+    assert nothing.rate_hz is None
 
 
 def test_one_message_has_an_age_and_no_rate() -> None:
     """A rate takes two."""
-    figures = fed(range(1000, 1001)).figures(1500 * MS)
+    figures = at(fed(range(1000, 1001)), 1500 * MS)
     assert (figures.count, figures.age_s, figures.period_s) == (1, 0.5, None)
 
 
 def test_rate_is_that_of_the_messages_that_came() -> None:
     """Ten a second for a while: 0.1 s each."""
-    figures = fed(range(0, 3000, 100)).figures(3000 * MS)
+    figures = at(fed(range(0, 3000, 100)), 3000 * MS)
     assert figures.count == 30
     assert figures.period_s is not None
     assert abs(figures.period_s - 0.1) < 1e-12
@@ -41,12 +47,12 @@ def test_rate_forgets_what_is_older_than_its_window() -> None:
     watch = fed(range(0, 5000, 10))
     for time_ms in range(5000, 15_001, 500):
         watch.received(time_ms * MS)
-    assert watch.figures(15_001 * MS).period_s == 0.5
+    assert at(watch, 15_001 * MS).period_s == 0.5
 
 
 def test_rate_stays_when_the_input_stops() -> None:
     """It is the age that grows: so one sees at what rate it had come."""
-    figures = fed(range(0, 1001, 100)).figures(60 * NS_PER_S)
+    figures = at(fed(range(0, 1001, 100)), 60 * NS_PER_S)
     assert (figures.period_s, figures.age_s) == (0.1, 59.0)
 
 
@@ -54,22 +60,22 @@ def test_a_pause_longer_than_the_window_ends_the_rate() -> None:
     """The message after it is a first one again."""
     watch = fed(range(0, 1001, 100))
     watch.received(30 * NS_PER_S)
-    assert watch.figures(30 * NS_PER_S).period_s is None
+    assert at(watch, 30 * NS_PER_S).period_s is None
     assert watch.count == 12
 
 
 def test_messages_at_one_instant_have_no_rate() -> None:
     """As after a long callback, when several wait: nothing is divided by zero."""
-    figures = fed(range(1000, 1001)).figures(NS_PER_S)
+    figures = at(fed(range(1000, 1001)), NS_PER_S)
     watch = fed(range(1000, 1001))
     watch.received(NS_PER_S)
     assert figures.rate_hz is None
-    assert watch.figures(NS_PER_S).rate_hz is None
+    assert at(watch, NS_PER_S).rate_hz is None
 
 
 def test_many_messages_take_little_memory() -> None:
     """The rate of a fast input is that of the newest messages."""
-    figures = fed(range(5000)).figures(5 * NS_PER_S)
+    figures = at(fed(range(5000)), 5 * NS_PER_S)
     assert figures.count == 5000
     assert figures.rate_hz is not None
     assert abs(figures.rate_hz - 1000.0) < 1e-6
@@ -80,7 +86,7 @@ def test_refusals_are_counted_for_ever_and_of_late() -> None:
     watch = fed(range(0, 3000, 1000))
     watch.refused(0, "first")
     watch.refused(2 * NS_PER_S, "second")
-    soon, later = watch.figures(5 * NS_PER_S), watch.figures(11 * NS_PER_S)
+    soon, later = at(watch, 5 * NS_PER_S), at(watch, 11 * NS_PER_S)
     assert (soon.refused, soon.refused_lately, soon.last_refusal) == (2, 2, "second")
     assert (later.refused, later.refused_lately, later.last_refusal) == (2, 1, "second")
-    assert watch.figures(12 * NS_PER_S).refused_lately == 0
+    assert at(watch, 12 * NS_PER_S).refused_lately == 0

@@ -20,8 +20,8 @@ from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import message_class
 from are_ros.node.qos import INPUTS
-from are_ros.node.subscriptions import WireDecoding, WireMessage
-from are_ros.node.watches import BusyWatch
+from are_ros.node.topics import WireDecoding, WireMessage
+from are_ros.node.watches import CallbackTimer
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.world.rigid_transform import RigidTransform
@@ -228,7 +228,7 @@ def test_a_turn_is_named_after_what_was_done_in_it(make_rig: MakeRig) -> None:
     rig.live.resume(ns(10.0))
 
     def name_of_turn(t_s: float) -> str:
-        rig.live.busy = BusyWatch()
+        rig.live.busy = CallbackTimer()
         rig.live.busy.begin(0, "inputs")
         rig.work(t_s)
         rig.live.busy.end(1)
@@ -317,7 +317,7 @@ def test_who_begins_to_listen_is_served_from_the_next_tick_on(rig: Rig) -> None:
     rig.work(10.2)
     assert rig.outlet.take("markers") == rig.outlet.take("perceived") == []
     rig.outlet.names = {"markers", "perceived"}
-    rig.live.new_viewer()
+    rig.live.builder.show_everything()
     rig.store("tf", robot_at(10.2), 10.25)
     rig.work(10.3)
     (perceived,) = rig.outlet.take("perceived")

@@ -31,7 +31,7 @@ def later(running_clock: None, monkeypatch: pytest.MonkeyPatch) -> Later:  # noq
         nonlocal ahead_ns
         ahead_ns += ns(seconds)
 
-    for module in ("ar_builder_node", "subscriptions", "live_builder"):
+    for module in ("ar_builder_node", "topics", "live_builder"):
         monkeypatch.setattr(f"are_ros.node.{module}.monotonic_ns", now_ns)
     return put_forward
 

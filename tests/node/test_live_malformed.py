@@ -139,8 +139,8 @@ def refusals(bench: Bench, role: str) -> tuple[int, int, str]:
     """Return how many messages came, how many were refused, and what was said of the last."""
     bench.settle()
     assert bench.node._inputs is not None
-    figures = bench.node._inputs.watches[topic_of(role)].figures(0)
-    return figures.count, figures.refused, figures.last_refusal
+    watch = bench.node._inputs.watches[topic_of(role)]
+    return watch.count, watch.refused_count, watch.last_refusal
 
 
 def topic_of(role: str) -> str:

@@ -7,22 +7,22 @@ import pytest
 
 from are_ros.record import file as log_clock
 from are_ros.record.file import CLOCK_TOPIC, SimulatedClock, WallClock
-from are_ros.record.inbox import Received, Stamped
+from are_ros.record.inbox import Stamped
 
 
 def silent(_: str) -> None:
     """Take a sentence that the test does not look at."""
 
 
-def text(data: bytes, received_ns: int = 5) -> Received:
+def text(data: bytes, received_ns: int = 5) -> Stamped:
     """Return a message that was sent two nanoseconds before it arrived."""
-    return Received("/x", received_ns, received_ns - 2, data)
+    return Stamped("/x", received_ns, received_ns - 2, data)
 
 
-def clock(seconds: int, nanoseconds: int = 0, order: str = "<") -> Received:
+def clock(seconds: int, nanoseconds: int = 0, order: str = "<") -> Stamped:
     """Return a serialised /clock."""
     header = b"\x00\x01\x00\x00" if order == "<" else b"\x00\x00\x00\x00"
-    return Received(CLOCK_TOPIC, 5, 3, header + struct.pack(f"{order}iI", seconds, nanoseconds))
+    return Stamped(CLOCK_TOPIC, 5, 3, header + struct.pack(f"{order}iI", seconds, nanoseconds))
 
 
 def times(stamped: Iterable[Stamped]) -> list[tuple[bytes, int]]:

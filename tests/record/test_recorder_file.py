@@ -12,10 +12,10 @@ from mcap.stream_reader import StreamReader
 from are_ros.bag.reader import BagReader
 from are_ros.bag.writer import BagWriter, OfferedQos
 from are_ros.errors import BagError
-from are_ros.record.file import Announcement, FileWriter
+from are_ros.record.file import FileWriter
 from are_ros.record.inbox import LossCount, Stamped
 
-STRING = Announcement("std_msgs/msg/String", (OfferedQos(),))
+STRING = "std_msgs/msg/String", (OfferedQos(),)
 DATA = b"\x00\x01\x00\x00\x02\x00\x00\x00x\x00"
 
 
@@ -45,7 +45,7 @@ def test_topics_without_messages_are_in_the_file(tmp_path: Path) -> None:
     """They come last; those with messages in the order of their first one."""
     with FileWriter(BagWriter(tmp_path / "x.mcap")) as file:
         for topic in ("/silent", "/b", "/a"):
-            file.announce(topic, STRING)
+            file.announce(topic, *STRING)
         file.put([Stamped("/a", 1, 1, DATA), Stamped("/b", 2, 2, DATA), Stamped("/a", 3, 3, DATA)])
     assert list(file.counts().items()) == [("/a", 2), ("/b", 1), ("/silent", 0)]
     with BagReader([tmp_path / "x.mcap"]) as reader:
@@ -57,7 +57,7 @@ def test_what_the_disk_cannot_take_is_dropped_and_counted(tmp_path: Path) -> Non
     bag = SlowBag(tmp_path / "x.mcap")
     message = Stamped("/a", 1, 1, DATA)
     with FileWriter(bag, most_bytes=2 * len(DATA)) as file:
-        file.announce("/a", STRING)
+        file.announce("/a", *STRING)
         file.put([message] * 5)
         assert file.dropped == {"/a": 3}
         bag.may_write.set()
@@ -69,7 +69,7 @@ def test_a_failed_recording_keeps_its_part(tmp_path: Path) -> None:
     notes = {"if_unfinished": "recover it"}
     bag = BagWriter(tmp_path / "x.mcap", notes=notes, keeps_partial=True)
     with pytest.raises(ZeroDivisionError), FileWriter(bag) as file:  # noqa: PT012 - order matters
-        file.announce("/a", STRING)
+        file.announce("/a", *STRING)
         file.put([Stamped("/a", 1, 1, DATA), Stamped("/a", 2, 2, DATA)])
         raise ZeroDivisionError
     assert [path.name for path in tmp_path.iterdir()] == ["x.mcap.part"]
@@ -91,7 +91,7 @@ def test_an_error_of_the_thread_reaches_the_caller(
         pytest.raises(BagError, match="the disk is full"),
         FileWriter(BagWriter(tmp_path / "x.mcap")) as file,
     ):
-        file.announce("/a", STRING)
+        file.announce("/a", *STRING)
         file.put([Stamped("/a", 1, 1, DATA)])
     assert list(tmp_path.iterdir()) == []
 

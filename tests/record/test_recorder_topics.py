@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from are_ros.bag.types import InstalledTypes
 from are_ros.bag.writer import OfferedQos
 from are_ros.errors import BagError
 from are_ros.record.topics import RecordOptions
@@ -98,9 +99,9 @@ class Scene:
         reliability, durability = profile.reliability.name, profile.durability.name
         self.subscribed.append((message_class.__name__, f"{reliability} {durability}"))
 
-    def announce(self, _: str, announcement: Any) -> None:
+    def announce(self, _: str, type_name: str, offered: tuple[OfferedQos, ...]) -> None:
         """Stand in for the file."""
-        self.announced.append((announcement.type_name, announcement.offered))
+        self.announced.append((type_name, offered))
 
     def see(self, seen: Any) -> None:
         """Let the follower find /x new or changed."""
@@ -112,14 +113,13 @@ class Scene:
 def scene(ros_available: None, monkeypatch: pytest.MonkeyPatch) -> Scene:  # noqa: ARG001
     """Return a follower of all topics."""
     from are_ros.record import topics as topic_follower
-    from are_ros.record.topics import TopicTypes
 
     scene: Any = Scene()
-    monkeypatch.setattr(topic_follower, "GraphWatch", lambda *_: scene)
+    monkeypatch.setattr(topic_follower, "TopicGraph", lambda *_: scene)
     scene.follower = topic_follower.TopicFollower(
         None,  # the graph is scripted
         RecordOptions(Path("x.mcap")),
-        TopicTypes(),
+        InstalledTypes(),
         scene,
         scene,
         scene.sentences.append,

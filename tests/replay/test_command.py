@@ -19,7 +19,14 @@ from are_ros.errors import ParameterError
 from are_ros.messages.feed import Refusals
 from are_ros.messages.transforms import StampedTransform, make_transforms
 from are_ros.parameters.model import Parameters
-from are_ros.replay.command import complaints, effective_parameters, options_of, refused_by_script
+from are_ros.parameters.ros_yaml import write_ros_parameters
+from are_ros.replay.command import (
+    complaints,
+    effective_parameters,
+    options_of,
+    other_parameters,
+    refused_by_script,
+)
 from are_ros.replay.timeline import ReplayOptions
 
 WriteBag = Callable[[Path, Sequence[tuple[str, int, Any]]], Path]
@@ -99,6 +106,7 @@ def test_complaints_name_topics_and_numbers() -> None:
         options=ReplayOptions((), Parameters(), is_wait_given=True),
         needed_wait_s=0.3,
         scans={"/scan": SensorPathCounts(exact=1, passed_through=7)},
+        role_of_topic={"/scan": "scan"},
         record=SimpleNamespace(events=()),
         map_doubts=["the robot stood in a wall"],
     )
@@ -198,3 +206,16 @@ def test_an_animation_is_in_the_time_that_is_said(
     said = done.stderr
     assert f"{sum(phases.values()):.1f} s with start-up, picture, view and animation" in said
     assert said.index("results in") < said.index("animation: ")
+
+
+def test_a_check_by_other_parameters_than_the_run_s_names_them(tmp_path: Path) -> None:
+    """Where the run left its own beside the recording; the same values are no others."""
+    (tmp_path / "augmented.mcap").touch()
+    own, other = tmp_path / "effective.yaml", tmp_path / "other.yaml"
+    own.write_text(write_ros_parameters(Parameters()), encoding="utf-8")
+    assert other_parameters(tmp_path, None) == other_parameters(tmp_path, own) == ""
+    other.write_text("ar_builder: {ros__parameters: {seed: 7}}", encoding="utf-8")
+    said = other_parameters(tmp_path, other)
+    assert said == f"{other} differs from the run's own {own} in seed: check without it"
+    own.unlink()
+    assert other_parameters(tmp_path, other) == ""

@@ -11,7 +11,7 @@ from are_ros.bag.reader import BagReader
 from are_ros.bag.types import RosbagsFactory, converted, jazzy_typestore
 from are_ros.bag.writer import BagWriter
 from are_ros.messages.transforms import StampedTransform
-from are_ros.replay.survey.listeners import InputCopy
+from are_ros.replay.listeners import InputCopy
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

@@ -12,9 +12,9 @@ from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.draw.scene import Life, SceneRecord, TickSeries, Track
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.meshes.shapes import Shape
+from are_ros.replay.progress import Stopwatch
 from are_ros.replay.results import (
     ReplayCounts,
-    WallClock,
     metrics_content,
     summary_lines,
     timing_content,
@@ -62,7 +62,8 @@ def _record(ticks: int = 3) -> SceneRecord:
     )
 
 
-COUNTS = ReplayCounts({"/scan": SensorPathCounts(7, 2, 1)}, {"/tf": 4}, {"/b": 3, "/a": 1})
+SCANS = {"/scan": SensorPathCounts(7, 2, 1)}
+COUNTS = ReplayCounts({"scan": SCANS, "range": {}}, {"/tf": 4}, {"/b": 3, "/a": 1})
 
 
 def test_metrics() -> None:
@@ -113,7 +114,7 @@ def test_files_are_strict_json(tmp_path: Path, ticks: int) -> None:
 
 def test_timing() -> None:
     """Timing has phases, percentiles of a tick, and the real-time factor proper and overall."""
-    clock = WallClock({"start_up": 0.25, "replay": 0.75}, [0.001] * 99 + [0.101])
+    clock = Stopwatch({"start_up": 0.25, "replay": 0.75}, [0.001] * 99 + [0.101])
     content = timing_content(_record(), clock)
     assert content["real_time_factor"] == pytest.approx(2.0 / 0.75)
     assert content["real_time_factor_overall"] == pytest.approx(2.0)
@@ -123,7 +124,7 @@ def test_timing() -> None:
 
 def test_timing_of_nothing() -> None:
     """Without a tick and without a phase there are no figures, and no error."""
-    content = timing_content(_record(0), WallClock({}))
+    content = timing_content(_record(0), Stopwatch({}))
     assert content["real_time_factor"] is None
     assert content["tick_ms"]["p50"] is None
 
@@ -131,7 +132,7 @@ def test_timing_of_nothing() -> None:
 def test_summary() -> None:
     """The summary names what a person asks for first, in aligned lines."""
     metrics = metrics_content(_record(), COUNTS)
-    lines = summary_lines(metrics, timing_content(_record(), WallClock({"replay": 0.5})))
+    lines = summary_lines(metrics, timing_content(_record(), Stopwatch({"replay": 0.5})))
     text = "\n".join(lines)
     assert "2.0 s in 3 ticks, 4 times real time; 0.5 s in all" in text
     assert "2 arrived, 1 departed, 1 blocked; alive 1.0 on average, 2 at most" in text
@@ -154,8 +155,18 @@ def test_summary_says_what_its_seconds_hold() -> None:
         ({}, "3.5 s with start-up and picture"),
         ({"animation": 4.0}, "7.5 s with start-up, picture and animation"),
     ):
-        timing = timing_content(_record(), WallClock(phases | animation))
+        timing = timing_content(_record(), Stopwatch(phases | animation))
         assert summary_lines(metrics, timing)[0].endswith(text)
+
+
+def test_ranges_are_no_scans() -> None:
+    """They have a key and a line of their own, where there are any."""
+    assert "ranges" not in metrics_content(_record(), COUNTS)
+    counts = ReplayCounts({"scan": SCANS, "range": {"/sonar": SensorPathCounts(3, 0, 0)}})
+    metrics = metrics_content(_record(), counts)
+    assert list(metrics["scans"]) == ["/scan"]
+    assert metrics["ranges"] == {"/sonar": {"exact": 3, "held": 0, "passed_through": 0}}
+    assert "range /sonar  3 augmented at their stamp" in summary_lines(metrics)
 
 
 def test_summary_of_nothing() -> None:

@@ -71,7 +71,7 @@ def diary(bag: Path, values: dict[str, Any] | None = None, **options: Any) -> tu
     told = Diary()
     with BagReader([bag]) as reader:
         replay = prepared(reader, values or {}, **options)
-        replay.run(told, lambda _: None)
+        replay.run([told], lambda _: None)
     return told, replay
 
 
@@ -120,7 +120,7 @@ def test_progress_ends_at_the_end(bag: Path) -> None:
     heard: list[int] = []
     with BagReader([bag]) as reader:
         replay = prepared(reader, {}, duration_s=1.5)
-        replay.run(Diary(), heard.append)
+        replay.run([Diary()], heard.append)
     assert heard == sorted(heard)
     assert heard[-1] == replay.end_ns
 
@@ -176,7 +176,7 @@ def test_a_range_sensor_is_augmented(
     with BagReader([bag]) as reader:
         assert "/sonar" not in prepared(reader, {}).role_of_topic
         replay = prepared(reader, {"sensors.ranges": ["/sonar"], **crowd})
-        replay.run(kept, lambda _: None)
+        replay.run([kept], lambda _: None)
     ranges = [one.reading.range_m for one in kept.readings if one.topic == "/sonar"]
     assert len(ranges) == len(sonar)
     assert max(ranges) == far_m

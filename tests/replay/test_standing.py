@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from are_ros.parameters.choices import Region
-from are_ros.replay.survey.listeners import StandingWatch
+from are_ros.replay.listeners import StandingWatch
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
 

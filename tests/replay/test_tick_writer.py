@@ -7,6 +7,7 @@ import numpy as np
 
 from are_ros.agents.events import ArtefactEvent, ArtefactState, EventKind, SceneMetrics
 from are_ros.bag.reader import BagReader
+from are_ros.bag.recording import PREFIX
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.markers import NO_MARKERS
@@ -15,7 +16,7 @@ from are_ros.builder.sensors.sensor_path import ReleasedReading
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.population.artefact import GroundPose, Origin
-from are_ros.replay.survey.listeners import PREFIX, TickWriter
+from are_ros.replay.listeners import TickWriter
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

@@ -1,1 +1,1 @@
-"""What is in a recording: `are inspect` and `are align`."""
+"""Look through a recording: `are inspect` and `are align`."""

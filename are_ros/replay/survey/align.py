@@ -1,4 +1,4 @@
-"""`are align` without the shell: where a map lies to which nothing joins the robot."""
+"""`are align`: the transform between a map and the robot's frames, found by matching scans."""
 
 import math
 from collections import deque
@@ -13,16 +13,16 @@ import numpy.typing as npt
 
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.roles import RolesFound, find_roles
-from are_ros.bag.stretches import GAP_NS, beginning
+from are_ros.bag.stretches import GAP_NS, Window
 from are_ros.builder.sensors.laser_scan import LaserScan
-from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.conventions import NS_PER_S
 from are_ros.draw.overview import PlacedScans, draw_alignment
 from are_ros.errors import BagError, FrameError, InputError, MapError
 from are_ros.messages.maps import read_grid
 from are_ros.messages.sensors import read_scan
 from are_ros.replay.progress import Progress, ProgressBar, said_if_slow
+from are_ros.replay.recorded_frames import RecordedFrames
 from are_ros.replay.survey.frame_survey import connected_to, root_above
-from are_ros.replay.survey.recorded_frames import RecordedFrames
 from are_ros.replay.timeline import WITHOUT_MAP, ReplayOptions, topics_to_read
 from are_ros.wording import counted, why_refused
 from are_ros.world.map_io import read_map_file
@@ -70,7 +70,7 @@ class PlacedScan:
 
 @dataclass(frozen=True, eq=False)
 class AlignInput:
-    """What a recording offers: its scans in `root`, and what became of the others, in sentences."""
+    """The usable scans of a recording in frame `root`, and notices about the others."""
 
     root: str
     topics: tuple[str, ...]
@@ -87,7 +87,7 @@ class AlignInput:
         )
 
     def driven_m(self) -> Floats:
-        """Return how far the robot had driven at each scan, float64 (N,), by the first laser."""
+        """Return the distance driven until each scan, float64 (N,) [m], by the first laser."""
         way = [scan for scan in self.scans if scan.topic == self.scans[0].topic]
         places = np.array([scan.place[:2] for scan in way])
         steps = np.hypot(*np.diff(places, axis=0).T)
@@ -118,16 +118,17 @@ def map_of(reader: BagReader, roles: RolesFound, options: ReplayOptions) -> Occu
 def gather(
     reader: BagReader, roles: RolesFound, options: ReplayOptions, progress: Progress
 ) -> AlignInput:
-    """Read scans that are spread over the way of the robot. BagError where there is none of use.
+    """Read scans that are spread over the way of the robot; BagError where none is usable.
 
-    `progress` is told the log time reached.
+    `progress` gets the log time reached.
     """
     role_of_topic = topics_to_read(reader, options, roles)
     topics = tuple(topic for topic, role in role_of_topic.items() if role == "scan")
     if not topics:
         raise BagError(_no_scan(roles))
     frames = {topic: role for topic, role in role_of_topic.items() if role in _FRAME_ROLES}
-    begin_ns, end_ns = _window(reader, role_of_topic, options)
+    window = Window.of(reader, role_of_topic, options.start_s, options.duration_s)
+    begin_ns, end_ns = window.start_ns, window.stop_ns
     first = next(reader.messages(topics, begin_ns, end_ns), None)
     if first is None:
         raise BagError(f"{', '.join(topics)}: no scan lies in the time that is to be read")
@@ -135,14 +136,13 @@ def gather(
     root = _root(_frames_of(reader, options, frames, begin_ns, end_ns), laser, options)
     collector = _Collector(root)
     recorded = RecordedFrames(options.parameters)
-    base = options.parameters.frames.base
     wanted = _spread_scans(reader, topics, begin_ns, end_ns)
     for message in _all_messages(reader, frames, topics, begin_ns, end_ns):
         if message.topic in topics:
             if (message.topic, message.log_time_ns) in wanted:
                 collector.take(reader, message)
         else:
-            _feed(reader, recorded, message, frames[message.topic], base)
+            _feed(reader, recorded, message, frames[message.topic])
         collector.place(recorded.tree, message.log_time_ns)
         progress(message.log_time_ns)
     collector.place(recorded.tree, None)
@@ -180,7 +180,7 @@ class _Collector:
         self._why_refused = self._why_lost = ""
 
     def take(self, reader: BagReader, message: BagMessage) -> None:
-        """Take a scan; one that is malformed is counted."""
+        """Take a scan; a malformed one is counted."""
         self._taken += 1
         try:
             scan = read_scan(reader.deserialize(message), message.topic)
@@ -191,7 +191,7 @@ class _Collector:
             self._waiting.append((message.topic, scan))
 
     def place(self, tree: FrameTree, log_time_ns: int | None) -> None:
-        """Place those whose transforms are there; at the end (None) the others are given up."""
+        """Place the scans whose transforms have come; `None` marks the end of the recording."""
         if log_time_ns is not None:
             if not self._waiting or log_time_ns < self._tried_ns + _RETRY_NS:
                 return
@@ -210,7 +210,7 @@ class _Collector:
                 self.placed.append(placed)
 
     def reason(self) -> str:
-        """Return why no scan is of use."""
+        """Return why no scan is usable."""
         return "; ".join(self.notices()) or "no beam has a return"
 
     def notices(self) -> list[str]:
@@ -302,19 +302,9 @@ def _evenly(count: int, most: int) -> list[int]:
 def _spread_scans(
     reader: BagReader, topics: Collection[str], begin_ns: int, end_ns: int
 ) -> frozenset[tuple[str, int]]:
-    """Return which scans are read (topic, log time): all, or of a long recording some of them."""
+    """Return the (topic, log time) of the scans to read: all, or some of a long recording."""
     found = [(m.topic, m.log_time_ns) for m in reader.messages(topics, begin_ns, end_ns)]
     return frozenset(found[k] for k in _evenly(len(found), _CANDIDATES))
-
-
-def _window(
-    reader: BagReader, role_of_topic: Mapping[str, str], options: ReplayOptions
-) -> tuple[int, int]:
-    """Return the log times [begin, end) that are read, counted as a replay counts them."""
-    begin_ns = beginning(reader, role_of_topic) + seconds_to_ns(options.start_s)
-    if options.duration_s is None:
-        return begin_ns, reader.end_ns
-    return begin_ns, min(reader.end_ns, begin_ns + seconds_to_ns(options.duration_s))
 
 
 def _all_messages(
@@ -332,13 +322,11 @@ def _all_messages(
     yield from reader.messages(moving, begin_ns, end_ns)
 
 
-def _feed(
-    reader: BagReader, recorded: RecordedFrames, message: BagMessage, role: str, base: str
-) -> None:
+def _feed(reader: BagReader, recorded: RecordedFrames, message: BagMessage, role: str) -> None:
     """Take a message of transforms or of odometry; what is malformed is left out."""
     try:
         if role == "odom":
-            recorded.take_odometry(reader.odometry(message), base)
+            recorded.take_odometry(reader.odometry(message))
             return
         for transform in reader.transforms(message):
             recorded.take_transform(transform, is_static=role == "tf_static")
@@ -356,7 +344,7 @@ def _frames_of(
     """Return the tree as it is at the end."""
     recorded = RecordedFrames(options.parameters)
     for message in _all_messages(reader, frames, (), begin_ns, end_ns):
-        _feed(reader, recorded, message, frames[message.topic], options.parameters.frames.base)
+        _feed(reader, recorded, message, frames[message.topic])
     return recorded.tree
 
 
@@ -374,7 +362,7 @@ def _root(tree: FrameTree, laser: str, options: ReplayOptions) -> str:
 
 
 def _no_scan(roles: RolesFound) -> str:
-    """Return what keeps the scans from being found."""
+    """Return why there is no scan topic."""
     said = [sentence for sentence in roles.sentences() if sentence.startswith("scan:")]
     return (
         said[0] if said else "the recording has no laser scan, and a map can be matched with none"
@@ -400,10 +388,10 @@ _ADVICE: Final = (
 
 @dataclass(frozen=True, eq=False)
 class AlignOutcome:
-    """What was found: `alignment` is None where nothing fits at all.
+    """The result: `alignment` is None where the scans fit nowhere.
 
-    `cloud` is what was searched for, `whole` the cloud of the whole way; `drift` says how far the
-    parts of the way are from the line, empty if they are not.
+    `cloud` has the endpoints that were searched for, `whole` those of the whole way; `drift` is a
+    sentence if the odometry drifts.
     """
 
     given: AlignInput
@@ -429,7 +417,7 @@ class AlignOutcome:
         return away_m <= NEAR_M
 
     def line(self, match: Match) -> str:
-        """Return the option that puts the map where a match says."""
+        """Return the --static-tf option of a match."""
         x_m, y_m, yaw_rad = match.pose
         numbers = f"{x_m:.3f} {y_m:.3f} 0 {yaw_rad:.4f} 0 0"
         return f'--static-tf "{numbers} {self.map_frame} {self.given.root}"'
@@ -504,7 +492,7 @@ def align(options: ReplayOptions, say: Say) -> AlignOutcome:
 
 
 def outcome_lines(outcome: AlignOutcome) -> list[str]:
-    """Return what a person reads: the line first, then how sure it is."""
+    """Return the text: the option first, then the quality of the fit."""
     found = outcome.alignment
     if found is None:
         return [f"no fit: the scans fit nowhere on the map much better than elsewhere; {_ADVICE}"]
@@ -542,7 +530,7 @@ def _ambiguous_lines(outcome: AlignOutcome, found: Alignment) -> list[str]:
 
 
 def _fit_lines(outcome: AlignOutcome, best: Match) -> list[str]:
-    """Return how well it fits, and what it was found by."""
+    """Return the quality of the fit, and the scans that it is based on."""
     given, cloud = outcome.given, outcome.cloud
     numbers = np.unique(cloud.scans)
     driven_m = given.driven_m()

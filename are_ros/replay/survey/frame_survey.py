@@ -1,8 +1,8 @@
-"""How the frames of a recording hang together, for a person to read."""
+"""The frames of a recording as a tree, with oddities in sentences."""
 
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 from are_ros.conventions import NS_PER_S
@@ -20,28 +20,37 @@ _AHEAD_NS = NS_PER_S // 10
 """Stamps later than the recording by more than this are reported."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class SurveyedEdge:
     """One edge parent -> child as it was recorded; the names have no leading slash.
 
-    `rate_hz` is the mean rate between the first and the last stamp, 0 for a static edge or a single
-    one; `still_ns` of that time are gaps of the recording, and do not count. `ahead_ns` is how much
-    later than the recording the worst stamp was (negative: earlier).
+    `still_ns` of the time between the first and the last stamp are gaps of the recording.
+    `ahead_ns` is how much later than the recording the worst stamp was (negative: earlier).
+    `source` is the strongest of those that gave the edge.
     """
 
     parent: str
     child: str
-    is_static: bool
-    topics: tuple[str, ...]
-    count: int
     first_ns: int
     last_ns: int
     ahead_ns: int
+    count: int = 0
+    static_count: int = 0
+    topics: tuple[str, ...] = ()
+    source: TransformSource = TransformSource.ODOMETRY
     still_ns: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.parent} -> {self.child}"
+
+    @property
+    def is_static(self) -> bool:
+        """Whether each of its transforms was static."""
+        return self.static_count == self.count
 
     @property
     def rate_hz(self) -> float:
-        """Mean rate of the stamps."""
+        """Mean rate of the stamps outside of gaps, 0 for a static edge or a single stamp."""
         duration_ns = self.last_ns - self.first_ns - self.still_ns
         if self.is_static or duration_ns <= 0:
             return 0.0
@@ -58,7 +67,7 @@ class SurveyedEdge:
 
 @dataclass(frozen=True)
 class FrameSurvey:
-    """All edges in order of name, and what is odd about them, a sentence each.
+    """All edges in order of name, and a sentence for each oddity.
 
     `refused` has a sentence for each edge of which no transform can be used.
     """
@@ -88,7 +97,7 @@ class FrameSurvey:
         roots = [frame for frame in self.frames() if frame not in has_parent]
         lines: list[str] = []
         drawn: set[str] = set()
-        # Frames left over after the roots hang in a ring; it is opened at its first name.
+        # Frames left over after the roots form a ring; it is drawn from its first name.
         for frame in (*roots, *self.frames()):
             if frame in children and frame not in drawn:
                 lines.append(frame)
@@ -97,31 +106,18 @@ class FrameSurvey:
 
 
 @dataclass
-class _Tally:
-    """What was seen of one edge so far."""
-
-    first_ns: int
-    last_ns: int
-    ahead_ns: int
-    count: int = 0
-    topics: set[str] = field(default_factory=set)
-    static_count: int = 0
-    source: TransformSource = TransformSource.ODOMETRY
-
-
-@dataclass
 class _Refusal:
-    """What was refused of one edge on one topic, and why the first time."""
+    """The refused transforms of one edge on one topic, with the first reason."""
 
     reason: str
     count: int = 0
 
 
 class FrameSurveyor:
-    """Collects transforms as they come and tells what they amount to."""
+    """Collects transforms, and returns their survey."""
 
     def __init__(self) -> None:
-        self._tallies: dict[tuple[str, str], _Tally] = {}
+        self._edges: dict[tuple[str, str], SurveyedEdge] = {}
         self._slashed: set[str] = set()
         self._refusals: dict[tuple[str, str, str], _Refusal] = {}
 
@@ -137,21 +133,22 @@ class FrameSurveyor:
         """Take in the transforms of one message."""
         for parent, child, stamp_ns, translation_m, rotation_xyzw in transforms:
             self._slashed.update(name for name in (parent, child) if name.startswith("/"))
-            edge = parent.lstrip("/"), child.lstrip("/")
+            names = parent.lstrip("/"), child.lstrip("/")
             if reason := why_invalid(*translation_m, *rotation_xyzw):
-                self._refusals.setdefault((*edge, topic), _Refusal(reason)).count += 1
+                self._refusals.setdefault((*names, topic), _Refusal(reason)).count += 1
                 continue
             ahead_ns = stamp_ns - log_time_ns
-            tally = self._tallies.get(edge)
-            if tally is None:
-                tally = self._tallies[edge] = _Tally(stamp_ns, stamp_ns, ahead_ns)
-            tally.first_ns = min(tally.first_ns, stamp_ns)
-            tally.last_ns = max(tally.last_ns, stamp_ns)
-            tally.ahead_ns = max(tally.ahead_ns, ahead_ns)
-            tally.count += 1
-            tally.static_count += is_static
-            tally.topics.add(topic)
-            tally.source = max(tally.source, source)
+            edge = self._edges.get(names)
+            if edge is None:
+                edge = self._edges[names] = SurveyedEdge(*names, stamp_ns, stamp_ns, ahead_ns)
+            edge.first_ns = min(edge.first_ns, stamp_ns)
+            edge.last_ns = max(edge.last_ns, stamp_ns)
+            edge.ahead_ns = max(edge.ahead_ns, ahead_ns)
+            edge.count += 1
+            edge.static_count += is_static
+            edge.source = max(edge.source, source)
+            if topic not in edge.topics:
+                edge.topics = tuple(sorted((*edge.topics, topic)))
 
     def survey(
         self, gaps: Sequence[tuple[int, int]] = (), apart: Collection[str] = ()
@@ -161,34 +158,17 @@ class FrameSurveyor:
         `gaps` are the [start, stop) of the recording's gaps, by the clock of the stamps. `apart`
         names edges ("odom -> base") and topics that go by another clock: that is said elsewhere.
         """
-        edges = tuple(
-            SurveyedEdge(
-                parent,
-                child,
-                tally.static_count == tally.count,
-                tuple(sorted(tally.topics)),
-                tally.count,
-                tally.first_ns,
-                tally.last_ns,
-                tally.ahead_ns,
-                _still_ns(tally, gaps),
+        edges = tuple(self._edges[names] for names in sorted(self._edges))
+        for edge in edges:
+            edge.still_ns = sum(
+                max(0, min(stop_ns, edge.last_ns) - max(start_ns, edge.first_ns))
+                for start_ns, stop_ns in gaps
             )
-            for (parent, child), tally in sorted(self._tallies.items())
-        )
-        sources = {edge: tally.source for edge, tally in self._tallies.items()}
         refusals = sorted(self._refusals.items())
-        in_part = [_said_of(k, r) for k, r in refusals if k[:2] in self._tallies]
-        oddities = [*_oddities(edges, sources, self._slashed, apart), *in_part]
-        refused = [_said_of(k, r) for k, r in refusals if k[:2] not in self._tallies]
+        in_part = [_said_of(k, r) for k, r in refusals if k[:2] in self._edges]
+        oddities = [*_oddities(edges, self._slashed, apart), *in_part]
+        refused = [_said_of(k, r) for k, r in refusals if k[:2] not in self._edges]
         return FrameSurvey(edges, tuple(oddities), tuple(refused))
-
-
-def _still_ns(tally: _Tally, gaps: Sequence[tuple[int, int]]) -> int:
-    """Return how much of the time between the first and the last stamp of an edge is gaps."""
-    return sum(
-        max(0, min(stop_ns, tally.last_ns) - max(start_ns, tally.first_ns))
-        for start_ns, stop_ns in gaps
-    )
 
 
 def hertz(rate_hz: float) -> str:
@@ -231,30 +211,26 @@ def _said_of(key: tuple[str, str, str], refusal: _Refusal) -> str:
 
 
 def _oddities(
-    edges: tuple[SurveyedEdge, ...],
-    sources: Mapping[tuple[str, str], TransformSource],
-    slashed: set[str],
-    apart: Collection[str],
+    edges: tuple[SurveyedEdge, ...], slashed: set[str], apart: Collection[str]
 ) -> Iterable[str]:
-    """Yield a sentence for each thing that a user would not expect."""
+    """Yield a sentence for each oddity."""
     pairs = {(edge.parent, edge.child) for edge in edges}
     for parent, child in sorted(pairs):
         if parent < child and (child, parent) in pairs:
             yield f"{parent} -> {child} is there in both directions"
-    parents: dict[str, list[str]] = defaultdict(list)
+    sources: dict[str, dict[str, TransformSource]] = defaultdict(dict)
     for edge in edges:
-        parents[edge.child].append(edge.parent)
-    for child, names in sorted(parents.items()):
-        if len(names) > 1:
-            yield _said_of_parents(child, {name: sources[name, child] for name in names})
+        sources[edge.child][edge.parent] = edge.source
+    for child, of_child in sorted(sources.items()):
+        if len(of_child) > 1:
+            yield _said_of_parents(child, of_child)
     for edge in edges:
-        name = f"{edge.parent} -> {edge.child}"
         if len(edge.topics) > 1:
-            yield f"{name} comes from several topics: {', '.join(edge.topics)}"
+            yield f"{edge} comes from several topics: {', '.join(edge.topics)}"
     ahead = [e for e in edges if not e.is_static and e.ahead_ns > _AHEAD_NS]
-    ahead = [e for e in ahead if not {f"{e.parent} -> {e.child}", *e.topics} & set(apart)]
+    ahead = [e for e in ahead if not {str(e), *e.topics} & set(apart)]
     if ahead:
-        told = listed([f"{edge.parent} -> {edge.child}" for edge in ahead])
+        told = listed([str(edge) for edge in ahead])
         one_is = "is" if len(ahead) == 1 else "are"
         most_s = max(edge.ahead_ns for edge in ahead) / NS_PER_S
         yield f"{told} {one_is} stamped up to {most_s:.2f} s after being recorded"
@@ -264,7 +240,7 @@ def _oddities(
 
 
 def _said_of_parents(child: str, sources: Mapping[str, TransformSource]) -> str:
-    """Say which parents a frame has, and which of them holds."""
+    """Say which parents a frame has, and which of them is used."""
     said = f"{child} has several parents: {', '.join(sources)}"
     strongest = max(sources.values())
     best = [parent for parent, source in sources.items() if source == strongest]

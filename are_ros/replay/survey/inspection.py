@@ -1,4 +1,4 @@
-"""What a recording offers to a replay and what it lacks, for `are inspect`."""
+"""Which roles the topics of a recording play, and what is missing, for `are inspect`."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -41,12 +41,12 @@ class InspectedTopic:
 
 @dataclass(frozen=True)
 class Inspection:
-    """All that `are inspect` shows. Messages lie in [start_ns, end_ns).
+    """The content of `are inspect`. Messages lie in [start_ns, end_ns).
 
-    `base_frame` is "" where none was found. `missing` names what a replay needs, or could use, and
-    the option that supplies it; it is empty for a recording that can be replayed as it is. `scans`
-    are the topics that are to be scans, where the user names them. `time` says what is to be known
-    of its clock, its gaps, and how late its transforms are.
+    `base_frame` is "" where none was found. `missing` has a sentence with the option for each input
+    that a replay needs or could use; it is empty for a recording that can be replayed as it is.
+    `scans` are the scan topics that the user names. `time` has sentences about the clock, the gaps
+    and late transforms.
     """
 
     start_ns: int
@@ -95,7 +95,7 @@ def inspect_bag(
     of_map = "" if has_map_file else frame_ids.get(map_topic or "", "")
     world_frame, map_frame = map_frame, of_map or map_frame
     base_frame = base_frame or next((f for f in BASE_FRAMES if f in survey.frames()), "")
-    sensors = [topic for topic in map(roles.topic, _SENSOR_ROLES) if topic is not None]
+    sensors = roles.by_topic(_SENSOR_ROLES)
     missing = [
         *_missing_map(map_topic, has_map_file=has_map_file),
         *_other_map_frame(map_topic, map_frame, world_frame),
@@ -126,9 +126,7 @@ def inspect_bag(
 
 def _timed(reader: BagReader, roles: RolesFound, scans: Iterable[str]) -> dict[str, str]:
     """Return the roles of the topics that tell the time; all scans where none is chosen."""
-    named = ((roles.topic(role), role) for role in ("tf_static", *MOVING_ROLES))
-    found = {topic: role for topic, role in named if topic is not None}
-    found |= dict.fromkeys(scans, "scan")
+    found = roles.by_topic(("tf_static", *MOVING_ROLES)) | dict.fromkeys(scans, "scan")
     if "scan" not in found.values():
         types = ROLE_TYPES["scan"]
         found |= {topic.name: "scan" for topic in reader.topics if topic.type_name in types}
@@ -144,7 +142,7 @@ def _rate_hz(reader: BagReader, topic: BagTopic, stretches: Stretches) -> float:
 
 
 def _clock(times: RecordedTimes) -> tuple[BagClock, str]:
-    """Return the clock of a recording, or that of the log and why there is none."""
+    """Return the clock of a recording; or that of the log, and why the other failed."""
     try:
         return BagClock.of(times), ""
     except BagError as cause:
@@ -195,8 +193,7 @@ def _survey(
     """Survey both tf topics, the odometry's edge and those that were given."""
     surveyor = FrameSurveyor()
     static_topic = roles.topic("tf_static")
-    topics = [topic for topic in (roles.topic("tf"), static_topic) if topic is not None]
-    for message in reader.messages(topics):
+    for message in reader.messages(roles.by_topic(("tf", "tf_static"))):
         try:
             transforms = reader.transforms(message)
         except InputError:
@@ -309,8 +306,7 @@ def _missing_camera(reader: BagReader, roles: RolesFound) -> Iterable[str]:
         read_camera_info(reader.deserialize(first), topic).view(rectified=False)
     except AreError as cause:
         yield f"the first CameraInfo is of no use: {cause}"
-    others = map(roles.topic, (role for role in MOVING_ROLES if role != _CAMERA))
-    begin_ns = first_time(reader, [name for name in others if name is not None])
+    begin_ns = first_time(reader, roles.by_topic(role for role in MOVING_ROLES if role != _CAMERA))
     late_ns = 0 if begin_ns is None else first.log_time_ns - begin_ns
     if late_ns > LATE_CAMERA_NS:
         yield (
@@ -319,7 +315,7 @@ def _missing_camera(reader: BagReader, roles: RolesFound) -> Iterable[str]:
         )
 
 
-# What `are inspect` prints.
+# The text of `are inspect`.
 
 
 def inspection_lines(inspection: Inspection) -> list[str]:

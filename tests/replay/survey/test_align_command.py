@@ -17,7 +17,6 @@ from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.errors import BagError
 from are_ros.messages.maps import make_grid
-from are_ros.messages.sensors import make_scan
 from are_ros.messages.transforms import StampedTransform, make_transforms
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
@@ -32,6 +31,7 @@ from are_ros.replay.timeline import ReplayOptions
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.scan_matching import PlanarPose, ScanCloud, ScanMatcher, wrapped
+from bags.simulation.making import make_scan
 
 RunAre = Callable[..., CompletedProcess[str]]
 WriteBag = Callable[[Path, list[tuple[str, int, Any]]], Path]

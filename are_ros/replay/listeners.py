@@ -1,4 +1,4 @@
-"""What takes the outputs of a replay: the recording, its inputs, the picture, and the doubts."""
+"""Listeners of a replay: they write the recording, keep the record, and check the map."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -6,6 +6,7 @@ from struct import error as StructError  # noqa: N812
 from typing import Final
 
 from are_ros.bag.reader import BagMessage, BagReader
+from are_ros.bag.recording import PREFIX
 from are_ros.bag.types import as_ros2, ros2_type
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
@@ -25,12 +26,8 @@ from are_ros.replay.scene_record import SceneRecorder
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
 
-# The outputs of the builder into a recording, under the names that they have live.
 
-
-PREFIX = "/ar_builder/"
-
-
+# The outputs of the builder, under their live names.
 class TickWriter(Listener):
     """Encodes ticks and released readings, and appends them."""
 
@@ -48,18 +45,18 @@ class TickWriter(Listener):
             writer.add_topic(output, self._sensors[topic].type_name)
 
     def take_tick(self, tick: Tick) -> None:
-        """Append everything that a tick gives out, at its time."""
+        """Append the outputs of a tick, at its time."""
         for name, stamp_ns, data in self._encoder.encode(tick):
             self._writer.write_raw(PREFIX + name, stamp_ns, data)
 
     def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
-        """Append readings of sensors, each at the time when it was released."""
+        """Append sensor readings, each at its release time."""
         for released in readings:
             data = self._sensors[released.topic].encode(released.reading)
             self._writer.write_raw(self._sensor_outputs[released.topic], released.released_ns, data)
 
 
-# The inputs of a replay beside its outputs: `--with-inputs`.
+# The inputs of a replay, with `--with-inputs`.
 
 
 _LATCHED_ROLES = ("map", "octomap_point_cloud_centers", "tf_static")
@@ -89,7 +86,7 @@ class InputCopy(Listener):
                 writer.add_topic(topic.name, type_name, is_latched=is_latched, depth=100)
 
     def take_input(self, message: BagMessage, received_ns: int) -> None:
-        """Append one input; one that cannot be understood is left out, as the builder did."""
+        """Append one input; a malformed one is left out, as by the builder."""
         if message.topic not in self._types:
             return
         if not self._reader.is_ros1:
@@ -134,15 +131,21 @@ class InputCopy(Listener):
 
 
 class RecordKeeper(Listener):
-    """Keeps what the pictures, the viewer and the metrics need."""
+    """Keeps the record for pictures, viewer and metrics.
+
+    `camera_since_ns` is the time of the first tick that knew the camera, None before it.
+    """
 
     def __init__(self, recorder: SceneRecorder, builder: ArBuilder) -> None:
+        self.camera_since_ns: int | None = None
         self._recorder = recorder
         self._builder = builder
         self._scans: dict[str, ReleasedReading] = {}
 
     def take_tick(self, tick: Tick) -> None:
         """Keep a tick, with the camera that it looked through and the newest scan of each topic."""
+        if self.camera_since_ns is None and self._builder.camera is not None:
+            self.camera_since_ns = tick.stamp_ns
         scans: list[ScanPoints] = []
         if self._recorder.wants_scans:
             scans = [*filter(None, map(self._placed, self._scans.values()))]
@@ -161,42 +164,7 @@ class RecordKeeper(Listener):
         return None if pose is None else scan_points(scan, released.received, pose)
 
 
-class CameraWatch(Listener):
-    """Keeps the time of the first tick that knew the camera, None before there is one."""
-
-    def __init__(self, builder: ArBuilder) -> None:
-        self.first_ns: int | None = None
-        self._builder = builder
-
-    def take_tick(self, tick: Tick) -> None:
-        """Look whether the camera is known."""
-        if self.first_ns is None and self._builder.camera is not None:
-            self.first_ns = tick.stamp_ns
-
-
-class All(Listener):
-    """Tells several listeners, in their order."""
-
-    def __init__(self, listeners: Sequence[Listener]) -> None:
-        self._listeners = tuple(listeners)
-
-    def take_tick(self, tick: Tick) -> None:
-        """Tell of a tick."""
-        for listener in self._listeners:
-            listener.take_tick(tick)
-
-    def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
-        """Tell of readings."""
-        for listener in self._listeners:
-            listener.take_readings(readings)
-
-    def take_input(self, message: BagMessage, received_ns: int) -> None:
-        """Tell of an input."""
-        for listener in self._listeners:
-            listener.take_input(message, received_ns)
-
-
-# Whether the robot of a recording stands where its map lets it: else the two do not fit.
+# The robot of a recording must stand on free cells: else the map does not belong to it.
 
 
 _SHARE: Final = 0.1
@@ -215,7 +183,7 @@ class StandingWatch(Listener):
         self._area_m2 = 0.0
 
     def take_tick(self, tick: Tick) -> None:
-        """Look where the robot stands, as soon as there are a map and its pose."""
+        """Check the cell under the robot, once there are a map and a pose."""
         environment = self._builder.world.environment
         if environment is None or tick.map_from_base is None:
             return
@@ -226,7 +194,7 @@ class StandingWatch(Listener):
             self._outside_m.append((x_m, y_m))
 
     def sentences(self) -> list[str]:
-        """Return what a user should know: nothing where robot and map agree."""
+        """Return a sentence if robot and map do not agree."""
         doubts = []
         outside = self._outside()
         if outside > _SHARE * self._ticks:
@@ -241,9 +209,9 @@ class StandingWatch(Listener):
         return [f"{', and '.join(doubts)}: {question}"] if doubts else []
 
     def _outside(self) -> int:
-        """Return how often the cell was not free, then and in the last map.
+        """Return the number of ticks on cells that were not free, then and in the last map.
 
-        While a map is being made, the cells under the robot may come to be known only later.
+        While a map is being made, the cells under the robot may become known later.
         """
         last = self._builder.world.environment
         return 0 if last is None else sum(not _is_free(last, at_m) for at_m in self._outside_m)

@@ -6,7 +6,7 @@ from time import monotonic_ns, sleep
 import pytest
 
 from are_ros.node import watches as hang_watch
-from are_ros.node.watches import BusyWatch, HangWatch
+from are_ros.node.watches import CallbackTimer, Watchdog
 
 PATIENCE_S = 0.4
 
@@ -22,8 +22,8 @@ def test_only_one_who_does_not_return_is_named(
         hang_watch, "who_is_asked", lambda _: "one" if is_one else f"number {next(asked)}"
     )
     said: list[str] = []
-    busy = BusyWatch()
-    watch = HangWatch(busy, said.append)
+    busy = CallbackTimer()
+    watch = Watchdog(busy, said.append)
     busy.begin(monotonic_ns(), "ticks")
     turn = busy.turn
     sleep(4 * PATIENCE_S)

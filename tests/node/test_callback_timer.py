@@ -3,14 +3,14 @@
 import pytest
 
 from are_ros.conventions import NS_PER_S
-from are_ros.node.watches import BusyWatch
+from are_ros.node.watches import CallbackTimer
 
 MS = NS_PER_S // 1000
 
 
 def test_of_each_sort_the_longest_turn_of_a_minute_is_told() -> None:
     """And after that minute nothing is."""
-    watch = BusyWatch()
+    watch = CallbackTimer()
     assert watch.figures(0) == {}
     for begin_ms, what, took_ms in ((0, "ticks", 9), (100, "ticks", 12), (200, "inputs", 70)):
         watch.begin(begin_ms * MS, what)
@@ -24,7 +24,7 @@ def test_of_each_sort_the_longest_turn_of_a_minute_is_told() -> None:
 
 def test_a_turn_within_a_turn_is_a_part_of_it() -> None:
     """The whole has one name, that of what takes the most time of it."""
-    watch = BusyWatch()
+    watch = CallbackTimer()
     watch.begin(0, "inputs")
     watch.begin(10 * MS, "parameters")
     watch.call_it("maps")
@@ -41,7 +41,7 @@ def test_a_late_timer_is_the_machines_as_far_as_no_turn_explains_it(
     ended_ms: int, expected: float
 ) -> None:
     """It was due at 30 ms, and woke the node at 120 ms."""
-    watch = BusyWatch()
+    watch = CallbackTimer()
     watch.begin(10 * MS, "ticks")
     watch.end(ended_ms * MS)
     watch.woke(120 * MS, 30 * MS)

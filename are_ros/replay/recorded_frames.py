@@ -1,5 +1,6 @@
 """Frames, robot and camera of a recording, as the node finds them: by tf, odometry, parameters."""
 
+from contextlib import suppress
 from typing import Any, Final
 
 from are_ros.builder.assembly import (
@@ -29,63 +30,53 @@ _SOURCES: Final = {
 class RecordedFrames:
     """A tree with the static frames of the parameters, fed with transforms and odometry.
 
-    What takes one returns why it cannot be taken, empty if it can.
+    A refused transform is left out: `are check` reports it.
     """
 
     def __init__(self, parameters: Parameters) -> None:
         self.tree = FrameTree()
+        self._parameters = parameters
         self._source = _SOURCES.get(parameters.frames.odometry)
         set_static_frames(parameters, self.tree)
 
-    def take_transform(self, transform: StampedTransform, *, is_static: bool) -> str:
+    def base_frame(self) -> str:
+        """Return the frame of odometry messages without a child frame."""
+        return self._parameters.frames.base
+
+    def take_transform(self, transform: StampedTransform, *, is_static: bool) -> None:
         """Take one of /tf or /tf_static."""
         parent, child, stamp_ns, place, turn = transform
-        try:
+        with suppress(FrameError):
             if is_static:
                 self.tree.set_static(parent, child, place, turn)
             else:
                 self.tree.set_transform(parent, child, stamp_ns, place, turn)
-        except FrameError as error:
-            return str(error)
-        return ""
-
-    def take_odometry(self, numbers: OdometryNumbers, base: str) -> str:
-        """Take the pose of an odometry, as `frames.odometry` says; of `base` if it names none."""
-        if self._source is None:
-            return ""
-        child, stamp_ns = numbers.child_frame_id or base, numbers.stamp_ns
-        place, turn = numbers.pose[:3], numbers.pose[3:]
-        try:
-            self.tree.set_transform(
-                numbers.frame_id, child, stamp_ns, place, turn, source=self._source
-            )
-        except FrameError as error:
-            return str(error)
-        return ""
-
-
-class RecordedRobot:
-    """Fed with transforms, odometry and CameraInfo in the order of the log; then asked for poses.
-
-    A transform that cannot be taken is left out: `are check` tells of it, here a pose is missing.
-    """
-
-    def __init__(self, parameters: Parameters, *, has_camera_info: bool) -> None:
-        """Take the parameters; without CameraInfo in the recording theirs is the camera."""
-        self._parameters = parameters
-        self._frames = RecordedFrames(parameters)
-        self.tree = self._frames.tree
-        self._tracker = robot_tracker(parameters, self._frames.tree)
-        is_awaited = has_camera_info and parameters.camera.model is CameraModel.AUTO
-        self.camera: Camera | None = None if is_awaited else default_camera(parameters)
-
-    def take_transform(self, transform: StampedTransform, *, is_static: bool) -> None:
-        """Take one of /tf or /tf_static."""
-        self._frames.take_transform(transform, is_static=is_static)
 
     def take_odometry(self, numbers: OdometryNumbers) -> None:
         """Take the pose of an odometry, as `frames.odometry` says."""
-        self._frames.take_odometry(numbers, self._tracker.base_frame())
+        if self._source is None:
+            return
+        parent, child = numbers.frame_id, numbers.child_frame_id or self.base_frame()
+        place, turn = numbers.pose[:3], numbers.pose[3:]
+        with suppress(FrameError):
+            self.tree.set_transform(
+                parent, child, numbers.stamp_ns, place, turn, source=self._source
+            )
+
+
+class RecordedRobot(RecordedFrames):
+    """Poses of robot and camera, from transforms, odometry and CameraInfo in their order."""
+
+    def __init__(self, parameters: Parameters, *, has_camera_info: bool) -> None:
+        """Take the parameters; without CameraInfo in the recording they define the camera."""
+        super().__init__(parameters)
+        self._tracker = robot_tracker(parameters, self.tree)
+        is_awaited = has_camera_info and parameters.camera.model is CameraModel.AUTO
+        self.camera: Camera | None = None if is_awaited else default_camera(parameters)
+
+    def base_frame(self) -> str:
+        """Return the robot's base: that of the parameters, else base_footprint or base_link."""
+        return self._tracker.base_frame()
 
     def take_camera(self, message: Any) -> None:
         """Take a CameraInfo. Raises InputError where it describes no camera."""

@@ -1,10 +1,12 @@
-"""The subscriptions of the node: bytes by role, counted and decoded."""
+"""The topics of the node: subscriptions to its inputs, and publishers of its outputs."""
 
-from collections.abc import Callable, Container, Iterator
+import time
+from collections.abc import Callable, Container, Iterator, Mapping
 from struct import error as StructError  # noqa: N812
 from time import monotonic_ns
 from typing import Any, Final, NamedTuple
 
+from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
@@ -12,7 +14,8 @@ from rclpy.serialization import deserialize_message
 
 from are_ros.errors import AreError, InputError, NodeError
 from are_ros.messages.odometry import OdometryNumbers, read_odometry_numbers
-from are_ros.messages.sensors import SENSORS
+from are_ros.messages.sensors import SENSORS, sensor_outputs, sensor_topics
+from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.messages.transforms import (
     StampedTransform,
     decode_transforms_cdr,
@@ -20,11 +23,11 @@ from are_ros.messages.transforms import (
     read_transforms,
 )
 from are_ros.node.message_classes import message_class
-from are_ros.node.qos import INPUTS, input_qos, is_latched_by_all, subscribe
+from are_ros.node.qos import INPUTS, advertise, input_qos, is_latched_by_all, subscribe
 from are_ros.node.watches import InputSnapshot, InputWatch
 from are_ros.parameters.model import SensorsParameters
 
-# What came over DDS: bytes with their topic, and what they say.
+# Messages as DDS delivers them, and their decoding.
 
 
 class WireMessage(NamedTuple):
@@ -36,7 +39,7 @@ class WireMessage(NamedTuple):
 
 
 class WireDecoding:
-    """Makes values of the bytes; InputError, naming the topic, where they are malformed."""
+    """Decodes the bytes; InputError, naming the topic, where they are malformed."""
 
     def deserialize(self, message: WireMessage) -> Any:
         """Return the message object of rclpy."""
@@ -72,10 +75,10 @@ Store = Callable[[WireMessage], None]
 
 
 class Subscriptions:
-    """Subscribes to all inputs, each by its role; `store` is called with what comes in.
+    """Subscribes to all inputs, each by its role; `store` gets each message.
 
     The cloud's subscription follows its publishers: latched if they all latch, else not. An input
-    whose message package is not installed is left out, and `say` is told of it. Raises
+    whose message package is not installed is left out, and `say` gets a sentence. Raises
     ParameterError where an override of its QoS makes no sense.
     """
 
@@ -99,7 +102,7 @@ class Subscriptions:
             raise
 
     def is_offered(self, role: str) -> bool:
-        """Tell whether anybody publishes the input of a role."""
+        """Return whether the input of a role has a publisher."""
         topics = [topic for topic, its_role in self.roles.items() if its_role == role]
         return any(self._node.count_publishers(topic) for topic in topics)
 
@@ -116,7 +119,7 @@ class Subscriptions:
         self._subscriptions[topic] = self._subscribed(_CLOUD, topic)
 
     def waiting(self, roles: Container[str]) -> Iterator[WireMessage]:
-        """Yield, and take, what DDS holds of the inputs of some roles, in no order of topics."""
+        """Take and yield the messages that DDS holds of some roles, topic by topic."""
         for topic, role in self.roles.items():
             subscription = self._subscriptions.get(topic) if role in roles else None
             while subscription is not None:
@@ -130,18 +133,18 @@ class Subscriptions:
                 yield WireMessage(topic, INPUTS[role].type_name, taken[0])
 
     def is_time_simulated(self) -> bool:
-        """Tell whether the node's time is that of /clock."""
+        """Return whether the node's time is that of /clock."""
         return bool(self._node.get_clock().ros_time_is_active)
 
     def snapshots(self, now_ns: int) -> Iterator[InputSnapshot]:
-        """Yield what came in so far, by the monotonic clock."""
+        """Yield a snapshot of each input, by the monotonic clock."""
         players = list(self.roles.values())
         for topic, role in self.roles.items():
             is_one_of_several = players.count(role) > 1
-            yield InputSnapshot(
-                role=f"{role}{topic}" if is_one_of_several else role,
-                topic=topic,
-                figures=self.watches[topic].figures(now_ns),
+            yield self.watches[topic].snapshot(
+                now_ns,
+                f"{role}{topic}" if is_one_of_several else role,
+                topic,
                 is_required=role in _REQUIRED,
                 is_latched=INPUTS[role].is_latched or role in {_CLOUD, "plan", "clicked_point"},
                 publishers=self._node.count_publishers(topic),
@@ -187,5 +190,79 @@ class Subscriptions:
 
 
 def _adapt_later(event: Any) -> None:
-    """Warn of nothing: `follow_publishers` adapts the subscription to a publisher that differs."""
+    """Suppress rclpy's warning: `follow_publishers` adapts the subscription."""
     del event
+
+
+# The outputs.
+
+
+class Publishers:
+    """Publishes outputs under the node's own name.
+
+    Outputs without a subscriber are not wanted, unless they are latched. An output whose message
+    package is not installed is left out, and `say` gets a sentence. ParameterError where an
+    override of its QoS makes no sense.
+    """
+
+    def __init__(self, node: Node, roles: Mapping[str, str], say: Callable[[str], None]) -> None:
+        """Offer the outputs of ticks, and of the sensors among the roles by input topic."""
+        self._node = node
+        self._publishers: dict[str, Any] = {}
+        self._viewers = 0
+        types = {name: output.type_name for name, output in OUTPUTS.items()}
+        names = sensor_outputs(roles)
+        types |= {names[topic]: kind.type_name for topic, kind in sensor_topics(roles).items()}
+        try:
+            for name, type_name in types.items():
+                self._advertise(name, type_name, say)
+        except AreError:
+            self.close()
+            raise
+
+    def wanted(self) -> frozenset[str]:
+        """Return the names of the outputs that are latched or have a subscriber."""
+        return frozenset(
+            name
+            for name, publisher in self._publishers.items()
+            if (name in OUTPUTS and OUTPUTS[name].is_latched) or publisher.get_subscription_count()
+        )
+
+    def has_new_viewer(self) -> bool:
+        """Return whether the markers have more subscribers than at the last call."""
+        before, self._viewers = self._viewers, self._count("markers")
+        return self._viewers > before
+
+    def publish(self, name: str, data: bytes) -> None:
+        """Publish a serialised message; an output that was left out is ignored."""
+        publisher = self._publishers.get(name)
+        if publisher is not None:
+            publisher.publish(data)
+
+    def flush(self, timeout_s: float) -> list[str]:
+        """Wait until reliable subscribers have acknowledged all messages, at most this long.
+
+        Returns the outputs with messages that were not acknowledged.
+        """
+        deadline_s, late = time.monotonic() + timeout_s, []
+        for name, publisher in self._publishers.items():
+            rest_s = max(0.0, deadline_s - time.monotonic())
+            if not publisher.wait_for_all_acked(Duration(seconds=rest_s)):
+                late.append(name)
+        return late
+
+    def close(self) -> None:
+        """Withdraw all outputs."""
+        for publisher in self._publishers.values():
+            self._node.destroy_publisher(publisher)
+        self._publishers.clear()
+
+    def _count(self, name: str) -> int:
+        publisher = self._publishers.get(name)
+        return 0 if publisher is None else int(publisher.get_subscription_count())
+
+    def _advertise(self, name: str, type_name: str, say: Callable[[str], None]) -> None:
+        try:
+            self._publishers[name] = advertise(self._node, type_name, f"~/{name}")
+        except NodeError as cause:
+            say(f"~/{name} is not published: {cause}")
