@@ -10,7 +10,7 @@ from are_ros.builder.costmap.augmented_map import GridAugmentation
 from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
 from are_ros.builder.gates import ArtefactGate, gate_of
-from are_ros.builder.markers import Display, MarkerBoard
+from are_ros.builder.markers import MarkerDisplay
 from are_ros.builder.observation import CameraObserver, Perception
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.conventions import seconds_to_ns
@@ -112,10 +112,10 @@ def grid_augmentation(parameters: Parameters) -> GridAugmentation:
     return GridAugmentation(costmap, parameters.augmented_map.max_rate)
 
 
-def display(parameters: Parameters, meshes: MeshBank) -> Display:
+def display(parameters: Parameters, meshes: MeshBank) -> MarkerDisplay:
     """Return what draws the artefacts, in `markers.shape` and with `markers.labels`."""
-    shape, labels = parameters.markers.shape, parameters.markers.labels
-    return Display(MarkerBoard(shape, labels), meshes if shape is Shape.MESH else None)
+    markers = parameters.markers
+    return MarkerDisplay(markers.labels, meshes if markers.shape is Shape.MESH else None)
 
 
 def set_static_frames(parameters: Parameters, frames: FrameTree) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from are_ros.agents.events import ArtefactEvent, EventKind
+from are_ros.agents.events import ArtefactEvent, ArtefactState, EventKind, PerceivedArtefact
 from are_ros.agents.robots import RobotTracker
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.occlusion.rays import VoxelField
@@ -15,6 +15,9 @@ from are_ros.parameters.model import OcclusionParameters
 from are_ros.world.cameras import Camera
 from are_ros.world.environment import Environment
 from are_ros.world.rigid_transform import RigidTransform
+
+_CERTAIN = (0.0,) * 36
+"""A covariance of zeros."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +95,39 @@ class Observation:
     map_from_camera: RigidTransform | None = None
     sightings: Mapping[int, Sighting] = field(default_factory=dict)
     seen_ns: int = 0
+
+
+def perceived_artefacts(scene: Scene, observation: Observation) -> tuple[PerceivedArtefact, ...]:
+    """Return A_f: what the observer knows of each artefact of a scene that it sees."""
+    sightings, seen_ns = observation.sightings, observation.seen_ns
+    return tuple(
+        perceived_artefact(scene.state(k), sightings[artefact.id], seen_ns)
+        for k, artefact in enumerate(scene.artefacts)
+        if artefact.id in sightings
+    )
+
+
+def perceived_artefact(state: ArtefactState, sighting: Sighting, seen_ns: int) -> PerceivedArtefact:
+    """Return what an observer without any uncertainty knows of an artefact that it saw."""
+    return PerceivedArtefact(
+        artefact_id=state.artefact_id,
+        label=state.label,
+        classes=(state.class_name,),
+        probabilities=(1.0,),
+        map_from_artefact=state.map_from_artefact,
+        pose_covariance=_CERTAIN,
+        size_m=state.size_m,
+        linear_velocity_m_s=state.linear_velocity_m_s,
+        angular_velocity_rad_s=state.angular_velocity_rad_s,
+        twist_covariance=_CERTAIN,
+        visible_pixels=sighting.visible_pixels,
+        unoccluded_pixels=sighting.unoccluded_pixels,
+        visible_fraction=sighting.visible_pixels / max(sighting.unoccluded_pixels, 1),
+        range_m=sighting.range_m,
+        existence=1.0,
+        roi_px=sighting.roi_px,
+        last_seen_ns=seen_ns,
+    )
 
 
 class CameraObserver:

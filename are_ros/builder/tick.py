@@ -6,6 +6,7 @@ from typing import Final
 from are_ros.agents.events import ArtefactEvent, ArtefactState, PerceivedArtefact, SceneMetrics
 from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.markers import MarkerBatch
+from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -29,13 +30,14 @@ EVERYTHING: Final = Demand()
 class Tick:
     """The outputs of one tick, in the map's frame; `events` are those since the last tick.
 
-    `map_from_base` and `map_from_camera` are the poses that the tick used, None where it had none:
-    then nothing is perceived. Readings of sensors leave by a path of their own.
+    `scene` are the living artefacts as columns. `map_from_base` and `map_from_camera` are the poses
+    that the tick used, None where it had none: then nothing is perceived. Readings of sensors leave
+    by a path of their own.
     """
 
     stamp_ns: int
     frame_id: str
-    artefacts: tuple[ArtefactState, ...]
+    scene: Scene
     observer: str
     perceived: tuple[PerceivedArtefact, ...]
     events: tuple[ArtefactEvent, ...]
@@ -44,6 +46,11 @@ class Tick:
     grids: Grids
     map_from_base: RigidTransform | None
     map_from_camera: RigidTransform | None
+
+    @property
+    def artefacts(self) -> tuple[ArtefactState, ...]:
+        """The ground truth, artefact by artefact: new values each time, made from the scene."""
+        return tuple([self.scene.state(k) for k in range(len(self.scene))])
 
 
 @dataclass
