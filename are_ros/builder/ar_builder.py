@@ -3,7 +3,7 @@
 from are_ros.agents.events import ArtefactEvent, SceneMetrics
 from are_ros.builder import assembly
 from are_ros.builder.costmap.augmented_map import Grids
-from are_ros.builder.costmap.registration import CoveredCells, covered_cells
+from are_ros.builder.costmap.registration import CoveredCells, clutter_ratio, covered_cells
 from are_ros.builder.markers import NO_MARKERS, MarkerBatch
 from are_ros.builder.observation import Observation, perceived_artefacts, sight_events
 from are_ros.builder.scene import Scene
@@ -148,8 +148,7 @@ class ArBuilder(Simulation):
         if environment is None:
             return None
         cells = covered_cells(scene.boxes, environment.grid)
-        free = environment.classes.free_count
-        self._clutter_ratio = cells.total / free if free else _NAN
+        self._clutter_ratio = clutter_ratio(cells, environment.classes)
         return cells
 
     def _augment(

@@ -27,7 +27,8 @@ from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Labels
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
-from are_ros.population.catalogue import CatalogueRow, Shape
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.meshes.shapes import Shape
 
 MS = 1_000_000
 SIZE_M, BOX_CENTRE_M, COLOUR = (0.5, 0.6, 1.8), (0.05, 0.0, -0.1), (0.2, 0.4, 0.6, 0.5)

@@ -24,7 +24,8 @@ from are_ros.messages.common import (
     make_vector,
 )
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
-from are_ros.population.catalogue import CatalogueRow, Shape
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.meshes.shapes import Shape
 
 ARRAY = "are_msgs/msg/ArtefactArray"
 ROW = CatalogueRow(

@@ -24,7 +24,8 @@ from are_ros.messages.tick_encoding import (
     TickEncoder,
 )
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
-from are_ros.population.catalogue import CatalogueRow, Shape
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.meshes.shapes import Shape
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 

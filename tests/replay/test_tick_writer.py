@@ -16,7 +16,8 @@ from are_ros.builder.sensors.sensor_path import ReleasedReading
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
-from are_ros.population.catalogue import CatalogueRow, Shape
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.meshes.shapes import Shape
 from are_ros.replay.survey.listeners import PREFIX, TickWriter
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform

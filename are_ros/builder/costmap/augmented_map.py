@@ -250,7 +250,7 @@ class GridAugmentation:
     def _place(self, environment: Environment, patches: Mapping[int, CellPatch]) -> bool:
         """Take the artefacts' cells into all layers; return whether the costmap changed."""
         self.prepare(environment)
-        changes, self._patches = patch_changes(self._patches, patches), patches
+        changes, self._patches = patch_changes(self._patches, patches), {**patches}
         self._map.update(changes)
         self._artefacts.update(changes)
         return self._costmap.update(changes)

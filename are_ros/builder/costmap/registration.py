@@ -11,7 +11,7 @@ import numpy.typing as npt
 from are_ros._compiled import compiled
 from are_ros.world.boxes import TOUCH_TOLERANCE_M, OrientedBoxes
 from are_ros.world.lattice_cover import covered, lattice_row
-from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.occupancy_grid import CellClasses, OccupancyGrid
 
 Cell = TypeVar("Cell", bound=np.generic)
 Rectangles = npt.NDArray[np.int64]
@@ -77,6 +77,14 @@ def covered_cells(boxes: OrientedBoxes, grid: OccupancyGrid) -> CoveredCells:
     lattice = lattice_row(grid.origin, grid.resolution_m, grid.resolution_m)
     is_covered = np.zeros((grid.height, grid.width), np.bool_)
     return CoveredCells(*_cover(boxes.packed, lattice, is_covered, TOUCH_TOLERANCE_M))
+
+
+def clutter_ratio(cells: CoveredCells, classes: CellClasses) -> float:
+    """Return nu = n_A / n_free (Eq. 4): all artefacts' cells over the real map's free ones.
+
+    NaN where the map has no free cell.
+    """
+    return cells.total / classes.free_count if classes.free_count else float("nan")
 
 
 @compiled
