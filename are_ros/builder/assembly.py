@@ -9,7 +9,7 @@ from are_ros.agents.robots import RobotTracker
 from are_ros.builder.costmap.augmented_map import GridAugmentation
 from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
-from are_ros.builder.gates import ArtefactGate, gate_of
+from are_ros.builder.gates import GateMemory, OpenGate, gate_of
 from are_ros.builder.markers import MarkerDisplay
 from are_ros.builder.observation import CameraObserver, Perception
 from are_ros.builder.occlusion.meshes import MeshBank
@@ -83,7 +83,7 @@ def watch(parameters: Parameters, robots: RobotTracker, meshes: MeshBank) -> Cam
     return CameraObserver(robots, Perception(meshes), rate_hz, tick_rate_hz)
 
 
-def gate(parameters: Parameters) -> ArtefactGate:
+def gate(parameters: Parameters) -> GateMemory | OpenGate:
     """Return the gate of the grids."""
     return gate_of(parameters.costmap.gate, seconds_to_ns(parameters.costmap.memory))
 
