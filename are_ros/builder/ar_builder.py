@@ -17,7 +17,7 @@ _NAN = float("nan")
 
 
 class ArBuilder(Simulation):
-    """The real environment and the artefacts become what is perceived, tick by tick.
+    """Augments the real environment with the artefacts, tick by tick.
 
     What happens does not depend on how often `step` is called. Time is integer nanoseconds; all
     outputs are in F_E, the map's frame. Knows no middleware, no file and no clock.
@@ -42,7 +42,7 @@ class ArBuilder(Simulation):
         return self._watch.looks
 
     def prepare(self) -> None:
-        """Make ready what a new map costs, so that the next tick need not."""
+        """Compute what a new map needs, so that the next tick does not have to."""
         environment = self.world.environment
         if environment is None:
             return
@@ -54,18 +54,18 @@ class ArBuilder(Simulation):
             self._grids.prepare(environment)
 
     def prepare_camera(self) -> None:
-        """Make ready what another camera costs, so that the first tick that looks need not."""
+        """Compute what another camera needs, so that the first tick that looks does not have to."""
         if self.camera is not None and self.demand.perception:
             self._watch.prepare_camera(self.camera, self.parameters.occlusion)
 
     def show_everything(self) -> None:
-        """Let the next tick's markers be all of them, after a DELETEALL: there is a new viewer."""
+        """Give all markers at the next tick, after a DELETEALL: there is a new viewer."""
         self._is_redraw_due = True
 
     def farewell(self, now_ns: int) -> Tick:
         """Return the outputs without artefacts: the real grids, empty lists, a DELETEALL.
 
-        For when they are to vanish, though they live on; the next tick gives everything again.
+        The artefacts live on; the next tick gives everything again.
         """
         environment = self.world.environment
         self.show_everything()
@@ -86,17 +86,17 @@ class ArBuilder(Simulation):
         )
 
     def restart(self, now_ns: int, cause: Cause = Cause.CLOCK_JUMPED_BACK) -> None:
-        """Let all artefacts go, and forget what came later than `now_ns`: the clock jumped."""
+        """Remove all artefacts, and forget what came later than `now_ns`: the clock jumped."""
         super().restart(now_ns, cause)
         self._watch.forget()
 
     def interrupt(self, from_ns: int, until_ns: int) -> None:
-        """Leave out a time in which nothing came in, and all artefacts before it."""
+        """Skip a time in which nothing came in, and remove all artefacts before it."""
         super().interrupt(from_ns, until_ns)
         self._watch.forget()
 
     def reconfigure(self, parameters: Parameters, now_ns: int) -> None:
-        """Let other values of the live parameters hold from `now_ns` on; the others are fixed.
+        """Use other values of the live parameters from `now_ns` on; the others are fixed.
 
         Raises ParameterError, and changes nothing, where the mixture is bad.
         """

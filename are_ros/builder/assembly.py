@@ -134,7 +134,7 @@ def parse_static_transforms(texts: Iterable[str]) -> list[tuple[str, str, RigidT
     """Return what `parse_static_transform` makes of each text.
 
     Raises ParameterError, also where two texts are about the same pair of frames, in either
-    direction: nobody could tell which one holds.
+    direction: it is not known which one holds.
     """
     transforms: list[tuple[str, str, RigidTransform]] = []
     said: dict[frozenset[str], str] = {}

@@ -31,7 +31,7 @@ class Sighting:
 
 
 class Perception:
-    """The z-buffer of one camera over the newest environment; both may change."""
+    """The z-buffer of one camera in the newest environment; both may change."""
 
     def __init__(self, meshes: MeshBank) -> None:
         self._meshes = meshes
@@ -71,7 +71,7 @@ class Perception:
         return self._buffer
 
     def use_environment(self, environment: Environment) -> None:
-        """Make the rays ready for an environment, if it is another one than before."""
+        """Prepare the rays for an environment, if it is another one than before."""
         if self._environment is not environment:
             self._environment = environment
             self._field = VoxelField.of(environment.voxels)
@@ -172,15 +172,15 @@ class CameraObserver:
         return self._last
 
     def prepare(self, environment: Environment) -> None:
-        """Make an environment ready to be looked at."""
+        """Prepare for looks at an environment."""
         self._perception.use_environment(environment)
 
     def prepare_camera(self, camera: Camera, settings: OcclusionParameters) -> None:
-        """Make a camera ready to look."""
+        """Prepare for looks through a camera."""
         self._perception.buffer_of(camera, settings.max_range)
 
     def stand_by(self, now_ns: int) -> Observation:
-        """Return where the observer is, without a look."""
+        """Return the observer's pose, without a look."""
         robot = self._robots.pose(now_ns)
         return Observation(robot.map_from_base if robot else None)
 

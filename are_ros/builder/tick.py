@@ -13,9 +13,9 @@ from are_ros.world.rigid_transform import RigidTransform
 
 @dataclass(frozen=True)
 class Demand:
-    """Which parts somebody wants; what nobody wants is not computed.
+    """Which parts of a tick are wanted; the others are not computed.
 
-    Without perception nothing counts as perceived, and no events tell of it.
+    Without perception nothing counts as perceived, and there are no events of it.
     """
 
     perception: bool = True
@@ -55,7 +55,7 @@ class Tick:
 
 @dataclass
 class TickSchedule:
-    """Gives out the instants of the ticks [ns], in order, each once.
+    """Gives the instants of the ticks [ns], in order, each once.
 
     The first is the first multiple of the period not before `start_ns`.
     """
@@ -78,9 +78,9 @@ class TickSchedule:
         return instant_ns
 
     def skip_to(self, now_ns: int, backlog_ns: int) -> int:
-        """Leave out the ticks that are late by `backlog_ns` or more; return how many.
+        """Leave out the ticks that are late by `backlog_ns` or more; return their number.
 
-        For a machine that cannot keep up, and for clocks that jump ahead.
+        This is for a machine that cannot keep up, and for clocks that jump ahead.
         """
         behind = (now_ns - backlog_ns - self.next_ns) // self.period_ns + 1
         skipped = max(0, behind)

@@ -53,7 +53,7 @@ class TickEncoder:
     """Encodes the ticks of one builder, in their order.
 
     What stays the same from tick to tick is encoded once. Without perception in `demand`, which may
-    change, there is no list of it: nobody is told that nothing was seen where nobody looked.
+    change, there is no list of the perceived: an empty one would say that the camera saw nothing.
     """
 
     def __init__(self, demand: Demand = EVERYTHING) -> None:
