@@ -11,7 +11,7 @@ from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
 from are_ros.builder.gates import GateMemory, OpenGate, gate_of
 from are_ros.builder.markers import MarkerDisplay
-from are_ros.builder.observation import CameraObserver, Perception
+from are_ros.builder.observation import CameraObserver
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.conventions import seconds_to_ns
 from are_ros.errors import ParameterError
@@ -80,7 +80,7 @@ def chosen_camera(parameters: Parameters, received: Camera) -> Camera:
 def watch(parameters: Parameters, robots: RobotTracker, meshes: MeshBank) -> CameraObserver:
     """Return what lets the robot look, at `camera.rate`."""
     rate_hz, tick_rate_hz = parameters.camera.rate, parameters.builder.tick_rate
-    return CameraObserver(robots, Perception(meshes), rate_hz, tick_rate_hz)
+    return CameraObserver(robots, meshes, rate_hz, tick_rate_hz)
 
 
 def gate(parameters: Parameters) -> GateMemory | OpenGate:

@@ -12,7 +12,7 @@ from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Shape
 from are_ros.parameters.model import OcclusionParameters
-from are_ros.world.cameras import Camera
+from are_ros.world.cameras import Camera, ViewModel
 from are_ros.world.environment import Environment
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -28,53 +28,6 @@ class Sighting:
     unoccluded_pixels: int
     roi_px: tuple[int, int, int, int]
     range_m: float
-
-
-class Perception:
-    """The z-buffer of one camera in the newest environment; both may change."""
-
-    def __init__(self, meshes: MeshBank) -> None:
-        self._meshes = meshes
-        self._camera: Camera | None = None
-        self._buffer: ZBuffer | None = None
-        self._max_range_m = 0.0
-        self._environment: Environment | None = None
-        self._field = VoxelField.empty()
-
-    def look(
-        self,
-        camera: Camera,
-        map_from_camera: RigidTransform,
-        environment: Environment,
-        scene: Scene,
-        settings: OcclusionParameters,
-    ) -> dict[int, Sighting]:
-        """Return A_f by id: the artefacts of which more than tau pixels are visible."""
-        if not len(scene):
-            return {}
-        self.use_environment(environment)
-        shapes = self._meshes.selection(scene.rows) if settings.shape is Shape.MESH else None
-        buffer = self.buffer_of(camera, settings.max_range)
-        seen = buffer.visibility(map_from_camera, scene.boxes, self._field, shapes, settings.mutual)
-        return {
-            artefact.id: _sighting(seen, i)
-            for i, artefact in enumerate(scene.artefacts)
-            if seen.visible_pixels[i] > settings.tau
-        }
-
-    def buffer_of(self, camera: Camera, max_range_m: float) -> ZBuffer:
-        """Return the buffer of a view model; made anew only when the model or the range changes."""
-        known = self._camera is not None and self._camera.view == camera.view
-        if self._buffer is None or not known or self._max_range_m != max_range_m:
-            self._buffer = ZBuffer(camera.view, max_range_m)
-            self._camera, self._max_range_m = camera, max_range_m
-        return self._buffer
-
-    def use_environment(self, environment: Environment) -> None:
-        """Prepare the rays for an environment, if it is another one than before."""
-        if self._environment is not environment:
-            self._environment = environment
-            self._field = VoxelField.of(environment.voxels)
 
 
 def _sighting(seen: Visibility, index: int) -> Sighting:
@@ -133,20 +86,22 @@ def perceived_artefact(state: ArtefactState, sighting: Sighting, seen_ns: int) -
 class CameraObserver:
     """Looks at most `rate_hz` times a second; in between, the last sightings hold.
 
-    `looks` counts the looks, `blind_ticks` those without the camera's pose.
+    `looks` counts the looks. Camera and environment may change from look to look.
     """
 
     def __init__(
-        self, robots: RobotTracker, perception: Perception, rate_hz: float, tick_rate_hz: float
+        self, robots: RobotTracker, meshes: MeshBank, rate_hz: float, tick_rate_hz: float
     ) -> None:
-        self.blind_ticks = 0
         self.looks = 0
-        self._robots = robots
-        self._perception = perception
+        self._robots, self._meshes = robots, meshes
         self._period_ns = round(NS_PER_S / rate_hz)
         self._looks_at_each_tick = rate_hz >= tick_rate_hz
         self._last = Observation()
         self._last_period = -1
+        self._view: tuple[ViewModel | None, float] = (None, 0.0)
+        self._buffer: ZBuffer | None = None
+        self._environment: Environment | None = None
+        self._field = VoxelField.empty()
 
     def observe(
         self,
@@ -163,21 +118,45 @@ class CameraObserver:
             return self._held(map_from_base, scene)
         map_from_camera = self._robots.map_from_camera(camera, now_ns)
         sightings: Mapping[int, Sighting] = {}
-        if map_from_camera is None:
-            self.blind_ticks += 1
-        else:
+        if map_from_camera is not None:
             self.looks += 1
-            sightings = self._perception.look(camera, map_from_camera, environment, scene, settings)
+            sightings = self.look(camera, map_from_camera, environment, scene, settings)
         self._last = Observation(map_from_base, map_from_camera, sightings, now_ns)
         return self._last
 
-    def prepare(self, environment: Environment) -> None:
-        """Prepare for looks at an environment."""
-        self._perception.use_environment(environment)
+    def look(
+        self,
+        camera: Camera,
+        map_from_camera: RigidTransform,
+        environment: Environment,
+        scene: Scene,
+        settings: OcclusionParameters,
+    ) -> dict[int, Sighting]:
+        """Return A_f by id: the artefacts of which more than tau pixels are visible."""
+        if not len(scene):
+            return {}
+        self.prepare(environment)
+        shapes = self._meshes.selection(scene.rows) if settings.shape is Shape.MESH else None
+        buffer = self.prepare_camera(camera, settings)
+        seen = buffer.visibility(map_from_camera, scene.boxes, self._field, shapes, settings.mutual)
+        return {
+            artefact.id: _sighting(seen, i)
+            for i, artefact in enumerate(scene.artefacts)
+            if seen.visible_pixels[i] > settings.tau
+        }
 
-    def prepare_camera(self, camera: Camera, settings: OcclusionParameters) -> None:
-        """Prepare for looks through a camera."""
-        self._perception.buffer_of(camera, settings.max_range)
+    def prepare(self, environment: Environment) -> None:
+        """Prepare the rays for an environment, if it is another one than before."""
+        if self._environment is not environment:
+            self._environment = environment
+            self._field = VoxelField.of(environment.voxels)
+
+    def prepare_camera(self, camera: Camera, settings: OcclusionParameters) -> ZBuffer:
+        """Return the z-buffer of a camera, a new one if the view model or the range changed."""
+        view = (camera.view, settings.max_range)
+        if self._buffer is None or self._view != view:
+            self._buffer, self._view = ZBuffer(*view), view
+        return self._buffer
 
     def stand_by(self, now_ns: int) -> Observation:
         """Return the observer's pose, without a look."""
