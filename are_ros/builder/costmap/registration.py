@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.world.boxes import TOUCH_TOLERANCE_M, OrientedBoxes
-from are_ros.world.lattice_cover import covered, lattice_row
+from are_ros.world.lattice_cover import count_new, covered, lattice_row
 from are_ros.world.occupancy_grid import CellClasses, OccupancyGrid
 
 Cell = TypeVar("Cell", bound=np.generic)
@@ -103,12 +103,7 @@ def _cover(
         windows[i, 2], windows[i, 3], windows[i, 4] = mask.shape[0], mask.shape[1], size
         masks.append(mask.reshape(-1))
         size += mask.size
-        for row in range(mask.shape[0]):
-            new = mask[row]
-            old = is_covered[row0 + row, col0 : col0 + mask.shape[1]]
-            for column in range(new.shape[0]):  # without branches, so that it vectorises
-                count += new[column] > old[column]
-                old[column] |= new[column]
+        count += count_new(mask, row0, col0, is_covered)
     cells = np.zeros(size, np.bool_)
     for i in range(packed.shape[0]):
         for k in range(masks[i + 1].size):
