@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from are_ros.builder.costmap.augmented_map import AugmentedMap
 from are_ros.builder.costmap.inflation import InflatedCostmap, inflation_costs
-from are_ros.builder.costmap.registration import CellPatch
+from are_ros.builder.costmap.registration import CellPatch, patch_changes
 
 Mask = npt.NDArray[np.bool_]
 Costs = npt.NDArray[np.uint8]
@@ -44,7 +44,7 @@ def crowd(generator: np.random.Generator) -> dict[int, CellPatch]:
     for artefact_id in range(ARTEFACTS):
         size = (36, 90) if artefact_id % 10 == 0 else (10, 8 + artefact_id % 5)
         row0, col0 = generator.integers(0, SIDE_CELLS - 100, 2).tolist()
-        patches[artefact_id] = CellPatch(row0, col0, generator.random(size) < 0.9)
+        patches[artefact_id] = CellPatch.of(row0, col0, generator.random(size) < 0.9)
     return patches
 
 
@@ -92,8 +92,8 @@ def car_milliseconds() -> float:
     for _ in range(9):
         costmap = InflatedCostmap(0.70, 3.0, INSCRIBED_M)
         costmap.set_map(floor, floor, 0.01)
-        car = {1: CellPatch(200, 200, np.ones((450, 180), np.bool_))}
-        times.append(milliseconds(functools.partial(costmap.update, car)))
+        car = {1: CellPatch.of(200, 200, np.ones((450, 180), np.bool_))}
+        times.append(milliseconds(functools.partial(costmap.update, patch_changes({}, car))))
     return float(np.median(times))
 
 
@@ -105,18 +105,22 @@ def measured(repetitions: int) -> tuple[dict[str, float], int]:
     generator = np.random.default_rng(7)
     occupied = walls(generator)
     unknown = np.zeros_like(occupied)
-    costmap, augmented = InflatedCostmap(INFLATION_M, SCALING, INSCRIBED_M), AugmentedMap()
+    costmap = InflatedCostmap(INFLATION_M, SCALING, INSCRIBED_M)
     costmap.set_map(occupied, unknown, RESOLUTION_M)
-    augmented.set_map(np.where(occupied, 100, 0).astype(np.int8))
+    augmented = AugmentedMap(np.where(occupied, 100, 0).astype(np.int8))
+    before: dict[int, CellPatch] = {}
     times: dict[str, list[float]] = {}
     difference = 0
     for _ in range(repetitions + 1):
         patches = crowd(generator)
+        moved, standing = patch_changes(before, patches), patch_changes(patches, dict(patches))
+        before = patches
         actions: dict[str, Callable[[], object]] = {
-            "costmap, 200 moved": functools.partial(costmap.update, patches),
-            "costmap, 200 standing": functools.partial(costmap.update, dict(patches)),
-            "augmented map, 200 moved": functools.partial(augmented.update, patches),
-            "augmented map, 200 standing": functools.partial(augmented.update, dict(patches)),
+            "200 patches compared": functools.partial(patch_changes, before, dict(patches)),
+            "costmap, 200 moved": functools.partial(costmap.update, moved),
+            "costmap, 200 standing": functools.partial(costmap.update, standing),
+            "augmented map, 200 moved": functools.partial(augmented.update, moved),
+            "augmented map, 200 standing": functools.partial(augmented.update, standing),
             PEER: functools.partial(full_transform, occupied, patches),
             PEER_ALONE: functools.partial(
                 on_one_thread, functools.partial(full_transform, occupied, patches)

@@ -4,15 +4,16 @@
 
 It needs rclpy and visualization_msgs: in a terminal where ROS 2 is sourced, or in the environment
 that `make test` builds. One peer builds the 1,000 objects each time, the other changes the poses
-of the same ones; both publish them as a MarkerArray. Ours takes what the marker board gave out,
+of the same ones; both publish them as a MarkerArray. Ours takes what the marker display gave out,
 encodes it and publishes the bytes. All publish to nobody, then to a subscriber in this process
-which takes the bytes. What the board itself costs is said apart, for 1,000 artefacts (3,000 markers
+which takes the bytes. What the display costs is said apart, for 1,000 artefacts (3,000 markers
 with labels and headings) of which all, half or none move.
 
 Rounds alternate, and each calls its way ten times: the first call finds the caches full of what the
 others left, as a tick does, the rest find its own data there. Medians of both are printed.
 """
 
+import math
 import sys
 import time
 from collections import deque
@@ -26,14 +27,13 @@ import rclpy
 from rclpy.node import Node
 from visualization_msgs.msg import Marker, MarkerArray
 
-from are_ros.agents.events import ArtefactState
 from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
-from are_ros.builder.markers import Display, MarkerBatch, MarkerBoard
+from are_ros.builder.markers import MarkerBatch, MarkerDisplay
+from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.markers import MarkerEncoder
-from are_ros.population.artefact import GroundPose, Origin
+from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.population.catalogue import CatalogueRow
-from are_ros.world.rigid_transform import RigidTransform
 
 COUNT = 1_000
 CALLS = 10
@@ -43,63 +43,56 @@ TICKS = 8
 Action = Callable[[], None]
 
 
-def states_of(rows: Sequence[CatalogueRow], offset_m: float) -> list[ArtefactState]:
+class Walk(PoseHistory):
+    """The history of an artefact that moves at 1 m/s, seen at one pose."""
+
+    def velocity_at(self, t_ns: int) -> tuple[float, float, float]:
+        """Return the rates of x, y [m/s] and yaw [rad/s]."""
+        yaw_rad = self.pose_at(t_ns).yaw_rad
+        return math.cos(yaw_rad), math.sin(yaw_rad), 0.0
+
+
+def artefacts_of(rows: Sequence[CatalogueRow], offset_m: float) -> list[Artefact]:
     """Return one artefact of each row, all moved by the same offset."""
-    still = (0.0, 0.0, 0.0)
-    states = []
+    artefacts = []
     for number, row in enumerate(rows):
         x_m, y_m, yaw_rad = number % 40 + offset_m, number // 40, 0.1 * number + offset_m
-        states.append(
-            ArtefactState(
-                number,
-                row.index,
-                row.label,
-                row.class_name,
-                RigidTransform.planar(x_m, y_m, yaw_rad, z=row.com_height_m),
-                GroundPose(x_m, y_m, 0.0, yaw_rad),
-                row.box_centre_in_artefact_m,
-                row.size_m,
-                (1.0, 0.0, 0.0),
-                still,
-                "walking",
-                0,
-                0,
-                Origin.RANDOM,
-                row.features,
-            )
-        )
-    return states
+        walk = Walk(0, GroundPose(x_m, y_m, 0.0, yaw_rad))
+        artefacts.append(Artefact(number, row, Origin.RANDOM, 0, walk, behaviour="walking"))
+    return artefacts
 
 
 class Ticks:
     """The same ticks over and over, of artefacts the first `moving` of which move at each."""
 
     def __init__(self, rows: Sequence[CatalogueRow], moving: int) -> None:
-        standing = states_of(rows, 0.0)[moving:]
-        self._rows = rows
-        self._ticks = [states_of(rows, 0.1 * k)[:moving] + standing for k in range(TICKS)]
-        self._display = Display(MarkerBoard(), None)
+        standing = artefacts_of(rows, 0.0)[moving:]
+        self._scenes = [
+            Scene.of(artefacts_of(rows, 0.1 * k)[:moving] + standing, 0)
+            for k in range(TICKS if moving else 1)
+        ]
+        self._display = MarkerDisplay()
         self._encoder = MarkerEncoder()
         self._now = 0
 
     def draw(self) -> MarkerBatch:
-        """Return what the board gives out at the next tick."""
+        """Return what the display gives out at the next tick."""
         self._now += 1
-        states = self._ticks[self._now % TICKS]
-        return self._display.update(self._now * PERIOD_NS, states, self._rows, ())
+        scene = self._scenes[self._now % len(self._scenes)]
+        return self._display.update(self._now * PERIOD_NS, scene, ())
 
     def encode(self, batch: MarkerBatch) -> bytes:
         """Return a batch as bytes."""
         return self._encoder.encode("map", self._now * PERIOD_NS, batch)
 
     def drawn(self) -> list[MarkerBatch]:
-        """Return what the board gives out at the next ticks, without the DELETEALL of the first."""
+        """Return what comes at the next ticks, without the DELETEALL of the first."""
         return [self.draw() for _ in range(TICKS + 1)][1:]
 
 
 def cubes_of(batch: MarkerBatch) -> MarkerBatch:
-    """Return the bodies among the markers of a board."""
-    return MarkerBatch(batch.looks[::3], batch.poses[::3].copy())
+    """Return the bodies among the markers of a display."""
+    return MarkerBatch(batch.looks[::3], batch.ids[::3], batch.poses[::3].copy())
 
 
 def rclpy_marker(number: int, pose: npt.NDArray[np.float64]) -> Any:
@@ -145,14 +138,14 @@ def marker_ways(publisher: Any, batches: Sequence[MarkerBatch]) -> Mapping[str, 
     return {"rclpy, built": built, "rclpy, reused": reused, OURS: ours}
 
 
-def board_ways(publisher: Any, rows: Sequence[CatalogueRow]) -> Mapping[str, Action]:
+def display_ways(publisher: Any, rows: Sequence[CatalogueRow]) -> Mapping[str, Action]:
     """Return the parts of a tick, and the whole of it, when all, half or none of `rows` move."""
     ways: dict[str, Action] = {}
     for name, moving in (("all move", COUNT), ("half move", COUNT // 2), ("all stand", 0)):
         drawing, encoding, whole = (Ticks(rows, moving) for _ in range(3))
-        ways[f"{name}: board"] = partial(_draw, drawing)
+        ways[f"{name}: display"] = partial(_draw, drawing)
         ways[f"{name}: encoding"] = partial(_encode, encoding, deque(encoding.drawn()))
-        ways[f"{name}: board, encoding, publishing"] = partial(_publish, publisher, whole)
+        ways[f"{name}: display, encoding, publishing"] = partial(_publish, publisher, whole)
     return ways
 
 
@@ -215,7 +208,7 @@ def main(repetitions: int) -> None:
     node = Node("markers_benchmark")
     publisher = node.create_publisher(MarkerArray, "markers", 10)
     nobody = medians_us(marker_ways(publisher, batches), repetitions, lambda: None)
-    board = medians_us(board_ways(publisher, rows), repetitions, lambda: None)
+    display = medians_us(display_ways(publisher, rows), repetitions, lambda: None)
     received: list[bytes] = []
     node.create_subscription(MarkerArray, "markers", received.append, 10, raw=True)
     one = medians_us(
@@ -223,7 +216,7 @@ def main(repetitions: int) -> None:
     )
     report("1,000 cubes to nobody", nobody)
     report("1,000 cubes to one subscriber", one)
-    report("1,000 artefacts to nobody", board)
+    report("1,000 artefacts to nobody", display)
     if len({len(data) for data in received}) != 1:
         raise SystemExit("the messages received differ in length, or there are none")
     rclpy.shutdown()

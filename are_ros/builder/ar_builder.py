@@ -1,27 +1,23 @@
 """The AR-builder (section 3.3): composes world, artefacts and augmentation into ticks."""
 
-from collections.abc import Mapping, Sequence
-
-from are_ros.agents.events import ArtefactEvent, ArtefactState, SceneMetrics
+from are_ros.agents.events import ArtefactEvent, SceneMetrics
 from are_ros.builder import assembly
 from are_ros.builder.costmap.augmented_map import Grids
-from are_ros.builder.costmap.registration import CellPatch, clutter_ratio, covered_cells
-from are_ros.builder.markers import MarkerBatch
-from are_ros.builder.observation import Observation, sight_events
+from are_ros.builder.costmap.registration import CoveredCells, clutter_ratio, covered_cells
+from are_ros.builder.markers import NO_MARKERS, MarkerBatch
+from are_ros.builder.observation import Observation, perceived_artefacts, sight_events
 from are_ros.builder.scene import Scene
 from are_ros.builder.simulation import Simulation
-from are_ros.builder.states import StateKeeper, perceived_artefact
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.departures import Cause
-from are_ros.world.environment import Environment
 
 _NAN = float("nan")
 
 
 class ArBuilder(Simulation):
-    """The real environment and the artefacts become what is perceived, tick by tick.
+    """Augments the real environment with the artefacts, tick by tick.
 
     What happens does not depend on how often `step` is called. Time is integer nanoseconds; all
     outputs are in F_E, the map's frame. Knows no middleware, no file and no clock.
@@ -38,9 +34,6 @@ class ArBuilder(Simulation):
         self._display = assembly.display(parameters, self._meshes)
         self._is_redraw_due = False
         self._seen: dict[int, str] = {}
-        self._states = StateKeeper()
-        self._registered: tuple[Environment | None, Scene | None, dict[int, CellPatch]]
-        self._registered = (None, None, {})
         self._clutter_ratio = _NAN
 
     @property
@@ -49,7 +42,7 @@ class ArBuilder(Simulation):
         return self._watch.looks
 
     def prepare(self) -> None:
-        """Make ready what a new map costs, so that the next tick need not."""
+        """Compute what a new map needs, so that the next tick does not have to."""
         environment = self.world.environment
         if environment is None:
             return
@@ -61,18 +54,18 @@ class ArBuilder(Simulation):
             self._grids.prepare(environment)
 
     def prepare_camera(self) -> None:
-        """Make ready what another camera costs, so that the first tick that looks need not."""
+        """Compute what another camera needs, so that the first tick that looks does not have to."""
         if self.camera is not None and self.demand.perception:
             self._watch.prepare_camera(self.camera, self.parameters.occlusion)
 
     def show_everything(self) -> None:
-        """Let the next tick's markers be all of them, after a DELETEALL: there is a new viewer."""
+        """Give all markers at the next tick, after a DELETEALL: there is a new viewer."""
         self._is_redraw_due = True
 
     def farewell(self, now_ns: int) -> Tick:
         """Return the outputs without artefacts: the real grids, empty lists, a DELETEALL.
 
-        For when they are to vanish, though they live on; the next tick gives everything again.
+        The artefacts live on; the next tick gives everything again.
         """
         environment = self.world.environment
         self.show_everything()
@@ -81,11 +74,11 @@ class ArBuilder(Simulation):
         return Tick(
             stamp_ns=now_ns,
             frame_id=self.parameters.frames.map,
-            artefacts=(),
+            scene=Scene.of((), now_ns),
             observer=self.robots.observer.name,
             perceived=(),
             events=tuple(self.lives.take_events()),
-            metrics=self._metrics(nothing, {}),
+            metrics=self._metrics(0, nothing),
             markers=self._display.delete_all(),
             grids=self._grids.bare(now_ns, environment) if environment else Grids(),
             map_from_base=None,
@@ -93,17 +86,17 @@ class ArBuilder(Simulation):
         )
 
     def restart(self, now_ns: int, cause: Cause = Cause.CLOCK_JUMPED_BACK) -> None:
-        """Let all artefacts go, and forget what came later than `now_ns`: the clock jumped."""
+        """Remove all artefacts, and forget what came later than `now_ns`: the clock jumped."""
         super().restart(now_ns, cause)
         self._watch.forget()
 
     def interrupt(self, from_ns: int, until_ns: int) -> None:
-        """Leave out a time in which nothing came in, and all artefacts before it."""
+        """Skip a time in which nothing came in, and remove all artefacts before it."""
         super().interrupt(from_ns, until_ns)
         self._watch.forget()
 
     def reconfigure(self, parameters: Parameters, now_ns: int) -> None:
-        """Let other values of the live parameters hold from `now_ns` on; the others are fixed.
+        """Use other values of the live parameters from `now_ns` on; the others are fixed.
 
         Raises ParameterError, and changes nothing, where the mixture is bad.
         """
@@ -122,25 +115,18 @@ class ArBuilder(Simulation):
         """Run one tick: register, occlude, gate, augment (section 3.3)."""
         self.advance(now_ns)
         scene = self.lives.scene_at(now_ns)
-        states = self._states.states(scene)
         observation = self._observe(now_ns, scene)
-        patches = self._register(scene)
-        grids = self._augment(now_ns, observation, patches)
+        cells = self._register(scene)
+        grids = self._augment(now_ns, observation, scene, cells)
         return Tick(
             stamp_ns=now_ns,
             frame_id=self.parameters.frames.map,
-            artefacts=tuple(states),
+            scene=scene,
             observer=self.robots.observer.name,
-            perceived=tuple(
-                perceived_artefact(
-                    state, observation.sightings[state.artefact_id], observation.seen_ns
-                )
-                for state in states
-                if state.artefact_id in observation.sightings
-            ),
+            perceived=perceived_artefacts(scene, observation),
             events=self._events(now_ns, observation, scene),
-            metrics=self._metrics(observation, patches),
-            markers=self._draw(now_ns, scene, states, observation),
+            metrics=self._metrics(len(scene), observation),
+            markers=self._draw(now_ns, scene, observation),
             grids=grids,
             map_from_base=observation.map_from_base,
             map_from_camera=observation.map_from_camera,
@@ -156,27 +142,26 @@ class ArBuilder(Simulation):
         self._sensors.perceived = frozenset(observation.sightings)
         return observation
 
-    def _register(self, scene: Scene) -> dict[int, CellPatch]:
-        """Registration: the cells that each artefact covers, by id."""
+    def _register(self, scene: Scene) -> CoveredCells | None:
+        """Registration: the cells that each artefact covers; None before there is a map."""
         environment = self.lives.environment
         if environment is None:
-            return {}
-        if self._registered[:2] != (environment, scene):
-            patches = covered_cells(scene.boxes, environment.grid)
-            by_id = {a.id: patch for a, patch in zip(scene.artefacts, patches, strict=True)}
-            self._registered = (environment, scene, by_id)
-            self._clutter_ratio = clutter_ratio(patches, environment.classes)
-        return self._registered[2]
+            return None
+        cells = covered_cells(scene.boxes, environment.grid)
+        self._clutter_ratio = clutter_ratio(cells, environment.classes)
+        return cells
 
     def _augment(
-        self, now_ns: int, observation: Observation, patches: Mapping[int, CellPatch]
+        self, now_ns: int, observation: Observation, scene: Scene, cells: CoveredCells | None
     ) -> Grids:
         """Augmentation of the grids with the artefacts that the gate admits."""
-        environment = self.lives.environment
-        admitted = self._gate.admitted(now_ns, observation.sightings, patches, observation.seen_ns)
-        if environment is None or not self.demand.grids:
+        environment, ids = self.lives.environment, scene.ids.tolist()
+        admitted = self._gate.admitted(now_ns, observation.sightings, ids, observation.seen_ns)
+        if environment is None or cells is None or not self.demand.grids:
             return Grids()
-        return self._grids.update(now_ns, environment, {i: patches[i] for i in admitted})
+        places = {number: k for k, number in enumerate(ids)}
+        patches = {i: cells.patch(places[i]) for i in admitted}
+        return self._grids.update(now_ns, environment, patches)
 
     def _events(
         self, now_ns: int, observation: Observation, scene: Scene
@@ -187,10 +172,10 @@ class ArBuilder(Simulation):
         self._seen = seen
         return (*self.lives.take_events(), *sights)
 
-    def _metrics(self, observation: Observation, patches: Mapping[int, CellPatch]) -> SceneMetrics:
+    def _metrics(self, alive: int, observation: Observation) -> SceneMetrics:
         counts = self.lives.population.counts
         return SceneMetrics(
-            alive=len(patches),
+            alive=alive,
             perceived=len(observation.sightings),
             arrivals=counts.arrived,
             departures=counts.departed,
@@ -202,16 +187,8 @@ class ArBuilder(Simulation):
             rho=_NAN,
         )
 
-    def _draw(
-        self,
-        now_ns: int,
-        scene: Scene,
-        states: Sequence[ArtefactState],
-        observation: Observation,
-    ) -> MarkerBatch:
+    def _draw(self, now_ns: int, scene: Scene, observation: Observation) -> MarkerBatch:
         if not self.demand.markers:
-            return MarkerBatch.unposed()
+            return NO_MARKERS
         everything, self._is_redraw_due = self._is_redraw_due, False
-        return self._display.update(
-            now_ns, states, scene.rows, observation.sightings, everything=everything
-        )
+        return self._display.update(now_ns, scene, observation.sightings, everything=everything)

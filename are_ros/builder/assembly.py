@@ -9,9 +9,9 @@ from are_ros.agents.robots import RobotTracker
 from are_ros.builder.costmap.augmented_map import GridAugmentation
 from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
-from are_ros.builder.gates import ArtefactGate, gate_of
-from are_ros.builder.markers import Display, MarkerBoard
-from are_ros.builder.observation import CameraObserver, Perception
+from are_ros.builder.gates import GateMemory, OpenGate, gate_of
+from are_ros.builder.markers import MarkerDisplay
+from are_ros.builder.observation import CameraObserver
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.conventions import seconds_to_ns
 from are_ros.errors import ParameterError
@@ -80,10 +80,10 @@ def chosen_camera(parameters: Parameters, received: Camera) -> Camera:
 def watch(parameters: Parameters, robots: RobotTracker, meshes: MeshBank) -> CameraObserver:
     """Return what lets the robot look, at `camera.rate`."""
     rate_hz, tick_rate_hz = parameters.camera.rate, parameters.builder.tick_rate
-    return CameraObserver(robots, Perception(meshes), rate_hz, tick_rate_hz)
+    return CameraObserver(robots, meshes, rate_hz, tick_rate_hz)
 
 
-def gate(parameters: Parameters) -> ArtefactGate:
+def gate(parameters: Parameters) -> GateMemory | OpenGate:
     """Return the gate of the grids."""
     return gate_of(parameters.costmap.gate, seconds_to_ns(parameters.costmap.memory))
 
@@ -112,10 +112,10 @@ def grid_augmentation(parameters: Parameters) -> GridAugmentation:
     return GridAugmentation(costmap, parameters.augmented_map.max_rate)
 
 
-def display(parameters: Parameters, meshes: MeshBank) -> Display:
+def display(parameters: Parameters, meshes: MeshBank) -> MarkerDisplay:
     """Return what draws the artefacts, in `markers.shape` and with `markers.labels`."""
-    shape, labels = parameters.markers.shape, parameters.markers.labels
-    return Display(MarkerBoard(shape, labels), meshes if shape is Shape.MESH else None)
+    markers = parameters.markers
+    return MarkerDisplay(markers.labels, meshes if markers.shape is Shape.MESH else None)
 
 
 def set_static_frames(parameters: Parameters, frames: FrameTree) -> None:
@@ -134,7 +134,7 @@ def parse_static_transforms(texts: Iterable[str]) -> list[tuple[str, str, RigidT
     """Return what `parse_static_transform` makes of each text.
 
     Raises ParameterError, also where two texts are about the same pair of frames, in either
-    direction: nobody could tell which one holds.
+    direction: it is not known which one holds.
     """
     transforms: list[tuple[str, str, RigidTransform]] = []
     said: dict[frozenset[str], str] = {}

@@ -1,34 +1,13 @@
 """Which artefacts the navigation stack is shown: those perceived, or all (§3.3, costmap.gate)."""
 
-from collections.abc import Iterable
-from typing import Protocol, TypeAlias
+from collections.abc import Collection, Iterable
 
 from are_ros.errors import ParameterError
 from are_ros.parameters.choices import CostmapGate
 
-Gate: TypeAlias = CostmapGate
-"""The choice `costmap.gate`: perceived or all."""
-
-
-class ArtefactGate(Protocol):
-    """What decides, tick by tick, which artefacts are admitted."""
-
-    def admitted(
-        self,
-        now_ns: int,
-        perceived_ids: Iterable[int],
-        alive_ids: Iterable[int],
-        seen_ns: int | None = None,
-    ) -> tuple[int, ...]:
-        """Return the ids to show at `now_ns`, ascending; always a subset of the living.
-
-        `seen_ns` is when the perceived were looked at, if not now.
-        """
-        ...
-
 
 class GateMemory:
-    """Admits the perceived, and for a while those who were: the paper's A_f at memory 0.
+    """Admits the perceived, and for a while those that were: the paper's A_f at memory 0.
 
     An artefact last perceived at t is admitted while now - t <= `memory_ns`; the end is included,
     so that a memory of 0 means only now. ParameterError if the memory is negative.
@@ -44,33 +23,26 @@ class GateMemory:
     def admitted(
         self,
         now_ns: int,
-        perceived_ids: Iterable[int],
+        perceived_ids: Collection[int],
         alive_ids: Iterable[int],
         seen_ns: int | None = None,
     ) -> tuple[int, ...]:
         """Return the ids of the living seen recently enough, ascending.
 
-        The departed are forgotten at once; a clock that jumped back forgets everything seen before.
+        `seen_ns` is when the perceived were looked at, if not now. The departed are forgotten at
+        once; a clock that jumped back forgets everything seen before.
         """
         if self._now_ns is not None and now_ns < self._now_ns:
             self._last_seen_ns.clear()
         self._now_ns = now_ns
-        perceived, alive = set(perceived_ids), set(alive_ids)
-        self._last_seen_ns.update(dict.fromkeys(perceived, now_ns if seen_ns is None else seen_ns))
-        self._last_seen_ns = {i: seen for i, seen in self._last_seen_ns.items() if i in alive}
-        shown = (i for i in alive if i in perceived or self._is_remembered(i, now_ns))
-        return tuple(sorted(shown))
-
-    def _is_remembered(self, artefact_id: int, now_ns: int) -> bool:
-        seen_ns = self._last_seen_ns.get(artefact_id)
-        return seen_ns is not None and now_ns - seen_ns <= self._memory_ns
-
-    def last_seen_ns(self, artefact_id: int) -> int | None:
-        """Return when a living artefact was last perceived, None if it never was.
-
-        Kept for as long as it lives, also beyond the memory.
-        """
-        return self._last_seen_ns.get(artefact_id)
+        last_ns = self._last_seen_ns
+        last_ns.update(dict.fromkeys(perceived_ids, now_ns if seen_ns is None else seen_ns))
+        self._last_seen_ns = {i: last_ns[i] for i in sorted(alive_ids) if i in last_ns}
+        return tuple(
+            i
+            for i, ns in self._last_seen_ns.items()
+            if i in perceived_ids or now_ns - ns <= self._memory_ns
+        )
 
 
 class OpenGate:
@@ -79,7 +51,7 @@ class OpenGate:
     def admitted(
         self,
         now_ns: int,
-        perceived_ids: Iterable[int],
+        perceived_ids: Collection[int],
         alive_ids: Iterable[int],
         seen_ns: int | None = None,
     ) -> tuple[int, ...]:
@@ -88,6 +60,6 @@ class OpenGate:
         return tuple(sorted(set(alive_ids)))
 
 
-def gate_of(gate: Gate, memory_ns: int) -> ArtefactGate:
-    """Return the gate of this kind; the memory matters to `Gate.PERCEIVED` only."""
-    return GateMemory(memory_ns) if gate is Gate.PERCEIVED else OpenGate()
+def gate_of(gate: CostmapGate, memory_ns: int) -> GateMemory | OpenGate:
+    """Return the gate of this kind; the memory matters to `CostmapGate.PERCEIVED` only."""
+    return GateMemory(memory_ns) if gate is CostmapGate.PERCEIVED else OpenGate()

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from are_ros.agents.events import ArtefactEvent, EventKind
+from are_ros.agents.events import ArtefactEvent, ArtefactState, EventKind, PerceivedArtefact
 from are_ros.agents.robots import RobotTracker
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.occlusion.rays import VoxelField
@@ -12,9 +12,12 @@ from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Shape
 from are_ros.parameters.model import OcclusionParameters
-from are_ros.world.cameras import Camera
+from are_ros.world.cameras import Camera, ViewModel
 from are_ros.world.environment import Environment
 from are_ros.world.rigid_transform import RigidTransform
+
+_CERTAIN = (0.0,) * 36
+"""A covariance of zeros."""
 
 
 @dataclass(frozen=True)
@@ -25,53 +28,6 @@ class Sighting:
     unoccluded_pixels: int
     roi_px: tuple[int, int, int, int]
     range_m: float
-
-
-class Perception:
-    """The z-buffer of one camera over the newest environment; both may change."""
-
-    def __init__(self, meshes: MeshBank) -> None:
-        self._meshes = meshes
-        self._camera: Camera | None = None
-        self._buffer: ZBuffer | None = None
-        self._max_range_m = 0.0
-        self._environment: Environment | None = None
-        self._field = VoxelField.empty()
-
-    def look(
-        self,
-        camera: Camera,
-        map_from_camera: RigidTransform,
-        environment: Environment,
-        scene: Scene,
-        settings: OcclusionParameters,
-    ) -> dict[int, Sighting]:
-        """Return A_f by id: the artefacts of which more than tau pixels are visible."""
-        if not len(scene):
-            return {}
-        self.use_environment(environment)
-        shapes = self._meshes.selection(scene.rows) if settings.shape is Shape.MESH else None
-        buffer = self.buffer_of(camera, settings.max_range)
-        seen = buffer.visibility(map_from_camera, scene.boxes, self._field, shapes, settings.mutual)
-        return {
-            artefact.id: _sighting(seen, i)
-            for i, artefact in enumerate(scene.artefacts)
-            if seen.visible_pixels[i] > settings.tau
-        }
-
-    def buffer_of(self, camera: Camera, max_range_m: float) -> ZBuffer:
-        """Return the buffer of a view model; made anew only when the model or the range changes."""
-        known = self._camera is not None and self._camera.view == camera.view
-        if self._buffer is None or not known or self._max_range_m != max_range_m:
-            self._buffer = ZBuffer(camera.view, max_range_m)
-            self._camera, self._max_range_m = camera, max_range_m
-        return self._buffer
-
-    def use_environment(self, environment: Environment) -> None:
-        """Make the rays ready for an environment, if it is another one than before."""
-        if self._environment is not environment:
-            self._environment = environment
-            self._field = VoxelField.of(environment.voxels)
 
 
 def _sighting(seen: Visibility, index: int) -> Sighting:
@@ -94,23 +50,58 @@ class Observation:
     seen_ns: int = 0
 
 
+def perceived_artefacts(scene: Scene, observation: Observation) -> tuple[PerceivedArtefact, ...]:
+    """Return A_f: what the observer knows of each artefact of a scene that it sees."""
+    sightings, seen_ns = observation.sightings, observation.seen_ns
+    return tuple(
+        perceived_artefact(scene.state(k), sightings[artefact.id], seen_ns)
+        for k, artefact in enumerate(scene.artefacts)
+        if artefact.id in sightings
+    )
+
+
+def perceived_artefact(state: ArtefactState, sighting: Sighting, seen_ns: int) -> PerceivedArtefact:
+    """Return what an observer without any uncertainty knows of an artefact that it saw."""
+    return PerceivedArtefact(
+        artefact_id=state.artefact_id,
+        label=state.label,
+        classes=(state.class_name,),
+        probabilities=(1.0,),
+        map_from_artefact=state.map_from_artefact,
+        pose_covariance=_CERTAIN,
+        size_m=state.size_m,
+        linear_velocity_m_s=state.linear_velocity_m_s,
+        angular_velocity_rad_s=state.angular_velocity_rad_s,
+        twist_covariance=_CERTAIN,
+        visible_pixels=sighting.visible_pixels,
+        unoccluded_pixels=sighting.unoccluded_pixels,
+        visible_fraction=sighting.visible_pixels / max(sighting.unoccluded_pixels, 1),
+        range_m=sighting.range_m,
+        existence=1.0,
+        roi_px=sighting.roi_px,
+        last_seen_ns=seen_ns,
+    )
+
+
 class CameraObserver:
     """Looks at most `rate_hz` times a second; in between, the last sightings hold.
 
-    `looks` counts the looks, `blind_ticks` those without the camera's pose.
+    `looks` counts the looks. Camera and environment may change from look to look.
     """
 
     def __init__(
-        self, robots: RobotTracker, perception: Perception, rate_hz: float, tick_rate_hz: float
+        self, robots: RobotTracker, meshes: MeshBank, rate_hz: float, tick_rate_hz: float
     ) -> None:
-        self.blind_ticks = 0
         self.looks = 0
-        self._robots = robots
-        self._perception = perception
+        self._robots, self._meshes = robots, meshes
         self._period_ns = round(NS_PER_S / rate_hz)
         self._looks_at_each_tick = rate_hz >= tick_rate_hz
         self._last = Observation()
         self._last_period = -1
+        self._view: tuple[ViewModel | None, float] = (None, 0.0)
+        self._buffer: ZBuffer | None = None
+        self._environment: Environment | None = None
+        self._field = VoxelField.empty()
 
     def observe(
         self,
@@ -127,24 +118,48 @@ class CameraObserver:
             return self._held(map_from_base, scene)
         map_from_camera = self._robots.map_from_camera(camera, now_ns)
         sightings: Mapping[int, Sighting] = {}
-        if map_from_camera is None:
-            self.blind_ticks += 1
-        else:
+        if map_from_camera is not None:
             self.looks += 1
-            sightings = self._perception.look(camera, map_from_camera, environment, scene, settings)
+            sightings = self.look(camera, map_from_camera, environment, scene, settings)
         self._last = Observation(map_from_base, map_from_camera, sightings, now_ns)
         return self._last
 
-    def prepare(self, environment: Environment) -> None:
-        """Make an environment ready to be looked at."""
-        self._perception.use_environment(environment)
+    def look(
+        self,
+        camera: Camera,
+        map_from_camera: RigidTransform,
+        environment: Environment,
+        scene: Scene,
+        settings: OcclusionParameters,
+    ) -> dict[int, Sighting]:
+        """Return A_f by id: the artefacts of which more than tau pixels are visible."""
+        if not len(scene):
+            return {}
+        self.prepare(environment)
+        shapes = self._meshes.selection(scene.rows) if settings.shape is Shape.MESH else None
+        buffer = self.prepare_camera(camera, settings)
+        seen = buffer.visibility(map_from_camera, scene.boxes, self._field, shapes, settings.mutual)
+        return {
+            artefact.id: _sighting(seen, i)
+            for i, artefact in enumerate(scene.artefacts)
+            if seen.visible_pixels[i] > settings.tau
+        }
 
-    def prepare_camera(self, camera: Camera, settings: OcclusionParameters) -> None:
-        """Make a camera ready to look."""
-        self._perception.buffer_of(camera, settings.max_range)
+    def prepare(self, environment: Environment) -> None:
+        """Prepare the rays for an environment, if it is another one than before."""
+        if self._environment is not environment:
+            self._environment = environment
+            self._field = VoxelField.of(environment.voxels)
+
+    def prepare_camera(self, camera: Camera, settings: OcclusionParameters) -> ZBuffer:
+        """Return the z-buffer of a camera, a new one if the view model or the range changed."""
+        view = (camera.view, settings.max_range)
+        if self._buffer is None or self._view != view:
+            self._buffer, self._view = ZBuffer(*view), view
+        return self._buffer
 
     def stand_by(self, now_ns: int) -> Observation:
-        """Return where the observer is, without a look."""
+        """Return the observer's pose, without a look."""
         robot = self._robots.pose(now_ns)
         return Observation(robot.map_from_base if robot else None)
 

@@ -178,7 +178,7 @@ class PopulationManager:
         if arrived_by_ns is not None:
             artefacts = [one for one in artefacts if one.arrival_ns <= arrived_by_ns]
         all_stood = self.crowd.table.history.still_since_ns <= min(t_ns, self._scene_ns)
-        if not all_stood or self._scene.artefacts != tuple(artefacts):
+        if not all_stood or not self._scene.shows(artefacts):
             self._scene, self._scene_ns = Scene.of(artefacts, t_ns), t_ns
         return self._scene
 

@@ -61,7 +61,7 @@ class RealWorld:
 
     @property
     def has_free_cells(self) -> bool:
-        """Whether there is a map with a free cell: without one nobody can arrive."""
+        """Whether there is a map with a free cell: without one no artefact can arrive."""
         return self.environment is not None and bool(self.environment.classes.free.any())
 
     def set_grid(self, grid: OccupancyGrid) -> None:
@@ -89,7 +89,7 @@ class RealWorld:
     ) -> None:
         """Take the occupied voxels' centres (N, 3) in `frame_id`; used once its pose is known.
 
-        `voxel_size_m` is their own size, None if nobody knows it; the map's is world.voxel_size.
+        `voxel_size_m` is their own size, None if it is not known; the map's is world.voxel_size.
 
         Raises InputError where they make no voxel map; the last good cloud stays then.
         """

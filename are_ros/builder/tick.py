@@ -6,15 +6,16 @@ from typing import Final
 from are_ros.agents.events import ArtefactEvent, ArtefactState, PerceivedArtefact, SceneMetrics
 from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.markers import MarkerBatch
+from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
 from are_ros.world.rigid_transform import RigidTransform
 
 
 @dataclass(frozen=True)
 class Demand:
-    """Which parts somebody wants; what nobody wants is not computed.
+    """Which parts of a tick are wanted; the others are not computed.
 
-    Without perception nothing counts as perceived, and no events tell of it.
+    Without perception nothing counts as perceived, and there are no events of it.
     """
 
     perception: bool = True
@@ -29,13 +30,14 @@ EVERYTHING: Final = Demand()
 class Tick:
     """The outputs of one tick, in the map's frame; `events` are those since the last tick.
 
-    `map_from_base` and `map_from_camera` are the poses that the tick used, None where it had none:
-    then nothing is perceived. Readings of sensors leave by a path of their own.
+    `scene` are the living artefacts as columns. `map_from_base` and `map_from_camera` are the poses
+    that the tick used, None where it had none: then nothing is perceived. Readings of sensors leave
+    by a path of their own.
     """
 
     stamp_ns: int
     frame_id: str
-    artefacts: tuple[ArtefactState, ...]
+    scene: Scene
     observer: str
     perceived: tuple[PerceivedArtefact, ...]
     events: tuple[ArtefactEvent, ...]
@@ -45,10 +47,15 @@ class Tick:
     map_from_base: RigidTransform | None
     map_from_camera: RigidTransform | None
 
+    @property
+    def artefacts(self) -> tuple[ArtefactState, ...]:
+        """The ground truth, artefact by artefact: new values each time, made from the scene."""
+        return tuple([self.scene.state(k) for k in range(len(self.scene))])
+
 
 @dataclass
 class TickSchedule:
-    """Gives out the instants of the ticks [ns], in order, each once.
+    """Gives the instants of the ticks [ns], in order, each once.
 
     The first is the first multiple of the period not before `start_ns`.
     """
@@ -71,9 +78,9 @@ class TickSchedule:
         return instant_ns
 
     def skip_to(self, now_ns: int, backlog_ns: int) -> int:
-        """Leave out the ticks that are late by `backlog_ns` or more; return how many.
+        """Leave out the ticks that are late by `backlog_ns` or more; return their number.
 
-        For a machine that cannot keep up, and for clocks that jump ahead.
+        This is for a machine that cannot keep up, and for clocks that jump ahead.
         """
         behind = (now_ns - backlog_ns - self.next_ns) // self.period_ns + 1
         skipped = max(0, behind)

@@ -98,7 +98,7 @@ def warm_up(
 
 
 class _UnwantedError(BaseException):
-    """Nobody wants the kernels any more; no `except Exception` of the compiler's stops this."""
+    """The kernels are no longer wanted; no `except Exception` of the compiler catches this."""
 
 
 class _Compilation(event.Listener):  # type: ignore[misc] # numba is not typed
@@ -232,7 +232,7 @@ class _Scene:
         self._tick = 0
 
     def live(self) -> None:
-        """Let artefacts arrive and move, and nobody see them."""
+        """Let artefacts arrive and move, without a camera that sees them."""
         builder = self._builder
         anywhere = with_values(self._parameters, {"population.appear": "anywhere"})
         builder.reconfigure(anywhere, 0)
@@ -256,7 +256,7 @@ class _Scene:
             if i == 1:
                 builder.receive_camera(_lens(), now_ns)
                 pose = GroundPose(2.0, 1.5, 0.0, 0.1)
-                with suppress(PlacementError):  # somebody may stand there
+                with suppress(PlacementError):  # an artefact may stand there
                     builder.lives.place(self._catalogue.rows[0], pose, now_ns)
             builder.step(now_ns)
             builder.take_readings()

@@ -269,10 +269,11 @@ class _Run:
         robot = self._robot
         here = (robot.x_m, robot.y_m, self._radius_m) if self._is_robot_seen else None
         excused, arrived = frozenset(self._touching), self._arrived(tick)
-        self.judge.judge(self.now_s, tick.artefacts, jumped, here, excused, arrived)
-        self._touching &= _near(tick, robot, self._radius_m)
-        self._remember(tick.artefacts, jumped)
-        robot.drive(self._step_s, tick.artefacts)
+        states = tick.artefacts
+        self.judge.judge(self.now_s, states, jumped, here, excused, arrived)
+        self._touching &= _near(states, robot, self._radius_m)
+        self._remember(states, jumped)
+        robot.drive(self._step_s, states)
         pose = (robot.x_m, robot.y_m, 0.0)
         turn = (0.0, 0.0, math.sin(0.5 * robot.yaw_rad), math.cos(0.5 * robot.yaw_rad))
         then_ns = now_ns + step_ns // 2
@@ -300,7 +301,7 @@ class _Run:
         for event in tick.events:
             if event.kind is EventKind.ARRIVED:
                 scene = self._builder.lives.scene_at(event.stamp_ns)
-                for artefact_id, pose in zip(scene.ids.tolist(), scene.poses, strict=True):
+                for artefact_id, pose in zip(scene.ids.tolist(), scene.ground_poses, strict=True):
                     if artefact_id == event.artefact_id:
                         there = (pose.x_m, pose.y_m, pose.yaw_rad)
                         arrived[artefact_id] = (event.stamp_ns / NS_PER_S, there)
@@ -347,10 +348,10 @@ def _named(tick: Tick, kind: EventKind) -> frozenset[int]:
     return frozenset(event.artefact_id for event in tick.events if event.kind is kind)
 
 
-def _near(tick: Tick, robot: RovingRobot, radius_m: float) -> set[int]:
+def _near(states: Sequence[ArtefactState], robot: RovingRobot, radius_m: float) -> set[int]:
     """Return the ids that are near enough to the robot to be in contact still."""
     near = set()
-    for state in tick.artefacts:
+    for state in states:
         reach_m = radius_m + 0.5 * math.hypot(*state.size_m[:2]) + 0.2
         pose = state.ground_pose
         if math.hypot(pose.x_m - robot.x_m, pose.y_m - robot.y_m) <= reach_m:

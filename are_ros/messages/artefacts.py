@@ -1,118 +1,95 @@
 """The artefacts, those perceived, events and metrics as the bytes of their messages."""
 
-import math
 from collections.abc import Sequence
 from struct import Struct
 from typing import Final, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from are_ros.agents.events import ArtefactEvent, ArtefactState, PerceivedArtefact, SceneMetrics
+from are_ros.agents.events import ArtefactEvent, PerceivedArtefact, SceneMetrics
+from are_ros.builder.scene import Scene, Status, features_of
 from are_ros.messages.cdr import CdrWriter
+from are_ros.population.artefact import Artefact
 
 _ID_AND_ROW: Final = Struct("<QI")
-_NUMBERS: Final = Struct("<26d")
-"""Both poses, the box's centre and size, and the twist."""
-
 _ORIGIN: Final = Struct("<B")
 
 
 class _Block(NamedTuple):
-    """One artefact as bytes, between multiples of eight: head, numbers, tail and `padding`."""
+    """What stands before and behind the numbers of an artefact, which begin at a multiple of 8."""
 
-    state: ArtefactState
+    artefact: Artefact
+    status: Status
     head: bytes
     tail: bytes
-    padding: int
-    whole: bytes
 
 
 class ArtefactEncoder:
-    """Encodes lists of artefacts, and keeps what did not change since the last of them."""
+    """Encodes the artefacts of scenes, and keeps what did not change since the last one."""
 
     def __init__(self) -> None:
         self._blocks: dict[int, _Block] = {}
 
-    def encode(self, frame_id: str, stamp_ns: int, states: Sequence[ArtefactState]) -> bytes:
+    def encode(self, frame_id: str, stamp_ns: int, scene: Scene) -> bytes:
         """Return an are_msgs/ArtefactArray; ids are distinct."""
-        blocks = [self._block(state) for state in states]
-        self._blocks = {block.state.artefact_id: block for block in blocks}
         writer = CdrWriter()
         writer.header(frame_id, stamp_ns)
-        writer.count(len(blocks))
-        if not blocks:
-            return writer.message()
-        writer.align(8)
-        parts = [block.whole for block in blocks]
-        parts[-1] = parts[-1][: len(parts[-1]) - blocks[-1].padding]
-        return b"".join((writer.message(), *parts))
-
-    def _block(self, state: ArtefactState) -> _Block:
-        """Return an artefact as bytes; those of a state that is the same are kept."""
-        known = self._blocks.get(state.artefact_id)
-        if known is None:
-            head, tail = _head(state), _tail(state)
-        elif known.state is state:
-            return known
-        else:
-            head = known.head if _is_head_same(known.state, state) else _head(state)
-            tail = known.tail if _is_tail_same(known.state, state) else _tail(state)
-        padding = -len(tail) % 8
-        whole = b"".join((head, _numbers(state), tail, bytes(padding)))
-        return _Block(state, head, tail, padding, whole)
+        writer.count(len(scene))
+        before, self._blocks = self._blocks, {}
+        parts = [b""]
+        numbers = _numbers(scene).tobytes()
+        size = len(numbers) // max(len(scene), 1)
+        for k, (artefact, status) in enumerate(zip(scene.artefacts, scene.status, strict=True)):
+            block = before.get(artefact.id)
+            if block is None or block.artefact is not artefact or block.status != status:
+                block = _Block(artefact, status, _head(artefact), _tail(artefact, status))
+            self._blocks[artefact.id] = block
+            parts += (block.head, numbers[k * size : (k + 1) * size], block.tail)
+            parts.append(bytes(-len(block.tail) % 8))
+        if scene.artefacts:
+            writer.align(8)
+        return b"".join((writer.message(), *parts[:-1]))
 
 
-def _head(state: ArtefactState) -> bytes:
+def _head(artefact: Artefact) -> bytes:
     """Return what stands before the numbers, padded for them."""
+    row = artefact.row
     writer = CdrWriter()
-    writer.pack(_ID_AND_ROW, 8, state.artefact_id, state.row)
-    writer.text(state.label)
-    writer.text(state.class_name)
+    writer.pack(_ID_AND_ROW, 8, artefact.id, row.index)
+    writer.text(row.label)
+    writer.text(row.class_name)
     writer.align(8)
     return writer.part()
 
 
-def _is_head_same(one: ArtefactState, other: ArtefactState) -> bool:
-    return one.row == other.row and one.label == other.label and one.class_name == other.class_name
+def _numbers(scene: Scene) -> npt.NDArray[np.float64]:
+    """Return the numbers (N, 26): pose, ground pose, the box's centre and size, and the twist."""
+    numbers = np.zeros((len(scene), 26), dtype="<f8")
+    numbers[:, :7] = scene.poses
+    numbers[:, 7:10] = scene.motions[:, :3]
+    numbers[:, 12:14] = scene.poses[:, 5:]
+    boxes = [(*row.box_centre_in_artefact_m, *row.size_m) for row in scene.rows]
+    numbers[:, 14:20] = np.array(boxes).reshape(-1, 6)
+    numbers[:, 20:22] = scene.twists[:, :2]
+    numbers[:, 25] = scene.twists[:, 2]
+    return numbers
 
 
-def _numbers(state: ArtefactState) -> bytes:
-    pose, ground = state.map_from_artefact, state.ground_pose
-    half_rad = 0.5 * ground.yaw_rad
-    return _NUMBERS.pack(
-        *pose.translation_m.tolist(),
-        *pose.rotation_xyzw.tolist(),
-        *(ground.x_m, ground.y_m, ground.z_m),
-        *(0.0, 0.0, math.sin(half_rad), math.cos(half_rad)),
-        *state.box_centre_m,
-        *state.size_m,
-        *state.linear_velocity_m_s,
-        *state.angular_velocity_rad_s,
-    )
-
-
-def _tail(state: ArtefactState) -> bytes:
+def _tail(artefact: Artefact, status: Status) -> bytes:
     """Return what stands behind the numbers."""
+    departure_ns, behaviour, activity = status
+    features = features_of(artefact.row, activity)
     writer = CdrWriter()
-    writer.text(state.behaviour)
-    writer.time(state.arrival_ns)
-    writer.time(state.departure_ns)
-    writer.pack(_ORIGIN, 1, state.origin)
-    writer.count(len(state.features))
-    for key, value in state.features.items():
+    writer.text(behaviour)
+    writer.time(artefact.arrival_ns)
+    writer.time(departure_ns or 0)
+    writer.pack(_ORIGIN, 1, artefact.origin)
+    writer.count(len(features))
+    for key, value in features.items():
         writer.text(key)
         writer.text(value)
     return writer.part()
-
-
-def _is_tail_same(one: ArtefactState, other: ArtefactState) -> bool:
-    return (
-        one.behaviour == other.behaviour
-        and one.departure_ns == other.departure_ns
-        and one.arrival_ns == other.arrival_ns
-        and one.origin == other.origin
-        and one.features == other.features
-    )
 
 
 # What is perceived of the artefacts, what happened to them, and the metrics, as bytes.

@@ -105,12 +105,12 @@ class Feed:
         return ""
 
     def _map(self, message: RawMessage, received_ns: int) -> None:
-        grid = self._decoded(message, lambda raw: read_grid(raw, message.topic))
+        grid = self._decoded(message, read_grid)
         self._builder.receive_map(grid, received_ns)
 
     def _cloud(self, message: RawMessage, received_ns: int) -> None:
-        def decode(raw: Any) -> Any:
-            return read_points(raw, message.topic), read_header(raw, message.topic).frame_id
+        def decode(raw: Any, source: str) -> Any:
+            return read_points(raw, source), read_header(raw, source).frame_id
 
         points_m, frame_id = self._decoded(message, decode)
         seconds, nanoseconds = _STAMP.unpack_from(message.data, _STAMP_AT)
@@ -142,20 +142,20 @@ class Feed:
         self._builder.receive_plan(path.points_m, path.frame_id, received_ns)
 
     def _camera(self, message: RawMessage, received_ns: int) -> None:
-        def decode(raw: Any) -> Camera:
+        def decode(raw: Any, source: str) -> Camera:
             rectified = self._builder.parameters.camera.rectified
-            view = read_camera_info(raw, message.topic).view(rectified=rectified)
-            frame_id = read_header(raw, message.topic).frame_id
+            view = read_camera_info(raw, source).view(rectified=rectified)
+            frame_id = read_header(raw, source).frame_id
             return Camera(view, frame_id, RigidTransform.identity())
 
         self._builder.receive_camera(self._decoded(message, decode), received_ns)
 
-    def _decoded(self, message: RawMessage, decode: Callable[[Any], Any]) -> Any:
-        """Return the decoded content; a repeated content is not decoded again."""
+    def _decoded(self, message: RawMessage, decode: Callable[[Any, str], Any]) -> Any:
+        """Return the decoded content; a content that is repeated is not decoded again."""
         content = message.data[_STAMP_END:]
         known = self._last.get(message.topic)
         if known is None or known[0] != content:
-            known = content, decode(self._decoding.deserialize(message))
+            known = content, decode(self._decoding.deserialize(message), message.topic)
             self._last[message.topic] = known
         return known[1]
 

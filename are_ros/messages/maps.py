@@ -67,7 +67,8 @@ def encode_grid(grid: OccupancyGrid) -> bytes:
     writer.time(_NO_TIME_NS)
     writer.pack(_RESOLUTION_AND_SIZE, 4, grid.resolution_m, grid.width, grid.height)
     writer.pack(_POSE, 8, *origin.translation_m.tolist(), *origin.rotation_xyzw.tolist())
-    return _with_cells(writer, grid.cells)
+    writer.count(grid.cells.size)
+    return b"".join((writer.message(), np.ascontiguousarray(grid.cells).data))
 
 
 def encode_grid_update(update: GridUpdate) -> bytes:
@@ -77,15 +78,8 @@ def encode_grid_update(update: GridUpdate) -> bytes:
     writer.header(update.frame_id, update.stamp_ns)
     rectangle = update.rectangle
     writer.pack(_RECTANGLE, 4, int(rectangle.col0), int(rectangle.row0), columns, rows)
-    return _with_cells(writer, update.cells)
-
-
-def _with_cells(
-    writer: CdrWriter, cells: "np.ndarray[tuple[int, ...], np.dtype[np.int8]]"
-) -> bytes:
-    """Return a message that ends with cells int8 (h, w), row by row: they are copied once."""
-    writer.count(cells.size)
-    return b"".join((writer.message(), np.ascontiguousarray(cells).data))
+    writer.count(update.cells.size)
+    return b"".join((writer.message(), np.ascontiguousarray(update.cells).data))
 
 
 # sensor_msgs/PointCloud2 <-> arrays of points, whatever the layout of its fields.

@@ -1,10 +1,10 @@
 """A tick as the messages of its outputs, ready for a publisher and for a recording alike."""
 
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Container, Mapping
+from functools import partial
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
-from are_ros.builder.costmap.augmented_map import GridUpdate
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
 from are_ros.messages.artefacts import (
     ArtefactEncoder,
@@ -14,7 +14,6 @@ from are_ros.messages.artefacts import (
 )
 from are_ros.messages.maps import encode_grid, encode_grid_update
 from are_ros.messages.markers import MarkerEncoder
-from are_ros.world.occupancy_grid import OccupancyGrid
 
 
 class OutputTopic(NamedTuple):
@@ -54,25 +53,13 @@ class TickEncoder:
     """Encodes the ticks of one builder, in their order.
 
     What stays the same from tick to tick is encoded once. Without perception in `demand`, which may
-    change, there is no list of it: nobody is told that nothing was seen where nobody looked.
+    change, there is no list of the perceived: an empty one would say that the camera saw nothing.
     """
 
     def __init__(self, demand: Demand = EVERYTHING) -> None:
         self.demand = demand
         self._artefacts = ArtefactEncoder()
         self._markers = MarkerEncoder()
-        self._outputs: Mapping[str, Callable[[Tick], Iterable[bytes]]] = {
-            "augmented_map": lambda tick: _grid(tick.grids.augmented_map),
-            "augmented_map_updates": lambda tick: _update(tick.grids.update),
-            "artefact_map": lambda tick: _grid(tick.grids.artefact_map),
-            "artefact_map_updates": lambda tick: _update(tick.grids.artefact_update),
-            "augmented_costmap": lambda tick: _grid(tick.grids.costmap),
-            "events": _events,
-            "artefacts": self._encode_artefacts,
-            "perceived": self._encode_perceived,
-            "metrics": _metrics,
-            "markers": self._encode_markers,
-        }
 
     def encode(self, tick: Tick, wanted: Container[str] | None = None) -> list[EncodedMessage]:
         """Return the messages of a tick, of the outputs `wanted` or of all.
@@ -80,38 +67,23 @@ class TickEncoder:
         What is not wanted costs nothing, and may be wanted at any later tick. InputError for a name
         with the character NUL in it.
         """
+        frame_id, stamp_ns, grids = tick.frame_id, tick.stamp_ns, tick.grids
+        perceived = tick.perceived if self.demand.perception else None
+        seen_by = frame_id, stamp_ns, tick.observer
+        outputs: tuple[tuple[str, Any, Callable[[Any], bytes]], ...] = (
+            ("augmented_map", grids.augmented_map, encode_grid),
+            ("augmented_map_updates", grids.update, encode_grid_update),
+            ("artefact_map", grids.artefact_map, encode_grid),
+            ("artefact_map_updates", grids.artefact_update, encode_grid_update),
+            ("augmented_costmap", grids.costmap, encode_grid),
+            *(("events", event, partial(encode_event, frame_id)) for event in tick.events),
+            ("artefacts", tick.scene, partial(self._artefacts.encode, frame_id, stamp_ns)),
+            ("perceived", perceived, partial(encode_perceived, *seen_by)),
+            ("metrics", tick.metrics, partial(encode_metrics, frame_id, stamp_ns)),
+            ("markers", tick.markers or None, partial(self._markers.encode, frame_id, stamp_ns)),
+        )
         return [
-            EncodedMessage(name, tick.stamp_ns, data)
-            for name, encode in self._outputs.items()
-            if wanted is None or name in wanted
-            for data in encode(tick)
+            EncodedMessage(name, stamp_ns, encode(value))
+            for name, value, encode in outputs
+            if value is not None and (wanted is None or name in wanted)
         ]
-
-    def _encode_artefacts(self, tick: Tick) -> Iterable[bytes]:
-        return (self._artefacts.encode(tick.frame_id, tick.stamp_ns, tick.artefacts),)
-
-    def _encode_perceived(self, tick: Tick) -> Iterable[bytes]:
-        if not self.demand.perception:
-            return ()
-        return (encode_perceived(tick.frame_id, tick.stamp_ns, tick.observer, tick.perceived),)
-
-    def _encode_markers(self, tick: Tick) -> Iterable[bytes]:
-        if not tick.markers:
-            return ()
-        return (self._markers.encode(tick.frame_id, tick.stamp_ns, tick.markers),)
-
-
-def _grid(grid: OccupancyGrid | None) -> Iterable[bytes]:
-    return () if grid is None else (encode_grid(grid),)
-
-
-def _update(update: GridUpdate | None) -> Iterable[bytes]:
-    return () if update is None else (encode_grid_update(update),)
-
-
-def _events(tick: Tick) -> Iterable[bytes]:
-    return [encode_event(tick.frame_id, event) for event in tick.events]
-
-
-def _metrics(tick: Tick) -> Iterable[bytes]:
-    return (encode_metrics(tick.frame_id, tick.stamp_ns, tick.metrics),)

@@ -129,7 +129,7 @@ def shape_of(row: CatalogueRow) -> tuple[float, float, float, float, float]:
     return 0.5 * x_m, 0.5 * y_m, 0.5 * z_m, offset_x_m, offset_y_m
 
 
-def boxes_of(rows: Sequence[CatalogueRow], poses: Sequence[GroundPose]) -> OrientedBoxes:
+def boxes_of(rows: Sequence[CatalogueRow], poses: Sequence[Sequence[float]]) -> OrientedBoxes:
     """Return the bounding boxes, in the map frame, of `rows` standing at `poses` (same length)."""
     kinds = {id(row): row for row in rows}
     index = {key: k for k, key in enumerate(kinds)}

@@ -150,15 +150,10 @@ class SceneRecorder:
     def add(self, tick: Tick, camera: Camera | None, scans: Sequence[ScanPoints] = ()) -> None:
         """Take a tick, and the camera that it looked through (None: none is known)."""
         artefacts = [
-            ArtefactAt(
-                state.artefact_id,
-                self._rows[state.label],
-                state.ground_pose,
-                state.behaviour,
-                state.activity,
-                state.arrival_ns,
+            ArtefactAt(one.id, one.row, pose, behaviour, activity, one.arrival_ns)
+            for one, pose, (_, behaviour, activity) in zip(
+                tick.scene.artefacts, tick.scene.ground_poses, tick.scene.status, strict=True
             )
-            for state in tick.artefacts
         ]
         moment = Moment(
             tick.stamp_ns,

@@ -70,7 +70,20 @@ class OccupancyGrid:
         """
         _check_header(source, frame_id, width, height, resolution_m)
         origin = _checked_origin(source, origin_xyz_m, origin_rotation_xyzw)
-        cells = _checked_cells(source, data, width, height)
+        values = np.asarray(data)
+        if values.dtype.kind not in "iu":
+            raise InputError(f"{source}: data are of type {values.dtype}, not integers")
+        if values.size != width * height or (values.ndim == 2 and values.shape != (height, width)):
+            message = (
+                f"{source}: data has {values.size} cells, but width x height is"
+                f" {width} x {height} = {width * height}"
+            )
+            raise InputError(message)
+        low, high = int(values.min()), int(values.max())
+        if low < UNKNOWN or high > OCCUPIED:
+            wrong = low if low < UNKNOWN else high
+            raise InputError(f"{source}: data holds the value {wrong}, outside -1 to 100")
+        cells = np.array(values.reshape(height, width), dtype=np.int8, order="C")
         return cls(cells, float(resolution_m), origin, frame_id, int(stamp_ns))
 
     @property
@@ -208,22 +221,3 @@ def _checked_origin(
         )
         raise InputError(message)
     return RigidTransform(translation_m=position, rotation_xyzw=yaw_only(rotation))
-
-
-def _checked_cells(
-    source: str, data: npt.ArrayLike, width: int, height: int
-) -> npt.NDArray[np.int8]:
-    values = np.asarray(data)
-    if values.dtype.kind not in "iu":
-        raise InputError(f"{source}: data are of type {values.dtype}, not integers")
-    if values.size != width * height or (values.ndim == 2 and values.shape != (height, width)):
-        message = (
-            f"{source}: data has {values.size} cells, but width x height is"
-            f" {width} x {height} = {width * height}"
-        )
-        raise InputError(message)
-    low, high = int(values.min()), int(values.max())
-    if low < UNKNOWN or high > OCCUPIED:
-        wrong = low if low < UNKNOWN else high
-        raise InputError(f"{source}: data holds the value {wrong}, outside -1 to 100")
-    return np.array(values.reshape(height, width), dtype=np.int8, order="C")

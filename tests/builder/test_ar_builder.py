@@ -36,7 +36,8 @@ def seen(tick: Tick) -> list[int]:
 
 def drawn(tick: Tick, action: MarkerAction) -> set[int]:
     """Return the ids of the markers with this action."""
-    return {look.marker_id for look in tick.markers.looks if look.action is action}
+    markers = zip(tick.markers.looks, tick.markers.ids.tolist(), strict=True)
+    return {number for look, number in markers if look.action is action}
 
 
 def kinds(tick: Tick) -> list[EventKind]:
@@ -573,7 +574,8 @@ def everything(tick: Tick) -> tuple[Any, ...]:
         [(p.artefact_id, p.visible_pixels, p.roi_px, p.range_m) for p in tick.perceived],
         tick.events,
         repr(tick.metrics),
-        [(m.namespace, m.marker_id, m.action, m.scale, m.colour) for m in tick.markers.looks],
+        [(m.namespace, m.action, m.scale, m.colour) for m in tick.markers.looks],
+        tick.markers.ids.tolist(),
         None if grids.augmented_map is None else grids.augmented_map.cells.tobytes(),
         None if grids.costmap is None else grids.costmap.cells.tobytes(),
     )

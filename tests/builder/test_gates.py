@@ -4,8 +4,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.builder.gates import Gate, GateMemory, OpenGate, gate_of
+from are_ros.builder.gates import GateMemory, OpenGate, gate_of
 from are_ros.errors import ParameterError
+from are_ros.parameters.choices import CostmapGate
 
 IDS = st.frozensets(st.integers(0, 5))
 TICKS = st.lists(st.tuples(st.integers(-3, 4), IDS, IDS), max_size=25)
@@ -26,7 +27,6 @@ def test_memory_keeps_an_artefact_that_went_out_of_sight() -> None:
     assert gate.admitted(5, [7], [7]) == (7,)
     assert gate.admitted(15, [], [7]) == (7,)
     assert gate.admitted(16, [], [7]) == ()
-    assert gate.last_seen_ns(7) == 5
     assert gate.admitted(17, [7], [7]) == (7,)
 
 
@@ -35,8 +35,6 @@ def test_departed_leave_at_once() -> None:
     gate = GateMemory(1_000)
     gate.admitted(0, [1, 2], [1, 2])
     assert gate.admitted(1, [1], [2]) == (2,)
-    assert gate.last_seen_ns(1) is None
-    assert gate.last_seen_ns(9) is None
 
 
 def test_clock_that_jumps_back_forgets_what_was_seen() -> None:
@@ -79,8 +77,8 @@ def test_open_gate_admits_all_the_living() -> None:
 
 def test_kind_chooses_the_gate() -> None:
     """The parameter's spelling gives the kind, and the kind the gate."""
-    assert isinstance(gate_of(Gate("all"), 5), OpenGate)
-    assert isinstance(gate_of(Gate("perceived"), 5), GateMemory)
+    assert isinstance(gate_of(CostmapGate("all"), 5), OpenGate)
+    assert isinstance(gate_of(CostmapGate("perceived"), 5), GateMemory)
 
 
 def test_negative_memory_is_refused() -> None:

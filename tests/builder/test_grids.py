@@ -29,7 +29,7 @@ def environment(cells: Any) -> Environment:
 
 def patch(row0: int, col0: int, rows: int = 1, cols: int = 1) -> CellPatch:
     """Return a full patch."""
-    return CellPatch(row0, col0, np.ones((rows, cols), dtype=np.bool_))
+    return CellPatch.of(row0, col0, np.ones((rows, cols), dtype=np.bool_))
 
 
 @pytest.fixture

@@ -171,13 +171,13 @@ class Driver:
             self._augmented = tick.grids.augmented_map.cells
         if tick.grids.costmap is not None:
             self._costmap = tick.grids.costmap.cells
-        for marker in tick.markers.looks:
+        for marker, number in zip(tick.markers.looks, tick.markers.ids.tolist(), strict=True):
             if marker.action is MarkerAction.DELETEALL:
                 self._drawn.clear()
             elif marker.action is MarkerAction.ADD:
-                self._drawn.add(marker.marker_id)
+                self._drawn.add(number)
             else:
-                self._drawn.discard(marker.marker_id)
+                self._drawn.discard(number)
         kept = (self._augmented, self._costmap, frozenset(self._drawn))
         self.run.moments.append(Moment(tick, self._real, *kept))
 
@@ -431,7 +431,8 @@ def told(tick: Tick) -> tuple[Any, ...]:
         [(s.artefact_id, s.label, s.ground_pose, s.arrival_ns) for s in tick.artefacts],
         [(p.artefact_id, p.visible_pixels, p.roi_px, p.range_m) for p in tick.perceived],
         tick.events,
-        [(m.namespace, m.marker_id, m.action, m.scale) for m in tick.markers.looks],
+        [(m.namespace, m.action, m.scale) for m in tick.markers.looks],
+        tick.markers.ids.tolist(),
         grids.augmented_map and grids.augmented_map.cells.tobytes(),
         grids.costmap and grids.costmap.cells.tobytes(),
     )

@@ -414,11 +414,13 @@ def test_what_was_at_an_instant_is_the_same_now_and_later() -> None:
             drive_about(town, (t_ns - town.ns(0.0)) / 1e9)
         town.builder.advance(t_ns)
         scene = town.lives.scene_at(t_ns)
-        early[t_ns] = list(zip(scene.ids.tolist(), scene.poses, strict=True))
+        early[t_ns] = list(zip(scene.ids.tolist(), scene.ground_poses, strict=True))
         late_ns = t_ns - 29 * 13_700_001
         if late_ns in early:
             scene = town.lives.scene_at(late_ns)
-            assert list(zip(scene.ids.tolist(), scene.poses, strict=True)) == early.pop(late_ns)
+            assert list(zip(scene.ids.tolist(), scene.ground_poses, strict=True)) == early.pop(
+                late_ns
+            )
         events = town.lives.take_events()
         forced += sum(event.kind is EventKind.DISPLACED for event in events)
         arrived += sum(event.kind is EventKind.ARRIVED for event in events)

@@ -8,7 +8,7 @@ import pytest
 
 from are_ros.agents.events import EventKind
 from are_ros.agents.robots import RobotTracker
-from are_ros.builder.observation import CameraObserver, Observation, Perception, sight_events
+from are_ros.builder.observation import CameraObserver, Observation, sight_events
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
@@ -62,7 +62,7 @@ def watch(rate_hz: float, tick_rate_hz: float = 10.0) -> tuple[CameraObserver, F
     frames = FrameTree()
     frames.set_transform("map", "base_link", 0, (1.0, 2.0, 0.0), NO_TURN)
     robots = RobotTracker(Observer("robot", "", Footprint.disc(0.2)), frames, "map", 500 * MS)
-    return CameraObserver(robots, Perception(MeshBank()), rate_hz, tick_rate_hz), frames
+    return CameraObserver(robots, MeshBank(), rate_hz, tick_rate_hz), frames
 
 
 def test_a_look_tells_pose_and_sightings(post: CatalogueRow, environment: Environment) -> None:
@@ -82,7 +82,7 @@ def test_a_look_tells_pose_and_sightings(post: CatalogueRow, environment: Enviro
     assert seen.map_from_base is not None
     assert seen.map_from_camera is not None
     np.testing.assert_allclose(seen.map_from_camera.translation_m, (1.0, 2.0, 1.0))
-    assert (seen.seen_ns, eye.blind_ticks) == (100, 0)
+    assert (seen.seen_ns, eye.looks) == (100, 1)
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def test_who_departed_between_looks_is_not_seen(
     assert held.seen_ns == 0
 
 
-def test_without_a_pose_nothing_is_seen_and_that_is_counted(
+def test_without_a_pose_nothing_is_seen_and_no_look_is_counted(
     post: CatalogueRow, environment: Environment
 ) -> None:
     """Too old a pose is none."""
@@ -123,7 +123,7 @@ def test_without_a_pose_nothing_is_seen_and_that_is_counted(
     seen = eye.observe(501 * MS, CAMERA, environment, standing(post, (2.5, 2.0)), BOXES)
     assert (seen.map_from_base, seen.map_from_camera) == (None, None)
     assert dict(seen.sightings) == {}
-    assert eye.blind_ticks == 1
+    assert eye.looks == 0
 
 
 def test_standing_by_tells_only_where_the_robot_is() -> None:
@@ -146,7 +146,7 @@ def test_what_was_seen_can_be_forgotten(post: CatalogueRow, environment: Environ
 
 
 def look(
-    environment: Environment, scene: Scene, settings: OcclusionParameters, eye: Perception
+    environment: Environment, scene: Scene, settings: OcclusionParameters, eye: CameraObserver
 ) -> list[int]:
     """Return who is perceived from (1, 2)."""
     pose = RigidTransform.planar(1.0, 2.0, 0.0) @ CAMERA.base_from_optical
@@ -156,12 +156,12 @@ def look(
 def test_the_newest_environment_and_settings_count(
     post: CatalogueRow, environment: Environment, make_scene: Callable[..., Any]
 ) -> None:
-    """One perception serves them all in turn: a wall, then none, a range too short, a high tau."""
+    """One observer serves them all in turn: a wall, then none, a range too short, a high tau."""
     grid = make_scene().room((10, 30, 20, 22))
     classes = classify(grid, 65, 25)
     voxels = VoxelMap.extruded(grid, classes.occupied, 2.5, 0.0)
     walled = Environment(grid, classes, voxels, PlaneGround(0.0), 0.01)
-    eye, scene = Perception(MeshBank()), standing(post, (2.8, 2.0))
+    (eye, _), scene = watch(10.0), standing(post, (2.8, 2.0))
     near = OcclusionParameters(tau=0, shape=Shape.BOX, max_range=1.5)
     strict = OcclusionParameters(tau=3000, shape=Shape.BOX)
     meshes = OcclusionParameters(tau=0, shape=Shape.MESH)
@@ -179,7 +179,7 @@ def test_an_environment_without_voxels_hides_nothing(
     """Only other artefacts do."""
     bare = Environment(environment.grid, environment.classes, None, PlaneGround(0.0), 0.01)
     scene = standing(post, (6.0, 2.0), (2.0, 2.9))
-    assert look(bare, scene, BOXES, Perception(MeshBank())) == [1, 2]
+    assert look(bare, scene, BOXES, watch(10.0)[0]) == [1, 2]
 
 
 def test_sight_events_in_the_order_of_ids() -> None:

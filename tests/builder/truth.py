@@ -2,10 +2,9 @@
 
 from are_ros.agents.events import ArtefactState
 from are_ros.builder.scene import Scene
-from are_ros.builder.states import StateKeeper
 from are_ros.population.artefact import Artefact
 
 
 def artefact_state(artefact: Artefact, now_ns: int) -> ArtefactState:
     """Return the state of an artefact at an instant."""
-    return StateKeeper().states(Scene.of([artefact], now_ns))[0]
+    return Scene.of([artefact], now_ns).state(0)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.costmap.inflation import InflatedCostmap
-from are_ros.builder.costmap.registration import CellPatch, covered_cells
+from are_ros.builder.costmap.registration import CellPatch, covered_cells, patch_changes
 from are_ros.checks.result import CheckResult
 from are_ros.checks.run import Outcome, check_recording
 from are_ros.conventions import NS_PER_S
@@ -249,7 +249,7 @@ def patches(ids: Iterable[int]) -> dict[int, CellPatch]:
     origin = RigidTransform.planar(-1.0, -1.0, 0.0)
     grid = OccupancyGrid(real_cells(), float(np.float32(0.1)), origin, "map")
     covers = covered_cells(OrientedBoxes(centres, places[:, 2], half), grid)
-    return dict(zip(numbers, covers, strict=True))
+    return {number: covers.patch(k) for k, number in enumerate(numbers)}
 
 
 def _add_frames(draft: Draft) -> None:
@@ -278,14 +278,16 @@ def _add_ticks(draft: Draft, real: NDArray[np.int8]) -> None:
     costmap = InflatedCostmap(0.35, 3.0, 0.12)
     costmap.set_map(real == 100, (real == -1) | (real == 40), float(np.float32(0.1)))
     last: dict[str, NDArray[np.int8]] = {}
+    before: dict[int, CellPatch] = {}
     for tick, now_ns in enumerate(TICKS_NS):
         alive = [i for i, (since_ns, to_ns) in LIVES_NS.items() if since_ns <= now_ns < to_ns]
         admitted = patches(i for i in alive if i in SEEN[tick])
-        costmap.update(admitted)
+        costmap.update(patch_changes(before, admitted))
+        before = admitted
         for name, base in (("augmented_map", real), ("artefact_map", np.zeros_like(real))):
             cells = base.copy()
             for patch in admitted.values():
-                cells[patch.window][patch.mask] = 100
+                patch.part_of(cells)[patch.mask] = 100
             if name in last and np.array_equal(cells, last[name]):
                 continue
             draft.of(name).append((now_ns, make_grid(cells, now_ns)))
@@ -329,7 +331,7 @@ def _add_lists(draft: Draft, tick: int, now_ns: int, alive: list[int]) -> None:
     draft.of("perceived").append((now_ns, MAKE(kind, header=make_header(now_ns), artefacts=seen)))
     covered = np.zeros((20, 20), np.bool_)
     for patch in patches(alive).values():
-        covered[patch.window] |= patch.mask
+        patch.part_of(covered)[patch.mask] = True
     real = real_cells()
     metrics = MAKE(
         "are_msgs/msg/SceneMetrics",

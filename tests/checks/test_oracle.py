@@ -12,7 +12,7 @@ import are_ros.checks
 from are_ros.bag.decoded import Scene
 from are_ros.bag.marker_decoding import decode_markers
 from are_ros.builder.costmap.registration import covered_cells
-from are_ros.builder.markers import DELETE_ALL, MarkerAction, MarkerBatch, MarkerKind, MarkerLook
+from are_ros.builder.markers import DELETE_ALL, MarkerBatch, MarkerKind, MarkerLook
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.checks.marker_rules import change_of
 from are_ros.checks.oracle.frames import TF, Frames
@@ -149,11 +149,11 @@ def test_cells_are_the_builders(turn: float) -> None:
     boxes, scene = make_boxes(80, 4)
     cells: NDArray[np.int8] = np.zeros((70, 50), np.int8)
     grid = OccupancyGrid(cells, 0.05, RigidTransform.planar(-1.2, -1.4, turn), "map")
-    for cover, patch in zip(
-        Covers(RealMap.of_grid(grid)).of(scene), covered_cells(boxes, grid), strict=True
-    ):
+    registered = covered_cells(boxes, grid)
+    for k, cover in enumerate(Covers(RealMap.of_grid(grid)).of(scene)):
         covered = np.zeros((70, 50), np.bool_)
-        covered[patch.window] = patch.mask
+        patch = registered.patch(k)
+        patch.part_of(covered)[:] = patch.mask
         np.testing.assert_array_equal(cover.sure, np.flatnonzero(covered))
 
 
@@ -206,21 +206,21 @@ def test_markers_are_decoded_as_they_were_encoded() -> None:
         markers.append(
             MarkerLook(
                 f"ns{text}",
-                number,
                 MarkerKind.TRIANGLE_LIST if number else MarkerKind.TEXT_VIEW_FACING,
-                MarkerAction.ADD,
                 text="" if number else text,
                 points=points,
                 colours=colours,
-                lifetime_ns=number * 1500 * MS,
             )
         )
-    data = MarkerEncoder().encode("map", 7, MarkerBatch.unposed(*markers))
+    ids = [0, *range(1, 5)]
+    data = MarkerEncoder().encode("map", 7, MarkerBatch.unposed(markers, ids))
     changes = [change_of(marker) for marker in decode_markers(data)]
     assert [change.fault for change in changes] == [""] * 5
-    assert [change.key for change in changes] == [(m.namespace, m.marker_id) for m in markers]
+    assert [change.key for change in changes] == [
+        (look.namespace, number) for look, number in zip(markers, ids, strict=True)
+    ]
     assert [change.action for change in changes] == [int(m.action) for m in markers]
-    assert changes[4].lifetime_ns == 4500 * MS
+    assert {change.lifetime_ns for change in changes} == {3000 * MS}
     assert {change.frame_id for change in changes} == {"map"}
     for cut in (data[:-20], data + bytes(8), b"\0\0" + data[2:]):
         with pytest.raises(ValueError, match=r"early|malformed|too many|little-endian|end"):

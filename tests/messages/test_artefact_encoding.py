@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from are_ros.agents.events import ArtefactState
 from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.builder.scene import Scene
 from are_ros.messages import artefacts as artefact_encoding
 from are_ros.messages.artefacts import ArtefactEncoder
 from are_ros.messages.common import (
@@ -21,31 +22,53 @@ from are_ros.messages.common import (
     make_time,
     make_vector,
 )
-from are_ros.population.artefact import GroundPose, Origin
-from are_ros.world.rigid_transform import RigidTransform
+from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.meshes.shapes import Shape
 from bags.simulation.making import make_twist
 
 ARRAY = "are_msgs/msg/ArtefactArray"
-STATE = ArtefactState(
-    7, 3, "adult", "person", RigidTransform.planar(1.0, 2.0, 0.5, z=0.9),
-    GroundPose(1.0, 2.0, 0.25, 0.5), (0.0, 0.1, -0.05), (0.5, 0.6, 1.7), (1.2, 0.0, 0.0),
-    (0.0, 0.0, 0.3), "walking", 5_000_000_001, 0, Origin.SERVICE, {"age": "30", "hat": "no"},
+ROW = CatalogueRow(
+    3, "adult", "person", (0.5, 0.6, 1.7), (0.0, 0.1, -0.05), Shape.WALL,
+    features={"age": "30", "hat": "no"},
 )  # fmt: skip
 
+
+class Still(PoseHistory):
+    """The history of an artefact that is seen at one pose and with one velocity."""
+
+    def __init__(self, pose: GroundPose, rates: tuple[float, float, float]) -> None:
+        super().__init__(0, pose)
+        self._rates = rates
+
+    def velocity_at(self, t_ns: int) -> tuple[float, float, float]:  # noqa: ARG002 - it is one
+        """Return the rates of x, y and yaw."""
+        return self._rates
+
+
+HISTORY = Still(GroundPose(1.0, 2.0, 0.25, 0.5), (1.2, 0.1, 0.3))
+ARTEFACT = Artefact(7, ROW, Origin.SERVICE, 5_000_000_001, HISTORY, None, "walking")
+
 TEXTS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=9)
-NUMBERS = st.floats(allow_nan=False)
+NUMBERS = st.floats(-1e6, 1e6)
 TRIPLES = st.tuples(NUMBERS, NUMBERS, NUMBERS)
 TIMES = st.integers(0, 2**31 * 10**9 - 1)
-TRANSFORMS = st.builds(
-    RigidTransform.from_xyz_ypr, *[st.floats(-1e6, 1e6)] * 3, *[st.floats(-4, 4)] * 3
-)
-STATES = st.builds(
-    ArtefactState,
-    st.integers(0, 2**64 - 1), st.integers(0, 2**32 - 1), TEXTS, TEXTS, TRANSFORMS,
-    st.builds(GroundPose, NUMBERS, NUMBERS, NUMBERS, st.floats(-4.0, 4.0)), TRIPLES, TRIPLES,
-    TRIPLES, TRIPLES, TEXTS, TIMES, TIMES, st.sampled_from(Origin),
-    st.dictionaries(TEXTS, TEXTS, max_size=3),
+ROWS = st.builds(
+    CatalogueRow, st.integers(0, 2**32 - 1), TEXTS, TEXTS, TRIPLES, TRIPLES, st.just(Shape.WALL),
+    features=st.dictionaries(TEXTS, TEXTS, max_size=3),
 )  # fmt: skip
+HISTORIES = st.builds(
+    Still, st.builds(GroundPose, NUMBERS, NUMBERS, NUMBERS, st.floats(-4.0, 4.0)), TRIPLES
+)
+ARTEFACTS = st.builds(
+    Artefact, st.integers(0, 2**64 - 1), ROWS, st.sampled_from(Origin), TIMES, HISTORIES,
+    st.none() | TIMES, TEXTS, TEXTS,
+)  # fmt: skip
+
+
+def states_of(scene: Scene) -> list[ArtefactState]:
+    """Return the ground truth, artefact by artefact."""
+    return [scene.state(k) for k in range(len(scene))]
 
 
 def make_artefacts(
@@ -90,69 +113,80 @@ def make_artefact(factory: RosbagsFactory, state: ArtefactState) -> Any:
 
 @given(
     frame_id=TEXTS, stamp_ns=TIMES,
-    states=st.lists(STATES, max_size=5, unique_by=lambda state: state.artefact_id),
+    artefacts=st.lists(ARTEFACTS, max_size=5, unique_by=lambda artefact: artefact.id),
 )  # fmt: skip
 def test_the_bytes_are_those_of_the_message(
     on_the_wire: Callable[[Any], bytes],
     factory: RosbagsFactory,
     frame_id: str,
     stamp_ns: int,
-    states: list[ArtefactState],
+    artefacts: list[Artefact],
 ) -> None:
     """Encoding directly and serialising the objects give the same, whatever the padding."""
-    expected = on_the_wire(make_artefacts(factory, frame_id, stamp_ns, states))
+    scene = Scene.of(artefacts, 0)
+    expected = on_the_wire(make_artefacts(factory, frame_id, stamp_ns, states_of(scene)))
     encoder = ArtefactEncoder()
-    assert encoder.encode(frame_id, stamp_ns, states) == expected
-    assert encoder.encode(frame_id, stamp_ns, states) == expected
+    assert encoder.encode(frame_id, stamp_ns, scene) == expected
+    assert encoder.encode(frame_id, stamp_ns, scene) == expected
 
 
 CHANGES: tuple[dict[str, Any], ...] = (
-    {"row": 4}, {"label": "child"}, {"class_name": "people"}, {"behaviour": "standing"},
-    {"map_from_artefact": RigidTransform.planar(2.0, 2.0, 0.5)}, {"size_m": (1.0, 1.0, 1.0)},
-    {"ground_pose": GroundPose(3.0, 2.0, 0.0, 0.0)}, {"box_centre_m": (0.0, 0.0, 0.0)},
-    {"linear_velocity_m_s": (0.0, 0.0, 0.0)}, {"angular_velocity_rad_s": (0.0, 0.0, 0.0)},
-    {"arrival_ns": 4}, {"departure_ns": 9}, {"origin": Origin.RANDOM}, {"features": {}},
+    {"row": replace(ROW, index=4)}, {"row": replace(ROW, label="child")},
+    {"row": replace(ROW, class_name="people")}, {"row": replace(ROW, size_m=(1.0, 1.0, 1.0))},
+    {"row": replace(ROW, box_centre_in_artefact_m=(0.0, 0.0, 0.0))},
+    {"row": replace(ROW, features={})}, {"behaviour": "standing"}, {"activity": "talking"},
+    {"history": Still(GroundPose(3.0, 2.0, 0.0, 0.0), (1.2, 0.1, 0.3))},
+    {"history": Still(HISTORY.latest, (0.0, 0.0, 0.0))},
+    {"arrival_ns": 4}, {"departure_ns": 9}, {"origin": Origin.RANDOM},
 )  # fmt: skip
 
 
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: next(iter(change)))
+@pytest.mark.parametrize("is_same", [True, False], ids=["the same", "another"])
 def test_a_change_is_seen(
-    on_the_wire: Callable[[Any], bytes], factory: RosbagsFactory, change: dict[str, Any]
+    on_the_wire: Callable[[Any], bytes],
+    factory: RosbagsFactory,
+    change: dict[str, Any],
+    is_same: bool,
 ) -> None:
-    """Whatever is kept of an artefact, each of its fields is that of its state."""
-    changed, encoder = replace(STATE, **change), ArtefactEncoder()
-    before = encoder.encode("map", 9, [STATE])
-    after = encoder.encode("map", 9, [changed])
+    """Whatever is kept of an artefact, what changes in its life is told; of another one, all."""
+    one, encoder = replace(ARTEFACT), ArtefactEncoder()
+    before = encoder.encode("map", 9, Scene.of([one], 0))
+    changed = replace(one, **change)
+    if is_same and set(change) <= {"behaviour", "activity", "history", "departure_ns"}:
+        for name, value in change.items():
+            setattr(one, name, value)
+        changed = one
+    scene = Scene.of([changed], 0)
+    after = encoder.encode("map", 9, scene)
     assert after != before
-    assert after == on_the_wire(make_artefacts(factory, "map", 9, [changed]))
+    assert after == on_the_wire(make_artefacts(factory, "map", 9, states_of(scene)))
 
 
-def test_states_that_are_kept_are_encoded_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The numbers of a state are packed again only for a new state, and forgotten with it."""
-    packed: list[int] = []
-    pack = artefact_encoding._numbers
+def test_what_stays_is_encoded_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The words of an artefact are encoded again only when they change, and forgotten with it."""
+    encoded: list[int] = []
+    head = artefact_encoding._head
 
-    def counting(state: ArtefactState) -> bytes:
-        packed.append(state.artefact_id)
-        return pack(state)
+    def counting(artefact: Artefact) -> bytes:
+        encoded.append(artefact.id)
+        return head(artefact)
 
-    monkeypatch.setattr(artefact_encoding, "_numbers", counting)
-    one, two = replace(STATE, artefact_id=1), replace(STATE, artefact_id=2)
-    moved, encoder = replace(one, ground_pose=GroundPose(7.0, 2.0, 0.0, 0.5)), ArtefactEncoder()
-    scenes = ((one,), (one, two), (moved, two), (two,), (one, two))
-    read = jazzy_typestore().deserialize_cdr
-    lists = [read(encoder.encode("map", 0, scene), ARRAY).artefacts for scene in scenes]
-    assert [[(a.id, a.ground_pose.position.x) for a in artefacts] for artefacts in lists] == [
-        [(state.artefact_id, state.ground_pose.x_m) for state in scene] for scene in scenes
-    ]
-    assert packed == [1, 2, 1, 1]
+    monkeypatch.setattr(artefact_encoding, "_head", counting)
+    one, two = replace(ARTEFACT, id=1), replace(ARTEFACT, id=2)
+    encoder, read = ArtefactEncoder(), jazzy_typestore().deserialize_cdr
+    for artefacts in ((one,), (one, two), (two,), (one, two)):
+        message = read(encoder.encode("map", 0, Scene.of(artefacts, 0)), ARRAY)
+        assert [a.id for a in message.artefacts] == [artefact.id for artefact in artefacts]
+    assert encoded == [1, 2, 1]
 
 
 def test_rclpy_reads_it(both_readings: Callable[[bytes, str], tuple[Any, Any]]) -> None:
     """Field by field what rosbags reads, of none and of several."""
     for count in range(3):
-        states = [replace(STATE, artefact_id=k, label="x" * k) for k in range(count)]
-        by_rclpy, by_rosbags = both_readings(ArtefactEncoder().encode("map", 9, states), ARRAY)
+        artefacts = [replace(ARTEFACT, id=k, row=replace(ROW, label="x" * k)) for k in range(count)]
+        data = ArtefactEncoder().encode("map", 9, Scene.of(artefacts, 0))
+        by_rclpy, by_rosbags = both_readings(data, ARRAY)
         assert by_rclpy == by_rosbags
         assert [artefact["label"] for artefact in by_rclpy["artefacts"]] == ["", "x"][:count]
 

@@ -29,18 +29,14 @@ ARRAY = "visualization_msgs/msg/MarkerArray"
 NOW_NS = 1_700_000_000_123_456_789
 MESH = MarkerLook(
     "body",
-    7,
     MarkerKind.TRIANGLE_LIST,
-    MarkerAction.ADD,
     points=np.arange(18.0).reshape(6, 3),
     colours=np.linspace(0, 1, 24, dtype=np.float32).reshape(6, 4),
-    lifetime_ns=2_500_000_000,
 )
 TEXTS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=9)
 LOOKS = st.builds(
     MarkerLook,
     TEXTS,
-    st.integers(-(2**31), 2**31 - 1),
     st.sampled_from(MarkerKind),
     st.sampled_from(MarkerAction),
     st.tuples(*[st.floats()] * 3),
@@ -48,40 +44,44 @@ LOOKS = st.builds(
     TEXTS,
     st.integers(0, 3).map(lambda count: np.arange(9.0 * count).reshape(-1, 3)),
     st.integers(0, 3).map(lambda count: np.arange(4 * count, dtype=np.float32).reshape(-1, 4)),
-    st.integers(0, 10**18),
 )
 
 
 def label(text: str, namespace: str = "label") -> MarkerLook:
     """Return a marker with a text."""
     return MarkerLook(
-        namespace, 1, MarkerKind.TEXT_VIEW_FACING, MarkerAction.ADD, (0.1, 0.2, 0.3), text=text
+        namespace, MarkerKind.TEXT_VIEW_FACING, MarkerAction.ADD, (0.1, 0.2, 0.3), text=text
     )
 
 
 def posed(*looks: MarkerLook, seed: int = 0) -> MarkerBatch:
-    """Return looks with poses of their own."""
-    return MarkerBatch(looks, np.random.default_rng(seed).normal(size=(len(looks), 7)))
+    """Return looks with ids and poses of their own."""
+    random = np.random.default_rng(seed)
+    ids = random.integers(0, 2**31, len(looks))
+    return MarkerBatch(looks, ids, random.normal(size=(len(looks), 7)))
 
 
 def make_markers(factory: RosbagsFactory, frame_id: str, stamp_ns: int, batch: MarkerBatch) -> Any:
     """Return the message, object by object."""
     header = make_header(factory, frame_id, stamp_ns)
     markers = [
-        make_marker(factory, header, look, pose)
-        for look, pose in zip(batch.looks, batch.poses.tolist(), strict=True)
+        make_marker(factory, header, look, number, pose)
+        for look, number, pose in zip(
+            batch.looks, batch.ids.tolist(), batch.poses.tolist(), strict=True
+        )
     ]
     return factory.make(ARRAY, markers=markers)
 
 
-def make_marker(factory: RosbagsFactory, header: Any, look: MarkerLook, pose: list[float]) -> Any:
+def make_marker(
+    factory: RosbagsFactory, header: Any, look: MarkerLook, number: int, pose: list[float]
+) -> Any:
     """Return one marker."""
-    seconds, nanoseconds = divmod(look.lifetime_ns, 10**9)
     return factory.make(
         "visualization_msgs/msg/Marker",
         header=header,
         ns=look.namespace,
-        id=look.marker_id,
+        id=number,
         type=int(look.kind),
         action=int(look.action),
         pose=factory.make(
@@ -91,7 +91,7 @@ def make_marker(factory: RosbagsFactory, header: Any, look: MarkerLook, pose: li
         ),
         scale=make_vector(factory, look.scale),
         color=make_colour(factory, look.colour),
-        lifetime=factory.make("builtin_interfaces/msg/Duration", sec=seconds, nanosec=nanoseconds),
+        lifetime=factory.make("builtin_interfaces/msg/Duration", sec=3, nanosec=0),
         points=[make_point(factory, point) for point in look.points.tolist()],
         colors=[make_colour(factory, colour) for colour in look.colours.tolist()],
         text=look.text,

@@ -8,7 +8,6 @@ import pytest
 
 from are_ros.agents.events import (
     ArtefactEvent,
-    ArtefactState,
     EventKind,
     PerceivedArtefact,
     SceneMetrics,
@@ -16,6 +15,7 @@ from are_ros.agents.events import (
 from are_ros.bag.types import jazzy_typestore
 from are_ros.builder.costmap.augmented_map import ChangedRectangle, Grids, GridUpdate
 from are_ros.builder.markers import DELETE_ALL, NO_MARKERS
+from are_ros.builder.scene import Scene
 from are_ros.builder.tick import Demand, Tick
 from are_ros.messages.tick_encoding import (
     OUTPUTS,
@@ -23,7 +23,9 @@ from are_ros.messages.tick_encoding import (
     OutputTopic,
     TickEncoder,
 )
-from are_ros.population.artefact import GroundPose, Origin
+from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.meshes.shapes import Shape
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -31,10 +33,12 @@ MS = 1_000_000
 STILL = (0.0, 0.0, 0.0)
 CERTAIN = (0.0,) * 36
 POSE = RigidTransform.planar(1.0, 2.0, 0.5, z=0.4)
-STATE = ArtefactState(
-    1, 3, "box", "things", POSE, GroundPose(1.0, 2.0, 0.0, 0.5), STILL, (0.5, 0.4, 0.8), STILL,
-    STILL, "standing", 5 * MS, 0, Origin.RANDOM, {"colour": "red"},
-)  # fmt: skip
+ROW = CatalogueRow(
+    3, "box", "things", (0.5, 0.4, 0.8), STILL, Shape.WALL, features={"colour": "red"}
+)
+ARTEFACT = Artefact(
+    1, ROW, Origin.RANDOM, 5 * MS, PoseHistory(5 * MS, GroundPose(1.0, 2.0, 0.0, 0.5))
+)
 SEEN = PerceivedArtefact(
     1, "box", ("things",), (1.0,), POSE, CERTAIN, (0.5, 0.4, 0.8), STILL, STILL, CERTAIN, 9, 10,
     0.9, 2.5, 1.0, (1, 2, 3, 4), 90 * MS,
@@ -50,12 +54,12 @@ IN_ORDER = [
 ]  # fmt: skip
 
 
-def tick(now_ns: int = 100 * MS, *states: ArtefactState, **parts: Any) -> Tick:
+def tick(now_ns: int = 100 * MS, *artefacts: Artefact, **parts: Any) -> Tick:
     """Return a tick of these artefacts, on which nothing else is to be said."""
     values: dict[str, Any] = {
         "stamp_ns": now_ns,
         "frame_id": "earth",
-        "artefacts": states,
+        "scene": Scene.of(artefacts, now_ns),
         "observer": "robot",
         "perceived": (),
         "events": (),
@@ -72,7 +76,7 @@ def full_tick(now_ns: int = 100 * MS) -> Tick:
     """Return a tick with something on every output."""
     grids = Grids(GRID, UPDATE, GRID, UPDATE, GRID)
     return tick(
-        now_ns, STATE, perceived=(SEEN,), events=(EVENT, EVENT), markers=DELETE_ALL, grids=grids
+        now_ns, ARTEFACT, perceived=(SEEN,), events=(EVENT, EVENT), markers=DELETE_ALL, grids=grids
     )
 
 

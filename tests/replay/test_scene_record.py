@@ -9,8 +9,8 @@ import pytest
 from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.markers import NO_MARKERS
-from are_ros.builder.observation import Sighting
-from are_ros.builder.states import perceived_artefact
+from are_ros.builder.observation import Observation, Sighting, perceived_artefacts
+from are_ros.builder.scene import Scene
 from are_ros.builder.tick import Tick
 from are_ros.draw.scene import SceneRecord
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
@@ -21,7 +21,6 @@ from are_ros.world.cameras import Camera, PinholeView
 from are_ros.world.footprint import Footprint
 from are_ros.world.rigid_transform import RigidTransform
 from tests.agents.histories import GivenPoses
-from tests.builder.truth import artefact_state
 
 PERSON = CatalogueRow(0, "tall", "person", (0.4, 0.6, 1.8), (0.1, 0.0, 0.0), Shape.WALL)
 CAR = CatalogueRow(1, "small", "car", (4.0, 1.7, 1.5), (0.0, 0.0, 0.0), Shape.WALL)
@@ -46,16 +45,16 @@ def _tick(
     events: Sequence[ArtefactEvent] = (),
     base: RigidTransform | None = None,
 ) -> Tick:
-    states = tuple(artefact_state(artefact, stamp_ns) for artefact in artefacts)
-    perceived = [perceived_artefact(s, SEEN, stamp_ns) for s in states if s.artefact_id in seen]
-    clutter = 0.25 * len(states)
-    metrics = SceneMetrics(len(states), len(seen), 2, 0, 0, 0, 0, 10.0, clutter, math.nan)
+    scene = Scene.of(artefacts, stamp_ns)
+    observation = Observation(base, base, dict.fromkeys(seen, SEEN), stamp_ns)
+    clutter = 0.25 * len(scene)
+    metrics = SceneMetrics(len(scene), len(seen), 2, 0, 0, 0, 0, 10.0, clutter, math.nan)
     return Tick(
         stamp_ns=stamp_ns,
         frame_id="map",
-        artefacts=states,
+        scene=scene,
         observer="robot",
-        perceived=tuple(perceived),
+        perceived=perceived_artefacts(scene, observation),
         events=tuple(events),
         metrics=metrics,
         markers=NO_MARKERS,

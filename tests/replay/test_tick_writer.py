@@ -5,17 +5,20 @@ from typing import Any
 
 import numpy as np
 
-from are_ros.agents.events import ArtefactEvent, ArtefactState, EventKind, SceneMetrics
+from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.bag.reader import BagReader
 from are_ros.bag.recording import PREFIX
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.markers import NO_MARKERS
+from are_ros.builder.scene import Scene
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.builder.sensors.sensor_path import ReleasedReading
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
 from are_ros.messages.tick_encoding import OUTPUTS
-from are_ros.population.artefact import GroundPose, Origin
+from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.meshes.shapes import Shape
 from are_ros.replay.listeners import TickWriter
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
@@ -24,34 +27,23 @@ MS = 1_000_000
 METRICS = SceneMetrics(1, 0, 2, 1, 0, 0, 0, 12.5, 0.25, float("nan"))
 
 
-def state(artefact_id: int, x_m: float = 1.0) -> ArtefactState:
+ROW = CatalogueRow(
+    3, "box", "things", (0.5, 0.4, 0.8), (0.0, 0.0, 0.0), Shape.WALL, features={"colour": "red"}
+)
+
+
+def standing(artefact_id: int, x_m: float = 1.0) -> Artefact:
     """Return a standing artefact."""
-    still = (0.0, 0.0, 0.0)
-    return ArtefactState(
-        artefact_id=artefact_id,
-        row=3,
-        label="box",
-        class_name="things",
-        map_from_artefact=RigidTransform.planar(x_m, 2.0, 0.5, z=0.4),
-        ground_pose=GroundPose(x_m, 2.0, 0.0, 0.5),
-        box_centre_m=still,
-        size_m=(0.5, 0.4, 0.8),
-        linear_velocity_m_s=still,
-        angular_velocity_rad_s=still,
-        behaviour="standing",
-        arrival_ns=5 * MS,
-        departure_ns=0,
-        origin=Origin.RANDOM,
-        features={"colour": "red"},
-    )
+    history = PoseHistory(5 * MS, GroundPose(x_m, 2.0, 0.0, 0.5))
+    return Artefact(artefact_id, ROW, Origin.RANDOM, 5 * MS, history)
 
 
-def tick(now_ns: int, *states: ArtefactState, **parts: Any) -> Tick:
+def tick(now_ns: int, *artefacts: Artefact, **parts: Any) -> Tick:
     """Return a tick of these artefacts, nothing perceived."""
     values: dict[str, Any] = {
         "stamp_ns": now_ns,
         "frame_id": "earth",
-        "artefacts": states,
+        "scene": Scene.of(artefacts, now_ns),
         "observer": "robot",
         "perceived": (),
         "events": (),
@@ -77,7 +69,7 @@ def written(path: Path, *ticks: Tick, demand: Demand = EVERYTHING) -> list[tuple
 def test_a_tick_becomes_messages_of_its_time(tmp_path: Path) -> None:
     """List, sightings, metrics and each event are written at the tick's time, in its frame."""
     event = ArtefactEvent(90 * MS, EventKind.ARRIVED, 1, "box", "", 0.0)
-    found = written(tmp_path / "a.mcap", tick(100 * MS, state(1), events=(event, event)))
+    found = written(tmp_path / "a.mcap", tick(100 * MS, standing(1), events=(event, event)))
     names = [topic.removeprefix(PREFIX) for topic, _, _ in found]
     assert names == ["events", "events", "artefacts", "perceived", "metrics"]
     assert {at for _, at, _ in found} == {100 * MS}

@@ -9,8 +9,12 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.builder.costmap.inflation import InflatedCostmap
-from are_ros.builder.costmap.patches import PatchLedger, rectangles
-from are_ros.builder.costmap.registration import CellPatch
+from are_ros.builder.costmap.registration import (
+    CellPatch,
+    PatchChanges,
+    patch_changes,
+    rectangles,
+)
 from are_ros.conventions import NS_PER_S, OCCUPIED
 from are_ros.errors import InputError, ParameterError
 from are_ros.world.environment import Environment
@@ -48,46 +52,55 @@ class ChangedRectangle:
 
 
 class AugmentedMap:
-    """The real map with artefacts in it: byte-equal to it outside their cells, 100 inside.
+    """A real map with artefacts in it: byte-equal to it outside their cells, 100 inside.
 
-    Nothing is inflated, for Nav2 reads 1..99 as free. Before the first map it has no cells.
+    Nothing is inflated, for Nav2 reads 1..99 as free. InputError if the real cells are no grid
+    (h, w) of int8; they are copied.
     """
 
-    def __init__(self) -> None:
-        self.set_map(np.zeros((0, 0), np.int8))
+    def __init__(self, real: Cells) -> None:
+        if real.ndim != 2 or real.dtype != np.int8:
+            raise InputError(f"map: cells of shape {real.shape} and type {real.dtype}, not a grid")
+        self._shape = (real.shape[0], real.shape[1])
+        self._real, self._next, self._cells = real.copy(), real.copy(), real.copy()
+        self._changed: ChangedRectangle | None = ChangedRectangle(0, 0, *self._shape)
+        self._is_first = True
 
-    def set_map(self, cells: Cells) -> None:
-        """Take a new real map, int8 (h, w), copied; the artefacts are gone until the next update.
+    def update(self, changes: PatchChanges) -> None:
+        """Take how the artefacts' cells changed.
 
-        InputError if it is not a grid of int8; the old map stays then.
+        Patches may overlap each other and occupied or unknown cells; they lie within the grid.
         """
-        if cells.ndim != 2 or cells.dtype != np.int8:
-            raise InputError(
-                f"map: cells of shape {cells.shape} and type {cells.dtype}, not a grid"
-            )
-        self._real = cells.copy()
-        self._next, self._cells = cells.copy(), cells.copy()
-        self._ledger = PatchLedger()
-        self._is_new = True
-
-    def update(self, patches: Mapping[int, CellPatch]) -> ChangedRectangle | None:
-        """Take the artefacts' cells of now, by id; return the smallest rectangle that changed.
-
-        None if no byte did; the whole grid at the first update after a map. Patches may overlap
-        each other and occupied or unknown cells; they lie within the grid.
-        """
-        changes = self._ledger.exchange(patches)
-        shape = (self._cells.shape[0], self._cells.shape[1])
         for each in changes.vacated:
-            np.copyto(each.of(self._next), each.of(self._real), where=each.mask)
-        for each in changes.to_stamp(0, shape):
-            np.copyto(each.of(self._next), np.int8(OCCUPIED), where=each.mask)
-        places = rectangles((*changes.vacated, *changes.arrived), 0, shape)
+            np.copyto(each.part_of(self._next), each.part_of(self._real), where=each.mask)
+        for each in changes.to_stamp(0, self._shape):
+            np.copyto(each.part_of(self._next), np.int8(OCCUPIED), where=each.mask)
+        places = rectangles((*changes.vacated, *changes.arrived), 0, self._shape)
         changed = ChangedRectangle(*_settle(self._next, self._cells, places))
-        was_new, self._is_new = self._is_new, False
-        if was_new:
-            return ChangedRectangle(0, 0, *shape)
-        return changed if changed.height > 0 else None
+        if changed.height > 0:
+            self._changed = changed.united(self._changed)
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether a byte changed since the last `take`; true before the first."""
+        return self._changed is not None
+
+    def take(
+        self, now_ns: int, real: OccupancyGrid
+    ) -> tuple[OccupancyGrid | None, "GridUpdate | None"]:
+        """Return a copy of the map, and the smallest rectangle that changed since the last call.
+
+        None for both if no byte did. The first call gives the map without a rectangle. `real` has
+        the geometry.
+        """
+        where, is_first = self._changed, self._is_first
+        self._changed, self._is_first = None, False
+        if where is None:
+            return None, None
+        grid = _like(real, now_ns, self._cells.copy())
+        if is_first:
+            return grid, None
+        return grid, GridUpdate(real.frame_id, now_ns, where, where.of(grid.cells).copy())
 
     @property
     def cells(self) -> Cells:
@@ -173,22 +186,33 @@ class Grids:
 class GridAugmentation:
     """Keeps the grids in step with the environment and with the artefacts that the gate admits.
 
-    The rate is limited for artefacts that move. Who appears in the grids, or goes from them, does
-    so at the very tick: a navigation stack has to stop for it.
+    The rate is limited for artefacts that move. An artefact that appears in the grids, or goes from
+    them, does so at that very tick: a navigation stack has to stop for it.
     """
 
     def __init__(self, costmap: InflatedCostmap, max_rate_hz: float) -> None:
-        self._map, self._artefacts = _LimitedMap(), _LimitedMap()
         self._costmap = costmap
         self._map_limit = RateLimit(max_rate_hz)
         self._costmap_limit = RateLimit(max_rate_hz)
         self._environment: Environment | None = None
+        self._patches: Mapping[int, CellPatch] = {}
         self._shown: frozenset[int] = frozenset()
 
     def limit_rate(self, max_rate_hz: float) -> None:
         """Let the moves of artefacts out at most so often from now on."""
         for limit in (self._map_limit, self._costmap_limit):
             limit.set_rate(max_rate_hz)
+
+    def prepare(self, environment: Environment) -> None:
+        """Take the real map and inflate it, if it is another one than before."""
+        if self._environment is environment:
+            return
+        classes, grid = environment.classes, environment.grid
+        unknown = ~(classes.occupied | classes.free)
+        self._map = AugmentedMap(grid.cells)
+        self._artefacts = AugmentedMap(np.zeros_like(grid.cells))
+        self._costmap.set_map(classes.occupied, unknown, grid.resolution_m)
+        self._environment, self._patches = environment, {}
 
     def update(
         self, now_ns: int, environment: Environment, patches: Mapping[int, CellPatch]
@@ -198,15 +222,13 @@ class GridAugmentation:
         Both maps go out by one limit, so that at each tick what was published last of them shows
         the same artefacts.
         """
-        self.prepare(environment)
         ids = frozenset(patches)
         at_once, self._shown = ids != self._shown, ids
-        grid, changed = environment.grid, False
-        for layer in (self._map, self._artefacts):
-            changed |= layer.update(patches)
-        costmap_changed = self._costmap.update(patches)
+        costmap_changed = self._place(environment, patches)
+        map_changed = self._map.is_changed or self._artefacts.is_changed
+        grid = environment.grid
         augmented_map = update = artefact_map = artefact_update = costmap = None
-        if self._map_limit.allows(now_ns, changed, at_once):
+        if self._map_limit.allows(now_ns, map_changed, at_once):
             augmented_map, update = self._map.take(now_ns, grid)
             artefact_map, artefact_update = self._artefacts.take(now_ns, grid)
         if self._costmap_limit.allows(now_ns, costmap_changed, at_once):
@@ -215,69 +237,28 @@ class GridAugmentation:
 
     def bare(self, now_ns: int, environment: Environment) -> Grids:
         """Return all grids without artefacts, whatever went out before and when."""
-        self.prepare(environment)
-        self._costmap.update({})
-        self._shown = frozenset()
-        grid, costs = environment.grid, self._costmap.published().copy()
+        self._place(environment, {})
+        self._shown, grid = frozenset(), environment.grid
+        for layer in (self._map, self._artefacts):
+            layer.take(now_ns, grid)
         return Grids(
-            augmented_map=self._map.bare(now_ns, grid),
-            artefact_map=self._artefacts.bare(now_ns, grid),
-            costmap=_like(grid, now_ns, costs),
+            augmented_map=_like(grid, now_ns, grid.cells.copy()),
+            artefact_map=_like(grid, now_ns, np.zeros_like(grid.cells)),
+            costmap=_like(grid, now_ns, self._costmap.published().copy()),
         )
 
-    def prepare(self, environment: Environment) -> None:
-        """Inflate the real map, if it is another one than before."""
-        if self._environment is environment:
-            return
-        classes, grid = environment.classes, environment.grid
-        unknown = ~(classes.occupied | classes.free)
-        self._map.set_map(grid.cells)
-        self._artefacts.set_map(without_artefacts(grid).cells)
-        self._costmap.set_map(classes.occupied, unknown, grid.resolution_m)
-        self._environment = environment
+    def _place(self, environment: Environment, patches: Mapping[int, CellPatch]) -> bool:
+        """Take the artefacts' cells into all layers; return whether the costmap changed."""
+        self.prepare(environment)
+        changes, self._patches = patch_changes(self._patches, patches), {**patches}
+        self._map.update(changes)
+        self._artefacts.update(changes)
+        return self._costmap.update(changes)
 
 
 def without_artefacts(real: OccupancyGrid) -> OccupancyGrid:
     """Return the artefact map that shows none: 0 everywhere, also where the real map is unknown."""
     return _like(real, real.stamp_ns, np.zeros_like(real.cells))
-
-
-class _LimitedMap:
-    """A map with artefacts in it, and what of it changed since it last went out."""
-
-    def __init__(self) -> None:
-        self._map = AugmentedMap()
-        self._changed: ChangedRectangle | None = None
-        self._is_first = True
-
-    def set_map(self, cells: "np.ndarray[tuple[int, ...], np.dtype[np.int8]]") -> None:
-        """Take other cells without artefacts."""
-        self._map.set_map(cells)
-        self._changed, self._is_first = None, True
-
-    def update(self, patches: Mapping[int, CellPatch]) -> bool:
-        """Take the artefacts' cells of now, by id; return whether some cell changed."""
-        changed = self._map.update(patches)
-        self._changed = changed.united(self._changed) if changed else self._changed
-        return changed is not None
-
-    def take(
-        self, now_ns: int, real: OccupancyGrid
-    ) -> tuple[OccupancyGrid | None, GridUpdate | None]:
-        """Return the map that goes out, and the part of it that changed, if there is one."""
-        where, is_first = self._changed, self._is_first
-        if where is None:
-            return None, None
-        self._changed, self._is_first = None, False
-        cells = self._map.cells
-        update = GridUpdate(real.frame_id, now_ns, where, where.of(cells).copy())
-        return _like(real, now_ns, cells.copy()), None if is_first else update
-
-    def bare(self, now_ns: int, real: OccupancyGrid) -> OccupancyGrid:
-        """Return the map without artefacts."""
-        self._map.update({})
-        self._changed, self._is_first = None, True
-        return _like(real, now_ns, self._map.cells.copy())
 
 
 def _like(grid: OccupancyGrid, stamp_ns: int, cells: np.ndarray) -> OccupancyGrid:

@@ -1,15 +1,14 @@
 """The augmented costmap (section 3.3): Nav2's inflation, on exact distances between cells."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.builder.costmap.patches import MaskKey, PatchLedger, PlacedPatch, rectangles
-from are_ros.builder.costmap.registration import CellPatch
+from are_ros.builder.costmap.registration import CellPatch, MaskKey, PatchChanges, rectangles
 from are_ros.conventions import OCCUPIED, UNKNOWN
 from are_ros.errors import InputError, ParameterError
 
@@ -216,7 +215,7 @@ class InflatedCostmap:
         self._static[unknown & (self._static < INSCRIBED)] = NO_INFORMATION
         self._costs = self._static.copy()
         self._published = self._scaled[self._costs]
-        self._ledger, self._inflated = PatchLedger(), dict[MaskKey, Costs]()
+        self._inflated: dict[MaskKey, Costs] = {}
         self._is_new = True
 
     def _table(self, resolution_m: float, widest_cells: int) -> tuple[int, Costs]:
@@ -229,14 +228,13 @@ class InflatedCostmap:
         costs = inflation_costs(distances_m, self._cost_scaling_factor, self._inscribed_radius_m)
         return radius_cells, np.where(is_within, costs, np.uint8(0))
 
-    def update(self, patches: Mapping[int, CellPatch]) -> bool:
-        """Take the artefacts' cells of now, by id; return whether a published byte changed.
+    def update(self, changes: PatchChanges) -> bool:
+        """Take how the artefacts' cells changed; return whether a published byte did.
 
         Patches may overlap each other, walls and unknown cells. The first update after a map
-        returns True. An artefact that stands still costs one comparison.
+        returns True.
         """
-        changes, margin = self._ledger.exchange(patches), self._radius_cells
-        shape = (self._costs.shape[0], self._costs.shape[1])
+        margin, shape = self._radius_cells, (self._costs.shape[0], self._costs.shape[1])
         vacated = rectangles(changes.vacated, margin, shape)
         entered = rectangles(changes.arrived, margin, shape)
         self._inflate_masks((*changes.arrived, *changes.standing))
@@ -247,7 +245,7 @@ class InflatedCostmap:
         was_new, self._is_new = self._is_new, False
         return changed or was_new
 
-    def _inflate_masks(self, placed: Iterable[PlacedPatch]) -> None:
+    def _inflate_masks(self, placed: Iterable[CellPatch]) -> None:
         """Inflate each mask that was not there before; keep only those that are in use."""
         before, self._inflated = self._inflated, {}
         for each in placed:
@@ -257,7 +255,7 @@ class InflatedCostmap:
                 costs = inflated(each.mask, self._cost_of_d2, margin, margin)
             self._inflated[each.key] = before[each.key] = costs
 
-    def _stamp(self, placed: Iterable[PlacedPatch]) -> None:
+    def _stamp(self, placed: Iterable[CellPatch]) -> None:
         margin = self._radius_cells
         for each in placed:
             patch = self._inflated[each.key]

@@ -35,7 +35,7 @@ class Visibility:
 
 
 class ZBuffer:
-    """A view model with a range, made ready to tell which artefacts it sees.
+    """Tells which artefacts a view model sees within a range.
 
     Distances are Euclidean along the ray, in [0, max_range_m]. Z_a is the first hit on a's bounding
     box, Z_S the first hit on the environment and on the shapes of the other artefacts; a is visible

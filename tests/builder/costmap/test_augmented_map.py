@@ -7,14 +7,40 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from are_ros.builder.costmap.augmented_map import AugmentedMap, ChangedRectangle, RateLimit
-from are_ros.builder.costmap.registration import CellPatch
+from are_ros.builder.costmap.registration import CellPatch, patch_changes
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError, ParameterError
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.rigid_transform import RigidTransform
 
 Cells = npt.NDArray[np.int8]
 
 SHAPE = (9, 12)
 MS = 1_000_000
+
+
+class FollowingMap(AugmentedMap):
+    """A map that finds out itself how the patches changed."""
+
+    def __init__(self, real: Cells) -> None:
+        super().__init__(real)
+        self._patches: dict[int, CellPatch] = {}
+        self._grid = OccupancyGrid(real, 1.0, RigidTransform.identity(), "map")
+
+    def follow(self, patches: dict[int, CellPatch]) -> ChangedRectangle | None:
+        """Take the patches of now; return what of the map goes out, all of it at first."""
+        self.update(patch_changes(self._patches, patches))
+        self._patches = patches
+        is_changed = self.is_changed
+        grid, update = self.take(7, self._grid)
+        assert is_changed == (grid is not None)
+        if grid is None:
+            return None
+        assert np.array_equal(grid.cells, self.cells)
+        if update is None:
+            return ChangedRectangle(0, 0, *self.cells.shape)
+        assert np.array_equal(update.cells, update.rectangle.of(self.cells))
+        return update.rectangle
 
 
 def composed(real: Cells, patches: dict[int, CellPatch]) -> Cells:
@@ -42,7 +68,7 @@ def patches_on(draw: st.DrawFn, shape: tuple[int, int]) -> CellPatch:
     rows = draw(st.integers(1, min(5, shape[0] - row0)))
     cols = draw(st.integers(1, min(5, shape[1] - col0)))
     cells = draw(st.lists(st.booleans(), min_size=rows * cols, max_size=rows * cols))
-    return CellPatch(row0, col0, np.array(cells).reshape(rows, cols))
+    return CellPatch.of(row0, col0, np.array(cells).reshape(rows, cols))
 
 
 SCENES = st.lists(
@@ -57,12 +83,11 @@ def test_bytes_are_the_real_ones_outside_and_100_inside(
 ) -> None:
     """Any moves, over any bytes; the rectangle is the smallest, and enough to follow."""
     real = np.random.default_rng(seed).integers(-128, 128, SHAPE).astype(np.int8)
-    augmented = AugmentedMap()
-    augmented.set_map(real)
+    augmented = FollowingMap(real)
     follower = real.copy()
     for number, patches in enumerate(scenes):
         before = augmented.cells.copy()
-        changed = augmented.update(patches)
+        changed = augmented.follow(patches)
         after = composed(real, patches)
         assert np.array_equal(augmented.cells, after)
         if number == 0:
@@ -77,54 +102,45 @@ def test_bytes_are_the_real_ones_outside_and_100_inside(
 def test_overlapping_artefacts_part_without_a_trace() -> None:
     """When one of two that overlap leaves, the other keeps the shared cells."""
     real = np.full(SHAPE, -1, np.int8)
-    augmented = AugmentedMap()
-    augmented.set_map(real)
-    one = CellPatch(2, 2, np.ones((3, 3), np.bool_))
-    other = CellPatch(3, 3, np.ones((3, 3), np.bool_))
-    augmented.update({1: one, 2: other})
-    assert augmented.update({2: other}) == ChangedRectangle(2, 2, 3, 3)
+    augmented = FollowingMap(real)
+    one = CellPatch.of(2, 2, np.ones((3, 3), np.bool_))
+    other = CellPatch.of(3, 3, np.ones((3, 3), np.bool_))
+    augmented.follow({1: one, 2: other})
+    assert augmented.follow({2: other}) == ChangedRectangle(2, 2, 3, 3)
     assert np.array_equal(augmented.cells, composed(real, {2: other}))
-    assert augmented.update({}) == ChangedRectangle(3, 3, 3, 3)
+    assert augmented.follow({}) == ChangedRectangle(3, 3, 3, 3)
     assert np.array_equal(augmented.cells, real)
 
 
 def test_move_onto_what_is_occupied_already_is_no_change() -> None:
     """A byte that was 100 and stays 100 did not change."""
-    augmented = AugmentedMap()
-    augmented.set_map(np.full(SHAPE, 100, np.int8))
-    augmented.update({})
-    assert augmented.update({1: CellPatch(1, 1, np.ones((2, 2), np.bool_))}) is None
+    augmented = FollowingMap(np.full(SHAPE, 100, np.int8))
+    augmented.follow({})
+    assert augmented.follow({1: CellPatch.of(1, 1, np.ones((2, 2), np.bool_))}) is None
 
 
-def test_map_is_relayed_before_any_update_and_after_a_new_map() -> None:
-    """The cells are the real map's as soon as it is set; old artefacts do not outlive it."""
-    augmented = AugmentedMap()
-    assert augmented.cells.shape == (0, 0)
-    augmented.set_map(np.zeros(SHAPE, np.int8))
-    augmented.update({1: CellPatch(1, 1, np.ones((2, 2), np.bool_))})
-    smaller = np.full((2, 3), 7, np.int8)
-    augmented.set_map(smaller)
-    assert np.array_equal(augmented.cells, smaller)
-    assert augmented.update({}) == ChangedRectangle(0, 0, 2, 3)
+def test_map_is_relayed_before_any_update() -> None:
+    """The cells are the real map's at once, and all of it goes out first."""
+    augmented = FollowingMap(np.full((2, 3), 7, np.int8))
+    assert np.array_equal(augmented.cells, np.full((2, 3), 7))
+    assert augmented.follow({}) == ChangedRectangle(0, 0, 2, 3)
+    assert augmented.follow({}) is None
 
 
 def test_cells_and_the_map_given_are_independent() -> None:
     """The view is read-only, and a caller's later writes do not reach the map."""
     given_map = np.zeros(SHAPE, np.int8)
-    augmented = AugmentedMap()
-    augmented.set_map(given_map)
+    augmented = FollowingMap(given_map)
     given_map[:] = 3
     assert not augmented.cells.any()
     assert not augmented.cells.flags.writeable
 
 
-def test_cells_that_are_no_grid_are_refused() -> None:
-    """Another type or number of dimensions is an error, and the old map stays."""
-    augmented = AugmentedMap()
-    augmented.set_map(np.zeros(SHAPE, np.int8))
+@pytest.mark.parametrize("cells", [np.zeros(4, np.int8), np.zeros((2, 2), np.int16)])
+def test_cells_that_are_no_grid_are_refused(cells: npt.NDArray[np.integer]) -> None:
+    """Another type or number of dimensions is an error."""
     with pytest.raises(InputError, match="not a grid"):
-        augmented.set_map(np.zeros(4, np.int8))
-    assert augmented.cells.shape == SHAPE
+        AugmentedMap(cells)  # type: ignore[arg-type]
 
 
 def test_union_of_rectangles_holds_both() -> None:

@@ -19,7 +19,7 @@ from are_ros.builder.costmap.inflation import (
     published_by_cost,
     table_size,
 )
-from are_ros.builder.costmap.registration import CellPatch
+from are_ros.builder.costmap.registration import CellPatch, patch_changes
 from are_ros.errors import InputError, ParameterError
 
 Mask = npt.NDArray[np.bool_]
@@ -27,6 +27,20 @@ Patches = Mapping[int, CellPatch]
 
 INFLATION_M, SCALING, INSCRIBED_M = 0.55, 10.0, 0.22
 SHAPE = (23, 31)
+
+
+class FollowingCostmap(InflatedCostmap):
+    """A costmap that finds out itself how the patches changed."""
+
+    def set_map(self, occupied: Mask, unknown: Mask, resolution_m: float) -> None:
+        """Take a map without artefacts."""
+        super().set_map(occupied, unknown, resolution_m)
+        self._patches: Patches = {}
+
+    def take(self, patches: Patches) -> bool:
+        """Take the patches of now; return whether a published byte changed."""
+        changes, self._patches = patch_changes(self._patches, patches), dict(patches)
+        return self.update(changes)
 
 
 def nav2_cost(d2_cells: int, resolution_m: float, inflation_m: float) -> int:
@@ -82,9 +96,9 @@ def a_map(shape: tuple[int, int], seed: int, wall_share: float = 0.01) -> tuple[
 
 def a_costmap(
     occupied: Mask, unknown: Mask, resolution_m: float = 0.05, inflation_m: float = INFLATION_M
-) -> InflatedCostmap:
+) -> FollowingCostmap:
     """Return a costmap of this map, without artefacts."""
-    costmap = InflatedCostmap(inflation_m, SCALING, INSCRIBED_M)
+    costmap = FollowingCostmap(inflation_m, SCALING, INSCRIBED_M)
     costmap.set_map(occupied, unknown, resolution_m)
     return costmap
 
@@ -102,7 +116,7 @@ def patches_on(draw: st.DrawFn, shape: tuple[int, int]) -> CellPatch:
     cols = draw(st.integers(1, min(6, shape[1] - col0)))
     bits = draw(st.integers(0, 2 ** (rows * cols) - 1))
     cells = [bool(bits >> i & 1) for i in range(rows * cols)]
-    return CellPatch(row0, col0, np.array(cells).reshape(rows, cols))
+    return CellPatch.of(row0, col0, np.array(cells).reshape(rows, cols))
 
 
 SCENES = st.lists(
@@ -167,7 +181,7 @@ def test_every_scene_of_a_sequence_equals_the_full_transform(
     static = costmap.costs.copy()
     before = costmap.published().copy()
     for number, patches in enumerate(scenes):
-        changed = costmap.update(patches)
+        changed = costmap.take(patches)
         costs = expected_costs(occupied, unknown, patches)
         assert np.array_equal(costmap.costs, costs)
         assert np.array_equal(costmap.published(), expected_published(costs))
@@ -187,9 +201,9 @@ def test_crowd_that_walks_for_a_while_stays_exact() -> None:
         for artefact_id in generator.integers(0, 40, 15):
             row0, col0 = generator.integers(0, (228, 288))
             mask = generator.random((12, 12)) < 0.8
-            patches[int(artefact_id)] = CellPatch(int(row0), int(col0), mask)
+            patches[int(artefact_id)] = CellPatch.of(int(row0), int(col0), mask)
         patches.pop(int(generator.integers(0, 40)), None)
-        costmap.update(patches)
+        costmap.take(patches)
         assert np.array_equal(costmap.costs, expected_costs(occupied, unknown, patches))
 
 
@@ -199,9 +213,9 @@ def test_car_on_a_centimetre_grid_is_exact() -> None:
     occupied[:, 300] = True
     rows, cols = np.mgrid[:320, :480]
     mask = (np.abs((cols - 240) - (rows - 160)) < 150) & (np.abs(cols - 240 + rows - 160) < 90)
-    patches = {1: CellPatch(60, 80, mask)}
+    patches = {1: CellPatch.of(60, 80, mask)}
     costmap = a_costmap(occupied, unknown, 0.01, 0.70)
-    costmap.update(patches)
+    costmap.take(patches)
     assert np.array_equal(costmap.costs, expected_costs(occupied, unknown, patches, 0.01, 0.70))
 
 
@@ -209,9 +223,9 @@ def test_departed_artefact_leaves_nothing_behind() -> None:
     """After the last departure the costmap is that of the real map."""
     costmap = a_costmap(*a_map(SHAPE, 5))
     static, published = costmap.costs.copy(), costmap.published().copy()
-    costmap.update({1: CellPatch(3, 3, np.ones((4, 4), np.bool_))})
+    costmap.take({1: CellPatch.of(3, 3, np.ones((4, 4), np.bool_))})
     assert costmap.costs[4, 4] == 254
-    assert costmap.update({})
+    assert costmap.take({})
     assert np.array_equal(costmap.costs, static)
     assert np.array_equal(costmap.published(), published)
 
@@ -229,12 +243,12 @@ def test_standing_artefact_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> Non
 
     monkeypatch.setattr(costmap_module, "inflated", counting)
     for col0 in (2, 2, 8):
-        square = CellPatch(4, 4, np.ones((2, 2), np.bool_))
-        walker = CellPatch(9, col0, np.ones((2, 2), np.bool_))
-        costmap.update({1: square, 2: walker})
+        square = CellPatch.of(4, 4, np.ones((2, 2), np.bool_))
+        walker = CellPatch.of(9, col0, np.ones((2, 2), np.bool_))
+        costmap.take({1: square, 2: walker})
     assert calls == [(2, 2)]
-    costmap.update({})
-    costmap.update({1: CellPatch(4, 4, np.ones((2, 2), np.bool_))})
+    costmap.take({})
+    costmap.take({1: CellPatch.of(4, 4, np.ones((2, 2), np.bool_))})
     assert calls == [(2, 2), (2, 2)], "masks out of use are not kept"
 
 
@@ -243,7 +257,7 @@ def test_unknown_cells_take_inscribed_costs_only() -> None:
     occupied, unknown = open_floor()
     unknown[:] = True
     costmap = a_costmap(occupied, unknown)
-    costmap.update({1: CellPatch(10, 10, np.ones((1, 1), np.bool_))})
+    costmap.take({1: CellPatch.of(10, 10, np.ones((1, 1), np.bool_))})
     assert costmap.costs[10, 10:16].tolist() == [254, 253, 253, 253, 253, 255]
     assert costmap.published()[10, 10:16].tolist() == [100, 99, 99, 99, 99, -1]
 
@@ -253,10 +267,10 @@ def test_change_that_walls_hide_is_none() -> None:
     occupied, unknown = open_floor()
     occupied[5:9, 5:9] = True
     costmap = a_costmap(occupied, unknown)
-    inside = {1: CellPatch(6, 6, np.ones((2, 2), np.bool_))}
-    assert costmap.update({})
-    assert not costmap.update(inside)
-    assert not costmap.update(inside)
+    inside = {1: CellPatch.of(6, 6, np.ones((2, 2), np.bool_))}
+    assert costmap.take({})
+    assert not costmap.take(inside)
+    assert not costmap.take(inside)
 
 
 @pytest.mark.parametrize(
@@ -269,7 +283,7 @@ def test_radius_reaches_the_cells_it_is_a_multiple_of(
     """Rounding of 14 * 0.05 does not lose the outermost ring; a part of a cell does not count."""
     occupied, unknown = open_floor((1, 50))
     occupied[0, 0] = True
-    costmap = InflatedCostmap(inflation_m, 0.0, 0.0)
+    costmap = FollowingCostmap(inflation_m, 0.0, 0.0)
     costmap.set_map(occupied, unknown, resolution_m)
     assert costmap.costs[0].tolist() == [254] + [252] * cells + [0] * (49 - cells)
 
@@ -279,9 +293,9 @@ def test_extreme_radii(inflation_m: float) -> None:
     """No inflation leaves the obstacles; one wider than the map reaches all of it."""
     occupied, unknown = open_floor((6, 7))
     occupied[0, 0] = True
-    costmap = InflatedCostmap(inflation_m, 0.0, 0.0)
+    costmap = FollowingCostmap(inflation_m, 0.0, 0.0)
     costmap.set_map(occupied, unknown, 0.05)
-    costmap.update({1: CellPatch(5, 6, np.ones((1, 1), np.bool_))})
+    costmap.take({1: CellPatch.of(5, 6, np.ones((1, 1), np.bool_))})
     free = costmap.costs[costmap.costs < 254]
     assert (costmap.costs == 254).sum() == 2
     assert (free == (0 if inflation_m == 0.0 else 252)).all()
@@ -290,12 +304,12 @@ def test_extreme_radii(inflation_m: float) -> None:
 def test_new_map_forgets_the_artefacts_of_the_old() -> None:
     """A map of another size starts afresh, and reports a change once."""
     costmap = a_costmap(*open_floor())
-    patches = {1: CellPatch(20, 28, np.ones((3, 3), np.bool_))}
-    costmap.update(patches)
+    patches = {1: CellPatch.of(20, 28, np.ones((3, 3), np.bool_))}
+    costmap.take(patches)
     costmap.set_map(*open_floor((8, 9)), 0.1)
     assert not costmap.costs.any()
-    assert costmap.update({})
-    assert not costmap.update({})
+    assert costmap.take({})
+    assert not costmap.take({})
 
 
 def test_refusals_name_what_is_wrong() -> None:

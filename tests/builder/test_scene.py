@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.agents.events import ArtefactState
 from are_ros.agents.trajectory_buffer import TrajectoryBuffer
-from are_ros.builder.observation import Sighting
+from are_ros.builder.observation import Sighting, perceived_artefact
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.scene import Scene
-from are_ros.builder.states import StateKeeper, perceived_artefact
 from are_ros.conventions import NS_PER_S
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.population.catalogue import CatalogueRow
@@ -33,11 +31,6 @@ def row(make_scene: Callable[..., Any]) -> CatalogueRow:
 def an_artefact(row: CatalogueRow, departure_ns: int | None = 900) -> Artefact:
     """Return an artefact that stands since 0."""
     return Artefact(7, row, Origin.SCRIPTED, 100, PoseHistory(100, HERE), departure_ns)
-
-
-def states(keeper: StateKeeper, now_ns: int, *artefacts: Artefact) -> list[ArtefactState]:
-    """Return what a keeper gives of some."""
-    return keeper.states(Scene.of(artefacts, now_ns))
 
 
 def test_the_ground_truth_of_one_that_stands(row: CatalogueRow) -> None:
@@ -76,21 +69,37 @@ def test_the_twist_of_one_that_moves_is_in_its_own_frame(row: CatalogueRow) -> N
     )
 
 
-def test_the_state_of_one_that_stands_is_the_same_object_again(row: CatalogueRow) -> None:
-    """Until it moves, or its end or its behaviour changes; then it says what is now."""
-    keeper, artefact = StateKeeper(), an_artefact(row)
-    (first,) = states(keeper, 200, artefact)
-    assert states(keeper, 300, artefact)[0] is first
-    artefact.departure_ns = 800
-    (second,) = states(keeper, 300, artefact)
-    assert second.departure_ns == 800
-    artefact.behaviour = "stopping"
-    assert states(keeper, 300, artefact)[0].behaviour == "stopping"
-    artefact.history = moved = GivenPoses(100, HERE)
-    moved.append(399, HERE)
-    moved.append(400, GroundPose(1.5, 2.0, 0.5, 0.0))
-    assert states(keeper, 400, artefact)[0].ground_pose.x_m == 1.5
-    assert states(keeper, 500) == []
+def test_a_scene_tells_the_status_of_its_instant(row: CatalogueRow) -> None:
+    """Also when the artefacts have gone on since; and whether they have."""
+    artefact = an_artefact(row)
+    scene = Scene.of([artefact], 200)
+    assert scene.shows([artefact])
+    assert not scene.shows([])
+    artefact.departure_ns, artefact.behaviour, artefact.activity = 800, "stopping", "waiting"
+    assert not scene.shows([artefact])
+    then, now = scene.state(0), artefact_state(artefact, 300)
+    assert (then.departure_ns, then.behaviour, then.activity) == (900, "standing", "")
+    assert (now.departure_ns, now.behaviour, now.activity) == (800, "stopping", "waiting")
+    assert now.features == {"mass_kg": "4", "activity": "waiting"}
+
+
+def test_the_columns_are_those_of_the_states(row: CatalogueRow) -> None:
+    """Poses of F_A and twists to the bit; none for none."""
+    pushed = GivenPoses(100, HERE)
+    pushed.append(2 * NS_PER_S, GroundPose(4.0, 1.0, 0.7, -2.0))
+    artefacts = [an_artefact(row), replace(an_artefact(row), id=8, history=pushed)]
+    scene = Scene.of(artefacts, NS_PER_S)
+    states = [scene.state(k) for k in range(2)]
+    poses = [
+        (*s.map_from_artefact.translation_m, *s.map_from_artefact.rotation_xyzw) for s in states
+    ]
+    np.testing.assert_array_equal(scene.poses, poses)
+    twists = [(*s.linear_velocity_m_s[:2], s.angular_velocity_rad_s[2]) for s in states]
+    np.testing.assert_array_equal(scene.twists, twists)
+    assert scene.ground_poses == tuple(s.ground_pose for s in states)
+    assert scene.only({8}).ids.tolist() == [8]
+    empty = Scene.of([], 0)
+    assert (empty.poses.shape, empty.twists.shape, len(empty.boxes)) == ((0, 7), (0, 3), 0)
 
 
 def test_who_turns_away_and_back_moves_where_it_is_as_before(row: CatalogueRow) -> None:
@@ -98,14 +107,12 @@ def test_who_turns_away_and_back_moves_where_it_is_as_before(row: CatalogueRow) 
     step_ns = NS_PER_S // 20
     buffer, ids = TrajectoryBuffer(), np.array([7])
     artefact = replace(an_artefact(row), history=buffer.begin(7, 0, HERE))
-    keeper = StateKeeper()
-    (standing,) = states(keeper, 100, artefact)
+    standing = artefact_state(artefact, 100)
     here, away = np.array([HERE]), np.array([HERE._replace(yaw_rad=HERE.yaw_rad + 0.1)])
     buffer.record(step_ns, 2 * step_ns, ids, here, away)
     buffer.record(2 * step_ns, 3 * step_ns, ids, away, here)
     buffer.record(3 * step_ns, 4 * step_ns, ids, here, away)
-    found = [states(keeper, k * step_ns, artefact)[0] for k in (1, 3)]
-    found.append(states(keeper, 4 * step_ns, artefact)[0])
+    found = [artefact_state(artefact, k * step_ns) for k in (1, 3, 4)]
     assert found[0].ground_pose == found[1].ground_pose == standing.ground_pose
     turns = [state.angular_velocity_rad_s[2] for state in (standing, *found)]
     assert turns == pytest.approx([0.0, 2.0, 2.0, 0.0])
