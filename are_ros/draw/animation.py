@@ -35,7 +35,7 @@ from are_ros.draw.palette import (
     class_colours,
     mixed,
 )
-from are_ros.draw.robot import Sight, draw_robot, draw_view, fan_at
+from are_ros.draw.robot import draw_robot, draw_view, fan_at, walls_of
 from are_ros.draw.scene import Life, SceneRecord
 from are_ros.draw.sheet import (
     Entry,
@@ -237,7 +237,7 @@ class Frames:
         """Lay out a picture of at most 840 x 620 pixels times `scale`, and draw the map."""
         part = known_part(grid)
         self._record = record
-        self._sight = Sight(grid, part, occupied_threshold)
+        self._walls = walls_of(grid, occupied_threshold)
         paths = [life.footprints.poses[:, :2] for life in record.lives]
         window = window_of(grid, part, np.concatenate((record.robot.poses[:, :2], *paths)))
         largest = (scale * _LARGEST_PX[0], scale * _LARGEST_PX[1])
@@ -306,7 +306,7 @@ class Frames:
         stamps = self._record.camera.stamps_ns
         index = int(np.searchsorted(stamps, stamp_ns))
         if index < len(stamps) and int(stamps[index]) == stamp_ns:
-            fan = fan_at(self._record, self._sight, index)
+            fan = fan_at(self._record, self._walls, index)
             if fan is not None:
                 draw_view(canvas, self.view, fan, SEEN, _FAN_ALPHA)
 

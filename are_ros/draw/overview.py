@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.events import EventKind
+from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.artefacts import (
     BEHAVIOUR_PX,
@@ -39,7 +40,7 @@ from are_ros.draw.artefacts import (
     path_of,
 )
 from are_ros.draw.canvas import Canvas, Rectangle, bounds_of
-from are_ros.draw.map import View, draw_map, hiding_part, known_part, window_of, with_furniture
+from are_ros.draw.map import View, draw_map, known_part, window_of, with_furniture
 from are_ros.draw.palette import (
     CONTACT,
     END,
@@ -55,7 +56,6 @@ from are_ros.draw.palette import (
 )
 from are_ros.draw.robot import (
     Fan,
-    Sight,
     draw_ever_seen,
     draw_robot,
     draw_robot_path,
@@ -65,6 +65,7 @@ from are_ros.draw.robot import (
     spread_indices,
     telling_indices,
     time_fractions,
+    walls_of,
 )
 from are_ros.draw.scene import Life, SceneRecord
 from are_ros.draw.sheet import (
@@ -145,11 +146,7 @@ class _Overview:
     ) -> None:
         """Lay out the sheet, and draw the map."""
         part = known_part(grid)
-        hiding, shown_cells = part, part
-        if voxels is not None and len(record.camera):
-            camera_m = float(np.median(record.camera.poses[:, 2]))
-            hiding = hiding_part(grid, part, voxels, camera_m)
-            shown_cells = with_furniture(grid, part, voxels)
+        shown_cells = part if voxels is None else with_furniture(grid, part, voxels)
         self._record = record
         self._end_ns = int(record.series.stamps_ns[-1]) if len(record.series.stamps_ns) else 0
         self._standing = _in_drawing_order(record.lives, self._end_ns)
@@ -162,13 +159,13 @@ class _Overview:
         legends = _legends(record, self._colours, self._marks, has_companies=has_companies)
         self._sheet = Sheet.of(window_of(grid, part, _extent_m(record, self._standing)), legends)
         self._canvas, self._view = self._sheet.canvas, self._sheet.view
-        self._sight = Sight(grid, hiding, occupied_threshold)
+        self._walls = walls_of(grid, occupied_threshold, voxels)
         draw_map(self._canvas, self._view, grid, shown_cells)
 
     def write(self, path: File, ids_as_in: str) -> None:
         """Draw everything else, from the ground up, and write the picture."""
         is_wall = dark_pixels(self._canvas.finished())
-        shown = _draw_fields_of_view(self._sheet, self._record, self._sight)
+        shown = _draw_fields_of_view(self._sheet, self._record, self._walls)
         drawn = self._draw_artefacts()
         robots = _draw_robot(self._sheet, self._record, shown)
         marks = self._draw_events()
@@ -246,11 +243,11 @@ def _extent_m(record: SceneRecord, lives: Sequence[Life]) -> Floats:
     return np.concatenate((record.robot.poses[:, :2], outline, *paths))
 
 
-def _draw_fields_of_view(sheet: Sheet, record: SceneRecord, sight: Sight) -> list[Fan]:
+def _draw_fields_of_view(sheet: Sheet, record: SceneRecord, walls: VoxelField) -> list[Fan]:
     """Tint what was ever in view; draw a few fields of view, which are returned."""
 
     def fans(indices: Sequence[int]) -> list[Fan]:
-        found = (fan_at(record, sight, index) for index in indices)
+        found = (fan_at(record, walls, index) for index in indices)
         return [fan for fan in found if fan is not None]
 
     draw_ever_seen(sheet.canvas, sheet.view, fans(spread_indices(record, _SWEPT_FANS)))

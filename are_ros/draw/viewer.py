@@ -23,7 +23,7 @@ from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.map import known_part, map_from_part, shaded
 from are_ros.draw.palette import END, ROBOT, SEEN, Rgb, class_colours, hex_of
-from are_ros.draw.robot import LEAST_LEVEL, level_rays, robot_outline
+from are_ros.draw.robot import level_sight, robot_outline
 from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, shown_every
 from are_ros.errors import BagError
 from are_ros.population.catalogue import Catalogue, CatalogueRow
@@ -358,19 +358,16 @@ class ViewedScene:
 
     def _show_fan(self, camera: ViewModel, map_from_camera: RigidTransform) -> None:
         """Show on the ground how far the image's middle row sees, up to the walls."""
-        rays = level_rays(camera, map_from_camera, _FAN_RAYS)
-        lengths = np.linalg.norm(rays, axis=1)
-        if not (lengths > LEAST_LEVEL).all():
+        far_m = self._place.max_range_m
+        rays, reach_m = level_sight(camera, map_from_camera, self._field, far_m, _FAN_RAYS)
+        if len(rays) < _FAN_RAYS:
             if self._fan is not None:
                 self._fan.set(visible=False)
             return
-        start_m = map_from_camera.translation_m
-        rays = np.column_stack((rays / lengths[:, np.newaxis], np.zeros(len(rays))))
-        reach_m = self._field.first_hits(start_m, rays, self._place.max_range_m)
-        reach_m = np.minimum(reach_m, self._place.max_range_m)[:, np.newaxis]
-        ends_m = np.vstack((np.zeros((1, 3)), rays * reach_m)) + start_m
-        ends_m[:, 2] = self._place.ground_m + _FAN_LIFT_M
-        vertices = np.round(ends_m, 2).astype(np.float32)
+        start_m = map_from_camera.translation_m[:2]
+        ends_m = np.vstack((start_m, start_m + rays * reach_m[:, np.newaxis]))
+        heights_m = np.full(len(ends_m), self._place.ground_m + _FAN_LIFT_M)
+        vertices = np.round(np.column_stack((ends_m, heights_m)), 2).astype(np.float32)
         if self._fan is None:
             ends = np.arange(1, len(rays))
             self._fan = _Node(
