@@ -278,10 +278,10 @@ def _check_ends(tally: Tally, record: Record, places: Places, scan: ChangedScan)
     points = scan.points_m @ pose.rotation.T + pose.translation_m
     explained = np.zeros(len(points), np.bool_)
     for box in boxes:
-        explained |= _is_met(scan, pose, points, box, slack_m + box.slack_m)
+        explained |= _is_met(scan, pose, points, box, slack_m + scan.spacing_m + box.slack_m)
     if not explained.all():
         first = int(np.argmin(explained))
-        text = f"ends at {_place(points[first])}, where no artefact is"
+        text = f"ends at {_place(points[first, 0])}, where no artefact is"
         beams = counted(int(np.count_nonzero(~explained)), "such beam")
         tally.fail(f"{scan.topic} {at_s(scan.stamp_ns)} a changed beam {text}; {beams}")
 
@@ -302,7 +302,7 @@ def _check_walls(tally: Tally, walls: Walls, record: Record, scan: ChangedScan) 
     if pose is None or not len(which):
         return
     tally.look(len(which))
-    ends = scan.points_m[which] @ pose.rotation.T + pose.translation_m
+    ends = scan.points_m[which, 0] @ pose.rotation.T + pose.translation_m
     crossed = walls.crossed(pose.translation_m, ends)
     for i in np.flatnonzero(np.isfinite(crossed[:, 0])).tolist():
         where = f"ends at {_place(ends[i])}, behind what is occupied at {_place(crossed[i])}"
@@ -363,12 +363,13 @@ def _is_met(
     scan: ChangedScan, pose: Pose, points: Floats, box: Box, reach_m: float
 ) -> NDArray[np.bool_]:
     """Tell which beams (M,) the box explains: they end at it; if too close, pass it before."""
-    near = distances_m(points, box.centre_m, box.yaw_rad, box.half_m) <= reach_m
-    shares = np.linspace(0.0, 1.0, 9) if scan.too_close.any() else ()
-    for share in shares:
-        along = pose.translation_m + share * (points - pose.translation_m)
-        passes = distances_m(along, box.centre_m, box.yaw_rad, box.half_m) <= reach_m
-        near |= scan.too_close & passes
+    near = np.zeros(len(points), np.bool_)
+    shares = np.linspace(0.0, 1.0, 9) if scan.too_close.any() else np.ones(1)
+    for share in shares.tolist():
+        along = (pose.translation_m + share * (points - pose.translation_m)).reshape(-1, 3)
+        apart_m = distances_m(along, box.centre_m, box.yaw_rad, box.half_m)
+        is_near = (apart_m <= reach_m).reshape(points.shape[:2]).any(axis=1)
+        near |= is_near if share == 1.0 else is_near & scan.too_close
     return near
 
 
