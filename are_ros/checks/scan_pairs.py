@@ -1,4 +1,4 @@
-"""Each augmented scan beside its input: what changed, and whether it was allowed to."""
+"""Each augmented scan or range beside its input: what changed, and whether it was allowed to."""
 
 import math
 from bisect import bisect_left
@@ -110,15 +110,13 @@ class ScanPairs:
         cone_rad = output.numbers.get("field_of_view")
         if cone_rad is None:
             angles = output.numbers["angle_min"] + which * output.numbers["angle_increment"]
-            ways = np.stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))), axis=1)[
-                :, None
-            ]
+            ways = np.column_stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))))
+            points = (ranges[:, None] * ways)[:, None]
             unreturned, spacing_m = ~_are_returns(real, real.ranges[which]), 0.0
         else:
-            ways = _cone(cone_rad)[None]
+            points = ranges[:, None, None] * _cone(cone_rad)
             unreturned = np.zeros(len(which), np.bool_)
             spacing_m = _CONE_STEP_RAD * float(ranges.max(initial=0.0))
-        points = ranges[:, None, None] * ways
         changed = ChangedScan(
             topic,
             output.stamp_ns,

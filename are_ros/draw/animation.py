@@ -159,7 +159,9 @@ def shown_stamps(record: SceneRecord) -> tuple[list[int], float]:
 
 def _gif(frames: "Frames", stamps: Sequence[int], progress: Progress) -> bytes:
     """Return the GIF of the frames at the stamps; it repeats for ever."""
-    palette = _palette(_samples(frames, stamps))
+    samples = np.unique(np.linspace(0, len(stamps) - 1, _SAMPLES).astype(np.int64))
+    palette = _palette([frames.picture(stamps[i]) for i in samples.tolist()])
+    frames.forget()
 
     def pictures() -> Iterator[Any]:
         for stamp_ns in stamps:
@@ -181,27 +183,14 @@ def _gif(frames: "Frames", stamps: Sequence[int], progress: Progress) -> bytes:
     return file.getvalue()
 
 
-def _samples(frames: "Frames", stamps: Sequence[int]) -> Iterator[Image]:
-    """Yield some of the pictures, for the palette."""
-    at = np.unique(np.linspace(0, len(stamps) - 1, _SAMPLES).astype(np.int64))
-    for i in at.tolist():
-        yield frames.picture(stamps[i])
-    frames.forget()
-
-
-def _palette(pictures: Iterator[Image]) -> Any:
+def _palette(pictures: Sequence[Image]) -> Any:
     """Return a Pillow image whose palette has up to 255 colours of the pictures."""
     from PIL import Image as Pil
 
-    weights = np.array((1 << 16, 1 << 8, 1), dtype=np.int64)
-    counts: dict[int, int] = {}
-    for picture in pictures:
-        for key, count in zip(*np.unique(picture @ weights, return_counts=True), strict=True):
-            counts[int(key)] = counts.get(int(key), 0) + int(count)
-    keys = np.array(sorted(counts), dtype=np.int64)
+    keys = np.stack(pictures) @ np.array((1 << 16, 1 << 8, 1), dtype=np.int32)
+    keys, counts = np.unique(keys, return_counts=True)
     colours = np.stack((keys >> 16, (keys >> 8) & 255, keys & 255), axis=1).astype(np.uint8)
-    weight = np.array([counts[key] for key in keys.tolist()], dtype=np.float64)
-    pixels = np.repeat(colours, np.ceil(weight**_RARE_WEIGHT).astype(np.int64), axis=0)
+    pixels = np.repeat(colours, np.ceil(counts**_RARE_WEIGHT).astype(np.int64), axis=0)
     image = Pil.fromarray(np.ascontiguousarray(pixels[np.newaxis]))
     return image.quantize(_COLOURS, method=Pil.Quantize.MEDIANCUT, kmeans=1)
 

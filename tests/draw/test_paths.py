@@ -23,7 +23,7 @@ from are_ros.draw.artefacts import (
 from are_ros.draw.canvas import Canvas
 from are_ros.draw.map import View, Window
 from are_ros.draw.overview import draw_overview
-from are_ros.draw.palette import behaviour_marks, class_colours, mark_outlines, shade_of
+from are_ros.draw.palette import behaviour_marks, class_colours, mark_outline, shade_of
 from are_ros.draw.scene import Life, SceneRecord, Track
 from tests.draw.made_runs import TICK_NS, event, hall, run, walker
 
@@ -128,9 +128,9 @@ def test_every_behaviour_has_a_mark() -> None:
     marks = behaviour_marks(["walking", "zigzag", "dancing"])
     assert marks["walking"] == behaviour_marks([])["walking"]
     assert marks["dancing"] != marks["zigzag"]
-    outlines = mark_outlines()
-    assert set(marks.values()) <= outlines.keys()
-    assert all(0.8 <= np.ptp(corners, axis=0).max() <= 1.25 for corners in outlines.values())
+    outlines = [mark_outline(name) for name in {*marks.values(), "burst", "lozenge"}]
+    assert all(np.ptp(corners, axis=0).max() == pytest.approx(1.0) for corners in outlines)
+    assert all(np.abs(corners).max() < 0.7 for corners in outlines), "about the middle"
 
 
 def test_followers_are_joined_to_their_leaders() -> None:
