@@ -73,7 +73,7 @@ _MARKS: Final[Mapping[str, Any]] = {
     "right": ">",
     "hexagon": "h",
     "up": "^",
-    "octagon": "8",
+    "bars": ((-3, -5), (-0.6, -5), (-0.6, 3.6), (0.6, 3.6), (0.6, -5), (3, -5), (3, 5), (-3, 5)),
     "star": "*",
     "cross": "X",
     "down": "v",
@@ -84,7 +84,7 @@ _MARKS: Final[Mapping[str, Any]] = {
     "turned_hexagon": "H",
     "burst": (8, 1, 0.0),
 }
-"""The names of marks, with the markers of matplotlib."""
+"""The names of marks, with the markers of matplotlib; a sequence has the corners of its own."""
 _BEHAVIOURS: Final[Mapping[str, str]] = {
     "standing": "square",
     "walking": "disc",
@@ -92,7 +92,7 @@ _BEHAVIOURS: Final[Mapping[str, str]] = {
     "running": "right",
     "driving": "hexagon",
     "following": "up",
-    "stopping": "octagon",
+    "stopping": "bars",
     "gathering": "star",
     "crossing": "cross",
     "avoiding": "down",

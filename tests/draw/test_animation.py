@@ -25,7 +25,7 @@ from are_ros.draw.scene import Doing, SceneRecord
 from are_ros.draw.sheet import Entry, patch_sign
 from are_ros.errors import BagError
 from are_ros.replay.output_folder import animation_path
-from tests.draw.made_runs import TICK_NS, event, hall, run, walker
+from tests.draw.made_runs import TICK_NS, event, hall, run, texts_written, walker
 
 Picture = npt.NDArray[np.uint8]
 PERSON = (0xD1, 0x49, 0x5B)
@@ -210,6 +210,23 @@ def test_the_legend_names_what_happens() -> None:
     ]
     inks = [int((foot < 200).any(axis=2).sum()) for foot in feet]
     assert inks[0] > inks[1] > inks[2]
+
+
+@pytest.mark.parametrize(("count", "told"), [(16, 16), (17, 3)])
+def test_of_many_only_the_perceived_are_told(
+    count: int, told: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each has its id; beside it is what it does, of more than 16 for the perceived only."""
+    spots = [(1.5 + 2.0 * (i % 4), 1.0 + 2.0 * (i // 4)) for i in range(count)]
+    lives = [walker(i, at, at, seen=ALL if i in {2, 5, 16} else ()) for i, at in enumerate(spots)]
+    if count == 16:
+        lives[9] = walker(9, spots[9], spots[9], seen=ALL)
+    scene = _scene(run(lives))
+    written = texts_written(monkeypatch)
+    scene.picture(TICK_NS * 50)
+    labels = [text for text in written if text.split(" ")[0].isdigit()]
+    assert sorted(int(label.split(" ")[0]) for label in labels) == list(range(count))
+    assert sum(label.endswith(" walking") for label in labels) == told
 
 
 def test_a_legend_without_room_is_cut_short() -> None:

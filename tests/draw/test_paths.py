@@ -25,7 +25,7 @@ from are_ros.draw.map import View, Window
 from are_ros.draw.overview import draw_overview
 from are_ros.draw.palette import behaviour_marks, class_colours, mark_outline, shade_of
 from are_ros.draw.scene import Life, SceneRecord, Track
-from tests.draw.made_runs import TICK_NS, event, hall, run, walker
+from tests.draw.made_runs import TICK_NS, event, hall, run, texts_written, walker
 
 PERSON = (209, 73, 91)
 VIEW = View(Window(0.0, 10.0, 0.0, 10.0), 50.0)
@@ -133,8 +133,10 @@ def test_every_behaviour_has_a_mark() -> None:
     assert all(np.abs(corners).max() < 0.7 for corners in outlines), "about the middle"
 
 
-def test_followers_are_joined_to_their_leaders() -> None:
-    """Dotted rungs join the two; their legend is there."""
+def test_followers_are_joined_to_their_leaders(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Dotted rungs join the two, the follower's id names its leader, and their legend is there."""
     follows = "following artefact 1"
     follower = walker(2, (2, 5), (8, 5), behaviour="following", activity=follows)
     lives = [walker(1, (2, 6), (8, 6)), follower]
@@ -143,6 +145,10 @@ def test_followers_are_joined_to_their_leaders() -> None:
     between = (canvas.pixels[215:240] < 200).any(axis=(0, 2))
     assert 6 <= (np.diff(np.flatnonzero(between)) > 5).sum() + 1 <= 6
     assert {"following", "following  1"} <= {*_texts(run(lives))}
+    written = texts_written(monkeypatch)
+    draw_overview(run(lives), hall(), tmp_path / "a.png", occupied_threshold=65)
+    assert {"1", "2\u21921"} <= {*written}
+    assert "2" not in written
 
 
 def test_an_artefact_that_left_is_pale(tmp_path: Path) -> None:
