@@ -100,7 +100,7 @@ def _read_all(
 
 
 def _is_summary_whole(stream: Any) -> bool:
-    """Tell whether the checksum in the footer is that of the summary, which no reader looks at."""
+    """Compare the summary with the checksum in the footer: no reader does."""
     end = stream.seek(-_FOOTER.size - len(_MAGIC), SEEK_END)
     start, _, promised = _FOOTER.unpack(stream.read(_FOOTER.size))
     stream.seek(start)

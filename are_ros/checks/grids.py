@@ -1,7 +1,7 @@
-"""What a grid must show at a tick: the real map, or its inflation, with the admitted artefacts.
+"""The grids: each has to show the real map, or its inflation, with the admitted artefacts.
 
-`GridJudge` compares a grid with that. `Currency` and `Held` judge whether the last one that went
-out is up to date: of a replay to the tick, of a live recording with patience.
+`GridJudge` compares a grid with it. `PublicationTiming` and `LatchedGrid` judge whether the last
+grid is up to date: in a replay at the tick, in a live recording after a grace period.
 """
 
 from collections.abc import Iterable, Iterator
@@ -44,8 +44,8 @@ _GRACE_NS: Final = NS_PER_S
 class AdmittedTick:
     """A tick with the real map that it knew (None: none yet), and the admitted boxes' cells.
 
-    `ids` are those of the admitted. `is_sure` is unset where a live recording does not tell who
-    was perceived.
+    `ids` are the admitted artefacts. `is_sure` is unset where a live recording does not tell which
+    artefacts were perceived.
     """
 
     scene: Scene
@@ -191,8 +191,8 @@ class LatestGrid(NamedTuple):
     is_sent: bool
 
 
-class Currency:
-    """For a replay: a change is published at the first tick that may publish it.
+class PublicationTiming:
+    """In a replay, a change is published at the first tick that may publish it.
 
     That is the next tick if an artefact appears or leaves, else the first one after the interval.
     Nothing is published before.
@@ -241,8 +241,8 @@ class Currency:
         return bool((real.cells.reshape(-1)[changed] < self._full_value).any())
 
 
-class Held:
-    """For a live recording: the grid that a late subscriber gets, and since when it is wrong."""
+class LatchedGrid:
+    """In a live recording, the grid that a late subscriber gets may be out of date for a while."""
 
     def __init__(self, topic: str, tally: Tally, parameters: Parameters, judge: GridJudge) -> None:
         self._topic = topic
@@ -326,7 +326,7 @@ def check_grids(loops: Iterable[tuple[Record, Iterator[GridMessage]]]) -> list[C
     results: list[CheckResult] = []
     for record, messages in loops:
         if record.parameters is None or not record.maps:
-            for _ in messages:  # they are still to be deserialised
+            for _ in messages:  # reading them is a check of its own
                 pass
             results = _skipped_grids(record)
             continue
@@ -336,7 +336,7 @@ def check_grids(loops: Iterable[tuple[Record, Iterator[GridMessage]]]) -> list[C
 
 
 def _skipped_grids(record: Record) -> list[CheckResult]:
-    """Return the outcomes where it is not known what the grids ought to show."""
+    """Return skipped results: the parameters or the real map are unknown."""
     reason, lacks_inputs = "there is no effective.yaml, which says what the grids show", False
     if record.parameters is not None:
         reason, lacks_inputs = record.why_no_map(), record.lacks_inputs
@@ -344,7 +344,7 @@ def _skipped_grids(record: Record) -> list[CheckResult]:
     return [skipped(name, reason, needs_inputs=lacks_inputs) for name in names]
 
 
-class _Pending:
+class _MessageQueue:
     """A stream of messages, taken up to a time."""
 
     def __init__(self, messages: Iterator[GridMessage]) -> None:
@@ -367,10 +367,10 @@ class _GridChecks:
         self._is_live = is_live
         self._tallies = GridTallies()
         self._judge = GridJudge(parameters, self._tallies)
-        self._ages: dict[str, Currency | Held] = {
-            topic: Held(topic, tally, parameters, self._judge)
+        self._ages: dict[str, PublicationTiming | LatchedGrid] = {
+            topic: LatchedGrid(topic, tally, parameters, self._judge)
             if is_live
-            else Currency(topic, tally, parameters)
+            else PublicationTiming(topic, tally, parameters)
             for topic, tally in self._tallies.ages.items()
         }
         self._held: dict[str, RealMap | None] = {}
@@ -383,7 +383,7 @@ class _GridChecks:
         self, record: Record, parameters: Parameters, messages: Iterator[GridMessage]
     ) -> None:
         """Follow one loop of the clock."""
-        pending, is_first = _Pending(messages), True
+        pending, is_first = _MessageQueue(messages), True
         for tick in admitted_by_tick(record, parameters.costmap):
             self._take_others(record, pending.until(tick.scene.at_ns - 1))
             if record.runs.is_beginning(tick.scene.stamp_ns) and not is_first:

@@ -1,6 +1,6 @@
-"""What the rules of visualization_msgs/Marker, as rviz enforces them, say of one marker.
+"""The rules of visualization_msgs/Marker that rviz enforces, applied to one marker.
 
-They are those of the kinds that the node writes: cubes, triangles, texts and arrows.
+The node writes cubes, triangles, texts and arrows: another kind is a fault.
 """
 
 from collections.abc import Iterator
@@ -31,9 +31,9 @@ _KINDS: Final = (ARROW, CUBE, TEXT, TRIANGLES)
 
 
 class MarkerChange(NamedTuple):
-    """What one marker does to a viewer, and what is wrong with it ("" if nothing is).
+    """What one marker does to a viewer, and the rule that it breaks ("" for none).
 
-    `alpha` is that of what it draws.
+    `alpha` is the opacity of what it draws.
     """
 
     action: int
@@ -45,7 +45,7 @@ class MarkerChange(NamedTuple):
 
 
 def change_of(marker: MarkerFields) -> MarkerChange:
-    """Return what a marker does, with the first rule that it breaks; of frames each will do."""
+    """Return what a marker does, with the first rule that it breaks; the frame may be any."""
     fault = next(_faults(marker), "")
     key = (marker.namespace, marker.number)
     alpha = float(marker.colours[0, 3] if len(marker.colours) else marker.colour[3])
@@ -68,7 +68,7 @@ def _faults(marker: MarkerFields) -> Iterator[str]:
 
 
 def _endless_numbers(marker: MarkerFields) -> Iterator[str]:
-    """Find what is not finite: rviz leaves out the whole marker then, a DELETE too."""
+    """Find a number that is not finite: rviz then ignores the whole marker, a DELETE too."""
     fields = (
         ("position", marker.position),
         ("rotation", marker.rotation_xyzw),

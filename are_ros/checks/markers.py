@@ -118,7 +118,7 @@ def check_marker_state(record: Record) -> CheckResult:
                 viewer.take(show.at_ns, change)
         since_ns = _sure_since(record, scene, shows, since_ns)
         if since_ns is None or scene.stamp_ns < since_ns:
-            tally.leave_out("tick", "before a viewer had been shown everybody")
+            tally.leave_out("tick", "before a viewer had been shown all artefacts")
             continue
         tally.look()
         alive = {int(number) % _ID_RANGE for number in scene.ids}

@@ -60,7 +60,7 @@ class ScanPairs:
             self.input_topics.add(topic)
             self._input_stamps.setdefault(topic, []).append(scan.stamp_ns)
             self._inputs.setdefault(key, []).append((topic, scan))
-            while len(self._inputs) > _MOST_WAITING:  # of a laser that nobody augments
+            while len(self._inputs) > _MOST_WAITING:  # the node does not augment this laser
                 del self._inputs[next(iter(self._inputs))]
         self._match(key)
 
@@ -132,7 +132,7 @@ class ScanPairs:
 
 
 def _cone(angle_rad: float) -> NDArray[np.float64]:
-    """Return unit vectors (K, 3) all over a cone about the x-axis, whose full angle is given."""
+    """Return unit vectors (K, 3) all over a cone about the x-axis; the angle is the full one."""
     off_rad = np.linspace(0.0, 0.5 * angle_rad, math.ceil(0.5 * angle_rad / _CONE_STEP_RAD) + 1)
     rings = []
     for angle in off_rad.tolist():

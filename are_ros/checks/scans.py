@@ -45,7 +45,7 @@ class Box(NamedTuple):
     slack_m: float
 
 
-class _Spot(NamedTuple):
+class _Position(NamedTuple):
     """Where F_A is: x, y, yaw, and the height of the box's centre."""
 
     x_m: float
@@ -53,13 +53,13 @@ class _Spot(NamedTuple):
     yaw_rad: float
     z_m: float
 
-    def apart_m(self, other: "_Spot") -> float:
+    def apart_m(self, other: "_Position") -> float:
         """Return how far another is."""
         return math.hypot(self.x_m - other.x_m, self.y_m - other.y_m)
 
 
-class Places:
-    """Where the artefacts of a recording stood, live of one run."""
+class BoxPositions:
+    """The boxes of the artefacts at any instant of a recording."""
 
     def __init__(self, record: Record) -> None:
         self._record = record
@@ -105,7 +105,9 @@ class Places:
             if number not in known and later.arrivals_ns[i] <= due_ns:
                 left_ns = later.stamp_ns - max(stamp_ns, int(later.arrivals_ns[i]))
                 speeds = self._fastest[later.labels[i]]
-                boxes.append(_box(later, i, _spot(later, i), _reach_m(later, i, speeds, left_ns)))
+                boxes.append(
+                    _box(later, i, _position(later, i), _reach_m(later, i, speeds, left_ns))
+                )
         return boxes
 
     def _came_and_went(self, earlier: Scene, due_ns: int) -> bool:
@@ -132,7 +134,7 @@ class Places:
         step_ns = self._step_ns
         first_ns = (earlier.stamp_ns // step_ns + 1) * step_ns
         went_s = (min(stamp_ns, first_ns) - earlier.stamp_ns) / NS_PER_S
-        start = _gone(_spot(earlier, i), earlier.rates[i], went_s)
+        start = _gone(_position(earlier, i), earlier.rates[i], went_s)
         if stamp_ns <= first_ns:
             return [_box(earlier, i, start, 0.0)]
         speeds = self._fastest[earlier.labels[i]]
@@ -141,7 +143,7 @@ class Places:
         jumped_m = self._jumped_m(number, earlier.stamp_ns, stamp_ns)
         if j is None:
             return [_box(earlier, i, start, jumped_m + _reach_m(earlier, i, speeds, since_ns))]
-        end, left_ns = _spot(later, j), span_ns - since_ns
+        end, left_ns = _position(later, j), span_ns - since_ns
         slack_m = _HERE_M + speeds[0] * span_ns / NS_PER_S
         jumps_m = self._jumped_m(number, stamp_ns, later.stamp_ns)
         if jumped_m or jumps_m or start.apart_m(end) > slack_m:
@@ -181,14 +183,14 @@ def _fastest(scenes: list[Scene]) -> dict[str, tuple[float, float]]:
     return defaultdict(lambda: (0.0, 0.0), fastest)
 
 
-def _spot(scene: Scene, i: int) -> _Spot:
+def _position(scene: Scene, i: int) -> _Position:
     yaw_rad, (dx_m, dy_m) = float(scene.yaws_rad[i]), scene.box_centres_m[i, :2].tolist()
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     x_m, y_m, z_m = scene.centres_m[i].tolist()
-    return _Spot(x_m - cos * dx_m + sin * dy_m, y_m - sin * dx_m - cos * dy_m, yaw_rad, z_m)
+    return _Position(x_m - cos * dx_m + sin * dy_m, y_m - sin * dx_m - cos * dy_m, yaw_rad, z_m)
 
 
-def _box(scene: Scene, i: int, spot: _Spot, slack_m: float) -> Box:
+def _box(scene: Scene, i: int, spot: _Position, slack_m: float) -> Box:
     """Return the box of an artefact at a spot."""
     dx_m, dy_m = scene.box_centres_m[i, :2].tolist()
     cos, sin = math.cos(spot.yaw_rad), math.sin(spot.yaw_rad)
@@ -196,15 +198,15 @@ def _box(scene: Scene, i: int, spot: _Spot, slack_m: float) -> Box:
     return Box(np.array((x_m, y_m, spot.z_m)), spot.yaw_rad, scene.half_sizes_m[i], slack_m)
 
 
-def _gone(spot: _Spot, rates: Floats, seconds: float) -> _Spot:
+def _gone(spot: _Position, rates: Floats, seconds: float) -> _Position:
     x_mps, y_mps, turn_radps = rates.tolist()
     yaw_rad = spot.yaw_rad + seconds * turn_radps
-    return _Spot(spot.x_m + seconds * x_mps, spot.y_m + seconds * y_mps, yaw_rad, spot.z_m)
+    return _Position(spot.x_m + seconds * x_mps, spot.y_m + seconds * y_mps, yaw_rad, spot.z_m)
 
 
-def _way(start: _Spot, end: _Spot, share: float) -> _Spot:
+def _way(start: _Position, end: _Position, share: float) -> _Position:
     turn_rad = math.remainder(end.yaw_rad - start.yaw_rad, math.tau)
-    return _Spot(
+    return _Position(
         start.x_m + share * (end.x_m - start.x_m),
         start.y_m + share * (end.y_m - start.y_m),
         start.yaw_rad + share * turn_rad,
@@ -247,7 +249,7 @@ def check_scans(record: Record) -> list[CheckResult]:
             continue
         beams.look()
         beams.fail(f"{topic} {at_s(stamp_ns)} has no scan of this stamp that came in")
-    places, surface = Places(record), _Surface(record)
+    places, surface = BoxPositions(record), _KnownWalls(record)
     for scan in record.scans.changed:
         if scan.fault:
             beams.fail(f"{scan.topic} {at_s(scan.stamp_ns)} {scan.fault}")
@@ -265,7 +267,7 @@ def check_scans(record: Record) -> list[CheckResult]:
     return [beams.result(), ends.result(), walls.result()]
 
 
-def _check_ends(tally: Tally, record: Record, places: Places, scan: ChangedScan) -> None:
+def _check_ends(tally: Tally, record: Record, places: BoxPositions, scan: ChangedScan) -> None:
     """Each changed beam ends at a box, or one is nearer than the laser measures."""
     found = _laser_pose(record, record.settings.frames, scan)
     boxes = places.at(_seen_ns(record, scan))
@@ -287,7 +289,7 @@ def _check_ends(tally: Tally, record: Record, places: Places, scan: ChangedScan)
 
 
 def _seen_ns(record: Record, scan: ChangedScan) -> int:
-    """Return the instant of which a scan shows the artefacts: a stamp ahead is not known yet."""
+    """Return the instant at which a scan shows the artefacts: at most one sub-step ahead."""
     if record.is_live:
         return scan.stamp_ns
     step_ns = seconds_to_ns(record.settings.motion.step)
@@ -309,7 +311,7 @@ def _check_walls(tally: Tally, walls: Walls, record: Record, scan: ChangedScan) 
         tally.fail(f"{scan.topic} {at_s(stamp_ns)} a beam without a return of its own {where}")
 
 
-class _Surface:
+class _KnownWalls:
     """What hides artefacts from beams without a return, as it was known at a time.
 
     `doubt` is why that is not known, else empty.

@@ -113,7 +113,7 @@ def poisson_solution(jumps: Any, deaths_per_s: Numbers, rewards: Numbers, law: N
 def tagged_survival(
     jumps: Any, deaths_per_s: Numbers, levels: npt.NDArray[np.int64], met: Numbers, times_s: Numbers
 ) -> Numbers:
-    """Return Pr(life > t) of one among n >= 1 alive, who leaves with chance 1/n at each departure.
+    """Return Pr(life > t) of one of n >= 1 artefacts, which leaves with chance 1/n per departure.
 
     `met` is the law of the level at its beginning, `times_s` are equally spaced from 0 on.
     """

@@ -36,13 +36,14 @@ _Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """What happened, in seconds from the beginning, when nobody was alive.
+    """What happened, in seconds from an empty beginning.
 
     `offers_s` (G,) are the instants of the groups; `rows` int64 (M,) of all members offered, in
-    order. N(t) is `alive` int64 (K,) from `changes_s` (K,) on, the first at 0. `lives_s` are those
-    of all who came in the first nine tenths and left. `points_m` (P, 2) is where, at `placed_s`
-    (P,), the first of each group appeared. `absent` counts those who did not appear, by the reason:
-    NO_PLACE of those that fit on the empty map, MISFIT, AT_BOUND, ENDLESS.
+    order. N(t) is `alive` int64 (K,) from `changes_s` (K,) on, the first at 0. `lives_s` are the
+    lives of the artefacts that came in the first nine tenths of the time and left. `points_m`
+    (P, 2) are the places where the first member of each group appeared, at `placed_s` (P,).
+    `absent` counts the members that did not appear, by the reason: NO_PLACE, MISFIT, AT_BOUND,
+    ENDLESS.
     """
 
     chain: BirthDeath
@@ -77,9 +78,9 @@ class Trial:
 def run_trial(parameters: Parameters, catalogue: Catalogue, site: Site) -> Trial:
     """Run the population of a configuration on a site for a while.
 
-    Those who would never leave are left out: they would fill the place. On a map everybody stands
-    where he appeared, and is in the way of the others; on a site without one nobody is. Raises
-    ParameterError where nobody ever comes or stays.
+    Artefacts that never leave are left out: they would fill the place. On a map each artefact
+    stands where it appeared, and the others keep clear of it; without a map they do not. Raises
+    ParameterError where no artefact ever comes or stays.
     """
     settings = parameters.population
     law = mixture_of(parameters, catalogue)

@@ -37,7 +37,7 @@ class Survey:
 class Site:
     """An area [m^2] on which artefacts arrive; without a survey it is free of obstacles.
 
-    `misfits` are the indices of the rows whose artefacts find no place even where nobody is.
+    `misfits` are the indices of the rows that find no place even on the empty map.
     """
 
     area_m2: float = UNIT_AREA_M2

@@ -16,8 +16,8 @@ from are_ros.conventions import NS_PER_S
 from are_ros.draw.artefacts import (
     Look,
     Outline,
-    companies,
     draw_artefact,
+    following_stretches,
     outline_of,
 )
 from are_ros.draw.canvas import Canvas, Image, Rectangle, bounds_of
@@ -47,6 +47,7 @@ from are_ros.draw.sheet import (
     id_text,
     line_sign,
     patch_sign,
+    point_to_box,
     ring_sign,
     robot_sign,
     row_width_px,
@@ -84,7 +85,7 @@ _SOON_NS: Final = NS_PER_S
 """The first ticks come before the first transform: for so long the robot is shown all the same."""
 _FAN_ALPHA: Final = 0.2
 _PATH_COLOUR: Final = mixed(ROBOT, 0.45)
-_COMPANY_PATTERN_PX: Final = (4.0, 3.0)
+_FOLLOWING_PATTERN_PX: Final = (4.0, 3.0)
 _COMING_AND_GOING: Final[Rgb] = (120, 130, 140)
 _FLASHES: Final[Mapping[EventKind, tuple[str, Rgb]]] = {
     EventKind.ARRIVED: ("comes or goes", _COMING_AND_GOING),
@@ -233,7 +234,7 @@ class Frames:
         px_per_m = min(largest[0] / window.width_m, largest[1] / window.height_m)
         self.view = View(window, px_per_m, 0.0, HEADER_PX)
         self._colours = class_colours([life.row.class_name for life in record.lives])
-        self._companies = companies(record.lives, int(record.series.stamps_ns[-1]) + 1)
+        self._following = following_stretches(record.lives, int(record.series.stamps_ns[-1]) + 1)
         width, height = self.size_px
         self._ground = Canvas((width, height))
         self._ground.pixels[HEADER_PX : height - FOOTER_PX] = PAPER
@@ -271,7 +272,7 @@ class Frames:
             for actor in actors:
                 if actor.is_perceived == is_perceived:
                     draw_artefact(canvas, actor.outline, actor.colour, look)
-        self._draw_companies(canvas, actors, stamp_ns)
+        self._draw_following(canvas, actors, stamp_ns)
         taken = self._draw_robot(canvas, stamp_ns)
         self._draw_flashes(canvas, stamp_ns)
         self._draw_labels(canvas, actors, taken)
@@ -319,14 +320,14 @@ class Frames:
         outline = draw_robot(canvas, self.view, self._record.footprint, pose, ROBOT)
         return [bounds_of(outline)]
 
-    def _draw_companies(self, canvas: Canvas, actors: Sequence[_Actor], stamp_ns: int) -> None:
+    def _draw_following(self, canvas: Canvas, actors: Sequence[_Actor], stamp_ns: int) -> None:
         """Join followers and leaders by a dashed line."""
         centres = {actor.number: actor.outline.nose_px[0] for actor in actors}
-        for one in self._companies:
+        for one in self._following:
             ids = (one.follower.artefact_id, one.leader.artefact_id)
             if one.start_ns <= stamp_ns < one.end_ns and all(i in centres for i in ids):
                 start, end = (centres[i] for i in ids)
-                canvas.dashes(start, end, FOLLOWING, pattern_px=_COMPANY_PATTERN_PX)
+                canvas.dashes(start, end, FOLLOWING, pattern_px=_FOLLOWING_PATTERN_PX)
 
     def _draw_flashes(self, canvas: Canvas, stamp_ns: int) -> None:
         """Draw a growing ring where something happened a moment ago."""
@@ -343,16 +344,18 @@ class Frames:
     def _draw_labels(
         self, canvas: Canvas, actors: Sequence[_Actor], taken: Sequence[Rectangle]
     ) -> None:
-        """Write ids and what is done, first of the perceived."""
+        """Write ids and what the artefacts do; the perceived artefacts come first."""
         boxes = {actor.number: bounds_of(actor.outline.corners_px) for actor in actors}
-        is_seen = {actor.number: actor.is_perceived for actor in actors}
+        by_number = {actor.number: actor for actor in actors}
         labels = []
         for actor in sorted(actors, key=lambda actor: not actor.is_perceived):
             is_told = actor.is_perceived or len(actors) <= _MOST_TOLD
             texts = actor.texts if is_told else actor.texts[1:]
             labels.append(Label(actor.number, boxes[actor.number], texts))
         for placed in self._labels.place(labels, [*boxes.values()], taken):
-            colour = INK if is_seen[placed.label.key] else mixed(INK, 0.62)
+            actor = by_number[placed.label.key]
+            colour = INK if actor.is_perceived else mixed(INK, 0.62)
+            point_to_box(canvas, placed, actor.outline.nose_px[0], colour)
             canvas.text(placed.text, placed.place[:2], _LABEL_PX, colour)
 
     def _draw_clock(self, canvas: Canvas, actors: Sequence[_Actor], stamp_ns: int) -> None:
@@ -385,8 +388,8 @@ class Frames:
             if kind in happened:
                 rings.setdefault(name, colour)
         footer += [Entry(name, ring_sign(colour, 1.0)) for name, colour in rings.items()]
-        if self._companies:
-            footer.append(Entry("follows", dashed_sign(FOLLOWING, 1.0, _COMPANY_PATTERN_PX)))
+        if self._following:
+            footer.append(Entry("follows", dashed_sign(FOLLOWING, 1.0, _FOLLOWING_PATTERN_PX)))
         return header, footer
 
 

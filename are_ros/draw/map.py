@@ -205,8 +205,8 @@ def with_furniture(grid: OccupancyGrid, part: KnownPart, voxels: VoxelMap) -> Kn
 def _covered(grid: OccupancyGrid, part: KnownPart, voxels: VoxelMap) -> npt.NDArray[np.bool_]:
     """Return the cells (h, w) of a part that voxels between the two heights cover.
 
-    A cell counts that holds a voxel's middle, or whose middle a voxel holds: so neither fine voxels
-    get lost nor coarse ones have holes.
+    A cell is covered if it holds the middle of a voxel, or if its own middle lies in a voxel. So
+    fine voxels do not get lost, and coarse voxels have no holes.
     """
     size_m = voxels.voxel_size_m
     middles_m = (np.arange(voxels.occupied.shape[2]) + 0.5) * size_m[2]

@@ -1,4 +1,4 @@
-"""The colours and marks of all pictures: one for each class, behaviour, event and time."""
+"""The colours and marks of all pictures, by class, behaviour, event and time."""
 
 import colorsys
 from collections.abc import Mapping, Sequence
@@ -48,7 +48,7 @@ SERIES: Final[tuple[Rgb, ...]] = (
     (134, 46, 156),
     (95, 61, 17),
 )
-"""Things that are of one kind: the components of a mixture, the poses that fit a map."""
+"""Colours of a series: the components of a mixture, the poses that fit a map."""
 
 _CLASSES: Final[Mapping[str, Rgb]] = {
     "person": (209, 73, 91),
@@ -73,7 +73,7 @@ _MARKS: Final[Mapping[str, Any]] = {
     "right": ">",
     "hexagon": "h",
     "up": "^",
-    "bars": ((-3, -5), (-0.6, -5), (-0.6, 3.6), (0.6, 3.6), (0.6, -5), (3, -5), (3, 5), (-3, 5)),
+    "bars": ((-3, 5), (-0.6, 5), (-0.6, -3.6), (0.6, -3.6), (0.6, 5), (3, 5), (3, -5), (-3, -5)),
     "star": "*",
     "cross": "X",
     "down": "v",
@@ -153,5 +153,5 @@ def mark_outline(name: str) -> Floats:
 
     style = MarkerStyle(_MARKS[name])
     (corners,) = style.get_path().transformed(style.get_transform()).to_polygons()
-    outline: Floats = corners[:-1] * (1.0, -1.0)
+    outline: Floats = np.asarray(corners)[:-1] * (1.0, -1.0)
     return outline / float(np.ptp(outline, axis=0).max())

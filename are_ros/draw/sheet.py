@@ -268,9 +268,9 @@ _SIDES: Final[tuple[Side, ...]] = (
 )
 _GAPS_PX: Final = (2.0, 12.0)
 _CLEAR_GAP_PX: Final = 7.0
-"""A label that is farther from its box does not tell by itself which box it belongs to."""
+"""A label that is farther from its box than this is joined to it by a line."""
 _SHORT_PICTURES: Final = 10
-"""For so many pictures a longer text that found no place stays away, lest it flickers."""
+"""After a longer text found no place it is not tried for so many pictures: it would flicker."""
 _DARK: Final = 200
 
 
@@ -303,12 +303,12 @@ class _Choice:
 
 
 class Labels:
-    """Finds places picture by picture; a label keeps its place as long as that is free."""
+    """Places labels, picture by picture; a label keeps its place as long as the place is free."""
 
     def __init__(self, avoided: Mask, inside: Rectangle, size_px: int) -> None:
-        """Take the pixels (height, width) to be covered only for want of another place.
+        """Take the pixels (height, width) that labels cover only if there is no other place.
 
-        Labels stay `inside`, and are written `size_px` high.
+        Labels stay `inside`, and their font is `size_px` high.
         """
         self._avoided = np.pad(np.cumsum(np.cumsum(avoided, axis=0), axis=1), ((1, 0), (1, 0)))
         self._inside, self._size_px = inside, size_px
@@ -319,9 +319,9 @@ class Labels:
     def place(
         self, labels: Sequence[Label], boxes: Sequence[Rectangle], taken: Sequence[Rectangle]
     ) -> list[Placed]:
-        """Return the labels that find a place, the first ones first.
+        """Return the labels that find a place; earlier labels choose first.
 
-        No label covers another one, a box but its own, or a rectangle of `taken`.
+        A label covers no other label, no other box, and no rectangle of `taken`.
         """
         self._pictures += 1
         found: list[Placed] = []
@@ -361,6 +361,13 @@ class Labels:
         total = self._avoided
         covered = total[bottom, right] - total[top, right] - total[bottom, left] + total[top, left]
         return bool(covered > 0)
+
+
+def point_to_box(canvas: Canvas, placed: Placed, end_px: Floats, colour: Rgb = INK) -> None:
+    """Join a label that is unclear to a point (2,) of its box."""
+    if placed.is_unclear:
+        near_px = np.clip(end_px, placed.place[:2], placed.place[2:])
+        canvas.line(np.array((near_px, end_px)), colour, 1.0)
 
 
 def dark_pixels(picture: Image) -> Mask:

@@ -137,7 +137,7 @@ def write_view(path: Path, place: ViewedPlace, record: SceneRecord, title: str) 
         aim_camera(server, place, shown)
         scene.draw_ways(shown)
         every = max(1, -(-sum(map(_count_of_returns, shown)) // _MOST_RETURNS))
-        with server.atomic():  # nobody is connected: nothing is to be sent meanwhile
+        with server.atomic():  # no browser is connected: sending is put off
             for number, (tick, length_s) in enumerate(zip(shown, _lengths_s(shown), strict=True)):
                 scene.show(tick, with_scans=number % every == 0)
                 recorder.insert_sleep(length_s)
@@ -158,7 +158,7 @@ def write_view(path: Path, place: ViewedPlace, record: SceneRecord, title: str) 
 
 
 def start_server(port: int, host: str = "127.0.0.1") -> Any:
-    """Return a running server of viser, which says nothing; port 0 is any that is free."""
+    """Return a running server of viser that prints nothing; port 0 takes any free port."""
     import viser
 
     logging.getLogger("websockets").setLevel(logging.ERROR)
@@ -169,7 +169,7 @@ def start_server(port: int, host: str = "127.0.0.1") -> Any:
 
 
 def stop_server(server: Any) -> None:
-    """Stop a server, which says nothing."""
+    """Stop a server without its message."""
     with redirect_stdout(io.StringIO()):
         server.stop()
 
@@ -441,7 +441,7 @@ class ViewedScene:
             self._show_returns(name, colour, chosen)
 
     def _show_returns(self, name: str, colour: Rgb, points_m: Points) -> None:
-        """Show returns of one kind; those of 16 bits are near the node's own position."""
+        """Show returns of one kind, as 16-bit offsets from the position of their node."""
         node = self._scans.get(name)
         if not len(points_m):
             if node is not None:
@@ -465,9 +465,9 @@ class ViewedScene:
 
 
 class _Node:
-    """A node of viser's scene; what is as before is not sent again.
+    """A node of viser's scene; a property is sent only when it changes.
 
-    viser compares too, but its own way takes most of the time that a page costs.
+    viser compares the values, too, but slowly: that took most of the time of a page.
     """
 
     def __init__(self, handle: Any) -> None:
@@ -541,7 +541,7 @@ def _rounded(position_m: npt.ArrayLike) -> tuple[float, ...]:
 
 
 def _text_of(one: ArtefactAt, *, is_perceived: bool) -> str:
-    """Return the label: who it is and what it does; of one not perceived the id alone."""
+    """Return the label: id, name and activity; the id alone if the artefact is not perceived."""
     if not is_perceived:
         return str(one.artefact_id)
     doing = one.activity or one.behaviour
@@ -549,7 +549,7 @@ def _text_of(one: ArtefactAt, *, is_perceived: bool) -> str:
 
 
 def _fits(known: CatalogueRow, row: CatalogueRow) -> bool:
-    """Say whether a row is that of the catalogue: a recording may come from another one."""
+    """Say whether two rows are the same type: a recording may be of another catalogue."""
     return known.label == row.label and bool(np.allclose(known.size_m, row.size_m, atol=1e-3))
 
 
@@ -590,7 +590,7 @@ def _simplified(points_m: Floats, tolerance_m: float = 0.03) -> Floats:
 
 
 def _lengths_s(ticks: Sequence[Moment]) -> list[float]:
-    """Return for how long each tick is shown; what would be a gap is as short as any other."""
+    """Return how long each tick is shown; a gap is cut to the usual length."""
     stamps = np.array([tick.stamp_ns for tick in ticks], dtype=np.int64)
     steps = np.diff(stamps) / NS_PER_S
     usual = float(np.median(steps)) if len(steps) else 0.1

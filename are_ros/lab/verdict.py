@@ -21,7 +21,7 @@ _KEPT_SENTENCES = 50
 
 
 @dataclass
-class Company:
+class FollowerGaps:
     """The distance of followers from their leaders, over all seconds of following."""
 
     followed_s: float = 0.0
@@ -47,7 +47,7 @@ class Company:
 
 @dataclass
 class LongStand:
-    """A stand of more than a minute: whose, since when and for how long, where, and its cause."""
+    """An artefact that stood for more than a minute: its place, start, duration and cause."""
 
     artefact_id: int
     label: str
@@ -82,7 +82,7 @@ class Verdict:
     travelled_m: dict[str, float] = field(default_factory=dict)
     lived_s: dict[str, float] = field(default_factory=dict)
     arrivals: Counter[str] = field(default_factory=Counter)
-    company: Company = field(default_factory=Company)
+    follower_gaps: FollowerGaps = field(default_factory=FollowerGaps)
 
     @property
     def is_clean(self) -> bool:
@@ -133,20 +133,20 @@ class Verdict:
             "lived_s": dict(sorted(self.lived_s.items())),
             "travelled_m": dict(sorted(self.travelled_m.items())),
             "arrivals": dict(sorted(self.arrivals.items())),
-            "followed_s": self.company.followed_s,
-            "near_leader_share": self.company.near_share,
-            "mean_gap_m": self.company.mean_gap_m,
+            "followed_s": self.follower_gaps.followed_s,
+            "near_leader_share": self.follower_gaps.near_share,
+            "mean_gap_m": self.follower_gaps.mean_gap_m,
         }
 
     def _summary(self) -> list[tuple[str, ...]]:
-        company = self.company
+        follower_gaps = self.follower_gaps
         return [
             ("artefact-minutes", f"{self.artefact_s / 60.0:.1f}"),
             ("of them moving", f"{self.moving_s / 60.0:.1f}"),
             *((words, str(self.found[kind])) for kind, words in FAULTS.items()),
             ("brakings beyond the limit", self._brakings()),
-            ("time that followers are near", f"{100.0 * company.near_share:.0f} %"),
-            ("mean distance to the leader", f"{company.mean_gap_m:.2f} m"),
+            ("time that followers are near", f"{100.0 * follower_gaps.near_share:.0f} %"),
+            ("mean distance to the leader", f"{follower_gaps.mean_gap_m:.2f} m"),
         ]
 
     def _brakings(self) -> str:

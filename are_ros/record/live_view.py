@@ -149,7 +149,7 @@ class LiveView:
 
     def __init__(self, server: Any, remote: RemoteNode, parameters: Parameters) -> None:
         self.said = ""
-        """How the last thing went that was asked for in the browser."""
+        """The answer to the last request from the browser."""
         self._server, self._remote, self._parameters = server, remote, parameters
         self._wishes: queue.SimpleQueue[Callable[[], str]] = queue.SimpleQueue()
         self._scene: ViewedScene | None = None

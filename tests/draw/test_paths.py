@@ -12,10 +12,10 @@ from are_ros.agents.events import EventKind
 from are_ros.draw import overview
 from are_ros.draw.artefacts import (
     behaviour_counts,
-    companies,
     displacements,
-    draw_companies,
+    draw_following,
     draw_paths,
+    following_stretches,
     forced,
     mark_places,
     path_of,
@@ -34,7 +34,7 @@ VIEW = View(Window(0.0, 10.0, 0.0, 10.0), 50.0)
 def _texts(record: SceneRecord) -> list[str]:
     colours = class_colours([life.row.class_name for life in record.lives])
     marks = behaviour_marks([life.doings[0].behaviour for life in record.lives])
-    legends = overview._legends(record, colours, marks, has_companies=True)
+    legends = overview._legends(record, colours, marks, has_following=True)
     return [entry.name for legend in legends for entry in legend]
 
 
@@ -141,7 +141,7 @@ def test_followers_are_joined_to_their_leaders(
     follower = walker(2, (2, 5), (8, 5), behaviour="following", activity=follows)
     lives = [walker(1, (2, 6), (8, 6)), follower]
     canvas = Canvas((500, 500))
-    draw_companies(canvas, VIEW, companies(lives, TICK_NS * 101), class_colours([]))
+    draw_following(canvas, VIEW, following_stretches(lives, TICK_NS * 101), class_colours([]))
     between = (canvas.pixels[215:240] < 200).any(axis=(0, 2))
     assert 6 <= (np.diff(np.flatnonzero(between)) > 5).sum() + 1 <= 6
     assert {"following", "following  1"} <= {*_texts(run(lives))}

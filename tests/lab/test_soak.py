@@ -69,7 +69,7 @@ def assert_good(result: SoakResult, least_mps: float) -> None:
     assert result.resolved_share <= MOST_RESOLVED, told
     assert verdict.travelled_m["walking"] >= least_mps * verdict.lived_s["walking"], told
     assert verdict.arrivals["walking"] >= verdict.lived_s["walking"] / 240.0, told
-    assert verdict.company.near_share >= 0.6, told
+    assert verdict.follower_gaps.near_share >= 0.6, told
 
 
 # --- short ones
