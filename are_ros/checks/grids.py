@@ -34,6 +34,9 @@ UPDATES_OF: Final = MappingProxyType(
 )
 """The maps that go out as updates, too, with the topics of these."""
 COSTMAP: Final = PREFIX + "augmented_costmap"
+_NAMES: Final = MappingProxyType(
+    {MAP: "augmented map", ARTEFACT_MAP: "artefact map", COSTMAP: "costmap"}
+)
 
 _NEVER: Final = -(2**63)
 _GRACE_NS: Final = NS_PER_S
@@ -90,16 +93,8 @@ class GridTallies:
     """The nine outcomes, in their order: of each grid, by topic, and how it keeps up."""
 
     def __init__(self) -> None:
-        self.grids = {
-            MAP: Tally("augmented map", "message"),
-            ARTEFACT_MAP: Tally("artefact map", "message"),
-            COSTMAP: Tally("costmap", "message"),
-        }
-        self.ages = {
-            MAP: Tally("augmented map is current", "tick"),
-            ARTEFACT_MAP: Tally("artefact map is current", "tick"),
-            COSTMAP: Tally("costmap is current", "tick"),
-        }
+        self.grids = {topic: Tally(name, "message") for topic, name in _NAMES.items()}
+        self.ages = {topic: Tally(f"{n} is current", "tick") for topic, n in _NAMES.items()}
         self.updates = {
             MAP: Tally("map updates", "message"),
             ARTEFACT_MAP: Tally("artefact map updates", "message"),
@@ -137,35 +132,30 @@ class GridJudge:
             return
         if not grid.has_geometry_of(real):
             tally.fail(f"{where} its geometry is not that of the real map")
-        elif topic == COSTMAP:
-            self._judge_costs(where, real, grid.cells, tick.covers)
-        else:
-            expected = expected_map(grid.cells, drawn_on(topic, real), tick.covers)
-            if not np.array_equal(expected, grid.cells):
-                tally.fail(f"{where} {first_difference(expected, grid.cells)}")
+            return
+        if topic == COSTMAP:
+            self._judge_floor(where, real, grid.cells)
+        nearest = self._nearest(topic, grid.cells, real, tick.covers)
+        if not np.array_equal(nearest, grid.cells):
+            tally.fail(f"{where} {first_difference(nearest, grid.cells)}")
 
     def shows(self, topic: str, grid: RealMap, real: RealMap, covers: list[Cover]) -> bool:
         """Tell whether a map or costmap shows these artefacts on the real map, and nothing else."""
         if not grid.has_geometry_of(real):
             return False
-        if topic in UPDATES_OF:
-            expected = expected_map(grid.cells, drawn_on(topic, real), covers)
-            return np.array_equal(expected, grid.cells)
-        return np.array_equal(self._nearest_costs(grid.cells, real, covers), grid.cells)
+        return np.array_equal(self._nearest(topic, grid.cells, real, covers), grid.cells)
 
-    def _judge_costs(self, where: str, real: RealMap, cells: Cells, covers: list[Cover]) -> None:
-        """Compare a costmap with an inflation of our own."""
-        self._tallies.floor.look()
-        floor = self._inflation_of(real).static_low
+    def _judge_floor(self, where: str, real: RealMap, cells: Cells) -> None:
+        """Compare a costmap with the lowest costs of the real map alone."""
+        tally, floor = self._tallies.floor, self._inflation_of(real).static_low
+        tally.look()
         if (cells < floor).any():
-            text = first_difference(np.maximum(cells, floor), cells)
-            self._tallies.floor.fail(f"{where} {text}")
-        within = self._nearest_costs(cells, real, covers)
-        if not np.array_equal(within, cells):
-            self._tallies.grids[COSTMAP].fail(f"{where} {first_difference(within, cells)}")
+            tally.fail(f"{where} {first_difference(np.maximum(cells, floor), cells)}")
 
-    def _nearest_costs(self, cells: Cells, real: RealMap, covers: list[Cover]) -> Cells:
-        """Return the costmap that may be, nearest to the one given."""
+    def _nearest(self, topic: str, cells: Cells, real: RealMap, covers: list[Cover]) -> Cells:
+        """Return the right map or costmap that is nearest to the cells given."""
+        if topic in UPDATES_OF:
+            return expected_map(cells, drawn_on(topic, real), covers)
         low, high = self._inflation_of(real).bounds(covers)
         return np.clip(cells, low, high)
 

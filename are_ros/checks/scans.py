@@ -45,19 +45,6 @@ class Box(NamedTuple):
     slack_m: float
 
 
-class _Position(NamedTuple):
-    """Where F_A is: x, y, yaw, and the height of the box's centre."""
-
-    x_m: float
-    y_m: float
-    yaw_rad: float
-    z_m: float
-
-    def apart_m(self, other: "_Position") -> float:
-        """Return how far another is."""
-        return math.hypot(self.x_m - other.x_m, self.y_m - other.y_m)
-
-
 class BoxPositions:
     """The boxes of the artefacts at any instant of a recording."""
 
@@ -146,7 +133,7 @@ class BoxPositions:
         end, left_ns = _position(later, j), span_ns - since_ns
         slack_m = _HERE_M + speeds[0] * span_ns / NS_PER_S
         jumps_m = self._jumped_m(number, stamp_ns, later.stamp_ns)
-        if jumped_m or jumps_m or start.apart_m(end) > slack_m:
+        if jumped_m or jumps_m or _apart_m(start, end) > slack_m:
             return [
                 _box(earlier, i, start, jumped_m + _reach_m(earlier, i, speeds, since_ns)),
                 _box(later, j, end, jumps_m + _reach_m(later, j, speeds, left_ns)),
@@ -155,7 +142,7 @@ class BoxPositions:
         if span_ns <= step_ns:
             return [_box(earlier, i, way, 0.0)]
         root_s = math.sqrt(since_ns * left_ns) / NS_PER_S
-        mean_mps = start.apart_m(end) / (span_ns / NS_PER_S)
+        mean_mps = _apart_m(start, end) / (span_ns / NS_PER_S)
         aside_m = root_s * math.sqrt(max(speeds[0] ** 2 - mean_mps**2, 0.0))
         turned_m = _radius_m(earlier, i) * root_s * speeds[1]
         return [_box(earlier, i, way, aside_m + turned_m)]
@@ -183,35 +170,42 @@ def _fastest(scenes: list[Scene]) -> dict[str, tuple[float, float]]:
     return defaultdict(lambda: (0.0, 0.0), fastest)
 
 
-def _position(scene: Scene, i: int) -> _Position:
-    yaw_rad, (dx_m, dy_m) = float(scene.yaws_rad[i]), scene.box_centres_m[i, :2].tolist()
+def _position(scene: Scene, i: int) -> Floats:
+    """Return where F_A is, float64 (4,): x, y, yaw, and the height of the box's centre."""
+    yaw_rad = float(scene.yaws_rad[i])
+    x_m, y_m = scene.centres_m[i, :2] - _turned(scene.box_centres_m[i, :2], yaw_rad)
+    return np.array((x_m, y_m, yaw_rad, scene.centres_m[i, 2]))
+
+
+def _box(scene: Scene, i: int, position: Floats, slack_m: float) -> Box:
+    """Return the box of an artefact at a position (4,)."""
+    x_m, y_m, yaw_rad, z_m = position.tolist()
+    dx_m, dy_m = _turned(scene.box_centres_m[i, :2], yaw_rad).tolist()
+    return Box(np.array((x_m + dx_m, y_m + dy_m, z_m)), yaw_rad, scene.half_sizes_m[i], slack_m)
+
+
+def _turned(offset_m: Floats, yaw_rad: float) -> Floats:
+    """Return an offset (2,) turned by a yaw."""
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-    x_m, y_m, z_m = scene.centres_m[i].tolist()
-    return _Position(x_m - cos * dx_m + sin * dy_m, y_m - sin * dx_m - cos * dy_m, yaw_rad, z_m)
+    turned: Floats = np.array(((cos, -sin), (sin, cos))) @ offset_m
+    return turned
 
 
-def _box(scene: Scene, i: int, spot: _Position, slack_m: float) -> Box:
-    """Return the box of an artefact at a spot."""
-    dx_m, dy_m = scene.box_centres_m[i, :2].tolist()
-    cos, sin = math.cos(spot.yaw_rad), math.sin(spot.yaw_rad)
-    x_m, y_m = spot.x_m + cos * dx_m - sin * dy_m, spot.y_m + sin * dx_m + cos * dy_m
-    return Box(np.array((x_m, y_m, spot.z_m)), spot.yaw_rad, scene.half_sizes_m[i], slack_m)
+def _gone(position: Floats, rates: Floats, seconds: float) -> Floats:
+    """Return the position (4,) after some seconds at rates (x, y, yaw)."""
+    return position + seconds * np.append(rates, 0.0)
 
 
-def _gone(spot: _Position, rates: Floats, seconds: float) -> _Position:
-    x_mps, y_mps, turn_radps = rates.tolist()
-    yaw_rad = spot.yaw_rad + seconds * turn_radps
-    return _Position(spot.x_m + seconds * x_mps, spot.y_m + seconds * y_mps, yaw_rad, spot.z_m)
+def _way(start: Floats, end: Floats, share: float) -> Floats:
+    """Return the position (4,) at a share of the straight way."""
+    change = end - start
+    change[2] = math.remainder(float(change[2]), math.tau)
+    return start + share * change
 
 
-def _way(start: _Position, end: _Position, share: float) -> _Position:
-    turn_rad = math.remainder(end.yaw_rad - start.yaw_rad, math.tau)
-    return _Position(
-        start.x_m + share * (end.x_m - start.x_m),
-        start.y_m + share * (end.y_m - start.y_m),
-        start.yaw_rad + share * turn_rad,
-        start.z_m + share * (end.z_m - start.z_m),
-    )
+def _apart_m(one: Floats, other: Floats) -> float:
+    """Return how far two positions (4,) are apart on the ground."""
+    return float(np.hypot(*(other - one)[:2]))
 
 
 def _radius_m(scene: Scene, i: int) -> float:

@@ -396,15 +396,19 @@ class Frames:
 def draw_legend(canvas: Canvas, header: Sequence[Entry], footer: Sequence[Entry]) -> None:
     """Draw as many entries as there is room for; those of the header end at its right."""
     width, height = canvas.size_px
-    kept = [*header]
-    while kept and row_width_px(kept, _TEXT_PX) > width - _CLOCK_PX - _MARGIN_PX:
-        kept.pop()
-    left = width - row_width_px(kept, _TEXT_PX) - _MARGIN_PX
-    draw_row(canvas, kept, (left, 0.5 * HEADER_PX), _TEXT_PX)
-    kept = [*footer]
-    while kept and row_width_px(kept, _TEXT_PX) > width - _MARGIN_PX:
-        kept.pop()
-    draw_row(canvas, kept, (_MARGIN_PX, height - 0.5 * FOOTER_PX), _TEXT_PX)
+    above = _fitting(header, width - _CLOCK_PX - _MARGIN_PX)
+    left = width - row_width_px(above, _TEXT_PX) - _MARGIN_PX
+    draw_row(canvas, above, (left, 0.5 * HEADER_PX), _TEXT_PX)
+    below = _fitting(footer, width - _MARGIN_PX)
+    draw_row(canvas, below, (_MARGIN_PX, height - 0.5 * FOOTER_PX), _TEXT_PX)
+
+
+def _fitting(entries: Sequence[Entry], width_px: float) -> Sequence[Entry]:
+    """Return the first entries, as many as fit into a row."""
+    count = len(entries)
+    while count and row_width_px(entries[:count], _TEXT_PX) > width_px:
+        count -= 1
+    return entries[:count]
 
 
 def _tail(life: Life, stamp_ns: int) -> list[Floats]:

@@ -198,6 +198,13 @@ class Canvas:
         """Lighten a rectangle, for what is written on it."""
         self.fill(_rounded(place, 5.0), WHITE, 0.8)
 
+    def keep_only(self, place: Rectangle) -> None:
+        """Make all white again but for a rectangle."""
+        left, top, right, bottom = (round(side * self.fine) for side in place)
+        kept = self.pixels[top:bottom, left:right].copy()
+        self.pixels[:] = 255
+        self.pixels[top:bottom, left:right] = kept
+
     def frame(self, place: Rectangle) -> None:
         """Draw the edge of a rectangle."""
         left, top, right, bottom = place

@@ -180,12 +180,8 @@ class Sheet:
 
     def _draw_surroundings(self, title: str, subtitle: str) -> None:
         canvas, (left, _, _, bottom) = self.canvas, self.view.rectangle
-        # What was drawn beyond the edge of the map is covered.
-        (width, height), edges = canvas.size_px, self.view.rectangle
-        for place in _around((0.0, 0.0, width, height), edges):
-            x0, y0, x1, y1 = place
-            canvas.fill(np.array(((x0, y0), (x1, y0), (x1, y1), (x0, y1))), WHITE)
-        canvas.frame(edges)
+        canvas.keep_only(self.view.rectangle)
+        canvas.frame(self.view.rectangle)
         canvas.text(title, (left, 14), _TITLE_PX, bold=True, halo=False)
         canvas.text(subtitle, (left, 56), _SUBTITLE_PX, FAINT_INK, halo=False)
         for number, row in enumerate(self.rows):
@@ -241,16 +237,6 @@ def _widened(window: Window, width_m: float, height_m: float) -> Window:
     x_m, y_m = 0.5 * (window.left + window.right), 0.5 * (window.bottom + window.top)
     half = 0.5 * width_m, 0.5 * height_m
     return Window(x_m - half[0], x_m + half[0], y_m - half[1], y_m + half[1])
-
-
-def _around(outer: Rectangle, inner: Rectangle) -> list[Rectangle]:
-    """Return the four rectangles between two."""
-    return [
-        (outer[0], outer[1], outer[2], inner[1]),
-        (outer[0], inner[3], outer[2], outer[3]),
-        (outer[0], inner[1], inner[0], inner[3]),
-        (inner[2], inner[1], outer[2], inner[3]),
-    ]
 
 
 Mask = npt.NDArray[np.bool_]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
-from are_ros.wording import aligned
+from are_ros.wording import aligned, counted
 
 FAULTS: Final = {
     "overlaps": "overlaps of artefacts",
@@ -152,8 +152,7 @@ class Verdict:
     def _brakings(self) -> str:
         if not self.hard_brakes:
             return "0"
-        noun = "dead stop" if self.dead_stops == 1 else "dead stops"
-        return f"{self.hard_brakes} ({self.dead_stops} {noun})"
+        return f"{self.hard_brakes} ({counted(self.dead_stops, 'dead stop')})"
 
     def _behaviours(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = [("behaviour", "minutes", "m/s", "arrivals/min")]
