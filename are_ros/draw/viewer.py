@@ -291,7 +291,7 @@ class ViewedScene:
             "/walls",
             vertices,
             faces,
-            np.tile(np.float32((1.0, 0.0, 0.0, 0.0)), (len(low), 1)),
+            np.tile(np.array((1.0, 0.0, 0.0, 0.0), dtype=np.float32), (len(low), 1)),
             (0.5 * (low + high) * size_m).astype(np.float32),
             batched_scales=((high - low) * size_m).astype(np.float32),
             batched_colors=_WALL,
