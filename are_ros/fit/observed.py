@@ -245,7 +245,7 @@ class _Known(NamedTuple):
 
 @dataclass
 class Census:
-    """The artefacts that arrived, were blocked, or were listed; each counts once."""
+    """The artefacts that arrived, were blocked, or were in a list; each counts once."""
 
     arrived: dict[_Key, str] = field(default_factory=dict)
     blocked: dict[_Key, str] = field(default_factory=dict)
@@ -286,7 +286,7 @@ class Census:
         return fates
 
     def _is_random(self, key: _Key) -> bool:
-        """Tell whether the mixture drew the artefact; without the ground truth the id decides."""
+        """Tell whether the artefact was drawn from the mixture; without ground truth, by its id."""
         known = self.seen.get(key)
         if known is not None:
             return known.origin == Origin.RANDOM

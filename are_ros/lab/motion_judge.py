@@ -161,7 +161,7 @@ class _Stand:
         return max(named, key=lambda what: (named[what], what))
 
     def doings(self, behaviour: str) -> str:
-        """Return what it said to do, the longest first."""
+        """Return its activities with their seconds, the longest first."""
         said = sorted(self.seconds.items(), key=lambda item: (-item[1], item[0]))
         return ", ".join(f"{what or behaviour} {seconds:.0f} s" for what, seconds in said)
 

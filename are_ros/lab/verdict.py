@@ -1,4 +1,4 @@
-"""What a judge of motion has found: counts, sentences, and both as a table."""
+"""The findings of the judge of motion: counts and sentences, and both as a table."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -86,11 +86,11 @@ class Verdict:
 
     @property
     def is_clean(self) -> bool:
-        """Whether nothing was found that must not be."""
+        """Whether no fault was found."""
         return not self.found
 
     def note(self, kind: str, t_s: float, sentence: str) -> None:
-        """Count something that must not be, at a time."""
+        """Count a fault at a time."""
         self.found[kind] += 1
         kept = self.sentences.setdefault(kind, [])
         if len(kept) < _KEPT_SENTENCES:
@@ -108,7 +108,7 @@ class Verdict:
         return 60.0 * self.arrivals[behaviour] / lived_s if lived_s else 0.0
 
     def table(self) -> list[str]:
-        """Return all of it as lines for a reader."""
+        """Return the findings as lines of text."""
         lines = _columns(self._summary())
         lines += ["", *_columns(self._behaviours())]
         if self.causes:
@@ -118,7 +118,7 @@ class Verdict:
         return lines
 
     def as_json(self) -> dict[str, Any]:
-        """Return all of it as plain values."""
+        """Return the findings as plain values for JSON."""
         return {
             "artefact_minutes": self.artefact_s / 60.0,
             "moving_minutes": self.moving_s / 60.0,
