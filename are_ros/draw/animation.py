@@ -51,6 +51,7 @@ from are_ros.draw.sheet import (
     ring_sign,
     robot_sign,
     row_width_px,
+    rows_of,
 )
 from are_ros.errors import BagError
 from are_ros.wording import why_refused
@@ -60,7 +61,7 @@ Floats = npt.NDArray[np.float64]
 Progress = Callable[[int], object]
 OpenProgress = Callable[[int, int], Progress]
 
-HEADER_PX, FOOTER_PX = 30, 26
+HEADER_PX, ROW_PX = 30, 26
 _FPS: Final = 10
 _SPEED: Final = 3
 _MOST_PICTURES: Final = 600
@@ -235,11 +236,13 @@ class Frames:
         self.view = View(window, px_per_m, 0.0, HEADER_PX)
         self._colours = class_colours([life.row.class_name for life in record.lives])
         self._following = following_stretches(record.lives, int(record.series.stamps_ns[-1]) + 1)
+        self.footer_px = ROW_PX * max(len(_rows_below(self.legend()[1], self._width_px)), 1)
+        """How high the rows of the legend below the map are."""
         width, height = self.size_px
         self._ground = Canvas((width, height))
-        self._ground.pixels[HEADER_PX : height - FOOTER_PX] = PAPER
+        self._ground.pixels[HEADER_PX : height - self.footer_px] = PAPER
         draw_map(self._ground, self.view, grid, part)
-        self._ground.pixels[height - FOOTER_PX :] = WHITE
+        self._ground.pixels[height - self.footer_px :] = WHITE
         self._is_wall = dark_pixels(self._ground.pixels)
         self.forget()
         draw_legend(self._ground, *self.legend())
@@ -247,13 +250,16 @@ class Frames:
     @property
     def size_px(self) -> tuple[int, int]:
         """Width and height of the pictures."""
-        width, height = self.view.size_px
-        return max(round(width), _NARROWEST_PX), round(height) + HEADER_PX + FOOTER_PX
+        return self._width_px, round(self.view.size_px[1]) + HEADER_PX + self.footer_px
+
+    @property
+    def _width_px(self) -> int:
+        return max(round(self.view.size_px[0]), _NARROWEST_PX)
 
     def forget(self) -> None:
         """Begin anew: labels may be anywhere."""
         width, height = self.size_px
-        inside = (0.0, HEADER_PX, float(width), float(height - FOOTER_PX))
+        inside = (0.0, HEADER_PX, float(width), float(height - self.footer_px))
         self._labels = Labels(self._is_wall, inside, _LABEL_PX)
 
     def picture(self, stamp_ns: int) -> Image:
@@ -394,21 +400,22 @@ class Frames:
 
 
 def draw_legend(canvas: Canvas, header: Sequence[Entry], footer: Sequence[Entry]) -> None:
-    """Draw as many entries as there is room for; those of the header end at its right."""
+    """Draw the header's entries, at its right and as many as fit, and the rows of the footer."""
     width, height = canvas.size_px
-    above = _fitting(header, width - _CLOCK_PX - _MARGIN_PX)
-    left = width - row_width_px(above, _TEXT_PX) - _MARGIN_PX
-    draw_row(canvas, above, (left, 0.5 * HEADER_PX), _TEXT_PX)
-    below = _fitting(footer, width - _MARGIN_PX)
-    draw_row(canvas, below, (_MARGIN_PX, height - 0.5 * FOOTER_PX), _TEXT_PX)
-
-
-def _fitting(entries: Sequence[Entry], width_px: float) -> Sequence[Entry]:
-    """Return the first entries, as many as fit into a row."""
-    count = len(entries)
-    while count and row_width_px(entries[:count], _TEXT_PX) > width_px:
+    count = len(header)
+    while count and row_width_px(header[:count], _TEXT_PX) > width - _CLOCK_PX - _MARGIN_PX:
         count -= 1
-    return entries[:count]
+    left = width - row_width_px(header[:count], _TEXT_PX) - _MARGIN_PX
+    draw_row(canvas, header[:count], (left, 0.5 * HEADER_PX), _TEXT_PX)
+    rows = _rows_below(footer, width)
+    for number, row in enumerate(rows):
+        y_px = height - ROW_PX * (len(rows) - number - 0.5)
+        draw_row(canvas, row, (_MARGIN_PX, y_px), _TEXT_PX)
+
+
+def _rows_below(footer: Sequence[Entry], width_px: int) -> list[list[Entry]]:
+    """Return the rows of the footer, in a picture of a width."""
+    return rows_of(footer, width_px - 2 * _MARGIN_PX, _TEXT_PX)
 
 
 def _tail(life: Life, stamp_ns: int) -> list[Floats]:
