@@ -402,7 +402,7 @@ def test_the_judge_shares_no_geometry_with_what_it_judges() -> None:
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("are_ros.")
         for alias in node.names
     }
-    own = ("are_ros.experiments.", "are_ros.checks.oracle", "are_ros.wording")
+    own = ("are_ros.lab.", "are_ros.checks.oracle", "are_ros.wording")
     others = {name for name in names if not name.startswith(own)}
     assert others == {"are_ros.agents.events.ArtefactState"}
 
