@@ -1,7 +1,7 @@
 """The viewer: the scene in 3D, drawn with viser, as one page that plays without a network.
 
 `ViewedScene` draws onto viser's scene, tick by tick; `write_view` records what it draws as a page.
-The live viewer (`recording.live_view`) draws the same scene for a browser that is connected.
+The live viewer (`record.live_view`) draws the same scene for a browser that is connected.
 """
 
 import html
