@@ -14,8 +14,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.wording import counted
 
 ADD, DELETE, DELETE_ALL = 0, 2, 3
-ARROW, CUBE, SPHERE, CYLINDER, LINE_STRIP, LINE_LIST = range(6)
-CUBE_LIST, SPHERE_LIST, POINTS, TEXT, MESH, TRIANGLES, ARROW_STRIP = range(6, 13)
+ARROW, CUBE, TEXT, TRIANGLES = 0, 1, 9, 11
 
 _STAMP, _INTEGERS, _COUNT = Struct("<iI"), Struct("<3i"), Struct("<I")
 _POSE_AND_SCALE, _COLOUR, _LIFETIME = Struct("<10d"), Struct("<4f"), Struct("<iIB")

@@ -14,10 +14,10 @@ from are_ros.bag.reader import sentence_of
 from are_ros.bag.recording import OUTPUT_TYPES, PREFIX
 from are_ros.checks.result import CheckResult, Tally, at_s, merged, skipped
 from are_ros.conventions import NS_PER_S
+from are_ros.messages.sensors import SENSORS
 from are_ros.wording import counted
 
-_OPTIONAL_TYPES: Final = MappingProxyType({"augmented_octomap": "sensor_msgs/msg/PointCloud2"})
-_SENSOR_TYPES: Final = tuple(f"sensor_msgs/msg/{t}" for t in ("LaserScan", "PointCloud2", "Image"))
+_SENSOR_TYPES: Final = tuple(kind.type_name for kind in SENSORS.values())
 _FOOTER: Final = Struct("<QQI")
 _MAGIC: Final = b"\x89MCAP0\r\n"
 _LATCHED: Final = tuple(
@@ -100,7 +100,7 @@ def _read_all(
 
 
 def _is_summary_whole(stream: Any) -> bool:
-    """Tell whether the checksum in the footer is that of the summary, which no reader looks at."""
+    """Compare the summary with the checksum in the footer: no reader does."""
     end = stream.seek(-_FOOTER.size - len(_MAGIC), SEEK_END)
     start, _, promised = _FOOTER.unpack(stream.read(_FOOTER.size))
     stream.seek(start)
@@ -134,7 +134,7 @@ def _check_topics(channels: _Channels, *, is_live: bool) -> CheckResult:
 
 def _is_expected(topic: str, type_name: str, is_live: bool) -> bool:
     """Tell whether this is an output; a live node has other topics, too."""
-    expected = {**OUTPUT_TYPES, **_OPTIONAL_TYPES}.get(topic.removeprefix(PREFIX))
+    expected = OUTPUT_TYPES.get(topic.removeprefix(PREFIX))
     if expected is None:
         return is_live or type_name in _SENSOR_TYPES
     return type_name == expected

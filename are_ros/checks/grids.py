@@ -1,7 +1,7 @@
-"""What a grid must show at a tick: the real map, or its inflation, with the admitted artefacts.
+"""The grids: each has to show the real map, or its inflation, with the admitted artefacts.
 
-`GridJudge` compares a grid with that. `Currency` and `Held` judge whether the last one that went
-out is up to date: of a replay to the tick, of a live recording with patience.
+`GridJudge` compares a grid with it. `PublicationTiming` and `LatchedGrid` judge whether the last
+grid is up to date: in a replay at the tick, in a live recording after a grace period.
 """
 
 from collections.abc import Iterable, Iterator
@@ -34,6 +34,9 @@ UPDATES_OF: Final = MappingProxyType(
 )
 """The maps that go out as updates, too, with the topics of these."""
 COSTMAP: Final = PREFIX + "augmented_costmap"
+_NAMES: Final = MappingProxyType(
+    {MAP: "augmented map", ARTEFACT_MAP: "artefact map", COSTMAP: "costmap"}
+)
 
 _NEVER: Final = -(2**63)
 _GRACE_NS: Final = NS_PER_S
@@ -44,8 +47,8 @@ _GRACE_NS: Final = NS_PER_S
 class AdmittedTick:
     """A tick with the real map that it knew (None: none yet), and the admitted boxes' cells.
 
-    `ids` are those of the admitted. `is_sure` is unset where a live recording does not tell who
-    was perceived.
+    `ids` are the admitted artefacts. `is_sure` is unset where a live recording does not tell which
+    artefacts were perceived.
     """
 
     scene: Scene
@@ -90,16 +93,8 @@ class GridTallies:
     """The nine outcomes, in their order: of each grid, by topic, and how it keeps up."""
 
     def __init__(self) -> None:
-        self.grids = {
-            MAP: Tally("augmented map", "message"),
-            ARTEFACT_MAP: Tally("artefact map", "message"),
-            COSTMAP: Tally("costmap", "message"),
-        }
-        self.ages = {
-            MAP: Tally("augmented map is current", "tick"),
-            ARTEFACT_MAP: Tally("artefact map is current", "tick"),
-            COSTMAP: Tally("costmap is current", "tick"),
-        }
+        self.grids = {topic: Tally(name, "message") for topic, name in _NAMES.items()}
+        self.ages = {topic: Tally(f"{n} is current", "tick") for topic, n in _NAMES.items()}
         self.updates = {
             MAP: Tally("map updates", "message"),
             ARTEFACT_MAP: Tally("artefact map updates", "message"),
@@ -137,35 +132,30 @@ class GridJudge:
             return
         if not grid.has_geometry_of(real):
             tally.fail(f"{where} its geometry is not that of the real map")
-        elif topic == COSTMAP:
-            self._judge_costs(where, real, grid.cells, tick.covers)
-        else:
-            expected = expected_map(grid.cells, drawn_on(topic, real), tick.covers)
-            if not np.array_equal(expected, grid.cells):
-                tally.fail(f"{where} {first_difference(expected, grid.cells)}")
+            return
+        if topic == COSTMAP:
+            self._judge_floor(where, real, grid.cells)
+        nearest = self._nearest(topic, grid.cells, real, tick.covers)
+        if not np.array_equal(nearest, grid.cells):
+            tally.fail(f"{where} {first_difference(nearest, grid.cells)}")
 
     def shows(self, topic: str, grid: RealMap, real: RealMap, covers: list[Cover]) -> bool:
         """Tell whether a map or costmap shows these artefacts on the real map, and nothing else."""
         if not grid.has_geometry_of(real):
             return False
-        if topic in UPDATES_OF:
-            expected = expected_map(grid.cells, drawn_on(topic, real), covers)
-            return np.array_equal(expected, grid.cells)
-        return np.array_equal(self._nearest_costs(grid.cells, real, covers), grid.cells)
+        return np.array_equal(self._nearest(topic, grid.cells, real, covers), grid.cells)
 
-    def _judge_costs(self, where: str, real: RealMap, cells: Cells, covers: list[Cover]) -> None:
-        """Compare a costmap with an inflation of our own."""
-        self._tallies.floor.look()
-        floor = self._inflation_of(real).static_low
+    def _judge_floor(self, where: str, real: RealMap, cells: Cells) -> None:
+        """Compare a costmap with the lowest costs of the real map alone."""
+        tally, floor = self._tallies.floor, self._inflation_of(real).static_low
+        tally.look()
         if (cells < floor).any():
-            text = first_difference(np.maximum(cells, floor), cells)
-            self._tallies.floor.fail(f"{where} {text}")
-        within = self._nearest_costs(cells, real, covers)
-        if not np.array_equal(within, cells):
-            self._tallies.grids[COSTMAP].fail(f"{where} {first_difference(within, cells)}")
+            tally.fail(f"{where} {first_difference(np.maximum(cells, floor), cells)}")
 
-    def _nearest_costs(self, cells: Cells, real: RealMap, covers: list[Cover]) -> Cells:
-        """Return the costmap that may be, nearest to the one given."""
+    def _nearest(self, topic: str, cells: Cells, real: RealMap, covers: list[Cover]) -> Cells:
+        """Return the right map or costmap that is nearest to the cells given."""
+        if topic in UPDATES_OF:
+            return expected_map(cells, drawn_on(topic, real), covers)
         low, high = self._inflation_of(real).bounds(covers)
         return np.clip(cells, low, high)
 
@@ -191,8 +181,8 @@ class LatestGrid(NamedTuple):
     is_sent: bool
 
 
-class Currency:
-    """For a replay: a change is published at the first tick that may publish it.
+class PublicationTiming:
+    """In a replay, a change is published at the first tick that may publish it.
 
     That is the next tick if an artefact appears or leaves, else the first one after the interval.
     Nothing is published before.
@@ -241,8 +231,8 @@ class Currency:
         return bool((real.cells.reshape(-1)[changed] < self._full_value).any())
 
 
-class Held:
-    """For a live recording: the grid that a late subscriber gets, and since when it is wrong."""
+class LatchedGrid:
+    """In a live recording, the grid that a late subscriber gets may be out of date for a while."""
 
     def __init__(self, topic: str, tally: Tally, parameters: Parameters, judge: GridJudge) -> None:
         self._topic = topic
@@ -326,7 +316,7 @@ def check_grids(loops: Iterable[tuple[Record, Iterator[GridMessage]]]) -> list[C
     results: list[CheckResult] = []
     for record, messages in loops:
         if record.parameters is None or not record.maps:
-            for _ in messages:  # they are still to be deserialised
+            for _ in messages:  # reading them is a check of its own
                 pass
             results = _skipped_grids(record)
             continue
@@ -336,7 +326,7 @@ def check_grids(loops: Iterable[tuple[Record, Iterator[GridMessage]]]) -> list[C
 
 
 def _skipped_grids(record: Record) -> list[CheckResult]:
-    """Return the outcomes where it is not known what the grids ought to show."""
+    """Return skipped results: the parameters or the real map are unknown."""
     reason, lacks_inputs = "there is no effective.yaml, which says what the grids show", False
     if record.parameters is not None:
         reason, lacks_inputs = record.why_no_map(), record.lacks_inputs
@@ -344,7 +334,7 @@ def _skipped_grids(record: Record) -> list[CheckResult]:
     return [skipped(name, reason, needs_inputs=lacks_inputs) for name in names]
 
 
-class _Pending:
+class _MessageQueue:
     """A stream of messages, taken up to a time."""
 
     def __init__(self, messages: Iterator[GridMessage]) -> None:
@@ -367,10 +357,10 @@ class _GridChecks:
         self._is_live = is_live
         self._tallies = GridTallies()
         self._judge = GridJudge(parameters, self._tallies)
-        self._ages: dict[str, Currency | Held] = {
-            topic: Held(topic, tally, parameters, self._judge)
+        self._ages: dict[str, PublicationTiming | LatchedGrid] = {
+            topic: LatchedGrid(topic, tally, parameters, self._judge)
             if is_live
-            else Currency(topic, tally, parameters)
+            else PublicationTiming(topic, tally, parameters)
             for topic, tally in self._tallies.ages.items()
         }
         self._held: dict[str, RealMap | None] = {}
@@ -383,7 +373,7 @@ class _GridChecks:
         self, record: Record, parameters: Parameters, messages: Iterator[GridMessage]
     ) -> None:
         """Follow one loop of the clock."""
-        pending, is_first = _Pending(messages), True
+        pending, is_first = _MessageQueue(messages), True
         for tick in admitted_by_tick(record, parameters.costmap):
             self._take_others(record, pending.until(tick.scene.at_ns - 1))
             if record.runs.is_beginning(tick.scene.stamp_ns) and not is_first:

@@ -15,13 +15,13 @@ from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Labels
 
 FADING_NS: Final = 3 * NS_PER_S
-"""A marker is visible for at most this time after it was sent last."""
+"""A marker stays visible for at most this time after it was last sent."""
 
 _FOREVER_NS: Final = 2**63 - 1
 _BODY, _LABEL = "body", "label"
 _ID_RANGE: Final = 2**31
 _REFRESH_NS: Final = 13 * NS_PER_S // 10
-"""Live: after this time a viewer has every artefact, because each is sent again every second."""
+"""Live: after this time a viewer knows every artefact, for each is sent again every second."""
 
 
 @dataclass
@@ -112,13 +112,13 @@ def check_marker_state(record: Record) -> CheckResult:
     since_ns: int | None = None
     for scene, shows in _by_tick(record):
         if record.runs.is_beginning(scene.stamp_ns):
-            viewer.until_ns.clear()  # what was deleted meanwhile is not known
+            viewer.until_ns.clear()  # markers may have been deleted in the gap
         for show in shows:
             for change in show.changes:
                 viewer.take(show.at_ns, change)
         since_ns = _sure_since(record, scene, shows, since_ns)
         if since_ns is None or scene.stamp_ns < since_ns:
-            tally.leave_out("tick", "before a viewer had been shown everybody")
+            tally.leave_out("tick", "before a viewer had been shown all artefacts")
             continue
         tally.look()
         alive = {int(number) % _ID_RANGE for number in scene.ids}
@@ -159,19 +159,20 @@ def _sure_since(
 def _by_tick(record: Record) -> Iterator[tuple[Scene, list[MarkerShow]]]:
     """Yield each scene with the markers since the scene before.
 
-    Live, a bare DELETEALL with the very stamp of a tick comes after it: the node took its leave.
+    Live, a message with a DELETEALL alone and the stamp of a tick comes after the tick: the node
+    was paused or shut down.
     """
     times = [show.at_ns for show in record.shows]
     begin = 0
     for scene in record.scenes:
         end = bisect_right(times, scene.at_ns)
-        if record.is_live and end and _is_leave(record.shows[end - 1], scene):
+        if record.is_live and end and _is_farewell(record.shows[end - 1], scene):
             end -= 1
         yield scene, record.shows[begin:end]
         begin = max(begin, end)
 
 
-def _is_leave(show: MarkerShow, scene: Scene) -> bool:
+def _is_farewell(show: MarkerShow, scene: Scene) -> bool:
     is_bare = len(show.changes) == 1 and _begins_anew(show)
     return is_bare and show.at_ns == scene.at_ns and bool(len(scene.ids))
 

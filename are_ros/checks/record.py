@@ -52,7 +52,7 @@ _USUAL_BASES: Final = ("base_footprint", "base_link")
 _REAL_MAP: Final = "/map"
 _CLOUD: Final = "sensor_msgs/msg/PointCloud2"
 _MAP_SLACK_NS: Final = NS_PER_S
-"""Live: this near to the reception of a new map, it is unknown which map a tick used."""
+"""Live: so near to the arrival of a new map it is unknown which map a tick used."""
 _REORDER_NS: Final = NS_PER_S
 _OBJECT_BYTES: Final = 16_000_000
 _SAMPLE: Final = 16
@@ -72,12 +72,12 @@ class MarkerShow(NamedTuple):
 class Record:
     """One loop of the clock: ticks as scenes, other outputs, and the inputs there are; no grids.
 
-    `parameters` are those of effective.yaml, None where there is none. The times `at_ns` are log
-    times in a replay. Live, they are those of the ticks: the stamps of what a tick gives out, for
-    inputs the tick after which they came. `farewells_ns` is when a node let everything vanish, and
-    `last_words` are the lists of the perceived and the metrics that it gave out then. `walls` is
-    "map" or "octomap", whose they are, or empty; `clouds` are the octomaps that came in. `lags_ns`
-    is how late a live recorder logged the ticks.
+    `parameters` come from effective.yaml, None without that file. In a replay the times `at_ns` are
+    log times. Live, they are times of ticks: an output has the stamp of its tick, an input the
+    stamp of the last tick before it. `farewells_ns` are the times at which a node removed all
+    artefacts, as it was paused or shut down; `farewell_messages` are the lists of the perceived
+    and the metrics that it published then. `walls` is "map" or "octomap", or empty if unknown.
+    `clouds` are the octomaps of the input. `lags_ns` is how late a live recorder logged each tick.
     """
 
     parameters: Parameters | None
@@ -96,7 +96,7 @@ class Record:
     frames: Frames = field(default_factory=Frames)
     scans: ScanPairs = field(default_factory=ScanPairs)
     farewells_ns: list[int] = field(default_factory=list)
-    last_words: list[Perceived | Metrics] = field(default_factory=list)
+    farewell_messages: list[Perceived | Metrics] = field(default_factory=list)
     lags_ns: list[int] = field(default_factory=list)
     runs: Runs = field(default_factory=Runs)
 
@@ -150,8 +150,8 @@ class Record:
     def real_map_at(self, stamp_ns: int) -> RealMap | None:
         """Return the real map that a tick knew: the last received before it.
 
-        Live it is open about the time when another one came, and the first is taken to have been
-        there before: it is latched.
+        Live, the map is unknown (None) for a second about the arrival of another one. The first
+        map counts from the beginning, because it is latched.
         """
         if self.is_live:
             later = [real.since_ns for real in self.maps[1:]]
@@ -196,17 +196,17 @@ class Record:
         self.scenes, self.farewells_ns = part_farewells(self.scenes, period_ns)
         stamps = [scene.stamp_ns for scene in self.scenes]
         self.runs = runs_of(stamps, period_ns, self.farewells_ns)
-        self.perceived = self._without_last_words(self.perceived, frozenset(stamps))
-        self.metrics = self._without_last_words(self.metrics, frozenset(stamps))
+        self.perceived = self._without_farewells(self.perceived, frozenset(stamps))
+        self.metrics = self._without_farewells(self.metrics, frozenset(stamps))
 
-    def _without_last_words(self, messages: list[Any], ticks: frozenset[int]) -> list[Any]:
+    def _without_farewells(self, messages: list[Any], ticks: frozenset[int]) -> list[Any]:
         """Part what ticks gave out from what farewells did, also at the time of the tick before."""
         kept: list[Any] = []
         for message in messages:
             is_again = bool(kept) and kept[-1].at_ns == message.at_ns
             is_last = message.at_ns in self.farewells_ns
             is_last = is_last and (is_again or message.at_ns not in ticks)
-            (self.last_words if is_last else kept).append(message)
+            (self.farewell_messages if is_last else kept).append(message)
         return kept
 
     def _take_odometry(self, odometry: Odometry) -> None:

@@ -1,4 +1,4 @@
-"""What one check of a replay came to, and the tally that leads there."""
+"""The result of one check of a recording, and the tally that counts for it."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -78,9 +78,9 @@ class Tally:
             self._notes.append(text)
 
     def leave_out(self, noun: str, text: str) -> None:
-        """Count a thing that could not be looked at: the note says how many, and the text.
+        """Count a thing that could not be checked; the note gives the number and this text.
 
-        The noun is that of one thing, and the text goes with one and with several.
+        `noun` is in the singular; `text` has to fit one thing and several.
         """
         self._left_out[noun, text] += 1
 

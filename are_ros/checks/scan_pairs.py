@@ -1,5 +1,6 @@
-"""Each augmented scan beside its input: what changed, and whether it was allowed to."""
+"""Each augmented scan or range beside its input: what changed, and whether it was allowed to."""
 
+import math
 from bisect import bisect_left
 from dataclasses import dataclass
 from typing import Final
@@ -11,6 +12,7 @@ from are_ros.bag.decoded import Scan
 from are_ros.bag.recording import PREFIX
 
 _MOST_WAITING: Final = 2000
+_CONE_STEP_RAD: Final = 0.02
 _GAP: Final = 1.5
 """In usual distances of scans: farther apart, there was one in between."""
 
@@ -21,8 +23,10 @@ _Key = tuple[int, str]
 class ChangedScan:
     """An augmented scan that differs from its input, or that is at fault without geometry.
 
-    `points_m` (M, 3) are the ends of the M changed beams in the laser's frame; of a beam that came
-    out as -inf it is where `range_min` ends, and `too_close` (M,) is set.
+    `points_m` (M, K, 3) are where the M changed beams may end, in the sensor's frame: one place for
+    a beam of a laser, places `spacing_m` apart on its cap for a cone. A beam that came out as -inf
+    ends where `range_min` does, and `too_close` (M,) is set. `unreturned` (M,) are the beams of a
+    laser that had no return before.
     """
 
     topic: str
@@ -32,6 +36,7 @@ class ChangedScan:
     points_m: NDArray[np.float64]
     too_close: NDArray[np.bool_]
     unreturned: NDArray[np.bool_]
+    spacing_m: float
     fault: str
 
 
@@ -55,7 +60,7 @@ class ScanPairs:
             self.input_topics.add(topic)
             self._input_stamps.setdefault(topic, []).append(scan.stamp_ns)
             self._inputs.setdefault(key, []).append((topic, scan))
-            while len(self._inputs) > _MOST_WAITING:  # of a laser that nobody augments
+            while len(self._inputs) > _MOST_WAITING:  # the node does not augment this laser
                 del self._inputs[next(iter(self._inputs))]
         self._match(key)
 
@@ -102,10 +107,16 @@ class ScanPairs:
         ranges = output.ranges[which].astype(np.float64)
         too_close = np.isneginf(ranges)
         ranges[~np.isfinite(ranges)] = output.numbers["range_min"]
-        angles = output.numbers["angle_min"] + which * output.numbers["angle_increment"]
-        points = np.column_stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))))
-        points *= ranges[:, None]
-        unreturned = np.empty(0, np.bool_) if fault else ~_are_returns(real, real.ranges[which])
+        cone_rad = output.numbers.get("field_of_view")
+        if cone_rad is None:
+            angles = output.numbers["angle_min"] + which * output.numbers["angle_increment"]
+            ways = np.column_stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))))
+            points = (ranges[:, None] * ways)[:, None]
+            unreturned, spacing_m = ~_are_returns(real, real.ranges[which]), 0.0
+        else:
+            points = ranges[:, None, None] * _cone(cone_rad)
+            unreturned = np.zeros(len(which), np.bool_)
+            spacing_m = _CONE_STEP_RAD * float(ranges.max(initial=0.0))
         changed = ChangedScan(
             topic,
             output.stamp_ns,
@@ -114,9 +125,22 @@ class ScanPairs:
             points,
             too_close,
             unreturned,
+            spacing_m,
             fault,
         )
         self.changed.append(changed)
+
+
+def _cone(angle_rad: float) -> NDArray[np.float64]:
+    """Return unit vectors (K, 3) all over a cone about the x-axis; the angle is the full one."""
+    off_rad = np.linspace(0.0, 0.5 * angle_rad, math.ceil(0.5 * angle_rad / _CONE_STEP_RAD) + 1)
+    rings = []
+    for angle in off_rad.tolist():
+        count = math.ceil(math.tau * math.sin(angle) / _CONE_STEP_RAD) or 1
+        about = np.linspace(0.0, math.tau, count, endpoint=False)
+        y, z = math.sin(angle) * np.cos(about), math.sin(angle) * np.sin(about)
+        rings.append(np.column_stack((np.full(count, math.cos(angle)), y, z)))
+    return np.concatenate(rings)
 
 
 def _is_of(output: str, source: str) -> bool:

@@ -45,21 +45,8 @@ class Box(NamedTuple):
     slack_m: float
 
 
-class _Spot(NamedTuple):
-    """Where F_A is: x, y, yaw, and the height of the box's centre."""
-
-    x_m: float
-    y_m: float
-    yaw_rad: float
-    z_m: float
-
-    def apart_m(self, other: "_Spot") -> float:
-        """Return how far another is."""
-        return math.hypot(self.x_m - other.x_m, self.y_m - other.y_m)
-
-
-class Places:
-    """Where the artefacts of a recording stood, live of one run."""
+class BoxPositions:
+    """The boxes of the artefacts at any instant of a recording."""
 
     def __init__(self, record: Record) -> None:
         self._record = record
@@ -105,7 +92,9 @@ class Places:
             if number not in known and later.arrivals_ns[i] <= due_ns:
                 left_ns = later.stamp_ns - max(stamp_ns, int(later.arrivals_ns[i]))
                 speeds = self._fastest[later.labels[i]]
-                boxes.append(_box(later, i, _spot(later, i), _reach_m(later, i, speeds, left_ns)))
+                boxes.append(
+                    _box(later, i, _position(later, i), _reach_m(later, i, speeds, left_ns))
+                )
         return boxes
 
     def _came_and_went(self, earlier: Scene, due_ns: int) -> bool:
@@ -132,7 +121,7 @@ class Places:
         step_ns = self._step_ns
         first_ns = (earlier.stamp_ns // step_ns + 1) * step_ns
         went_s = (min(stamp_ns, first_ns) - earlier.stamp_ns) / NS_PER_S
-        start = _gone(_spot(earlier, i), earlier.rates[i], went_s)
+        start = _gone(_position(earlier, i), earlier.rates[i], went_s)
         if stamp_ns <= first_ns:
             return [_box(earlier, i, start, 0.0)]
         speeds = self._fastest[earlier.labels[i]]
@@ -141,10 +130,10 @@ class Places:
         jumped_m = self._jumped_m(number, earlier.stamp_ns, stamp_ns)
         if j is None:
             return [_box(earlier, i, start, jumped_m + _reach_m(earlier, i, speeds, since_ns))]
-        end, left_ns = _spot(later, j), span_ns - since_ns
+        end, left_ns = _position(later, j), span_ns - since_ns
         slack_m = _HERE_M + speeds[0] * span_ns / NS_PER_S
         jumps_m = self._jumped_m(number, stamp_ns, later.stamp_ns)
-        if jumped_m or jumps_m or start.apart_m(end) > slack_m:
+        if jumped_m or jumps_m or _apart_m(start, end) > slack_m:
             return [
                 _box(earlier, i, start, jumped_m + _reach_m(earlier, i, speeds, since_ns)),
                 _box(later, j, end, jumps_m + _reach_m(later, j, speeds, left_ns)),
@@ -153,7 +142,7 @@ class Places:
         if span_ns <= step_ns:
             return [_box(earlier, i, way, 0.0)]
         root_s = math.sqrt(since_ns * left_ns) / NS_PER_S
-        mean_mps = start.apart_m(end) / (span_ns / NS_PER_S)
+        mean_mps = _apart_m(start, end) / (span_ns / NS_PER_S)
         aside_m = root_s * math.sqrt(max(speeds[0] ** 2 - mean_mps**2, 0.0))
         turned_m = _radius_m(earlier, i) * root_s * speeds[1]
         return [_box(earlier, i, way, aside_m + turned_m)]
@@ -181,35 +170,42 @@ def _fastest(scenes: list[Scene]) -> dict[str, tuple[float, float]]:
     return defaultdict(lambda: (0.0, 0.0), fastest)
 
 
-def _spot(scene: Scene, i: int) -> _Spot:
-    yaw_rad, (dx_m, dy_m) = float(scene.yaws_rad[i]), scene.box_centres_m[i, :2].tolist()
+def _position(scene: Scene, i: int) -> Floats:
+    """Return where F_A is, float64 (4,): x, y, yaw, and the height of the box's centre."""
+    yaw_rad = float(scene.yaws_rad[i])
+    x_m, y_m = scene.centres_m[i, :2] - _turned(scene.box_centres_m[i, :2], yaw_rad)
+    return np.array((x_m, y_m, yaw_rad, scene.centres_m[i, 2]))
+
+
+def _box(scene: Scene, i: int, position: Floats, slack_m: float) -> Box:
+    """Return the box of an artefact at a position (4,)."""
+    x_m, y_m, yaw_rad, z_m = position.tolist()
+    dx_m, dy_m = _turned(scene.box_centres_m[i, :2], yaw_rad).tolist()
+    return Box(np.array((x_m + dx_m, y_m + dy_m, z_m)), yaw_rad, scene.half_sizes_m[i], slack_m)
+
+
+def _turned(offset_m: Floats, yaw_rad: float) -> Floats:
+    """Return an offset (2,) turned by a yaw."""
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-    x_m, y_m, z_m = scene.centres_m[i].tolist()
-    return _Spot(x_m - cos * dx_m + sin * dy_m, y_m - sin * dx_m - cos * dy_m, yaw_rad, z_m)
+    turned: Floats = np.array(((cos, -sin), (sin, cos))) @ offset_m
+    return turned
 
 
-def _box(scene: Scene, i: int, spot: _Spot, slack_m: float) -> Box:
-    """Return the box of an artefact at a spot."""
-    dx_m, dy_m = scene.box_centres_m[i, :2].tolist()
-    cos, sin = math.cos(spot.yaw_rad), math.sin(spot.yaw_rad)
-    x_m, y_m = spot.x_m + cos * dx_m - sin * dy_m, spot.y_m + sin * dx_m + cos * dy_m
-    return Box(np.array((x_m, y_m, spot.z_m)), spot.yaw_rad, scene.half_sizes_m[i], slack_m)
+def _gone(position: Floats, rates: Floats, seconds: float) -> Floats:
+    """Return the position (4,) after some seconds at rates (x, y, yaw)."""
+    return position + seconds * np.append(rates, 0.0)
 
 
-def _gone(spot: _Spot, rates: Floats, seconds: float) -> _Spot:
-    x_mps, y_mps, turn_radps = rates.tolist()
-    yaw_rad = spot.yaw_rad + seconds * turn_radps
-    return _Spot(spot.x_m + seconds * x_mps, spot.y_m + seconds * y_mps, yaw_rad, spot.z_m)
+def _way(start: Floats, end: Floats, share: float) -> Floats:
+    """Return the position (4,) at a share of the straight way."""
+    change = end - start
+    change[2] = math.remainder(float(change[2]), math.tau)
+    return start + share * change
 
 
-def _way(start: _Spot, end: _Spot, share: float) -> _Spot:
-    turn_rad = math.remainder(end.yaw_rad - start.yaw_rad, math.tau)
-    return _Spot(
-        start.x_m + share * (end.x_m - start.x_m),
-        start.y_m + share * (end.y_m - start.y_m),
-        start.yaw_rad + share * turn_rad,
-        start.z_m + share * (end.z_m - start.z_m),
-    )
+def _apart_m(one: Floats, other: Floats) -> float:
+    """Return how far two positions (4,) are apart on the ground."""
+    return float(np.hypot(*(other - one)[:2]))
 
 
 def _radius_m(scene: Scene, i: int) -> float:
@@ -247,7 +243,7 @@ def check_scans(record: Record) -> list[CheckResult]:
             continue
         beams.look()
         beams.fail(f"{topic} {at_s(stamp_ns)} has no scan of this stamp that came in")
-    places, surface = Places(record), _Surface(record)
+    places, surface = BoxPositions(record), _KnownWalls(record)
     for scan in record.scans.changed:
         if scan.fault:
             beams.fail(f"{scan.topic} {at_s(scan.stamp_ns)} {scan.fault}")
@@ -265,7 +261,7 @@ def check_scans(record: Record) -> list[CheckResult]:
     return [beams.result(), ends.result(), walls.result()]
 
 
-def _check_ends(tally: Tally, record: Record, places: Places, scan: ChangedScan) -> None:
+def _check_ends(tally: Tally, record: Record, places: BoxPositions, scan: ChangedScan) -> None:
     """Each changed beam ends at a box, or one is nearer than the laser measures."""
     found = _laser_pose(record, record.settings.frames, scan)
     boxes = places.at(_seen_ns(record, scan))
@@ -278,16 +274,16 @@ def _check_ends(tally: Tally, record: Record, places: Places, scan: ChangedScan)
     points = scan.points_m @ pose.rotation.T + pose.translation_m
     explained = np.zeros(len(points), np.bool_)
     for box in boxes:
-        explained |= _is_met(scan, pose, points, box, slack_m + box.slack_m)
+        explained |= _is_met(scan, pose, points, box, slack_m + scan.spacing_m + box.slack_m)
     if not explained.all():
         first = int(np.argmin(explained))
-        text = f"ends at {_place(points[first])}, where no artefact is"
+        text = f"ends at {_place(points[first, 0])}, where no artefact is"
         beams = counted(int(np.count_nonzero(~explained)), "such beam")
         tally.fail(f"{scan.topic} {at_s(scan.stamp_ns)} a changed beam {text}; {beams}")
 
 
 def _seen_ns(record: Record, scan: ChangedScan) -> int:
-    """Return the instant of which a scan shows the artefacts: a stamp ahead is not known yet."""
+    """Return the instant at which a scan shows the artefacts: at most one sub-step ahead."""
     if record.is_live:
         return scan.stamp_ns
     step_ns = seconds_to_ns(record.settings.motion.step)
@@ -302,14 +298,14 @@ def _check_walls(tally: Tally, walls: Walls, record: Record, scan: ChangedScan) 
     if pose is None or not len(which):
         return
     tally.look(len(which))
-    ends = scan.points_m[which] @ pose.rotation.T + pose.translation_m
+    ends = scan.points_m[which, 0] @ pose.rotation.T + pose.translation_m
     crossed = walls.crossed(pose.translation_m, ends)
     for i in np.flatnonzero(np.isfinite(crossed[:, 0])).tolist():
         where = f"ends at {_place(ends[i])}, behind what is occupied at {_place(crossed[i])}"
         tally.fail(f"{scan.topic} {at_s(stamp_ns)} a beam without a return of its own {where}")
 
 
-class _Surface:
+class _KnownWalls:
     """What hides artefacts from beams without a return, as it was known at a time.
 
     `doubt` is why that is not known, else empty.
@@ -363,12 +359,13 @@ def _is_met(
     scan: ChangedScan, pose: Pose, points: Floats, box: Box, reach_m: float
 ) -> NDArray[np.bool_]:
     """Tell which beams (M,) the box explains: they end at it; if too close, pass it before."""
-    near = distances_m(points, box.centre_m, box.yaw_rad, box.half_m) <= reach_m
-    shares = np.linspace(0.0, 1.0, 9) if scan.too_close.any() else ()
-    for share in shares:
-        along = pose.translation_m + share * (points - pose.translation_m)
-        passes = distances_m(along, box.centre_m, box.yaw_rad, box.half_m) <= reach_m
-        near |= scan.too_close & passes
+    near = np.zeros(len(points), np.bool_)
+    shares = np.linspace(0.0, 1.0, 9) if scan.too_close.any() else np.ones(1)
+    for share in shares.tolist():
+        along = (pose.translation_m + share * (points - pose.translation_m)).reshape(-1, 3)
+        apart_m = distances_m(along, box.centre_m, box.yaw_rad, box.half_m)
+        is_near = (apart_m <= reach_m).reshape(points.shape[:2]).any(axis=1)
+        near |= is_near if share == 1.0 else is_near & scan.too_close
     return near
 
 

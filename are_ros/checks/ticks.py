@@ -140,7 +140,7 @@ def _lag_text(lags_ns: list[int]) -> str:
 def check_lives(record: Record) -> CheckResult:
     """Ids are never reused, and each tick lists the artefacts that arrived and did not depart."""
     tally = Tally("lives", "tick")
-    story = _Story(tally)
+    story = _LivingArtefacts(tally)
     for scene, events, since_ns in events_by_tick(record):
         if record.runs.is_fresh(scene.stamp_ns):
             story.begin_with(scene)
@@ -160,7 +160,7 @@ def check_lives(record: Record) -> CheckResult:
     return tally.result()
 
 
-class _Story:
+class _LivingArtefacts:
     """The artefacts alive according to the events."""
 
     def __init__(self, tally: Tally) -> None:
@@ -197,7 +197,7 @@ class _Story:
 
 
 def _check_spans(tally: Tally, scene: Scene, arrived_ns: dict[int, int]) -> None:
-    """Each stamp lies in [arrival, departure), and the arrival is that of the event."""
+    """Each stamp lies in [arrival, departure), and the arrival is the one of the event."""
     spans = zip(
         scene.ids.tolist(), scene.arrivals_ns.tolist(), scene.departures_ns.tolist(), strict=True
     )
@@ -216,7 +216,7 @@ def check_metrics(record: Record) -> CheckResult:
     tally = Tally("metrics", "message")
     metrics = {message.at_ns: message for message in record.metrics}
     seen = _perceived_ids(record)
-    count = _Count()
+    count = _EventCounts()
     for scene, events, _ in events_by_tick(record):
         count.hear(events)
         message = metrics.get(scene.at_ns)
@@ -236,7 +236,7 @@ def check_metrics(record: Record) -> CheckResult:
     return tally.result()
 
 
-class _Count:
+class _EventCounts:
     """Counts events as the metrics do."""
 
     def __init__(self) -> None:
@@ -395,7 +395,7 @@ def check_farewells(record: Record) -> CheckResult:
                 tally.fail(f"{at_s(stamp_ns)} the markers are not deleted")
             else:
                 tally.note("the recording ends before the markers are deleted")
-    for message in record.last_words:
+    for message in record.farewell_messages:
         if isinstance(message, Perceived):
             count = len(message.sightings)
         else:

@@ -1,4 +1,4 @@
-"""The birth-death chain that a configuration means (section 3.2), and what follows from it."""
+"""The birth-death chain of a configuration (section 3.2): its law, memory and lives."""
 
 import math
 from dataclasses import dataclass
@@ -113,7 +113,7 @@ def poisson_solution(jumps: Any, deaths_per_s: Numbers, rewards: Numbers, law: N
 def tagged_survival(
     jumps: Any, deaths_per_s: Numbers, levels: npt.NDArray[np.int64], met: Numbers, times_s: Numbers
 ) -> Numbers:
-    """Return Pr(life > t) of one among n >= 1 alive, who leaves with chance 1/n at each departure.
+    """Return Pr(life > t) of one of n >= 1 artefacts, which leaves with chance 1/n per departure.
 
     `met` is the law of the level at its beginning, `times_s` are equally spaced from 0 on.
     """
@@ -254,7 +254,7 @@ class BirthDeath:
         """Return Pr(life > t) at `steps` times from 0 to `end_s`, float64 (steps,).
 
         Exponential where lives are independent. At a constant rate it is the law of the time until
-        one is drawn who came, with its group, in the stationary state.
+        an artefact is drawn that came, with its group, in the stationary state.
         """
         times_s = np.linspace(0.0, end_s, steps)
         if self.departures is Departures.INDEPENDENT:

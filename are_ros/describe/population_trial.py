@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -36,13 +36,14 @@ _Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """What happened, in seconds from the beginning, when nobody was alive.
+    """What happened, in seconds from an empty beginning.
 
     `offers_s` (G,) are the instants of the groups; `rows` int64 (M,) of all members offered, in
-    order. N(t) is `alive` int64 (K,) from `changes_s` (K,) on, the first at 0. `lives_s` are those
-    of all who came in the first nine tenths and left. `points_m` (P, 2) is where, at `placed_s`
-    (P,), the first of each group appeared. `absent` counts those who did not appear, by the reason:
-    NO_PLACE of those that fit on the empty map, MISFIT, AT_BOUND, ENDLESS.
+    order. N(t) is `alive` int64 (K,) from `changes_s` (K,) on, the first at 0. `lives_s` are the
+    lives of the artefacts that came in the first nine tenths of the time and left. `points_m`
+    (P, 2) are the places where the first member of each group appeared, at `placed_s` (P,).
+    `absent` counts the members that did not appear, by the reason: NO_PLACE, MISFIT, AT_BOUND,
+    ENDLESS.
     """
 
     chain: BirthDeath
@@ -77,9 +78,9 @@ class Trial:
 def run_trial(parameters: Parameters, catalogue: Catalogue, site: Site) -> Trial:
     """Run the population of a configuration on a site for a while.
 
-    Those who would never leave are left out: they would fill the place. On a map everybody stands
-    where he appeared, and is in the way of the others; on a site without one nobody is. Raises
-    ParameterError where nobody ever comes or stays.
+    Artefacts that never leave are left out: they would fill the place. On a map each artefact
+    stands where it appeared, and the others keep clear of it; without a map they do not. Raises
+    ParameterError where no artefact ever comes or stays.
     """
     settings = parameters.population
     law = mixture_of(parameters, catalogue)
@@ -96,100 +97,65 @@ def run_trial(parameters: Parameters, catalogue: Catalogue, site: Site) -> Trial
     )
     population.start(0)
     population.set_rates(settings.arrival_rate, site.area_m2, settings.mean_life, 0)
-    book = _Book(chain, site.misfits)
     place = _place_on(site, population, settings.group_radius)
-    while (now_ns := population.next_event_ns()) is not None and not book.is_full:
-        before = len(population.living)
+    return _sampled(chain, population, place, site.misfits)
+
+
+def _sampled(
+    chain: BirthDeath, population: Population, place: Place, misfits: frozenset[int]
+) -> Trial:
+    """Let the population live until there is enough to see, and return what happened."""
+    likeliest = int(np.argmax(chain.law))
+    wanted_s = max(CORRELATIONS * chain.correlation_s, LEAST_GROUPS / chain.groups_per_s)
+    offered: list[PopulationEvent] = []
+    arrived_s: dict[int, float] = {}
+    points_m: list[tuple[float, float]] = []
+    lives: list[tuple[float, float]] = []
+    changes_s, alive = [0.0], [0]
+    now_s, settled_s = 0.0, math.inf
+    while now_s - settled_s < wanted_s and len(offered) < MOST_MEMBERS:
+        now_ns = population.next_event_ns()
+        if now_ns is None:
+            break
+        now_s = now_ns / NS_PER_S
         for event in population.handle_next(place):
-            book.note(event, population)
-        book.count(now_ns / NS_PER_S, before, len(population.living))
-    return book.closed()
+            number = event.artefact_id
+            if event.kind is EventKind.DEPARTED:
+                lives.append((arrived_s[number], now_s - arrived_s[number]))
+                continue
+            offered.append(event)
+            if event.kind is EventKind.ARRIVED:
+                pose = population.living[number].ground_pose_at(now_ns)
+                arrived_s[number] = now_s
+                points_m.append((pose.x_m, pose.y_m))
+        if len(population.living) != alive[-1]:
+            changes_s.append(now_s)
+            alive.append(len(population.living))
+        if alive[-1] == likeliest:
+            settled_s = min(settled_s, now_s)
+    # The members of a group share their instant: the first of each is kept.
+    placed_s, first = np.unique(np.array([*arrived_s.values()], np.float64), return_index=True)
+    return Trial(
+        chain,
+        now_s,
+        np.unique([event.time_ns / NS_PER_S for event in offered]),
+        np.array([event.row.index for event in offered], np.int64),
+        np.array(changes_s),
+        np.array(alive, np.int64),
+        np.array([life_s for came_s, life_s in lives if came_s < 0.9 * now_s]),
+        np.array(points_m, np.float64).reshape(-1, 2)[first],
+        placed_s,
+        Counter(_why_absent(e, misfits) for e in offered if e.kind is not EventKind.ARRIVED),
+    )
 
 
-@dataclass(eq=False)
-class _Book:
-    """Notes events as they come."""
-
-    chain: BirthDeath
-    misfits: frozenset[int]
-    now_s: float = 0.0
-    settled_s: float = math.inf
-    offers_s: list[float] = field(default_factory=list)
-    rows: list[int] = field(default_factory=list)
-    changes_s: list[float] = field(default_factory=lambda: [0.0])
-    alive: list[int] = field(default_factory=lambda: [0])
-    arrived_s: dict[int, float] = field(default_factory=dict)
-    lives: list[tuple[float, float]] = field(default_factory=list)
-    places: list[tuple[float, float, float]] = field(default_factory=list)
-    absent: Counter[str] = field(default_factory=Counter)
-
-    def __post_init__(self) -> None:
-        self._mode = int(np.argmax(self.chain.law))
-        self._wanted_s = max(
-            CORRELATIONS * self.chain.correlation_s, LEAST_GROUPS / self.chain.groups_per_s
-        )
-
-    @property
-    def is_full(self) -> bool:
-        """Whether it lasted long enough."""
-        lasted_s = max(self.now_s - self.settled_s, 0.0)
-        return lasted_s >= self._wanted_s or len(self.rows) >= MOST_MEMBERS
-
-    def note(self, event: PopulationEvent, population: Population) -> None:
-        """Note what became of one artefact."""
-        at_s = event.time_ns / NS_PER_S
-        if event.kind is EventKind.DEPARTED:
-            arrived_s = self.arrived_s.pop(event.artefact_id)
-            self.lives.append((arrived_s, at_s - arrived_s))
-            return
-        is_first = not self.offers_s or self.offers_s[-1] < at_s
-        if is_first:
-            self.offers_s.append(at_s)
-        self.rows.append(event.row.index)
-        if event.kind is EventKind.ARRIVED:
-            self._note_place(event, population, at_s)
-        else:
-            self.absent[self._why_not(event)] += 1
-
-    def count(self, now_s: float, before: int, alive: int) -> None:
-        """Note how many are alive from now on."""
-        self.now_s = now_s
-        if alive != before:
-            self.changes_s.append(now_s)
-            self.alive.append(alive)
-        if alive == self._mode:
-            self.settled_s = min(self.settled_s, now_s)
-
-    def closed(self) -> Trial:
-        """Return what was noted."""
-        early_s = 0.9 * self.now_s
-        places = np.array(self.places).reshape(-1, 3)
-        return Trial(
-            self.chain,
-            self.now_s,
-            np.array(self.offers_s),
-            np.array(self.rows, np.int64),
-            np.array(self.changes_s),
-            np.array(self.alive, np.int64),
-            np.array([life_s for arrived_s, life_s in self.lives if arrived_s < early_s]),
-            places[:, :2],
-            places[:, 2],
-            self.absent,
-        )
-
-    def _why_not(self, event: PopulationEvent) -> str:
-        """Return the reason why an artefact did not appear."""
-        if event.cause is Cause.MAX_ALIVE:
-            return AT_BOUND
-        if event.row.forever:
-            return ENDLESS
-        return MISFIT if event.row.index in self.misfits else NO_PLACE
-
-    def _note_place(self, event: PopulationEvent, population: Population, at_s: float) -> None:
-        self.arrived_s[event.artefact_id] = at_s
-        if not self.places or self.places[-1][2] < at_s:
-            pose = population.living[event.artefact_id].ground_pose_at(event.time_ns)
-            self.places.append((pose.x_m, pose.y_m, at_s))
+def _why_absent(event: PopulationEvent, misfits: frozenset[int]) -> str:
+    """Return the reason why an artefact did not appear."""
+    if event.cause is Cause.MAX_ALIVE:
+        return AT_BOUND
+    if event.row.forever:
+        return ENDLESS
+    return MISFIT if event.row.index in misfits else NO_PLACE
 
 
 def _place_on(site: Site, population: Population, group_radius_m: float) -> Place:

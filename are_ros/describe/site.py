@@ -1,4 +1,4 @@
-"""The place that a configuration is described for: a map's area, region and what fits there."""
+"""The site of a description: the area of a map, its region, and the rows that fit there."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +26,7 @@ UNIT_AREA_M2: Final = 100.0
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """A map as an environment, the region on it, and of how many parts that one is the largest."""
+    """A map as an environment, and the region on it: the largest of `parts` parts."""
 
     environment: Environment
     region: SpawnRegion
@@ -37,7 +37,7 @@ class Survey:
 class Site:
     """An area [m^2] on which artefacts arrive; without a survey it is free of obstacles.
 
-    `misfits` are the indices of the rows whose artefacts find no place even where nobody is.
+    `misfits` are the indices of the rows that find no place even on the empty map.
     """
 
     area_m2: float = UNIT_AREA_M2

@@ -16,8 +16,8 @@ from are_ros.conventions import NS_PER_S
 from are_ros.draw.artefacts import (
     Look,
     Outline,
-    companies,
     draw_artefact,
+    following_stretches,
     outline_of,
 )
 from are_ros.draw.canvas import Canvas, Image, Rectangle, bounds_of
@@ -35,7 +35,7 @@ from are_ros.draw.palette import (
     class_colours,
     mixed,
 )
-from are_ros.draw.robot import Sight, draw_robot, draw_view, fan_at
+from are_ros.draw.robot import draw_robot, draw_view, fan_at, walls_of
 from are_ros.draw.scene import Life, SceneRecord
 from are_ros.draw.sheet import (
     Entry,
@@ -47,9 +47,11 @@ from are_ros.draw.sheet import (
     id_text,
     line_sign,
     patch_sign,
+    point_to_box,
     ring_sign,
     robot_sign,
     row_width_px,
+    rows_of,
 )
 from are_ros.errors import BagError
 from are_ros.wording import why_refused
@@ -59,7 +61,7 @@ Floats = npt.NDArray[np.float64]
 Progress = Callable[[int], object]
 OpenProgress = Callable[[int, int], Progress]
 
-HEADER_PX, FOOTER_PX = 30, 26
+HEADER_PX, ROW_PX = 30, 26
 _FPS: Final = 10
 _SPEED: Final = 3
 _MOST_PICTURES: Final = 600
@@ -84,7 +86,7 @@ _SOON_NS: Final = NS_PER_S
 """The first ticks come before the first transform: for so long the robot is shown all the same."""
 _FAN_ALPHA: Final = 0.2
 _PATH_COLOUR: Final = mixed(ROBOT, 0.45)
-_COMPANY_PATTERN_PX: Final = (4.0, 3.0)
+_FOLLOWING_PATTERN_PX: Final = (4.0, 3.0)
 _COMING_AND_GOING: Final[Rgb] = (120, 130, 140)
 _FLASHES: Final[Mapping[EventKind, tuple[str, Rgb]]] = {
     EventKind.ARRIVED: ("comes or goes", _COMING_AND_GOING),
@@ -159,7 +161,9 @@ def shown_stamps(record: SceneRecord) -> tuple[list[int], float]:
 
 def _gif(frames: "Frames", stamps: Sequence[int], progress: Progress) -> bytes:
     """Return the GIF of the frames at the stamps; it repeats for ever."""
-    palette = _palette(_samples(frames, stamps))
+    samples = np.unique(np.linspace(0, len(stamps) - 1, _SAMPLES).astype(np.int64))
+    palette = _palette([frames.picture(stamps[i]) for i in samples.tolist()])
+    frames.forget()
 
     def pictures() -> Iterator[Any]:
         for stamp_ns in stamps:
@@ -181,27 +185,14 @@ def _gif(frames: "Frames", stamps: Sequence[int], progress: Progress) -> bytes:
     return file.getvalue()
 
 
-def _samples(frames: "Frames", stamps: Sequence[int]) -> Iterator[Image]:
-    """Yield some of the pictures, for the palette."""
-    at = np.unique(np.linspace(0, len(stamps) - 1, _SAMPLES).astype(np.int64))
-    for i in at.tolist():
-        yield frames.picture(stamps[i])
-    frames.forget()
-
-
-def _palette(pictures: Iterator[Image]) -> Any:
+def _palette(pictures: Sequence[Image]) -> Any:
     """Return a Pillow image whose palette has up to 255 colours of the pictures."""
     from PIL import Image as Pil
 
-    weights = np.array((1 << 16, 1 << 8, 1), dtype=np.int64)
-    counts: dict[int, int] = {}
-    for picture in pictures:
-        for key, count in zip(*np.unique(picture @ weights, return_counts=True), strict=True):
-            counts[int(key)] = counts.get(int(key), 0) + int(count)
-    keys = np.array(sorted(counts), dtype=np.int64)
+    keys = np.stack(pictures) @ np.array((1 << 16, 1 << 8, 1), dtype=np.int32)
+    keys, counts = np.unique(keys, return_counts=True)
     colours = np.stack((keys >> 16, (keys >> 8) & 255, keys & 255), axis=1).astype(np.uint8)
-    weight = np.array([counts[key] for key in keys.tolist()], dtype=np.float64)
-    pixels = np.repeat(colours, np.ceil(weight**_RARE_WEIGHT).astype(np.int64), axis=0)
+    pixels = np.repeat(colours, np.ceil(counts**_RARE_WEIGHT).astype(np.int64), axis=0)
     image = Pil.fromarray(np.ascontiguousarray(pixels[np.newaxis]))
     return image.quantize(_COLOURS, method=Pil.Quantize.MEDIANCUT, kmeans=1)
 
@@ -237,19 +228,21 @@ class Frames:
         """Lay out a picture of at most 840 x 620 pixels times `scale`, and draw the map."""
         part = known_part(grid)
         self._record = record
-        self._sight = Sight(grid, part, occupied_threshold)
+        self._walls = walls_of(grid, occupied_threshold)
         paths = [life.footprints.poses[:, :2] for life in record.lives]
         window = window_of(grid, part, np.concatenate((record.robot.poses[:, :2], *paths)))
         largest = (scale * _LARGEST_PX[0], scale * _LARGEST_PX[1])
         px_per_m = min(largest[0] / window.width_m, largest[1] / window.height_m)
         self.view = View(window, px_per_m, 0.0, HEADER_PX)
         self._colours = class_colours([life.row.class_name for life in record.lives])
-        self._companies = companies(record.lives, int(record.series.stamps_ns[-1]) + 1)
+        self._following = following_stretches(record.lives, int(record.series.stamps_ns[-1]) + 1)
+        self.footer_px = ROW_PX * max(len(_rows_below(self.legend()[1], self._width_px)), 1)
+        """How high the rows of the legend below the map are."""
         width, height = self.size_px
         self._ground = Canvas((width, height))
-        self._ground.pixels[HEADER_PX : height - FOOTER_PX] = PAPER
+        self._ground.pixels[HEADER_PX : height - self.footer_px] = PAPER
         draw_map(self._ground, self.view, grid, part)
-        self._ground.pixels[height - FOOTER_PX :] = WHITE
+        self._ground.pixels[height - self.footer_px :] = WHITE
         self._is_wall = dark_pixels(self._ground.pixels)
         self.forget()
         draw_legend(self._ground, *self.legend())
@@ -257,13 +250,16 @@ class Frames:
     @property
     def size_px(self) -> tuple[int, int]:
         """Width and height of the pictures."""
-        width, height = self.view.size_px
-        return max(round(width), _NARROWEST_PX), round(height) + HEADER_PX + FOOTER_PX
+        return self._width_px, round(self.view.size_px[1]) + HEADER_PX + self.footer_px
+
+    @property
+    def _width_px(self) -> int:
+        return max(round(self.view.size_px[0]), _NARROWEST_PX)
 
     def forget(self) -> None:
         """Begin anew: labels may be anywhere."""
         width, height = self.size_px
-        inside = (0.0, HEADER_PX, float(width), float(height - FOOTER_PX))
+        inside = (0.0, HEADER_PX, float(width), float(height - self.footer_px))
         self._labels = Labels(self._is_wall, inside, _LABEL_PX)
 
     def picture(self, stamp_ns: int) -> Image:
@@ -282,7 +278,7 @@ class Frames:
             for actor in actors:
                 if actor.is_perceived == is_perceived:
                     draw_artefact(canvas, actor.outline, actor.colour, look)
-        self._draw_companies(canvas, actors, stamp_ns)
+        self._draw_following(canvas, actors, stamp_ns)
         taken = self._draw_robot(canvas, stamp_ns)
         self._draw_flashes(canvas, stamp_ns)
         self._draw_labels(canvas, actors, taken)
@@ -306,7 +302,7 @@ class Frames:
         stamps = self._record.camera.stamps_ns
         index = int(np.searchsorted(stamps, stamp_ns))
         if index < len(stamps) and int(stamps[index]) == stamp_ns:
-            fan = fan_at(self._record, self._sight, index)
+            fan = fan_at(self._record, self._walls, index)
             if fan is not None:
                 draw_view(canvas, self.view, fan, SEEN, _FAN_ALPHA)
 
@@ -330,14 +326,14 @@ class Frames:
         outline = draw_robot(canvas, self.view, self._record.footprint, pose, ROBOT)
         return [bounds_of(outline)]
 
-    def _draw_companies(self, canvas: Canvas, actors: Sequence[_Actor], stamp_ns: int) -> None:
+    def _draw_following(self, canvas: Canvas, actors: Sequence[_Actor], stamp_ns: int) -> None:
         """Join followers and leaders by a dashed line."""
         centres = {actor.number: actor.outline.nose_px[0] for actor in actors}
-        for one in self._companies:
+        for one in self._following:
             ids = (one.follower.artefact_id, one.leader.artefact_id)
             if one.start_ns <= stamp_ns < one.end_ns and all(i in centres for i in ids):
                 start, end = (centres[i] for i in ids)
-                canvas.dashes(start, end, FOLLOWING, pattern_px=_COMPANY_PATTERN_PX)
+                canvas.dashes(start, end, FOLLOWING, pattern_px=_FOLLOWING_PATTERN_PX)
 
     def _draw_flashes(self, canvas: Canvas, stamp_ns: int) -> None:
         """Draw a growing ring where something happened a moment ago."""
@@ -354,16 +350,18 @@ class Frames:
     def _draw_labels(
         self, canvas: Canvas, actors: Sequence[_Actor], taken: Sequence[Rectangle]
     ) -> None:
-        """Write ids and what is done, first of the perceived."""
+        """Write ids and what the artefacts do; the perceived artefacts come first."""
         boxes = {actor.number: bounds_of(actor.outline.corners_px) for actor in actors}
-        is_seen = {actor.number: actor.is_perceived for actor in actors}
+        by_number = {actor.number: actor for actor in actors}
         labels = []
         for actor in sorted(actors, key=lambda actor: not actor.is_perceived):
             is_told = actor.is_perceived or len(actors) <= _MOST_TOLD
             texts = actor.texts if is_told else actor.texts[1:]
             labels.append(Label(actor.number, boxes[actor.number], texts))
         for placed in self._labels.place(labels, [*boxes.values()], taken):
-            colour = INK if is_seen[placed.label.key] else mixed(INK, 0.62)
+            actor = by_number[placed.label.key]
+            colour = INK if actor.is_perceived else mixed(INK, 0.62)
+            point_to_box(canvas, placed, actor.outline.nose_px[0], colour)
             canvas.text(placed.text, placed.place[:2], _LABEL_PX, colour)
 
     def _draw_clock(self, canvas: Canvas, actors: Sequence[_Actor], stamp_ns: int) -> None:
@@ -396,23 +394,28 @@ class Frames:
             if kind in happened:
                 rings.setdefault(name, colour)
         footer += [Entry(name, ring_sign(colour, 1.0)) for name, colour in rings.items()]
-        if self._companies:
-            footer.append(Entry("follows", dashed_sign(FOLLOWING, 1.0, _COMPANY_PATTERN_PX)))
+        if self._following:
+            footer.append(Entry("follows", dashed_sign(FOLLOWING, 1.0, _FOLLOWING_PATTERN_PX)))
         return header, footer
 
 
 def draw_legend(canvas: Canvas, header: Sequence[Entry], footer: Sequence[Entry]) -> None:
-    """Draw as many entries as there is room for; those of the header end at its right."""
+    """Draw the header's entries, at its right and as many as fit, and the rows of the footer."""
     width, height = canvas.size_px
-    kept = [*header]
-    while kept and row_width_px(kept, _TEXT_PX) > width - _CLOCK_PX - _MARGIN_PX:
-        kept.pop()
-    left = width - row_width_px(kept, _TEXT_PX) - _MARGIN_PX
-    draw_row(canvas, kept, (left, 0.5 * HEADER_PX), _TEXT_PX)
-    kept = [*footer]
-    while kept and row_width_px(kept, _TEXT_PX) > width - _MARGIN_PX:
-        kept.pop()
-    draw_row(canvas, kept, (_MARGIN_PX, height - 0.5 * FOOTER_PX), _TEXT_PX)
+    count = len(header)
+    while count and row_width_px(header[:count], _TEXT_PX) > width - _CLOCK_PX - _MARGIN_PX:
+        count -= 1
+    left = width - row_width_px(header[:count], _TEXT_PX) - _MARGIN_PX
+    draw_row(canvas, header[:count], (left, 0.5 * HEADER_PX), _TEXT_PX)
+    rows = _rows_below(footer, width)
+    for number, row in enumerate(rows):
+        y_px = height - ROW_PX * (len(rows) - number - 0.5)
+        draw_row(canvas, row, (_MARGIN_PX, y_px), _TEXT_PX)
+
+
+def _rows_below(footer: Sequence[Entry], width_px: int) -> list[list[Entry]]:
+    """Return the rows of the footer, in a picture of a width."""
+    return rows_of(footer, width_px - 2 * _MARGIN_PX, _TEXT_PX)
 
 
 def _tail(life: Life, stamp_ns: int) -> list[Floats]:

@@ -1,4 +1,4 @@
-"""The artefacts in a picture: footprints, paths, behaviours, who follows whom, what happened."""
+"""The artefacts in a picture: footprints, paths, behaviours, followers and events."""
 
 import math
 import re
@@ -30,7 +30,7 @@ GONE_ALPHA: Final = 0.38
 PATH_PX, SEEN_PATH_PX = 1.8, 4.4
 BEHAVIOUR_PX: Final = 9.5
 JUMP_PATTERN_PX: Final = (0.8, 4.0)
-COMPANY_PATTERN_PX: Final = (1.2, 4.4)
+FOLLOWING_PATTERN_PX: Final = (1.2, 4.4)
 CONTACT_MARK: Final = ("burst", 15.0, CONTACT, WHITE)
 DISPLACED_MARK: Final = ("lozenge", 12.0, DISPLACED, DISPLACED_EDGE)
 """Name, size [px], face and edge."""
@@ -238,7 +238,7 @@ def _head(forward: Floats) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Company:
+class Following:
     """A follower behind its leader, from `start_ns` to `end_ns`."""
 
     follower: Life
@@ -253,19 +253,19 @@ class Company:
         return self.start_ns + np.rint(shares * length_ns).astype(np.int64)
 
 
-def companies(lives: Sequence[Life], end_ns: int) -> list[Company]:
+def following_stretches(lives: Sequence[Life], end_ns: int) -> list[Following]:
     """Return every stretch of following a leader of `lives`, as the followers' activities say."""
     standing = {life.artefact_id: life for life in lives if len(life.footprints)}
     return [
-        Company(life, standing[leader_id], start_ns, stop_ns)
+        Following(life, standing[leader_id], start_ns, stop_ns)
         for life in standing.values()
         for leader_id, start_ns, stop_ns in _stretches(life, end_ns)
         if leader_id in standing
     ]
 
 
-def draw_companies(
-    canvas: Canvas, view: View, found: Sequence[Company], colours: Mapping[str, Rgb]
+def draw_following(
+    canvas: Canvas, view: View, found: Sequence[Following], colours: Mapping[str, Rgb]
 ) -> None:
     """Join followers and leaders by a few dotted rungs."""
     for company in found:
@@ -275,7 +275,7 @@ def draw_companies(
         colour = shade_of(colours[follower.row.class_name], follower.artefact_id)
         near = np.linalg.norm(ahead - behind, axis=1) <= _LONGEST_RUNG_M
         for start, end in zip(view.pixels(behind[near]), view.pixels(ahead[near]), strict=True):
-            canvas.dashes(start, end, colour, 1.8, 0.9, COMPANY_PATTERN_PX)
+            canvas.dashes(start, end, colour, 1.8, 0.9, FOLLOWING_PATTERN_PX)
 
 
 def _positions_at(life: Life, stamps_ns: Stamps) -> Floats:
@@ -288,7 +288,7 @@ def _stretches(life: Life, end_ns: int) -> Iterator[tuple[int, int, int]]:
     """Yield the leaders that an artefact followed, by id, and the [start, stop) in which it did."""
     last_ns = end_ns if life.departure_ns is None else life.departure_ns
     stops_ns = [*(doing.since_ns for doing in life.doings[1:]), last_ns]
-    # A life of which no doing is known has one stop and nothing to end there.
+    # Without a known doing there is one stop, and no doing that ends there.
     spans = zip(map(_leader, life.doings), life.doings, stops_ns, strict=False)
     for leader, same in groupby(spans, key=itemgetter(0)):
         stretch = list(same)

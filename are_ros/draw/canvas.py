@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.draw.palette import EDGE, FLOOR, INK, WHITE, Rgb, mark_outlines
+from are_ros.draw.palette import EDGE, FLOOR, INK, WHITE, Rgb, mark_outline
 
 Floats = npt.NDArray[np.float64]
 Image = npt.NDArray[np.uint8]
@@ -152,8 +152,8 @@ class Canvas:
         edge_px: float = 1.4,
         alpha: float = 1.0,
     ) -> None:
-        """Draw a mark of `mark_outlines` about a point (2,)."""
-        outline = centre_px + size_px * mark_outlines()[name]
+        """Draw a mark of `mark_outline` about a point (2,)."""
+        outline = centre_px + size_px * mark_outline(name)
         self.fill(outline, face, alpha)
         self.line(outline, edge, edge_px, alpha, closed=True)
 
@@ -197,6 +197,13 @@ class Canvas:
     def plate(self, place: Rectangle) -> None:
         """Lighten a rectangle, for what is written on it."""
         self.fill(_rounded(place, 5.0), WHITE, 0.8)
+
+    def keep_only(self, place: Rectangle) -> None:
+        """Make all white again but for a rectangle."""
+        left, top, right, bottom = (round(side * self.fine) for side in place)
+        kept = self.pixels[top:bottom, left:right].copy()
+        self.pixels[:] = 255
+        self.pixels[top:bottom, left:right] = kept
 
     def frame(self, place: Rectangle) -> None:
         """Draw the edge of a rectangle."""

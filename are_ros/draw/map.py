@@ -14,13 +14,11 @@ from are_ros.world.voxel_map import VoxelMap
 
 Floats = npt.NDArray[np.float64]
 
-LOWEST_M: Final = 0.1
-HIGHEST_M: Final = 1.8
+_LOWEST_M, _HIGHEST_M = 0.1, 1.8
 """What stands between these heights above the lowest voxel is drawn: no floor and no ceiling."""
 
 _FURNITURE: Final = 45
 """Drawn like a cell of this value: darker than free, paler than a wall of the map."""
-_OCCUPIED: Final = 100
 _MOST_PIXELS: Final = 1400
 _THINNEST_WALL_PX: Final = 1.25
 _THICK_FROM: Final = 50
@@ -199,32 +197,20 @@ def _thickened(cells: npt.NDArray[np.int8]) -> npt.NDArray[np.int8]:
 
 def with_furniture(grid: OccupancyGrid, part: KnownPart, voxels: VoxelMap) -> KnownPart:
     """Return the known part with what the octomap has on its free cells, in a middle grey."""
-    base_m = float(voxels.map_from_lattice.translation_m[2])
-    stands = _covered(grid, part, voxels, base_m + LOWEST_M, base_m + HIGHEST_M)
+    stands = _covered(grid, part, voxels)
     cells = np.where(stands & (part.cells >= 0), np.maximum(part.cells, _FURNITURE), part.cells)
     return replace(part, cells=cells.astype(np.int8))
 
 
-def hiding_part(
-    grid: OccupancyGrid, part: KnownPart, voxels: VoxelMap, height_m: float
-) -> KnownPart:
-    """Return the known part, occupied where the octomap is at a height in the map's frame."""
-    half_m = 0.5 * voxels.voxel_size_m[2]
-    hides = _covered(grid, part, voxels, height_m - half_m, height_m + half_m)
-    return replace(part, cells=np.where(hides, _OCCUPIED, 0).astype(np.int8))
+def _covered(grid: OccupancyGrid, part: KnownPart, voxels: VoxelMap) -> npt.NDArray[np.bool_]:
+    """Return the cells (h, w) of a part that voxels between the two heights cover.
 
-
-def _covered(
-    grid: OccupancyGrid, part: KnownPart, voxels: VoxelMap, low_m: float, high_m: float
-) -> npt.NDArray[np.bool_]:
-    """Return the cells (h, w) of a part that voxels with their middle in (low_m, high_m] cover.
-
-    A cell counts that holds a voxel's middle, or whose middle a voxel holds: so neither fine voxels
-    get lost nor coarse ones have holes.
+    A cell is covered if it holds the middle of a voxel, or if its own middle lies in a voxel. So
+    fine voxels do not get lost, and coarse voxels have no holes.
     """
-    base_m, size_m = float(voxels.map_from_lattice.translation_m[2]), voxels.voxel_size_m
-    middles_m = base_m + (np.arange(voxels.occupied.shape[2]) + 0.5) * size_m[2]
-    layers = (middles_m > low_m) & (middles_m <= high_m)
+    size_m = voxels.voxel_size_m
+    middles_m = (np.arange(voxels.occupied.shape[2]) + 0.5) * size_m[2]
+    layers = (middles_m > _LOWEST_M) & (middles_m <= _HIGHEST_M)
     columns = np.asarray(voxels.occupied[:, :, layers].any(axis=2))
     covered = np.zeros(part.cells.shape, dtype=np.bool_)
     held = np.argwhere(columns) + 0.5

@@ -11,12 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.events import EventKind
+from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.artefacts import (
     BEHAVIOUR_PX,
-    COMPANY_PATTERN_PX,
     CONTACT_MARK,
     DISPLACED_MARK,
+    FOLLOWING_PATTERN_PX,
     GONE_ALPHA,
     PATH_PX,
     SEEN_PATH_PX,
@@ -26,12 +27,12 @@ from are_ros.draw.artefacts import (
     behaviour_counts,
     behaviour_entries,
     behaviour_of,
-    companies,
     contacts,
     displacements,
     draw_artefact,
-    draw_companies,
+    draw_following,
     draw_paths,
+    following_stretches,
     forced,
     is_gone,
     mark_places,
@@ -39,12 +40,11 @@ from are_ros.draw.artefacts import (
     path_of,
 )
 from are_ros.draw.canvas import Canvas, Rectangle, bounds_of
-from are_ros.draw.map import View, draw_map, hiding_part, known_part, window_of, with_furniture
+from are_ros.draw.map import View, draw_map, known_part, window_of, with_furniture
 from are_ros.draw.palette import (
     CONTACT,
     END,
     GREY,
-    INK,
     ROBOT,
     SEEN,
     SERIES,
@@ -55,7 +55,6 @@ from are_ros.draw.palette import (
 )
 from are_ros.draw.robot import (
     Fan,
-    Sight,
     draw_ever_seen,
     draw_robot,
     draw_robot_path,
@@ -65,6 +64,7 @@ from are_ros.draw.robot import (
     spread_indices,
     telling_indices,
     time_fractions,
+    walls_of,
 )
 from are_ros.draw.scene import Life, SceneRecord
 from are_ros.draw.sheet import (
@@ -82,6 +82,7 @@ from are_ros.draw.sheet import (
     line_sign,
     mark_sign,
     patch_sign,
+    point_to_box,
 )
 from are_ros.wording import counted
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -145,30 +146,26 @@ class _Overview:
     ) -> None:
         """Lay out the sheet, and draw the map."""
         part = known_part(grid)
-        hiding, shown_cells = part, part
-        if voxels is not None and len(record.camera):
-            camera_m = float(np.median(record.camera.poses[:, 2]))
-            hiding = hiding_part(grid, part, voxels, camera_m)
-            shown_cells = with_furniture(grid, part, voxels)
+        shown_cells = part if voxels is None else with_furniture(grid, part, voxels)
         self._record = record
         self._end_ns = int(record.series.stamps_ns[-1]) if len(record.series.stamps_ns) else 0
         self._standing = _in_drawing_order(record.lives, self._end_ns)
         moved = displacements(record.events)
         self._paths = [path_of(life, moved.get(life.artefact_id, ())) for life in self._standing]
-        self._companies = companies(record.lives, self._end_ns)
+        self._following = following_stretches(record.lives, self._end_ns)
         self._colours = class_colours([life.row.class_name for life in record.lives])
         self._marks = behaviour_marks([path.behaviour for path in self._paths])
-        has_companies = bool(self._companies)
-        legends = _legends(record, self._colours, self._marks, has_companies=has_companies)
+        has_following = bool(self._following)
+        legends = _legends(record, self._colours, self._marks, has_following=has_following)
         self._sheet = Sheet.of(window_of(grid, part, _extent_m(record, self._standing)), legends)
         self._canvas, self._view = self._sheet.canvas, self._sheet.view
-        self._sight = Sight(grid, hiding, occupied_threshold)
+        self._walls = walls_of(grid, occupied_threshold, voxels)
         draw_map(self._canvas, self._view, grid, shown_cells)
 
     def write(self, path: File, ids_as_in: str) -> None:
         """Draw everything else, from the ground up, and write the picture."""
         is_wall = dark_pixels(self._canvas.finished())
-        shown = _draw_fields_of_view(self._sheet, self._record, self._sight)
+        shown = _draw_fields_of_view(self._sheet, self._record, self._walls)
         drawn = self._draw_artefacts()
         robots = _draw_robot(self._sheet, self._record, shown)
         marks = self._draw_events()
@@ -180,9 +177,9 @@ class _Overview:
         self._sheet.write(path, _title(record), subtitle, duration_s)
 
     def _draw_artefacts(self) -> list[_Drawn]:
-        """Draw the paths, who followed whom, and each artefact where it ended."""
+        """Draw the paths, the links of followers to leaders, and each artefact at its end."""
         draw_paths(self._canvas, self._view, self._paths, self._colours, self._marks)
-        draw_companies(self._canvas, self._view, self._companies, self._colours)
+        draw_following(self._canvas, self._view, self._following, self._colours)
         drawn = []
         for life in self._standing:
             outline = outline_of(self._view, life.footprints.poses[-1], life.row.size_m)
@@ -205,7 +202,7 @@ class _Overview:
     def _write_texts(self, drawn: Sequence[_Drawn], labels: Labels) -> int:
         """Write ids, "start" and "end"; return how many ids found no room."""
         tags = tag_rectangles(self._record, self._view, [item.box for item in drawn])
-        leaders = {one.follower.artefact_id: one.leader.artefact_id for one in self._companies}
+        leaders = {one.follower.artefact_id: one.leader.artefact_id for one in self._following}
         written = _draw_ids(self._sheet, labels, drawn, tags, leaders)
         for tag, text, colour in zip(tags, ("start", "end"), (ROBOT, END), strict=False):
             self._canvas.tag(text, tag, _TAG_TEXT_PX, colour)
@@ -246,11 +243,11 @@ def _extent_m(record: SceneRecord, lives: Sequence[Life]) -> Floats:
     return np.concatenate((record.robot.poses[:, :2], outline, *paths))
 
 
-def _draw_fields_of_view(sheet: Sheet, record: SceneRecord, sight: Sight) -> list[Fan]:
+def _draw_fields_of_view(sheet: Sheet, record: SceneRecord, walls: VoxelField) -> list[Fan]:
     """Tint what was ever in view; draw a few fields of view, which are returned."""
 
     def fans(indices: Sequence[int]) -> list[Fan]:
-        found = (fan_at(record, sight, index) for index in indices)
+        found = (fan_at(record, walls, index) for index in indices)
         return [fan for fan in found if fan is not None]
 
     draw_ever_seen(sheet.canvas, sheet.view, fans(spread_indices(record, _SWEPT_FANS)))
@@ -314,9 +311,8 @@ def _draw_ids(
 ) -> int:
     """Write ids beside the artefacts, and return how many found room: first the perceived.
 
-    An id that is unclear is joined to its artefact by a line.
-
-    `leaders` has the id of the artefact that a follower followed last.
+    An id that is far from its artefact is joined to it by a line. `leaders` gives the artefact that
+    a follower followed last.
     """
     order = sorted(drawn, key=lambda item: (not item.life.is_perceived, item.is_gone))
     ends = {item.life.artefact_id: item.outline.nose_px[0] for item in drawn}
@@ -328,10 +324,7 @@ def _draw_ids(
         wanted.append(Label(number, item.box, (text,)))
     found = labels.place(wanted, [item.box for item in drawn], taken)
     for placed in found:
-        if placed.is_unclear:
-            end, place = ends[placed.label.key], placed.place
-            near = np.clip(end, place[:2], place[2:])
-            sheet.canvas.line(np.array((near, end)), INK, 1.0)
+        point_to_box(sheet.canvas, placed, ends[placed.label.key])
     for placed in found:
         sheet.canvas.text(placed.text, placed.place[:2], _LABEL_PX)
     return len(found)
@@ -366,12 +359,12 @@ def _legends(
     colours: Mapping[str, Rgb],
     marks: Mapping[str, str],
     *,
-    has_companies: bool,
+    has_following: bool,
 ) -> list[list[Entry]]:
     """Return the entries for classes, behaviours, and what else there is to see."""
     rest = [*_artefact_entries(record), *_event_entries(record)]
-    if has_companies:
-        rest.append(Entry("following", dashed_sign(GREY, 1.8, COMPANY_PATTERN_PX)))
+    if has_following:
+        rest.append(Entry("following", dashed_sign(GREY, 1.8, FOLLOWING_PATTERN_PX)))
     if len(record.camera):
         rest.append(Entry("field of view", patch_sign(SEEN, 0.42)))
         rest.append(Entry("in view at some time", patch_sign(SEEN, 0.17)))

@@ -1,10 +1,9 @@
-"""The colours and marks of all pictures: one for each class, behaviour, event and time."""
+"""The colours and marks of all pictures, by class, behaviour, event and time."""
 
 import colorsys
-import math
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
-from typing import Final
+from functools import cache
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -49,7 +48,7 @@ SERIES: Final[tuple[Rgb, ...]] = (
     (134, 46, 156),
     (95, 61, 17),
 )
-"""Things that are of one kind: the components of a mixture, the poses that fit a map."""
+"""Colours of a series: the components of a mixture, the poses that fit a map."""
 
 _CLASSES: Final[Mapping[str, Rgb]] = {
     "person": (209, 73, 91),
@@ -67,6 +66,25 @@ _FURTHER_CLASSES: Final[tuple[Rgb, ...]] = (
     (96, 108, 56),
 )
 _SHADES: Final = (0.0, 0.1, -0.1, 0.05, -0.06)
+_MARKS: Final[Mapping[str, Any]] = {
+    "square": "s",
+    "disc": "o",
+    "diamond": "D",
+    "right": ">",
+    "hexagon": "h",
+    "up": "^",
+    "bars": ((-3, 5), (-0.6, 5), (-0.6, -3.6), (0.6, -3.6), (0.6, 5), (3, 5), (3, -5), (-3, -5)),
+    "star": "*",
+    "cross": "X",
+    "down": "v",
+    "left": "<",
+    "plus": "P",
+    "pentagon": "p",
+    "lozenge": "d",
+    "turned_hexagon": "H",
+    "burst": (8, 1, 0.0),
+}
+"""The names of marks, with the markers of matplotlib; a sequence has the corners of its own."""
 _BEHAVIOURS: Final[Mapping[str, str]] = {
     "standing": "square",
     "walking": "disc",
@@ -120,7 +138,7 @@ def time_colour(fraction: float) -> Rgb:
 
 
 def behaviour_marks(names: Sequence[str]) -> dict[str, str]:
-    """Return the mark of each behaviour, a key of `mark_outlines`; a user's own by their names."""
+    """Return the mark of each behaviour, a name for `mark_outline`; a user's own by their names."""
     own = sorted(set(names) - set(_BEHAVIOURS))
     further = {
         name: _FURTHER_BEHAVIOURS[i % len(_FURTHER_BEHAVIOURS)] for i, name in enumerate(own)
@@ -128,55 +146,12 @@ def behaviour_marks(names: Sequence[str]) -> dict[str, str]:
     return {**_BEHAVIOURS, **further}
 
 
-@lru_cache(maxsize=1)
-def mark_outlines() -> dict[str, Floats]:
-    """Return the outlines (N, 2) of the marks, about (0, 0), x right, y down, 1 high at most."""
-    square = _polygon(4, 0.25 * math.pi, 0.62)
-    cross = _turned(((0, -1), (1, -2), (2, -1)))
-    plus = _turned(((-1, -3), (1, -3), (1, -1)))
-    bars = np.array(
-        ((-3, -5), (-0.6, -5), (-0.6, 3.6), (0.6, 3.6), (0.6, -5), (3, -5), (3, 5), (-3, 5)),
-        dtype=np.float64,
-    )
-    up = np.add(_polygon(3, 0.0, 0.58), (0.0, 0.08))
-    return {
-        "square": square,
-        "disc": _polygon(24, 0.0, 0.5),
-        "diamond": _polygon(4, 0.0, 0.6),
-        "right": np.column_stack((-up[:, 1], up[:, 0])),
-        "hexagon": _polygon(6, 0.0, 0.53),
-        "up": up,
-        "bars": bars / 10.0,
-        "star": _burst(5, 0.6, 0.25),
-        "cross": cross / 4.0,
-        "down": -up,
-        "left": np.column_stack((up[:, 1], -up[:, 0])),
-        "plus": plus / 6.0,
-        "pentagon": _polygon(5, 0.0, 0.55),
-        "lozenge": _polygon(4, 0.0, 0.62) * (0.6, 1.0),
-        "turned_hexagon": _polygon(6, math.pi / 6.0, 0.53),
-        "burst": _burst(8, 0.55, 0.27),
-    }
+@cache
+def mark_outline(name: str) -> Floats:
+    """Return the outline (N, 2) of a mark of `_MARKS`, about (0, 0), x right, y down, 1 wide."""
+    from matplotlib.markers import MarkerStyle
 
-
-def _polygon(count: int, turn_rad: float, radius: float) -> Floats:
-    """Return a regular polygon (count, 2), the first corner above the middle."""
-    angles = turn_rad + 2.0 * np.pi * np.arange(count) / count
-    corners: Floats = radius * np.column_stack((np.sin(angles), -np.cos(angles)))
-    return corners
-
-
-def _turned(quarter: Sequence[tuple[int, int]]) -> Floats:
-    """Return the outline (4 N, 2) of which a quarter (N, 2) is given, turned by right angles."""
-    corners = np.array(quarter, dtype=np.float64)
-    turn = np.array(((0.0, 1.0), (-1.0, 0.0)))
-    turns = (np.linalg.matrix_power(turn, count) for count in range(4))
-    return np.concatenate([corners @ matrix for matrix in turns])
-
-
-def _burst(count: int, outer: float, inner: float) -> Floats:
-    """Return a star (2 count, 2)."""
-    corners = _polygon(2 * count, 0.0, 1.0)
-    corners[::2] *= outer
-    corners[1::2] *= inner
-    return corners
+    style = MarkerStyle(_MARKS[name])
+    (corners,) = style.get_path().transformed(style.get_transform()).to_polygons()
+    outline: Floats = np.asarray(corners)[:-1] * (1.0, -1.0)
+    return outline / float(np.ptp(outline, axis=0).max())

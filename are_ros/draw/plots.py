@@ -394,7 +394,7 @@ def _draw_lives(axes: Any, trial: Trial) -> None:
     """Draw the lives and their density: exponential, or that of lives drawn at random."""
     chain, lives_s = trial.chain, trial.lives_s
     if not len(lives_s):
-        _write(axes, ["nobody who came has left yet"])
+        _write(axes, ["no artefact has left yet"])
         name_axes(axes, "lives")
         return
     reach_s, unit_s, name = _reach(lives_s)
@@ -404,11 +404,11 @@ def _draw_lives(axes: Any, trial: Trial) -> None:
     _draw_density(axes, lives_s, middles_s, density, unit_s)
     lines = [
         f"{len(lives_s)} lives, mean {float(lives_s.mean()) / unit_s:.3g} {name},",
-        "of who appeared in the first",
-        "nine tenths of the time",
+        "of artefacts that came in the",
+        "first nine tenths of the time",
     ]
     if chain.departures is not Departures.INDEPENDENT:
-        lines.append("who leaves is drawn at random")
+        lines.append("the next to leave is drawn at random")
     _write(axes, lines)
     name_axes(axes, "lives", f"time [{name}]", f"density [1/{name}]")
 

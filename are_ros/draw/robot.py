@@ -11,24 +11,24 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.canvas import Canvas
-from are_ros.draw.map import KnownPart, View
+from are_ros.draw.map import View
 from are_ros.draw.palette import SEEN, WHITE, Rgb, time_colour
 from are_ros.draw.scene import Life, SceneRecord, Track
 from are_ros.world.cameras import ViewModel
 from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.voxel_map import VoxelMap
 
 Floats = npt.NDArray[np.float64]
 
 _RAYS: Final = 360
-_MARCH_STEPS: Final = 200
-_SURELY_LESS: Final = 1.42
-"""Distances are between centres of cells; this much of them may lie within the two cells."""
-LEAST_LEVEL: Final = 0.1
-_LEAST_STEP: Final = 0.25
+_LEAST_LEVEL: Final = 0.1
+"""A unit ray whose level part is shorter looks up or down."""
+_ENDLESS_M: Final = 1000.0
 _PARALLEL: Final = 1e-12
 _TURN_WEIGHT_M: Final = 0.4
 _SHORTEST_PART_M: Final = 0.2
@@ -47,62 +47,48 @@ class Fan:
     outline_m: Floats
 
 
-class Sight:
-    """Casts level rays over a map, by marching through the distance to the nearest wall."""
-
-    def __init__(self, grid: OccupancyGrid, part: KnownPart, occupied_threshold: int) -> None:
-        import cv2
-
-        open_cells = (part.cells < occupied_threshold).astype(np.uint8)
-        self._clearance = np.asarray(
-            cv2.distanceTransform(open_cells, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-        )
-        if open_cells.all():
-            self._clearance = np.full(open_cells.shape, 1e6, dtype=np.float32)
-        self._part = part
-        self._cell_m = grid.resolution_m
-        self._part_from_map = grid.origin.inverse().matrix()
-
-    def free_lengths(self, start_m: Floats, rays: Floats, longest_m: Floats) -> Floats:
-        """Return how far level unit rays (N, 2) go from a point (2,), at most `longest_m` (N,)."""
-        turn = self._part_from_map[:2, :2]
-        corner = (self._part.col0, self._part.row0)
-        start = (turn @ start_m + self._part_from_map[:2, 3]) / self._cell_m - corner
-        steps, longest = rays @ turn.T, longest_m / self._cell_m
-        travelled, moving = np.zeros(len(rays)), np.arange(len(rays))
-        for _ in range(_MARCH_STEPS):
-            ahead = self._surely_free(start + steps[moving] * travelled[moving, np.newaxis])
-            travelled[moving] += ahead
-            moving = moving[(ahead > 0.0) & (travelled[moving] < longest[moving])]
-            if not len(moving):
-                break
-        return np.minimum(travelled, longest) * self._cell_m
-
-    def _surely_free(self, points: Floats) -> Floats:
-        """Return how far points (N, 2), as (col, row), are from walls at least; 0 inside one.
-
-        Near a wall it is a small step instead, so that rays arrive. Outside there are no walls.
-        """
-        size = self._clearance.shape[::-1]
-        nearest = np.clip(np.floor(points).astype(np.int64), 0, np.subtract(size, 1))
-        clearance = self._clearance[nearest[:, 1], nearest[:, 0]]
-        outside = np.maximum(-points, points - size).max(axis=1)
-        free = np.maximum(np.where(outside > 0.0, outside, clearance - _SURELY_LESS), _LEAST_STEP)
-        return np.where((outside > 0.0) | (clearance > 0.0), free, 0.0)
+def walls_of(
+    grid: OccupancyGrid, occupied_threshold: int, voxels: VoxelMap | None = None
+) -> VoxelField:
+    """Return what ends a camera's view: the octomap, else the walls of the map, of any height."""
+    if voxels is None:
+        walls = grid.cells >= occupied_threshold
+        voxels = VoxelMap.extruded(grid, walls, 2.0 * _ENDLESS_M, -_ENDLESS_M)
+    return VoxelField.of(voxels)
 
 
-def fan_at(record: SceneRecord, sight: Sight, index: int) -> Fan | None:
+def level_sight(
+    camera: ViewModel,
+    map_from_camera: RigidTransform,
+    walls: VoxelField,
+    max_range_m: float,
+    count: int,
+) -> tuple[Floats, Floats]:
+    """Return what the image's middle row sees: level unit rays (N, 2), and their lengths (N,) [m].
+
+    At most `count` rays, in the map's frame; rays that look steeply up or down are left out. A ray
+    ends at the first wall at the camera's height, or where the camera's range ends.
+    """
+    row = camera.directions()[camera.height // 2]
+    columns = np.linspace(0, camera.width - 1, count).astype(np.int64)
+    rays = row[columns].astype(np.float64) @ map_from_camera.rotation_matrix().T
+    level = np.linalg.norm(rays[:, :2], axis=1)
+    is_kept = level > _LEAST_LEVEL
+    rays, level = rays[is_kept] * (1.0, 1.0, 0.0), level[is_kept]
+    rays /= level[:, np.newaxis]
+    hits_m = walls.first_hits(map_from_camera.translation_m, rays, max_range_m)
+    return rays[:, :2], np.minimum(hits_m, max_range_m * level)
+
+
+def fan_at(record: SceneRecord, walls: VoxelField, index: int) -> Fan | None:
     """Return the fan of one camera pose of the record, None if it does not look sideways."""
     pose, stamp_ns = record.camera.poses[index], int(record.camera.stamps_ns[index])
     camera = record.views[int(record.view_of_pose[index])]
-    rays = level_rays(camera, RigidTransform(pose[:3], pose[3:]), min(_RAYS, camera.width))
-    lengths = np.linalg.norm(rays, axis=1)
-    rays, lengths = rays[lengths > LEAST_LEVEL], lengths[lengths > LEAST_LEVEL]
+    map_from_camera = RigidTransform(pose[:3], pose[3:])
+    count = min(_RAYS, camera.width)
+    rays, reach_m = level_sight(camera, map_from_camera, walls, record.max_range_m, count)
     if len(rays) < 2:
         return None
-    rays /= lengths[:, np.newaxis]
-    longest_m = record.max_range_m * lengths
-    reach_m = sight.free_lengths(pose[:2], rays, longest_m)
     hiding = [life for life in record.lives if _may_hide(life, stamp_ns, pose[2])]
     reach_m = np.minimum(reach_m, _far_sides(hiding, stamp_ns, pose[:2], rays))
     outline = pose[:2] + rays * reach_m[:, np.newaxis]
@@ -154,18 +140,6 @@ def _middles(travelled: Floats, count: int) -> Floats:
     count = max(1, min(count, int(travelled[-1] / _SHORTEST_PART_M) + 1))
     middles: Floats = (np.arange(count) + 0.5) / count * travelled[-1]
     return middles
-
-
-def level_rays(camera: ViewModel, map_from_camera: RigidTransform, count: int) -> Floats:
-    """Return rays of the image's middle row in the map's frame, without their rise (count, 2).
-
-    One that is shorter than `LEAST_LEVEL` looks up or down.
-    """
-    row = camera.directions()[camera.height // 2]
-    columns = np.linspace(0, camera.width - 1, count).astype(np.int64)
-    turn = map_from_camera.rotation_matrix()
-    rays: Floats = (row[columns].astype(np.float64) @ turn.T)[:, :2]
-    return rays
 
 
 def _spread_rad(rays: Floats) -> float:

@@ -120,7 +120,7 @@ class Track:
     def drives(self) -> npt.NDArray[np.int64]:
         """Return the number of the drive that each pose belongs to, int64 (N,), ascending from 0.
 
-        Between two drives is a gap of the recording: nobody knows which way led across.
+        Between two drives is a gap of the recording, in which the way is unknown.
         """
         steps_ns = np.diff(self.stamps_ns, prepend=self.stamps_ns[:1])
         return np.cumsum(steps_ns >= IDLE_NS)

@@ -180,12 +180,8 @@ class Sheet:
 
     def _draw_surroundings(self, title: str, subtitle: str) -> None:
         canvas, (left, _, _, bottom) = self.canvas, self.view.rectangle
-        # What was drawn beyond the edge of the map is covered.
-        (width, height), edges = canvas.size_px, self.view.rectangle
-        for place in _around((0.0, 0.0, width, height), edges):
-            x0, y0, x1, y1 = place
-            canvas.fill(np.array(((x0, y0), (x1, y0), (x1, y1), (x0, y1))), WHITE)
-        canvas.frame(edges)
+        canvas.keep_only(self.view.rectangle)
+        canvas.frame(self.view.rectangle)
         canvas.text(title, (left, 14), _TITLE_PX, bold=True, halo=False)
         canvas.text(subtitle, (left, 56), _SUBTITLE_PX, FAINT_INK, halo=False)
         for number, row in enumerate(self.rows):
@@ -243,16 +239,6 @@ def _widened(window: Window, width_m: float, height_m: float) -> Window:
     return Window(x_m - half[0], x_m + half[0], y_m - half[1], y_m + half[1])
 
 
-def _around(outer: Rectangle, inner: Rectangle) -> list[Rectangle]:
-    """Return the four rectangles between two."""
-    return [
-        (outer[0], outer[1], outer[2], inner[1]),
-        (outer[0], inner[3], outer[2], outer[3]),
-        (outer[0], inner[1], inner[0], inner[3]),
-        (inner[2], inner[1], outer[2], inner[3]),
-    ]
-
-
 Mask = npt.NDArray[np.bool_]
 Side = tuple[int, int]
 
@@ -268,9 +254,9 @@ _SIDES: Final[tuple[Side, ...]] = (
 )
 _GAPS_PX: Final = (2.0, 12.0)
 _CLEAR_GAP_PX: Final = 7.0
-"""A label that is farther from its box does not tell by itself which box it belongs to."""
+"""A label that is farther from its box than this is joined to it by a line."""
 _SHORT_PICTURES: Final = 10
-"""For so many pictures a longer text that found no place stays away, lest it flickers."""
+"""After a longer text found no place it is not tried for so many pictures: it would flicker."""
 _DARK: Final = 200
 
 
@@ -303,12 +289,12 @@ class _Choice:
 
 
 class Labels:
-    """Finds places picture by picture; a label keeps its place as long as that is free."""
+    """Places labels, picture by picture; a label keeps its place as long as the place is free."""
 
     def __init__(self, avoided: Mask, inside: Rectangle, size_px: int) -> None:
-        """Take the pixels (height, width) to be covered only for want of another place.
+        """Take the pixels (height, width) that labels cover only if there is no other place.
 
-        Labels stay `inside`, and are written `size_px` high.
+        Labels stay `inside`, and their font is `size_px` high.
         """
         self._avoided = np.pad(np.cumsum(np.cumsum(avoided, axis=0), axis=1), ((1, 0), (1, 0)))
         self._inside, self._size_px = inside, size_px
@@ -319,9 +305,9 @@ class Labels:
     def place(
         self, labels: Sequence[Label], boxes: Sequence[Rectangle], taken: Sequence[Rectangle]
     ) -> list[Placed]:
-        """Return the labels that find a place, the first ones first.
+        """Return the labels that find a place; earlier labels choose first.
 
-        No label covers another one, a box but its own, or a rectangle of `taken`.
+        A label covers no other label, no other box, and no rectangle of `taken`.
         """
         self._pictures += 1
         found: list[Placed] = []
@@ -361,6 +347,13 @@ class Labels:
         total = self._avoided
         covered = total[bottom, right] - total[top, right] - total[bottom, left] + total[top, left]
         return bool(covered > 0)
+
+
+def point_to_box(canvas: Canvas, placed: Placed, end_px: Floats, colour: Rgb = INK) -> None:
+    """Join a label that is unclear to a point (2,) of its box."""
+    if placed.is_unclear:
+        near_px = np.clip(end_px, placed.place[:2], placed.place[2:])
+        canvas.line(np.array((near_px, end_px)), colour, 1.0)
 
 
 def dark_pixels(picture: Image) -> Mask:

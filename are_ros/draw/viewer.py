@@ -1,7 +1,7 @@
 """The viewer: the scene in 3D, drawn with viser, as one page that plays without a network.
 
 `ViewedScene` draws onto viser's scene, tick by tick; `write_view` records what it draws as a page.
-The live viewer (`recording.live_view`) draws the same scene for a browser that is connected.
+The live viewer (`record.live_view`) draws the same scene for a browser that is connected.
 """
 
 import html
@@ -23,7 +23,7 @@ from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.map import known_part, map_from_part, shaded
 from are_ros.draw.palette import END, ROBOT, SEEN, Rgb, class_colours, hex_of
-from are_ros.draw.robot import LEAST_LEVEL, level_rays, robot_outline
+from are_ros.draw.robot import level_sight, robot_outline
 from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, shown_every
 from are_ros.errors import BagError
 from are_ros.population.catalogue import Catalogue, CatalogueRow
@@ -38,6 +38,7 @@ from are_ros.world.voxel_map import VoxelMap
 Floats = npt.NDArray[np.float64]
 Points = npt.NDArray[np.float32]
 Faces = npt.NDArray[np.uint32]
+Indices = npt.NDArray[np.int64]
 
 MISSING_VISER: Final = (
     "the viewer needs viser: `pip install viser`, or `pip install 'are_ros[view]'`; "
@@ -45,7 +46,7 @@ MISSING_VISER: Final = (
 )
 
 _MOST_RETURNS: Final = 120_000
-_MOST_RECTANGLES: Final = 40_000
+_MOST_BOXES: Final = 20_000
 _MOST_VOXELS: Final = 30_000_000
 _GAP_S: Final = 1.0
 _LOWEST_M, _HIGHEST_M = 0.1, 1.0
@@ -73,10 +74,7 @@ LAYERS: Final = {
     "laser scans": "/scans",
 }
 _SINGLE_NODES: Final = ("/map", "/walls", "/robot")
-_CORNERS: Final = np.array(((0, 0), (1, 0), (1, 1), (0, 1)))
-"""Which end (0 low, 1 high) of its rows and columns each corner of a rectangle has."""
-_SIDES: Final = ((0, False), (0, True), (1, False), (1, True), (2, True))
-"""Axis across the faces, and whether they are those at the high end."""
+_SQUARE: Final = np.array(((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)))
 _OVERLAY: Final = Path(__file__).parent / "data" / "view_overlay.html"
 
 
@@ -139,7 +137,7 @@ def write_view(path: Path, place: ViewedPlace, record: SceneRecord, title: str) 
         aim_camera(server, place, shown)
         scene.draw_ways(shown)
         every = max(1, -(-sum(map(_count_of_returns, shown)) // _MOST_RETURNS))
-        with server.atomic():  # nobody is connected: nothing is to be sent meanwhile
+        with server.atomic():  # no browser is connected: sending is put off
             for number, (tick, length_s) in enumerate(zip(shown, _lengths_s(shown), strict=True)):
                 scene.show(tick, with_scans=number % every == 0)
                 recorder.insert_sleep(length_s)
@@ -160,7 +158,7 @@ def write_view(path: Path, place: ViewedPlace, record: SceneRecord, title: str) 
 
 
 def start_server(port: int, host: str = "127.0.0.1") -> Any:
-    """Return a running server of viser, which says nothing; port 0 is any that is free."""
+    """Return a running server of viser that prints nothing; port 0 takes any free port."""
     import viser
 
     logging.getLogger("websockets").setLevel(logging.ERROR)
@@ -171,7 +169,7 @@ def start_server(port: int, host: str = "127.0.0.1") -> Any:
 
 
 def stop_server(server: Any) -> None:
-    """Stop a server, which says nothing."""
+    """Stop a server without its message."""
     with redirect_stdout(io.StringIO()):
         server.stop()
 
@@ -279,20 +277,30 @@ class ViewedScene:
         factor = 1
         while voxels.occupied.size > _MOST_VOXELS * factor**2:
             factor *= 2
-        vertices, faces = surface(coarsened(voxels, factor))
-        while len(faces) > 2 * _MOST_RECTANGLES:
+        coarse = coarsened(voxels, factor)
+        low, high = boxes_of(coarse.occupied)
+        while len(low) > _MOST_BOXES:
             factor *= 2
-            vertices, faces = surface(coarsened(voxels, factor))
+            coarse = coarsened(voxels, factor)
+            low, high = boxes_of(coarse.occupied)
         if factor > 1:
             self.notes.append(f"voxels are drawn {factor} times as wide")
-        self._scene.add_mesh_simple(
+        vertices, faces = _prism(_SQUARE, -0.5, 0.5)
+        size_m, pose = np.array(coarse.voxel_size_m), coarse.map_from_lattice
+        self._scene.add_batched_meshes_simple(
             "/walls",
             vertices,
             faces,
-            color=_WALL,
+            np.tile(np.array((1.0, 0.0, 0.0, 0.0), dtype=np.float32), (len(low), 1)),
+            (0.5 * (low + high) * size_m).astype(np.float32),
+            batched_scales=((high - low) * size_m).astype(np.float32),
+            batched_colors=_WALL,
+            lod="off",
             flat_shading=True,
             side="double",
             cast_shadow=False,
+            wxyz=wxyz_of(pose.rotation_xyzw),
+            position=tuple(pose.translation_m.tolist()),
         )
 
     def _show_robot(self, map_from_base: RigidTransform | None) -> None:
@@ -358,19 +366,16 @@ class ViewedScene:
 
     def _show_fan(self, camera: ViewModel, map_from_camera: RigidTransform) -> None:
         """Show on the ground how far the image's middle row sees, up to the walls."""
-        rays = level_rays(camera, map_from_camera, _FAN_RAYS)
-        lengths = np.linalg.norm(rays, axis=1)
-        if not (lengths > LEAST_LEVEL).all():
+        far_m = self._place.max_range_m
+        rays, reach_m = level_sight(camera, map_from_camera, self._field, far_m, _FAN_RAYS)
+        if len(rays) < _FAN_RAYS:
             if self._fan is not None:
                 self._fan.set(visible=False)
             return
-        start_m = map_from_camera.translation_m
-        rays = np.column_stack((rays / lengths[:, np.newaxis], np.zeros(len(rays))))
-        reach_m = self._field.first_hits(start_m, rays, self._place.max_range_m)
-        reach_m = np.minimum(reach_m, self._place.max_range_m)[:, np.newaxis]
-        ends_m = np.vstack((np.zeros((1, 3)), rays * reach_m)) + start_m
-        ends_m[:, 2] = self._place.ground_m + _FAN_LIFT_M
-        vertices = np.round(ends_m, 2).astype(np.float32)
+        start_m = map_from_camera.translation_m[:2]
+        ends_m = np.vstack((start_m, start_m + rays * reach_m[:, np.newaxis]))
+        heights_m = np.full(len(ends_m), self._place.ground_m + _FAN_LIFT_M)
+        vertices = np.round(np.column_stack((ends_m, heights_m)), 2).astype(np.float32)
         if self._fan is None:
             ends = np.arange(1, len(rays))
             self._fan = _Node(
@@ -436,7 +441,7 @@ class ViewedScene:
             self._show_returns(name, colour, chosen)
 
     def _show_returns(self, name: str, colour: Rgb, points_m: Points) -> None:
-        """Show returns of one kind; those of 16 bits are near the node's own position."""
+        """Show returns of one kind, as 16-bit offsets from the position of their node."""
         node = self._scans.get(name)
         if not len(points_m):
             if node is not None:
@@ -460,9 +465,9 @@ class ViewedScene:
 
 
 class _Node:
-    """A node of viser's scene; what is as before is not sent again.
+    """A node of viser's scene; a property is sent only when it changes.
 
-    viser compares too, but its own way takes most of the time that a page costs.
+    viser compares the values, too, but slowly: that took most of the time of a page.
     """
 
     def __init__(self, handle: Any) -> None:
@@ -536,7 +541,7 @@ def _rounded(position_m: npt.ArrayLike) -> tuple[float, ...]:
 
 
 def _text_of(one: ArtefactAt, *, is_perceived: bool) -> str:
-    """Return the label: who it is and what it does; of one not perceived the id alone."""
+    """Return the label: id, name and activity; the id alone if the artefact is not perceived."""
     if not is_perceived:
         return str(one.artefact_id)
     doing = one.activity or one.behaviour
@@ -544,7 +549,7 @@ def _text_of(one: ArtefactAt, *, is_perceived: bool) -> str:
 
 
 def _fits(known: CatalogueRow, row: CatalogueRow) -> bool:
-    """Say whether a row is that of the catalogue: a recording may come from another one."""
+    """Say whether two rows are the same type: a recording may be of another catalogue."""
     return known.label == row.label and bool(np.allclose(known.size_m, row.size_m, atol=1e-3))
 
 
@@ -555,8 +560,7 @@ def _mesh_of(row: CatalogueRow) -> tuple[Points, Faces]:
 
 def _box_of(row: CatalogueRow) -> tuple[Points, Faces]:
     x_m, y_m, z_m = row.size_m
-    corners = 0.5 * np.array(((x_m, y_m), (-x_m, y_m), (-x_m, -y_m), (x_m, -y_m)))
-    vertices, faces = _prism(corners, -0.5 * z_m, 0.5 * z_m)
+    vertices, faces = _prism(_SQUARE * (x_m, y_m), -0.5 * z_m, 0.5 * z_m)
     return vertices + np.array(row.box_centre_in_artefact_m, dtype=np.float32), faces
 
 
@@ -586,7 +590,7 @@ def _simplified(points_m: Floats, tolerance_m: float = 0.03) -> Floats:
 
 
 def _lengths_s(ticks: Sequence[Moment]) -> list[float]:
-    """Return for how long each tick is shown; what would be a gap is as short as any other."""
+    """Return how long each tick is shown; a gap is cut to the usual length."""
     stamps = np.array([tick.stamp_ns for tick in ticks], dtype=np.int64)
     steps = np.diff(stamps) / NS_PER_S
     usual = float(np.median(steps)) if len(steps) else 0.1
@@ -694,61 +698,28 @@ def between(voxels: VoxelMap, low_m: float, high_m: float) -> VoxelMap | None:
     return VoxelMap(lifted, voxels.voxel_size_m, part)
 
 
-def surface(voxels: VoxelMap) -> tuple[Points, Faces]:
-    """Return vertices (V, 3) [m] in the map's frame and triangles (F, 3) of a map's surface.
+def boxes_of(occupied: npt.NDArray[np.uint8]) -> tuple[Indices, Indices]:
+    """Return the low and high corners, int64 (N, 3), of boxes that fill the occupied voxels.
 
-    Neighbouring faces in one plane are merged into rectangles, greedily. Faces that look down are
-    left out: nobody looks from below.
+    Voxels side by side are merged into rows, equal rows into plates, equal plates into boxes.
     """
-    corners = [_side(voxels.occupied, axis, is_high) for axis, is_high in _SIDES]
-    lattice = np.concatenate(corners) if corners else np.empty((0, 4, 3))
-    points_m = (lattice * np.array(voxels.voxel_size_m)).reshape(-1, 3)
-    vertices = voxels.map_from_lattice.apply(points_m).astype(np.float32)
-    first = np.arange(len(lattice), dtype=np.uint32)[:, np.newaxis] * 4
-    triangles = first[:, np.newaxis] + np.array(((0, 1, 2), (0, 2, 3)), dtype=np.uint32)
-    return vertices, triangles.reshape(-1, 3)
+    low = np.argwhere(occupied)
+    high = low + 1
+    for axis in (1, 0, 2):
+        low, high = _merged(low, high, axis)
+    return low, high
 
 
-def _side(occupied: npt.NDArray[np.uint8], axis: int, is_high: bool) -> npt.NDArray[np.float64]:
-    """Return rectangles (N, 4, 3), in voxels, that cover the faces which look one way.
-
-    Their corners go round counter-clockwise, seen from outside.
-    """
-    solid = np.moveaxis(occupied.astype(np.bool_), axis, 0)
-    beyond = np.zeros_like(solid)
-    if is_high:
-        beyond[:-1] = solid[1:]
-    else:
-        beyond[1:] = solid[:-1]
-    planes, rows, columns = _rectangles(solid & ~beyond)
-    rectangles = np.empty((len(planes), 4, 3))
-    rectangles[:, :, 0] = (planes + is_high)[:, np.newaxis]
-    rectangles[:, :, 1] = rows[:, _CORNERS[:, 0]]
-    rectangles[:, :, 2] = columns[:, _CORNERS[:, 1]]
-    # Moved to the front, the y axis leaves (y, x, z), which is a left-handed order.
-    is_left_handed = axis == 1
-    if is_high == is_left_handed:
-        rectangles = rectangles[:, ::-1]
-    order = {0: [0, 1, 2], 1: [1, 0, 2], 2: [1, 2, 0]}[axis]
-    return rectangles[:, :, order]
-
-
-def _rectangles(
-    faces: npt.NDArray[np.bool_],
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Return rectangles that cover cells (planes, rows, columns), each in one plane.
-
-    These are the plane (N,), and the [start, stop) of rows (N, 2) and of columns (N, 2). Runs along
-    the columns are merged with equal ones of the rows before.
-    """
-    edges = np.diff(faces.astype(np.int8), axis=2, prepend=0, append=0)
-    planes, rows, starts = np.nonzero(edges == 1)
-    stops = np.nonzero(edges == -1)[2]
-    order = np.lexsort((rows, stops, starts, planes))
-    planes, rows, starts, stops = planes[order], rows[order], starts[order], stops[order]
-    same = (np.diff(planes) == 0) & (np.diff(starts) == 0) & (np.diff(stops) == 0)
-    is_first = np.concatenate(([True], ~(same & (np.diff(rows) == 1))))[: len(planes)]
-    first = np.flatnonzero(is_first)
-    last = np.append(first[1:], len(planes))[: len(first)] - 1
-    row_ranges = np.stack((rows[first], rows[last] + 1), axis=1)
-    return planes[first], row_ranges, np.stack((starts[first], stops[first]), axis=1)
+def _merged(low: Indices, high: Indices, axis: int) -> tuple[Indices, Indices]:
+    """Merge boxes that differ along one axis only, and touch there."""
+    if not len(low):
+        return low, high
+    sides = np.delete(np.hstack((low, high)), (axis, axis + 3), axis=1)
+    order = np.lexsort((low[:, axis], *sides.T))
+    low, high, sides = low[order], high[order], sides[order]
+    is_joined = (np.diff(sides, axis=0) == 0).all(axis=1) & (low[1:, axis] == high[:-1, axis])
+    first = np.flatnonzero(np.append(True, ~is_joined))
+    last = np.append(first[1:], len(low)) - 1
+    tops = high[first]
+    tops[:, axis] = high[last, axis]
+    return low[first], tops

@@ -82,7 +82,7 @@ def row_space(options: FitOptions) -> tuple[RowSpace, Path | None]:
 def fitted(
     options: FitOptions, observed: ObservedRows, space: RowSpace, catalogue_file: Path | None
 ) -> FitOutcome:
-    """Fit the mixture; what is wrong with the rows is said with the name of their source."""
+    """Fit the mixture; an error of the rows names their source."""
     with _told_of(options.source), _search_bar() as progress:
         if options.components is None:
             most, seed = options.max_components, options.seed
@@ -128,7 +128,7 @@ def _parameter_files(options: FitOptions) -> Sequence[Path]:
 
 @contextmanager
 def _told_of(source: Path) -> Iterator[None]:
-    """Let refusals of the numbers begin with the name of their source."""
+    """Put the name of the source before the text of an error."""
     try:
         yield
     except (InputError, ParameterError) as cause:

@@ -3,7 +3,7 @@
 import csv
 import json
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
@@ -92,23 +92,32 @@ def read_table(path: Path, space: RowSpace) -> ObservedRows:
 
     Separated by commas, semicolons or tabs; empty lines and those that begin with # are left out.
     """
-    tally: dict[tuple[str, ...], list[int]] = {}
+    counts = [0] * space.rows
+    known: dict[tuple[str, ...], tuple[int, int]] = {}
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
-            lines = _lines(stream)
-            columns, lines = _columns(path, lines)
-            _tally(path, lines, tuple(columns.values()), tally)
+            columns, lines = _columns(path, _lines(stream))
+            for line, cells in lines:
+                if len(cells) <= max(columns.values()):
+                    raise InputError(f"{path.name}, line {line}: it has too few columns")
+                values = tuple([cells[column] for column in columns.values()])
+                if values not in known:
+                    entry = dict(zip(columns, values, strict=True))
+                    known[values] = _row_and_count(f"{path.name}, line {line}", entry, space)
+                row, count = known[values]
+                counts[row] += count
     except (OSError, ValueError, csv.Error) as cause:
         raise _unreadable(path, cause) from cause
-    counts = np.zeros(space.rows, dtype=np.int64)
-    names = tuple(columns)
-    for cells, (line, times) in tally.items():
-        entry = dict(zip(names, cells, strict=True))
-        where = f"{path.name}, line {line}"
-        row = _label_row(where, entry[_LABEL], space) if _LABEL in entry else None
-        row = _number_row(where, entry[_ROW], space) if row is None else row
-        counts[row] += times * _count(where, entry.get(_COUNT, "1"))
-    return ObservedRows(counts)
+    return ObservedRows(np.array(counts, dtype=np.int64))
+
+
+def _row_and_count(where: str, entry: Mapping[str, str], space: RowSpace) -> tuple[int, int]:
+    """Return the row that a line of a table names, and how often it counts."""
+    if _LABEL in entry:
+        row = _label_row(where, entry[_LABEL], space)
+    else:
+        row = _number_row(where, entry[_ROW], space)
+    return row, _count(where, entry.get(_COUNT, "1"))
 
 
 def read_list(path: Path, space: RowSpace) -> ObservedRows:
@@ -155,24 +164,6 @@ def _columns(path: Path, lines: Iterator[Line]) -> tuple[dict[str, int], Iterato
         message = f"{path.name}, line {line}: {len(names)} columns, but no header names '{_ROW}'"
         raise InputError(message)
     return {_ROW: 0}, chain(((line, cells),), lines) if line else lines
-
-
-def _tally(
-    path: Path,
-    lines: Iterator[Line],
-    columns: Sequence[int],
-    tally: dict[tuple[str, ...], list[int]],
-) -> None:
-    """Count equal lines: of each the first line's number and how many there are."""
-    for line, cells in lines:
-        try:
-            key = tuple([cells[column] for column in columns])
-        except IndexError as cause:
-            raise InputError(f"{path.name}, line {line}: it has too few columns") from cause
-        if key in tally:
-            tally[key][1] += 1
-        else:
-            tally[key] = [line, 1]
 
 
 def _entry_row(where: str, value: Any, space: RowSpace) -> int:
@@ -254,7 +245,7 @@ class _Known(NamedTuple):
 
 @dataclass
 class Census:
-    """The artefacts that arrived, were blocked, or were listed; each counts once."""
+    """The artefacts that arrived, were blocked, or were in a list; each counts once."""
 
     arrived: dict[_Key, str] = field(default_factory=dict)
     blocked: dict[_Key, str] = field(default_factory=dict)
@@ -295,7 +286,7 @@ class Census:
         return fates
 
     def _is_random(self, key: _Key) -> bool:
-        """Tell whether the mixture drew the artefact; without the ground truth the id decides."""
+        """Tell whether the artefact was drawn from the mixture; without ground truth, by its id."""
         known = self.seen.get(key)
         if known is not None:
             return known.origin == Origin.RANDOM

@@ -1,7 +1,6 @@
 """What `are fit` says and writes: tables, parameters that node and replay take, and the record."""
 
 import math
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -230,12 +229,10 @@ def _component_content(fit: MixtureFit) -> list[dict[str, Any]]:
 
 def _class_content(outcome: FitOutcome) -> dict[str, float]:
     catalogue = outcome.space.catalogue
-    return dict(_class_shares(outcome.chosen, catalogue)) if catalogue else {}
-
-
-def _class_shares(fit: MixtureFit, catalogue: Catalogue) -> Iterator[tuple[str, float]]:
-    shares: Sequence[float] = catalogue.class_probabilities(fit.law.probabilities()).tolist()
-    yield from zip(catalogue.class_names, shares, strict=True)
+    if catalogue is None:
+        return {}
+    shares = catalogue.class_probabilities(outcome.chosen.law.probabilities())
+    return dict(zip(catalogue.class_names, shares.tolist(), strict=True))
 
 
 def _thinned(trace: npt.NDArray[np.float64]) -> list[list[float]]:

@@ -34,7 +34,7 @@ _STANDS_MPS = 1e-6
 class Limits:
     """What a type can do: top speed [m/s], acceleration [m/s^2], turn rate [rad/s], radius [m].
 
-    `turn_radius_m` is that of the smallest circle it can drive, 0: it turns on the spot.
+    `turn_radius_m` is the radius of its smallest circle; with 0 it turns on the spot.
     """
 
     speed_mps: float
@@ -161,12 +161,12 @@ class _Stand:
         return max(named, key=lambda what: (named[what], what))
 
     def doings(self, behaviour: str) -> str:
-        """Return what it said to do, the longest first."""
+        """Return its activities with their seconds, the longest first."""
         said = sorted(self.seconds.items(), key=lambda item: (-item[1], item[0]))
         return ", ".join(f"{what or behaviour} {seconds:.0f} s" for what, seconds in said)
 
 
-class Patience:
+class StandWatch:
     """Looks at all artefacts in each sub-step, and reports those that stand too long."""
 
     def __init__(self, verdict: Verdict, step_s: float) -> None:
@@ -231,7 +231,7 @@ def _noted(state: ArtefactState, stand: _Stand) -> LongStand:
 
 
 def _gets_on(activity: str) -> bool:
-    """Tell whether an activity is that of a moving artefact."""
+    """Tell whether an artefact moves in this activity."""
     return activity.partition(" artefact ")[0] in _WITHOUT_CAUSE
 
 
@@ -270,7 +270,7 @@ class _Last:
 
 
 class MotionJudge:
-    """Takes the ground truth of one sub-step after the other; nothing else is known to it."""
+    """Judges the ground truth of one sub-step after the other; it sees nothing else."""
 
     def __init__(self, walls: RealMap, limits: Mapping[str, Limits], step_s: float) -> None:
         """Take a map whose cells are walls unless 0, the limits by label, and the sub-step [s]."""
@@ -279,7 +279,7 @@ class MotionJudge:
         self._limits = limits
         self._step_s = step_s
         self._last: dict[int, _Last] = {}
-        self._patience = Patience(self.verdict, step_s)
+        self._stands_watch = StandWatch(self.verdict, step_s)
 
     def judge(
         self,
@@ -303,10 +303,10 @@ class MotionJudge:
             last = None if state.artefact_id in jumped else before.get(state.artefact_id)
             self._last[state.artefact_id] = self._follow(t_s, state, last)
             self._judge_twist(t_s, state)
-        self._patience.see(t_s, states)
+        self._stands_watch.see(t_s, states)
         for state in states:
             if match := _FOLLOWS.fullmatch(state.activity or state.behaviour):
-                self._judge_company(state, match[1], states)
+                self._judge_following(state, match[1], states)
 
     def _judge_overlaps(
         self,
@@ -362,7 +362,7 @@ class MotionJudge:
                 "limits", t_s, f"{state.label} {state.artefact_id}: its twist {reason}"
             )
 
-    def _judge_company(
+    def _judge_following(
         self, state: ArtefactState, leader: str | None, states: Sequence[ArtefactState]
     ) -> None:
         """Count the distance of a follower to its leader, else to the nearest moving artefact.
@@ -377,7 +377,7 @@ class MotionJudge:
         gaps_m = [_apart_m(state, other) for other in others]
         if gaps_m:
             gap_m = min(gaps_m)
-            self.verdict.company.note(gap_m, self._step_s, is_near=gap_m <= _NEAR_LEADER_M)
+            self.verdict.follower_gaps.note(gap_m, self._step_s, is_near=gap_m <= _NEAR_LEADER_M)
 
     def _moves(self, artefact_id: int) -> bool:
         speed_mps = self._last[artefact_id].speed_mps

@@ -28,7 +28,7 @@ from are_ros.wording import counted
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
 
-# A robot that drives about on a map, as an experiment's stand-in for a real one.
+# A robot that drives about on the map, in place of a real one.
 
 
 _ROBOT_MPS = 0.5
@@ -129,7 +129,7 @@ class Way:
 
 @dataclass(frozen=True)
 class SoakResult:
-    """What was judged, how often the resolver had to step in, and the ways by id."""
+    """The verdict, the number of resolved collisions, and the ways by id."""
 
     verdict: Verdict
     counts: MotionCounts
@@ -169,11 +169,11 @@ class SoakResult:
 
     @property
     def is_clean(self) -> bool:
-        """Whether nothing happened that must not."""
+        """Whether there is no fault, and no braking without a reason."""
         return self.verdict.is_clean and not self.unexplained_brakes
 
     def table(self) -> list[str]:
-        """Return all of it as lines for a reader."""
+        """Return the result as lines of text."""
         counts = self.counts
         share = f"{100.0 * self.resolved_share:.4f} % of artefact-seconds"
         resolved = f"{counts.moved_back} moved back, {counts.displaced} displaced, {share}"
@@ -187,7 +187,7 @@ class SoakResult:
         ]
 
     def as_json(self) -> dict[str, Any]:
-        """Return all of it but the ways as plain values."""
+        """Return the result without the ways, as plain values for JSON."""
         return {
             "is_clean": self.is_clean,
             "simulated_s": self.simulated_s,
@@ -281,7 +281,7 @@ class _Run:
         self._is_robot_seen = True
 
     def result(self) -> SoakResult:
-        """Return what has come of it."""
+        """Return the result so far."""
         lives = self._builder.lives
         return SoakResult(
             self.judge.verdict,

@@ -1,4 +1,4 @@
-"""What a soak leaves behind: soak.json, and soak.png with the paths of all artefacts."""
+"""The results of a soak: soak.json, and soak.png with the paths of all artefacts."""
 
 import json
 from collections import Counter
@@ -35,7 +35,7 @@ from are_ros.world.occupancy_grid import OccupancyGrid
 Floats = npt.NDArray[np.float64]
 
 _FEW_PATHS: Final = 60
-"""Of more than these no arrowheads and no behaviours are drawn: they could not be told apart."""
+"""With more paths than this, arrowheads and behaviours would overlap and are not drawn."""
 _DOT_PX: Final = 4.0
 _ROBOT_ALPHA: Final = 0.35
 
@@ -122,9 +122,6 @@ def _subtitle(result: SoakResult) -> list[str]:
         f"{counted(result.blocked, 'arrival')} blocked",
         f"seed {result.seed}",
     ]
-
-
-# What a soak leaves behind: soak.json, and soak.png with all ways on the map.
 
 
 NUMBERS: Final = "soak.json"

@@ -1,11 +1,11 @@
-"""What a judge of motion has found: counts, sentences, and both as a table."""
+"""The findings of the judge of motion: counts and sentences, and both as a table."""
 
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
-from are_ros.wording import aligned
+from are_ros.wording import aligned, counted
 
 FAULTS: Final = {
     "overlaps": "overlaps of artefacts",
@@ -21,7 +21,7 @@ _KEPT_SENTENCES = 50
 
 
 @dataclass
-class Company:
+class FollowerGaps:
     """The distance of followers from their leaders, over all seconds of following."""
 
     followed_s: float = 0.0
@@ -47,7 +47,7 @@ class Company:
 
 @dataclass
 class LongStand:
-    """A stand of more than a minute: whose, since when and for how long, where, and its cause."""
+    """An artefact that stood for more than a minute: its place, start, duration and cause."""
 
     artefact_id: int
     label: str
@@ -82,15 +82,15 @@ class Verdict:
     travelled_m: dict[str, float] = field(default_factory=dict)
     lived_s: dict[str, float] = field(default_factory=dict)
     arrivals: Counter[str] = field(default_factory=Counter)
-    company: Company = field(default_factory=Company)
+    follower_gaps: FollowerGaps = field(default_factory=FollowerGaps)
 
     @property
     def is_clean(self) -> bool:
-        """Whether nothing was found that must not be."""
+        """Whether no fault was found."""
         return not self.found
 
     def note(self, kind: str, t_s: float, sentence: str) -> None:
-        """Count something that must not be, at a time."""
+        """Count a fault at a time."""
         self.found[kind] += 1
         kept = self.sentences.setdefault(kind, [])
         if len(kept) < _KEPT_SENTENCES:
@@ -108,7 +108,7 @@ class Verdict:
         return 60.0 * self.arrivals[behaviour] / lived_s if lived_s else 0.0
 
     def table(self) -> list[str]:
-        """Return all of it as lines for a reader."""
+        """Return the findings as lines of text."""
         lines = _columns(self._summary())
         lines += ["", *_columns(self._behaviours())]
         if self.causes:
@@ -118,7 +118,7 @@ class Verdict:
         return lines
 
     def as_json(self) -> dict[str, Any]:
-        """Return all of it as plain values."""
+        """Return the findings as plain values for JSON."""
         return {
             "artefact_minutes": self.artefact_s / 60.0,
             "moving_minutes": self.moving_s / 60.0,
@@ -133,27 +133,26 @@ class Verdict:
             "lived_s": dict(sorted(self.lived_s.items())),
             "travelled_m": dict(sorted(self.travelled_m.items())),
             "arrivals": dict(sorted(self.arrivals.items())),
-            "followed_s": self.company.followed_s,
-            "near_leader_share": self.company.near_share,
-            "mean_gap_m": self.company.mean_gap_m,
+            "followed_s": self.follower_gaps.followed_s,
+            "near_leader_share": self.follower_gaps.near_share,
+            "mean_gap_m": self.follower_gaps.mean_gap_m,
         }
 
     def _summary(self) -> list[tuple[str, ...]]:
-        company = self.company
+        follower_gaps = self.follower_gaps
         return [
             ("artefact-minutes", f"{self.artefact_s / 60.0:.1f}"),
             ("of them moving", f"{self.moving_s / 60.0:.1f}"),
             *((words, str(self.found[kind])) for kind, words in FAULTS.items()),
             ("brakings beyond the limit", self._brakings()),
-            ("time that followers are near", f"{100.0 * company.near_share:.0f} %"),
-            ("mean distance to the leader", f"{company.mean_gap_m:.2f} m"),
+            ("time that followers are near", f"{100.0 * follower_gaps.near_share:.0f} %"),
+            ("mean distance to the leader", f"{follower_gaps.mean_gap_m:.2f} m"),
         ]
 
     def _brakings(self) -> str:
         if not self.hard_brakes:
             return "0"
-        noun = "dead stop" if self.dead_stops == 1 else "dead stops"
-        return f"{self.hard_brakes} ({self.dead_stops} {noun})"
+        return f"{self.hard_brakes} ({counted(self.dead_stops, 'dead stop')})"
 
     def _behaviours(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = [("behaviour", "minutes", "m/s", "arrivals/min")]

@@ -118,7 +118,7 @@ class RemoteNode:
         return future.result()
 
     def parameters(self) -> Parameters:
-        """Return the parameters in force."""
+        """Return the current parameters of the node."""
         paths = [item.path for item in describe(Parameters())]
         answer = self.ask("get_parameters", "rcl_interfaces/srv/GetParameters", names=paths)
         values = map(parameter_value_to_python, answer.values)
@@ -133,7 +133,7 @@ class RemoteNode:
         return "" if result.successful else str(result.reason)
 
     def _awaited(self, is_done: Callable[[], bool]) -> bool:
-        """Spin until something is done; tell whether it is."""
+        """Spin until a condition holds, or for a minute; return whether it holds."""
         clock = self.node.get_clock()
         end = clock.now().nanoseconds + int(_PATIENCE_S * 1e9)
         while not is_done() and not self._should_stop() and clock.now().nanoseconds < end:
@@ -142,16 +142,16 @@ class RemoteNode:
 
 
 class LiveView:
-    """Hears what the node hears and says, shows it, and passes on what people do in the browser.
+    """Subscribes to the node's inputs and outputs, shows them, and forwards requests of browsers.
 
-    Browsers are answered in threads of viser: what they ask for waits in a queue until `work`.
+    viser answers browsers in threads of its own: requests wait in a queue until `work`.
     """
 
     def __init__(self, server: Any, remote: RemoteNode, parameters: Parameters) -> None:
-        self.said = ""
-        """How the last thing went that was asked for in the browser."""
+        self.answer = ""
+        """The answer to the last request from the browser."""
         self._server, self._remote, self._parameters = server, remote, parameters
-        self._wishes: queue.SimpleQueue[Callable[[], str]] = queue.SimpleQueue()
+        self._requests: queue.SimpleQueue[Callable[[], str]] = queue.SimpleQueue()
         self._scene: ViewedScene | None = None
         self._shown_revision = -1
         self.ticks: deque[Moment] = deque(maxlen=_WAY_TICKS)
@@ -161,35 +161,35 @@ class LiveView:
         self._add_controls()
 
     def work(self) -> None:
-        """Carry out what was asked for in the browser, and say how it went."""
+        """Carry out the requests from the browser, and show the answers there."""
         while True:
             try:
-                wish = self._wishes.get_nowait()
+                request = self._requests.get_nowait()
             except queue.Empty:
                 return
             try:
-                self.said = wish()
+                self.answer = request()
             except AreError as cause:
-                self.said = str(cause)
-            self._status.content = self.said
+                self.answer = str(cause)
+            self._status.content = self.answer
 
-    # ------------------------------------------------------------------------------ what is heard
+    # ------------------------------------------------------------------------------ subscriptions
 
     def _subscribe(self) -> None:
         node, remote = self._remote.node, self._remote
         scans = [remote.topic(name) for name in self._parameters.sensors.scans]
         topics = [*((role, remote.topic(role)) for role in _INPUTS), *(("scan", t) for t in scans)]
         for role, topic in (("tf", "/tf"), ("tf_static", "/tf_static"), *topics):
-            subscribe(node, role, self._taking(role, INPUTS[role].type_name), topic)
+            subscribe(node, role, self._callback(role, INPUTS[role].type_name), topic)
         outputs = {name: (name, OUTPUT_TYPES[name]) for name in ("artefacts", "perceived")}
         for name in sensor_outputs(dict.fromkeys(scans, "scan")).values():
             outputs[name] = (AUGMENTED_SCAN, INPUTS["scan"].type_name)
         for name, (role, kind) in outputs.items():
-            take, topic = self._taking(role, kind), f"{remote.name}/{name}"
+            take, topic = self._callback(role, kind), f"{remote.name}/{name}"
             node.create_subscription(message_class(kind), topic, take, output_qos(name))
 
-    def _taking(self, role: str, type_name: str) -> Callable[[Any], None]:
-        """Return what hands over messages of a role; one that is refused is not shown."""
+    def _callback(self, role: str, type_name: str) -> Callable[[Any], None]:
+        """Return the callback for a role; a message that is refused is not shown."""
 
         def take(message: Any) -> None:
             with suppress(AreError, ValueError, OverflowError):
@@ -197,7 +197,7 @@ class LiveView:
 
         return take
 
-    # ------------------------------------------------------------------------------ what is shown
+    # ------------------------------------------------------------------------------ drawing
 
     def _show(self, tick: Moment, _: Camera | None) -> None:
         if self._reader.revision != self._shown_revision or self._scene is None:
@@ -212,11 +212,11 @@ class LiveView:
                 self._scene.draw_ways(list(self.ticks))
         counts = len(tick.artefacts), len(tick.perceived)
         self._counts.content = "{} artefacts, {} perceived".format(*counts)
-        if self._rides.value and tick.map_from_camera is not None:
+        if self._follows_camera.value and tick.map_from_camera is not None:
             self._look_through(tick.map_from_camera)
 
     def _draw_place(self, tick: Moment) -> None:
-        """Draw the map, or another one that came."""
+        """Draw the map, and draw it anew when another one arrives."""
         reader = self._reader
         if reader.grid is None:
             return
@@ -241,8 +241,8 @@ class LiveView:
         self._counts = gui.add_markdown("waiting for the map and the node's artefacts")
         self._status = gui.add_markdown("")
         paused = gui.add_checkbox("pause", False, hint="The node's service ~/pause.")
-        paused.on_update(lambda _: self._wish(lambda: self.pause(is_paused=paused.value)))
-        self._rides = gui.add_checkbox("look through the robot's camera", False)
+        paused.on_update(lambda _: self._request(lambda: self.pause(is_paused=paused.value)))
+        self._follows_camera = gui.add_checkbox("look through the robot's camera", False)
         with gui.add_folder("place an artefact"):
             rows = self._labels()
             self._label = gui.add_dropdown("which", tuple(rows), initial_value=rows[0])
@@ -277,10 +277,10 @@ class LiveView:
             hint=item.text,
         )
         kind = int if type(item.default) is int else float
-        slider.on_update(lambda _: self._wish(lambda: self._set(item.path, kind(slider.value))))
+        slider.on_update(lambda _: self._request(lambda: self._set(item.path, kind(slider.value))))
 
-    def _wish(self, wish: Callable[[], str]) -> None:
-        self._wishes.put(wish)
+    def _request(self, request: Callable[[], str]) -> None:
+        self._requests.put(request)
 
     def _set(self, path: str, value: float) -> str:
         return self._remote.set_parameter(path, value) or f"{path} is {value:g}"
@@ -316,7 +316,7 @@ class LiveView:
         start, way = np.asarray(origin, np.float64), np.asarray(direction, np.float64)
         if way[2] < 0.0 and start[2] > ground_m:
             x_m, y_m, _ = (start + way * ((ground_m - start[2]) / way[2])).tolist()
-            self._wish(lambda: self._spawn(x_m, y_m))
+            self._request(lambda: self._spawn(x_m, y_m))
 
     def _spawn(self, x_m: float, y_m: float) -> str:
         pose = RclpyFactory().make("geometry_msgs/msg/PoseStamped")
@@ -330,10 +330,9 @@ class LiveView:
 
 
 def slider_range(item: Description, value: float) -> tuple[float, float, float]:
-    """Return the least and the most of a parameter's slider, and its step.
+    """Return the least and the greatest value of a parameter's slider, and its step.
 
-    Bounds that are far away would leave no room for a hand: up to four times the value, or its
-    default, is offered.
+    The slider ends at four times the value or the default, where the bounds are farther away.
     """
     usual = max(abs(value), abs(float(item.default)))  # type: ignore[arg-type]
     reach = 4.0 * usual if usual > 0.0 else 1.0

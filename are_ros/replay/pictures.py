@@ -99,7 +99,7 @@ def plot_population(parameters: Parameters, catalogue: Catalogue, site: Site, ou
     """Run the population of a configuration alone, draw it, and return the picture's path.
 
     `out` is a file if its name ends in .png, else a folder; folders are made if need be. Raises
-    InputError where nothing can be written there, ParameterError where nobody ever comes.
+    InputError where nothing can be written there, ParameterError without any arrivals.
     """
     is_file = out.suffix.lower() == ".png" and not out.is_dir()
     path = out if is_file else out / POPULATION

@@ -27,7 +27,6 @@ from are_ros.checks.oracle.plane import (
     Outline,
     PlainBoxes,
     overlapping,
-    ray_chords_m,
     rectangle_depths_m,
 )
 from are_ros.errors import InputError
@@ -36,6 +35,7 @@ from are_ros.population.artefact import GroundPose
 from are_ros.replay.listeners import TickWriter
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
+from tests.oracles.rays import ray_chords_m
 
 Scene = Any
 """The `Scene` of conftest, which tests cannot import."""

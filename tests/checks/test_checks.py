@@ -19,6 +19,7 @@ from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.builder.costmap.registration import CellPatch, covered_cells, patch_changes
+from are_ros.checks.oracle.plane import distances_m
 from are_ros.checks.result import CheckResult
 from are_ros.checks.run import Outcome, check_recording
 from are_ros.conventions import NS_PER_S
@@ -915,6 +916,51 @@ def test_an_artefact_may_be_too_close_to_measure(right: Draft, tmp_path: Path) -
     assert results["scans"].outcome is Outcome.PASSED, results["scans"].sentence()
     ends = results["ends of changed beams"]
     assert ends.outcome is Outcome.PASSED, ends.sentence()
+
+
+def _with_sonar(draft: Draft, range_m: float, real_m: float = math.inf) -> Draft:
+    """Add a reading of a sonar at the laser's place, whose axis passes artefact 1 by 0.15 rad."""
+    x, y, _ = PLACES[1]
+    toward = math.atan2(y - ROBOT[1], x - ROBOT[0])
+    static = make_transforms(START_NS, [("laser", "sonar", 0.0, 0.0, 0.0)])
+    turn = static.transforms[0].transform.rotation
+    turn.z, turn.w = math.sin(0.5 * (toward - 0.15)), math.cos(0.5 * (toward - 0.15))
+    draft.messages["/tf_static"].append((START_NS - 80 * MS, static))
+    for topic, value_m, late_ns in (("/range", real_m, MS), (OUT + "range", range_m, 5 * MS)):
+        message = MAKE(
+            "sensor_msgs/msg/Range",
+            header=make_header(SCAN_NS, "sonar"),
+            field_of_view=0.5,
+            min_range=0.1,
+            max_range=10.0,
+            range=value_m,
+        )
+        draft.types[topic] = "sensor_msgs/msg/Range"
+        draft.messages[topic] = [(SCAN_NS + late_ns, message)]
+    return draft
+
+
+def test_a_range_is_judged_like_a_beam(right: Draft, tmp_path: Path) -> None:
+    """It ends at an artefact anywhere in its cone, and only gets shorter."""
+    x, y, yaw = PLACES[1]
+    start_m, centre_m = np.array((*ROBOT, 0.3)), np.array((x, y, 0.5))
+    near_m = float(distances_m(start_m[None], centre_m, yaw, 0.5 * np.array(SIZE_M))[0])
+    for range_m, real_m, wrong in (
+        (near_m, math.inf, ""),
+        (near_m, near_m + 1.0, ""),
+        (near_m - 0.1, math.inf, "ends of changed beams"),
+        (near_m + 0.5, math.inf, "ends of changed beams"),
+        (near_m, near_m - 0.1, "scans"),
+    ):
+        draft = _with_sonar(copy.deepcopy(right), range_m, real_m)
+        results = results_of(draft, tmp_path)
+        assert results["scans"].looked_at == 3
+        failed = {name for name, result in results.items() if result.outcome is Outcome.FAILED}
+        assert failed == ({wrong} if wrong else set()), (range_m, failed)
+    del draft.messages["/range"], draft.types["/range"]
+    told = results_of(draft, tmp_path)["scans"].sentence()
+    assert "/ar_builder/range" in told
+    assert "has no scan of this stamp that came in" in told
 
 
 def test_memory_and_gate_decide_what_the_map_shows(right: Draft, tmp_path: Path) -> None:

@@ -16,10 +16,11 @@ import trimesh
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from are_ros.builder.files.catalogue_file import read_catalogue
-from are_ros.checks.oracle.plane import ray_hits_m, signed_distances_m
+from are_ros.checks.oracle.plane import signed_distances_m
 from are_ros.population.meshes.geometry import mesh_of
 from tests.oracles import lattices, made_scans
 from tests.oracles.judge_kernels import mesh_distances, mesh_hits
+from tests.oracles.rays import ray_hits_m
 from tests.oracles.recorded import Outputs, Scan, read_inputs, read_outputs
 from tests.oracles.recordings import Changes, change_recording
 from tests.oracles.scan_judge import Verdict, judge

@@ -1,15 +1,19 @@
 """The files that derive from the declaration of the parameters are those in the repository."""
 
+import runpy
 from pathlib import Path
 
 import pytest
 
-from are_ros.describe.parameter_table import parameter_files, parameter_table_markdown
 from are_ros.parameters.declaration import describe, flatten, with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import read_ros_parameters
 
 PROJECT = Path(__file__).resolve().parents[2]
+SCRIPT = runpy.run_path(str(PROJECT / "docs" / "make_parameter_docs.py"))
+parameter_files, parameter_table_markdown = (
+    SCRIPT[name] for name in ("parameter_files", "parameter_table_markdown")
+)
 
 
 @pytest.mark.parametrize("path", parameter_files(), ids=str)

@@ -5,9 +5,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pytest
 
 from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.conventions import NS_PER_S
+from are_ros.draw.canvas import Canvas
 from are_ros.draw.scene import Doing, Life, SceneRecord, TickSeries, Track
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.meshes.shapes import Shape
@@ -26,6 +28,19 @@ def hall(side_m: float = 10.0) -> OccupancyGrid:
     cells = np.full((round(10 * side_m),) * 2, 100, dtype=np.int8)
     cells[1:-1, 1:-1] = 0
     return OccupancyGrid(cells, 0.1, RigidTransform.identity(), "map")
+
+
+def texts_written(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Return a list that gets each text which is written on a canvas from now on."""
+    texts: list[str] = []
+    write = Canvas.text
+
+    def noted(canvas: Canvas, text: str, *place: Any, **look: Any) -> Any:
+        texts.append(text)
+        return write(canvas, text, *place, **look)
+
+    monkeypatch.setattr(Canvas, "text", noted)
+    return texts
 
 
 def walker(

@@ -12,8 +12,8 @@ from PIL import Image
 from are_ros.agents.events import EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.animation import (
-    FOOTER_PX,
     HEADER_PX,
+    ROW_PX,
     Animation,
     Frames,
     draw_legend,
@@ -25,7 +25,7 @@ from are_ros.draw.scene import Doing, SceneRecord
 from are_ros.draw.sheet import Entry, patch_sign
 from are_ros.errors import BagError
 from are_ros.replay.output_folder import animation_path
-from tests.draw.made_runs import TICK_NS, event, hall, run, walker
+from tests.draw.made_runs import TICK_NS, event, hall, run, texts_written, walker
 
 Picture = npt.NDArray[np.uint8]
 PERSON = (0xD1, 0x49, 0x5B)
@@ -205,22 +205,43 @@ def test_the_legend_names_what_happens() -> None:
     assert names == ["comes or goes", "robot contact", "displaced", "follows"]
     assert len(_scene(run(lives[:1])).legend()[1]) == 3
     feet = [
-        scene.picture(TICK_NS)[-FOOTER_PX:]
+        scene.picture(TICK_NS)[-scene.footer_px :]
         for scene in (scene, _scene(run(lives)), _scene(run(lives[:1])))
     ]
     inks = [int((foot < 200).any(axis=2).sum()) for foot in feet]
     assert inks[0] > inks[1] > inks[2]
 
 
-def test_a_legend_without_room_is_cut_short() -> None:
-    """At the end of the list, and never over the time and the counts."""
+@pytest.mark.parametrize(("count", "told"), [(16, 16), (17, 3)])
+def test_of_many_only_the_perceived_are_told(
+    count: int, told: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each has its id; beside it is what it does, of more than 16 for the perceived only."""
+    spots = [(1.5 + 2.0 * (i % 4), 1.0 + 2.0 * (i // 4)) for i in range(count)]
+    lives = [walker(i, at, at, seen=ALL if i in {2, 5, 16} else ()) for i, at in enumerate(spots)]
+    if count == 16:
+        lives[9] = walker(9, spots[9], spots[9], seen=ALL)
+    scene = _scene(run(lives))
+    written = texts_written(monkeypatch)
+    scene.picture(TICK_NS * 50)
+    labels = [t for t in written if t.split(" ")[0].isdigit() and "virtual" not in t]
+    assert sorted(int(label.split(" ")[0]) for label in labels) == list(range(count))
+    assert sum(label.endswith(" walking") for label in labels) == told
+
+
+def test_a_legend_has_room_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Above only what fits beside the time and the counts; below as many rows as are needed."""
     entries = [Entry("something", patch_sign((0, 0, 0))) for _ in range(9)]
+    written = texts_written(monkeypatch)
     for width in (360, 500, 840):
-        canvas = Canvas((width, 100))
+        canvas = Canvas((width, 200))
+        written.clear()
         draw_legend(canvas, entries, entries)
         picture = canvas.pixels
         assert (picture[:, :350][:HEADER_PX] == 255).all()
-        assert (picture[-FOOTER_PX:] < 128).any()
+        assert (picture[-ROW_PX:] < 128).any()
+        assert written[-9:] == ["something"] * 9
+        assert (picture[HEADER_PX:, width - 8 :] == 255).all(), "nothing reaches beyond the edge"
 
 
 def test_long_recordings_are_shown_faster() -> None:

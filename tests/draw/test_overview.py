@@ -11,9 +11,9 @@ import pytest
 
 from are_ros.agents.events import SceneMetrics
 from are_ros.draw.canvas import Rectangle
-from are_ros.draw.map import View, Window, hiding_part, known_part, shaded, window_of
+from are_ros.draw.map import View, Window, known_part, shaded, window_of, with_furniture
 from are_ros.draw.overview import draw_overview, robot_indices, subtitle_of, tag_rectangles
-from are_ros.draw.robot import Sight, fan_at, spread_indices, telling_indices
+from are_ros.draw.robot import fan_at, level_sight, spread_indices, telling_indices, walls_of
 from are_ros.draw.scene import Life, SceneRecord, TickSeries, Track
 from are_ros.draw.sheet import is_free
 from are_ros.population.catalogue import CatalogueRow
@@ -104,8 +104,7 @@ def test_the_octomap_is_drawn_and_hides_at_the_height_of_the_camera(tmp_path: Pa
         occupied = np.zeros((60, 60, 20), np.uint8)
         occupied[25:28, 10:50, : round(10 * height_m)] = 1
         voxels = VoxelMap(grid.origin, (0.1, 0.1, 0.1), occupied)
-        part = hiding_part(grid, known_part(grid), voxels, 1.0)
-        fan = fan_at(record, Sight(grid, part, 65), 0)
+        fan = fan_at(record, walls_of(grid, 65, voxels), 0)
         assert fan is not None
         assert (fan.outline_m[:, 0].max() < 1.9) == is_hiding
         draw_overview(record, grid, tmp_path / "a.png", occupied_threshold=65, voxels=voxels)
@@ -126,8 +125,9 @@ def test_fine_and_coarse_voxels_cover_their_cells() -> None:
         occupied[:] = 1
         corner = grid.origin.apply(np.array((1.03, 1.03, 0.5)))
         pose = RigidTransform(corner, grid.origin.rotation_xyzw)
-        hiding = hiding_part(grid, part, VoxelMap(pose, (size_m,) * 3, occupied), 0.501)
-        cols = np.flatnonzero((hiding.cells > 0).any(axis=0)) + part.col0
+        low = occupied[:, :, [0] * math.ceil(0.2 / size_m)].copy()
+        shown = with_furniture(grid, part, VoxelMap(pose, (size_m,) * 3, low))
+        cols = np.flatnonzero((shown.cells != part.cells).any(axis=0)) + part.col0
         assert cols[0] == 10
         assert np.array_equal(np.diff(cols), np.ones(len(cols) - 1))
         assert len(cols) in {10, 11}
@@ -239,19 +239,20 @@ def test_rays_end_at_walls() -> None:
     start = tuple(grid.cells_to_points([(20, 30)])[0].tolist())
     angles = np.linspace(-math.pi, math.pi, 300)
     rays = np.column_stack((np.cos(angles), np.sin(angles)))
-    sight = Sight(grid, known_part(grid), 65)
-    fast = sight.free_lengths(np.array(start), rays, np.full(300, 6.0))
+    level = np.column_stack((rays, np.zeros(300)))
+    fast = walls_of(grid, 65).first_hits(np.array((*start, 1.0)), level, 6.0)
     slow = np.array([_marched_slowly(grid, start, angle) for angle in angles.tolist()])
-    assert (np.abs(fast - slow) < 1.2 * grid.resolution_m).mean() > 0.97
+    assert (np.abs(fast - slow) < 0.1 * grid.resolution_m).mean() > 0.97
 
 
 def test_rays_in_the_open_reach_the_range() -> None:
-    """Without walls, and outside the map, rays reach as far as they may."""
+    """Without walls, and outside the map, rays reach as far as the camera measures."""
     grid = OccupancyGrid(np.zeros((20, 20), np.int8), 0.1, RigidTransform.identity(), "map")
-    rays = np.array(((1.0, 0.0), (0.0, -1.0)))
-    sight = Sight(grid, known_part(grid), 65)
-    reach = sight.free_lengths(np.array((5.0, 1.0)), rays, np.array((30.0, 4.0)))
-    assert reach.tolist() == [30.0, 4.0]
+    optical = mounted_camera(PINHOLE, (5.0, 1.0, 1.0, 0.0, 0.0, 0.0)).base_from_optical
+    rays, reach_m = level_sight(PINHOLE, optical, walls_of(grid, 65), 30.0, 9)
+    assert rays.shape == (9, 2)
+    assert np.hypot(*rays.T) == pytest.approx(np.ones(9))
+    assert reach_m == pytest.approx(np.full(9, 30.0), rel=1e-3)
 
 
 def test_taller_artefacts_end_a_fan() -> None:
@@ -259,7 +260,7 @@ def test_taller_artefacts_end_a_fan() -> None:
     blocked = _record([_life(1, 2.5, 0.5, perceived=True)], WAY[:1])
     reaches = []
     for record in (blocked, _record((), WAY[:1])):
-        fan = fan_at(record, Sight(_room(), known_part(_room()), 65), 0)
+        fan = fan_at(record, walls_of(_room(), 65), 0)
         assert fan is not None
         offsets = fan.outline_m[1:] - (0.5, 0.5)
         ahead = np.argmin(np.abs(np.arctan2(offsets[:, 1], offsets[:, 0])))
@@ -270,7 +271,7 @@ def test_taller_artefacts_end_a_fan() -> None:
 
 def test_fan_of_a_pinhole_is_as_wide_as_its_view() -> None:
     """The fan of a pinhole camera begins at the camera and opens by its field of view."""
-    fan = fan_at(_record((), WAY[:1]), Sight(_room(), known_part(_room()), 65), 0)
+    fan = fan_at(_record((), WAY[:1]), walls_of(_room(), 65), 0)
     assert fan is not None
     assert fan.outline_m[0] == pytest.approx((0.5, 0.5))
     offsets = fan.outline_m[[1, -1]] - fan.outline_m[0]

@@ -12,10 +12,10 @@ from are_ros.agents.events import EventKind
 from are_ros.draw import overview
 from are_ros.draw.artefacts import (
     behaviour_counts,
-    companies,
     displacements,
-    draw_companies,
+    draw_following,
     draw_paths,
+    following_stretches,
     forced,
     mark_places,
     path_of,
@@ -23,9 +23,9 @@ from are_ros.draw.artefacts import (
 from are_ros.draw.canvas import Canvas
 from are_ros.draw.map import View, Window
 from are_ros.draw.overview import draw_overview
-from are_ros.draw.palette import behaviour_marks, class_colours, mark_outlines, shade_of
+from are_ros.draw.palette import behaviour_marks, class_colours, mark_outline, shade_of
 from are_ros.draw.scene import Life, SceneRecord, Track
-from tests.draw.made_runs import TICK_NS, event, hall, run, walker
+from tests.draw.made_runs import TICK_NS, event, hall, run, texts_written, walker
 
 PERSON = (209, 73, 91)
 VIEW = View(Window(0.0, 10.0, 0.0, 10.0), 50.0)
@@ -34,7 +34,7 @@ VIEW = View(Window(0.0, 10.0, 0.0, 10.0), 50.0)
 def _texts(record: SceneRecord) -> list[str]:
     colours = class_colours([life.row.class_name for life in record.lives])
     marks = behaviour_marks([life.doings[0].behaviour for life in record.lives])
-    legends = overview._legends(record, colours, marks, has_companies=True)
+    legends = overview._legends(record, colours, marks, has_following=True)
     return [entry.name for legend in legends for entry in legend]
 
 
@@ -128,21 +128,27 @@ def test_every_behaviour_has_a_mark() -> None:
     marks = behaviour_marks(["walking", "zigzag", "dancing"])
     assert marks["walking"] == behaviour_marks([])["walking"]
     assert marks["dancing"] != marks["zigzag"]
-    outlines = mark_outlines()
-    assert set(marks.values()) <= outlines.keys()
-    assert all(0.8 <= np.ptp(corners, axis=0).max() <= 1.25 for corners in outlines.values())
+    outlines = [mark_outline(name) for name in {*marks.values(), "burst", "lozenge"}]
+    assert all(np.ptp(corners, axis=0).max() == pytest.approx(1.0) for corners in outlines)
+    assert all(np.abs(corners).max() < 0.7 for corners in outlines), "about the middle"
 
 
-def test_followers_are_joined_to_their_leaders() -> None:
-    """Dotted rungs join the two; their legend is there."""
+def test_followers_are_joined_to_their_leaders(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Dotted rungs join the two, the follower's id names its leader, and their legend is there."""
     follows = "following artefact 1"
     follower = walker(2, (2, 5), (8, 5), behaviour="following", activity=follows)
     lives = [walker(1, (2, 6), (8, 6)), follower]
     canvas = Canvas((500, 500))
-    draw_companies(canvas, VIEW, companies(lives, TICK_NS * 101), class_colours([]))
+    draw_following(canvas, VIEW, following_stretches(lives, TICK_NS * 101), class_colours([]))
     between = (canvas.pixels[215:240] < 200).any(axis=(0, 2))
     assert 6 <= (np.diff(np.flatnonzero(between)) > 5).sum() + 1 <= 6
     assert {"following", "following  1"} <= {*_texts(run(lives))}
+    written = texts_written(monkeypatch)
+    draw_overview(run(lives), hall(), tmp_path / "a.png", occupied_threshold=65)
+    assert {"1", "2\u21921"} <= {*written}
+    assert "2" not in written
 
 
 def test_an_artefact_that_left_is_pale(tmp_path: Path) -> None:

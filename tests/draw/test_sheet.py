@@ -9,6 +9,7 @@ import pytest
 from are_ros.draw.map import Window
 from are_ros.draw.palette import INK
 from are_ros.draw.sheet import Entry, Sheet, patch_sign, round_length_m, rows_of
+from tests.draw.made_runs import texts_written
 
 
 @pytest.mark.parametrize(
@@ -19,10 +20,12 @@ def test_the_scale_is_a_round_length(longest_m: float, length_m: float) -> None:
     assert round_length_m(longest_m) == pytest.approx(length_m)
 
 
-def test_the_scale_is_as_long_as_it_says(tmp_path: Path) -> None:
+def test_the_scale_is_as_long_as_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In a window of 10 m it is a bracket of a metre, in the lower left corner."""
     sheet = Sheet.of(Window(0.0, 10.0, 0.0, 10.0), [])
+    written = texts_written(monkeypatch)
     sheet.write(tmp_path / "a.png", "title", ["", "below it"])
+    assert written == ["title", "below it", "1 m"]
     image = cv2.imread(str(tmp_path / "a.png"))
     assert image is not None
     _, _, _, bottom = sheet.view.rectangle

@@ -33,6 +33,7 @@ needs_browser = pytest.mark.skipif(find_browser() is None, reason=NO_BROWSER)
 
 PERSON, CAR = (class_colours([])[name] for name in ("person", "car"))
 TICKS = 40
+PAUSE = ".tabler-icon-player-pause-filled"
 Image = NDArray[np.uint8]
 
 
@@ -87,19 +88,28 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     with open_page(url, folder / "profile", 640, 480) as opened:
         opened.wait("!!document.querySelector('canvas') && !!window.__viserSceneTree")
         opened.wait("'/artefacts/7' in window.__viserSceneTree.getState()")
+        # The page plays by itself as soon as it is open.
+        opened.wait(f"!!document.querySelector('{PAUSE}')")
+        opened.run(f"document.querySelector('{PAUSE}').closest('button').click()")
+        opened.wait(f"!document.querySelector('{PAUSE}')")
         # Nothing but the scene is to be on the pictures.
         opened.run("document.getElementById('are').open = false")
         yield opened
 
 
 def go_to(page: Page, share: float) -> None:
-    """Click on the time line."""
+    """Click on the time line, and wait until the page shows that time."""
     x, y, width, height = page.run(
         "(() => { const box = document.querySelector('[role=slider]')"
         ".closest('[class*=Slider-root]').getBoundingClientRect();"
         " return [box.x, box.y, box.width, box.height]; })()"
     )
     page.click(x + share * width, y + 0.5 * height)
+    page.wait(
+        "(() => { const slider = document.querySelector('[role=slider]');"
+        " const [now, end] = ['now', 'max'].map((a) => +slider.getAttribute('aria-value' + a));"
+        f" return Math.abs(now / end - {share}) < 0.03; }})()"
+    )
 
 
 def centre_of(image: Image, colour: tuple[int, int, int]) -> tuple[int, float]:

@@ -1,18 +1,16 @@
-"""The surface of voxels as a mesh, beside the faces counted one by one."""
+"""The voxels that the viewer draws: as boxes, wider, and between two heights."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from are_ros.draw.viewer import between, coarsened, surface
+from are_ros.draw.viewer import between, boxes_of, coarsened
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
 
 SIZE_M = (0.5, 0.25, 1.0)
-NORMALS = {(-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, 1)}
 small_maps = arrays(np.uint8, st.tuples(*[st.integers(1, 4)] * 3), elements=st.integers(0, 1))
 
 
@@ -21,37 +19,20 @@ def voxels_of(occupied: NDArray[np.uint8], *, is_extruded: bool = False) -> Voxe
     return VoxelMap(RigidTransform.identity(), SIZE_M, occupied, is_extruded)
 
 
-def exposed_area_m2(occupied: NDArray[np.uint8], normal: tuple[int, int, int]) -> float:
-    """Return the area of the faces that look one way, one voxel after the other."""
-    x, y, z = SIZE_M
-    area_m2 = abs(normal[0]) * y * z + abs(normal[1]) * x * z + abs(normal[2]) * x * y
-    count = 0
-    for place in np.argwhere(occupied):
-        beside = place + normal
-        is_inside = (beside >= 0).all() and (beside < occupied.shape).all()
-        count += not (is_inside and occupied[tuple(beside)])
-    return count * area_m2
-
-
 @given(small_maps)
-def test_the_mesh_has_the_faces_that_are_exposed(occupied: NDArray[np.uint8]) -> None:
-    """Each way by area, and its triangles look outwards; none looks down."""
-    vertices, faces = surface(voxels_of(occupied))
-    corners = vertices[faces].astype(np.float64)
-    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas_m2 = 0.5 * np.linalg.norm(crosses, axis=1)
-    assert (areas_m2 > 0.0).all()
-    normals = np.rint(crosses / (2.0 * areas_m2[:, np.newaxis])).astype(int)
-    assert {tuple(normal) for normal in normals.tolist()} <= NORMALS
-    for normal in NORMALS:
-        found = areas_m2[(normals == normal).all(axis=1)].sum()
-        assert found == pytest.approx(exposed_area_m2(occupied, normal))
+def test_the_boxes_fill_what_is_occupied(occupied: NDArray[np.uint8]) -> None:
+    """Each occupied voxel lies in one box, and no other voxel does."""
+    filled = np.zeros_like(occupied)
+    for (x0, y0, z0), (x1, y1, z1) in zip(*boxes_of(occupied), strict=True):
+        filled[x0:x1, y0:y1, z0:z1] += 1
+    np.testing.assert_array_equal(filled, occupied)
 
 
-def test_a_wall_is_five_rectangles() -> None:
-    """However many voxels it has."""
-    _, faces = surface(voxels_of(np.ones((30, 2, 8), dtype=np.uint8)))
-    assert len(faces) == 2 * 5
+def test_a_wall_is_one_box() -> None:
+    """However many voxels it has, and whichever way it goes."""
+    for shape in ((30, 2, 8), (2, 30, 8), (1, 1, 9)):
+        low, high = boxes_of(np.ones(shape, dtype=np.uint8))
+        assert (low.tolist(), high.tolist()) == ([[0, 0, 0]], [[*shape]])
 
 
 def test_coarser_voxels_hold_all_that_is_occupied() -> None:

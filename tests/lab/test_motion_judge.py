@@ -348,11 +348,11 @@ def test_followers_are_measured_against_their_leader() -> None:
     for activity, gap_m in said.items():
         follower = state((-1.0, 0.0, 0.0), behaviour="following", activity=activity)
         moments = [[follower, one, other] for one in leader]
-        company = judged(moments).verdict.company
-        assert company.near_share == 1.0
-        assert company.mean_gap_m == pytest.approx(gap_m, abs=0.06)
+        follower_gaps = judged(moments).verdict.follower_gaps
+        assert follower_gaps.near_share == 1.0
+        assert follower_gaps.mean_gap_m == pytest.approx(gap_m, abs=0.06)
     far = state((-9.0, 0.0, 0.0), behaviour="following", activity="following artefact 7")
-    assert judged([[far, one] for one in leader]).verdict.company.near_share == 0.0
+    assert judged([[far, one] for one in leader]).verdict.follower_gaps.near_share == 0.0
 
 
 def test_stops_at_destinations_are_arrivals() -> None:

@@ -22,6 +22,7 @@ from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
+from tests.draw.made_runs import texts_written
 from tests.lab.floor_plans import office, pillars
 
 CATALOGUE = read_catalogue()
@@ -68,7 +69,7 @@ def assert_good(result: SoakResult, least_mps: float) -> None:
     assert result.resolved_share <= MOST_RESOLVED, told
     assert verdict.travelled_m["walking"] >= least_mps * verdict.lived_s["walking"], told
     assert verdict.arrivals["walking"] >= verdict.lived_s["walking"] / 240.0, told
-    assert verdict.company.near_share >= 0.6, told
+    assert verdict.follower_gaps.near_share >= 0.6, told
 
 
 # --- short ones
@@ -190,13 +191,17 @@ def legend_texts(result: SoakResult) -> list[str]:
     return [entry.name for legend in found for entry in legend]
 
 
-def test_the_picture_shows_the_known_part(crowded: SoakResult, tmp_path: Path) -> None:
+def test_the_picture_shows_the_known_part(
+    crowded: SoakResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Unknown margins are cut off: it is the same as that of the room alone."""
     cells = np.full((200, 300), -1, np.int8)
     cells[70:130, 100:160] = room().cells
     origin = RigidTransform.planar(-10.0, -7.0, 0.0)
     draw_soak(crowded, OccupancyGrid(cells, 0.1, origin, "map"), tmp_path / "wide.png")
+    written = texts_written(monkeypatch)
     draw_soak(crowded, room(), tmp_path / "room.png")
+    assert "1 m" in written
     assert (tmp_path / "wide.png").read_bytes() == (tmp_path / "room.png").read_bytes()
 
 

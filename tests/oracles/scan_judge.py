@@ -28,9 +28,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.checks.oracle.plane import ray_hits_m, signed_distances_m
+from are_ros.checks.oracle.plane import signed_distances_m
 from tests.oracles.judge_kernels import mesh_distances, mesh_hits
 from tests.oracles.lattices import Lattice
+from tests.oracles.rays import ray_hits_m
 from tests.oracles.recorded import Frames, Outputs, Pose, Scan
 
 Floats = npt.NDArray[np.float64]

@@ -77,9 +77,9 @@ def test_it_shows_the_running_node_and_changes_what_can_change(ros_available: No
         assert "below" in remote.set_parameter("population.mean_life", 0.0)
 
         live.clicked((0.0, 0.0, 5.0), (0.0, 0.0, -1.0))
-        until(lambda: live.said != "")
+        until(lambda: live.answer != "")
         # The place may be taken: then the node refuses, and the reason names the place.
-        assert "stands" in live.said or "0.00, 0.00" in live.said
+        assert "stands" in live.answer or "0.00, 0.00" in live.answer
 
         assert "paused" in live.pause(is_paused=True)
         until(lambda: len(live.ticks[-1].artefacts) == 0)

@@ -1,4 +1,4 @@
-"""The oracle's plane geometry: what overlaps what, how far, and where rays meet boxes.
+"""The oracle's plane geometry: what overlaps what, and how far.
 
 Shares no code with what it judges: numpy and scipy only. `are check`, the judge of soaks and the
 tests use it. Everything is in metres and radians; boxes are upright, turned about the vertical.
@@ -163,29 +163,10 @@ def signed_distances_m(
     points_m: Floats, centre_m: Floats, yaw_rad: float, half_m: Floats
 ) -> Floats:
     """Return the distances (M,) of points (M, 3) from a box's surface, negative inside."""
-    beyond = np.abs(_in_box(points_m - centre_m, yaw_rad)) - half_m
+    beyond = np.abs(in_box(points_m - centre_m, yaw_rad)) - half_m
     outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
     signed: Floats = np.where(outside > 0.0, outside, beyond.max(axis=1))
     return signed
-
-
-def ray_hits_m(
-    start_m: Floats, ways: Floats, centre_m: Floats, yaw_rad: float, half_m: Floats
-) -> Floats:
-    """Return how far rays (N, 3) from a start (3,) go to a box: 0 from inside, inf if never."""
-    enter, leave = ray_chords_m(start_m, ways, centre_m, yaw_rad, half_m)
-    enter = np.maximum(enter, 0.0)
-    hits: Floats = np.where(enter <= leave, enter, np.inf)
-    return hits
-
-
-def ray_chords_m(
-    start_m: Floats, ways: Floats, centre_m: Floats, yaw_rad: float, half_m: Floats
-) -> tuple[Floats, Floats]:
-    """Return where lines (N, 3) through a start (3,) enter and leave a box, or enter > leave."""
-    origin, own = _in_box((start_m - centre_m)[None], yaw_rad)[0], _in_box(ways, yaw_rad)
-    enter, leave = slab(origin, own, -half_m, half_m)
-    return enter.max(axis=1), leave.min(axis=1)
 
 
 def slab(starts: Floats, ways: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
@@ -202,7 +183,7 @@ def slab(starts: Floats, ways: Floats, low: Floats, high: Floats) -> tuple[Float
     return enter, leave
 
 
-def _in_box(vectors_m: Floats, yaw_rad: float) -> Floats:
+def in_box(vectors_m: Floats, yaw_rad: float) -> Floats:
     """Return vectors (N, 3) along the axes of what is turned by a yaw."""
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     x, y = vectors_m[:, 0], vectors_m[:, 1]

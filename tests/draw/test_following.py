@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from are_ros.draw.artefacts import companies
+from are_ros.draw.artefacts import following_stretches
 from are_ros.draw.scene import Doing, Life, Track
 from tests.draw.made_runs import TICK_NS, walker
 
@@ -29,7 +29,7 @@ def _found(lives: Sequence[Life]) -> list[tuple[int, int, int, int]]:
             one.start_ns // TICK_NS,
             one.end_ns // TICK_NS,
         )
-        for one in companies(lives, END_NS)
+        for one in following_stretches(lives, END_NS)
     ]
 
 
@@ -69,7 +69,7 @@ def test_only_while_it_follows() -> None:
     )
     lives = [walker(1, (3, 2), (9, 2)), follower]
     assert _found(lives) == [(2, 1, 31, 71)]
-    (found,) = companies(lives, END_NS)
+    (found,) = following_stretches(lives, END_NS)
     assert found.instants(2).tolist() == [TICK_NS * 41, TICK_NS * 61]
 
 
