@@ -29,18 +29,6 @@ def pack(centres_m: _FloatArray, yaws_rad: _FloatArray, half_sizes_m: _FloatArra
 
 
 @compiled
-def write_standing(packed: _FloatArray, i: int, pose: _FloatArray, shape: _FloatArray) -> None:
-    """Write box i of `packed` (N, 8): of a body that stands at a pose, as `standing` has them."""
-    cos, sin = np.cos(pose[3]), np.sin(pose[3])
-    packed[i, 0] = pose[0] + cos * shape[3] - sin * shape[4]
-    packed[i, 1] = pose[1] + sin * shape[3] + cos * shape[4]
-    packed[i, 2] = pose[2] + shape[2]
-    packed[i, 3] = cos
-    packed[i, 4] = sin
-    packed[i, 5], packed[i, 6], packed[i, 7] = shape[0], shape[1], shape[2]
-
-
-@compiled
 def standing(poses: _FloatArray, shapes: _FloatArray) -> _FloatArray:
     """Return the packed boxes (N, 8) of bodies that stand on the ground.
 
@@ -50,7 +38,13 @@ def standing(poses: _FloatArray, shapes: _FloatArray) -> _FloatArray:
     packed = np.empty((poses.shape[0], 8))
     step = 0 if shapes.shape[0] == 1 else 1
     for i in range(poses.shape[0]):
-        write_standing(packed, i, poses[i], shapes[i * step])
+        pose, shape = poses[i], shapes[i * step]
+        cos, sin = np.cos(pose[3]), np.sin(pose[3])
+        packed[i, 0] = pose[0] + cos * shape[3] - sin * shape[4]
+        packed[i, 1] = pose[1] + sin * shape[3] + cos * shape[4]
+        packed[i, 2] = pose[2] + shape[2]
+        packed[i, 3], packed[i, 4] = cos, sin
+        packed[i, 5], packed[i, 6], packed[i, 7] = shape[0], shape[1], shape[2]
     return packed
 
 
@@ -119,19 +113,6 @@ _LEAST_BITS = 2  # a table of four by four: three neighbouring cells are three b
 
 
 @compiled
-def _widest(rectangles: _FloatArray) -> float:
-    """Return the longest side of any rectangle [m], at least a micrometre."""
-    widest_m = 1e-6
-    for i in range(rectangles.shape[0]):
-        width_m = rectangles[i, 2] - rectangles[i, 0]
-        height_m = rectangles[i, 3] - rectangles[i, 1]
-        if not np.isfinite(width_m + height_m):
-            raise ValueError("the rectangles are not all finite")
-        widest_m = max(widest_m, width_m, height_m)
-    return widest_m
-
-
-@compiled
 def candidate_pairs(rectangles: _FloatArray) -> _IndexArray:
     """Return each pair (M, 2), low index first, of rectangles (N, 4) whose interiors meet, once.
 
@@ -144,7 +125,14 @@ def candidate_pairs(rectangles: _FloatArray) -> _IndexArray:
     pairs = np.empty((max(16, count), 2), np.int64)
     if count < 2:
         return pairs[:0]
-    per_m = 0.999 / _widest(rectangles)
+    widest_m = 1e-6
+    for i in range(count):
+        width_m = rectangles[i, 2] - rectangles[i, 0]
+        height_m = rectangles[i, 3] - rectangles[i, 1]
+        if not np.isfinite(width_m + height_m):
+            raise ValueError("the rectangles are not all finite")
+        widest_m = max(widest_m, width_m, height_m)
+    per_m = 0.999 / widest_m
     bits = _LEAST_BITS
     while 1 << (2 * bits) < count:
         bits += 1

@@ -172,29 +172,17 @@ def hits_cells(
     The field is the distance from all that is not free, the cells outside the grid among it.
     """
     out = np.zeros(packed.shape[0], np.bool_)
-    distances = _distances_at_centres(packed, lattice, field)
-    for i in range(packed.shape[0]):
-        reach = np.sqrt(packed[i, 5] ** 2 + packed[i, 6] ** 2) / min(lattice[4], lattice[5])
-        if distances[i] <= (reach + TWO_HALF_DIAGONALS) * unit:
-            out[i] = _hits_cells(packed, i, lattice, occupied, field, unit, tolerance_m)
-    return out
-
-
-@compiled
-def _distances_at_centres(
-    packed: _FloatArray, lattice: _FloatArray, field: _Field
-) -> NDArray[np.float32]:
-    """Return the field (N,) in the cells that hold the centres, 0 outside of it.
-
-    In a loop of its own, so that the processor waits for many cells at once, not one by one.
-    """
-    out = np.zeros(packed.shape[0], np.float32)
-    for i in range(packed.shape[0]):
+    distances = np.zeros(packed.shape[0], np.float32)  # at the centres, 0 outside of the field
+    for i in range(packed.shape[0]):  # in a loop of its own: the processor waits for many at once
         dx, dy = packed[i, 0] - lattice[0], packed[i, 1] - lattice[1]
         x = (dx * lattice[2] + dy * lattice[3]) / lattice[4]
         y = (dy * lattice[2] - dx * lattice[3]) / lattice[5]
         if 0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]:
-            out[i] = field[np.int64(y), np.int64(x)]
+            distances[i] = field[np.int64(y), np.int64(x)]
+    for i in range(packed.shape[0]):
+        reach = np.sqrt(packed[i, 5] ** 2 + packed[i, 6] ** 2) / min(lattice[4], lattice[5])
+        if distances[i] <= (reach + TWO_HALF_DIAGONALS) * unit:
+            out[i] = _hits_cells(packed, i, lattice, occupied, field, unit, tolerance_m)
     return out
 
 

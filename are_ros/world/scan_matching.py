@@ -265,19 +265,6 @@ def search_nodes(
 
 
 @compiled
-def distance_at(distances: npt.NDArray[np.float32], col: float, row: float) -> float:
-    """Return the distance between the cells' centres, bilinear; infinite beyond the map."""
-    col, row = col - 0.5, row - 0.5
-    if not (0.0 <= col < distances.shape[1] - 1 and 0.0 <= row < distances.shape[0] - 1):
-        return np.inf
-    i, j = int(row), int(col)
-    fy, fx = row - i, col - j
-    low = distances[i, j] * (1.0 - fx) + distances[i, j + 1] * fx
-    high = distances[i + 1, j] * (1.0 - fx) + distances[i + 1, j + 1] * fx
-    return float(low * (1.0 - fy) + high * fy)
-
-
-@compiled
 def likelihood(
     distances: npt.NDArray[np.float32],
     resolution_m: float,
@@ -293,7 +280,14 @@ def likelihood(
     for k in range(points_m.shape[0]):
         x = cosine * points_m[k, 0] - sine * points_m[k, 1] + x_m
         y = sine * points_m[k, 0] + cosine * points_m[k, 1] + y_m
-        d = distance_at(distances, x / resolution_m, y / resolution_m)
+        col, row = x / resolution_m - 0.5, y / resolution_m - 0.5
+        if not (0.0 <= col < distances.shape[1] - 1 and 0.0 <= row < distances.shape[0] - 1):
+            continue  # beyond the map no distance is known
+        i, j = int(row), int(col)
+        fy, fx = row - i, col - j  # bilinear between the cells' centres
+        low = distances[i, j] * (1.0 - fx) + distances[i, j + 1] * fx
+        high = distances[i + 1, j] * (1.0 - fx) + distances[i + 1, j + 1] * fx
+        d = low * (1.0 - fy) + high * fy
         if d < 5.0 * sigma_m:
             total += np.exp(-0.5 * (d / sigma_m) ** 2)
     return float(total / points_m.shape[0])

@@ -14,7 +14,6 @@ _HALF: Final = np.uint64(4 * CHUNK)
 """The new values of two chunks wait in the first eight rows of the scratch, in turns."""
 
 
-@compiled
 def solved(
     kept: int,
     terminal: Floats,
@@ -31,13 +30,10 @@ def solved(
     """
     height, width = terminal.shape
     padding, size = max(reach, NEAR) * width, kept * 4 * height * width
-    flat = np.empty(size + 2 * padding, np.float32)
-    # not looked at for what it is, but numbers that are none could slow it down
-    flat[:padding], flat[padding + size :] = 0.0, 0.0
+    flat = np.zeros(size + 2 * padding, np.float32)
     planes = flat[padding : padding + size].reshape(kept, 4, height, width)
-    for heading in range(4):
-        planes[0, heading] = terminal
-    lengths, gains = lengths.reshape(lengths.size), gains.reshape(gains.size)
+    planes[0] = terminal
+    lengths, gains = lengths.reshape(-1), gains.reshape(-1)
     process = Process(flat, lengths, gains, width, reach, chances, turns)
     return planes, induct(process, kept, horizon)
 

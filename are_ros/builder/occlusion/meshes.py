@@ -45,7 +45,7 @@ def cast(
     Origin and direction are in the frame of the mesh. Nodes lie as in a heap: the children of
     node i are 2 i + 1 and 2 i + 2, and all leaves are on the last level.
     """
-    boxes, _, meshes, _ = tree
+    boxes, triangles, meshes, numbers = tree
     first_node, levels = meshes[mesh, 0], meshes[mesh, 1]
     first_leaf = (1 << levels) - 1
     ix, iy, iz = inverse(dx), inverse(dy), inverse(dz)
@@ -58,9 +58,11 @@ def cast(
         if not enters(boxes[first_node + node], ox, oy, oz, ix, iy, iz) <= best:
             continue
         if node >= first_leaf:
-            best, triangle = _cast_leaf(
-                tree, mesh, node - first_leaf, ox, oy, oz, dx, dy, dz, best, triangle
-            )
+            start = meshes[mesh, 2] + (node - first_leaf) * LEAF_TRIANGLES
+            for index in range(start, start + LEAF_TRIANGLES):
+                t = _meet(triangles[index], ox, oy, oz, dx, dy, dz)
+                if t < best or (t == best and triangle < 0):
+                    best, triangle = t, numbers[index]
             continue
         left, right = 2 * node + 1, 2 * node + 2
         left_m = enters(boxes[first_node + left], ox, oy, oz, ix, iy, iz)
@@ -95,30 +97,6 @@ def enters(
 
 
 @compiled
-def _cast_leaf(
-    tree: Tree,
-    mesh: int,
-    leaf: int,
-    ox: float,
-    oy: float,
-    oz: float,
-    dx: float,
-    dy: float,
-    dz: float,
-    best: float,
-    triangle: int,
-) -> tuple[float, int]:
-    """Return the nearer of the best hit so far and a leaf's (Moeller and Trumbore, two-sided)."""
-    _, triangles, meshes, numbers = tree
-    start = meshes[mesh, 2] + leaf * LEAF_TRIANGLES
-    for index in range(start, start + LEAF_TRIANGLES):
-        t = _meet(triangles[index], ox, oy, oz, dx, dy, dz)
-        if t < best or (t == best and triangle < 0):
-            best, triangle = t, numbers[index]
-    return best, triangle
-
-
-@compiled
 def _meet(
     triangle: npt.NDArray[np.float64],
     ox: float,
@@ -128,7 +106,10 @@ def _meet(
     dy: float,
     dz: float,
 ) -> float:
-    """Return where a ray meets a triangle (corner, edge, edge) [m], inf if it does not."""
+    """Return where a ray meets a triangle (corner, edge, edge) [m], inf if it does not.
+
+    Moeller and Trumbore (1997), from either side.
+    """
     ax, ay, az = triangle[3], triangle[4], triangle[5]
     bx, by, bz = triangle[6], triangle[7], triangle[8]
     px, py, pz = dy * bz - dz * by, dz * bx - dx * bz, dx * by - dy * bx
@@ -194,9 +175,9 @@ def cast_tile(
     while count > 0:
         count -= 1
         node = waiting[count]
-        box[:3], box[3:] = boxes[first_node + node, :3], boxes[first_node + node, 3:]
-        box[:3] -= grown_m
-        box[3:] += grown_m
+        for axis_number in range(3):
+            box[axis_number] = boxes[first_node + node, axis_number] - grown_m
+            box[3 + axis_number] = boxes[first_node + node, 3 + axis_number] + grown_m
         if enters(box, camera_m[0], camera_m[1], camera_m[2], ix, iy, iz) == np.inf:
             continue
         if node < first_leaf:
