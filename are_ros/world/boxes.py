@@ -113,6 +113,19 @@ _LEAST_BITS = 2  # a table of four by four: three neighbouring cells are three b
 
 
 @compiled
+def _widest(rectangles: _FloatArray) -> float:
+    """Return the longest side of any rectangle [m], at least a micrometre."""
+    widest_m = 1e-6
+    for i in range(rectangles.shape[0]):
+        width_m = rectangles[i, 2] - rectangles[i, 0]
+        height_m = rectangles[i, 3] - rectangles[i, 1]
+        if not np.isfinite(width_m + height_m):
+            raise ValueError("the rectangles are not all finite")
+        widest_m = max(widest_m, width_m, height_m)
+    return widest_m
+
+
+@compiled
 def candidate_pairs(rectangles: _FloatArray) -> _IndexArray:
     """Return each pair (M, 2), low index first, of rectangles (N, 4) whose interiors meet, once.
 
@@ -125,14 +138,7 @@ def candidate_pairs(rectangles: _FloatArray) -> _IndexArray:
     pairs = np.empty((max(16, count), 2), np.int64)
     if count < 2:
         return pairs[:0]
-    widest_m = 1e-6
-    for i in range(count):
-        width_m = rectangles[i, 2] - rectangles[i, 0]
-        height_m = rectangles[i, 3] - rectangles[i, 1]
-        if not np.isfinite(width_m + height_m):
-            raise ValueError("the rectangles are not all finite")
-        widest_m = max(widest_m, width_m, height_m)
-    per_m = 0.999 / widest_m
+    per_m = 0.999 / _widest(rectangles)
     bits = _LEAST_BITS
     while 1 << (2 * bits) < count:
         bits += 1
@@ -161,16 +167,6 @@ def candidate_pairs(rectangles: _FloatArray) -> _IndexArray:
         older[i] = newest[bucket]
         newest[bucket] = i
     return pairs[:found]
-
-
-@compiled
-def _any_pair_overlaps(packed: _FloatArray, tolerance_m: float) -> bool:
-    """Tell whether any two of the packed boxes (N, 8) overlap by more than a tolerance."""
-    pairs = candidate_pairs(bounds(packed))
-    for k in range(pairs.shape[0]):
-        if boxes_overlap(packed, pairs[k, 0], packed, pairs[k, 1], tolerance_m):
-            return True
-    return False
 
 
 TOUCH_TOLERANCE_M: Final = 1e-9
@@ -277,7 +273,8 @@ def overlaps_any(boxes: OrientedBoxes, others: OrientedBoxes) -> NDArray[np.bool
 
 def any_overlap(boxes: OrientedBoxes) -> bool:
     """Tell whether any two of the boxes overlap, by the test of `overlaps`."""
-    return _any_pair_overlaps(boxes.packed, TOUCH_TOLERANCE_M)
+    first, second = candidate_pairs(bounds(boxes.packed)).T
+    return bool(overlaps(boxes.take(first), boxes.take(second)).any())
 
 
 def _readonly(values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:

@@ -15,48 +15,38 @@ _FloatArray = NDArray[np.float64]
 
 
 @compiled
-def _largest_separation(polygon: _FloatArray, hx: float, hy: float) -> float:
-    """Return the largest gap over all edge normals; negative: minus the penetration depth.
+def _signed_distance(polygon: _FloatArray, hx: float, hy: float) -> float:
+    """Return the distance of a polygon (K, 2) from the box |x| <= hx, |y| <= hy.
 
-    These normals are those of the Minkowski difference, so the least translation is among them.
+    If they overlap: minus the penetration depth, the largest gap over all edge normals. These are
+    those of the Minkowski difference, so the least translation is among them. Else one end of the
+    shortest line between the two is a vertex of either.
     """
     count = polygon.shape[0]
-    low_x, high_x, low_y, high_y = np.inf, -np.inf, np.inf, -np.inf
+    edges = count if count > 1 else 0
+    low_x, high_x, low_y, high_y, least = np.inf, -np.inf, np.inf, -np.inf, np.inf
     for k in range(count):
         low_x, high_x = min(low_x, polygon[k, 0]), max(high_x, polygon[k, 0])
         low_y, high_y = min(low_y, polygon[k, 1]), max(high_y, polygon[k, 1])
+        x, y = max(abs(polygon[k, 0]) - hx, 0.0), max(abs(polygon[k, 1]) - hy, 0.0)
+        least = min(least, x * x + y * y)
     separation = max(low_x - hx, -high_x - hx, low_y - hy, -high_y - hy)
-    if count == 1:
-        return float(separation)
-    for k in range(count):
-        following = (k + 1) % count
-        ex = polygon[following, 0] - polygon[k, 0]
-        ey = polygon[following, 1] - polygon[k, 1]
-        offset = ey * polygon[k, 0] - ex * polygon[k, 1]
+    for k in range(edges):
+        ax, ay = polygon[k, 0], polygon[k, 1]
+        ex, ey = polygon[(k + 1) % count, 0] - ax, polygon[(k + 1) % count, 1] - ay
+        offset = ey * ax - ex * ay
         gap = -(hx * abs(ey) + hy * abs(ex) + offset) / np.hypot(ex, ey)
         separation = max(separation, gap)
-    return float(separation)
-
-
-@compiled
-def _distance_apart(polygon: _FloatArray, hx: float, hy: float) -> float:
-    """Return the distance of two disjoint shapes: one end of it is a vertex of either."""
-    count = polygon.shape[0]
-    least = np.inf
-    for k in range(count):
-        x = max(abs(polygon[k, 0]) - hx, 0.0)
-        y = max(abs(polygon[k, 1]) - hy, 0.0)
-        least = min(least, x * x + y * y)
-    for k in range(count if count > 1 else 0):
+    if separation <= 0.0:
+        return float(separation)
+    for k in range(edges):
         ax, ay = polygon[k, 0], polygon[k, 1]
-        bx, by = polygon[(k + 1) % count, 0], polygon[(k + 1) % count, 1]
-        ex, ey = bx - ax, by - ay
-        for x in (-hx, hx):
-            for y in (-hy, hy):
-                along = ((x - ax) * ex + (y - ay) * ey) / (ex * ex + ey * ey)
-                along = min(max(along, 0.0), 1.0)
-                square = (ax + along * ex - x) ** 2 + (ay + along * ey - y) ** 2
-                least = min(least, square)
+        ex, ey = polygon[(k + 1) % count, 0] - ax, polygon[(k + 1) % count, 1] - ay
+        for corner in range(4):
+            x, y = (hx if corner & 2 else -hx), (hy if corner & 1 else -hy)
+            along = ((x - ax) * ex + (y - ay) * ey) / (ex * ex + ey * ey)
+            along = min(max(along, 0.0), 1.0)
+            least = min(least, (ax + along * ex - x) ** 2 + (ay + along * ey - y) ** 2)
     return float(np.sqrt(least))
 
 
@@ -70,10 +60,7 @@ def signed_distances(vertices: _FloatArray, radius_m: float, packed: _FloatArray
             dx, dy = vertices[k, 0] - packed[i, 0], vertices[k, 1] - packed[i, 1]
             local[k, 0] = dx * packed[i, 3] + dy * packed[i, 4]
             local[k, 1] = dy * packed[i, 3] - dx * packed[i, 4]
-        distance = _largest_separation(local, packed[i, 5], packed[i, 6])
-        if distance > 0.0:
-            distance = _distance_apart(local, packed[i, 5], packed[i, 6])
-        out[i] = distance - radius_m
+        out[i] = _signed_distance(local, packed[i, 5], packed[i, 6]) - radius_m
     return out
 
 

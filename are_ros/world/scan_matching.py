@@ -264,7 +264,6 @@ def search_nodes(
     return best
 
 
-@compiled
 def likelihood(
     distances: npt.NDArray[np.float32],
     resolution_m: float,
@@ -274,23 +273,24 @@ def likelihood(
     yaw: float,
     sigma_m: float,
 ) -> float:
-    """Return the mean of exp(-d^2 / 2 sigma^2) over the points (N, 2) [m] at a pose."""
+    """Return the mean of exp(-d^2 / 2 sigma^2) over the points (N, 2) [m] at a pose.
+
+    d is the distance between the cells' centres, bilinear; a point beyond the map counts 0.
+    """
     cosine, sine = np.cos(yaw), np.sin(yaw)
-    total = 0.0
-    for k in range(points_m.shape[0]):
-        x = cosine * points_m[k, 0] - sine * points_m[k, 1] + x_m
-        y = sine * points_m[k, 0] + cosine * points_m[k, 1] + y_m
-        col, row = x / resolution_m - 0.5, y / resolution_m - 0.5
-        if not (0.0 <= col < distances.shape[1] - 1 and 0.0 <= row < distances.shape[0] - 1):
-            continue  # beyond the map no distance is known
-        i, j = int(row), int(col)
-        fy, fx = row - i, col - j  # bilinear between the cells' centres
-        low = distances[i, j] * (1.0 - fx) + distances[i, j + 1] * fx
-        high = distances[i + 1, j] * (1.0 - fx) + distances[i + 1, j + 1] * fx
-        d = low * (1.0 - fy) + high * fy
-        if d < 5.0 * sigma_m:
-            total += np.exp(-0.5 * (d / sigma_m) ** 2)
-    return float(total / points_m.shape[0])
+    x = cosine * points_m[:, 0] - sine * points_m[:, 1] + x_m
+    y = sine * points_m[:, 0] + cosine * points_m[:, 1] + y_m
+    col, row = x / resolution_m - 0.5, y / resolution_m - 0.5
+    height, width = distances.shape
+    is_inside = (col >= 0.0) & (col < width - 1) & (row >= 0.0) & (row < height - 1)
+    col, row = col[is_inside], row[is_inside]
+    i, j = row.astype(np.int64), col.astype(np.int64)
+    fy, fx = row - i, col - j
+    low = distances[i, j] * (1.0 - fx) + distances[i, j + 1] * fx
+    high = distances[i + 1, j] * (1.0 - fx) + distances[i + 1, j + 1] * fx
+    d = low * (1.0 - fy) + high * fy
+    near = d[d < 5.0 * sigma_m]
+    return float(np.exp(-0.5 * (near / sigma_m) ** 2).sum() / len(points_m))
 
 
 @compiled

@@ -173,7 +173,10 @@ def give(
     for k in range(rows.shape[0]):
         i = rows[k]
         before, mind = commands[i], minds[i]
-        shift_m = _shift_m(before.has_goal != 0, before.x, before.y, given[k])
+        had_goal, has_goal = before.has_goal != 0, given[k, 0] != 0.0
+        shift_m = 0.0 if had_goal == has_goal else np.inf
+        if had_goal and has_goal:
+            shift_m = np.hypot(given[k, 1] - before.x, given[k, 2] - before.y)
         if shift_m > _NEWS_M or given[k, 3] != before.speed:
             due[i] = now
         if shift_m > 0.0:
@@ -190,12 +193,3 @@ def give(
         before.speed, before.stops = given[k, 3], np.int64(given[k, 4])
         before.face, before.comfort = given[k, 5], given[k, 6]
         before.robot_comfort, before.wall_comfort = given[k, 7], given[k, 8]
-
-
-@compiled
-def _shift_m(had_goal: bool, x_m: float, y_m: float, row: Floats) -> float:
-    """Return how far a sub-goal has moved; infinitely far if there was none, or is none now."""
-    has_goal = row[0] != 0.0
-    if not had_goal or not has_goal:
-        return 0.0 if had_goal == has_goal else np.inf
-    return float(np.hypot(row[1] - x_m, row[2] - y_m))

@@ -118,9 +118,10 @@ class LocalPlanner:
     @property
     def motion(self) -> _Floats:
         """Where all are now and how fast: x, y, yaw, cos, sin, speed along it, float64 (N, 6)."""
-        poses = np.empty((len(self._table), 6))
-        _steps.poses_at(self._table.arrays, self._table.now, poses)
-        return poses
+        arrays, now = self._table.arrays, self._table.now
+        steps = np.minimum(now - arrays.place["begin"], arrays.place["last"])
+        motion: _Floats = arrays.path[np.arange(len(steps)), steps]
+        return motion
 
     @property
     def counters(self) -> PlannerCounters:

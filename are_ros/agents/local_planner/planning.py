@@ -9,7 +9,6 @@ from are_ros.agents.local_planner.gaps import TOUCH, distance, gap_between, sepa
 from are_ros.agents.local_planner.patience import can_yield, consider_detour, push
 from are_ros.agents.local_planner.primitives import (
     cheapest,
-    direction_of,
     fill_options,
     rule_out_twin,
 )
@@ -19,8 +18,7 @@ from are_ros.agents.local_planner.rollouts import (
     GOING,
     PUSHED,
     aim_of,
-    circle_of,
-    pace_of,
+    bounds_of,
     roll_out,
 )
 from are_ros.agents.local_planner.spatial_hash import gather
@@ -28,11 +26,13 @@ from are_ros.agents.local_planner.state import (
     BY_ARTEFACT,
     BY_ROBOT,
     BY_WALL,
+    COS,
     EMERGENCIES,
     KEPT,
     NEVER,
     NOBODY,
     PLANS,
+    SIN,
     SPEED,
     STAMP,
     UNOBSTRUCTED,
@@ -210,8 +210,7 @@ def assess(
         other = agents.path[j, min(now - place.begin + met, place.last)]
         if separation(path[min(met, last)], body, other, agents.body[j]) < -TOUCH:
             return INFEASIBLE, BY_ARTEFACT, j, met
-    pace = pace_of(path, last, body, timing.step_s)
-    circle = circle_of(path, last)
+    pace, circle = bounds_of(path, last, body, timing.step_s)
     home = agents.path[i, agents.place[i].last]
     cost = 0.0
     for turn in range(3):  # a loop, for two calls of one kernel take twice as long to compile
@@ -281,9 +280,8 @@ def commit(
     for k in range(last + 1):  # slices would take ten seconds more to compile
         copy_pose(path[k], agents.path[i, k])
     place.begin, place.last, place.must_plan = now, last, 0
-    place.pace = pace_of(path, last, agents.body[i], timing.step_s)
-    place.x, place.y, radius = circle_of(path, last)
-    place.reach = radius + agents.body[i].radius
+    place.pace, circle = bounds_of(path, last, agents.body[i], timing.step_s)
+    place.x, place.y, place.reach = circle[0], circle[1], circle[2] + agents.body[i].radius
 
 
 @borrowing
@@ -411,7 +409,8 @@ def plan(
         return
     option = workspace.options[chosen]
     if option[0] != BRAKE:
-        mind.chosen = direction_of(option, pose)
+        # its heading or curvature
+        mind.chosen = np.arctan2(pose[SIN], pose[COS]) if np.isnan(option[1]) else option[1]
         mind.gear = 1 if option[2] > 0.0 else -1
     elif aim.kind != GOING and aim.speed <= 0.0:
         mind.chosen = np.nan

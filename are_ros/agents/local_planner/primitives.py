@@ -76,16 +76,6 @@ def way_left(x: float, y: float, yaw: float, goal_x: float, goal_y: float, radiu
 
 
 @borrowing
-def _travelled(speed: float, wanted: float, acceleration: float, duration: float) -> float:
-    """Return the signed way made in a time in which the speed changes to the one wanted."""
-    change = abs(wanted - speed) / acceleration
-    if change >= duration:
-        pull = acceleration if wanted > speed else -acceleration
-        return float((speed + 0.5 * pull * duration) * duration)
-    return float(0.5 * (speed + wanted) * change + wanted * (duration - change))
-
-
-@borrowing
 def _arc_cost(
     bend: float,
     way: float,
@@ -114,48 +104,6 @@ def _arc_cost(
 
 
 @borrowing
-def _add_arcs(
-    options: Floats,
-    count: int,
-    factors: Floats,
-    aim: PlanningGoal,
-    pose: Floats,
-    body: Any,
-    command: Any,
-    mind: Any,
-    duration: float,
-) -> int:
-    """Add curves at each of the shares of the speed; negative ones are in reverse."""
-    radius = TIGHTEST * body.turn_radius
-    full = aim.speed * duration
-    for bend in _BENDS:
-        for factor in factors:
-            top = aim.speed if factor > 0.0 else REVERSE_SHARE * aim.speed
-            speed = factor * top
-            way = _travelled(pose[SPEED], speed, body.acceleration, duration)
-            cost = _arc_cost(bend, way, aim, pose, command, radius, full) + _BEND * abs(bend)
-            cost += (
-                _BEND_CHANGE * abs(bend - mind.chosen * radius)
-                if mind.chosen == mind.chosen
-                else 0.0
-            )
-            cost += _REVERSE if factor < 0.0 else 0.0
-            cost += _REVERSAL if factor * mind.gear < 0.0 else 0.0
-            options[count, 0], options[count, 1] = CURVE, bend / radius
-            options[count, 2], options[count, 3] = speed, cost
-            count += 1
-    return count
-
-
-@borrowing
-def _arc_length(ahead: float, aside: float) -> float:
-    """Return the length of the arc from the origin, along +x at first, to a point."""
-    angle = math.atan2(aside, ahead)
-    share = angle / np.sin(angle) if angle > 1e-6 else 1.0
-    return float(np.hypot(ahead, aside) * share)
-
-
-@borrowing
 def _add_arcs_to_goal(
     options: Floats,
     count: int,
@@ -176,7 +124,9 @@ def _add_arcs_to_goal(
     price = 1.0 if ahead > 0.0 else _REVERSE_PRICE
     radius, full = TIGHTEST * body.turn_radius, aim.speed * duration
     saved = way_left(pose[X], pose[Y], pose[YAW], command.x, command.y, radius)
-    saved -= price * _arc_length(abs(ahead), abs(aside))
+    angle = math.atan2(abs(aside), abs(ahead))  # the arc's length is the chord's by this share
+    share = angle / np.sin(angle) if angle > 1e-6 else 1.0
+    saved -= price * (np.hypot(abs(ahead), abs(aside)) * share)
     for factor in _FORWARD:
         speed = direction * factor * aim.speed * (1.0 if ahead > 0.0 else REVERSE_SHARE)
         gain = saved + price * abs(speed) * duration
@@ -199,9 +149,27 @@ def vehicle_options(
     timing: PlannerTiming,
 ) -> int:
     """Write the options of a vehicle at a pose; return how many there are."""
-    duration = timing.drive * timing.step_s
-    count = _add_arcs(options, np.int64(0), _FORWARD, aim, pose, body, command, mind, duration)
-    count = _add_arcs(options, count, _BACKWARD, aim, pose, body, command, mind, duration)
+    duration, count = timing.drive * timing.step_s, 0
+    radius = TIGHTEST * body.turn_radius
+    full = aim.speed * duration
+    for factors in (_FORWARD, _BACKWARD):
+        for bend in _BENDS:
+            for factor in factors:
+                speed = factor * (aim.speed if factor > 0.0 else REVERSE_SHARE * aim.speed)
+                change = abs(speed - pose[SPEED]) / body.acceleration
+                if change >= duration:  # the signed way made while the speed changes
+                    pull = body.acceleration if speed > pose[SPEED] else -body.acceleration
+                    way = (pose[SPEED] + 0.5 * pull * duration) * duration
+                else:
+                    way = 0.5 * (pose[SPEED] + speed) * change + speed * (duration - change)
+                cost = _arc_cost(bend, way, aim, pose, command, radius, full) + _BEND * abs(bend)
+                if mind.chosen == mind.chosen:
+                    cost += _BEND_CHANGE * abs(bend - mind.chosen * radius)
+                cost += _REVERSE if factor < 0.0 else 0.0
+                cost += _REVERSAL if factor * mind.gear < 0.0 else 0.0
+                options[count, 0], options[count, 1] = CURVE, bend / radius
+                options[count, 2], options[count, 3] = speed, cost
+                count += 1
     if aim.ends:
         count = _add_arcs_to_goal(options, count, aim, pose, body, command, mind, duration)
     options[count, 0], options[count, 1], options[count, 2] = BRAKE, 0.0, 0.0
@@ -260,7 +228,12 @@ def fill_options(
     if body.turn_radius > 0.0:
         return vehicle_options(options, aim, pose, body, command, mind, timing)
     count = _walker_options(options, aim, mind)
-    return _add_retreat(options, count, aim, pose) if backs_off else count
+    if backs_off:  # steps straight back, as somebody makes who has met another in a gap
+        heading = math.atan2(-pose[SIN], -pose[COS])
+        delta, speed = wrapped(heading - aim.heading), min(aim.speed, _BACK_MPS)
+        cost = 1.0 + _BACK - _gain(aim, delta, np.cos(delta), speed)
+        count = set_option(options, count, RETREAT, heading, -speed, cost, heading)
+    return count
 
 
 @borrowing
@@ -312,15 +285,6 @@ def _walker_options(options: Floats, aim: PlanningGoal, mind: Any) -> int:
 
 
 @borrowing
-def _add_retreat(options: Floats, count: int, aim: PlanningGoal, pose: Floats) -> int:
-    """Add steps straight back, as somebody makes who has met another in a gap."""
-    heading = math.atan2(-pose[SIN], -pose[COS])
-    delta, speed = wrapped(heading - aim.heading), min(aim.speed, _BACK_MPS)
-    cost = 1.0 + _BACK - _gain(aim, delta, np.cos(delta), speed)
-    return set_option(options, count, RETREAT, heading, -speed, cost, heading)
-
-
-@borrowing
 def cheapest(options: Floats, count: int) -> int:
     """Return the option of the least cost, the first of several; -1 if all are spent (inf)."""
     a, b, c, d = np.inf, np.inf, np.inf, np.inf
@@ -357,11 +321,3 @@ def rule_out_twin(options: Floats, count: int, n: int, k: int, last: int, steps:
             and options[other, 2] == options[n, 2]
         ):
             options[other, 3] = np.inf
-
-
-@borrowing
-def direction_of(option: Floats, pose: Floats) -> float:
-    """Return what of an option is remembered: its heading or curvature."""
-    if np.isnan(option[1]):
-        return float(np.arctan2(pose[SIN], pose[COS]))
-    return float(option[1])

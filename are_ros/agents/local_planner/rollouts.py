@@ -46,12 +46,6 @@ def turn_to(heading: float, yaw: float) -> float:
 
 
 @borrowing
-def clamped(value: float, low: float, high: float) -> float:
-    """Return the value, or the end of the range beyond which it lies."""
-    return float(min(max(value, low), high))
-
-
-@borrowing
 def stopping_speed(left: float, speed: float, acceleration: float, dt: float) -> float:
     """Return the highest speed after the next sub-step that still lets it stop within `left`."""
     rest = 2.0 * (left - 0.5 * speed * dt) / acceleration
@@ -96,19 +90,6 @@ def _turn_on(
 
 
 @borrowing
-def _go_straight(path: Floats, k: int, until: int, dt: float) -> int:
-    """Go on from pose k as fast as there, and straight, up to pose `until`; return that."""
-    pose = path[k]
-    way = 0.5 * (pose[SPEED] + pose[SPEED]) * dt
-    dx, dy = way * pose[COS], way * pose[SIN]
-    for n in range(k, until):
-        before, after = path[n], path[n + 1]
-        after[X], after[Y], after[YAW] = before[X] + dx, before[Y] + dy, pose[YAW]
-        after[COS], after[SIN], after[SPEED] = pose[COS], pose[SIN], pose[SPEED]
-    return until
-
-
-@borrowing
 def brake(path: Floats, k: int, curvature: float, body: Any, dt: float) -> int:
     """Brake from pose k on along a curve; return the index of the pose where it stands."""
     step = body.acceleration * dt
@@ -116,23 +97,27 @@ def brake(path: Floats, k: int, curvature: float, body: Any, dt: float) -> int:
         speed = path[k, SPEED]
         slower = max(speed - step, 0.0) if speed > 0.0 else min(speed + step, 0.0)
         limit = body.turn_rate * dt
-        turn = clamped(curvature * 0.5 * (speed + slower) * dt, -limit, limit)
+        turn = min(max(curvature * 0.5 * (speed + slower) * dt, -limit), limit)
         advance(path, k, turn, slower, dt)
         k += 1
     return k
 
 
 @borrowing
-def _half_turn(body: Any, dt: float) -> tuple[float, float, float]:
-    """Return half of the most that a body turns in a sub-step, and its cosine and sine."""
-    half = 0.5 * body.turn_rate * dt
-    return half, np.cos(half), np.sin(half)
+def _walk(
+    path: Floats,
+    option: Floats,
+    goal: Floats,
+    body: Any,
+    half: tuple[float, float, float],
+    steps: int,
+    dt: float,
+) -> int:
+    """Turn towards a heading or the goal and walk, slower while it looks elsewhere.
 
-
-@borrowing
-def _walk(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt: float) -> int:
-    """Turn towards a heading or the goal and walk, slower while it looks elsewhere."""
-    half, step = _half_turn(body, dt), body.acceleration * dt
+    `half`: see `_turn_on`.
+    """
+    step = body.acceleration * dt
     limit = 2.0 * half[0]
     heading, to_point = option[1], option[0] == POINT
     c, s = np.cos(heading), np.sin(heading)
@@ -151,16 +136,23 @@ def _walk(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt:
                 left = max(dx * path[k, COS] + dy * path[k, SIN], 0.0)
             want = min(want, stopping_speed(left, speed, body.acceleration, dt))
         error = turn_to(heading, path[k, YAW])
-        turn = clamped(error, -limit, limit)
+        turn = min(max(error, -limit), limit)
         if error != 0.0:
             want *= max(c * path[k, COS] + s * path[k, SIN], 0.0)  # the cosine of the error
         slower = min(max(speed - step, 0.0), speed + step)  # who walks back stops first
-        faster = clamped(want, slower, speed + step)
+        faster = min(max(want, slower), speed + step)
         if turn == 0.0 and speed == 0.0 and faster < _STILL:
             return k
         if turn == 0.0 and speed == faster and not to_point:  # nothing changes for a while
             turns_on = option[4] != heading and steps % 2 == 0 and 2 * k < steps
-            k = _go_straight(path, k, steps // 2 if turns_on else steps, dt)
+            pose, until = path[k], steps // 2 if turns_on else steps
+            way = 0.5 * (pose[SPEED] + pose[SPEED]) * dt
+            dx, dy = way * pose[COS], way * pose[SIN]
+            for n in range(k, until):
+                before, after = path[n], path[n + 1]
+                after[X], after[Y], after[YAW] = before[X] + dx, before[Y] + dy, pose[YAW]
+                after[COS], after[SIN], after[SPEED] = pose[COS], pose[SIN], pose[SPEED]
+            k = until
         else:
             _turn_on(path, k, turn, half, faster, dt)
             k += 1
@@ -182,24 +174,31 @@ def _drive(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt
             aside = dy * path[k, COS] - dx * path[k, SIN]
             square = max(dx * dx + dy * dy, 1e-6)
             if ahead > _AIMED:
-                curvature = clamped(2.0 * aside / square, -tightest, tightest)
+                curvature = min(max(2.0 * aside / square, -tightest), tightest)
             slow = stopping_speed(max(ahead, 0.0), abs(speed), body.acceleration, dt)
             want = direction * min(abs(want), slow)
         if curvature != 0.0:
             fastest = body.turn_rate / abs(curvature)
-            want = clamped(want, -fastest, fastest)
-        faster = clamped(want, speed - step, speed + step)
+            want = min(max(want, -fastest), fastest)
+        faster = min(max(want, speed - step), speed + step)
         if speed == 0.0 and abs(faster) < _STILL:
             return k
-        turn = clamped(curvature * 0.5 * (speed + faster) * dt, -limit, limit)
+        turn = min(max(curvature * 0.5 * (speed + faster) * dt, -limit), limit)
         advance(path, k, turn, faster, dt)
     return steps
 
 
 @borrowing
-def _stop(path: Floats, option: Floats, body: Any, steps: int, dt: float) -> int:
-    """Brake, and turn on the spot towards a heading on the way (nan: none)."""
-    half, step = _half_turn(body, dt), body.acceleration * dt
+def _stop(
+    path: Floats,
+    option: Floats,
+    body: Any,
+    half: tuple[float, float, float],
+    steps: int,
+    dt: float,
+) -> int:
+    """Brake, and turn on the spot towards a heading on the way (nan: none); `half` as above."""
+    step = body.acceleration * dt
     limit = 2.0 * half[0]
     k = 0
     while k < steps:
@@ -208,19 +207,9 @@ def _stop(path: Floats, option: Floats, body: Any, steps: int, dt: float) -> int
         if speed == 0.0 and error == 0.0:
             break
         slower = max(speed - step, 0.0) if speed > 0.0 else min(speed + step, 0.0)
-        _turn_on(path, k, clamped(error, -limit, limit), half, slower, dt)
+        _turn_on(path, k, min(max(error, -limit), limit), half, slower, dt)
         k += 1
     return k
-
-
-@borrowing
-def _retreat(path: Floats, option: Floats, body: Any, steps: int, dt: float) -> int:
-    """Walk straight back at a speed below 0."""
-    step = body.acceleration * dt
-    for k in range(steps):
-        speed = path[k, SPEED]
-        advance(path, k, 0.0, clamped(option[2], speed - step, speed + step), dt)
-    return steps
 
 
 @borrowing
@@ -233,12 +222,19 @@ def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, timing: Plan
     if kind == BRAKE and body.turn_radius > 0.0:
         curvature = 0.0 if np.isnan(option[1]) else option[1]  # straight if none was chosen
         return brake(path, np.int64(0), curvature, body, timing.step_s)
+    half_turn = 0.5 * body.turn_rate * timing.step_s
+    half = half_turn, np.cos(half_turn), np.sin(half_turn)
     if kind == BRAKE:
-        k = _stop(path, option, body, timing.walk, timing.step_s)
-    elif kind == RETREAT:
-        k = _retreat(path, option, body, timing.walk, timing.step_s)
+        k = _stop(path, option, body, half, timing.walk, timing.step_s)
+    elif kind == RETREAT:  # walk straight back, at a speed below 0
+        step = body.acceleration * timing.step_s
+        for k in range(timing.walk):
+            speed = path[k, SPEED]
+            slower = min(max(option[2], speed - step), speed + step)
+            advance(path, k, 0.0, slower, timing.step_s)
+        k = timing.walk
     elif kind <= POINT:
-        k = _walk(path, option, goal, body, timing.walk, timing.step_s)
+        k = _walk(path, option, goal, body, half, timing.walk, timing.step_s)
     else:
         k = _drive(path, option, goal, body, timing.drive, timing.step_s)
         return brake(path, k, option[1] if kind == CURVE else 0.0, body, timing.step_s)
@@ -246,25 +242,24 @@ def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, timing: Plan
 
 
 @borrowing
-def pace_of(path: Floats, last: int, body: Any, dt: float) -> float:
-    """Return how far any point of the box moves in one sub-step of a path at most."""
+def bounds_of(
+    path: Floats, last: int, body: Any, dt: float
+) -> tuple[float, tuple[float, float, float]]:
+    """Return how far any point of the box moves in one sub-step of a path at most, and a circle.
+
+    The circle, its centre (x, y) and radius, holds the ground points of the path.
+    """
     fastest, turn = abs(path[0, SPEED]) if last > 0 else 0.0, 0.0
+    low_x, low_y, high_x, high_y = path[0, X], path[0, Y], path[0, X], path[0, Y]
     for k in range(1, last + 1):
         fastest = max(fastest, abs(path[k, SPEED]))
         turn = max(turn, abs(path[k, YAW] - path[k - 1, YAW]))
-    return float(fastest * dt + turn * body.radius)
-
-
-@borrowing
-def circle_of(path: Floats, last: int) -> tuple[float, float, float]:
-    """Return centre and radius of a circle that holds the ground points of a path."""
-    low_x, low_y, high_x, high_y = path[0, X], path[0, Y], path[0, X], path[0, Y]
-    for k in range(1, last + 1):
         low_x, high_x = min(low_x, path[k, X]), max(high_x, path[k, X])
         low_y, high_y = min(low_y, path[k, Y]), max(high_y, path[k, Y])
     width, depth = high_x - low_x, high_y - low_y
     radius = 0.5 * np.sqrt(width * width + depth * depth)
-    return 0.5 * (low_x + high_x), 0.5 * (low_y + high_y), float(radius)
+    circle = 0.5 * (low_x + high_x), 0.5 * (low_y + high_y), float(radius)
+    return float(fastest * dt + turn * body.radius), circle
 
 
 # What an artefact is after just now: its sub-goal, out of somebody's way, around, or nothing.
@@ -306,29 +301,6 @@ def way_to(pose: Floats, command: Any) -> float:
 
 
 @borrowing
-def has_arrived(pose: Floats, command: Any, body: Any) -> bool:
-    """Tell whether one that stands at a pose is where its way ends."""
-    if way_to(pose, command) <= _ARRIVED:
-        return True
-    dx, dy = command.x - pose[X], command.y - pose[Y]
-    ahead = dx * pose[COS] + dy * pose[SIN]
-    aside = dy * pose[COS] - dx * pose[SIN]
-    return bool(body.turn_radius > 0.0 and abs(ahead) <= _ARRIVED and abs(aside) <= _ABEAM)
-
-
-@borrowing
-def _passes(pose: Floats, command: Any, body: Any) -> bool:
-    """Tell whether a sub-goal on the way is as good as passed; nobody passes one standing."""
-    if pose[SPEED] == 0.0 and body.turn_radius == 0.0:
-        return False
-    way = way_to(pose, command)
-    if way >= 2.0 * _PASSED + 0.3 * body.turn_radius:
-        return False
-    ahead = (command.x - pose[X]) * pose[COS] + (command.y - pose[Y]) * pose[SIN]
-    return bool(way < _PASSED or ahead < 0.0)
-
-
-@borrowing
 def kind_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) -> int:
     """Return what kind of aim artefact i has at sub-step `now`, standing or moving at `pose`.
 
@@ -339,12 +311,19 @@ def kind_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) ->
         return PUSHED
     if command.has_goal == 0 or min(command.speed, body.speed) <= 0.0:
         return STANDING
+    dx, dy, way = command.x - pose[X], command.y - pose[Y], way_to(pose, command)
+    ahead, aside = dx * pose[COS] + dy * pose[SIN], dy * pose[COS] - dx * pose[SIN]
+    is_vehicle = body.turn_radius > 0.0
+    is_abeam = is_vehicle and abs(ahead) <= _ARRIVED and abs(aside) <= _ABEAM
     if command.stops == 0 and now - second < mind.passed_at:
-        if mind.passed_at == NEVER and _passes(pose, command, body):
+        is_near = way < 2.0 * _PASSED + 0.3 * body.turn_radius
+        is_passed = is_near and (way < _PASSED or ahead < 0.0)
+        # an artefact that turns on the spot passes no sub-goal while it stands
+        if mind.passed_at == NEVER and is_passed and (is_vehicle or pose[SPEED] != 0.0):
             mind.passed_at = now
         if mind.passed_at != NEVER:
             return COASTING
-    elif abs(pose[SPEED]) < _STANDS and has_arrived(pose, command, body):
+    elif abs(pose[SPEED]) < _STANDS and (way <= _ARRIVED or is_abeam):
         if np.isnan(command.face) or body.turn_radius > 0.0:  # no heading wanted, or no turn there
             return STANDING
         return FACING if abs(wrapped(command.face - pose[YAW])) >= _FACED else STANDING

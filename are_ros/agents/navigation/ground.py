@@ -60,7 +60,6 @@ def cell_of(ground: Ground, x_m: float, y_m: float) -> tuple[int, int]:
     return start[0] // ground.side, start[1] // ground.side
 
 
-@borrowing
 def holds(ground: Ground, x_m: float, y_m: float, radius_m: float) -> bool:
     """Tell whether a disc fits at a point, and the component of the point's cell contains that."""
     is_main, unit = ground.is_main, ground.lattice[4]

@@ -63,25 +63,18 @@ def _searched(
     """Return the rows and columns, from and to, of the blocks that a way leads through."""
     side = ground.side
     row, col = fine_cell(ground.lattice, from_m)
-    low, high = (row // side, col // side), (row // side, col // side)
-    block = cell_of(ground, from_m[0], from_m[1])
-    if block[0] >= 0:
-        low, high = _widened(low, high, block)
+    south, west = row // side, col // side
+    north, east = south, west
+    row, col = cell_of(ground, from_m[0], from_m[1])
+    if row >= 0:
+        south, west, north, east = min(south, row), min(west, col), max(north, row), max(east, col)
     for k in range(way_m.shape[0]):
         row, col = fine_cell(ground.lattice, (way_m[k, 0], way_m[k, 1]))
-        low, high = _widened(low, high, (row // side, col // side))
+        row, col = row // side, col // side
+        south, west, north, east = min(south, row), min(west, col), max(north, row), max(east, col)
     height, width = ground.clearance_m.shape
-    rows = (max(0, (low[0] - margin) * side), min(height, (high[0] + margin + 1) * side))
-    return rows, (max(0, (low[1] - margin) * side), min(width, (high[1] + margin + 1) * side))
-
-
-@compiled
-def _widened(
-    low: tuple[int, int], high: tuple[int, int], block: tuple[int, int]
-) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Return the corners of the rectangle of blocks that holds one more."""
-    low = (min(low[0], block[0]), min(low[1], block[1]))
-    return low, (max(high[0], block[0]), max(high[1], block[1]))
+    rows = max(0, (south - margin) * side), min(height, (north + margin + 1) * side)
+    return rows, (max(0, (west - margin) * side), min(width, (east + margin + 1) * side))
 
 
 @compiled

@@ -186,9 +186,12 @@ def _find_step(
     scratch: Scratch,
 ) -> tuple[int, int, float, float, bool]:
     """Take the best action at a pose, and fill in the way (K, 2) that follows it."""
-    state = _state(ground, value_arrays, me)
-    if state[0] < 0:
+    row, col = cell_of(ground, me[0], me[1])
+    row, col = row - int(value_arrays.weights[5]), col - int(value_arrays.weights[6])
+    height, width = value_arrays.costs.shape
+    if not (0 <= row < height and 0 <= col < width) or value_arrays.costs[row, col] == np.inf:
         return NO_WAY, 0, 0.0, 0.0, False
+    state = row, col, heading_of(ground.lattice, me[2])
     others = find_others(crowd, query, me[0], me[1], me[3], scratch)
     values = value_arrays.planes[max(0, min(epochs_left, value_arrays.planes.shape[0]) - 1)]
     arrays = (value_arrays.lengths, value_arrays.gains, value_arrays.weights, ground.anchors_m)
@@ -207,34 +210,15 @@ def _find_step(
     if action == 0:
         return WAITS, count, 0.0, 0.0, False
     aim = farthest(ground.clearance_m, ground.lattice, here_m, way_m[:count], me[3])
-    if aim == 0 and not _is_seen(ground, me, way_m[:count]):
+    first_m = (way_m[0, 0], way_m[0, 1])
+    is_reached = np.hypot(first_m[0] - me[0], first_m[1] - me[1]) < THERE_M and count > 1
+    if aim == 0 and (
+        is_reached or not rolls(ground.clearance_m, ground.lattice, here_m, first_m, me[3])
+    ):
         x_m, y_m, _ = way_round(ground, here_m, way_m[:count], me[3])
         return GOES, count, x_m, y_m, x_m == goal_m[0] and y_m == goal_m[1]
     is_end = way_m[aim, 0] == goal_m[0] and way_m[aim, 1] == goal_m[1]
     return GOES, count, way_m[aim, 0], way_m[aim, 1], is_end
-
-
-@borrowing
-def _is_seen(ground: Ground, me: tuple[float, float, float, float], way_m: Floats) -> bool:
-    """Tell whether the first point of a way is rolled to straight, and still to be gone to."""
-    is_there = np.hypot(way_m[0, 0] - me[0], way_m[0, 1] - me[1]) < THERE_M
-    if is_there and way_m.shape[0] > 1:
-        return False
-    point_m = (way_m[0, 0], way_m[0, 1])
-    return rolls(ground.clearance_m, ground.lattice, (me[0], me[1]), point_m, me[3])
-
-
-@borrowing
-def _state(
-    ground: Ground, value_arrays: ValueArrays, me: tuple[float, float, float, float]
-) -> tuple[int, int, int]:
-    """Return row and column in the table's window, and heading; -1s without a way from there."""
-    row, col = cell_of(ground, me[0], me[1])
-    row, col = row - int(value_arrays.weights[5]), col - int(value_arrays.weights[6])
-    height, width = value_arrays.costs.shape
-    if not (0 <= row < height and 0 <= col < width) or value_arrays.costs[row, col] == np.inf:
-        return -1, -1, -1
-    return row, col, heading_of(ground.lattice, me[2])
 
 
 @borrowing

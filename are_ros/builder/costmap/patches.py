@@ -8,7 +8,6 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import compiled
 from are_ros.builder.costmap.registration import CellPatch
 
 MaskKey = tuple[tuple[int, ...], bytes]
@@ -93,15 +92,9 @@ def rectangles(
     return np.clip(widened, 0, np.array((*shape, *shape)))
 
 
-@compiled
 def meeting(ours: Rectangles, theirs: Rectangles) -> npt.NDArray[np.bool_]:
     """Return for each of our rectangles (N, 4) whether it shares a cell with one of theirs."""
-    met = np.zeros(ours.shape[0], np.bool_)
-    for i in range(ours.shape[0]):
-        for j in range(theirs.shape[0]):
-            rows = min(ours[i, 2], theirs[j, 2]) > max(ours[i, 0], theirs[j, 0])
-            cols = min(ours[i, 3], theirs[j, 3]) > max(ours[i, 1], theirs[j, 1])
-            if rows and cols:
-                met[i] = True
-                break
+    low = np.maximum(ours[:, None, :2], theirs[:, :2])
+    high = np.minimum(ours[:, None, 2:], theirs[:, 2:])
+    met: npt.NDArray[np.bool_] = (high > low).all(axis=2).any(axis=1)
     return met

@@ -202,9 +202,13 @@ def _meet_all(
     sx, sy, sz = camera_m[0] - triangle[0], camera_m[1] - triangle[1], camera_m[2] - triangle[2]
     ax, ay, az = triangle[3], triangle[4], triangle[5]
     bx, by, bz = triangle[6], triangle[7], triangle[8]
-    nx, ny, nz = _cross(bx, by, bz, ax, ay, az)
-    ux, uy, uz = _cross(bx, by, bz, sx, sy, sz)
-    vx, vy, vz = _cross(sx, sy, sz, ax, ay, az)
+    # the cross products b x a, b x s and s x a
+    nx, ny = np.float32(by * az - bz * ay), np.float32(bz * ax - bx * az)
+    nz = np.float32(bx * ay - by * ax)
+    ux, uy = np.float32(by * sz - bz * sy), np.float32(bz * sx - bx * sz)
+    uz = np.float32(bx * sy - by * sx)
+    vx, vy = np.float32(sy * az - sz * ay), np.float32(sz * ax - sx * az)
+    vz = np.float32(sx * ay - sy * ax)
     above = np.float32(
         bx * (sy * az - sz * ay) + by * (sz * ax - sx * az) + bz * (sx * ay - sy * ax)
     )
@@ -217,17 +221,6 @@ def _meet_all(
         inside = (u >= -_TILE_EDGE) & (v >= -_TILE_EDGE) & (u + v <= _ONE + _TILE_EDGE)
         nearer = inside & (t >= _ZERO) & (t < depths_m[pixel])
         depths_m[pixel] = t if nearer else depths_m[pixel]
-
-
-@compiled
-def _cross(
-    ax: float, ay: float, az: float, bx: float, by: float, bz: float
-) -> tuple[np.float32, np.float32, np.float32]:
-    return (
-        np.float32(ay * bz - az * by),
-        np.float32(az * bx - ax * bz),
-        np.float32(ax * by - ay * bx),
-    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -218,9 +218,9 @@ def _begin(
         end = min(floats[_END + lane], max(ax, bx), max(ay, by), max(az, bz))
         enters = at < end
         t = at if enters else _ZERO
-        x = _within(np.int32(ox + t * dx), np.int32(0), nx - np.int32(1))
-        y = _within(np.int32(oy + t * dy), np.int32(0), ny - np.int32(1))
-        z = _within(np.int32(oz + t * dz), np.int32(0), nz - np.int32(1))
+        x = min(max(np.int32(ox + t * dx), np.int32(0)), nx - np.int32(1))
+        y = min(max(np.int32(oy + t * dy), np.int32(0)), ny - np.int32(1))
+        z = min(max(np.int32(oz + t * dz), np.int32(0)), nz - np.int32(1))
         integers[_X + lane], integers[_Y + lane], integers[_Z + lane] = x, y, z
         integers[_SIGN_X + lane] = np.int32(0) if ix >= _ZERO else np.int32(-1)
         integers[_SIGN_Y + lane] = np.int32(0) if iy >= _ZERO else np.int32(-1)
@@ -276,9 +276,9 @@ def _leap(
         t = min(t, tx)
         go = (free != 0) & (t < floats[_END + lane])
         half = free - np.int32(1)
-        inner_x = _within(np.int32(ox + t * floats[_DX + lane]), x - half, x + half)
-        inner_y = _within(np.int32(oy + t * floats[_DY + lane]), y - half, y + half)
-        inner_z = _within(np.int32(oz + t * floats[_DZ + lane]), z - half, z + half)
+        inner_x = min(max(np.int32(ox + t * floats[_DX + lane]), x - half), x + half)
+        inner_y = min(max(np.int32(oy + t * floats[_DY + lane]), y - half), y + half)
+        inner_z = min(max(np.int32(oz + t * floats[_DZ + lane]), z - half), z + half)
         x = (next_x if tx <= t else inner_x) if go else x
         y = (next_y if ty <= t else inner_y) if go else y
         z = (next_z if tz <= t else inner_z) if go else z
@@ -287,12 +287,6 @@ def _leap(
         floats[_AT + lane] = t if go else floats[_AT + lane]
         moving += np.int32(go)
     return bool(moving > 0)
-
-
-@compiled
-def _within(value: np.int32, low: np.int32, high: np.int32) -> np.int32:
-    raised = max(value, low)
-    return min(raised, high)
 
 
 @compiled

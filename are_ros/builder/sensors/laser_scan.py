@@ -258,8 +258,15 @@ def _cast_sector(
     tree: Tree,
     hits_m: npt.NDArray[np.float64],
 ) -> None:
-    """Cast the beams within `half` of a middle angle, in every turn that the scan makes."""
+    """Cast the beams within `half` of a middle angle, in every turn that the scan makes.
+
+    They are cast on one box, or on its mesh.
+    """
     (middle, half), (first, step) = sector, angles
+    cosine, sine, oz = box[3], box[4], -apart_m[2]
+    ox = -cosine * apart_m[0] - sine * apart_m[1]
+    oy = sine * apart_m[0] - cosine * apart_m[1]
+    corners = np.array((-box[5], -box[6], -box[7], box[5], box[6], box[7]))
     last = first + step * (hits_m.size - 1)
     low, high = min(first, last), max(first, last)
     turn = math.ceil((low - middle - half) / _TURN)
@@ -270,31 +277,14 @@ def _cast_sector(
         end = min(hits_m.size - 1, math.floor(max(a, b)))
         for beam in range(begin, end + 1):
             angle = first + step * beam
-            hit = _cast_beam(angle, map_from_laser, range_max_m, apart_m, box, mesh, tree)
+            a, b = math.cos(angle), math.sin(angle)
+            x = a * map_from_laser[0, 0] + b * map_from_laser[0, 1]
+            y = a * map_from_laser[1, 0] + b * map_from_laser[1, 1]
+            dz = a * map_from_laser[2, 0] + b * map_from_laser[2, 1]
+            dx, dy = cosine * x + sine * y, cosine * y - sine * x
+            if mesh >= 0:
+                hit = cast(tree, mesh, ox, oy, oz, dx, dy, dz, range_max_m)[0]
+            else:
+                hit = enters(corners, ox, oy, oz, inverse(dx), inverse(dy), inverse(dz))
             hits_m[beam] = min(hits_m[beam], hit)
         turn += 1
-
-
-@compiled
-def _cast_beam(
-    angle: float,
-    map_from_laser: npt.NDArray[np.float64],
-    range_max_m: float,
-    apart_m: npt.NDArray[np.float64],
-    box: npt.NDArray[np.float64],
-    mesh: int,
-    tree: Tree,
-) -> float:
-    """Return the first hit [m] of one beam on one box or its mesh, inf if none."""
-    a, b = math.cos(angle), math.sin(angle)
-    x = a * map_from_laser[0, 0] + b * map_from_laser[0, 1]
-    y = a * map_from_laser[1, 0] + b * map_from_laser[1, 1]
-    dz = a * map_from_laser[2, 0] + b * map_from_laser[2, 1]
-    cosine, sine = box[3], box[4]
-    dx, dy = cosine * x + sine * y, cosine * y - sine * x
-    ox = -cosine * apart_m[0] - sine * apart_m[1]
-    oy = sine * apart_m[0] - cosine * apart_m[1]
-    if mesh >= 0:
-        return cast(tree, mesh, ox, oy, -apart_m[2], dx, dy, dz, range_max_m)[0]
-    corners = np.array((-box[5], -box[6], -box[7], box[5], box[6], box[7]))
-    return enters(corners, ox, oy, -apart_m[2], inverse(dx), inverse(dy), inverse(dz))

@@ -30,27 +30,23 @@ def weight_by_series(t: float, gap: float) -> float:
 
 
 @compiled
-def slerp_weights(t: float, cosine: float) -> tuple[float, float]:
-    """Return the factors of the older and the newer quaternion at t in [0, 1].
-
-    `cosine` is their scalar product; a negative one turns the newer round (the shorter arc).
-    """
-    gap = 1.0 - abs(cosine)
-    sign = -1.0 if cosine < 0.0 else 1.0
-    if gap < SERIES_REACH:
-        return weight_by_series(1.0 - t, gap), sign * weight_by_series(t, gap)
-    angle = math.acos(abs(cosine))
-    scale = 1.0 / math.sin(angle)
-    return math.sin((1.0 - t) * angle) * scale, sign * math.sin(t * angle) * scale
-
-
-@compiled
 def interpolated(older: Pose, newer: Pose, t: float) -> Pose:
-    """Return the pose between two, t in [0, 1]: translation linearly, rotation by slerp."""
+    """Return the pose between two, t in [0, 1]: translation linearly, rotation by slerp.
+
+    Where the scalar product of the quaternions is negative, the newer is turned round: the shorter
+    arc.
+    """
     x0, y0, z0, i0, j0, k0, w0 = older
     x1, y1, z1, i1, j1, k1, w1 = newer
     s = 1.0 - t
-    a, b = slerp_weights(t, i0 * i1 + j0 * j1 + k0 * k1 + w0 * w1)
+    cosine = i0 * i1 + j0 * j1 + k0 * k1 + w0 * w1
+    gap, sign = 1.0 - abs(cosine), -1.0 if cosine < 0.0 else 1.0
+    if gap < SERIES_REACH:
+        a, b = weight_by_series(s, gap), sign * weight_by_series(t, gap)
+    else:
+        angle = math.acos(abs(cosine))
+        scale = 1.0 / math.sin(angle)
+        a, b = math.sin(s * angle) * scale, sign * math.sin(t * angle) * scale
     return (
         s * x0 + t * x1,
         s * y0 + t * y1,
@@ -267,17 +263,6 @@ def look_up_general(
 
 
 @compiled
-def _newest(samples: Integers, frames: Integers, path: Integers, steps: int) -> int:
-    """Return the lowest of the newest stamps of a path's first edges; `NO_LIMIT` if all static."""
-    newest = NO_LIMIT
-    for step in range(steps):
-        frame = path[0, step]
-        if frames[frame, KIND] == DYNAMIC:
-            newest = min(newest, samples[frames[frame, END] - 1, STAMP])
-    return newest
-
-
-@compiled
 def latest_not_after(
     samples: Integers, frames: Integers, target: int, source: int, now_ns: int
 ) -> tuple[int, int]:
@@ -296,7 +281,12 @@ def latest_not_after(
         i, j = _meeting(up, up_steps, down, down_steps)
         if i < 0:
             return _why_apart(up, up_steps, up_status, down, down_steps, down_status), limit
-        lowered = min(_newest(samples, frames, up, i), _newest(samples, frames, down, j))
+        lowered = NO_LIMIT
+        for path, steps in ((up, i), (down, j)):
+            for step in range(steps):
+                frame = path[0, step]
+                if frames[frame, KIND] == DYNAMIC:
+                    lowered = min(lowered, samples[frames[frame, END] - 1, STAMP])
         if lowered >= limit:
             return FOUND, limit
         limit = lowered
