@@ -1,7 +1,8 @@
-"""What an artefact could do next, each with what it costs as far as its goal is concerned.
+"""The motion primitives of an agent, each with its cost as far as the goal is concerned.
 
-Costs are without dimension: 0 is full speed towards the goal, 1 is no progress. An option is a row
-(kind, heading or curvature, speed, cost, heading in the second half); kinds: see `_rollouts`.
+Costs are without dimension: 0 is full speed towards the goal, 1 is no progress. A primitive is a
+row (kind, heading [rad] or curvature [1/m], speed [m/s], cost, heading in the second half [rad]);
+kinds: see `rollouts`.
 """
 
 import math
@@ -25,7 +26,7 @@ from are_ros.agents.local_planner.rollouts import (
 )
 from are_ros.agents.local_planner.state import COS, SIN, SPEED, YAW, Floats, PlannerTiming, X, Y
 
-# The options of what cannot turn on the spot: arcs forward and in reverse.
+# The primitives of a vehicle, which cannot turn on the spot: arcs forward and in reverse.
 #
 # What an arc gains is the change of the way that is left from its end: the shortest way of arcs and
 # straight lines to a point (Dubins), forward or, dearer, in reverse.
@@ -111,7 +112,7 @@ def _add_arcs_to_goal(
     pose: Floats,
     body: Any,
     command: Any,
-    mind: Any,
+    memory: Any,
     duration: float,
 ) -> int:
     """Add the one arc that ends in the goal, where it is not too tight."""
@@ -131,7 +132,7 @@ def _add_arcs_to_goal(
         speed = direction * factor * aim.speed * (1.0 if ahead > 0.0 else REVERSE_SHARE)
         gain = saved + price * abs(speed) * duration
         cost = 1.0 - gain / full - _TO_GOAL + (0.0 if ahead > 0.0 else _REVERSE)
-        cost += _REVERSAL if direction * mind.gear < 0.0 else 0.0
+        cost += _REVERSAL if direction * memory.gear < 0.0 else 0.0
         options[count, 0], options[count, 1] = ARC_TO_POINT, curvature
         options[count, 2], options[count, 3] = speed, cost
         count += 1
@@ -145,10 +146,10 @@ def vehicle_options(
     pose: Floats,
     body: Any,
     command: Any,
-    mind: Any,
+    memory: Any,
     timing: PlannerTiming,
 ) -> int:
-    """Write the options of a vehicle at a pose; return how many there are."""
+    """Write the primitives of a vehicle at a pose; return how many there are."""
     duration, count = timing.drive * timing.step_s, 0
     radius = TIGHTEST * body.turn_radius
     full = aim.speed * duration
@@ -163,19 +164,19 @@ def vehicle_options(
                 else:
                     way = 0.5 * (pose[SPEED] + speed) * change + speed * (duration - change)
                 cost = _arc_cost(bend, way, aim, pose, command, radius, full) + _BEND * abs(bend)
-                if mind.chosen == mind.chosen:
-                    cost += _BEND_CHANGE * abs(bend - mind.chosen * radius)
+                if memory.chosen == memory.chosen:
+                    cost += _BEND_CHANGE * abs(bend - memory.chosen * radius)
                 cost += _REVERSE if factor < 0.0 else 0.0
-                cost += _REVERSAL if factor * mind.gear < 0.0 else 0.0
+                cost += _REVERSAL if factor * memory.gear < 0.0 else 0.0
                 options[count, 0], options[count, 1] = CURVE, bend / radius
                 options[count, 2], options[count, 3] = speed, cost
                 count += 1
     if aim.ends:
-        count = _add_arcs_to_goal(options, count, aim, pose, body, command, mind, duration)
+        count = _add_arcs_to_goal(options, count, aim, pose, body, command, memory, duration)
     options[count, 0], options[count, 1], options[count, 2] = BRAKE, 0.0, 0.0
     options[count, 3] = aim.stop_cost
-    if not np.isnan(mind.chosen):
-        options[count, 1] = mind.chosen
+    if not np.isnan(memory.chosen):
+        options[count, 1] = memory.chosen
     return count + 1
 
 
@@ -201,7 +202,7 @@ _BACK = 0.1  # for walking back
 def set_option(
     options: Floats, n: int, kind: int, direction: float, speed: float, cost: float, then: float
 ) -> int:
-    """Write one option; return the next index. `then` is the heading in its second half."""
+    """Write one primitive; return the next index. `then` is the heading in its second half."""
     options[n, 0], options[n, 1], options[n, 2], options[n, 3] = kind, direction, speed, cost
     options[n, 4] = then
     return n + 1
@@ -214,21 +215,21 @@ def fill_options(
     pose: Floats,
     body: Any,
     command: Any,
-    mind: Any,
+    memory: Any,
     timing: PlannerTiming,
     backs_off: bool,
 ) -> int:
-    """Write the options of an artefact at a pose; return how many there are.
+    """Write the primitives of an agent at a pose; return how many there are.
 
-    One that walks does so forward, but for one that `backs_off` where it cannot turn.
+    A walker walks forward, unless it `backs_off` where it cannot turn.
     """
     if aim.speed <= 0.0:
         count = set_option(options, 0, BRAKE, aim.heading, 0.0, 0.0, np.nan)
         return set_option(options, count, BRAKE, np.nan, 0.0, _PLAIN_STOP, np.nan)
     if body.turn_radius > 0.0:
-        return vehicle_options(options, aim, pose, body, command, mind, timing)
-    count = _walker_options(options, aim, mind)
-    if backs_off:  # steps straight back, as somebody makes who has met another in a gap
+        return vehicle_options(options, aim, pose, body, command, memory, timing)
+    count = _walker_options(options, aim, memory)
+    if backs_off:  # steps straight back, as after meeting another in a gap
         heading = math.atan2(-pose[SIN], -pose[COS])
         delta, speed = wrapped(heading - aim.heading), min(aim.speed, _BACK_MPS)
         cost = 1.0 + _BACK - _gain(aim, delta, np.cos(delta), speed)
@@ -246,7 +247,7 @@ def _gain(aim: PlanningGoal, delta: float, cosine: float, speed: float) -> float
 
 
 @borrowing
-def _walker_options(options: Floats, aim: PlanningGoal, mind: Any) -> int:
+def _walker_options(options: Floats, aim: PlanningGoal, memory: Any) -> int:
     ends = aim.ends
     is_near = aim.kind == GOING and not ends and aim.distance < _STOPS_WITHIN
     count = 0
@@ -257,8 +258,8 @@ def _walker_options(options: Floats, aim: PlanningGoal, mind: Any) -> int:
         cost = 1.0 + (_LEFT if delta > 0.0 else 0.0)
         if aim.kind != PUSHED:
             cost += _DEVIATION * share * share
-        if not np.isnan(mind.chosen):
-            cost += _CHANGE * (1.0 - np.cos(heading - mind.chosen))
+        if not np.isnan(memory.chosen):
+            cost += _CHANGE * (1.0 - np.cos(heading - memory.chosen))
         kind = POINT if n == 0 and ends else HEADING
         before = np.inf
         for factor in _SPEEDS:
@@ -286,7 +287,7 @@ def _walker_options(options: Floats, aim: PlanningGoal, mind: Any) -> int:
 
 @borrowing
 def cheapest(options: Floats, count: int) -> int:
-    """Return the option of the least cost, the first of several; -1 if all are spent (inf)."""
+    """Return the primitive of the least cost, the first of several; -1 if all are used (inf)."""
     a, b, c, d = np.inf, np.inf, np.inf, np.inf
     n = 0
     while n + 3 < count:  # four at a time: each comparison has to wait for the one before it
@@ -307,9 +308,9 @@ def cheapest(options: Floats, count: int) -> int:
 
 @borrowing
 def rule_out_twin(options: Floats, count: int, n: int, k: int, last: int, steps: int) -> None:
-    """Spend the option that is the same as n until its second half, where n fails before that.
+    """Rule out the primitive that is the same as n until its second half, if n fails before that.
 
-    `k` is the sub-step at which it does, `last` that at which it would stand.
+    `k` is the sub-step at which n fails, `last` that at which it would stand.
     """
     if options[n, 0] != HEADING or k >= last or 2 * k > steps:
         return

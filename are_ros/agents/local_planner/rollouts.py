@@ -1,4 +1,4 @@
-"""Rolling out an option: the poses of a unicycle that steers for a while, then brakes to a stand.
+"""Rolling out a primitive: the poses of a unicycle that steers for a while, then brakes to a stand.
 
 One sub-step: speed and yaw change evenly, the ground point goes along the mean heading.
 """
@@ -23,8 +23,8 @@ from are_ros.agents.local_planner.state import (
 )
 
 HEADING, POINT, CURVE, ARC_TO_POINT, BRAKE, RETREAT = range(6)
-"""Kinds of options: walk towards a heading; to a point and stop there; drive along a curve; drive
-to a point and stop there; brake and turn towards a heading; walk straight back, looking ahead."""
+"""Kinds of primitives: walk towards a heading; to a point and stop there; drive along a curve;
+drive to a point and stop there; brake and turn towards a heading; walk straight back, looking ahead."""
 
 _STILL = 1e-9
 _AIMED = 0.05  # nearer to its point than this, a body no longer turns towards it
@@ -214,7 +214,7 @@ def _stop(
 
 @borrowing
 def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, timing: PlannerTiming) -> int:
-    """Fill a path, whose pose 0 is given, by an option (see `_options`).
+    """Fill a path, whose pose 0 is given, by a primitive (see `primitives`).
 
     Returns the index of the last pose, where the body stands.
     """
@@ -262,7 +262,7 @@ def bounds_of(
     return float(fastest * dt + turn * body.radius), circle
 
 
-# What an artefact is after just now: its sub-goal, out of somebody's way, around, or nothing.
+# What an agent wants just now: its sub-goal, to get out of the way, a detour, or nothing.
 
 
 STANDING, FACING, GOING, PUSHED, DETOURING, COASTING = range(6)
@@ -277,11 +277,11 @@ _MOST_IMPATIENT = 1.5
 
 
 class PlanningGoal(NamedTuple):
-    """What it is after: a kind, a heading in the map, how far that goes, how fast.
+    """What an agent wants: a kind, a heading in the map [rad], a distance [m], a speed [m/s].
 
-    `stop_cost` is what standing costs; going straight costs 0. Who is pushed wants to get `aside`
-    of the heading by so much, to the left if positive, or else to go ahead of who pushes. `ends`:
-    the way ends where the distance does.
+    `stop_cost` is the cost of standing; going straight costs 0. A pushed agent wants to get `aside`
+    of the heading by so much, to the left if positive, or else to move ahead of the pushing one.
+    `ends`: the way ends after the distance.
     """
 
     kind: int
@@ -302,12 +302,12 @@ def way_to(pose: Floats, command: Any) -> float:
 
 @borrowing
 def kind_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) -> int:
-    """Return what kind of aim artefact i has at sub-step `now`, standing or moving at `pose`.
+    """Return the kind of goal that agent i has at sub-step `now`, standing or moving at `pose`.
 
-    One that has passed its sub-goal goes on for a second; then it comes back to stand there.
+    An agent that has passed its sub-goal goes on for a second; then it comes back to stand there.
     """
-    command, mind, body = agents.command[i], agents.mind[i], agents.body[i]
-    if now < mind.pushed_until and _missing_room(pose, mind) != 0.0:
+    command, memory, body = agents.command[i], agents.memory[i], agents.body[i]
+    if now < memory.pushed_until and _missing_room(pose, memory) != 0.0:
         return PUSHED
     if command.has_goal == 0 or min(command.speed, body.speed) <= 0.0:
         return STANDING
@@ -315,53 +315,56 @@ def kind_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) ->
     ahead, aside = dx * pose[COS] + dy * pose[SIN], dy * pose[COS] - dx * pose[SIN]
     is_vehicle = body.turn_radius > 0.0
     is_abeam = is_vehicle and abs(ahead) <= _ARRIVED and abs(aside) <= _ABEAM
-    if command.stops == 0 and now - second < mind.passed_at:
+    if command.stops == 0 and now - second < memory.passed_at:
         is_near = way < 2.0 * _PASSED + 0.3 * body.turn_radius
         is_passed = is_near and (way < _PASSED or ahead < 0.0)
         # an artefact that turns on the spot passes no sub-goal while it stands
-        if mind.passed_at == NEVER and is_passed and (is_vehicle or pose[SPEED] != 0.0):
-            mind.passed_at = now
-        if mind.passed_at != NEVER:
+        if memory.passed_at == NEVER and is_passed and (is_vehicle or pose[SPEED] != 0.0):
+            memory.passed_at = now
+        if memory.passed_at != NEVER:
             return COASTING
     elif abs(pose[SPEED]) < _STANDS and (way <= _ARRIVED or is_abeam):
         if np.isnan(command.face) or body.turn_radius > 0.0:  # no heading wanted, or no turn there
             return STANDING
         return FACING if abs(wrapped(command.face - pose[YAW])) >= _FACED else STANDING
-    return DETOURING if now < mind.detour_until else GOING
+    return DETOURING if now < memory.detour_until else GOING
 
 
 @borrowing
 def aim_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) -> PlanningGoal:
-    """Return what artefact i is after at sub-step `now`; see `kind_of`."""
-    command, mind, body = agents.command[i], agents.mind[i], agents.body[i]
+    """Return what agent i wants at sub-step `now`; see `kind_of`."""
+    command, memory, body = agents.command[i], agents.memory[i], agents.body[i]
     speed = min(command.speed, body.speed)
     kind = kind_of(agents, i, pose, now, second)
     if kind == PUSHED:
-        line, aside = math.atan2(mind.push_sin, mind.push_cos), _missing_room(pose, mind)
+        line, aside = math.atan2(memory.push_sin, memory.push_cos), _missing_room(pose, memory)
         return PlanningGoal(PUSHED, line, np.inf, max(speed, 0.5 * body.speed), 1.2, aside, False)
     if kind == STANDING:
         return PlanningGoal(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0, False)
     if kind == FACING:
         return PlanningGoal(FACING, command.face, 0.0, 0.0, 0.0, 0.0, False)
-    stop_cost = 1.0 + min(_IMPATIENCE * mind.blocked, _MOST_IMPATIENT)
+    stop_cost = 1.0 + min(_IMPATIENCE * memory.blocked, _MOST_IMPATIENT)
     if kind == COASTING:
         return PlanningGoal(COASTING, pose[YAW], np.inf, speed, stop_cost, 0.0, False)
     heading = math.atan2(command.y - pose[Y], command.x - pose[X])
     if kind == DETOURING:
-        return PlanningGoal(DETOURING, heading + mind.detour, np.inf, speed, stop_cost, 0.0, False)
-    ends = command.stops == 1 or mind.passed_at != NEVER
+        return PlanningGoal(
+            DETOURING, heading + memory.detour, np.inf, speed, stop_cost, 0.0, False
+        )
+    ends = command.stops == 1 or memory.passed_at != NEVER
     return PlanningGoal(GOING, heading, way_to(pose, command), speed, stop_cost, 0.0, ends)
 
 
 @borrowing
-def _missing_room(pose: Floats, mind: Any) -> float:
-    """Return how far one must still go to the left of the line on which another pushes; 0: not.
+def _missing_room(pose: Floats, memory: Any) -> float:
+    """Return how far a pushed agent must still go to the left of the pushing one's line [m].
 
-    Negative: to the right. To the side where it already is; to the right if it is on the line.
+    Negative: to the right; 0: it is out of the way. The side is that where it already is; the right
+    if it is on the line.
     """
-    dx, dy = pose[X] - mind.push_x, pose[Y] - mind.push_y
-    if mind.push_cos * dx + mind.push_sin * dy < -0.5 * mind.push_room:
+    dx, dy = pose[X] - memory.push_x, pose[Y] - memory.push_y
+    if memory.push_cos * dx + memory.push_sin * dy < -0.5 * memory.push_room:
         return 0.0  # it is behind by now
-    aside = mind.push_cos * dy - mind.push_sin * dx
-    missing = max(mind.push_room - abs(aside), 0.0)
+    aside = memory.push_cos * dy - memory.push_sin * dx
+    missing = max(memory.push_room - abs(aside), 0.0)
     return float(missing if aside > 0.05 else -missing)

@@ -1,12 +1,11 @@
-"""One sub-step of everybody: who is due plans, one after the other, and all go on."""
-
+"""One sub-step of all agents: those that are due plan, one after the other, and all move on."""
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import borrowing, owning
+from are_ros.agents.local_planner.deadlock import note_progress
 from are_ros.agents.local_planner.gaps import gap_between, separation
-from are_ros.agents.local_planner.patience import note_progress
 from are_ros.agents.local_planner.planning import copy_pose, plan, reach_of
 from are_ros.agents.local_planner.robot import robot_conflict
 from are_ros.agents.local_planner.spatial_hash import fill
@@ -31,7 +30,7 @@ _RANKS_LAST_SECONDS = 8
 
 @borrowing
 def _is_due(agents: AgentArrays, i: int, now: int, robot: RobotPath, box: Floats) -> bool:
-    """Tell whether an artefact plans in this sub-step."""
+    """Tell whether an agent plans in this sub-step."""
     if now < agents.due[i] and robot.outlines.shape[0] == 0:
         return False
     place = agents.place[i]
@@ -49,7 +48,7 @@ def _is_due(agents: AgentArrays, i: int, now: int, robot: RobotPath, box: Floats
             agents.path[i], start, place.last, agents.body[i], robot, 0.0, pace, box
         )
         return bool(predicted != NEVER or present != NEVER)
-    return bool(moves or agents.command[i].has_goal == 1 or now < agents.mind[i].pushed_until)
+    return bool(moves or agents.command[i].has_goal == 1 or now < agents.memory[i].pushed_until)
 
 
 @borrowing
@@ -62,9 +61,10 @@ def _mark_due(
     workspace: Workspace,
     timing: PlannerTiming,
 ) -> int:
-    """Write who plans in this sub-step to `due` (N,); return how many they are.
+    """Write to `due` (N,) which agents plan in this sub-step; return how many they are.
 
-    And to `squares` (N, 3), x, y, half side, what holds all that each is or may commit to.
+    And to `squares` (N, 3), x, y, half side, a square that holds the agent on its trajectory and on
+    each that it may commit to.
     """
     count = 0
     for i in range(due.shape[0]):
@@ -90,9 +90,9 @@ def run(
     robot: RobotPath,
     workspace: Workspace,
 ) -> tuple[_Mask, Floats]:
-    """Let those who are due plan at sub-step `now`, in the order of ids, then all go on.
+    """Plan for the agents that are due at sub-step `now`, in the order of ids; then all move on.
 
-    Returns bool (N,): whose pose has changed; and the poses (N, 6) at the next sub-step.
+    Returns bool (N,): which poses have changed; and the poses (N, 6) at the next sub-step.
     """
     size = agents.place.shape[0]
     due, squares = np.empty(size, np.bool_), np.empty((size, 3))
@@ -116,7 +116,7 @@ def run(
 
 @borrowing
 def mark_closed(agents: AgentArrays, now: int, floor: ClearanceLayer, box: Floats) -> None:
-    """Let those plan at once whose path a new floor has closed."""
+    """Make those agents plan at once whose trajectory meets closed ground of a new map."""
     for i in range(agents.place.shape[0]):
         place, body = agents.place[i], agents.body[i]
         if place.is_scripted or now - place.begin >= place.last:
@@ -133,7 +133,7 @@ def mark_closed(agents: AgentArrays, now: int, floor: ClearanceLayer, box: Float
 
 @borrowing
 def mark_broken(agents: AgentArrays, now: int) -> None:
-    """Let those plan at once whose path one that `is_news` has broken; it is so no more."""
+    """Make those agents plan at once that meet a trajectory which was changed from outside."""
     for j in range(agents.place.shape[0]):
         other = agents.place[j]
         if not other.is_news:
@@ -167,9 +167,9 @@ def mark_broken(agents: AgentArrays, now: int) -> None:
 
 @borrowing
 def mark_clear(clear: _Mask, agents: AgentArrays, now: int, poses: Floats, bodies: Records) -> None:
-    """Strike out of `clear` (M,) the bodies (M,) that somebody's path meets.
+    """Set `clear` (M,) to False for each body (M,) that a trajectory meets.
 
-    They stand at poses (M, 6) from now on.
+    The bodies stand at poses (M, 6) from now on.
     """
     for m in range(poses.shape[0]):
         pose = poses[m : m + 1]
