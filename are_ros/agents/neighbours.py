@@ -51,7 +51,8 @@ class Neighbourhood:
     ) -> _Floats:
         """Return the points (M, 2) that `within` finds, but for that of one; `ids` (N,) tell."""
         found = self.within(x_m, y_m, radius_m)
-        return self.cells[0][found[ids[found] != but_id]]
+        points_m: _Floats = self.cells[0][found[ids[found] != but_id]]
+        return points_m
 
 
 def nearest_of(points_m: _Floats, places_m: _Floats) -> _Indices:
@@ -60,7 +61,9 @@ def nearest_of(points_m: _Floats, places_m: _Floats) -> _Indices:
     The first of several.
     """
     apart_m = points_m[:, None] - places_m
-    return (apart_m[..., 0] * apart_m[..., 0] + apart_m[..., 1] * apart_m[..., 1]).argmin(axis=1)
+    squares = apart_m[..., 0] * apart_m[..., 0] + apart_m[..., 1] * apart_m[..., 1]
+    nearest: _Indices = squares.argmin(axis=1)
+    return nearest
 
 
 @compiled

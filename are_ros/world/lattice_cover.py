@@ -58,12 +58,6 @@ def outline(
 
 
 @compiled
-def row_range(y: float, top_y: float) -> tuple[int, int]:
-    """Return the first and last row whose open band meets the outline."""
-    return np.int64(np.floor(y - top_y)), np.int64(np.ceil(y + top_y)) - 1
-
-
-@compiled
 def _left_end(
     low: float, high: float, top_x: float, top_y: float, right_x: float, right_y: float
 ) -> float:
@@ -94,7 +88,7 @@ def covered(
 ) -> tuple[int, int, NDArray[np.bool_]]:
     """Return first row, first column and mask of the cells that footprint i covers in a grid."""
     x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
-    first_row, last_row = row_range(y, top_y)
+    first_row, last_row = np.int64(np.floor(y - top_y)), np.int64(np.ceil(y + top_y)) - 1
     first_row, last_row = max(first_row, 0), min(last_row, shape[0] - 1)
     first_column = max(np.int64(np.floor(x - right_x)), 0)
     last_column = min(np.int64(np.ceil(x + right_x)) - 1, shape[1] - 1)
@@ -200,7 +194,7 @@ def _hits_cells(
     x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
     if _is_far(field, unit, x, y, (top_x, top_y), (right_x, right_y)):
         return False
-    first, last = row_range(y, top_y)
+    first, last = np.int64(np.floor(y - top_y)), np.int64(np.ceil(y + top_y)) - 1
     if first < 0 or last >= field.shape[0]:
         return True
     for row in range(first, last + 1):
@@ -239,7 +233,7 @@ def is_free(
     x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
     if _is_far(field, unit, x, y, (top_x, top_y), (right_x, right_y)):
         return True
-    first, last = row_range(y, top_y)
+    first, last = np.int64(np.floor(y - top_y)), np.int64(np.ceil(y + top_y)) - 1
     if first < 0 or last >= field.shape[0]:
         return False
     for row in range(first, last + 1):
@@ -297,7 +291,7 @@ def _hits_layers(
     x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
     if _is_far(field, 1.0, x, y, (top_x, top_y), (right_x, right_y)):
         return False
-    first, last = row_range(y, top_y)
+    first, last = np.int64(np.floor(y - top_y)), np.int64(np.ceil(y + top_y)) - 1
     for row in range(max(first, 0), min(last + 1, field.shape[0])):
         start, end = column_range(row, x, y, top_x, top_y, right_x, right_y)
         end = min(end, field.shape[1] - 1)

@@ -183,4 +183,5 @@ def _expanded(
     number = np.arange(count) - np.repeat(np.cumsum(sizes) - sizes, sizes)  # within its leaf
     inner = np.column_stack((number // width**2, number // width % width, number % width))
     indices = np.repeat(leaves[:, :3], sizes, axis=0) + inner
-    return ((indices + 0.5) * resolution_m).astype(np.float32)
+    centres_m: npt.NDArray[np.float32] = ((indices + 0.5) * resolution_m).astype(np.float32)
+    return centres_m

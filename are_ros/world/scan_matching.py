@@ -142,23 +142,6 @@ def top_bounds(
 
 
 @compiled
-def is_within(
-    x: float, y: float, yaw: float, excluded: Floats, radius: float, turn: float, reach: float
-) -> bool:
-    """Tell whether all poses around one are near an excluded pose (M, 3).
-
-    `reach` is how far those around lie [cells, and in units of `turn` per radius].
-    """
-    for m in range(excluded.shape[0]):
-        dx, dy = x - excluded[m, 0], y - excluded[m, 1]
-        away = abs(yaw - excluded[m, 2]) % (2.0 * np.pi)
-        away = min(away, 2.0 * np.pi - away)
-        if np.sqrt(dx * dx + dy * dy) + reach < radius and away + reach / radius * turn < turn:
-            return True
-    return False
-
-
-@compiled
 def _push_children(
     fields: Bytes,
     pad: int,
@@ -188,7 +171,14 @@ def _push_children(
         x, y, yaw = (ix + 0.5) * size, (iy + 0.5) * size, (it + 0.5) * size * yaw_step
         if (ix << below) >= sides[0] or (iy << below) >= sides[1]:
             continue
-        if is_within(x, y, yaw, excluded, radius, turn, wide):
+        is_left_out = False  # where all poses of the child are near an excluded one
+        for m in range(excluded.shape[0]):
+            dx, dy = x - excluded[m, 0], y - excluded[m, 1]
+            away = abs(yaw - excluded[m, 2]) % (2.0 * np.pi)
+            away = min(away, 2.0 * np.pi - away)
+            is_near = np.sqrt(dx * dx + dy * dy) + wide < radius
+            is_left_out |= is_near and away + wide / radius * turn < turn
+        if is_left_out:
             continue
         value = bound_at(fields[below], pad, outside, points, x, y, yaw, best)
         if below == 0 and value > best:

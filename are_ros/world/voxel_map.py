@@ -315,7 +315,8 @@ def _valuations(numbers: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """Return how often 2 divides each number, at most _MAX_LEVEL (so also for 0)."""
     powers = np.array(1 << np.arange(_MAX_LEVEL), np.int64)
     lowest_bits = (numbers | powers[-1] << 1) & -(numbers | powers[-1] << 1)
-    return np.searchsorted(powers, lowest_bits)
+    valuations: npt.NDArray[np.int64] = np.searchsorted(powers, lowest_bits)
+    return valuations
 
 
 def _parities(

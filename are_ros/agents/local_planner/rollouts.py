@@ -24,7 +24,8 @@ from are_ros.agents.local_planner.state import (
 
 HEADING, POINT, CURVE, ARC_TO_POINT, BRAKE, RETREAT = range(6)
 """Kinds of primitives: walk towards a heading; to a point and stop there; drive along a curve;
-drive to a point and stop there; brake and turn towards a heading; walk straight back, looking ahead."""
+drive to a point and stop there; brake and turn towards a heading; walk straight back, looking
+ahead."""
 
 _STILL = 1e-9
 _AIMED = 0.05  # nearer to its point than this, a body no longer turns towards it

@@ -147,9 +147,9 @@ def wall_conflict(
     """Tell whether a plan leaves the walls the gap wanted, and when it first runs into one.
 
     `wanted` is `wall_gap_wanted` of its first pose. With `must_keep` the search ends once the gap
-    is not kept. A plan that starts in free space stays in it and, for a body that turns on the spot,
-    ends where the body can turn, unless it cannot at `home`, where the plan before this one ends.
-    A plan that starts elsewhere (on a new map) may cross what is not solid, and covers no more
+    is not kept. A plan that starts in free space stays in it and, for a body that turns on the
+    spot, ends where the body can turn, unless it cannot at `home`, where the plan before this one
+    ends. A plan that starts elsewhere (on a new map) may cross what is not solid, and covers no more
     solid cells than at its start.
     """
     if wanted < 0.0:

@@ -40,33 +40,19 @@ def action_values(
         length = lengths[direction, row, col]
         r, c = row + length * ROW_STEPS[direction], col + length * COL_STEPS[direction]
         brings[direction] = gains[direction, row, col] + values[direction, r, c]
-        if moving.shape[0] > 0:
-            brings[direction] -= _swept(anchors_m, weights, state, direction, length, moving)
+        if moving.shape[0] > 0 and length == 0:
+            brings[direction] -= _bother(anchors_m, weights, row, col, moving)
+        elif moving.shape[0] > 0:  # in each cell that the move enters, over the reach
+            total = 0.0
+            for k in range(1, length + 1):
+                r, c = row + k * ROW_STEPS[direction], col + k * COL_STEPS[direction]
+                total += _bother(anchors_m, weights, r, c, moving)
+            brings[direction] -= total / weights[4]
     for direction in range(4):
         sides = brings[(direction + 1) % 4] + brings[(direction + 3) % 4]
         apart = (direction - heading) % 4
         turn = 0.0 if apart == 0 else weights[3 if apart == 2 else 2]
         result[1 + direction] = weights[0] * brings[direction] + weights[1] * sides - turn
-
-
-@borrowing
-def _swept(
-    anchors_m: Doubles,
-    weights: Doubles,
-    state: tuple[int, int, int],
-    direction: int,
-    length: int,
-    moving: Doubles,
-) -> float:
-    """Return what those who move cost a move: in each cell that it enters, over the reach."""
-    row, col, _ = state
-    if length == 0:
-        return _bother(anchors_m, weights, row, col, moving)
-    total = 0.0
-    for k in range(1, length + 1):
-        r, c = row + k * ROW_STEPS[direction], col + k * COL_STEPS[direction]
-        total += _bother(anchors_m, weights, r, c, moving)
-    return float(total / weights[4])
 
 
 @borrowing

@@ -50,7 +50,15 @@ def way_round(
         rows, cols = _searched(ground, from_m, way_m, margin)
         parents = np.full((rows[1] - rows[0], cols[1] - cols[0]), _UNSEEN, np.int32)
         if _flood(ground, start, goal, (rows[0], cols[0]), radius_m, parents):
-            cells = _path(parents, goal, (rows[0], cols[0]))
+            width = parents.shape[1]
+            here = (goal[0] - rows[0]) * width + goal[1] - cols[0]
+            cells, count, before = np.empty((parents.size, 2), np.int64), 0, -1
+            while before != here:  # from the goal back to the start, which is its own parent
+                here = before if before >= 0 else here
+                cells[count, 0], cells[count, 1] = here // width + rows[0], here % width + cols[0]
+                count += 1
+                before = np.int64(parents[here // width, here % width])
+            cells = cells[:count]
             x_m, y_m = _first_leg(ground, from_m, cells, goal_m, radius_m)
             return x_m, y_m, True
     return way_m[0, 0], way_m[0, 1], False
@@ -132,23 +140,6 @@ def _flood(
                 is_pressed, done = False, size - 1
                 break
     return False
-
-
-@compiled
-def _path(
-    parents: npt.NDArray[np.int32], goal: tuple[int, int], corner: tuple[int, int]
-) -> npt.NDArray[np.int64]:
-    """Return the cells (N, 2) of the way to a goal that was reached, the goal first."""
-    width = parents.shape[1]
-    here = (goal[0] - corner[0]) * width + goal[1] - corner[1]
-    cells, count = np.empty((parents.size, 2), np.int64), 0
-    while True:
-        cells[count, 0], cells[count, 1] = here // width + corner[0], here % width + corner[1]
-        count += 1
-        before = parents[here // width, here % width]
-        if before == here:
-            return cells[:count]
-        here = before
 
 
 @compiled

@@ -96,5 +96,6 @@ def meeting(ours: Rectangles, theirs: Rectangles) -> npt.NDArray[np.bool_]:
     """Return for each of our rectangles (N, 4) whether it shares a cell with one of theirs."""
     low = np.maximum(ours[:, None, :2], theirs[:, :2])
     high = np.minimum(ours[:, None, 2:], theirs[:, 2:])
-    met: npt.NDArray[np.bool_] = (high > low).all(axis=2).any(axis=1)
+    shares = np.logical_and.reduce(high > low, axis=2)
+    met: npt.NDArray[np.bool_] = np.logical_or.reduce(shares, axis=1)
     return met

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.builder.occlusion.rays import PIXELS
+from are_ros.builder.occlusion.rays import PIXELS, inverse
 from are_ros.errors import InputError
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.meshes.geometry import surface_of
@@ -75,12 +75,6 @@ def cast(
             waiting[count] = near
             count += 1
     return (best if triangle >= 0 else np.inf), triangle
-
-
-@compiled
-def inverse(component: float) -> float:
-    """Return 1 / component, finite also for zero."""
-    return 1.0 / (component if abs(component) > 1e-30 else 1e-30)
 
 
 @compiled

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.builder.occlusion.meshes import Tree, cast, enters, inverse
-from are_ros.builder.occlusion.rays import VoxelField
+from are_ros.builder.occlusion.meshes import Tree, cast, enters
+from are_ros.builder.occlusion.rays import VoxelField, inverse
 from are_ros.builder.sensors.sensor_path import Obstacles
 from are_ros.errors import InputError
 from are_ros.world.rigid_transform import RigidTransform

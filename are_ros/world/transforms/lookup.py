@@ -210,25 +210,24 @@ def _climb(
 
 
 @compiled
-def _meeting(up: Integers, up_steps: int, down: Integers, down_steps: int) -> tuple[int, int]:
-    """Return how many steps up each path the first frame lies that both have, or (-1, -1)."""
+def _joined(
+    up: Integers, up_steps: int, up_status: int, down: Integers, down_steps: int, down_status: int
+) -> tuple[int, int, int]:
+    """Return a status, and how many steps up each path the first frame lies that both have.
+
+    Where they do not meet, the target's failure (`down`) comes first, as in tf2.
+    """
+    if LOOP in (up_status, down_status):
+        return LOOP, -1, -1
     for j in range(down_steps + 1):
         for i in range(up_steps + 1):
             if up[0, i] == down[0, j]:
-                return i, j
-    return -1, -1
-
-
-@compiled
-def _why_apart(
-    up: Integers, up_steps: int, up_status: int, down: Integers, down_steps: int, down_status: int
-) -> int:
-    """Return why two paths do not meet; the target's failure comes first, as in tf2."""
+                return FOUND, i, j
     if down_status != FOUND:
-        return int(down_status + STATUSES * down[0, down_steps])
+        return int(down_status + STATUSES * down[0, down_steps]), -1, -1
     if up_status != FOUND:
-        return int(up_status + STATUSES * up[0, up_steps])
-    return DISCONNECTED
+        return int(up_status + STATUSES * up[0, up_steps]), -1, -1
+    return DISCONNECTED, -1, -1
 
 
 @compiled
@@ -251,11 +250,9 @@ def look_up_general(
     up, down = np.empty((2, frames.shape[0]), np.int64), np.empty((2, frames.shape[0]), np.int64)
     up_steps, up_status = _climb(samples, frames, source, stamp_ns, False, up)
     down_steps, down_status = _climb(samples, frames, target, stamp_ns, False, down)
-    if LOOP in (up_status, down_status):
-        return LOOP
-    i, j = _meeting(up, up_steps, down, down_steps)
-    if i < 0:
-        return _why_apart(up, up_steps, up_status, down, down_steps, down_status)
+    status, i, j = _joined(up, up_steps, up_status, down, down_steps, down_status)
+    if status != FOUND:
+        return status
     top_from_source = _along(samples, frames, up, i, stamp_ns)
     top_from_target = _along(samples, frames, down, j, stamp_ns)
     write(composed(inverted(top_from_target), top_from_source), out)
@@ -276,11 +273,9 @@ def latest_not_after(
     while True:
         up_steps, up_status = _climb(samples, frames, source, limit, True, up)
         down_steps, down_status = _climb(samples, frames, target, limit, True, down)
-        if LOOP in (up_status, down_status):
-            return LOOP, limit
-        i, j = _meeting(up, up_steps, down, down_steps)
-        if i < 0:
-            return _why_apart(up, up_steps, up_status, down, down_steps, down_status), limit
+        status, i, j = _joined(up, up_steps, up_status, down, down_steps, down_status)
+        if status != FOUND:
+            return status, limit
         lowered = NO_LIMIT
         for path, steps in ((up, i), (down, j)):
             for step in range(steps):
