@@ -7,6 +7,8 @@ A clearance field holds at each cell the distance to the nearest cell with a zer
 so a row can be scanned in leaps of that many cells. `unit` is the field's value for one cell.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -176,21 +178,36 @@ def hits_cells(
     for i in range(packed.shape[0]):
         reach = np.sqrt(packed[i, 5] ** 2 + packed[i, 6] ** 2) / min(lattice[4], lattice[5])
         if distances[i] <= (reach + TWO_HALF_DIAGONALS) * unit:
-            out[i] = _hits_cells(packed, i, lattice, occupied, field, unit, tolerance_m)
+            out[i] = meets(packed, i, lattice, occupied, True, field, unit, tolerance_m)
     return out
 
 
 @compiled
-def _hits_cells(
+def are_free(
+    packed: _FloatArray, lattice: _FloatArray, field: _Field, unit: float, tolerance_m: float
+) -> _Mask:
+    """Tell which footprints cover free cells of the grid only; the field is 0 on the others."""
+    out = np.zeros(packed.shape[0], np.bool_)
+    for i in range(packed.shape[0]):
+        out[i] = not meets(packed, i, lattice, field, 0.0, field, unit, tolerance_m)
+    return out
+
+
+@compiled
+def meets(
     packed: _FloatArray,
     i: int,
     lattice: _FloatArray,
-    occupied: _Mask,
+    cells: NDArray[Any],
+    value: Any,
     field: _Field,
     unit: float,
     tolerance_m: float,
 ) -> bool:
-    """Tell whether footprint `i` covers free cells of the grid only, as `are_free`."""
+    """Tell whether footprint `i` meets a cell of a value, or reaches outside the grid.
+
+    The field is 0 on all such cells. So the footprint is free if it does not meet a 0 of the field.
+    """
     x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
     if _is_far(field, unit, x, y, (top_x, top_y), (right_x, right_y)):
         return False
@@ -203,46 +220,10 @@ def _hits_cells(
             return True
         column = _next_zero(field, unit, row, start, end)
         while column <= end:
-            if occupied[row, column]:
+            if cells[row, column] == value:
                 return True
             column = _next_zero(field, unit, row, column + 1, end)
     return False
-
-
-@compiled
-def are_free(
-    packed: _FloatArray, lattice: _FloatArray, field: _Field, unit: float, tolerance_m: float
-) -> _Mask:
-    """Tell which footprints cover free cells of the grid only; the field is 0 on the others."""
-    out = np.zeros(packed.shape[0], np.bool_)
-    for i in range(packed.shape[0]):
-        out[i] = is_free(packed, i, lattice, field, unit, tolerance_m)
-    return out
-
-
-@compiled
-def is_free(
-    packed: _FloatArray,
-    i: int,
-    lattice: _FloatArray,
-    field: _Field,
-    unit: float,
-    tolerance_m: float,
-) -> bool:
-    """Tell whether footprint `i` covers free cells of the grid only, as `are_free`."""
-    x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
-    if _is_far(field, unit, x, y, (top_x, top_y), (right_x, right_y)):
-        return True
-    first, last = np.int64(np.floor(y - top_y)), np.int64(np.ceil(y + top_y)) - 1
-    if first < 0 or last >= field.shape[0]:
-        return False
-    for row in range(first, last + 1):
-        start, end = column_range(row, x, y, top_x, top_y, right_x, right_y)
-        if start < 0 or end >= field.shape[1]:
-            return False
-        if _next_zero(field, unit, row, start, end) <= end:
-            return False
-    return True
 
 
 @compiled
@@ -270,8 +251,9 @@ def hits_voxels(
         first = max(np.int64(np.floor((bottom - low_m) / height_m)), 0)
         end = min(np.int64(np.ceil((top - low_m) / height_m)), occupied.shape[2])
         if first < end:
-            layers = first, end
-            out[i] = _hits_layers(packed, i, lattice, layers, occupied, lowest, field, tolerance_m)
+            out[i] = _hits_layers(
+                packed, i, lattice, (first, end), occupied, lowest, field, tolerance_m
+            )
     return out
 
 

@@ -47,33 +47,28 @@ _BEND_CHANGE = 0.04
 
 
 @borrowing
-def _way_forward(x: float, y: float, radius: float) -> float:
-    """Return the length of arc and tangent to the point (x, y), the body at 0 heading for +x.
-
-    A point inside the turning circle is first brought onto it by going back.
-    """
-    y = abs(y)
-    square = x * x + (radius - y) ** 2 - radius * radius
-    before = 0.0
-    if square < 0.0:
-        back = np.sqrt(max(radius * radius - (radius - y) ** 2, 0.0)) - x
-        before, x, square = _REVERSE_PRICE * back + 0.1 * radius, x + back, 0.0
-    tangent = np.sqrt(square)
-    angle = math.atan2(x, radius - y) - math.atan2(tangent, radius)
-    if angle < -1e-9:
-        angle += 2.0 * np.pi
-    return float(before + radius * max(angle, 0.0) + tangent)
-
-
-@borrowing
 def way_left(x: float, y: float, yaw: float, goal_x: float, goal_y: float, radius: float) -> float:
-    """Return the way [m] from a pose to a goal, a metre in reverse counted more than one ahead."""
+    """Return the way [m] from a pose to a goal: an arc, then its tangent, forward or in reverse.
+
+    A metre in reverse counts more than one ahead.
+    """
     c, s = np.cos(yaw), np.sin(yaw)
     dx, dy = goal_x - x, goal_y - y
     ahead, aside = dx * c + dy * s, dy * c - dx * s
-    forward = _way_forward(ahead, aside, radius)
-    backward = _REVERSE_PRICE * _way_forward(-ahead, aside, radius) + 0.1 * radius
-    return min(forward, backward)
+    y, least = abs(aside), np.inf
+    for sense in (1.0, -1.0):  # forward, and in reverse
+        x, before = sense * ahead, 0.0
+        square = x * x + (radius - y) ** 2 - radius * radius
+        if square < 0.0:  # inside the turning circle: it is first brought onto it by going back
+            back = np.sqrt(max(radius * radius - (radius - y) ** 2, 0.0)) - x
+            before, x, square = _REVERSE_PRICE * back + 0.1 * radius, x + back, 0.0
+        tangent = np.sqrt(square)
+        angle = math.atan2(x, radius - y) - math.atan2(tangent, radius)
+        if angle < -1e-9:
+            angle += 2.0 * np.pi
+        way = before + radius * max(angle, 0.0) + tangent
+        least = min(least, way if sense > 0.0 else _REVERSE_PRICE * way + 0.1 * radius)
+    return float(least)
 
 
 @borrowing

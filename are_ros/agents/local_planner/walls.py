@@ -18,8 +18,8 @@ from are_ros.world.lattice_cover import (
     covered,
     hits_cells,
     lattice_row,
+    meets,
 )
-from are_ros.world.lattice_cover import is_free as is_box_free
 
 _NOT_FREE = -1.0
 
@@ -84,7 +84,7 @@ def is_free(pose: Floats, body: Any, grow: float, floor: ClearanceLayer, box: Fl
     """Tell whether a body, grown on each side, covers open cells of the grid only: exact."""
     lay_box(pose, body, grow, box)
     field = floor.clearance[layer_of(body, floor)]
-    return bool(is_box_free(box, 0, floor.lattice, field, floor.unit, TOUCH_TOLERANCE_M))
+    return not meets(box, 0, floor.lattice, field, 0.0, field, floor.unit, TOUCH_TOLERANCE_M)
 
 
 @borrowing
@@ -149,8 +149,8 @@ def wall_conflict(
     `wanted` is `wall_gap_wanted` of its first pose. With `must_keep` the search ends once the gap
     is not kept. A plan that starts in free space stays in it and, for a body that turns on the
     spot, ends where the body can turn, unless it cannot at `home`, where the plan before this one
-    ends. A plan that starts elsewhere (on a new map) may cross what is not solid, and covers no more
-    solid cells than at its start.
+    ends. A plan that starts elsewhere (on a new map) may cross what is not solid, and covers no
+    more solid cells than at its start.
     """
     if wanted < 0.0:
         limit = _solid_cells(plan[0], body, floor, box)

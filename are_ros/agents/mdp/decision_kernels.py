@@ -61,19 +61,7 @@ class Process(NamedTuple):
 
 
 @compiled
-def decide(process: Process, part: Part, to: Place, scratch: Floats) -> None:
-    """Put the new values of a part of the cells into their place."""
-    if process.reach == 1:
-        _by_one(process, part, to)
-    elif process.reach <= NEAR:
-        _by_three(process, part, to)
-    else:
-        _arrive(process, part, scratch)
-        _by_found(process, part, to, scratch)
-
-
-@compiled
-def _by_one(process: Process, part: Part, to: Place) -> None:
+def decide_by_one(process: Process, part: Part, to: Place) -> None:
     """Decide where moves are of one cell."""
     flat, lengths, (old, first, count) = process.flat, process.lengths, part
     north, south = np.uint64(process.width), np.uint64(-process.width)
@@ -89,7 +77,7 @@ def _by_one(process: Process, part: Part, to: Place) -> None:
 
 
 @compiled
-def _by_three(process: Process, part: Part, to: Place) -> None:
+def decide_by_three(process: Process, part: Part, to: Place) -> None:
     """Decide where moves are of up to three cells."""
     flat, lengths, (old, first, count) = process.flat, process.lengths, part
     north, south = np.uint64(process.width), np.uint64(-process.width)
@@ -105,8 +93,8 @@ def _by_three(process: Process, part: Part, to: Place) -> None:
 
 
 @compiled
-def _by_found(process: Process, part: Part, to: Place, scratch: Floats) -> None:
-    """Decide by what each direction leads to, as `_arrive` left it in the scratch."""
+def decide_by_ends(process: Process, part: Part, to: Place, scratch: Floats) -> None:
+    """Decide by what each direction leads to, as `find_ends` left it in the scratch."""
     old, first, count = part
     for i in range(count):
         e, w = _FOUND + i, _FOUND + ROW + ROW + i
@@ -140,7 +128,7 @@ def _choose(
 
 
 @compiled
-def _arrive(process: Process, part: Part, scratch: Floats) -> None:
+def find_ends(process: Process, part: Part, scratch: Floats) -> None:
     """Put into the scratch the value of where each direction leads to from each cell."""
     flat, lengths, (old, at, count), out = process.flat, process.lengths, part, _FOUND
     for direction in range(4):

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -232,11 +232,9 @@ def _begin(
 
 
 @compiled
-def inverse(component: np.float32) -> np.float32:
-    """Return 1 / component, finite also for zero."""
-    divisor: np.float32 = component if abs(component) > _TINY else _TINY
-    reciprocal: np.float32 = _ONE / divisor
-    return reciprocal
+def inverse(component: Any) -> Any:
+    """Return 1 / component, float32 or float64, finite also for zero."""
+    return _ONE / (component if abs(component) > _TINY else _TINY)
 
 
 @compiled

@@ -21,7 +21,7 @@ from are_ros.agents.navigation.terrain import Terrain, Terrains, rolls
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.world.boxes import TOUCH_TOLERANCE_M
 from are_ros.world.environment import Environment
-from are_ros.world.lattice_cover import TWO_HALF_DIAGONALS, is_free
+from are_ros.world.lattice_cover import TWO_HALF_DIAGONALS, meets
 
 _Mask = npt.NDArray[np.bool_]
 _Floats = npt.NDArray[np.float64]
@@ -278,7 +278,7 @@ def _room_m(
     if least_m + _SURELY_MET * unit_m < filled_m:
         return _MET
     room_m = least_m - TWO_HALF_DIAGONALS * unit_m - body[8]
-    if room_m < 0.0 and not is_free(box, 0, lattice, field, unit_m, TOUCH_TOLERANCE_M):
+    if room_m < 0.0 and meets(box, 0, lattice, field, 0.0, field, unit_m, TOUCH_TOLERANCE_M):
         return _MET
     return float(max(room_m, 0.0))
 

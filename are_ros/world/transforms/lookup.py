@@ -30,35 +30,6 @@ def weight_by_series(t: float, gap: float) -> float:
 
 
 @compiled
-def interpolated(older: Pose, newer: Pose, t: float) -> Pose:
-    """Return the pose between two, t in [0, 1]: translation linearly, rotation by slerp.
-
-    Where the scalar product of the quaternions is negative, the newer is turned round: the shorter
-    arc.
-    """
-    x0, y0, z0, i0, j0, k0, w0 = older
-    x1, y1, z1, i1, j1, k1, w1 = newer
-    s = 1.0 - t
-    cosine = i0 * i1 + j0 * j1 + k0 * k1 + w0 * w1
-    gap, sign = 1.0 - abs(cosine), -1.0 if cosine < 0.0 else 1.0
-    if gap < SERIES_REACH:
-        a, b = weight_by_series(s, gap), sign * weight_by_series(t, gap)
-    else:
-        angle = math.acos(abs(cosine))
-        scale = 1.0 / math.sin(angle)
-        a, b = math.sin(s * angle) * scale, sign * math.sin(t * angle) * scale
-    return (
-        s * x0 + t * x1,
-        s * y0 + t * y1,
-        s * z0 + t * z1,
-        a * i0 + b * i1,
-        a * j0 + b * j1,
-        a * k0 + b * k1,
-        a * w0 + b * w1,
-    )
-
-
-@compiled
 def _turned(
     i: float, j: float, k: float, w: float, x: float, y: float, z: float
 ) -> tuple[float, float, float]:
@@ -165,7 +136,10 @@ def pose_in_row(numbers: Floats, row: int) -> Pose:
 
 @compiled
 def edge_pose(samples: Integers, numbers: Floats, kind: int, row: int, stamp_ns: int) -> Pose:
-    """Return parent_from_child at the stamp; it is held where the next sample's parent differs."""
+    """Return parent_from_child at the stamp; it is held where the next sample's parent differs.
+
+    Between two samples the translation is linear, the rotation a slerp along the shorter arc.
+    """
     pose = pose_in_row(numbers, row)
     stamp = samples[row, STAMP]
     if kind == STATIC or stamp == stamp_ns:
@@ -173,7 +147,26 @@ def edge_pose(samples: Integers, numbers: Floats, kind: int, row: int, stamp_ns:
     if samples[row, SAMPLE_PARENT] != samples[row + 1, SAMPLE_PARENT]:
         return pose
     t = (stamp_ns - stamp) / (samples[row + 1, STAMP] - stamp)
-    return interpolated(pose, pose_in_row(numbers, row + 1), t)
+    x0, y0, z0, i0, j0, k0, w0 = pose
+    x1, y1, z1, i1, j1, k1, w1 = pose_in_row(numbers, row + 1)
+    s = 1.0 - t
+    cosine = i0 * i1 + j0 * j1 + k0 * k1 + w0 * w1
+    gap, sign = 1.0 - abs(cosine), -1.0 if cosine < 0.0 else 1.0
+    if gap < SERIES_REACH:
+        a, b = weight_by_series(s, gap), sign * weight_by_series(t, gap)
+    else:
+        angle = math.acos(abs(cosine))
+        scale = 1.0 / math.sin(angle)
+        a, b = math.sin(s * angle) * scale, sign * math.sin(t * angle) * scale
+    return (
+        s * x0 + t * x1,
+        s * y0 + t * y1,
+        s * z0 + t * z1,
+        a * i0 + b * i1,
+        a * j0 + b * j1,
+        a * k0 + b * k1,
+        a * w0 + b * w1,
+    )
 
 
 @compiled
