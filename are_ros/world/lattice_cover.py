@@ -105,17 +105,12 @@ def covered(
     return first_row, first_column, mask
 
 
-@compiled
 def count_new(mask: NDArray[np.bool_], row0: int, col0: int, is_counted: NDArray[np.bool_]) -> int:
     """Count the cells of a mask, laid at (row0, col0), that are not counted yet, and mark them."""
-    count = 0
-    for row in range(mask.shape[0]):
-        new = mask[row]
-        old = is_counted[row0 + row, col0 : col0 + mask.shape[1]]
-        for column in range(new.shape[0]):  # without branches, so that it vectorises
-            count += new[column] > old[column]
-            old[column] |= new[column]
-    return count
+    counted = is_counted[row0 : row0 + mask.shape[0], col0 : col0 + mask.shape[1]]
+    count = np.count_nonzero(mask > counted)
+    counted |= mask
+    return int(count)
 
 
 _Field = NDArray[np.float32]

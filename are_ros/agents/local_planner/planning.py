@@ -10,12 +10,12 @@ from are_ros.agents.local_planner.gaps import TOUCH, distance, gap_between, sepa
 from are_ros.agents.local_planner.primitives import (
     cheapest,
     fill_options,
-    rule_out_twin,
 )
 from are_ros.agents.local_planner.robot import robot_conflict
 from are_ros.agents.local_planner.rollouts import (
     BRAKE,
     GOING,
+    HEADING,
     PUSHED,
     aim_of,
     bounds_of,
@@ -336,8 +336,12 @@ def _search(
         if cost < best:
             best, chosen, side, last = cost, n, 1 - side, end
         workspace.options[n, 3] = np.inf
-        if k != NEVER:
-            rule_out_twin(workspace.options, options, n, k, end, timing.walk)
+        if k < end and 2 * k <= timing.walk and workspace.options[n, 0] == HEADING:
+            # a primitive that is the same in its first half fails, too: it stands beside this one
+            for twin in range(max(n - 1, 0), min(n + 2, options)):
+                row, other = workspace.options[n], workspace.options[twin]
+                if other[0] == HEADING and other[1] == row[1] and other[2] == row[2]:
+                    other[3] = np.inf
     return chosen, side, last, obstruction, culprit
 
 

@@ -299,21 +299,3 @@ def cheapest(options: Floats, count: int) -> int:
     while options[n, 3] != least:
         n += 1
     return n
-
-
-@borrowing
-def rule_out_twin(options: Floats, count: int, n: int, k: int, last: int, steps: int) -> None:
-    """Rule out the primitive that is the same as n until its second half, if n fails before that.
-
-    `k` is the sub-step at which n fails, `last` that at which it would stand.
-    """
-    if options[n, 0] != HEADING or k >= last or 2 * k > steps:
-        return
-    for other in (n - 1, n + 1):
-        if (
-            0 <= other < count
-            and options[other, 0] == HEADING
-            and options[other, 1] == options[n, 1]
-            and options[other, 2] == options[n, 2]
-        ):
-            options[other, 3] = np.inf

@@ -156,31 +156,23 @@ def _join(
     return bool(reached[1, main_b])
 
 
-@compiled
 def label_components(mains: Labels, edges: npt.NDArray[np.bool_]) -> npt.NDArray[np.int32]:
-    """Return numbers int32 (h, w) of open blocks, equal where open edges join; -1 where closed."""
-    height, width = mains.shape
-    components = np.full((height, width), -1, np.int32)
-    queue = np.empty(height * width, np.int64)
-    count = 0
-    for start in range(height * width):
-        if (
-            mains[start // width, start % width] != 0
-            and components[start // width, start % width] < 0
-        ):
-            queue[0] = start
-            components[start // width, start % width] = count
-            done, size = 0, 1
-            while done < size:  # all blocks that open edges join with the start
-                row, col = queue[done] // width, queue[done] % width
-                done += 1
-                for direction in range(4):
-                    r, c = row + ROW_STEPS[direction], col + COL_STEPS[direction]
-                    if edges[direction, row, col] and components[r, c] < 0:
-                        components[r, c] = count
-                        queue[size] = r * width + c
-                        size += 1
-            count += 1
+    """Return numbers int32 (h, w) of open blocks, equal where open edges join; -1 where closed.
+
+    The least index in a component spreads over its open edges until nothing changes.
+    """
+    least = np.arange(mains.size, dtype=np.int32).reshape(mains.shape)
+    west, east, south, north = least[:, :-1], least[:, 1:], least[:-1], least[1:]
+    joins_x, joins_y = edges[0, :, :-1], edges[1, :-1]
+    has_changed = True
+    while has_changed:
+        before = least.copy()
+        for one, other, joins in ((west, east, joins_x), (south, north, joins_y)):
+            np.minimum(one, other, out=one, where=joins)
+            np.minimum(one, other, out=other, where=joins)
+        has_changed = not np.array_equal(least, before)
+    components, is_open = np.full(mains.shape, -1, np.int32), mains != 0
+    components[is_open] = np.unique(least[is_open], return_inverse=True)[1]
     return components
 
 

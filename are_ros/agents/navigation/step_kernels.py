@@ -204,9 +204,13 @@ def _find_step(
     ):
         way_m[0, 0], way_m[0, 1] = goal_m
         return GOES, 1, goal_m[0], goal_m[1], True
-    count = _way(ground, value_arrays, state, action, goal_m, way_m, scratch)
+    nobody = scratch.moving[:0]
+    count, _ = follow(value_arrays.planes, *arrays, state, action, way_m, scratch.brings, nobody)
     if count == 0:
         return NO_WAY, 0, 0.0, 0.0, False
+    end_m = ground.anchors_m[int(weights[5] + weights[7]), int(weights[6] + weights[8])]
+    if way_m[count - 1, 0] == end_m[0] and way_m[count - 1, 1] == end_m[1]:
+        way_m[count - 1, 0], way_m[count - 1, 1] = goal_m
     if action == 0:
         return WAITS, count, 0.0, 0.0, False
     aim = farthest(ground.clearance_m, ground.lattice, here_m, way_m[:count], me[3])
@@ -219,27 +223,3 @@ def _find_step(
         return GOES, count, x_m, y_m, x_m == goal_m[0] and y_m == goal_m[1]
     is_end = way_m[aim, 0] == goal_m[0] and way_m[aim, 1] == goal_m[1]
     return GOES, count, way_m[aim, 0], way_m[aim, 1], is_end
-
-
-@borrowing
-def _way(
-    ground: Ground,
-    value_arrays: ValueArrays,
-    state: tuple[int, int, int],
-    action: int,
-    goal_m: tuple[float, float],
-    way_m: Floats,
-    scratch: Scratch,
-) -> int:
-    """Fill in the way that follows an action, with the goal at its end; return its length."""
-    arrays = (value_arrays.lengths, value_arrays.gains, value_arrays.weights, ground.anchors_m)
-    nobody = scratch.moving[:0]
-    count, _ = follow(value_arrays.planes, *arrays, state, action, way_m, scratch.brings, nobody)
-    row, col = (
-        value_arrays.weights[5] + value_arrays.weights[7],
-        value_arrays.weights[6] + value_arrays.weights[8],
-    )
-    end_m = ground.anchors_m[int(row), int(col)]
-    if count > 0 and way_m[count - 1, 0] == end_m[0] and way_m[count - 1, 1] == end_m[1]:
-        way_m[count - 1, 0], way_m[count - 1, 1] = goal_m
-    return count

@@ -274,7 +274,12 @@ def render(
         count = find_candidates(axis, tiles.spreads[tile], boxes, scratch.candidates)
         if count == 0:
             continue
-        _turn_rays(map_from_camera, tiles.rays[tile], scratch.rays)
+        x, y, z = tiles.rays[tile, 0], tiles.rays[tile, 1], tiles.rays[tile, 2]
+        for row in range(3):
+            out = scratch.rays[row]
+            a, b, c = map_from_camera[row, 0], map_from_camera[row, 1], map_from_camera[row, 2]
+            for pixel in range(PIXELS):
+                out[pixel] = a * x[pixel] + b * y[pixel] + c * z[pixel]
         count = measure_boxes(tiles.valid[tile], boxes, max_range_m, count, tallies, scratch)
         if count > 1 and mutual:
             hide_behind_others(boxes, tree, axis, tiles.spreads[tile], count, scratch)
@@ -293,19 +298,6 @@ def _turned(
             matrix[row, 0] * vector[0] + matrix[row, 1] * vector[1] + matrix[row, 2] * vector[2]
         )
     return turned
-
-
-@compiled
-def _turn_rays(
-    matrix: npt.NDArray[np.float32],
-    rays: npt.NDArray[np.float32],
-    turned: npt.NDArray[np.float32],
-) -> None:
-    x, y, z = rays[0], rays[1], rays[2]
-    for row in range(3):
-        a, b, c, out = matrix[row, 0], matrix[row, 1], matrix[row, 2], turned[row]
-        for pixel in range(PIXELS):
-            out[pixel] = a * x[pixel] + b * y[pixel] + c * z[pixel]
 
 
 @compiled
