@@ -34,8 +34,8 @@ def compiled(function: _Function, **options: bool) -> _Function:
 
     The cache lies beside the module, in NUMBA_CACHE_DIR when that is set, or in the user's cache
     directory when the package is not writable. A change of the module, or of any module of the
-    package that it imports, makes it anew. Floating point stays strict (IEEE). No code for C's
-    callbacks is made: a tenth of the compiler's time, for something that nobody calls. No kernel
+    package that it imports, makes it anew. Floating point stays strict (IEEE). No code for C
+    callbacks is made: it is a tenth of the compiler's time, and unused. No kernel
     should assign an array to a slice: the message of a wrong shape alone compiles for seconds.
     """
     kernel = numba.njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)(function)

@@ -1,4 +1,4 @@
-"""Who is near: points in the cells of a hash grid, asked one place at a time."""
+"""Neighbours: points in the cells of a spatial hash, queried one place at a time."""
 
 from typing import NamedTuple
 
@@ -32,7 +32,7 @@ CellArrays = tuple[_Floats, _Indices, _Indices, float, float, float, int, int]
 
 
 class Neighbourhood:
-    """N points of the plane that do not move, to be asked who is within a radius of a place."""
+    """N fixed points of the plane; a query returns those within a radius of a place."""
 
     def __init__(self, points_m: npt.NDArray[np.float64], cell_m: float = 4.0) -> None:
         """Sort points (N, 2), float64, metres, into cells; `cell_m` near the radii asked for."""

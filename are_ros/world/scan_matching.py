@@ -327,8 +327,8 @@ DISTINCT_M: Final = 0.5
 DISTINCT_RAD: Final = math.radians(10.0)
 """Two poses farther apart than one of these are two answers."""
 AMBIGUOUS: Final = 0.95
-"""A rival with this share of the best score fits as well: a few people or chairs, who are not on
-the map, or who were when it was made, change the score of the right pose by as much."""
+"""A rival with this share of the best score fits as well: a few people or chairs that are not on
+the map, or that were when it was made, change the score of the right pose by as much."""
 POOR_SHARE: Final = 0.5
 """With a smaller share of endpoints on walls, map and recording do not belong together."""
 

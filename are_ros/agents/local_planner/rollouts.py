@@ -140,7 +140,7 @@ def _walk(
         turn = min(max(error, -limit), limit)
         if error != 0.0:
             want *= max(c * path[k, COS] + s * path[k, SIN], 0.0)  # the cosine of the error
-        slower = min(max(speed - step, 0.0), speed + step)  # who walks back stops first
+        slower = min(max(speed - step, 0.0), speed + step)  # a walker that steps back stops first
         faster = min(max(want, slower), speed + step)
         if turn == 0.0 and speed == 0.0 and faster < _STILL:
             return k

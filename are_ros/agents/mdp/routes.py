@@ -1,4 +1,4 @@
-"""Compiled one-step lookahead over values, and the way that follows from it."""
+"""One-step lookahead over values, and the way that follows from it, compiled."""
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,7 @@ Doubles = npt.NDArray[np.float64]
 Lengths = npt.NDArray[np.uint8]
 
 TIE = 1e-6
-"""Actions whose values differ by less count as equal: rather straight on, and rather going."""
+"""Actions whose values differ by less count as equal; then going straight on is preferred."""
 
 
 @borrowing
@@ -29,7 +29,7 @@ def action_values(
 
     `values` (4, h, w) with one epoch less; `state` row and column in the window, and heading;
     `weights` as `ValueTable.weights`; `anchors_m` (H, W, 2) of the whole coarse map; `moving`
-    (M, 5) is x, y, radius, fade and weight of each who moves there.
+    (M, 5) is x, y, radius, fade and weight of each moving neighbour.
     """
     row, col, heading = state
     brings = result[5:]
@@ -57,7 +57,7 @@ def action_values(
 
 @borrowing
 def _bother(anchors_m: Doubles, weights: Doubles, row: int, col: int, moving: Doubles) -> float:
-    """Return what those who move cost in a cell: their weight at their radius, fading to 0."""
+    """Return the cost of moving neighbours in a cell: their weight at their radius, fading to 0."""
     anchor_m = anchors_m[row + int(weights[5]), col + int(weights[6])]
     total = 0.0
     for k in range(moving.shape[0]):
@@ -89,12 +89,12 @@ def follow(
     action: int,
     points_m: Doubles,
     brings: Doubles,
-    nobody: Doubles,
+    no_others: Doubles,
 ) -> tuple[int, float]:
     """Fill in the anchors (K, 2) that an action and then the best ones lead along, without slips.
 
     Returns how many there are, and the epochs that this takes: to the goal, or to where the
-    points are all used; inf if neither is ever reached. Scratch are `brings` (9,) and `nobody`
+    points are all used; inf if neither is ever reached. Scratch are `brings` (9,) and `no_others`
     (0, 5).
     """
     row, col, heading = state
@@ -113,6 +113,6 @@ def follow(
                 count += 1
         epochs += length / weights[4] if length > 0 else 1.0
         state = (row, col, heading)
-        action_values(values, lengths, gains, weights, anchors_m, nobody, state, brings)
+        action_values(values, lengths, gains, weights, anchors_m, no_others, state, brings)
         action = best_action(brings, heading)
     return count, np.inf

@@ -1,8 +1,8 @@
-"""Compiled search of a way over fine cells, where none of the coarse way can be gone to straight.
+"""Search of a way over fine cells, where no point of the coarse way can be reached straight.
 
-A coarse way tells which blocks of cells to go through, not how to get round the corner between two
-of them. Here is the shortest way of a disc through those blocks, cell by cell; of that way the
-farthest point is gone to that the disc can roll straight to.
+A coarse way names the blocks of cells to pass, not the way round the corner between two of them.
+This is the shortest way of a disc through those blocks, cell by cell. The agent then moves to the
+farthest point of it that the disc can roll straight to.
 """
 
 from typing import Final
@@ -17,13 +17,13 @@ from are_ros.agents.navigation.terrain import cell_centre, disc_is_free, rolls
 from are_ros.world.boxes import TOUCH_TOLERANCE_M
 
 LEAST_M: Final = 0.25
-"""A point nearer than this is as good as reached; the way is gone on farther, seen or not."""
+"""A point nearer than this counts as reached: the next point is taken, visible or not."""
 
 AHEAD: Final = 2
-"""So many points of the coarse way are looked for; the first block's and the next's."""
+"""How many points of the coarse way are searched for: those of the next two blocks."""
 
 MARGINS: Final = (0, 1, 3)
-"""By so many blocks the search looks farther than the coarse way, where it finds nothing."""
+"""The search is widened by so many blocks, one after the other, while it finds nothing."""
 
 _UNSEEN: Final = -1
 _ANYWHERE: Final = 0.7072
@@ -37,7 +37,7 @@ Rectangle = tuple[int, int, int, int]
 def way_round(
     ground: Ground, from_m: Point, way_m: npt.NDArray[np.float64], radius_m: float
 ) -> tuple[float, float, bool]:
-    """Return where to go first to get to the first points of a coarse way (K, 2), K > 0.
+    """Return the first point on the way to the first points of a coarse way (K, 2), K > 0.
 
     `from_m` and the result are points of the map frame; the last value tells whether there is a
     way at all: if not, it is the first point of the coarse way.
