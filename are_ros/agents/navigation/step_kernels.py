@@ -142,9 +142,9 @@ def route_step(
     `crowd` those of `Cells` and the rest of `Crowd`. `robot` is the lookahead [s], the robot's
     place then, and its radius, which is negative without a robot. `agent` is the index in the
     crowd, whether others cost it anything, and the epochs left. A moving goal is approached
-    straight from any distance. Returns what to do (no way, waiting for others, going, straight to the goal), how
-    many points the way has, the farthest of them that a disc can roll straight to, and whether
-    that is the end.
+    straight from any distance. Returns what to do (no way, waiting for others, going, straight to
+    the goal), how many points the way has, the farthest of them that a disc can roll straight to,
+    and whether that is the end.
     """
     floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
     everybody = Crowd(Cells(*crowd[:8]), crowd[8], crowd[9], crowd[10])
