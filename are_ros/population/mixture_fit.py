@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import gammainccinv, gammaln
 
+from are_ros._compiled import compiled
 from are_ros.errors import InputError, ParameterError
 from are_ros.population.mixture import TruncatedPoissonMixture
 from are_ros.wording import counted
@@ -29,6 +30,7 @@ _LEAST_WEIGHT: Final = 1e-6
 _LEAST_EIGENVALUE: Final = 1e-9
 
 
+@compiled
 def truncated_mean(rate: float, last: int) -> tuple[float, float]:
     """Return the mean of Poisson(rate) given 0 <= k <= last, and its slope over the rate.
 
@@ -42,6 +44,7 @@ def truncated_mean(rate: float, last: int) -> tuple[float, float]:
     return mean, 1.0 - blocked * (1.0 + last - mean)
 
 
+@compiled
 def rate_of_mean(mean: float, last: int, guess: float, low: float, high: float) -> float:
     """Return the rate in [low, high] whose `truncated_mean` is `mean`, or else comes nearest.
 
@@ -65,6 +68,7 @@ def rate_of_mean(mean: float, last: int, guess: float, low: float, high: float) 
     return rate
 
 
+@compiled
 def em_step(
     counts: Floats,
     log_factorials: Floats,
@@ -78,24 +82,39 @@ def em_step(
     is an exponential family: the new rate is the one whose mean is the weighted mean of the rows.
     All laws are in logarithms, so a row that every component makes next to impossible still counts.
     """
-    n, k = len(point) // 2, np.arange(len(counts))
-    rates = np.exp(point[n:])
-    powers = k * point[n:, np.newaxis]
-    masses = np.exp(powers - rates[:, np.newaxis] - log_factorials).sum(axis=1)
-    terms = (point[:n] - rates - np.log(masses))[:, np.newaxis] + powers
-    tops = terms.max(axis=0)
-    terms = np.exp(terms - tops)
-    mixed = terms.sum(axis=0)
-    shares = terms * (counts / mixed)
-    moments, totals = shares @ k, shares.sum(axis=1)
+    n, rows = len(point) // 2, len(counts)
+    heads, terms = np.empty(n), np.empty(n)
+    shares, moments = np.zeros(n), np.zeros(n)
+    for i in range(n):
+        rate, mass = math.exp(point[n + i]), 0.0
+        for k in range(rows):
+            mass += math.exp(k * point[n + i] - rate - log_factorials[k])
+        heads[i] = point[i] - rate - math.log(mass)
+    log_likelihood, total = 0.0, 0.0
+    for k in range(rows):
+        if counts[k] == 0.0:
+            continue
+        top, mixed = -math.inf, 0.0
+        for i in range(n):
+            terms[i] = heads[i] + k * point[n + i]
+            top = max(top, terms[i])
+        for i in range(n):
+            terms[i] = math.exp(terms[i] - top)
+            mixed += terms[i]
+        log_likelihood += counts[k] * (top + math.log(mixed) - log_factorials[k])
+        total += counts[k]
+        for i in range(n):
+            share = terms[i] * (counts[k] / mixed)
+            shares[i] += share
+            moments[i] += k * share
     for i in range(n):
         following[i], following[n + i] = LOWEST_LOG_WEIGHT, point[n + i]
-        if totals[i] > 0.0:
-            following[i] = max(math.log(totals[i] / counts.sum()), LOWEST_LOG_WEIGHT)
-            mean = float(moments[i] / totals[i])
-            rate = rate_of_mean(mean, len(counts) - 1, float(rates[i]), limits[0], limits[1])
+        if shares[i] > 0.0:
+            following[i] = max(math.log(shares[i] / total), LOWEST_LOG_WEIGHT)
+            mean, guess = moments[i] / shares[i], math.exp(point[n + i])
+            rate = rate_of_mean(mean, rows - 1, guess, limits[0], limits[1])
             following[n + i] = math.log(rate)
-    return float(counts @ (tops + np.log(mixed) - log_factorials))
+    return log_likelihood
 
 
 def climb(
