@@ -119,26 +119,6 @@ def _meet(
     return t if inside and t >= 0.0 else np.inf
 
 
-@compiled
-def cast_all(
-    tree: Tree,
-    mesh: int,
-    origin: npt.NDArray[np.float64],
-    directions: npt.NDArray[np.float64],
-    limit_m: float,
-    hits_m: npt.NDArray[np.float64],
-    triangles: npt.NDArray[np.int64],
-) -> None:
-    """Write the first hit [m] and the triangle for each unit direction (N, 3)."""
-    ox, oy, oz = origin[0], origin[1], origin[2]
-    for ray in range(directions.shape[0]):
-        dx, dy, dz = directions[ray, 0], directions[ray, 1], directions[ray, 2]
-        if dx == 0.0 and dy == 0.0 and dz == 0.0:
-            hits_m[ray], triangles[ray] = np.inf, -1
-        else:
-            hits_m[ray], triangles[ray] = cast(tree, mesh, ox, oy, oz, dx, dy, dz, limit_m)
-
-
 _TILE_EDGE: Final = np.float32(1e-5)
 """Slack on barycentric coordinates in float32: no crack between triangles that share an edge."""
 _ZERO: Final = np.float32(0.0)
@@ -275,24 +255,6 @@ class MeshPool:
     def __len__(self) -> int:
         """Return the number of meshes."""
         return len(self.tree[2])
-
-    def first_hits(
-        self,
-        mesh: int,
-        origin_m: npt.NDArray[np.floating],
-        directions: npt.NDArray[np.floating],
-        max_range_m: float,
-    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-        """Return the distance [m] to a mesh along rays, and the triangle hit: (N,) each.
-
-        `origin_m` (3,) and the unit `directions` (N, 3) are in the frame of the mesh's box; the
-        range is closed. Without a hit they are inf and -1, as they are for a direction of zeros.
-        """
-        rays = np.ascontiguousarray(directions, dtype=np.float64)
-        hits, triangles = np.empty(len(rays)), np.empty(len(rays), dtype=np.int64)
-        origin = np.asarray(origin_m, dtype=np.float64)
-        cast_all(self.tree, mesh, origin, rays, max_range_m, hits, triangles)
-        return hits, triangles
 
 
 @dataclass(frozen=True, eq=False)
