@@ -50,7 +50,10 @@ def _first_hits(
     pool: MeshPool, mesh: int, start: Floats, rays: Floats, range_m: float
 ) -> tuple[Floats, npt.NDArray[np.int64]]:
     """Return the distance to a mesh along unit rays (N, 3), and the triangle: inf, -1 if none."""
-    hits = [cast(pool.tree, mesh, *start.tolist(), *ray, float(range_m)) for ray in rays.tolist()]
+    x, y, z = start.tolist()
+    hits = [
+        cast(pool.tree, mesh, x, y, z, dx, dy, dz, float(range_m)) for dx, dy, dz in rays.tolist()
+    ]
     return np.array([hit for hit, _ in hits]), np.array([triangle for _, triangle in hits])
 
 
