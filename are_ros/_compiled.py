@@ -12,6 +12,7 @@ from threading import Event
 from typing import IO, Any, ClassVar, Final, TypeVar, cast
 
 import numba
+from numba import types
 from numba.core.caching import FunctionCache
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -33,15 +34,30 @@ def compiled(function: _Function, **options: bool) -> _Function:
 
     The cache lies beside the module, in NUMBA_CACHE_DIR when that is set, or in the user's cache
     directory when the package is not writable. A change of the module, or of any module of the
-    package that it imports, makes it anew. Floating point stays strict (IEEE). No code for C's
-    callbacks is made: a tenth of the compiler's time, for something that nobody calls. No kernel
+    package that it imports, makes it anew. Floating point stays strict (IEEE). No code for C
+    callbacks is made: it is a tenth of the compiler's time, and unused. No kernel
     should assign an array to a slice: the message of a wrong shape alone compiles for seconds.
     """
     kernel = numba.njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)(function)
     if not numba.config.DISABLE_JIT:
         kernel._cache = KernelCache(function)  # noqa: SLF001 - as its enable_caching does
+        kernel.get_call_template = _for_values_of_any_size(kernel.get_call_template)
         KERNELS.append(name_of(function))
     return cast("_Function", kernel)
+
+
+def _for_values_of_any_size(get_call_template: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a dispatcher's `get_call_template` that takes a literal argument as its plain type.
+
+    Numba types `step(0)` by the literal 0 at first, and would compile `step` for it alone, and
+    once more for any integer.
+    """
+
+    def of_plain_types(args: Any, kws: Any) -> Any:
+        plain = {name: types.unliteral(kind) for name, kind in dict(kws).items()}
+        return get_call_template(tuple(types.unliteral(kind) for kind in args), plain)
+
+    return of_plain_types
 
 
 def name_of(function: Callable[..., Any]) -> str:

@@ -1,4 +1,4 @@
-"""Who is near: points in the cells of a hash grid, asked one place at a time."""
+"""Neighbours: points in the cells of a spatial hash, queried one place at a time."""
 
 from typing import NamedTuple
 
@@ -32,7 +32,7 @@ CellArrays = tuple[_Floats, _Indices, _Indices, float, float, float, int, int]
 
 
 class Neighbourhood:
-    """N points of the plane that do not move, to be asked who is within a radius of a place."""
+    """N fixed points of the plane; a query returns those within a radius of a place."""
 
     def __init__(self, points_m: npt.NDArray[np.float64], cell_m: float = 4.0) -> None:
         """Sort points (N, 2), float64, metres, into cells; `cell_m` near the radii asked for."""
@@ -50,24 +50,20 @@ class Neighbourhood:
         self, x_m: float, y_m: float, radius_m: float, ids: _Indices, but_id: int
     ) -> _Floats:
         """Return the points (M, 2) that `within` finds, but for that of one; `ids` (N,) tell."""
-        return _points_near(self.cells, x_m, y_m, radius_m, ids, but_id)
+        found = self.within(x_m, y_m, radius_m)
+        points_m: _Floats = self.cells[0][found[ids[found] != but_id]]
+        return points_m
 
 
-@compiled
 def nearest_of(points_m: _Floats, places_m: _Floats) -> _Indices:
     """Return which of the places (K, 2), K > 0, is nearest to each of the points (M, 2): (M,).
 
     The first of several.
     """
-    found = np.zeros(points_m.shape[0], np.int64)
-    for i in range(points_m.shape[0]):
-        least = np.inf
-        for k in range(places_m.shape[0]):
-            dx_m, dy_m = points_m[i, 0] - places_m[k, 0], points_m[i, 1] - places_m[k, 1]
-            square = dx_m * dx_m + dy_m * dy_m
-            if square < least:
-                least, found[i] = square, k
-    return found
+    apart_m = points_m[:, None] - places_m
+    squares = apart_m[..., 0] * apart_m[..., 0] + apart_m[..., 1] * apart_m[..., 1]
+    nearest: _Indices = squares.argmin(axis=1)
+    return nearest
 
 
 @compiled
@@ -77,47 +73,25 @@ def _near(cells: CellArrays, x_m: float, y_m: float, radius_m: float) -> _Indice
     return found[: find_near(Cells(*cells), x_m, y_m, radius_m, found, np.empty(count))]
 
 
-@compiled
-def _points_near(
-    cells: CellArrays, x_m: float, y_m: float, radius_m: float, ids: _Indices, but_id: int
-) -> _Floats:
-    found = _near(cells, x_m, y_m, radius_m)
-    points_m, count = np.empty((found.shape[0], 2)), 0
-    for i in found:
-        if ids[i] != but_id:
-            points_m[count, 0], points_m[count, 1] = cells[0][i, 0], cells[0][i, 1]
-            count += 1
-    return points_m[:count]
-
-
-@compiled
 def _sorted_into_cells(points_m: _Floats, cell_m: float) -> CellArrays:
     """Return what `Cells` holds.
 
     Far outliers would make a huge table: then the cells beyond 4 N + 1024 wrap around.
     """
-    count = points_m.shape[0]
-    corner, shape = np.zeros(2), np.ones(2, np.int64)
-    for axis in range(2):
-        if count:
-            corner[axis] = points_m[:, axis].min()
-            extent = (points_m[:, axis].max() - corner[axis]) / cell_m
-            shape[1 - axis] = min(np.int64(extent) + 1, 2 * count + 32)
-    while shape[0] * shape[1] > 4 * count + 1024:
-        shape[0], shape[1] = max(shape[0] // 2, 1), max(shape[1] // 2, 1)
-    cells = np.empty(count, np.int64)
-    starts = np.zeros(shape[0] * shape[1] + 1, np.int64)
-    for i in range(count):
-        column = np.int64((points_m[i, 0] - corner[0]) / cell_m) % shape[1]
-        row = np.int64((points_m[i, 1] - corner[1]) / cell_m) % shape[0]
-        cells[i] = row * shape[1] + column
-        starts[cells[i] + 1] += 1
-    starts = np.cumsum(starts)
-    order, filled = np.empty(count, np.int64), starts.copy()
-    for i in range(count):
-        order[filled[cells[i]]] = i
-        filled[cells[i]] += 1
-    return points_m, order, starts, corner[0], corner[1], cell_m, shape[0], shape[1]
+    count = len(points_m)
+    if not count:
+        return points_m, np.empty(0, np.int64), np.zeros(2, np.int64), 0.0, 0.0, cell_m, 1, 1
+    corner_m = points_m.min(axis=0)
+    steps = ((points_m - corner_m) / cell_m).astype(np.int64)
+    columns, rows = np.minimum(steps.max(axis=0) + 1, 2 * count + 32).tolist()
+    while rows * columns > 4 * count + 1024:
+        rows, columns = max(rows // 2, 1), max(columns // 2, 1)
+    cells = steps[:, 1] % rows * columns + steps[:, 0] % columns
+    starts = np.zeros(rows * columns + 1, np.int64)
+    np.cumsum(np.bincount(cells, minlength=rows * columns), out=starts[1:])
+    order = np.argsort(cells, kind="stable")
+    x0_m, y0_m = corner_m.tolist()
+    return points_m, order, starts, x0_m, y0_m, cell_m, rows, columns
 
 
 @borrowing

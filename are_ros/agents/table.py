@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from are_ros.agents.local_planner import state as _state
 from are_ros.agents.local_planner.body import Body
-from are_ros.agents.local_planner.patience import forget_blockade
+from are_ros.agents.local_planner.deadlock import forget_blockade
 from are_ros.agents.local_planner.state import STAND_ROW, STAYS, AgentArrays, PlannerTiming
 from are_ros.agents.navigation.terrain import HEIGHT_STEP_M
 from are_ros.agents.track_player import FollowedTrack
@@ -71,7 +71,7 @@ class AgentTable:
         self.boxes = self.end_boxes = OrientedBoxes.empty()
         self._shapes = np.empty((0, 5))
         self._records = _state.agent_arrays(_FIRST_CAPACITY, _state.path_length(self.timing))
-        self._lives = np.zeros(_FIRST_CAPACITY, _state.LIFE)
+        self._lives = np.zeros(_FIRST_CAPACITY, _state.STATUS)
 
     def __len__(self) -> int:
         """Count the agents."""
@@ -262,11 +262,11 @@ class AgentTable:
             _move_rows(array, row, count - 1, row + 1)
             array[row] = np.zeros((), array.dtype)
         self._lives["phase"][row], self._lives["leaving"][row] = -1, STAYS
-        place, mind = self.arrays.place[row], self.arrays.mind[row]
+        place, memory = self.arrays.place[row], self.arrays.memory[row]
         _state.write_body(self.arrays.body[row], body, self._height_step(body.height_m))
-        place["id"], mind["passed_at"], mind["chosen"] = agent_id, _state.NEVER, np.nan
+        place["id"], memory["passed_at"], memory["chosen"] = agent_id, _state.NEVER, np.nan
         self.arrays.command[row] = STAND_ROW
-        forget_blockade(mind)
+        forget_blockade(memory)
 
     def _height_step(self, height_m: float) -> int:
         """Return which of the heights is a body's, rounded up to 0.25 m."""
@@ -278,9 +278,9 @@ class AgentTable:
     @property
     def arrays(self) -> AgentArrays:
         """The kernels' view of the records of all."""
-        (place, body, command, mind, due, path), count = self._records, len(self)
+        (place, body, command, memory, due, path), count = self._records, len(self)
         return AgentArrays(
-            place[:count], body[:count], command[:count], mind[:count], due[:count], path[:count]
+            place[:count], body[:count], command[:count], memory[:count], due[:count], path[:count]
         )
 
 

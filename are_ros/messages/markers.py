@@ -11,35 +11,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import compiled
 from are_ros.builder.markers import LIFETIME_NS, NO_MARKERS, MarkerBatch, MarkerLook
 from are_ros.messages.cdr import CdrWriter, encapsulated, pack_time
 
 # Writing what changes of markers into the bytes of all of them, in machine code.
-
-
-Places = npt.NDArray[np.int64]
-
-
-@compiled
-def put_stamps_and_poses(
-    integers: npt.NDArray[np.int32],
-    doubles: npt.NDArray[np.float64],
-    stamps_at: Places,
-    poses_at: Places,
-    seconds: int,
-    nanoseconds: int,
-    poses: npt.NDArray[np.float64],
-) -> None:
-    """Write a stamp and one of `poses` (N, 7) at each of the places (N,) of two views of a message.
-
-    `stamps_at` counts `integers`, `poses_at` counts `doubles`.
-    """
-    for marker in range(stamps_at.size):
-        integers[stamps_at[marker]] = seconds
-        integers[stamps_at[marker] + 1] = nanoseconds
-        for number in range(7):
-            doubles[poses_at[marker] + number] = poses[marker, number]
 
 
 _COUNT: Final = Struct("<I")
@@ -140,8 +115,8 @@ class _Template:
     def filled(self, stamp_ns: int, poses: npt.NDArray[np.float64]) -> bytes:
         """Return the message at a time, with poses (N, 7)."""
         seconds, nanoseconds = _STAMP.unpack(pack_time(stamp_ns))
-        places = self._stamps_at, self._poses_at
-        put_stamps_and_poses(self._integers, self._doubles, *places, seconds, nanoseconds, poses)
+        self._integers[self._stamps_at], self._integers[self._stamps_at + 1] = seconds, nanoseconds
+        self._doubles[self._poses_at[:, None] + np.arange(7)] = poses
         return self._message.tobytes()
 
 

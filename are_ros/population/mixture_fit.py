@@ -117,7 +117,6 @@ def em_step(
     return log_likelihood
 
 
-@compiled
 def climb(
     counts: Floats,
     log_factorials: Floats,

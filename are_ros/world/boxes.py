@@ -29,18 +29,6 @@ def pack(centres_m: _FloatArray, yaws_rad: _FloatArray, half_sizes_m: _FloatArra
 
 
 @compiled
-def write_standing(packed: _FloatArray, i: int, pose: _FloatArray, shape: _FloatArray) -> None:
-    """Write box i of `packed` (N, 8): of a body that stands at a pose, as `standing` has them."""
-    cos, sin = np.cos(pose[3]), np.sin(pose[3])
-    packed[i, 0] = pose[0] + cos * shape[3] - sin * shape[4]
-    packed[i, 1] = pose[1] + sin * shape[3] + cos * shape[4]
-    packed[i, 2] = pose[2] + shape[2]
-    packed[i, 3] = cos
-    packed[i, 4] = sin
-    packed[i, 5], packed[i, 6], packed[i, 7] = shape[0], shape[1], shape[2]
-
-
-@compiled
 def standing(poses: _FloatArray, shapes: _FloatArray) -> _FloatArray:
     """Return the packed boxes (N, 8) of bodies that stand on the ground.
 
@@ -50,7 +38,13 @@ def standing(poses: _FloatArray, shapes: _FloatArray) -> _FloatArray:
     packed = np.empty((poses.shape[0], 8))
     step = 0 if shapes.shape[0] == 1 else 1
     for i in range(poses.shape[0]):
-        write_standing(packed, i, poses[i], shapes[i * step])
+        pose, shape = poses[i], shapes[i * step]
+        cos, sin = np.cos(pose[3]), np.sin(pose[3])
+        packed[i, 0] = pose[0] + cos * shape[3] - sin * shape[4]
+        packed[i, 1] = pose[1] + sin * shape[3] + cos * shape[4]
+        packed[i, 2] = pose[2] + shape[2]
+        packed[i, 3], packed[i, 4] = cos, sin
+        packed[i, 5], packed[i, 6], packed[i, 7] = shape[0], shape[1], shape[2]
     return packed
 
 
@@ -175,16 +169,6 @@ def candidate_pairs(rectangles: _FloatArray) -> _IndexArray:
     return pairs[:found]
 
 
-@compiled
-def _any_pair_overlaps(packed: _FloatArray, tolerance_m: float) -> bool:
-    """Tell whether any two of the packed boxes (N, 8) overlap by more than a tolerance."""
-    pairs = candidate_pairs(bounds(packed))
-    for k in range(pairs.shape[0]):
-        if boxes_overlap(packed, pairs[k, 0], packed, pairs[k, 1], tolerance_m):
-            return True
-    return False
-
-
 TOUCH_TOLERANCE_M: Final = 1e-9
 """Sets are open: what meets by no more than this only touches. It absorbs rounding, no more."""
 
@@ -289,7 +273,8 @@ def overlaps_any(boxes: OrientedBoxes, others: OrientedBoxes) -> NDArray[np.bool
 
 def any_overlap(boxes: OrientedBoxes) -> bool:
     """Tell whether any two of the boxes overlap, by the test of `overlaps`."""
-    return _any_pair_overlaps(boxes.packed, TOUCH_TOLERANCE_M)
+    first, second = candidate_pairs(bounds(boxes.packed)).T
+    return bool(overlaps(boxes.take(first), boxes.take(second)).any())
 
 
 def _readonly(values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:

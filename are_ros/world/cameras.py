@@ -1,7 +1,7 @@
 """Cameras: view models (pinhole, fisheye), undistortion, CameraInfo, and where they sit."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
@@ -10,10 +10,11 @@ from typing import Final, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import compiled
 from are_ros.errors import InputError, ParameterError
 from are_ros.world.footprint import Footprint
 from are_ros.world.rigid_transform import RigidTransform
+
+_Floats = npt.NDArray[np.float64]
 
 COEFFICIENTS: Final = 14
 """OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y (the last two are refused)."""
@@ -53,62 +54,73 @@ def _first_root(polynomial: np.poly1d) -> float:
     return float(real.min(initial=np.inf))
 
 
-@compiled
-def undistort_points(
-    points: npt.NDArray[np.float64], coefficients: npt.NDArray[np.float64], limit: float
-) -> npt.NDArray[np.float64]:
+def undistort_points(points: _Floats, coefficients: _Floats, limit: float) -> _Floats:
     """Return the undistorted slopes (N, 2) of distorted ones (N, 2); NaN where there are none.
 
     `limit` is `radial_limit`. A solution must reproduce the point to 1e-9 and lie where the model
-    is one to one: within the limit, with a positive Jacobian.
+    is one to one: within the limit, with a positive Jacobian. Newton's method, for all points at
+    once, from the inverse of the radial part.
     """
-    slopes = np.empty_like(points)
-    for index in range(points.shape[0]):
-        slopes[index] = _undistorted(points[index, 0], points[index, 1], coefficients, limit)
-    return slopes
-
-
-@compiled
-def _undistorted(
-    u: float, v: float, coefficients: npt.NDArray[np.float64], limit: float
-) -> tuple[float, float]:
-    radius = math.sqrt(u * u + v * v)
-    scale = _radial_inverse(radius, coefficients, limit) / radius if radius > 0.0 else 1.0
-    x, y = u * scale, v * scale
+    radii = np.sqrt(points[:, 0] * points[:, 0] + points[:, 1] * points[:, 1])
+    start = _radial_inverse(radii, coefficients, limit)
+    scales = np.divide(start, radii, out=np.ones_like(radii), where=radii > 0.0)
+    slopes, left = np.full_like(points, np.nan), np.arange(len(points))
+    x, y = points[:, 0] * scales, points[:, 1] * scales
     for _ in range(_STEPS):
         du, dv, a, b, c, d = _distorted(x, y, coefficients)
         determinant = a * d - b * c
-        error_u, error_v = du - u, dv - v
-        if not determinant > 0.0 or x * x + y * y > limit * limit:
+        error_u, error_v = du - points[left, 0], dv - points[left, 1]
+        fails = ~(determinant > 0.0) | (x * x + y * y > limit * limit)
+        is_solved = np.abs(error_u) + np.abs(error_v) < _CONVERGED * (1.0 + radii[left])
+        is_solved &= ~fails
+        slopes[left[is_solved], 0], slopes[left[is_solved], 1] = x[is_solved], y[is_solved]
+        goes_on = ~(fails | is_solved)
+        step_x = (d * error_u - b * error_v)[goes_on] / determinant[goes_on]
+        step_y = (a * error_v - c * error_u)[goes_on] / determinant[goes_on]
+        x, y, left = x[goes_on] - step_x, y[goes_on] - step_y, left[goes_on]
+        if not len(left):
             break
-        if abs(error_u) + abs(error_v) < _CONVERGED * (1.0 + radius):
-            return x, y
-        x -= (d * error_u - b * error_v) / determinant
-        y -= (a * error_v - c * error_u) / determinant
-    return np.nan, np.nan
+    return slopes
 
 
-@compiled
-def _radial_inverse(radius: float, coefficients: npt.NDArray[np.float64], limit: float) -> float:
-    """Return the slope whose radial distortion is `radius`; the limit if it is beyond.
+def _radial_inverse(radii: _Floats, coefficients: _Floats, limit: float) -> _Floats:
+    """Return the slopes (N,) whose radial distortion is `radii`; the limit if it is beyond."""
 
-    Newton's method, and a bisection wherever it would leave the bracket.
+    def radius_and_slope(slopes: _Floats) -> tuple[_Floats, _Floats]:
+        factor, change = _radial(slopes * slopes, coefficients)
+        return slopes * factor, factor + 2.0 * slopes * slopes * change
+
+    return _bracketed_newton(radius_and_slope, radii, limit)
+
+
+def _bracketed_newton(
+    function: Callable[[_Floats], tuple[_Floats, _Floats]], values: _Floats, limit: float
+) -> _Floats:
+    """Return where a function that grows on [0, limit] takes the values (N,).
+
+    `function` returns its value and its derivative. Newton's method, and a bisection wherever it
+    would leave the bracket.
     """
-    low, high, slope = 0.0, limit, min(radius, 0.5 * limit)
+    found, left = np.minimum(values, 0.5 * limit), np.arange(len(values))
+    low, high = np.zeros(len(values)), np.full(len(values), limit)
     for _ in range(_STEPS * 2):
-        factor, change = _radial(slope * slope, coefficients)
-        error = slope * factor - radius
-        low, high = (slope, high) if error < 0.0 else (low, slope)
-        following = slope - error / (factor + 2.0 * slope * slope * change)
-        following = following if low < following < high else 0.5 * (low + high)
-        if abs(following - slope) < _CONVERGED:
+        here = found[left]
+        reached, slope = function(here)
+        error = reached - values[left]
+        low, high = np.where(error < 0.0, here, low), np.where(error < 0.0, high, here)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            following = here - error / slope
+        is_inside = (low < following) & (following < high)
+        following = np.where(is_inside, following, 0.5 * (low + high))
+        goes_on = np.abs(following - here) >= _CONVERGED
+        found[left] = following
+        low, high, left = low[goes_on], high[goes_on], left[goes_on]
+        if not len(left):
             break
-        slope = following
-    return slope
+    return found
 
 
-@compiled
-def _radial(s: float, coefficients: npt.NDArray[np.float64]) -> tuple[float, float]:
+def _radial(s: _Floats, coefficients: _Floats) -> tuple[_Floats, _Floats]:
     """Return the radial factor and its derivative by s = r^2."""
     k1, k2, k3 = coefficients[0], coefficients[1], coefficients[4]
     k4, k5, k6 = coefficients[5], coefficients[6], coefficients[7]
@@ -120,11 +132,8 @@ def _radial(s: float, coefficients: npt.NDArray[np.float64]) -> tuple[float, flo
     return factor, (upper_slope - factor * lower_slope) / lower
 
 
-@compiled
-def _distorted(
-    x: float, y: float, coefficients: npt.NDArray[np.float64]
-) -> tuple[float, float, float, float, float, float]:
-    """Return the distorted slopes of (x, y), and the Jacobian's entries row by row."""
+def _distorted(x: _Floats, y: _Floats, coefficients: _Floats) -> tuple[_Floats, ...]:
+    """Return the distorted slopes of (x, y), and the Jacobian's entries row by row, (N,) each."""
     p1, p2 = coefficients[2], coefficients[3]
     s1, s2, s3, s4 = coefficients[8], coefficients[9], coefficients[10], coefficients[11]
     s = x * x + y * y
@@ -138,42 +147,24 @@ def _distorted(
     return u, v, u_x, cross + prism_u * y, cross + prism_v * x, v_y
 
 
-@compiled
-def undistort_angles(
-    radii: npt.NDArray[np.float64], coefficients: npt.NDArray[np.float64], limit_rad: float
-) -> npt.NDArray[np.float64]:
+def undistort_angles(radii: _Floats, coefficients: _Floats, limit_rad: float) -> _Floats:
     """Return the angles [rad] (N,) off the axis of equidistant image radii (N,).
 
     `limit_rad` is `angular_limit`; NaN where a radius lies beyond it.
     """
-    angles = np.empty_like(radii)
-    outermost = _angular(limit_rad, coefficients)[0]
-    for index in range(radii.size):
-        beyond = radii[index] > outermost
-        angles[index] = np.nan if beyond else _angle(radii[index], coefficients, limit_rad)
-    return angles
+
+    def radius_and_slope(angles: _Floats) -> tuple[_Floats, _Floats]:
+        return _angular(angles, coefficients)
+
+    outermost = _angular(np.array([limit_rad]), coefficients)[0]
+    angles = _bracketed_newton(radius_and_slope, radii, limit_rad)
+    return np.where(radii > outermost, np.nan, angles)
 
 
-@compiled
-def _angle(radius: float, coefficients: npt.NDArray[np.float64], limit_rad: float) -> float:
-    """Return the angle whose image radius this is, by Newton's method kept in a bracket."""
-    low, high, theta = 0.0, limit_rad, min(radius, 0.5 * limit_rad)
-    for _ in range(_STEPS * 2):
-        value, slope = _angular(theta, coefficients)
-        low, high = (theta, high) if value < radius else (low, theta)
-        following = theta - (value - radius) / slope
-        following = following if low < following < high else 0.5 * (low + high)
-        if abs(following - theta) < _CONVERGED:
-            return following
-        theta = following
-    return theta
-
-
-@compiled
-def _angular(theta: float, coefficients: npt.NDArray[np.float64]) -> tuple[float, float]:
-    """Return the image radius of an angle, and its derivative."""
+def _angular(theta: _Floats, coefficients: _Floats) -> tuple[_Floats, _Floats]:
+    """Return the image radii of angles (N,), and their derivatives."""
     s = theta * theta
-    k1, k2, k3, k4 = coefficients[0], coefficients[1], coefficients[2], coefficients[3]
+    k1, k2, k3, k4 = coefficients
     value = theta * (1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
     return value, 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))
 

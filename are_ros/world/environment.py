@@ -21,17 +21,11 @@ from are_ros.world.rigid_transform import RigidTransform, cosine_and_sine
 from are_ros.world.voxel_map import VoxelMap
 
 
-@compiled
 def surface_counts(occupied: npt.NDArray[np.uint8]) -> npt.NDArray[np.int64]:
     """Return how many columns of uint8 (nx, ny, nz) have a surface at k, int64 (nz + 1,)."""
-    nx, ny, nz = occupied.shape
-    counts = np.zeros(nz + 1, dtype=np.int64)
-    for i in range(nx):
-        for j in range(ny):
-            column = occupied[i, j]
-            for k in range(1, nz):
-                counts[k] += column[k - 1] & (1 - column[k])
-            counts[nz] += column[nz - 1]
+    counts = np.zeros(occupied.shape[2] + 1, dtype=np.int64)
+    counts[1:-1] = np.count_nonzero(occupied[..., :-1] > occupied[..., 1:], axis=(0, 1))
+    counts[-1] = np.count_nonzero(occupied[..., -1])
     return counts
 
 

@@ -15,62 +15,38 @@ _FloatArray = NDArray[np.float64]
 
 
 @compiled
-def _to_box_frame(vertices: _FloatArray, box: _FloatArray, i: int, local: _FloatArray) -> None:
-    """Write the polygon's vertices, in the frame of box i, to `local`."""
-    for k in range(vertices.shape[0]):
-        dx = vertices[k, 0] - box[i, 0]
-        dy = vertices[k, 1] - box[i, 1]
-        local[k, 0] = dx * box[i, 3] + dy * box[i, 4]
-        local[k, 1] = dy * box[i, 3] - dx * box[i, 4]
+def _signed_distance(polygon: _FloatArray, hx: float, hy: float) -> float:
+    """Return the distance of a polygon (K, 2) from the box |x| <= hx, |y| <= hy.
 
-
-@compiled
-def _largest_separation(polygon: _FloatArray, hx: float, hy: float) -> float:
-    """Return the largest gap over all edge normals; negative: minus the penetration depth.
-
-    These normals are those of the Minkowski difference, so the least translation is among them.
+    If they overlap: minus the penetration depth, the largest gap over all edge normals. These are
+    those of the Minkowski difference, so the least translation is among them. Else one end of the
+    shortest line between the two is a vertex of either.
     """
     count = polygon.shape[0]
-    separation = max(np.min(polygon[:, 0]) - hx, -np.max(polygon[:, 0]) - hx)
-    separation = max(separation, np.min(polygon[:, 1]) - hy, -np.max(polygon[:, 1]) - hy)
-    if count == 1:
-        return float(separation)
+    edges = count if count > 1 else 0
+    low_x, high_x, low_y, high_y, least = np.inf, -np.inf, np.inf, -np.inf, np.inf
     for k in range(count):
-        following = (k + 1) % count
-        ex = polygon[following, 0] - polygon[k, 0]
-        ey = polygon[following, 1] - polygon[k, 1]
-        offset = ey * polygon[k, 0] - ex * polygon[k, 1]
+        low_x, high_x = min(low_x, polygon[k, 0]), max(high_x, polygon[k, 0])
+        low_y, high_y = min(low_y, polygon[k, 1]), max(high_y, polygon[k, 1])
+        x, y = max(abs(polygon[k, 0]) - hx, 0.0), max(abs(polygon[k, 1]) - hy, 0.0)
+        least = min(least, x * x + y * y)
+    separation = max(low_x - hx, -high_x - hx, low_y - hy, -high_y - hy)
+    for k in range(edges):
+        ax, ay = polygon[k, 0], polygon[k, 1]
+        ex, ey = polygon[(k + 1) % count, 0] - ax, polygon[(k + 1) % count, 1] - ay
+        offset = ey * ax - ex * ay
         gap = -(hx * abs(ey) + hy * abs(ex) + offset) / np.hypot(ex, ey)
         separation = max(separation, gap)
-    return float(separation)
-
-
-@compiled
-def _squared_distance_to_edge(
-    ax: float, ay: float, bx: float, by: float, x: float, y: float
-) -> float:
-    """Return the squared distance of point (x, y) from the segment a-b."""
-    ex, ey = bx - ax, by - ay
-    along = ((x - ax) * ex + (y - ay) * ey) / (ex * ex + ey * ey)
-    along = min(max(along, 0.0), 1.0)
-    return (ax + along * ex - x) ** 2 + (ay + along * ey - y) ** 2
-
-
-@compiled
-def _distance_apart(polygon: _FloatArray, hx: float, hy: float) -> float:
-    """Return the distance of two disjoint shapes: one end of it is a vertex of either."""
-    count = polygon.shape[0]
-    least = np.inf
-    for k in range(count):
-        x = max(abs(polygon[k, 0]) - hx, 0.0)
-        y = max(abs(polygon[k, 1]) - hy, 0.0)
-        least = min(least, x * x + y * y)
-    for k in range(count if count > 1 else 0):
+    if separation <= 0.0:
+        return float(separation)
+    for k in range(edges):
         ax, ay = polygon[k, 0], polygon[k, 1]
-        bx, by = polygon[(k + 1) % count, 0], polygon[(k + 1) % count, 1]
-        for x in (-hx, hx):
-            for y in (-hy, hy):
-                least = min(least, _squared_distance_to_edge(ax, ay, bx, by, x, y))
+        ex, ey = polygon[(k + 1) % count, 0] - ax, polygon[(k + 1) % count, 1] - ay
+        for corner in range(4):
+            x, y = (hx if corner & 2 else -hx), (hy if corner & 1 else -hy)
+            along = ((x - ax) * ex + (y - ay) * ey) / (ex * ex + ey * ey)
+            along = min(max(along, 0.0), 1.0)
+            least = min(least, (ax + along * ex - x) ** 2 + (ay + along * ey - y) ** 2)
     return float(np.sqrt(least))
 
 
@@ -80,29 +56,11 @@ def signed_distances(vertices: _FloatArray, radius_m: float, packed: _FloatArray
     out = np.empty(packed.shape[0])
     local = np.empty(vertices.shape)
     for i in range(packed.shape[0]):
-        _to_box_frame(vertices, packed, i, local)
-        distance = _largest_separation(local, packed[i, 5], packed[i, 6])
-        if distance > 0.0:
-            distance = _distance_apart(local, packed[i, 5], packed[i, 6])
-        out[i] = distance - radius_m
-    return out
-
-
-@compiled
-def penetrations(vertices: _FloatArray, radius_m: float, packed: _FloatArray) -> _FloatArray:
-    """Return the penetration depths (N,), 0 where apart; far boxes cost one comparison."""
-    out = np.zeros(packed.shape[0])
-    x, y = np.mean(vertices[:, 0]), np.mean(vertices[:, 1])
-    reach = radius_m + np.max(np.hypot(vertices[:, 0] - x, vertices[:, 1] - y))
-    local = np.empty(vertices.shape)
-    for i in range(packed.shape[0]):
-        limit = reach + packed[i, 5] + packed[i, 6]
-        if abs(packed[i, 0] - x) < limit and abs(packed[i, 1] - y) < limit:
-            _to_box_frame(vertices, packed, i, local)
-            distance = _largest_separation(local, packed[i, 5], packed[i, 6])
-            if distance > 0.0:
-                distance = _distance_apart(local, packed[i, 5], packed[i, 6])
-            out[i] = max(radius_m - distance, 0.0)
+        for k in range(vertices.shape[0]):  # into the frame of the box
+            dx, dy = vertices[k, 0] - packed[i, 0], vertices[k, 1] - packed[i, 1]
+            local[k, 0] = dx * packed[i, 3] + dy * packed[i, 4]
+            local[k, 1] = dy * packed[i, 3] - dx * packed[i, 4]
+        out[i] = _signed_distance(local, packed[i, 5], packed[i, 6]) - radius_m
     return out
 
 
@@ -184,8 +142,8 @@ def signed_distance_m(footprint: Footprint, boxes: OrientedBoxes) -> NDArray[np.
 
 
 def penetration_m(footprint: Footprint, boxes: OrientedBoxes) -> NDArray[np.float64]:
-    """Return the penetration depths (N,), 0 where apart: quick where most boxes are far away."""
-    return penetrations(footprint.vertices_m, footprint.radius_m, boxes.packed)
+    """Return the penetration depths (N,), 0 where apart."""
+    return np.maximum(-signed_distance_m(footprint, boxes), 0.0)
 
 
 def _parsed_points(text: str, source: str) -> NDArray[np.float64]:

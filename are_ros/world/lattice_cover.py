@@ -7,6 +7,8 @@ A clearance field holds at each cell the distance to the nearest cell with a zer
 so a row can be scanned in leaps of that many cells. `unit` is the field's value for one cell.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -58,12 +60,6 @@ def outline(
 
 
 @compiled
-def row_range(y: float, top_y: float) -> tuple[int, int]:
-    """Return the first and last row whose open band meets the outline."""
-    return np.int64(np.floor(y - top_y)), np.int64(np.ceil(y + top_y)) - 1
-
-
-@compiled
 def _left_end(
     low: float, high: float, top_x: float, top_y: float, right_x: float, right_y: float
 ) -> float:
@@ -94,7 +90,7 @@ def covered(
 ) -> tuple[int, int, NDArray[np.bool_]]:
     """Return first row, first column and mask of the cells that footprint i covers in a grid."""
     x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
-    first_row, last_row = row_range(y, top_y)
+    first_row, last_row = np.int64(np.floor(y - top_y)), np.int64(np.ceil(y + top_y)) - 1
     first_row, last_row = max(first_row, 0), min(last_row, shape[0] - 1)
     first_column = max(np.int64(np.floor(x - right_x)), 0)
     last_column = min(np.int64(np.ceil(x + right_x)) - 1, shape[1] - 1)
@@ -107,19 +103,6 @@ def covered(
         if start <= end:  # a negative end would count from the back
             mask[row - first_row, start - first_column : end + 1 - first_column] = True
     return first_row, first_column, mask
-
-
-@compiled
-def count_new(mask: NDArray[np.bool_], row0: int, col0: int, is_counted: NDArray[np.bool_]) -> int:
-    """Count the cells of a mask, laid at (row0, col0), that are not counted yet, and mark them."""
-    count = 0
-    for row in range(mask.shape[0]):
-        new = mask[row]
-        old = is_counted[row0 + row, col0 : col0 + mask.shape[1]]
-        for column in range(new.shape[0]):  # without branches, so that it vectorises
-            count += new[column] > old[column]
-            old[column] |= new[column]
-    return count
 
 
 _Field = NDArray[np.float32]
@@ -172,59 +155,18 @@ def hits_cells(
     The field is the distance from all that is not free, the cells outside the grid among it.
     """
     out = np.zeros(packed.shape[0], np.bool_)
-    distances = _distances_at_centres(packed, lattice, field)
-    for i in range(packed.shape[0]):
-        reach = np.sqrt(packed[i, 5] ** 2 + packed[i, 6] ** 2) / min(lattice[4], lattice[5])
-        if distances[i] <= (reach + TWO_HALF_DIAGONALS) * unit:
-            out[i] = _hits_cells(packed, i, lattice, occupied, field, unit, tolerance_m)
-    return out
-
-
-@compiled
-def _distances_at_centres(
-    packed: _FloatArray, lattice: _FloatArray, field: _Field
-) -> NDArray[np.float32]:
-    """Return the field (N,) in the cells that hold the centres, 0 outside of it.
-
-    In a loop of its own, so that the processor waits for many cells at once, not one by one.
-    """
-    out = np.zeros(packed.shape[0], np.float32)
-    for i in range(packed.shape[0]):
+    distances = np.zeros(packed.shape[0], np.float32)  # at the centres, 0 outside of the field
+    for i in range(packed.shape[0]):  # in a loop of its own: the processor waits for many at once
         dx, dy = packed[i, 0] - lattice[0], packed[i, 1] - lattice[1]
         x = (dx * lattice[2] + dy * lattice[3]) / lattice[4]
         y = (dy * lattice[2] - dx * lattice[3]) / lattice[5]
         if 0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]:
-            out[i] = field[np.int64(y), np.int64(x)]
+            distances[i] = field[np.int64(y), np.int64(x)]
+    for i in range(packed.shape[0]):
+        reach = np.sqrt(packed[i, 5] ** 2 + packed[i, 6] ** 2) / min(lattice[4], lattice[5])
+        if distances[i] <= (reach + TWO_HALF_DIAGONALS) * unit:
+            out[i] = meets(packed, i, lattice, occupied, True, field, unit, tolerance_m)
     return out
-
-
-@compiled
-def _hits_cells(
-    packed: _FloatArray,
-    i: int,
-    lattice: _FloatArray,
-    occupied: _Mask,
-    field: _Field,
-    unit: float,
-    tolerance_m: float,
-) -> bool:
-    """Tell whether footprint `i` covers free cells of the grid only, as `are_free`."""
-    x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
-    if _is_far(field, unit, x, y, (top_x, top_y), (right_x, right_y)):
-        return False
-    first, last = row_range(y, top_y)
-    if first < 0 or last >= field.shape[0]:
-        return True
-    for row in range(first, last + 1):
-        start, end = column_range(row, x, y, top_x, top_y, right_x, right_y)
-        if start < 0 or end >= field.shape[1]:
-            return True
-        column = _next_zero(field, unit, row, start, end)
-        while column <= end:
-            if occupied[row, column]:
-                return True
-            column = _next_zero(field, unit, row, column + 1, end)
-    return False
 
 
 @compiled
@@ -234,33 +176,41 @@ def are_free(
     """Tell which footprints cover free cells of the grid only; the field is 0 on the others."""
     out = np.zeros(packed.shape[0], np.bool_)
     for i in range(packed.shape[0]):
-        out[i] = is_free(packed, i, lattice, field, unit, tolerance_m)
+        out[i] = not meets(packed, i, lattice, field, 0.0, field, unit, tolerance_m)
     return out
 
 
 @compiled
-def is_free(
+def meets(
     packed: _FloatArray,
     i: int,
     lattice: _FloatArray,
+    cells: NDArray[Any],
+    value: Any,
     field: _Field,
     unit: float,
     tolerance_m: float,
 ) -> bool:
-    """Tell whether footprint `i` covers free cells of the grid only, as `are_free`."""
+    """Tell whether footprint `i` meets a cell of a value, or reaches outside the grid.
+
+    The field is 0 on all such cells. So the footprint is free if it does not meet a 0 of the field.
+    """
     x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
     if _is_far(field, unit, x, y, (top_x, top_y), (right_x, right_y)):
-        return True
-    first, last = row_range(y, top_y)
-    if first < 0 or last >= field.shape[0]:
         return False
+    first, last = np.int64(np.floor(y - top_y)), np.int64(np.ceil(y + top_y)) - 1
+    if first < 0 or last >= field.shape[0]:
+        return True
     for row in range(first, last + 1):
         start, end = column_range(row, x, y, top_x, top_y, right_x, right_y)
         if start < 0 or end >= field.shape[1]:
-            return False
-        if _next_zero(field, unit, row, start, end) <= end:
-            return False
-    return True
+            return True
+        column = _next_zero(field, unit, row, start, end)
+        while column <= end:
+            if cells[row, column] == value:
+                return True
+            column = _next_zero(field, unit, row, column + 1, end)
+    return False
 
 
 @compiled
@@ -288,8 +238,9 @@ def hits_voxels(
         first = max(np.int64(np.floor((bottom - low_m) / height_m)), 0)
         end = min(np.int64(np.ceil((top - low_m) / height_m)), occupied.shape[2])
         if first < end:
-            layers = first, end
-            out[i] = _hits_layers(packed, i, lattice, layers, occupied, lowest, field, tolerance_m)
+            out[i] = _hits_layers(
+                packed, i, lattice, (first, end), occupied, lowest, field, tolerance_m
+            )
     return out
 
 
@@ -309,7 +260,7 @@ def _hits_layers(
     x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
     if _is_far(field, 1.0, x, y, (top_x, top_y), (right_x, right_y)):
         return False
-    first, last = row_range(y, top_y)
+    first, last = np.int64(np.floor(y - top_y)), np.int64(np.ceil(y + top_y)) - 1
     for row in range(max(first, 0), min(last + 1, field.shape[0])):
         start, end = column_range(row, x, y, top_x, top_y, right_x, right_y)
         end = min(end, field.shape[1] - 1)

@@ -142,23 +142,6 @@ def top_bounds(
 
 
 @compiled
-def is_within(
-    x: float, y: float, yaw: float, excluded: Floats, radius: float, turn: float, reach: float
-) -> bool:
-    """Tell whether all poses around one are near an excluded pose (M, 3).
-
-    `reach` is how far those around lie [cells, and in units of `turn` per radius].
-    """
-    for m in range(excluded.shape[0]):
-        dx, dy = x - excluded[m, 0], y - excluded[m, 1]
-        away = abs(yaw - excluded[m, 2]) % (2.0 * np.pi)
-        away = min(away, 2.0 * np.pi - away)
-        if np.sqrt(dx * dx + dy * dy) + reach < radius and away + reach / radius * turn < turn:
-            return True
-    return False
-
-
-@compiled
 def _push_children(
     fields: Bytes,
     pad: int,
@@ -188,7 +171,14 @@ def _push_children(
         x, y, yaw = (ix + 0.5) * size, (iy + 0.5) * size, (it + 0.5) * size * yaw_step
         if (ix << below) >= sides[0] or (iy << below) >= sides[1]:
             continue
-        if is_within(x, y, yaw, excluded, radius, turn, wide):
+        is_left_out = False  # where all poses of the child are near an excluded one
+        for m in range(excluded.shape[0]):
+            dx, dy = x - excluded[m, 0], y - excluded[m, 1]
+            away = abs(yaw - excluded[m, 2]) % (2.0 * np.pi)
+            away = min(away, 2.0 * np.pi - away)
+            is_near = np.sqrt(dx * dx + dy * dy) + wide < radius
+            is_left_out |= is_near and away + wide / radius * turn < turn
+        if is_left_out:
             continue
         value = bound_at(fields[below], pad, outside, points, x, y, yaw, best)
         if below == 0 and value > best:
@@ -264,20 +254,6 @@ def search_nodes(
     return best
 
 
-@compiled
-def distance_at(distances: npt.NDArray[np.float32], col: float, row: float) -> float:
-    """Return the distance between the cells' centres, bilinear; infinite beyond the map."""
-    col, row = col - 0.5, row - 0.5
-    if not (0.0 <= col < distances.shape[1] - 1 and 0.0 <= row < distances.shape[0] - 1):
-        return np.inf
-    i, j = int(row), int(col)
-    fy, fx = row - i, col - j
-    low = distances[i, j] * (1.0 - fx) + distances[i, j + 1] * fx
-    high = distances[i + 1, j] * (1.0 - fx) + distances[i + 1, j + 1] * fx
-    return float(low * (1.0 - fy) + high * fy)
-
-
-@compiled
 def likelihood(
     distances: npt.NDArray[np.float32],
     resolution_m: float,
@@ -287,16 +263,24 @@ def likelihood(
     yaw: float,
     sigma_m: float,
 ) -> float:
-    """Return the mean of exp(-d^2 / 2 sigma^2) over the points (N, 2) [m] at a pose."""
+    """Return the mean of exp(-d^2 / 2 sigma^2) over the points (N, 2) [m] at a pose.
+
+    d is the distance between the cells' centres, bilinear; a point beyond the map counts 0.
+    """
     cosine, sine = np.cos(yaw), np.sin(yaw)
-    total = 0.0
-    for k in range(points_m.shape[0]):
-        x = cosine * points_m[k, 0] - sine * points_m[k, 1] + x_m
-        y = sine * points_m[k, 0] + cosine * points_m[k, 1] + y_m
-        d = distance_at(distances, x / resolution_m, y / resolution_m)
-        if d < 5.0 * sigma_m:
-            total += np.exp(-0.5 * (d / sigma_m) ** 2)
-    return float(total / points_m.shape[0])
+    x = cosine * points_m[:, 0] - sine * points_m[:, 1] + x_m
+    y = sine * points_m[:, 0] + cosine * points_m[:, 1] + y_m
+    col, row = x / resolution_m - 0.5, y / resolution_m - 0.5
+    height, width = distances.shape
+    is_inside = (col >= 0.0) & (col < width - 1) & (row >= 0.0) & (row < height - 1)
+    col, row = col[is_inside], row[is_inside]
+    i, j = row.astype(np.int64), col.astype(np.int64)
+    fy, fx = row - i, col - j
+    low = distances[i, j] * (1.0 - fx) + distances[i, j + 1] * fx
+    high = distances[i + 1, j] * (1.0 - fx) + distances[i + 1, j + 1] * fx
+    d = low * (1.0 - fy) + high * fy
+    near = d[d < 5.0 * sigma_m]
+    return float(np.exp(-0.5 * (near / sigma_m) ** 2).sum() / len(points_m))
 
 
 @compiled
@@ -343,8 +327,8 @@ DISTINCT_M: Final = 0.5
 DISTINCT_RAD: Final = math.radians(10.0)
 """Two poses farther apart than one of these are two answers."""
 AMBIGUOUS: Final = 0.95
-"""A rival with this share of the best score fits as well: a few people or chairs, who are not on
-the map, or who were when it was made, change the score of the right pose by as much."""
+"""A rival with this share of the best score fits as well: a few people or chairs that are not on
+the map, or that were when it was made, change the score of the right pose by as much."""
 POOR_SHARE: Final = 0.5
 """With a smaller share of endpoints on walls, map and recording do not belong together."""
 

@@ -189,9 +189,8 @@ def leaf_bounds(
 
     In voxels so many `times` (1 or more) as wide as those of the lattice, from its same corner.
     """
-    form = lattice.size_m, lattice.phase_m, *_flags(lattice), 1.0 / times
-    low, high = _leaf_bounds(points_m, *form)
-    return low, high
+    low, high = _leaves(points_m, lattice, 1.0 / times)
+    return low.min(axis=0), high.max(axis=0)
 
 
 def fill_voxels(
@@ -202,12 +201,8 @@ def fill_voxels(
     times: float = 1.0,
 ) -> None:
     """Set to 1, in an array whose voxel (0, 0, 0) has index `low`, what the centres stand for."""
-    form = lattice.size_m, lattice.phase_m, *_flags(lattice), 1.0 / times
-    _fill(points_m, *form, low, occupied)
-
-
-def _flags(lattice: VoxelLattice) -> tuple[bool, bool]:
-    return lattice.has_leaves, lattice.is_octree
+    first, end = _leaves(points_m, lattice, 1.0 / times)
+    _fill(first - low, end - low, occupied)
 
 
 def _given(points_m: npt.NDArray[np.floating], size_m: float) -> VoxelLattice:
@@ -310,17 +305,20 @@ def _phase(
     return phase, concentration
 
 
-@compiled
-def _valuation(n: int) -> int:
-    """Return how often 2 divides n, at most _MAX_LEVEL (so also for 0)."""
-    level = 0
-    while level < _MAX_LEVEL and n & 1 == 0:
-        n >>= 1
-        level += 1
-    return level
+def _whole(numbers: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+    """Return whole numbers as integers; what no integer can hold is refused later, by its size."""
+    with np.errstate(invalid="ignore"):
+        return numbers.astype(np.int64)
 
 
-@compiled
+def _valuations(numbers: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Return how often 2 divides each number, at most _MAX_LEVEL (so also for 0)."""
+    powers = np.array(1 << np.arange(_MAX_LEVEL), np.int64)
+    lowest_bits = (numbers | powers[-1] << 1) & -(numbers | powers[-1] << 1)
+    valuations: npt.NDArray[np.int64] = np.searchsorted(powers, lowest_bits)
+    return valuations
+
+
 def _parities(
     points: npt.NDArray[np.floating], half: float, phase: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.int64], int]:
@@ -328,87 +326,44 @@ def _parities(
 
     And how many of the all-even ones have unequal powers of two on their axes.
     """
-    counts = np.zeros(8, dtype=np.int64)
-    unequal = 0
-    for i in range(points.shape[0]):
-        x = np.int64(np.rint((points[i, 0] - phase[0]) / half))
-        y = np.int64(np.rint((points[i, 1] - phase[1]) / half))
-        z = np.int64(np.rint((points[i, 2] - phase[2]) / half))
-        parity = ((x & 1) << 2) | ((y & 1) << 1) | (z & 1)
-        counts[parity] += 1
-        if parity == 0:
-            level = _valuation(x)
-            if _valuation(y) != level or _valuation(z) != level:
-                unequal += 1
-    return counts, unequal
+    steps = _whole(np.rint((points - phase) / half))
+    parities = (steps & 1) @ np.array([4, 2, 1])
+    levels = _valuations(steps[parities == 0])
+    unequal = (levels != levels[:, :1]).any(axis=1)
+    return np.bincount(parities, minlength=8), int(np.count_nonzero(unequal))
 
 
-@compiled
-def _leaf(
-    x: float, y: float, z: float, has_leaves: bool, is_octree: bool
-) -> tuple[int, int, int, int]:
-    """Return low voxel index and width of the leaf with its centre at (x, y, z) [voxels]."""
-    if has_leaves:
-        i, j, k = np.int64(np.rint(2.0 * x)), np.int64(np.rint(2.0 * y)), np.int64(np.rint(2.0 * z))
-        if (i | j | k) & 1 == 0:
-            level = 1
-            if is_octree:
-                level = min(_valuation(i), _valuation(j), _valuation(k))
-            reach = 1 << (level - 1)
-            return (i >> 1) - reach, (j >> 1) - reach, (k >> 1) - reach, 2 * reach
-    return np.int64(np.floor(x)), np.int64(np.floor(y)), np.int64(np.floor(z)), 1
-
-
-@compiled
-def _coarser(index: int, share: float) -> int:
-    """Return which voxel, of which one of the lattice is a `share`, holds the middle of one."""
-    coarser: int = np.int64(np.floor((index + 0.5) * share))
-    return coarser
-
-
-@compiled
-def _leaf_bounds(
-    points: npt.NDArray[np.floating],
-    size: float,
-    phase: npt.NDArray[np.float64],
-    has_leaves: bool,
-    is_octree: bool,
-    share: float,
+def _leaves(
+    points_m: npt.NDArray[np.floating], lattice: VoxelLattice, share: float
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    low = np.full(3, 2**62, dtype=np.int64)
-    high = np.full(3, -(2**62), dtype=np.int64)
-    for p in range(points.shape[0]):
-        x = (points[p, 0] - phase[0]) / size
-        y = (points[p, 1] - phase[1]) / size
-        z = (points[p, 2] - phase[2]) / size
-        i, j, k, width = _leaf(x, y, z, has_leaves, is_octree)
-        for axis, first in enumerate((i, j, k)):
-            low[axis] = min(low[axis], _coarser(first, share))
-            high[axis] = max(high[axis], _coarser(first + width - 1, share) + 1)
-    return low, high
+    """Return low and exclusive high voxel index (N, 3) of the leaves with centres (N, 3).
+
+    Voxels of the lattice are a `share` as wide as those of the indices.
+    """
+    centres = (points_m - lattice.phase_m) / lattice.size_m
+    low = _whole(np.floor(centres))
+    last = low.copy()
+    if lattice.has_leaves:
+        halves = _whole(np.rint(2.0 * centres))
+        coarse = np.flatnonzero((np.bitwise_or.reduce(halves, axis=1) & 1) == 0)
+        corners = halves[coarse]
+        level = _valuations(corners).min(axis=1) if lattice.is_octree else np.ones_like(coarse)
+        reach = np.left_shift(1, level - 1)[:, None]
+        low[coarse] = (corners >> 1) - reach
+        last[coarse] = low[coarse] + 2 * reach - 1
+    return _whole(np.floor((low + 0.5) * share)), _whole(np.floor((last + 0.5) * share)) + 1
 
 
 @compiled
 def _fill(
-    points: npt.NDArray[np.floating],
-    size: float,
-    phase: npt.NDArray[np.float64],
-    has_leaves: bool,
-    is_octree: bool,
-    share: float,
-    low: npt.NDArray[np.int64],
-    occupied: npt.NDArray[np.uint8],
+    low: npt.NDArray[np.int64], high: npt.NDArray[np.int64], occupied: npt.NDArray[np.uint8]
 ) -> None:
-    for p in range(points.shape[0]):
-        x = (points[p, 0] - phase[0]) / size
-        y = (points[p, 1] - phase[1]) / size
-        z = (points[p, 2] - phase[2]) / size
-        i, j, k, width = _leaf(x, y, z, has_leaves, is_octree)
-        last = width - 1
-        i, i_end = _coarser(i, share) - low[0], _coarser(i + last, share) + 1 - low[0]
-        j, j_end = _coarser(j, share) - low[1], _coarser(j + last, share) + 1 - low[1]
-        k, k_end = _coarser(k, share) - low[2], _coarser(k + last, share) + 1 - low[2]
-        occupied[i:i_end, j:j_end, k:k_end] = 1
+    """Set the voxels of boxes (N, 3), from low to exclusive high index, to 1."""
+    for n in range(low.shape[0]):
+        for i in range(low[n, 0], high[n, 0]):
+            for j in range(low[n, 1], high[n, 1]):
+                for k in range(low[n, 2], high[n, 2]):
+                    occupied[i, j, k] = 1
 
 
 MAX_VOXELS: Final = 2**30

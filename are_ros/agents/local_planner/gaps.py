@@ -1,7 +1,7 @@
-"""How near a path comes to others where they will be.
+"""Clearance of a path from the trajectories of other agents.
 
-Paths (K, 6) are compared sub-step by sub-step, but for those in which they cannot meet, for the
-discs about them are too far apart. `k` counts sub-steps from now; a path's last pose is held.
+Paths (K, 6) are compared sub-step by sub-step. Sub-steps in which the discs about the bodies are
+too far apart are skipped. `k` counts sub-steps from now; a path's last pose is held.
 """
 
 from typing import Any
@@ -61,7 +61,7 @@ def _room_to_turn(p: Floats, a: Any, q: Floats, b: Any) -> float:
 
 @borrowing
 def _jams(p: Floats, a: Any, q: Floats, b: Any) -> bool:
-    """Tell whether one of two that stand so, and could turn on the spot, cannot turn any more."""
+    """Tell whether one of two standing bodies that turn on the spot cannot turn any more."""
     if a.turn_radius == 0.0 and _room_to_turn(p, a, q, b) < 0.0:
         return True
     return bool(b.turn_radius == 0.0 and b.speed > 0.0 and _room_to_turn(q, b, p, a) < 0.0)
@@ -84,9 +84,9 @@ def gap_between(
     """Return the least gap, at most `comfort`, of a plan from a path, and when they first overlap.
 
     The path is at index `start` now and ends at `end`; `pace` is the highest closing speed per
-    sub-step. Looks at sub-steps 1..until; NEVER: they do not overlap in these. To stand so near in
-    the end that one cannot turn on the spot is like an overlap, unless it was so at `home`, where
-    the plan before this one ends: who walks hardly steps back, and might be stuck for ever.
+    sub-step. Looks at sub-steps 1..until; NEVER: they do not overlap in these. An end so near that
+    one of them cannot turn on the spot counts as an overlap, unless it is so at `home`, where the
+    plan before this one ends: walkers hardly step back, and could be stuck for ever.
     """
     radii = body.radius + other.radius
     final = max(last, end - start)

@@ -1,12 +1,4 @@
-"""The traffic: everybody on a committed trajectory that ends in a stand and meets nobody's.
-
-A trajectory is a manoeuvre of about a second and then braking. It is taken only if, sub-step by
-sub-step, its boxes overlap neither closed ground nor anybody on the trajectory that he is committed
-to (open boxes, exact); else the old one goes on, which was free and still is, for all the others
-have kept clear of it. So nobody ever overlaps, unless something breaks in from outside: an arrival,
-a displaced one, a new map, the robot. Those who are due in a sub-step plan one after the other, by
-id, so each knows what the ones before it have decided.
-"""
+"""The local planner as Python calls it; the package says how it works."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +8,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.local_planner import patience as _orders
+from are_ros.agents.local_planner import deadlock as _deadlock
 from are_ros.agents.local_planner import state as _state
 from are_ros.agents.local_planner import sub_step as _steps
 from are_ros.agents.local_planner.body import MotionCommand
@@ -29,11 +21,9 @@ from are_ros.agents.table import AgentTable
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment
 
-# What may be in an artefact's way.
-
 
 class Obstruction(Enum):
-    """Nothing, a wall (or unknown ground), another artefact, the robot."""
+    """What obstructs an agent: nothing, a wall (or unknown ground), another artefact, the robot."""
 
     NONE = _state.UNOBSTRUCTED
     WALL = _state.BY_WALL
@@ -48,7 +38,7 @@ _Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PlannerCounters:
-    """How often so far a plan was made, an old one kept, a broken one found no way out."""
+    """How often a plan was made, an old one kept, and a broken one kept for want of another."""
 
     plans_made: int
     plans_kept: int
@@ -56,26 +46,31 @@ class PlannerCounters:
 
 
 class LocalPlanner:
-    """Moves the agents of a table by their orders."""
+    """Moves the agents of a table by their commands."""
 
     def __init__(self, table: AgentTable, terrains: Terrains | None = None) -> None:
-        """Take the agents, and the terrains where others need them, too."""
+        """Take the agents, and the terrains if others share them."""
         self._table = table
         self._floors = ClearanceLayers(terrains or Terrains())
         self._workspace = _state.workspace_of(len(table), _state.path_length(table.timing))
 
     def give_commands(self, rows: Sequence[int], commands: Sequence[MotionCommand]) -> None:
-        """Tell the agents of some rows what to do from the next sub-step on."""
+        """Set the commands of the agents of some rows, from the next sub-step on."""
         arrays, which = self._table.arrays, np.array(rows, np.int64)
         records = np.array([_state.command_record(command) for command in commands], np.float64)
-        _orders.give(
-            arrays.command, arrays.mind, arrays.due, which, records.reshape(-1, 9), self._table.now
+        _deadlock.write_commands(
+            arrays.command,
+            arrays.memory,
+            arrays.due,
+            which,
+            records.reshape(-1, 9),
+            self._table.now,
         )
 
     def prescribe(self, row: int, poses: _Floats) -> None:
-        """Let one follow x, y, yaw float64 (K, 3), K > 0, in the next sub-steps, then stand.
+        """Make an agent follow x, y, yaw float64 (K, 3), K > 0, in the next sub-steps, then stand.
 
-        Nothing is tested; the others plan around it. It plans nothing of its own any more.
+        Nothing is tested; the others plan around it. It does not plan any more.
         """
         arrays, now, timing = self._table.arrays, self._table.now, self._table.timing
         place, coming = arrays.place[row], poses[: arrays.path.shape[1] - 1]
@@ -94,16 +89,22 @@ class LocalPlanner:
     def step(
         self, index: int, environment: Environment, robot: RobotMotion | None
     ) -> tuple[_Floats, npt.NDArray[np.bool_]]:
-        """Let those plan who are due, and everybody go one sub-step on.
+        """Plan for the agents that are due, and move all by one sub-step.
 
-        `index` is the number of the sub-step since the epoch: it fixes who is due. Returns x, y,
-        yaw float64 (N, 3) of all at the next sub-step, and whose pose is another then, bool (N,).
+        `index` is the number of the sub-step since the epoch. Returns x, y, yaw float64 (N, 3) of
+        all at the next sub-step, and which poses have changed, bool (N,).
         """
         table, arrays = self._table, self._table.arrays
         if len(table) > len(self._workspace.near):
             counters = self._workspace.counters
             workspace = _state.workspace_of(2 * len(table), arrays.path.shape[1])
             self._workspace = workspace._replace(counters=counters)
+        if self._all_stand():
+            table.now += 1
+            arrays.place["is_news"] = 0
+            return arrays.path[np.arange(len(table)), arrays.place["last"], :3], np.zeros(
+                len(table), np.bool_
+            )
         is_new, floor = self._floors.of(environment, table.heights)
         if is_new:
             _steps.mark_closed(arrays, table.now, floor, self._workspace.box)
@@ -115,16 +116,29 @@ class LocalPlanner:
         table.now += 1
         return poses[:, :3], moved
 
+    def _all_stand(self) -> bool:
+        """Tell whether nobody moves, wants to move or has to give way: then there is no planning.
+
+        So a replay without motion compiles none of the planner's kernels.
+        """
+        arrays, now = self._table.arrays, self._table.now
+        place = arrays.place
+        is_moving = now - place["begin"] < place["last"]
+        is_active = is_moving | (arrays.command["has_goal"] != 0)
+        is_active |= arrays.memory["pushed_until"] > now
+        return not is_active.any()
+
     @property
     def motion(self) -> _Floats:
-        """Where all are now and how fast: x, y, yaw, cos, sin, speed along it, float64 (N, 6)."""
-        poses = np.empty((len(self._table), 6))
-        _steps.poses_at(self._table.arrays, self._table.now, poses)
-        return poses
+        """Poses and speeds of all now: x, y, yaw, cos, sin, speed along yaw, float64 (N, 6)."""
+        arrays, now = self._table.arrays, self._table.now
+        steps = np.minimum(now - arrays.place["begin"], arrays.place["last"])
+        motion: _Floats = arrays.path[np.arange(len(steps)), steps]
+        return motion
 
     @property
     def counters(self) -> PlannerCounters:
-        """What planning has come to so far."""
+        """The planner's counters since the start."""
         made, kept, emergencies, _ = self._workspace.counters.tolist()
         return PlannerCounters(made, kept, emergencies)
 
@@ -135,7 +149,7 @@ class LocalPlanner:
         return np.array(self._table.arrays.path[row, first : int(place["last"]) + 1, :3])
 
     def is_clear(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
-        """Tell which boxes (M,), standing from now on, nobody meets on his trajectory."""
+        """Tell which boxes (M,), standing from now on, are met by no trajectory."""
         packed = boxes.packed
         poses = np.zeros((len(packed), 6))
         poses[:, X], poses[:, Y], poses[:, YAW] = packed[:, 0], packed[:, 1], boxes.yaws_rad
@@ -148,13 +162,13 @@ class LocalPlanner:
         return clear
 
     def obstructions(self, rows: Sequence[int]) -> list[tuple[Obstruction, int, float]]:
-        """Tell what is in the way of some agents, whose id that is (or -1), and since when [s].
+        """Return what obstructs some agents, the id of the artefact (or -1), and for how long [s].
 
-        The time is that in which one wanted to move and came nearer to its sub-goal by less than
-        0.1 m/s; 0: nothing is in its way.
+        The time counts while an agent wants to move and comes nearer to its sub-goal by less than
+        0.1 m/s; 0: nothing obstructs it.
         """
-        minds = self._table.arrays.mind[list(rows)]
-        fields = (minds[name].tolist() for name in ("obstruction", "obstructed_by", "blocked"))
+        memories = self._table.arrays.memory[list(rows)]
+        fields = (memories[name].tolist() for name in ("obstruction", "obstructed_by", "blocked"))
         return [
             (Obstruction(kind), who, since_s) if since_s > 0.0 else _UNOBSTRUCTED
             for kind, who, since_s in zip(*fields, strict=True)

@@ -1,26 +1,24 @@
-"""Planning one artefact: the cheapest option that meets nobody's committed path, or the old one."""
+"""Planning for one agent: the cheapest primitive that meets no committed trajectory, or none."""
 
 from typing import Any
 
 import numpy as np
 
 from are_ros._compiled import borrowing
+from are_ros.agents.local_planner.deadlock import can_yield, consider_detour, push
 from are_ros.agents.local_planner.gaps import TOUCH, distance, gap_between, separation
-from are_ros.agents.local_planner.patience import can_yield, consider_detour, push
 from are_ros.agents.local_planner.primitives import (
     cheapest,
-    direction_of,
     fill_options,
-    rule_out_twin,
 )
 from are_ros.agents.local_planner.robot import robot_conflict
 from are_ros.agents.local_planner.rollouts import (
     BRAKE,
     GOING,
+    HEADING,
     PUSHED,
     aim_of,
-    circle_of,
-    pace_of,
+    bounds_of,
     roll_out,
 )
 from are_ros.agents.local_planner.spatial_hash import gather
@@ -28,11 +26,13 @@ from are_ros.agents.local_planner.state import (
     BY_ARTEFACT,
     BY_ROBOT,
     BY_WALL,
+    COS,
     EMERGENCIES,
     KEPT,
     NEVER,
     NOBODY,
     PLANS,
+    SIN,
     SPEED,
     STAMP,
     UNOBSTRUCTED,
@@ -53,7 +53,7 @@ from are_ros.agents.local_planner.walls import (
     wall_gap_wanted,
 )
 
-# What a path costs besides its option: nearness to walls, others and the robot.
+# What a path costs besides its primitive: nearness to walls, others and the robot.
 
 
 INFEASIBLE = np.inf
@@ -93,7 +93,7 @@ def _assess_robot(
 
 
 @borrowing
-def look_round(
+def find_neighbours(
     agents: AgentArrays,
     i: int,
     pose: Floats,
@@ -102,10 +102,10 @@ def look_round(
     workspace: Workspace,
     found: int,
 ) -> int:
-    """Keep those of the first of `workspace.near` that something within `reach` of a pose can meet.
+    """Keep those of the first `found` of `workspace.near` that come within `reach` of a pose.
 
-    Writes the gap wanted from each of the others: its comfort, or what there is if that is less.
-    Returns how many they are.
+    Writes the gap wanted from each of them: the agent's comfort distance, or the gap that there is
+    if that is less. Returns how many they are.
     """
     count, body, comfort = 0, agents.body[i], agents.command[i].comfort
     for n in range(found):
@@ -137,11 +137,11 @@ def _assess_others(
     most: float,
     has_comfort: bool,
 ) -> tuple[float, int, int]:
-    """Return what a path costs for its nearness to others; the row of whom it meets first; when.
+    """Return the cost of a path for its nearness to others, the row that it meets first, and when.
 
-    That one is put before the others, to be tried first. If such a one was met before, at sub-step
-    `met`, then whom it meets at all. Looks no further once the cost is `most`. Without comfort only
-    a meeting counts, which is seen much sooner.
+    That row is moved to the front, to be tried first by the next path. After another path met it,
+    at sub-step `met`, any row that this path meets will do. The search stops once the cost is
+    `most`. Without comfort only a meeting counts, which is found much sooner.
     """
     until, culprit, cost = NEVER, NOBODY, 0.0
     body, comfort, home = (
@@ -199,10 +199,10 @@ def assess(
     met: int,
     most: float,
 ) -> tuple[float, int, int, int]:
-    """Return what a path costs besides its option, what is in its way, the row of whom, and when.
+    """Return what a path costs besides its primitive, what obstructs it, its row, and when.
 
-    What costs `most` or more is INFEASIBLE. `met`: see `_assess_others`; the others are looked at
-    before the walls if one was in the way before.
+    What costs `most` or more is INFEASIBLE. `met`: see `_assess_others`; the others are tested
+    before the walls if one of them obstructed a path before.
     """
     body, command = agents.body[i], agents.command[i]
     if met != NEVER:  # the one that another path met, at the same sub-step
@@ -210,8 +210,7 @@ def assess(
         other = agents.path[j, min(now - place.begin + met, place.last)]
         if separation(path[min(met, last)], body, other, agents.body[j]) < -TOUCH:
             return INFEASIBLE, BY_ARTEFACT, j, met
-    pace = pace_of(path, last, body, timing.step_s)
-    circle = circle_of(path, last)
+    pace, circle = bounds_of(path, last, body, timing.step_s)
     home = agents.path[i, agents.place[i].last]
     cost = 0.0
     for turn in range(3):  # a loop, for two calls of one kernel take twice as long to compile
@@ -252,7 +251,7 @@ def assess(
 
 
 REPLAN = 10
-"""So many sub-steps after a plan the next is made, unless there is news."""
+"""Sub-steps from one plan to the next, unless something changes before."""
 _WORTH_IT = 0.02
 _BACKS_OFF_AFTER = 3.0
 
@@ -266,7 +265,7 @@ def copy_pose(source: Floats, target: Floats) -> None:
 
 @borrowing
 def reach_of(body: Any, timing: PlannerTiming) -> float:
-    """Return how far from where it is any point of a body can get on its next path."""
+    """Return how far from its present pose any point of a body can get on its next path."""
     steps = timing.drive if body.turn_radius > 0.0 else timing.walk
     way = body.speed * (steps * timing.step_s + 0.5 * body.speed / body.acceleration)
     return float(way + body.radius)
@@ -276,14 +275,13 @@ def reach_of(body: Any, timing: PlannerTiming) -> float:
 def commit(
     agents: AgentArrays, i: int, path: Floats, last: int, now: int, timing: PlannerTiming
 ) -> None:
-    """Make a path, whose pose 0 is that of `now`, the one that artefact i will follow."""
+    """Commit agent i to a path, whose pose 0 is that of `now`."""
     place = agents.place[i]
     for k in range(last + 1):  # slices would take ten seconds more to compile
         copy_pose(path[k], agents.path[i, k])
     place.begin, place.last, place.must_plan = now, last, 0
-    place.pace = pace_of(path, last, agents.body[i], timing.step_s)
-    place.x, place.y, radius = circle_of(path, last)
-    place.reach = radius + agents.body[i].radius
+    place.pace, circle = bounds_of(path, last, agents.body[i], timing.step_s)
+    place.x, place.y, place.reach = circle[0], circle[1], circle[2] + agents.body[i].radius
 
 
 @borrowing
@@ -299,10 +297,10 @@ def _search(
     near: int,
     wall_gap: float,
 ) -> tuple[int, int, int, int, int]:
-    """Try options, cheapest first, until none can be cheaper than the best found by `_WORTH_IT`.
+    """Try primitives, cheapest first, until none can be cheaper than the best by `_WORTH_IT`.
 
-    Returns the option chosen (-1: none is feasible), which of the two scratch paths it fills and
-    its last index, what was in the way of the first, and the row of the first that was in the way.
+    Returns the primitive chosen (-1: none is feasible), which of the two scratch paths it fills and
+    its last index, what obstructs the first one, and the first row that obstructs any.
     """
     best, chosen, side, last = INFEASIBLE, -1, 0, 0
     obstruction, culprit, is_first, met = UNOBSTRUCTED, NOBODY, True, NEVER
@@ -338,8 +336,12 @@ def _search(
         if cost < best:
             best, chosen, side, last = cost, n, 1 - side, end
         workspace.options[n, 3] = np.inf
-        if k != NEVER:
-            rule_out_twin(workspace.options, options, n, k, end, timing.walk)
+        if k < end and 2 * k <= timing.walk and workspace.options[n, 0] == HEADING:
+            # a primitive that is the same in its first half fails, too: it stands beside this one
+            for twin in range(max(n - 1, 0), min(n + 2, options)):
+                row, other = workspace.options[n], workspace.options[twin]
+                if other[0] == HEADING and other[1] == row[1] and other[2] == row[2]:
+                    other[3] = np.inf
     return chosen, side, last, obstruction, culprit
 
 
@@ -355,24 +357,29 @@ def plan(
     buckets: SpatialHash,
     workspace: Workspace,
 ) -> None:
-    """Plan artefact i from where it is at sub-step `now`."""
-    place, mind, command, body = agents.place[i], agents.mind[i], agents.command[i], agents.body[i]
+    """Plan for agent i from its pose at sub-step `now`."""
+    place, memory, command, body = (
+        agents.place[i],
+        agents.memory[i],
+        agents.command[i],
+        agents.body[i],
+    )
     agents.due[i] = now + REPLAN
     start = min(now - place.begin, place.last)
     pose = workspace.paths[0, 0]
     copy_pose(agents.path[i, start], pose)
     copy_pose(pose, workspace.paths[1, 0])
-    consider_detour(mind, place.id, now, timing.second)
+    consider_detour(memory, place.id, now, timing.second)
     aim = aim_of(agents, i, pose, now, timing.second)
     is_at_rest = aim.speed <= 0.0 and np.isnan(aim.heading) and pose[SPEED] == 0.0
     if is_at_rest and start == place.last:
         place.must_plan = 0
         return
-    # one that walks has been kept, or is backing off, where walls let it not turn
+    # a walker steps back if it is blocked where walls keep it from turning
     backs_off = body.turn_radius == 0.0 and pose[SPEED] <= 0.0
-    backs_off = backs_off and (mind.blocked > _BACKS_OFF_AFTER or mind.gear < 0)
+    backs_off = backs_off and (memory.blocked > _BACKS_OFF_AFTER or memory.gear < 0)
     backs_off = backs_off and not turns_freely(pose, body, floor)
-    options = fill_options(workspace.options, aim, pose, body, command, mind, timing, backs_off)
+    options = fill_options(workspace.options, aim, pose, body, command, memory, timing, backs_off)
     workspace.counters[STAMP] += 1
     reach = reach_of(body, timing)
     near = gather(
@@ -384,7 +391,7 @@ def plan(
         workspace.counters[STAMP],
         workspace.near,
     )
-    near = look_round(agents, i, pose, reach, now, workspace, near)
+    near = find_neighbours(agents, i, pose, reach, now, workspace, near)
     wall_gap = wall_gap_wanted(pose, body, command.wall_comfort, floor, workspace.box)
     workspace.goal[0], workspace.goal[1] = command.x, command.y
     chosen, side, last, obstruction, culprit = _search(
@@ -392,14 +399,14 @@ def plan(
     )
     stays = chosen < 0 or workspace.options[chosen, 0] == BRAKE
     if obstruction == BY_WALL and culprit != NOBODY and stays:
-        obstruction = BY_ARTEFACT  # the walls would have left it a way
+        obstruction = BY_ARTEFACT  # between the walls there is a way
     who = agents.place[culprit].id if culprit != NOBODY else NOBODY
     if aim.kind == GOING:
-        mind.obstruction, mind.obstructed_by = (
+        memory.obstruction, memory.obstructed_by = (
             obstruction,
             who if obstruction == BY_ARTEFACT else NOBODY,
         )
-        mind.can_yield = (
+        memory.can_yield = (
             obstruction == BY_ARTEFACT and culprit != NOBODY and can_yield(agents, culprit)
         )
     if culprit != NOBODY and (aim.kind == PUSHED or obstruction == BY_ARTEFACT):
@@ -411,9 +418,10 @@ def plan(
         return
     option = workspace.options[chosen]
     if option[0] != BRAKE:
-        mind.chosen = direction_of(option, pose)
-        mind.gear = 1 if option[2] > 0.0 else -1
+        # its heading or curvature
+        memory.chosen = np.arctan2(pose[SIN], pose[COS]) if np.isnan(option[1]) else option[1]
+        memory.gear = 1 if option[2] > 0.0 else -1
     elif aim.kind != GOING and aim.speed <= 0.0:
-        mind.chosen = np.nan
+        memory.chosen = np.nan
     commit(agents, i, workspace.paths[side], last, now, timing)
     workspace.counters[PLANS] += 1

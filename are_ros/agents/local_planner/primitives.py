@@ -1,7 +1,8 @@
-"""What an artefact could do next, each with what it costs as far as its goal is concerned.
+"""The motion primitives of an agent, each with its cost as far as the goal is concerned.
 
-Costs are without dimension: 0 is full speed towards the goal, 1 is no progress. An option is a row
-(kind, heading or curvature, speed, cost, heading in the second half); kinds: see `_rollouts`.
+Costs are without dimension: 0 is full speed towards the goal, 1 is no progress. A primitive is a
+row (kind, heading [rad] or curvature [1/m], speed [m/s], cost, heading in the second half [rad]);
+kinds: see `rollouts`.
 """
 
 import math
@@ -25,7 +26,7 @@ from are_ros.agents.local_planner.rollouts import (
 )
 from are_ros.agents.local_planner.state import COS, SIN, SPEED, YAW, Floats, PlannerTiming, X, Y
 
-# The options of what cannot turn on the spot: arcs forward and in reverse.
+# The primitives of a vehicle, which cannot turn on the spot: arcs forward and in reverse.
 #
 # What an arc gains is the change of the way that is left from its end: the shortest way of arcs and
 # straight lines to a point (Dubins), forward or, dearer, in reverse.
@@ -46,43 +47,28 @@ _BEND_CHANGE = 0.04
 
 
 @borrowing
-def _way_forward(x: float, y: float, radius: float) -> float:
-    """Return the length of arc and tangent to the point (x, y), the body at 0 heading for +x.
-
-    A point inside the turning circle is first brought onto it by going back.
-    """
-    y = abs(y)
-    square = x * x + (radius - y) ** 2 - radius * radius
-    before = 0.0
-    if square < 0.0:
-        back = np.sqrt(max(radius * radius - (radius - y) ** 2, 0.0)) - x
-        before, x, square = _REVERSE_PRICE * back + 0.1 * radius, x + back, 0.0
-    tangent = np.sqrt(square)
-    angle = math.atan2(x, radius - y) - math.atan2(tangent, radius)
-    if angle < -1e-9:
-        angle += 2.0 * np.pi
-    return float(before + radius * max(angle, 0.0) + tangent)
-
-
-@borrowing
 def way_left(x: float, y: float, yaw: float, goal_x: float, goal_y: float, radius: float) -> float:
-    """Return the way [m] from a pose to a goal, a metre in reverse counted more than one ahead."""
+    """Return the way [m] from a pose to a goal: an arc, then its tangent, forward or in reverse.
+
+    A metre in reverse counts more than one ahead.
+    """
     c, s = np.cos(yaw), np.sin(yaw)
     dx, dy = goal_x - x, goal_y - y
     ahead, aside = dx * c + dy * s, dy * c - dx * s
-    forward = _way_forward(ahead, aside, radius)
-    backward = _REVERSE_PRICE * _way_forward(-ahead, aside, radius) + 0.1 * radius
-    return min(forward, backward)
-
-
-@borrowing
-def _travelled(speed: float, wanted: float, acceleration: float, duration: float) -> float:
-    """Return the signed way made in a time in which the speed changes to the one wanted."""
-    change = abs(wanted - speed) / acceleration
-    if change >= duration:
-        pull = acceleration if wanted > speed else -acceleration
-        return float((speed + 0.5 * pull * duration) * duration)
-    return float(0.5 * (speed + wanted) * change + wanted * (duration - change))
+    y, least = abs(aside), np.inf
+    for sense in (1.0, -1.0):  # forward, and in reverse
+        x, before = sense * ahead, 0.0
+        square = x * x + (radius - y) ** 2 - radius * radius
+        if square < 0.0:  # inside the turning circle: it is first brought onto it by going back
+            back = np.sqrt(max(radius * radius - (radius - y) ** 2, 0.0)) - x
+            before, x, square = _REVERSE_PRICE * back + 0.1 * radius, x + back, 0.0
+        tangent = np.sqrt(square)
+        angle = math.atan2(x, radius - y) - math.atan2(tangent, radius)
+        if angle < -1e-9:
+            angle += 2.0 * np.pi
+        way = before + radius * max(angle, 0.0) + tangent
+        least = min(least, way if sense > 0.0 else _REVERSE_PRICE * way + 0.1 * radius)
+    return float(least)
 
 
 @borrowing
@@ -114,48 +100,6 @@ def _arc_cost(
 
 
 @borrowing
-def _add_arcs(
-    options: Floats,
-    count: int,
-    factors: Floats,
-    aim: PlanningGoal,
-    pose: Floats,
-    body: Any,
-    command: Any,
-    mind: Any,
-    duration: float,
-) -> int:
-    """Add curves at each of the shares of the speed; negative ones are in reverse."""
-    radius = TIGHTEST * body.turn_radius
-    full = aim.speed * duration
-    for bend in _BENDS:
-        for factor in factors:
-            top = aim.speed if factor > 0.0 else REVERSE_SHARE * aim.speed
-            speed = factor * top
-            way = _travelled(pose[SPEED], speed, body.acceleration, duration)
-            cost = _arc_cost(bend, way, aim, pose, command, radius, full) + _BEND * abs(bend)
-            cost += (
-                _BEND_CHANGE * abs(bend - mind.chosen * radius)
-                if mind.chosen == mind.chosen
-                else 0.0
-            )
-            cost += _REVERSE if factor < 0.0 else 0.0
-            cost += _REVERSAL if factor * mind.gear < 0.0 else 0.0
-            options[count, 0], options[count, 1] = CURVE, bend / radius
-            options[count, 2], options[count, 3] = speed, cost
-            count += 1
-    return count
-
-
-@borrowing
-def _arc_length(ahead: float, aside: float) -> float:
-    """Return the length of the arc from the origin, along +x at first, to a point."""
-    angle = math.atan2(aside, ahead)
-    share = angle / np.sin(angle) if angle > 1e-6 else 1.0
-    return float(np.hypot(ahead, aside) * share)
-
-
-@borrowing
 def _add_arcs_to_goal(
     options: Floats,
     count: int,
@@ -163,7 +107,7 @@ def _add_arcs_to_goal(
     pose: Floats,
     body: Any,
     command: Any,
-    mind: Any,
+    memory: Any,
     duration: float,
 ) -> int:
     """Add the one arc that ends in the goal, where it is not too tight."""
@@ -176,12 +120,14 @@ def _add_arcs_to_goal(
     price = 1.0 if ahead > 0.0 else _REVERSE_PRICE
     radius, full = TIGHTEST * body.turn_radius, aim.speed * duration
     saved = way_left(pose[X], pose[Y], pose[YAW], command.x, command.y, radius)
-    saved -= price * _arc_length(abs(ahead), abs(aside))
+    angle = math.atan2(abs(aside), abs(ahead))  # the arc's length is the chord's by this share
+    share = angle / np.sin(angle) if angle > 1e-6 else 1.0
+    saved -= price * (np.hypot(abs(ahead), abs(aside)) * share)
     for factor in _FORWARD:
         speed = direction * factor * aim.speed * (1.0 if ahead > 0.0 else REVERSE_SHARE)
         gain = saved + price * abs(speed) * duration
         cost = 1.0 - gain / full - _TO_GOAL + (0.0 if ahead > 0.0 else _REVERSE)
-        cost += _REVERSAL if direction * mind.gear < 0.0 else 0.0
+        cost += _REVERSAL if direction * memory.gear < 0.0 else 0.0
         options[count, 0], options[count, 1] = ARC_TO_POINT, curvature
         options[count, 2], options[count, 3] = speed, cost
         count += 1
@@ -195,19 +141,37 @@ def vehicle_options(
     pose: Floats,
     body: Any,
     command: Any,
-    mind: Any,
+    memory: Any,
     timing: PlannerTiming,
 ) -> int:
-    """Write the options of a vehicle at a pose; return how many there are."""
-    duration = timing.drive * timing.step_s
-    count = _add_arcs(options, np.int64(0), _FORWARD, aim, pose, body, command, mind, duration)
-    count = _add_arcs(options, count, _BACKWARD, aim, pose, body, command, mind, duration)
+    """Write the primitives of a vehicle at a pose; return how many there are."""
+    duration, count = timing.drive * timing.step_s, 0
+    radius = TIGHTEST * body.turn_radius
+    full = aim.speed * duration
+    for factors in (_FORWARD, _BACKWARD):
+        for bend in _BENDS:
+            for factor in factors:
+                speed = factor * (aim.speed if factor > 0.0 else REVERSE_SHARE * aim.speed)
+                change = abs(speed - pose[SPEED]) / body.acceleration
+                if change >= duration:  # the signed way made while the speed changes
+                    pull = body.acceleration if speed > pose[SPEED] else -body.acceleration
+                    way = (pose[SPEED] + 0.5 * pull * duration) * duration
+                else:
+                    way = 0.5 * (pose[SPEED] + speed) * change + speed * (duration - change)
+                cost = _arc_cost(bend, way, aim, pose, command, radius, full) + _BEND * abs(bend)
+                if memory.chosen == memory.chosen:
+                    cost += _BEND_CHANGE * abs(bend - memory.chosen * radius)
+                cost += _REVERSE if factor < 0.0 else 0.0
+                cost += _REVERSAL if factor * memory.gear < 0.0 else 0.0
+                options[count, 0], options[count, 1] = CURVE, bend / radius
+                options[count, 2], options[count, 3] = speed, cost
+                count += 1
     if aim.ends:
-        count = _add_arcs_to_goal(options, count, aim, pose, body, command, mind, duration)
+        count = _add_arcs_to_goal(options, count, aim, pose, body, command, memory, duration)
     options[count, 0], options[count, 1], options[count, 2] = BRAKE, 0.0, 0.0
     options[count, 3] = aim.stop_cost
-    if not np.isnan(mind.chosen):
-        options[count, 1] = mind.chosen
+    if not np.isnan(memory.chosen):
+        options[count, 1] = memory.chosen
     return count + 1
 
 
@@ -233,7 +197,7 @@ _BACK = 0.1  # for walking back
 def set_option(
     options: Floats, n: int, kind: int, direction: float, speed: float, cost: float, then: float
 ) -> int:
-    """Write one option; return the next index. `then` is the heading in its second half."""
+    """Write one primitive; return the next index. `then` is the heading in its second half."""
     options[n, 0], options[n, 1], options[n, 2], options[n, 3] = kind, direction, speed, cost
     options[n, 4] = then
     return n + 1
@@ -246,21 +210,26 @@ def fill_options(
     pose: Floats,
     body: Any,
     command: Any,
-    mind: Any,
+    memory: Any,
     timing: PlannerTiming,
     backs_off: bool,
 ) -> int:
-    """Write the options of an artefact at a pose; return how many there are.
+    """Write the primitives of an agent at a pose; return how many there are.
 
-    One that walks does so forward, but for one that `backs_off` where it cannot turn.
+    A walker walks forward, unless it `backs_off` where it cannot turn.
     """
     if aim.speed <= 0.0:
         count = set_option(options, 0, BRAKE, aim.heading, 0.0, 0.0, np.nan)
         return set_option(options, count, BRAKE, np.nan, 0.0, _PLAIN_STOP, np.nan)
     if body.turn_radius > 0.0:
-        return vehicle_options(options, aim, pose, body, command, mind, timing)
-    count = _walker_options(options, aim, mind)
-    return _add_retreat(options, count, aim, pose) if backs_off else count
+        return vehicle_options(options, aim, pose, body, command, memory, timing)
+    count = _walker_options(options, aim, memory)
+    if backs_off:  # steps straight back, as after meeting another in a gap
+        heading = math.atan2(-pose[SIN], -pose[COS])
+        delta, speed = wrapped(heading - aim.heading), min(aim.speed, _BACK_MPS)
+        cost = 1.0 + _BACK - _gain(aim, delta, np.cos(delta), speed)
+        count = set_option(options, count, RETREAT, heading, -speed, cost, heading)
+    return count
 
 
 @borrowing
@@ -273,7 +242,7 @@ def _gain(aim: PlanningGoal, delta: float, cosine: float, speed: float) -> float
 
 
 @borrowing
-def _walker_options(options: Floats, aim: PlanningGoal, mind: Any) -> int:
+def _walker_options(options: Floats, aim: PlanningGoal, memory: Any) -> int:
     ends = aim.ends
     is_near = aim.kind == GOING and not ends and aim.distance < _STOPS_WITHIN
     count = 0
@@ -284,8 +253,8 @@ def _walker_options(options: Floats, aim: PlanningGoal, mind: Any) -> int:
         cost = 1.0 + (_LEFT if delta > 0.0 else 0.0)
         if aim.kind != PUSHED:
             cost += _DEVIATION * share * share
-        if not np.isnan(mind.chosen):
-            cost += _CHANGE * (1.0 - np.cos(heading - mind.chosen))
+        if not np.isnan(memory.chosen):
+            cost += _CHANGE * (1.0 - np.cos(heading - memory.chosen))
         kind = POINT if n == 0 and ends else HEADING
         before = np.inf
         for factor in _SPEEDS:
@@ -312,17 +281,8 @@ def _walker_options(options: Floats, aim: PlanningGoal, mind: Any) -> int:
 
 
 @borrowing
-def _add_retreat(options: Floats, count: int, aim: PlanningGoal, pose: Floats) -> int:
-    """Add steps straight back, as somebody makes who has met another in a gap."""
-    heading = math.atan2(-pose[SIN], -pose[COS])
-    delta, speed = wrapped(heading - aim.heading), min(aim.speed, _BACK_MPS)
-    cost = 1.0 + _BACK - _gain(aim, delta, np.cos(delta), speed)
-    return set_option(options, count, RETREAT, heading, -speed, cost, heading)
-
-
-@borrowing
 def cheapest(options: Floats, count: int) -> int:
-    """Return the option of the least cost, the first of several; -1 if all are spent (inf)."""
+    """Return the primitive of the least cost, the first of several; -1 if all are used (inf)."""
     a, b, c, d = np.inf, np.inf, np.inf, np.inf
     n = 0
     while n + 3 < count:  # four at a time: each comparison has to wait for the one before it
@@ -339,29 +299,3 @@ def cheapest(options: Floats, count: int) -> int:
     while options[n, 3] != least:
         n += 1
     return n
-
-
-@borrowing
-def rule_out_twin(options: Floats, count: int, n: int, k: int, last: int, steps: int) -> None:
-    """Spend the option that is the same as n until its second half, where n fails before that.
-
-    `k` is the sub-step at which it does, `last` that at which it would stand.
-    """
-    if options[n, 0] != HEADING or k >= last or 2 * k > steps:
-        return
-    for other in (n - 1, n + 1):
-        if (
-            0 <= other < count
-            and options[other, 0] == HEADING
-            and options[other, 1] == options[n, 1]
-            and options[other, 2] == options[n, 2]
-        ):
-            options[other, 3] = np.inf
-
-
-@borrowing
-def direction_of(option: Floats, pose: Floats) -> float:
-    """Return what of an option is remembered: its heading or curvature."""
-    if np.isnan(option[1]):
-        return float(np.arctan2(pose[SIN], pose[COS]))
-    return float(option[1])

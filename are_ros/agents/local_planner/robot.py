@@ -104,8 +104,8 @@ def robot_conflict(
 ) -> tuple[float, int, int]:
     """Return the least gap from the robot, at most `comfort`, and when a path first meets it.
 
-    Twice: where it is predicted to be, and where it is now. Who is too near already comes no nearer
-    to where it is now, and as to where it will be, nothing can be asked.
+    Two times: where the robot is predicted to be, and where it is now. A path that starts too near
+    to the robot comes no nearer to its present place.
     """
     first = robot_gap(path[start], body, robot, 0, box)
     least = max(min(first, comfort), 0.0)

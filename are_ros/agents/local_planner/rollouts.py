@@ -1,4 +1,4 @@
-"""Rolling out an option: the poses of a unicycle that steers for a while, then brakes to a stand.
+"""Rolling out a primitive: the poses of a unicycle that steers for a while, then brakes to a stand.
 
 One sub-step: speed and yaw change evenly, the ground point goes along the mean heading.
 """
@@ -23,8 +23,9 @@ from are_ros.agents.local_planner.state import (
 )
 
 HEADING, POINT, CURVE, ARC_TO_POINT, BRAKE, RETREAT = range(6)
-"""Kinds of options: walk towards a heading; to a point and stop there; drive along a curve; drive
-to a point and stop there; brake and turn towards a heading; walk straight back, looking ahead."""
+"""Kinds of primitives: walk towards a heading; to a point and stop there; drive along a curve;
+drive to a point and stop there; brake and turn towards a heading; walk straight back, looking
+ahead."""
 
 _STILL = 1e-9
 _AIMED = 0.05  # nearer to its point than this, a body no longer turns towards it
@@ -43,12 +44,6 @@ def turn_to(heading: float, yaw: float) -> float:
     if abs(error) > 3.0:  # else it is the same, and a division less to wait for
         error = wrapped(error)
     return error if abs(error) > _STILL else 0.0
-
-
-@borrowing
-def clamped(value: float, low: float, high: float) -> float:
-    """Return the value, or the end of the range beyond which it lies."""
-    return float(min(max(value, low), high))
 
 
 @borrowing
@@ -96,19 +91,6 @@ def _turn_on(
 
 
 @borrowing
-def _go_straight(path: Floats, k: int, until: int, dt: float) -> int:
-    """Go on from pose k as fast as there, and straight, up to pose `until`; return that."""
-    pose = path[k]
-    way = 0.5 * (pose[SPEED] + pose[SPEED]) * dt
-    dx, dy = way * pose[COS], way * pose[SIN]
-    for n in range(k, until):
-        before, after = path[n], path[n + 1]
-        after[X], after[Y], after[YAW] = before[X] + dx, before[Y] + dy, pose[YAW]
-        after[COS], after[SIN], after[SPEED] = pose[COS], pose[SIN], pose[SPEED]
-    return until
-
-
-@borrowing
 def brake(path: Floats, k: int, curvature: float, body: Any, dt: float) -> int:
     """Brake from pose k on along a curve; return the index of the pose where it stands."""
     step = body.acceleration * dt
@@ -116,23 +98,27 @@ def brake(path: Floats, k: int, curvature: float, body: Any, dt: float) -> int:
         speed = path[k, SPEED]
         slower = max(speed - step, 0.0) if speed > 0.0 else min(speed + step, 0.0)
         limit = body.turn_rate * dt
-        turn = clamped(curvature * 0.5 * (speed + slower) * dt, -limit, limit)
+        turn = min(max(curvature * 0.5 * (speed + slower) * dt, -limit), limit)
         advance(path, k, turn, slower, dt)
         k += 1
     return k
 
 
 @borrowing
-def _half_turn(body: Any, dt: float) -> tuple[float, float, float]:
-    """Return half of the most that a body turns in a sub-step, and its cosine and sine."""
-    half = 0.5 * body.turn_rate * dt
-    return half, np.cos(half), np.sin(half)
+def _walk(
+    path: Floats,
+    option: Floats,
+    goal: Floats,
+    body: Any,
+    half: tuple[float, float, float],
+    steps: int,
+    dt: float,
+) -> int:
+    """Turn towards a heading or the goal and walk, slower while it looks elsewhere.
 
-
-@borrowing
-def _walk(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt: float) -> int:
-    """Turn towards a heading or the goal and walk, slower while it looks elsewhere."""
-    half, step = _half_turn(body, dt), body.acceleration * dt
+    `half`: see `_turn_on`.
+    """
+    step = body.acceleration * dt
     limit = 2.0 * half[0]
     heading, to_point = option[1], option[0] == POINT
     c, s = np.cos(heading), np.sin(heading)
@@ -151,16 +137,23 @@ def _walk(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt:
                 left = max(dx * path[k, COS] + dy * path[k, SIN], 0.0)
             want = min(want, stopping_speed(left, speed, body.acceleration, dt))
         error = turn_to(heading, path[k, YAW])
-        turn = clamped(error, -limit, limit)
+        turn = min(max(error, -limit), limit)
         if error != 0.0:
             want *= max(c * path[k, COS] + s * path[k, SIN], 0.0)  # the cosine of the error
-        slower = min(max(speed - step, 0.0), speed + step)  # who walks back stops first
-        faster = clamped(want, slower, speed + step)
+        slower = min(max(speed - step, 0.0), speed + step)  # a walker that steps back stops first
+        faster = min(max(want, slower), speed + step)
         if turn == 0.0 and speed == 0.0 and faster < _STILL:
             return k
         if turn == 0.0 and speed == faster and not to_point:  # nothing changes for a while
             turns_on = option[4] != heading and steps % 2 == 0 and 2 * k < steps
-            k = _go_straight(path, k, steps // 2 if turns_on else steps, dt)
+            pose, until = path[k], steps // 2 if turns_on else steps
+            way = 0.5 * (pose[SPEED] + pose[SPEED]) * dt
+            dx, dy = way * pose[COS], way * pose[SIN]
+            for n in range(k, until):
+                before, after = path[n], path[n + 1]
+                after[X], after[Y], after[YAW] = before[X] + dx, before[Y] + dy, pose[YAW]
+                after[COS], after[SIN], after[SPEED] = pose[COS], pose[SIN], pose[SPEED]
+            k = until
         else:
             _turn_on(path, k, turn, half, faster, dt)
             k += 1
@@ -182,24 +175,31 @@ def _drive(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt
             aside = dy * path[k, COS] - dx * path[k, SIN]
             square = max(dx * dx + dy * dy, 1e-6)
             if ahead > _AIMED:
-                curvature = clamped(2.0 * aside / square, -tightest, tightest)
+                curvature = min(max(2.0 * aside / square, -tightest), tightest)
             slow = stopping_speed(max(ahead, 0.0), abs(speed), body.acceleration, dt)
             want = direction * min(abs(want), slow)
         if curvature != 0.0:
             fastest = body.turn_rate / abs(curvature)
-            want = clamped(want, -fastest, fastest)
-        faster = clamped(want, speed - step, speed + step)
+            want = min(max(want, -fastest), fastest)
+        faster = min(max(want, speed - step), speed + step)
         if speed == 0.0 and abs(faster) < _STILL:
             return k
-        turn = clamped(curvature * 0.5 * (speed + faster) * dt, -limit, limit)
+        turn = min(max(curvature * 0.5 * (speed + faster) * dt, -limit), limit)
         advance(path, k, turn, faster, dt)
     return steps
 
 
 @borrowing
-def _stop(path: Floats, option: Floats, body: Any, steps: int, dt: float) -> int:
-    """Brake, and turn on the spot towards a heading on the way (nan: none)."""
-    half, step = _half_turn(body, dt), body.acceleration * dt
+def _stop(
+    path: Floats,
+    option: Floats,
+    body: Any,
+    half: tuple[float, float, float],
+    steps: int,
+    dt: float,
+) -> int:
+    """Brake, and turn on the spot towards a heading on the way (nan: none); `half` as above."""
+    step = body.acceleration * dt
     limit = 2.0 * half[0]
     k = 0
     while k < steps:
@@ -208,24 +208,14 @@ def _stop(path: Floats, option: Floats, body: Any, steps: int, dt: float) -> int
         if speed == 0.0 and error == 0.0:
             break
         slower = max(speed - step, 0.0) if speed > 0.0 else min(speed + step, 0.0)
-        _turn_on(path, k, clamped(error, -limit, limit), half, slower, dt)
+        _turn_on(path, k, min(max(error, -limit), limit), half, slower, dt)
         k += 1
     return k
 
 
 @borrowing
-def _retreat(path: Floats, option: Floats, body: Any, steps: int, dt: float) -> int:
-    """Walk straight back at a speed below 0."""
-    step = body.acceleration * dt
-    for k in range(steps):
-        speed = path[k, SPEED]
-        advance(path, k, 0.0, clamped(option[2], speed - step, speed + step), dt)
-    return steps
-
-
-@borrowing
 def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, timing: PlannerTiming) -> int:
-    """Fill a path, whose pose 0 is given, by an option (see `_options`).
+    """Fill a path, whose pose 0 is given, by a primitive (see `primitives`).
 
     Returns the index of the last pose, where the body stands.
     """
@@ -233,12 +223,19 @@ def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, timing: Plan
     if kind == BRAKE and body.turn_radius > 0.0:
         curvature = 0.0 if np.isnan(option[1]) else option[1]  # straight if none was chosen
         return brake(path, np.int64(0), curvature, body, timing.step_s)
+    half_turn = 0.5 * body.turn_rate * timing.step_s
+    half = half_turn, np.cos(half_turn), np.sin(half_turn)
     if kind == BRAKE:
-        k = _stop(path, option, body, timing.walk, timing.step_s)
-    elif kind == RETREAT:
-        k = _retreat(path, option, body, timing.walk, timing.step_s)
+        k = _stop(path, option, body, half, timing.walk, timing.step_s)
+    elif kind == RETREAT:  # walk straight back, at a speed below 0
+        step = body.acceleration * timing.step_s
+        for k in range(timing.walk):
+            speed = path[k, SPEED]
+            slower = min(max(option[2], speed - step), speed + step)
+            advance(path, k, 0.0, slower, timing.step_s)
+        k = timing.walk
     elif kind <= POINT:
-        k = _walk(path, option, goal, body, timing.walk, timing.step_s)
+        k = _walk(path, option, goal, body, half, timing.walk, timing.step_s)
     else:
         k = _drive(path, option, goal, body, timing.drive, timing.step_s)
         return brake(path, k, option[1] if kind == CURVE else 0.0, body, timing.step_s)
@@ -246,28 +243,27 @@ def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, timing: Plan
 
 
 @borrowing
-def pace_of(path: Floats, last: int, body: Any, dt: float) -> float:
-    """Return how far any point of the box moves in one sub-step of a path at most."""
+def bounds_of(
+    path: Floats, last: int, body: Any, dt: float
+) -> tuple[float, tuple[float, float, float]]:
+    """Return how far any point of the box moves in one sub-step of a path at most, and a circle.
+
+    The circle, its centre (x, y) and radius, holds the ground points of the path.
+    """
     fastest, turn = abs(path[0, SPEED]) if last > 0 else 0.0, 0.0
+    low_x, low_y, high_x, high_y = path[0, X], path[0, Y], path[0, X], path[0, Y]
     for k in range(1, last + 1):
         fastest = max(fastest, abs(path[k, SPEED]))
         turn = max(turn, abs(path[k, YAW] - path[k - 1, YAW]))
-    return float(fastest * dt + turn * body.radius)
-
-
-@borrowing
-def circle_of(path: Floats, last: int) -> tuple[float, float, float]:
-    """Return centre and radius of a circle that holds the ground points of a path."""
-    low_x, low_y, high_x, high_y = path[0, X], path[0, Y], path[0, X], path[0, Y]
-    for k in range(1, last + 1):
         low_x, high_x = min(low_x, path[k, X]), max(high_x, path[k, X])
         low_y, high_y = min(low_y, path[k, Y]), max(high_y, path[k, Y])
     width, depth = high_x - low_x, high_y - low_y
     radius = 0.5 * np.sqrt(width * width + depth * depth)
-    return 0.5 * (low_x + high_x), 0.5 * (low_y + high_y), float(radius)
+    circle = 0.5 * (low_x + high_x), 0.5 * (low_y + high_y), float(radius)
+    return float(fastest * dt + turn * body.radius), circle
 
 
-# What an artefact is after just now: its sub-goal, out of somebody's way, around, or nothing.
+# What an agent wants just now: its sub-goal, to get out of the way, a detour, or nothing.
 
 
 STANDING, FACING, GOING, PUSHED, DETOURING, COASTING = range(6)
@@ -282,11 +278,11 @@ _MOST_IMPATIENT = 1.5
 
 
 class PlanningGoal(NamedTuple):
-    """What it is after: a kind, a heading in the map, how far that goes, how fast.
+    """What an agent wants: a kind, a heading in the map [rad], a distance [m], a speed [m/s].
 
-    `stop_cost` is what standing costs; going straight costs 0. Who is pushed wants to get `aside`
-    of the heading by so much, to the left if positive, or else to go ahead of who pushes. `ends`:
-    the way ends where the distance does.
+    `stop_cost` is the cost of standing; going straight costs 0. A pushed agent wants to get `aside`
+    of the heading by so much, to the left if positive, or else to move ahead of the pushing one.
+    `ends`: the way ends after the distance.
     """
 
     kind: int
@@ -306,83 +302,70 @@ def way_to(pose: Floats, command: Any) -> float:
 
 
 @borrowing
-def has_arrived(pose: Floats, command: Any, body: Any) -> bool:
-    """Tell whether one that stands at a pose is where its way ends."""
-    if way_to(pose, command) <= _ARRIVED:
-        return True
-    dx, dy = command.x - pose[X], command.y - pose[Y]
-    ahead = dx * pose[COS] + dy * pose[SIN]
-    aside = dy * pose[COS] - dx * pose[SIN]
-    return bool(body.turn_radius > 0.0 and abs(ahead) <= _ARRIVED and abs(aside) <= _ABEAM)
-
-
-@borrowing
-def _passes(pose: Floats, command: Any, body: Any) -> bool:
-    """Tell whether a sub-goal on the way is as good as passed; nobody passes one standing."""
-    if pose[SPEED] == 0.0 and body.turn_radius == 0.0:
-        return False
-    way = way_to(pose, command)
-    if way >= 2.0 * _PASSED + 0.3 * body.turn_radius:
-        return False
-    ahead = (command.x - pose[X]) * pose[COS] + (command.y - pose[Y]) * pose[SIN]
-    return bool(way < _PASSED or ahead < 0.0)
-
-
-@borrowing
 def kind_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) -> int:
-    """Return what kind of aim artefact i has at sub-step `now`, standing or moving at `pose`.
+    """Return the kind of goal that agent i has at sub-step `now`, standing or moving at `pose`.
 
-    One that has passed its sub-goal goes on for a second; then it comes back to stand there.
+    An agent that has passed its sub-goal goes on for a second; then it comes back to stand there.
     """
-    command, mind, body = agents.command[i], agents.mind[i], agents.body[i]
-    if now < mind.pushed_until and _missing_room(pose, mind) != 0.0:
+    command, memory, body = agents.command[i], agents.memory[i], agents.body[i]
+    if now < memory.pushed_until and _missing_room(pose, memory) != 0.0:
         return PUSHED
     if command.has_goal == 0 or min(command.speed, body.speed) <= 0.0:
         return STANDING
-    if command.stops == 0 and now - second < mind.passed_at:
-        if mind.passed_at == NEVER and _passes(pose, command, body):
-            mind.passed_at = now
-        if mind.passed_at != NEVER:
+    dx, dy, way = command.x - pose[X], command.y - pose[Y], way_to(pose, command)
+    ahead, aside = dx * pose[COS] + dy * pose[SIN], dy * pose[COS] - dx * pose[SIN]
+    is_vehicle = body.turn_radius > 0.0
+    is_abeam = is_vehicle and abs(ahead) <= _ARRIVED and abs(aside) <= _ABEAM
+    if command.stops == 0 and now - second < memory.passed_at:
+        is_near = way < 2.0 * _PASSED + 0.3 * body.turn_radius
+        is_passed = is_near and (way < _PASSED or ahead < 0.0)
+        # an artefact that turns on the spot passes no sub-goal while it stands
+        if memory.passed_at == NEVER and is_passed and (is_vehicle or pose[SPEED] != 0.0):
+            memory.passed_at = now
+        if memory.passed_at != NEVER:
             return COASTING
-    elif abs(pose[SPEED]) < _STANDS and has_arrived(pose, command, body):
+    elif abs(pose[SPEED]) < _STANDS and (way <= _ARRIVED or is_abeam):
         if np.isnan(command.face) or body.turn_radius > 0.0:  # no heading wanted, or no turn there
             return STANDING
         return FACING if abs(wrapped(command.face - pose[YAW])) >= _FACED else STANDING
-    return DETOURING if now < mind.detour_until else GOING
+    return DETOURING if now < memory.detour_until else GOING
 
 
 @borrowing
 def aim_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) -> PlanningGoal:
-    """Return what artefact i is after at sub-step `now`; see `kind_of`."""
-    command, mind, body = agents.command[i], agents.mind[i], agents.body[i]
+    """Return what agent i wants at sub-step `now`; see `kind_of`."""
+    command, memory, body = agents.command[i], agents.memory[i], agents.body[i]
     speed = min(command.speed, body.speed)
     kind = kind_of(agents, i, pose, now, second)
     if kind == PUSHED:
-        line, aside = math.atan2(mind.push_sin, mind.push_cos), _missing_room(pose, mind)
+        line, aside = math.atan2(memory.push_sin, memory.push_cos), _missing_room(pose, memory)
         return PlanningGoal(PUSHED, line, np.inf, max(speed, 0.5 * body.speed), 1.2, aside, False)
     if kind == STANDING:
         return PlanningGoal(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0, False)
     if kind == FACING:
         return PlanningGoal(FACING, command.face, 0.0, 0.0, 0.0, 0.0, False)
-    stop_cost = 1.0 + min(_IMPATIENCE * mind.blocked, _MOST_IMPATIENT)
+    stop_cost = 1.0 + min(_IMPATIENCE * memory.blocked, _MOST_IMPATIENT)
     if kind == COASTING:
         return PlanningGoal(COASTING, pose[YAW], np.inf, speed, stop_cost, 0.0, False)
     heading = math.atan2(command.y - pose[Y], command.x - pose[X])
     if kind == DETOURING:
-        return PlanningGoal(DETOURING, heading + mind.detour, np.inf, speed, stop_cost, 0.0, False)
-    ends = command.stops == 1 or mind.passed_at != NEVER
+        return PlanningGoal(
+            DETOURING, heading + memory.detour, np.inf, speed, stop_cost, 0.0, False
+        )
+    ends = command.stops == 1 or memory.passed_at != NEVER
     return PlanningGoal(GOING, heading, way_to(pose, command), speed, stop_cost, 0.0, ends)
 
 
 @borrowing
-def _missing_room(pose: Floats, mind: Any) -> float:
-    """Return how far one must still go to the left of the line on which another pushes; 0: not.
+def _missing_room(pose: Floats, memory: Any) -> float:
+    """Return how far a pushed agent must still go to the left of the pushing one's line [m].
 
-    Negative: to the right. To the side where it already is; to the right if it is on the line.
+    Negative: to the right; 0: it is out of the way. The side is that where it already is; the right
+    if it is on the line.
     """
-    dx, dy = pose[X] - mind.push_x, pose[Y] - mind.push_y
-    if mind.push_cos * dx + mind.push_sin * dy < -0.5 * mind.push_room:
+    dx, dy = pose[X] - memory.push_x, pose[Y] - memory.push_y
+    if memory.push_cos * dx + memory.push_sin * dy < -0.5 * memory.push_room:
         return 0.0  # it is behind by now
-    aside = mind.push_cos * dy - mind.push_sin * dx
-    missing = max(mind.push_room - abs(aside), 0.0)
+    aside = memory.push_cos * dy - memory.push_sin * dx
+    missing = max(memory.push_room - abs(aside), 0.0)
     return float(missing if aside > 0.05 else -missing)

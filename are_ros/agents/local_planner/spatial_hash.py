@@ -1,4 +1,4 @@
-"""Broad phase: who may meet a path, by a hash grid of the squares that each may reach."""
+"""Broad phase: which agents may meet a path, by a spatial hash of the squares they may reach."""
 
 import numpy as np
 
@@ -21,7 +21,7 @@ def _span(x: float, y: float, half: float) -> tuple[int, int, int, int]:
 
 @owning
 def fill(squares: Floats) -> SpatialHash:
-    """Return the grid of the squares (N, 3) of all rows; a bucket keeps their order."""
+    """Return the hash of the squares (N, 3) of all rows; a bucket keeps their order."""
     total = 0
     spans = np.empty((squares.shape[0], 4), np.int64)
     for n in range(squares.shape[0]):
@@ -64,7 +64,7 @@ def gather(
 ) -> int:
     """Write to `near` the rows, without `me`, whose circle may meet a square (x, y, half side).
 
-    Returns how many. `stamp` is larger than all that were given before with the same `seen`.
+    Returns how many. `stamp` is larger than in all calls before with the same `seen`.
     """
     count = 0
     mask = (1 << buckets.bits) - 1

@@ -72,37 +72,38 @@ COMMAND = np.dtype(
         ("wall_comfort", "f8"),
     ]
 )
-MIND = np.dtype(
+MEMORY = np.dtype(
     [
-        ("blocked", "f8"),  # for how long it has wanted to move and did not [s]
+        ("blocked", "f8"),  # for how long it wants to move and makes no progress [s]
         ("credit", "f8"),  # progress ahead of what counts as none [m]
-        ("patience", "f8"),  # a detour is tried when it has been blocked for this long [s]
-        ("detour_until", "i8"),
+        ("detour_after", "f8"),  # it tries a detour when it is blocked for this long [s]
+        ("detour_until", "i8"),  # the sub-step at which the detour ends
         ("detour", "f8"),  # angle of the detour from the direction of the goal
         ("pushed_until", "i8"),
-        ("push_by", "i8"),  # id of who pushes
-        ("push_rank", "f8"),
-        ("push_x", "f8"),
+        ("push_by", "i8"),  # id of the agent that pushes it
+        ("push_rank", "f8"),  # the priority that it inherits
+        ("push_x", "f8"),  # where that agent is, and where it wants to go
         ("push_y", "f8"),
         ("push_cos", "f8"),
         ("push_sin", "f8"),
-        ("push_room", "f8"),  # what it takes to be out of the way, to the side
-        ("chosen", "f8"),  # heading or curvature chosen last
-        ("gear", "i8"),
-        ("passed_at", "i8"),
+        ("push_room", "f8"),  # how far to the side it is out of the way [m]
+        ("chosen", "f8"),  # heading [rad] or curvature [1/m] of the last primitive; nan: none
+        ("gear", "i8"),  # 1 forward, -1 in reverse
+        ("passed_at", "i8"),  # the sub-step at which it passed its sub-goal
         ("obstruction", "i8"),
         ("obstructed_by", "i8"),
-        ("can_yield", "i8"),  # whether that one could get out of the way
+        ("can_yield", "i8"),  # whether that agent can move out of the way
     ]
 )
-LIFE = np.dtype(
+"""The planner's memory of one agent: progress, detour, push, last primitive, obstruction."""
+STATUS = np.dtype(
     [
         ("phase", "i8"),  # in which sub-steps of a decision period it decides, -1: never
         ("behaviour", "i8"),  # the number of its behaviour
-        ("leaving", "i8"),  # since when [ns] it is on its way out, STAYS: it is not
+        ("leaving", "i8"),  # since when [ns] it leaves; STAYS: it does not
     ]
 )
-"""What no kernel asks for."""
+"""When an agent decides, by which behaviour, and since when it leaves; no kernel reads it."""
 
 
 class AgentArrays(NamedTuple):
@@ -114,7 +115,7 @@ class AgentArrays(NamedTuple):
     place: Records
     body: Records
     command: Records
-    mind: Records
+    memory: Records
     due: Integers
     path: Floats
 
@@ -152,7 +153,7 @@ class RobotPath(NamedTuple):
 
 
 class SpatialHash(NamedTuple):
-    """A hash grid: where the rows of each bucket start, and the rows in the order of ids."""
+    """A spatial hash: where the rows of each bucket start, and the rows in the order of ids."""
 
     starts: Integers
     rows: Integers
@@ -160,9 +161,9 @@ class SpatialHash(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Scratch: two paths (2, K, 6), neighbours and the gaps wanted from them, options (M, 5), ...
+    """Scratch: two paths (2, K, 6), neighbours and the gaps wanted from them, primitives (M, 5).
 
-    Besides: marks of who was seen, counters, a packed box, a point.
+    And marks of the rows that a search has met, counters, a packed box, a point.
     """
 
     paths: Floats
@@ -197,9 +198,11 @@ def agent_arrays(capacity: int, length: int) -> AgentArrays:
     Each kind is an array of its own: a column of a record is contiguous for one agent only, and
     kernels would be compiled for both.
     """
-    place, body, command, mind = (np.zeros(capacity, kind) for kind in (PLACE, BODY, COMMAND, MIND))
+    place, body, command, memory = (
+        np.zeros(capacity, kind) for kind in (PLACE, BODY, COMMAND, MEMORY)
+    )
     due = np.zeros(capacity, np.int64)
-    return AgentArrays(place, body, command, mind, due, np.zeros((capacity, length, 6)))
+    return AgentArrays(place, body, command, memory, due, np.zeros((capacity, length, 6)))
 
 
 def workspace_of(capacity: int, length: int) -> Workspace:
@@ -234,7 +237,7 @@ def write_body(record: Any, body: Body, terrain: int) -> None:
 
 
 def command_record(command: MotionCommand) -> tuple[float, ...]:
-    """Return an order as a record of `COMMAND`; to write it whole is much the fastest."""
+    """Return a command as a record of `COMMAND`; to write it whole is much the fastest."""
     goal = command.subgoal_m
     x_m, y_m = goal or (0.0, 0.0)
     return (

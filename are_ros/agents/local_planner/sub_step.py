@@ -1,13 +1,11 @@
-"""One sub-step of everybody: who is due plans, one after the other, and all go on."""
-
-from typing import Any
+"""One sub-step of all agents: those that are due plan, one after the other, and all move on."""
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import borrowing, owning
+from are_ros.agents.local_planner.deadlock import note_progress
 from are_ros.agents.local_planner.gaps import gap_between, separation
-from are_ros.agents.local_planner.patience import note_progress
 from are_ros.agents.local_planner.planning import copy_pose, plan, reach_of
 from are_ros.agents.local_planner.robot import robot_conflict
 from are_ros.agents.local_planner.spatial_hash import fill
@@ -31,19 +29,14 @@ _RANKS_LAST_SECONDS = 8
 
 
 @borrowing
-def _is_moving(place: Any, now: int) -> bool:
-    return bool(now - place.begin < place.last)
-
-
-@borrowing
 def _is_due(agents: AgentArrays, i: int, now: int, robot: RobotPath, box: Floats) -> bool:
-    """Tell whether an artefact plans in this sub-step."""
+    """Tell whether an agent plans in this sub-step."""
     if now < agents.due[i] and robot.outlines.shape[0] == 0:
         return False
     place = agents.place[i]
     if place.is_scripted:
         return False
-    moves = _is_moving(place, now)
+    moves = now - place.begin < place.last
     if now < agents.due[i]:
         # only where what is left of its path leads into the robot, where it is or will be
         reach = place.reach + robot.reach
@@ -55,7 +48,7 @@ def _is_due(agents: AgentArrays, i: int, now: int, robot: RobotPath, box: Floats
             agents.path[i], start, place.last, agents.body[i], robot, 0.0, pace, box
         )
         return bool(predicted != NEVER or present != NEVER)
-    return bool(moves or agents.command[i].has_goal == 1 or now < agents.mind[i].pushed_until)
+    return bool(moves or agents.command[i].has_goal == 1 or now < agents.memory[i].pushed_until)
 
 
 @borrowing
@@ -68,9 +61,10 @@ def _mark_due(
     workspace: Workspace,
     timing: PlannerTiming,
 ) -> int:
-    """Write who plans in this sub-step to `due` (N,); return how many they are.
+    """Write to `due` (N,) which agents plan in this sub-step; return how many they are.
 
-    And to `squares` (N, 3), x, y, half side, what holds all that each is or may commit to.
+    And to `squares` (N, 3), x, y, half side, a square that holds the agent on its trajectory and on
+    each that it may commit to.
     """
     count = 0
     for i in range(due.shape[0]):
@@ -96,9 +90,9 @@ def run(
     robot: RobotPath,
     workspace: Workspace,
 ) -> tuple[_Mask, Floats]:
-    """Let those who are due plan at sub-step `now`, in the order of ids, then all go on.
+    """Plan for the agents that are due at sub-step `now`, in the order of ids; then all move on.
 
-    Returns bool (N,): whose pose has changed; and the poses (N, 6) at the next sub-step.
+    Returns bool (N,): which poses have changed; and the poses (N, 6) at the next sub-step.
     """
     size = agents.place.shape[0]
     due, squares = np.empty(size, np.bool_), np.empty((size, 3))
@@ -109,16 +103,7 @@ def run(
             if due[i]:
                 plan(agents, i, now, epoch, timing, floor, robot, buckets, workspace)
     moved, poses = np.empty(size, np.bool_), np.empty((size, 6))
-    _go_on(moved, poses, agents, now, timing)
-    return moved, poses
-
-
-@borrowing
-def _go_on(
-    moved: _Mask, poses: Floats, agents: AgentArrays, now: int, timing: PlannerTiming
-) -> None:
-    """Note what progress all make to the next sub-step; write who moves (N,), and to where."""
-    for i in range(moved.shape[0]):
+    for i in range(size):
         place, path = agents.place[i], agents.path[i]
         before = path[min(now - place.begin, place.last)]
         after = path[min(now + 1 - place.begin, place.last)]
@@ -126,29 +111,15 @@ def _go_on(
         moved[i] = before[X] != after[X] or before[Y] != after[Y] or before[YAW] != after[YAW]
         if agents.command[i].has_goal:
             note_progress(agents, i, before, after, now + 1, timing)
-
-
-@borrowing
-def poses_at(agents: AgentArrays, now: int, poses: Floats) -> None:
-    """Write everybody's pose (N, 6) at sub-step `now`."""
-    for i in range(poses.shape[0]):
-        place = agents.place[i]
-        copy_pose(agents.path[i, min(now - place.begin, place.last)], poses[i])
-
-
-@borrowing
-def _is_near(place: Any, x: float, y: float, reach: float) -> bool:
-    """Tell whether the circle that holds a body on all of its path meets another."""
-    dx, dy, far = place.x - x, place.y - y, place.reach + reach
-    return bool(dx * dx + dy * dy < far * far)
+    return moved, poses
 
 
 @borrowing
 def mark_closed(agents: AgentArrays, now: int, floor: ClearanceLayer, box: Floats) -> None:
-    """Let those plan at once whose path a new floor has closed."""
+    """Make those agents plan at once whose trajectory meets closed ground of a new map."""
     for i in range(agents.place.shape[0]):
         place, body = agents.place[i], agents.body[i]
-        if place.is_scripted or not _is_moving(place, now):
+        if place.is_scripted or now - place.begin >= place.last:
             continue
         rest = agents.path[i][now - place.begin : place.last + 1]
         last = rest.shape[0] - 1
@@ -162,7 +133,7 @@ def mark_closed(agents: AgentArrays, now: int, floor: ClearanceLayer, box: Float
 
 @borrowing
 def mark_broken(agents: AgentArrays, now: int) -> None:
-    """Let those plan at once whose path one that `is_news` has broken; it is so no more."""
+    """Make those agents plan at once that meet a trajectory which was changed from outside."""
     for j in range(agents.place.shape[0]):
         other = agents.place[j]
         if not other.is_news:
@@ -170,9 +141,10 @@ def mark_broken(agents: AgentArrays, now: int) -> None:
         other.is_news = 0
         for i in range(agents.place.shape[0]):
             place = agents.place[i]
-            if i == j or not _is_near(place, other.x, other.y, other.reach):
+            dx, dy, far = place.x - other.x, place.y - other.y, place.reach + other.reach
+            if i == j or dx * dx + dy * dy >= far * far:
                 continue
-            if place.is_scripted or not _is_moving(place, now):
+            if place.is_scripted or now - place.begin >= place.last:
                 continue
             rest = agents.path[i][now - place.begin : place.last + 1]
             last = rest.shape[0] - 1
@@ -195,36 +167,25 @@ def mark_broken(agents: AgentArrays, now: int) -> None:
 
 @borrowing
 def mark_clear(clear: _Mask, agents: AgentArrays, now: int, poses: Floats, bodies: Records) -> None:
-    """Strike out of `clear` (M,) the bodies (M,) that somebody's path meets.
+    """Set `clear` (M,) to False for each body (M,) that a trajectory meets.
 
-    They stand at poses (M, 6) from now on.
+    The bodies stand at poses (M, 6) from now on.
     """
     for m in range(poses.shape[0]):
+        pose = poses[m : m + 1]
         for i in range(agents.place.shape[0]):
-            near = _is_near(agents.place[i], poses[m, X], poses[m, Y], bodies[m].radius)
-            if near and _meets(agents, i, now, poses[m : m + 1], bodies[m]):
-                clear[m] = False
-                break
-
-
-@borrowing
-def _meets(agents: AgentArrays, i: int, now: int, pose: Floats, body: Any) -> bool:
-    """Tell whether a path meets a body that stands at a pose (1, 6) from now on."""
-    place = agents.place[i]
-    start = min(now - place.begin, place.last)
-    if separation(pose[0], body, agents.path[i, start], agents.body[i]) < 0.0:
-        return True
-    _, k = gap_between(
-        pose,
-        0,
-        body,
-        agents.path[i],
-        start,
-        place.last,
-        agents.body[i],
-        0.0,
-        place.pace,
-        NEVER,
-        pose[0],
-    )
-    return bool(k != NEVER)
+            place, path = agents.place[i], agents.path[i]
+            dx, dy = place.x - poses[m, X], place.y - poses[m, Y]
+            far = place.reach + bodies[m].radius
+            if dx * dx + dy * dy >= far * far:
+                continue
+            body, other = bodies[m], agents.body[i]
+            start = min(now - place.begin, place.last)
+            if separation(pose[0], body, path[start], other) >= 0.0:
+                _, k = gap_between(
+                    pose, 0, body, path, start, place.last, other, 0.0, place.pace, NEVER, pose[0]
+                )
+                if k == NEVER:
+                    continue
+            clear[m] = False
+            break

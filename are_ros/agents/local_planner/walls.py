@@ -1,4 +1,4 @@
-"""How near a path comes to what is closed: exact, quick where a field says that it is far."""
+"""Clearance of a path from closed ground: exact, and quick where a distance field allows it."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -18,8 +18,8 @@ from are_ros.world.lattice_cover import (
     covered,
     hits_cells,
     lattice_row,
+    meets,
 )
-from are_ros.world.lattice_cover import is_free as is_box_free
 
 _NOT_FREE = -1.0
 
@@ -41,7 +41,7 @@ def layer_of(body: Any, floor: ClearanceLayer) -> int:
 
 @borrowing
 def _cells_free(col: float, row: float, floor: ClearanceLayer, layer: int) -> float:
-    """Return how far, in cells, a point (in cells) surely is from all that is closed."""
+    """Return a lower bound of the distance [cells] of a point [cells] from closed cells."""
     field = floor.clearance
     if not (0.0 <= col < field.shape[2] and 0.0 <= row < field.shape[1]):
         return -np.inf
@@ -52,7 +52,7 @@ def _cells_free(col: float, row: float, floor: ClearanceLayer, layer: int) -> fl
 
 @borrowing
 def point_room(x: float, y: float, body: Any, floor: ClearanceLayer) -> float:
-    """Return the radius [m] of a disc about a point that surely meets nothing that is closed."""
+    """Return the radius [m] of a disc about a point that surely meets no closed cell."""
     lattice, unit = floor.lattice, floor.unit
     dx, dy = x - lattice[0], y - lattice[1]
     col = (dx * lattice[2] + dy * lattice[3]) / unit
@@ -62,7 +62,7 @@ def point_room(x: float, y: float, body: Any, floor: ClearanceLayer) -> float:
 
 @borrowing
 def disc_room(pose: Floats, body: Any, floor: ClearanceLayer) -> float:
-    """Return how much each disc of a body could surely grow before it met a closed cell."""
+    """Return how much [m] each disc of a body can surely grow before it meets a closed cell."""
     lattice = floor.lattice
     layer, scale = layer_of(body, floor), 1.0 / floor.unit
     x0 = pose[X] - lattice[0] + pose[COS] * body.centre_x - pose[SIN] * body.centre_y
@@ -84,7 +84,7 @@ def is_free(pose: Floats, body: Any, grow: float, floor: ClearanceLayer, box: Fl
     """Tell whether a body, grown on each side, covers open cells of the grid only: exact."""
     lay_box(pose, body, grow, box)
     field = floor.clearance[layer_of(body, floor)]
-    return bool(is_box_free(box, 0, floor.lattice, field, floor.unit, TOUCH_TOLERANCE_M))
+    return not meets(box, 0, floor.lattice, field, 0.0, field, floor.unit, TOUCH_TOLERANCE_M)
 
 
 @borrowing
@@ -146,12 +146,11 @@ def wall_conflict(
 ) -> tuple[bool, int]:
     """Tell whether a plan leaves the walls the gap wanted, and when it first runs into one.
 
-    `wanted` is `wall_gap_wanted` of its first pose. With `must_keep` it looks no further once the
-    gap is not kept.
-    Who starts on free cells stays on such, and who turns on the spot does not end where it
-    cannot, unless it was so at `home`, where the plan before this one ends.
-    Who does not start so (a new map) may go over all that is not
-    solid, and covers no more solid cells than at the start.
+    `wanted` is `wall_gap_wanted` of its first pose. With `must_keep` the search ends once the gap
+    is not kept. A plan that starts in free space stays in it and, for a body that turns on the
+    spot, ends where the body can turn, unless it cannot at `home`, where the plan before this one
+    ends. A plan that starts elsewhere (on a new map) may cross what is not solid, and covers no
+    more solid cells than at its start.
     """
     if wanted < 0.0:
         limit = _solid_cells(plan[0], body, floor, box)

@@ -80,37 +80,22 @@ def _label_block(
         for col in range(labels.shape[1]):
             if labels[row, col] == 0 and room_m[row, col] >= least_m:
                 count += 1
-                size = _fill(room_m, least_m, labels, queue, row, col, count)
+                queue[0, 0], queue[0, 1] = row, col
+                labels[row, col] = count
+                done, size = 0, 1
+                while done < size:  # the component of the cell
+                    for direction in range(4):
+                        r = queue[done, 0] + ROW_STEPS[direction]
+                        c = queue[done, 1] + COL_STEPS[direction]
+                        inside = 0 <= r < labels.shape[0] and 0 <= c < labels.shape[1]
+                        if inside and labels[r, c] == 0 and room_m[r, c] >= least_m:
+                            labels[r, c] = count
+                            queue[size, 0], queue[size, 1] = r, c
+                            size += 1
+                    done += 1
                 if size > most:
                     largest, most = count, size
     return largest
-
-
-@compiled
-def _fill(
-    room_m: npt.NDArray[np.float32],
-    least_m: float,
-    labels: Labels,
-    queue: npt.NDArray[np.int32],
-    row: int,
-    col: int,
-    label: int,
-) -> int:
-    """Give one component its number, and return its size."""
-    queue[0, 0], queue[0, 1] = row, col
-    labels[row, col] = label
-    done, size = 0, 1
-    while done < size:
-        for direction in range(4):
-            r = queue[done, 0] + ROW_STEPS[direction]
-            c = queue[done, 1] + COL_STEPS[direction]
-            inside = 0 <= r < labels.shape[0] and 0 <= c < labels.shape[1]
-            if inside and labels[r, c] == 0 and room_m[r, c] >= least_m:
-                labels[r, c] = label
-                queue[size, 0], queue[size, 1] = r, c
-                size += 1
-        done += 1
-    return size
 
 
 @compiled
@@ -171,53 +156,28 @@ def _join(
     return bool(reached[1, main_b])
 
 
-@compiled
 def label_components(mains: Labels, edges: npt.NDArray[np.bool_]) -> npt.NDArray[np.int32]:
-    """Return numbers int32 (h, w) of open blocks, equal where open edges join; -1 where closed."""
-    height, width = mains.shape
-    components = np.full((height, width), -1, np.int32)
-    queue = np.empty(height * width, np.int64)
-    count = 0
-    for start in range(height * width):
-        if (
-            mains[start // width, start % width] != 0
-            and components[start // width, start % width] < 0
-        ):
-            _spread(edges, components, queue, start, count)
-            count += 1
+    """Return numbers int32 (h, w) of open blocks, equal where open edges join; -1 where closed.
+
+    The least index in a component spreads over its open edges until nothing changes.
+    """
+    least = np.arange(mains.size, dtype=np.int32).reshape(mains.shape)
+    west, east, south, north = least[:, :-1], least[:, 1:], least[:-1], least[1:]
+    joins_x, joins_y = edges[0, :, :-1], edges[1, :-1]
+    has_changed = True
+    while has_changed:
+        before = least.copy()
+        for one, other, joins in ((west, east, joins_x), (south, north, joins_y)):
+            np.minimum(one, other, out=one, where=joins)
+            np.minimum(one, other, out=other, where=joins)
+        has_changed = not np.array_equal(least, before)
+    components, is_open = np.full(mains.shape, -1, np.int32), mains != 0
+    components[is_open] = np.unique(least[is_open], return_inverse=True)[1]
     return components
 
 
-@compiled
-def _spread(
-    edges: npt.NDArray[np.bool_],
-    components: npt.NDArray[np.int32],
-    queue: npt.NDArray[np.int64],
-    start: int,
-    number: int,
-) -> None:
-    """Give all blocks that open edges join with the start its number."""
-    width = components.shape[1]
-    queue[0] = start
-    components[start // width, start % width] = number
-    done, size = 0, 1
-    while done < size:
-        row, col = queue[done] // width, queue[done] % width
-        done += 1
-        for direction in range(4):
-            r, c = row + ROW_STEPS[direction], col + COL_STEPS[direction]
-            if edges[direction, row, col] and components[r, c] < 0:
-                components[r, c] = number
-                queue[size] = r * width + c
-                size += 1
-
-
-@compiled
 def belongs_to_main(labels: Labels, mains: Labels, side: int) -> npt.NDArray[np.bool_]:
     """Tell which fine cells (H, W) belong to the largest component of their block."""
-    is_main = np.zeros(labels.shape, np.bool_)
-    for row in range(labels.shape[0]):
-        for col in range(labels.shape[1]):
-            main = mains[row // side, col // side]
-            is_main[row, col] = main != 0 and labels[row, col] == main
+    main = mains.repeat(side, axis=0).repeat(side, axis=1)[: labels.shape[0], : labels.shape[1]]
+    is_main: npt.NDArray[np.bool_] = (labels == main) & (main != 0)
     return is_main

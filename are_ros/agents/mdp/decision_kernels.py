@@ -61,35 +61,23 @@ class Process(NamedTuple):
 
 
 @compiled
-def decide(process: Process, part: Part, to: Place, scratch: Floats) -> None:
-    """Put the new values of a part of the cells into their place."""
-    if process.reach == 1:
-        _by_one(process, part, to)
-    elif process.reach <= NEAR:
-        _by_three(process, part, to)
-    else:
-        _arrive(process, part, scratch)
-        _by_found(process, part, to, scratch)
-
-
-@compiled
-def _by_one(process: Process, part: Part, to: Place) -> None:
+def decide_by_one(process: Process, part: Part, to: Place) -> None:
     """Decide where moves are of one cell."""
     flat, lengths, (old, first, count) = process.flat, process.lengths, part
     north, south = np.uint64(process.width), np.uint64(-process.width)
     for i in range(count):
         e, n, w, s = _in_planes(lengths, first + i)
         ends = (
-            _one_on(flat, old + e, _EAST, lengths[e]),
-            _one_on(flat, old + n, north, lengths[n]),
-            _one_on(flat, old + w, _WEST, lengths[w]),
-            _one_on(flat, old + s, south, lengths[s]),
+            _either(flat[old + e], flat[old + e + _EAST], lengths[e] != _NONE),
+            _either(flat[old + n], flat[old + n + north], lengths[n] != _NONE),
+            _either(flat[old + w], flat[old + w + _WEST], lengths[w] != _NONE),
+            _either(flat[old + s], flat[old + s + south], lengths[s] != _NONE),
         )
         _choose(process, old, first + i, ends, to, i)
 
 
 @compiled
-def _by_three(process: Process, part: Part, to: Place) -> None:
+def decide_by_three(process: Process, part: Part, to: Place) -> None:
     """Decide where moves are of up to three cells."""
     flat, lengths, (old, first, count) = process.flat, process.lengths, part
     north, south = np.uint64(process.width), np.uint64(-process.width)
@@ -105,8 +93,8 @@ def _by_three(process: Process, part: Part, to: Place) -> None:
 
 
 @compiled
-def _by_found(process: Process, part: Part, to: Place, scratch: Floats) -> None:
-    """Decide by what each direction leads to, as `_arrive` left it in the scratch."""
+def decide_by_ends(process: Process, part: Part, to: Place, scratch: Floats) -> None:
+    """Decide by what each direction leads to, as `find_ends` left it in the scratch."""
     old, first, count = part
     for i in range(count):
         e, w = _FOUND + i, _FOUND + ROW + ROW + i
@@ -140,7 +128,7 @@ def _choose(
 
 
 @compiled
-def _arrive(process: Process, part: Part, scratch: Floats) -> None:
+def find_ends(process: Process, part: Part, scratch: Floats) -> None:
     """Put into the scratch the value of where each direction leads to from each cell."""
     flat, lengths, (old, at, count), out = process.flat, process.lengths, part, _FOUND
     for direction in range(4):
@@ -152,21 +140,12 @@ def _arrive(process: Process, part: Part, scratch: Floats) -> None:
         for k in range(NEAR + 1, process.reach + 1, 2):
             this = here + np.uint64(k) * step
             further = this + step if k < process.reach else this
-            _by_more(process, (this, at, count), further, np.uint8(k), scratch, out)
+            length_k, longer = np.uint8(k), np.uint8(k + 1)
+            for i in range(count):
+                length = lengths[at + i]
+                best = _either(scratch[out + i], flat[this + i], length == length_k)
+                scratch[out + i] = _either(best, flat[further + i], length == longer)
         at, out = at + np.uint64(lengths.shape[0] // 4), out + ROW
-
-
-@compiled
-def _by_more(
-    process: Process, part: Part, further: np.uint64, k: np.uint8, found: Floats, out: np.uint64
-) -> None:
-    """Replace what moves of k cells lead to by what is there, those of one more by `further`."""
-    flat, lengths, (this, first, count) = process.flat, process.lengths, part
-    longer = np.uint8(k + 1)
-    for i in range(count):
-        length = lengths[first + i]
-        best = _either(found[out + i], flat[this + i], length == k)
-        found[out + i] = _either(best, flat[further + i], length == longer)
 
 
 @compiled
@@ -176,11 +155,6 @@ def _in_planes(lengths: Lengths, cell: np.uint64) -> tuple[np.uint64, ...]:
     north = cell + plane
     west = north + plane
     return cell, north, west, west + plane
-
-
-@compiled
-def _one_on(values: Floats, here: np.uint64, step: np.uint64, length: np.uint8) -> np.float32:
-    return _either(values[here], values[here + step], length != _NONE)
 
 
 @compiled

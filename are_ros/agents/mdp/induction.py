@@ -8,13 +8,23 @@ from typing import Final
 import numpy as np
 
 from are_ros._compiled import compiled
-from are_ros.agents.mdp.decision_kernels import CHUNK, NEAR, ROW, Floats, Lengths, Process, decide
+from are_ros.agents.mdp.decision_kernels import (
+    CHUNK,
+    NEAR,
+    ROW,
+    Floats,
+    Lengths,
+    Process,
+    decide_by_ends,
+    decide_by_one,
+    decide_by_three,
+    find_ends,
+)
 
 _HALF: Final = np.uint64(4 * CHUNK)
 """The new values of two chunks wait in the first eight rows of the scratch, in turns."""
 
 
-@compiled
 def solved(
     kept: int,
     terminal: Floats,
@@ -31,13 +41,10 @@ def solved(
     """
     height, width = terminal.shape
     padding, size = max(reach, NEAR) * width, kept * 4 * height * width
-    flat = np.empty(size + 2 * padding, np.float32)
-    # not looked at for what it is, but numbers that are none could slow it down
-    flat[:padding], flat[padding + size :] = 0.0, 0.0
+    flat = np.zeros(size + 2 * padding, np.float32)
     planes = flat[padding : padding + size].reshape(kept, 4, height, width)
-    for heading in range(4):
-        planes[0, heading] = terminal
-    lengths, gains = lengths.reshape(lengths.size), gains.reshape(gains.size)
+    planes[0] = terminal
+    lengths, gains = lengths.reshape(-1), gains.reshape(-1)
     process = Process(flat, lengths, gains, width, reach, chances, turns)
     return planes, induct(process, kept, horizon)
 
@@ -72,7 +79,14 @@ def _epoch(process: Process, old: np.uint64, new: np.uint64, scratch: Floats) ->
     for start in range(0, cells, at_once):
         first, count = np.uint64(start), np.uint64(min(at_once, cells - start))
         to = (scratch, at, ROW) if in_place else (flat, new + first, plane)
-        decide(process, (old, first, count), to, scratch)
+        part = old, first, count
+        if process.reach == 1:
+            decide_by_one(process, part, to)
+        elif process.reach <= NEAR:
+            decide_by_three(process, part, to)
+        else:
+            find_ends(process, part, scratch)
+            decide_by_ends(process, part, to, scratch)
         # a chunk later: the moves of this one were still to look at the old values of the last
         at = _HALF - at
         if in_place and start > 0:

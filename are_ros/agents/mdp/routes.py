@@ -1,4 +1,4 @@
-"""Compiled one-step lookahead over values, and the way that follows from it."""
+"""One-step lookahead over values, and the way that follows from it, compiled."""
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,7 @@ Doubles = npt.NDArray[np.float64]
 Lengths = npt.NDArray[np.uint8]
 
 TIE = 1e-6
-"""Actions whose values differ by less count as equal: rather straight on, and rather going."""
+"""Actions whose values differ by less count as equal; then going straight on is preferred."""
 
 
 @borrowing
@@ -29,7 +29,7 @@ def action_values(
 
     `values` (4, h, w) with one epoch less; `state` row and column in the window, and heading;
     `weights` as `ValueTable.weights`; `anchors_m` (H, W, 2) of the whole coarse map; `moving`
-    (M, 5) is x, y, radius, fade and weight of each who moves there.
+    (M, 5) is x, y, radius, fade and weight of each moving neighbour.
     """
     row, col, heading = state
     brings = result[5:]
@@ -40,8 +40,14 @@ def action_values(
         length = lengths[direction, row, col]
         r, c = row + length * ROW_STEPS[direction], col + length * COL_STEPS[direction]
         brings[direction] = gains[direction, row, col] + values[direction, r, c]
-        if moving.shape[0] > 0:
-            brings[direction] -= _swept(anchors_m, weights, state, direction, length, moving)
+        if moving.shape[0] > 0 and length == 0:
+            brings[direction] -= _bother(anchors_m, weights, row, col, moving)
+        elif moving.shape[0] > 0:  # in each cell that the move enters, over the reach
+            total = 0.0
+            for k in range(1, length + 1):
+                r, c = row + k * ROW_STEPS[direction], col + k * COL_STEPS[direction]
+                total += _bother(anchors_m, weights, r, c, moving)
+            brings[direction] -= total / weights[4]
     for direction in range(4):
         sides = brings[(direction + 1) % 4] + brings[(direction + 3) % 4]
         apart = (direction - heading) % 4
@@ -50,28 +56,8 @@ def action_values(
 
 
 @borrowing
-def _swept(
-    anchors_m: Doubles,
-    weights: Doubles,
-    state: tuple[int, int, int],
-    direction: int,
-    length: int,
-    moving: Doubles,
-) -> float:
-    """Return what those who move cost a move: in each cell that it enters, over the reach."""
-    row, col, _ = state
-    if length == 0:
-        return _bother(anchors_m, weights, row, col, moving)
-    total = 0.0
-    for k in range(1, length + 1):
-        r, c = row + k * ROW_STEPS[direction], col + k * COL_STEPS[direction]
-        total += _bother(anchors_m, weights, r, c, moving)
-    return float(total / weights[4])
-
-
-@borrowing
 def _bother(anchors_m: Doubles, weights: Doubles, row: int, col: int, moving: Doubles) -> float:
-    """Return what those who move cost in a cell: their weight at their radius, fading to 0."""
+    """Return the cost of moving neighbours in a cell: their weight at their radius, fading to 0."""
     anchor_m = anchors_m[row + int(weights[5]), col + int(weights[6])]
     total = 0.0
     for k in range(moving.shape[0]):
@@ -103,12 +89,12 @@ def follow(
     action: int,
     points_m: Doubles,
     brings: Doubles,
-    nobody: Doubles,
+    no_others: Doubles,
 ) -> tuple[int, float]:
     """Fill in the anchors (K, 2) that an action and then the best ones lead along, without slips.
 
     Returns how many there are, and the epochs that this takes: to the goal, or to where the
-    points are all used; inf if neither is ever reached. Scratch are `brings` (9,) and `nobody`
+    points are all used; inf if neither is ever reached. Scratch are `brings` (9,) and `no_others`
     (0, 5).
     """
     row, col, heading = state
@@ -127,6 +113,6 @@ def follow(
                 count += 1
         epochs += length / weights[4] if length > 0 else 1.0
         state = (row, col, heading)
-        action_values(values, lengths, gains, weights, anchors_m, nobody, state, brings)
+        action_values(values, lengths, gains, weights, anchors_m, no_others, state, brings)
         action = best_action(brings, heading)
     return count, np.inf

@@ -18,7 +18,6 @@ Mask = npt.NDArray[np.bool_]
 MOST_BUCKETS: Final = 65536
 
 
-@compiled
 def cut_out(
     edges: Mask,
     nearness: Floats,
@@ -32,22 +31,12 @@ def cut_out(
     It goes from cell `corner` up to cell `end`, without that; edges that lead out of it are closed.
     The price is what an epoch in a cell costs: `time` and, near a wall, up to `clearance`.
     """
-    height, width = end[0] - corner[0], end[1] - corner[1]
-    inner, price = np.empty((4, height, width), np.bool_), np.empty((height, width), np.float32)
-    first, count = np.uint64(corner[1]), np.uint64(width)  # as negative ones count from the end
-    for i in range(height):
-        row = corner[0] + i
-        for j in range(count):
-            price[i, j] = time + clearance * nearness[row, first + j]
-        for direction in range(4):
-            for j in range(count):
-                inner[direction, i, j] = edges[direction, row, first + j]
-    inner[0, :, width - 1], inner[1, height - 1, :] = False, False
-    inner[2, :, 0], inner[3, 0, :] = False, False
-    return inner, price
+    window = (slice(corner[0], end[0]), slice(corner[1], end[1]))
+    inner = edges[:, window[0], window[1]].copy()
+    inner[0, :, -1], inner[1, -1, :], inner[2, :, 0], inner[3, 0, :] = False, False, False, False
+    return inner, time + clearance * nearness[window]
 
 
-@compiled
 def way_prices(edges: Mask, price: Floats, reach: int, goal: tuple[int, int]) -> Floats:
     """Return what the cheapest way to the goal costs, cell by cell: float32 (h, w), inf if none.
 
@@ -57,21 +46,16 @@ def way_prices(edges: Mask, price: Floats, reach: int, goal: tuple[int, int]) ->
     """
     height, width = price.shape
     count = height * width
-    steps, cheapest, dearest = np.empty(count, np.float32), np.float32(np.inf), np.float32(0.0)
-    prices = price.reshape(count)
-    for i in range(count):
-        steps[i] = step = prices[i] / np.float32(reach)
-        cheapest, dearest = min(cheapest, step), max(dearest, step)
-    bucket = max(cheapest, dearest / np.float32(MOST_BUCKETS))
+    steps = price.reshape(count) / np.float32(reach)
+    dearest = steps.max()
+    bucket = max(steps.min(), dearest / np.float32(MOST_BUCKETS))
     ring = 1
     while ring < int(dearest / bucket) + 3:
         ring *= 2
     costs, heads = np.empty(count, np.float32), np.empty(ring, np.int32)
     start, room = goal[0] * width + goal[1], 2 * count + 4
-    buckets_per_price = np.float32(1.0) / bucket
-    while not _spread(
-        edges.reshape(4, count), steps, width, start, buckets_per_price, heads, room, costs
-    ):
+    per_price = np.float32(1.0) / bucket
+    while not _spread(edges.reshape(4, count), steps, width, start, per_price, heads, room, costs):
         room *= 2  # many cells were looked at several times: rounding, wild prices
     return costs.reshape(height, width)
 
@@ -118,7 +102,6 @@ def _spread(
     return True
 
 
-@compiled
 def find_process(
     edges: Mask,
     costs: Floats,
@@ -134,7 +117,8 @@ def find_process(
     lengths = find_moves(edges, costs, reach, goal)
     gains = find_gains(lengths, costs, price, reach, goal)
     at_goal, unreachable = values
-    return lengths, gains, np.maximum(at_goal - costs, unreachable)
+    terminal: Floats = np.maximum(at_goal - costs, unreachable)
+    return lengths, gains, terminal
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""What compiled loops take of a coarse map: which of its cells and headings stand for a pose."""
+"""The coarse map as the kernels take it: which of its cells and headings a pose belongs to."""
 
 from typing import Final, NamedTuple
 
@@ -14,7 +14,7 @@ _QUARTER: Final = 0.5 * np.pi
 
 
 class Ground(NamedTuple):
-    """What a coarse map tells of the ground.
+    """A coarse map's arrays.
 
     `is_main` bool and `clearance_m` float32 (H, W) of fine cells; `lattice` float64 (6,) places
     them in the map frame; `anchors_m` float64 (h, w, 2). `least_m` is the clearance needed; a
@@ -60,7 +60,6 @@ def cell_of(ground: Ground, x_m: float, y_m: float) -> tuple[int, int]:
     return start[0] // ground.side, start[1] // ground.side
 
 
-@borrowing
 def holds(ground: Ground, x_m: float, y_m: float, radius_m: float) -> bool:
     """Tell whether a disc fits at a point, and the component of the point's cell contains that."""
     is_main, unit = ground.is_main, ground.lattice[4]

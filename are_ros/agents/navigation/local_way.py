@@ -1,8 +1,8 @@
-"""Compiled search of a way over fine cells, where none of the coarse way can be gone to straight.
+"""Search of a way over fine cells, where no point of the coarse way can be reached straight.
 
-A coarse way tells which blocks of cells to go through, not how to get round the corner between two
-of them. Here is the shortest way of a disc through those blocks, cell by cell; of that way the
-farthest point is gone to that the disc can roll straight to.
+A coarse way names the blocks of cells to pass, not the way round the corner between two of them.
+This is the shortest way of a disc through those blocks, cell by cell. The agent then moves to the
+farthest point of it that the disc can roll straight to.
 """
 
 from typing import Final
@@ -17,13 +17,13 @@ from are_ros.agents.navigation.terrain import cell_centre, disc_is_free, rolls
 from are_ros.world.boxes import TOUCH_TOLERANCE_M
 
 LEAST_M: Final = 0.25
-"""A point nearer than this is as good as reached; the way is gone on farther, seen or not."""
+"""A point nearer than this counts as reached: the next point is taken, visible or not."""
 
 AHEAD: Final = 2
-"""So many points of the coarse way are looked for; the first block's and the next's."""
+"""How many points of the coarse way are searched for: those of the next two blocks."""
 
 MARGINS: Final = (0, 1, 3)
-"""By so many blocks the search looks farther than the coarse way, where it finds nothing."""
+"""The search is widened by so many blocks, one after the other, while it finds nothing."""
 
 _UNSEEN: Final = -1
 _ANYWHERE: Final = 0.7072
@@ -37,7 +37,7 @@ Rectangle = tuple[int, int, int, int]
 def way_round(
     ground: Ground, from_m: Point, way_m: npt.NDArray[np.float64], radius_m: float
 ) -> tuple[float, float, bool]:
-    """Return where to go first to get to the first points of a coarse way (K, 2), K > 0.
+    """Return the first point on the way to the first points of a coarse way (K, 2), K > 0.
 
     `from_m` and the result are points of the map frame; the last value tells whether there is a
     way at all: if not, it is the first point of the coarse way.
@@ -50,7 +50,15 @@ def way_round(
         rows, cols = _searched(ground, from_m, way_m, margin)
         parents = np.full((rows[1] - rows[0], cols[1] - cols[0]), _UNSEEN, np.int32)
         if _flood(ground, start, goal, (rows[0], cols[0]), radius_m, parents):
-            cells = _path(parents, goal, (rows[0], cols[0]))
+            width = parents.shape[1]
+            here = (goal[0] - rows[0]) * width + goal[1] - cols[0]
+            cells, count, before = np.empty((parents.size, 2), np.int64), 0, -1
+            while before != here:  # from the goal back to the start, which is its own parent
+                here = before if before >= 0 else here
+                cells[count, 0], cells[count, 1] = here // width + rows[0], here % width + cols[0]
+                count += 1
+                before = np.int64(parents[here // width, here % width])
+            cells = cells[:count]
             x_m, y_m = _first_leg(ground, from_m, cells, goal_m, radius_m)
             return x_m, y_m, True
     return way_m[0, 0], way_m[0, 1], False
@@ -63,25 +71,18 @@ def _searched(
     """Return the rows and columns, from and to, of the blocks that a way leads through."""
     side = ground.side
     row, col = fine_cell(ground.lattice, from_m)
-    low, high = (row // side, col // side), (row // side, col // side)
-    block = cell_of(ground, from_m[0], from_m[1])
-    if block[0] >= 0:
-        low, high = _widened(low, high, block)
+    south, west = row // side, col // side
+    north, east = south, west
+    row, col = cell_of(ground, from_m[0], from_m[1])
+    if row >= 0:
+        south, west, north, east = min(south, row), min(west, col), max(north, row), max(east, col)
     for k in range(way_m.shape[0]):
         row, col = fine_cell(ground.lattice, (way_m[k, 0], way_m[k, 1]))
-        low, high = _widened(low, high, (row // side, col // side))
+        row, col = row // side, col // side
+        south, west, north, east = min(south, row), min(west, col), max(north, row), max(east, col)
     height, width = ground.clearance_m.shape
-    rows = (max(0, (low[0] - margin) * side), min(height, (high[0] + margin + 1) * side))
-    return rows, (max(0, (low[1] - margin) * side), min(width, (high[1] + margin + 1) * side))
-
-
-@compiled
-def _widened(
-    low: tuple[int, int], high: tuple[int, int], block: tuple[int, int]
-) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Return the corners of the rectangle of blocks that holds one more."""
-    low = (min(low[0], block[0]), min(low[1], block[1]))
-    return low, (max(high[0], block[0]), max(high[1], block[1]))
+    rows = max(0, (south - margin) * side), min(height, (north + margin + 1) * side)
+    return rows, (max(0, (west - margin) * side), min(width, (east + margin + 1) * side))
 
 
 @compiled
@@ -139,23 +140,6 @@ def _flood(
                 is_pressed, done = False, size - 1
                 break
     return False
-
-
-@compiled
-def _path(
-    parents: npt.NDArray[np.int32], goal: tuple[int, int], corner: tuple[int, int]
-) -> npt.NDArray[np.int64]:
-    """Return the cells (N, 2) of the way to a goal that was reached, the goal first."""
-    width = parents.shape[1]
-    here = (goal[0] - corner[0]) * width + goal[1] - corner[1]
-    cells, count = np.empty((parents.size, 2), np.int64), 0
-    while True:
-        cells[count, 0], cells[count, 1] = here // width + corner[0], here % width + corner[1]
-        count += 1
-        before = parents[here // width, here % width]
-        if before == here:
-            return cells[:count]
-        here = before
 
 
 @compiled

@@ -175,9 +175,9 @@ class Navigation:
         indices = view.indices_of([requests[k].me.id for k in active_goals])
         for (k, active), way_m, index in zip(active_goals.items(), ways_m, indices, strict=True):
             request = requests[k]
-            minds = (index, request.is_patient, self._epochs(request.left_s))
+            agent = (index, request.is_patient, self._epochs(request.left_s))
             is_moving_goal = request.intent.is_moving_goal
-            step = route_step(*active.arrays, crowd, around, minds, is_moving_goal, way_m)
+            step = route_step(*active.arrays, crowd, around, agent, is_moving_goal, way_m)
             if step[0] != NO_WAY:
                 results[k] = _result(request, step, way_m)
         return results

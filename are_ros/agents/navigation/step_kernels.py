@@ -1,4 +1,4 @@
-"""Compiled step of a route: from where one is to what to do next, among the others."""
+"""The next step along a route, among the other agents: one compiled call for each decision."""
 
 from typing import Any, Final, NamedTuple
 
@@ -15,16 +15,16 @@ from are_ros.agents.neighbours import Cells, find_near
 Floats = npt.NDArray[np.float64]
 
 FADE_M: Final = 1.0
-"""Over this length what somebody else costs falls from its whole weight to nothing."""
+"""Over this length the cost of another agent falls from its whole weight to 0."""
 
 MINDED_M: Final = 3.0
-"""Who is farther away than this is not minded."""
+"""An agent farther away than this costs nothing."""
 
 THERE_M: Final = 0.15
-"""Who is so near to the first point of its way goes on to the next, round a corner if need be."""
+"""Within this distance a waypoint counts as reached."""
 
 STRAIGHT_M: Final = 3.0
-"""A goal that is seen and no farther than this is gone to without asking for values."""
+"""A visible goal no farther away than this is approached straight, without the values."""
 
 NO_WAY, WAITS, GOES, STRAIGHT = range(4)
 
@@ -40,9 +40,9 @@ class ValueArrays(NamedTuple):
 
 
 class GoalSpec(NamedTuple):
-    """Of one who goes: its radius, the goal, and where the values end, which may be beside it.
+    """An agent's radius, its goal, and where the values end, which may be beside the goal.
 
-    Then what it costs an epoch to be near others, and near the robot.
+    Then the cost per epoch of being near others, and near the robot.
     """
 
     radius_m: float
@@ -72,10 +72,10 @@ GoalArrays = tuple[GroundArrays, ValueTuple, GoalSpecArrays]
 
 
 class NeighbourQuery(NamedTuple):
-    """Whom one minds: the others, if `me` is not -1, which is one's own index among them.
+    """The neighbours in the lookahead; `me` is the own index, -1 for none.
 
-    They are where their velocity takes them in `ahead_s`. Being near one of them costs `price` an
-    epoch; being near the robot, at a point within a distance, what it costs (0: there is none).
+    They are where their velocity takes them in `ahead_s`. Being near one of them costs `price` per
+    epoch; being near the robot, within a distance of a point, `robot_price` (0: no robot).
     """
 
     me: int
@@ -88,9 +88,9 @@ class NeighbourQuery(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Room for who is near in a crowd of N: indices (N,), squared distances (N,), (N + 1, 5).
+    """Scratch for the neighbours in a crowd of N: indices (N,), squared distances (N,), (N + 1, 5).
 
-    And for what actions bring, (9,).
+    And for the values of actions, (9,).
     """
 
     found: npt.NDArray[np.int64]
@@ -103,7 +103,7 @@ class Scratch(NamedTuple):
 def find_others(
     crowd: Crowd, query: NeighbourQuery, x_m: float, y_m: float, radius_m: float, scratch: Scratch
 ) -> int:
-    """Write who is minded about a point to the scratch, `moving`; return how many they are."""
+    """Write the neighbours of a point to the scratch, `moving`; return how many they are."""
     near, moving, count = 0, scratch.moving, 0
     if query.me >= 0:
         near = find_near(crowd.cells, x_m, y_m, MINDED_M, scratch.found, scratch.squares)
@@ -132,24 +132,24 @@ def route_step(
     ends: GoalSpecArrays,
     crowd: CrowdArrays,
     robot: tuple[float, float, float, float],
-    minds: tuple[int, bool, int],
+    agent: tuple[int, bool, int],
     is_moving_goal: bool,
     way_m: Floats,
 ) -> tuple[int, int, float, float, bool]:
-    """Find the next step of one who goes somewhere, and fill in the way (K, 2) that it follows.
+    """Find the next step of an agent with a goal, and fill in the way (K, 2) that it follows.
 
     `ground`, `value_arrays` and `ends` are the fields of `Ground`, `ValueArrays` and `GoalSpec`,
     `crowd` those of `Cells` and the rest of `Crowd`. `robot` is the lookahead [s], the robot's
-    place then, and its radius, which is negative without a robot. `minds` is the index in the
-    crowd, whether it minds others, and the epochs left. A moving goal is gone to straight from
-    however far. Returns what to do (no way, waiting for others, going, straight to the goal), how
-    many points the way has, the farthest of them that a disc can roll straight to, and whether
-    that is the end.
+    place then, and its radius, which is negative without a robot. `agent` is the index in the
+    crowd, whether others cost it anything, and the epochs left. A moving goal is approached
+    straight from any distance. Returns what to do (no way, waiting for others, going, straight to
+    the goal), how many points the way has, the farthest of them that a disc can roll straight to,
+    and whether that is the end.
     """
     floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
     everybody = Crowd(Cells(*crowd[:8]), crowd[8], crowd[9], crowd[10])
     size = everybody.poses.shape[0]
-    index, is_patient, epochs_left = minds
+    index, is_patient, epochs_left = agent
     x_m, y_m = everybody.poses[index, 0], everybody.poses[index, 1]
     away_m = np.hypot(going.goal_m[0] - x_m, going.goal_m[1] - y_m)
     if (is_moving_goal or away_m <= STRAIGHT_M) and rolls(
@@ -186,9 +186,12 @@ def _find_step(
     scratch: Scratch,
 ) -> tuple[int, int, float, float, bool]:
     """Take the best action at a pose, and fill in the way (K, 2) that follows it."""
-    state = _state(ground, value_arrays, me)
-    if state[0] < 0:
+    row, col = cell_of(ground, me[0], me[1])
+    row, col = row - int(value_arrays.weights[5]), col - int(value_arrays.weights[6])
+    height, width = value_arrays.costs.shape
+    if not (0 <= row < height and 0 <= col < width) or value_arrays.costs[row, col] == np.inf:
         return NO_WAY, 0, 0.0, 0.0, False
+    state = row, col, heading_of(ground.lattice, me[2])
     others = find_others(crowd, query, me[0], me[1], me[3], scratch)
     values = value_arrays.planes[max(0, min(epochs_left, value_arrays.planes.shape[0]) - 1)]
     arrays = (value_arrays.lengths, value_arrays.gains, value_arrays.weights, ground.anchors_m)
@@ -201,61 +204,22 @@ def _find_step(
     ):
         way_m[0, 0], way_m[0, 1] = goal_m
         return GOES, 1, goal_m[0], goal_m[1], True
-    count = _way(ground, value_arrays, state, action, goal_m, way_m, scratch)
+    no_others = scratch.moving[:0]
+    count, _ = follow(value_arrays.planes, *arrays, state, action, way_m, scratch.brings, no_others)
     if count == 0:
         return NO_WAY, 0, 0.0, 0.0, False
+    end_m = ground.anchors_m[int(weights[5] + weights[7]), int(weights[6] + weights[8])]
+    if way_m[count - 1, 0] == end_m[0] and way_m[count - 1, 1] == end_m[1]:
+        way_m[count - 1, 0], way_m[count - 1, 1] = goal_m
     if action == 0:
         return WAITS, count, 0.0, 0.0, False
     aim = farthest(ground.clearance_m, ground.lattice, here_m, way_m[:count], me[3])
-    if aim == 0 and not _is_seen(ground, me, way_m[:count]):
+    first_m = (way_m[0, 0], way_m[0, 1])
+    is_reached = np.hypot(first_m[0] - me[0], first_m[1] - me[1]) < THERE_M and count > 1
+    if aim == 0 and (
+        is_reached or not rolls(ground.clearance_m, ground.lattice, here_m, first_m, me[3])
+    ):
         x_m, y_m, _ = way_round(ground, here_m, way_m[:count], me[3])
         return GOES, count, x_m, y_m, x_m == goal_m[0] and y_m == goal_m[1]
     is_end = way_m[aim, 0] == goal_m[0] and way_m[aim, 1] == goal_m[1]
     return GOES, count, way_m[aim, 0], way_m[aim, 1], is_end
-
-
-@borrowing
-def _is_seen(ground: Ground, me: tuple[float, float, float, float], way_m: Floats) -> bool:
-    """Tell whether the first point of a way is rolled to straight, and still to be gone to."""
-    is_there = np.hypot(way_m[0, 0] - me[0], way_m[0, 1] - me[1]) < THERE_M
-    if is_there and way_m.shape[0] > 1:
-        return False
-    point_m = (way_m[0, 0], way_m[0, 1])
-    return rolls(ground.clearance_m, ground.lattice, (me[0], me[1]), point_m, me[3])
-
-
-@borrowing
-def _state(
-    ground: Ground, value_arrays: ValueArrays, me: tuple[float, float, float, float]
-) -> tuple[int, int, int]:
-    """Return row and column in the table's window, and heading; -1s without a way from there."""
-    row, col = cell_of(ground, me[0], me[1])
-    row, col = row - int(value_arrays.weights[5]), col - int(value_arrays.weights[6])
-    height, width = value_arrays.costs.shape
-    if not (0 <= row < height and 0 <= col < width) or value_arrays.costs[row, col] == np.inf:
-        return -1, -1, -1
-    return row, col, heading_of(ground.lattice, me[2])
-
-
-@borrowing
-def _way(
-    ground: Ground,
-    value_arrays: ValueArrays,
-    state: tuple[int, int, int],
-    action: int,
-    goal_m: tuple[float, float],
-    way_m: Floats,
-    scratch: Scratch,
-) -> int:
-    """Fill in the way that follows an action, with the goal at its end; return its length."""
-    arrays = (value_arrays.lengths, value_arrays.gains, value_arrays.weights, ground.anchors_m)
-    nobody = scratch.moving[:0]
-    count, _ = follow(value_arrays.planes, *arrays, state, action, way_m, scratch.brings, nobody)
-    row, col = (
-        value_arrays.weights[5] + value_arrays.weights[7],
-        value_arrays.weights[6] + value_arrays.weights[8],
-    )
-    end_m = ground.anchors_m[int(row), int(col)]
-    if count > 0 and way_m[count - 1, 0] == end_m[0] and way_m[count - 1, 1] == end_m[1]:
-        way_m[count - 1, 0], way_m[count - 1, 1] = goal_m
-    return count

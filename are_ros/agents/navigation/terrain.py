@@ -71,7 +71,7 @@ class Terrain:
         """Tell whether a disc can roll straight from one point to another of the map frame.
 
         It meets no closed cell at either end, nor every half a cell between them: exact, and the
-        same law by which the traffic lets somebody turn on the spot.
+        same condition under which the local planner lets an agent turn on the spot.
         """
         return bool(rolls(self.clearance_m, self.lattice, from_m, to_m, radius_m))
 

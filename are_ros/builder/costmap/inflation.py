@@ -37,26 +37,26 @@ def inflated(mask: Mask, cost_of_d2: Costs, radius_cells: int, margin_cells: int
     """
     if mask.size == 0 and margin_cells == 0:
         return np.zeros(mask.shape, np.uint8)
-    narrow = radius_cells <= NARROW_RADIUS_CELLS
-    like: Distances = np.empty(0, np.uint16 if narrow else np.uint32)
-    writable = np.array(mask, np.bool_, order="C")  # one type of array, so one compilation
-    return _inflate(writable, cost_of_d2, radius_cells, margin_cells, like)
+    number = np.uint16 if radius_cells <= NARROW_RADIUS_CELLS else np.uint32
+    height, width = mask.shape
+    vertical = np.full((height + 2 * margin_cells, width), radius_cells + 1, number)
+    vertical[margin_cells : margin_cells + height][mask] = 0
+    return _inflate(vertical, cost_of_d2, radius_cells, margin_cells)
 
 
 @compiled
-def _inflate(mask: Mask, cost_of_d2: Costs, radius: int, margin: int, like: Distances) -> Costs:
+def _inflate(vertical: Distances, cost_of_d2: Costs, radius: int, margin: int) -> Costs:
     """Return the costs: distances along columns, down and up, then along rows, block by block.
 
-    A distance above the radius counts as radius + 1, so that squares fit in `like`'s integers. The
-    rows of a block lie in one line, with `radius` cells of padding before, between and after them.
+    `vertical` is 0 in the mask and radius + 1 elsewhere: a distance above the radius counts as
+    that, so that squares fit in its integers. It is overwritten. The rows of a block lie in one
+    line, with `radius` cells of padding before, between and after them.
     """
-    vertical = np.full((mask.shape[0] + 2 * margin, mask.shape[1]), radius + 1, like.dtype)
-    costs = np.zeros((vertical.shape[0], mask.shape[1] + 2 * margin), np.uint8)
+    costs = np.zeros((vertical.shape[0], vertical.shape[1] + 2 * margin), np.uint8)
     stride = costs.shape[1] + radius
     rows = min(max(BLOCK_CELLS // max(stride, 1), 1), costs.shape[0])
-    line = np.full(rows * stride + radius, (radius + 1) * (radius + 1), like.dtype)
-    nearest = np.empty(rows * stride, like.dtype)
-    _mark(mask, vertical[margin:])
+    line = np.full(rows * stride + radius, (radius + 1) * (radius + 1), vertical.dtype)
+    nearest = np.empty(rows * stride, vertical.dtype)
     for r in range(1, vertical.shape[0]):
         _step_along_columns(vertical[r], vertical[r - 1])
     for r in range(vertical.shape[0] - 1, -1, -1):
@@ -66,16 +66,10 @@ def _inflate(mask: Mask, cost_of_d2: Costs, radius: int, margin: int, like: Dist
             block = vertical[r : r + rows]
             if _square(block, radius, line[radius + margin :], stride):
                 _least_in_window(line, radius, nearest)
-                _look_up(nearest, cost_of_d2, costs[r : r + rows], stride)
+                for row in range(block.shape[0]):
+                    for c in range(costs.shape[1]):
+                        costs[r + row, c] = cost_of_d2[nearest[row * stride + c]]
     return costs
-
-
-@compiled
-def _mark(mask: Mask, vertical: Distances) -> None:
-    for r in range(mask.shape[0]):
-        for c in range(mask.shape[1]):
-            if mask[r, c]:
-                vertical[r, c] = 0
 
 
 @compiled
@@ -116,13 +110,6 @@ def _least_in_window(line: Distances, radius: int, nearest: Distances) -> None:
             nearest[c] = min(nearest[c], line.dtype.type(min(left[c], right[c]) + k2))
 
 
-@compiled
-def _look_up(d2: Distances, cost_of_d2: Costs, costs: Costs, stride: int) -> None:
-    for r in range(costs.shape[0]):
-        for c in range(costs.shape[1]):
-            costs[r, c] = cost_of_d2[d2[r * stride + c]]
-
-
 Published = npt.NDArray[np.int8]
 Rectangles = npt.NDArray[np.int64]
 
@@ -130,14 +117,10 @@ INSCRIBED: Final = 253
 NO_INFORMATION: Final = 255
 
 
-@compiled
 def restore(costs: Costs, static: Costs, places: Rectangles) -> None:
     """Copy the static layer into rectangles (N, 4) of row0, col0, row1, col1 (half-open)."""
-    for i in range(places.shape[0]):
-        row0, col0, row1, col1 = places[i, 0], places[i, 1], places[i, 2], places[i, 3]
-        for r in range(row0, row1):
-            for c in range(col0, col1):
-                costs[r, c] = static[r, c]
+    for row0, col0, row1, col1 in places.tolist():
+        costs[row0:row1, col0:col1] = static[row0:row1, col0:col1]
 
 
 @compiled

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.world.boxes import TOUCH_TOLERANCE_M, OrientedBoxes
-from are_ros.world.lattice_cover import count_new, covered, lattice_row
+from are_ros.world.lattice_cover import covered, lattice_row
 from are_ros.world.occupancy_grid import CellClasses, OccupancyGrid
 
 Cell = TypeVar("Cell", bound=np.generic)
@@ -103,7 +103,11 @@ def _cover(
         windows[i, 2], windows[i, 3], windows[i, 4] = mask.shape[0], mask.shape[1], size
         masks.append(mask.reshape(-1))
         size += mask.size
-        count += count_new(mask, row0, col0, is_covered)
+        for row in range(mask.shape[0]):
+            for col in range(mask.shape[1]):
+                if mask[row, col] and not is_covered[row0 + row, col0 + col]:
+                    is_covered[row0 + row, col0 + col] = True
+                    count += 1
     cells = np.zeros(size, np.bool_)
     for i in range(packed.shape[0]):
         for k in range(masks[i + 1].size):
@@ -152,15 +156,10 @@ def rectangles(
     return np.clip(widened, 0, np.array((*shape, *shape)))
 
 
-@compiled
 def meeting(ours: Rectangles, theirs: Rectangles) -> Mask:
     """Return for each of our rectangles (N, 4) whether it shares a cell with one of theirs."""
-    met = np.zeros(ours.shape[0], np.bool_)
-    for i in range(ours.shape[0]):
-        for j in range(theirs.shape[0]):
-            rows = min(ours[i, 2], theirs[j, 2]) > max(ours[i, 0], theirs[j, 0])
-            cols = min(ours[i, 3], theirs[j, 3]) > max(ours[i, 1], theirs[j, 1])
-            if rows and cols:
-                met[i] = True
-                break
+    low = np.maximum(ours[:, None, :2], theirs[:, :2])
+    high = np.minimum(ours[:, None, 2:], theirs[:, 2:])
+    shares = np.logical_and.reduce(high > low, axis=2)
+    met: Mask = np.logical_or.reduce(shares, axis=1)
     return met

@@ -67,6 +67,7 @@ class Scratch(NamedTuple):
     depths: npt.NDArray[np.float32]
     candidates: npt.NDArray[np.int64]
     nearest_m: npt.NDArray[np.float32]
+    order: npt.NDArray[np.int64]
     last_m: npt.NDArray[np.float32]
     front_m: npt.NDArray[np.float32]
     mesh_rays: npt.NDArray[np.float32]
@@ -144,52 +145,30 @@ def measure_boxes(
     tallies: Tallies,
     scratch: Scratch,
 ) -> int:
-    """Fill Z_a of each candidate; drop those that no ray meets, and return how many are left."""
+    """Fill Z_a of each candidate; drop those that no ray meets, and return how many are left.
+
+    Z_a is the first hit on the box per pixel, inf beyond the range.
+    """
+    rays_x, rays_y, rays_z = scratch.rays[0], scratch.rays[1], scratch.rays[2]
     kept = 0
     for candidate in range(count):
         box = scratch.candidates[candidate]
-        met = _box_depths(
-            scratch.rays[0],
-            scratch.rays[1],
-            scratch.rays[2],
-            valid,
-            boxes.cameras_m[box],
-            boxes.turns[box],
-            boxes.halves_m[box],
-            max_range_m,
-            scratch.depths[kept],
-        )
+        camera_m, half_m = boxes.cameras_m[box], boxes.halves_m[box]
+        cosine, sine = boxes.turns[box, 0], boxes.turns[box, 1]
+        ox, oy, oz = camera_m[0], camera_m[1], camera_m[2]
+        half_x, half_y, half_z = half_m[0], half_m[1], half_m[2]
+        depths, met = scratch.depths[kept], np.int32(0)
+        for pixel in range(PIXELS):
+            x, y = rays_x[pixel], rays_y[pixel]
+            dx, dy = cosine * x + sine * y, cosine * y - sine * x
+            near = _enter(ox, oy, oz, dx, dy, rays_z[pixel], half_x, half_y, half_z)
+            hit = (near <= max_range_m) & (valid[pixel] != 0)
+            depths[pixel] = near if hit else INFINITE
+            met += np.int32(hit)
         tallies.unoccluded[box] += met
         scratch.candidates[kept] = box
         kept += met > 0
     return kept
-
-
-@compiled
-def _box_depths(
-    rays_x: npt.NDArray[np.float32],
-    rays_y: npt.NDArray[np.float32],
-    rays_z: npt.NDArray[np.float32],
-    valid: npt.NDArray[np.uint8],
-    camera_m: npt.NDArray[np.float32],
-    turn: npt.NDArray[np.float32],
-    half_m: npt.NDArray[np.float32],
-    max_range_m: np.float32,
-    depths: npt.NDArray[np.float32],
-) -> int:
-    """Write the first hit on a box per pixel, inf beyond the range; return the number of hits."""
-    cosine, sine = turn[0], turn[1]
-    ox, oy, oz = camera_m[0], camera_m[1], camera_m[2]
-    half_x, half_y, half_z = half_m[0], half_m[1], half_m[2]
-    met = np.int32(0)
-    for pixel in range(PIXELS):
-        x, y = rays_x[pixel], rays_y[pixel]
-        dx, dy = cosine * x + sine * y, cosine * y - sine * x
-        near = _enter(ox, oy, oz, dx, dy, rays_z[pixel], half_x, half_y, half_z)
-        hit = (near <= max_range_m) & (valid[pixel] != 0)
-        depths[pixel] = near if hit else INFINITE
-        met += np.int32(hit)
-    return int(met)
 
 
 @compiled
@@ -207,43 +186,35 @@ def hide_behind_others(
     matters only where its box is before some other box and before the front known so far.
     """
     depths, front, last = scratch.depths, scratch.front_m, scratch.last_m
+    nearest, order = scratch.nearest_m, scratch.order
     front[:] = INFINITE
     last[:] = -INFINITE
     for candidate in range(count):
-        _raise_to(depths[candidate], last)
-    for place in _nearest_first(depths, count, scratch.nearest_m):
-        if not _matters(depths[place], last, front):
+        depth, least = depths[candidate], INFINITE
+        for pixel in range(PIXELS):
+            higher = (depth[pixel] > last[pixel]) & (depth[pixel] < INFINITE)
+            last[pixel] = depth[pixel] if higher else last[pixel]
+            least = min(least, depth[pixel])
+        place = candidate
+        while place > 0 and nearest[place - 1] > least:  # sort by the least depth in the tile
+            nearest[place], order[place] = nearest[place - 1], order[place - 1]
+            place -= 1
+        nearest[place], order[place] = least, candidate
+    for place in order[:count]:
+        depth = depths[place]
+        if not _matters(depth, last, front):
             continue
         box = scratch.candidates[place]
         if boxes.meshes[box] < 0:
-            _lower_to(depths[place], front)
+            for pixel in range(PIXELS):
+                front[pixel] = min(front[pixel], depth[pixel])
         else:
             _lower_to_mesh(boxes, tree, box, axis, spread, scratch)
     for candidate in range(count):
-        _hide_behind(front, depths[candidate])
-
-
-@compiled
-def _nearest_first(
-    depths: npt.NDArray[np.float32], count: int, nearest_m: npt.NDArray[np.float32]
-) -> npt.NDArray[np.int64]:
-    """Return the candidates in the order of their least depth in the tile."""
-    for candidate in range(count):
-        nearest_m[candidate] = depths[candidate].min()
-    return np.argsort(nearest_m[:count])
-
-
-@compiled
-def _raise_to(depths: npt.NDArray[np.float32], last: npt.NDArray[np.float32]) -> None:
-    for pixel in range(PIXELS):
-        higher = (depths[pixel] > last[pixel]) & (depths[pixel] < INFINITE)
-        last[pixel] = depths[pixel] if higher else last[pixel]
-
-
-@compiled
-def _lower_to(depths: npt.NDArray[np.float32], front: npt.NDArray[np.float32]) -> None:
-    for pixel in range(PIXELS):
-        front[pixel] = min(front[pixel], depths[pixel])
+        depth = depths[candidate]
+        for pixel in range(PIXELS):
+            hidden = depth[pixel] > front[pixel] + TIE_M
+            depth[pixel] = INFINITE if hidden else depth[pixel]
 
 
 @compiled
@@ -257,13 +228,6 @@ def _matters(
         depth = depths[pixel]
         matters += np.int32((depth + TIE_M < last[pixel]) & (depth < front[pixel]))
     return bool(matters > 0)
-
-
-@compiled
-def _hide_behind(front: npt.NDArray[np.float32], depths: npt.NDArray[np.float32]) -> None:
-    for pixel in range(PIXELS):
-        hidden = depths[pixel] > front[pixel] + TIE_M
-        depths[pixel] = INFINITE if hidden else depths[pixel]
 
 
 @compiled
@@ -310,7 +274,12 @@ def render(
         count = find_candidates(axis, tiles.spreads[tile], boxes, scratch.candidates)
         if count == 0:
             continue
-        _turn_rays(map_from_camera, tiles.rays[tile], scratch.rays)
+        x, y, z = tiles.rays[tile, 0], tiles.rays[tile, 1], tiles.rays[tile, 2]
+        for row in range(3):
+            out = scratch.rays[row]
+            a, b, c = map_from_camera[row, 0], map_from_camera[row, 1], map_from_camera[row, 2]
+            for pixel in range(PIXELS):
+                out[pixel] = a * x[pixel] + b * y[pixel] + c * z[pixel]
         count = measure_boxes(tiles.valid[tile], boxes, max_range_m, count, tallies, scratch)
         if count > 1 and mutual:
             hide_behind_others(boxes, tree, axis, tiles.spreads[tile], count, scratch)
@@ -332,26 +301,22 @@ def _turned(
 
 
 @compiled
-def _turn_rays(
-    matrix: npt.NDArray[np.float32],
-    rays: npt.NDArray[np.float32],
-    turned: npt.NDArray[np.float32],
-) -> None:
-    x, y, z = rays[0], rays[1], rays[2]
-    for row in range(3):
-        a, b, c, out = matrix[row, 0], matrix[row, 1], matrix[row, 2], turned[row]
-        for pixel in range(PIXELS):
-            out[pixel] = a * x[pixel] + b * y[pixel] + c * z[pixel]
-
-
-@compiled
 def _trace_environment(
     voxels: Voxels, axis: npt.NDArray[np.float32], spread: np.float32, count: int, scratch: Scratch
 ) -> None:
     """Fill the environment's depth, inf where nothing is in front of any box still to be seen."""
     limits, traced, environment = scratch.limits_m, scratch.traced, scratch.environment_m
-    farthest = _limits(scratch.depths, count, limits)
+    limits[:] = _ZERO
     environment[:] = INFINITE
+    for candidate in range(count):  # it matters just before the farthest box of a pixel
+        depth = scratch.depths[candidate]
+        for pixel in range(PIXELS):
+            limit = depth[pixel] - TIE_M
+            farther = (limit > limits[pixel]) & (limit < INFINITE)
+            limits[pixel] = limit if farther else limits[pixel]
+    farthest = _ZERO
+    for pixel in range(PIXELS):
+        farthest = max(farthest, limits[pixel])
     lattice_axis = _turned(voxels.lattice_from_map, axis)
     spreads = voxels.voxels_per_m * spread
     start = free_cone(voxels.field, voxels.origin, voxels.ignored, lattice_axis, spreads, farthest)
@@ -359,52 +324,17 @@ def _trace_environment(
     for pixel in range(PIXELS):
         traced[waiting] = pixel
         waiting += limits[pixel] > start
-    _lattice_rays(voxels.lattice_from_map, waiting, scratch)
-    hits = scratch.hits_m[:waiting]
-    trace(
-        voxels.field,
-        voxels.origin,
-        voxels.ignored,
-        scratch.lattice_rays,
-        start,
-        scratch.limits_m,
-        hits,
-    )
-    for ray in range(waiting):
-        environment[traced[ray]] = hits[ray]
-
-
-@compiled
-def _limits(
-    depths: npt.NDArray[np.float32], count: int, limits_m: npt.NDArray[np.float32]
-) -> np.float32:
-    """Write how far the environment matters per pixel: just before the farthest box."""
-    limits_m[:] = _ZERO
-    for candidate in range(count):
-        row = depths[candidate]
-        for pixel in range(PIXELS):
-            limit = row[pixel] - TIE_M
-            farther = (limit > limits_m[pixel]) & (limit < INFINITE)
-            limits_m[pixel] = limit if farther else limits_m[pixel]
-    farthest: np.float32 = limits_m.max()
-    return farthest
-
-
-@compiled
-def _lattice_rays(matrix: npt.NDArray[np.float32], waiting: int, scratch: Scratch) -> None:
-    """Gather the rays to trace, turned and scaled into the lattice, and their limits."""
-    rays, turned, traced, limits = (
-        scratch.rays,
-        scratch.lattice_rays,
-        scratch.traced,
-        scratch.limits_m,
-    )
-    for ray in range(waiting):
+    matrix, rays, turned = voxels.lattice_from_map, scratch.rays, scratch.lattice_rays
+    for ray in range(waiting):  # gather the rays to trace, turned and scaled into the lattice
         pixel = traced[ray]
         x, y, z = rays[0, pixel], rays[1, pixel], rays[2, pixel]
         limits[ray] = limits[pixel]
         for row in range(3):
             turned[row, ray] = matrix[row, 0] * x + matrix[row, 1] * y + matrix[row, 2] * z
+    hits = scratch.hits_m[:waiting]
+    trace(voxels.field, voxels.origin, voxels.ignored, turned, start, limits, hits)
+    for ray in range(waiting):
+        environment[traced[ray]] = hits[ray]
 
 
 @compiled

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.builder.occlusion.rays import PIXELS
+from are_ros.builder.occlusion.rays import PIXELS, inverse
 from are_ros.errors import InputError
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.meshes.geometry import surface_of
@@ -45,7 +45,7 @@ def cast(
     Origin and direction are in the frame of the mesh. Nodes lie as in a heap: the children of
     node i are 2 i + 1 and 2 i + 2, and all leaves are on the last level.
     """
-    boxes, _, meshes, _ = tree
+    boxes, triangles, meshes, numbers = tree
     first_node, levels = meshes[mesh, 0], meshes[mesh, 1]
     first_leaf = (1 << levels) - 1
     ix, iy, iz = inverse(dx), inverse(dy), inverse(dz)
@@ -58,9 +58,11 @@ def cast(
         if not enters(boxes[first_node + node], ox, oy, oz, ix, iy, iz) <= best:
             continue
         if node >= first_leaf:
-            best, triangle = _cast_leaf(
-                tree, mesh, node - first_leaf, ox, oy, oz, dx, dy, dz, best, triangle
-            )
+            start = meshes[mesh, 2] + (node - first_leaf) * LEAF_TRIANGLES
+            for index in range(start, start + LEAF_TRIANGLES):
+                t = _meet(triangles[index], ox, oy, oz, dx, dy, dz)
+                if t < best or (t == best and triangle < 0):
+                    best, triangle = t, numbers[index]
             continue
         left, right = 2 * node + 1, 2 * node + 2
         left_m = enters(boxes[first_node + left], ox, oy, oz, ix, iy, iz)
@@ -73,12 +75,6 @@ def cast(
             waiting[count] = near
             count += 1
     return (best if triangle >= 0 else np.inf), triangle
-
-
-@compiled
-def inverse(component: float) -> float:
-    """Return 1 / component, finite also for zero."""
-    return 1.0 / (component if abs(component) > 1e-30 else 1e-30)
 
 
 @compiled
@@ -95,30 +91,6 @@ def enters(
 
 
 @compiled
-def _cast_leaf(
-    tree: Tree,
-    mesh: int,
-    leaf: int,
-    ox: float,
-    oy: float,
-    oz: float,
-    dx: float,
-    dy: float,
-    dz: float,
-    best: float,
-    triangle: int,
-) -> tuple[float, int]:
-    """Return the nearer of the best hit so far and a leaf's (Moeller and Trumbore, two-sided)."""
-    _, triangles, meshes, numbers = tree
-    start = meshes[mesh, 2] + leaf * LEAF_TRIANGLES
-    for index in range(start, start + LEAF_TRIANGLES):
-        t = _meet(triangles[index], ox, oy, oz, dx, dy, dz)
-        if t < best or (t == best and triangle < 0):
-            best, triangle = t, numbers[index]
-    return best, triangle
-
-
-@compiled
 def _meet(
     triangle: npt.NDArray[np.float64],
     ox: float,
@@ -128,7 +100,10 @@ def _meet(
     dy: float,
     dz: float,
 ) -> float:
-    """Return where a ray meets a triangle (corner, edge, edge) [m], inf if it does not."""
+    """Return where a ray meets a triangle (corner, edge, edge) [m], inf if it does not.
+
+    Moeller and Trumbore (1997), from either side.
+    """
     ax, ay, az = triangle[3], triangle[4], triangle[5]
     bx, by, bz = triangle[6], triangle[7], triangle[8]
     px, py, pz = dy * bz - dz * by, dz * bx - dx * bz, dx * by - dy * bx
@@ -174,9 +149,9 @@ def cast_tile(
     while count > 0:
         count -= 1
         node = waiting[count]
-        box[:3], box[3:] = boxes[first_node + node, :3], boxes[first_node + node, 3:]
-        box[:3] -= grown_m
-        box[3:] += grown_m
+        for axis_number in range(3):
+            box[axis_number] = boxes[first_node + node, axis_number] - grown_m
+            box[3 + axis_number] = boxes[first_node + node, 3 + axis_number] + grown_m
         if enters(box, camera_m[0], camera_m[1], camera_m[2], ix, iy, iz) == np.inf:
             continue
         if node < first_leaf:
@@ -201,9 +176,13 @@ def _meet_all(
     sx, sy, sz = camera_m[0] - triangle[0], camera_m[1] - triangle[1], camera_m[2] - triangle[2]
     ax, ay, az = triangle[3], triangle[4], triangle[5]
     bx, by, bz = triangle[6], triangle[7], triangle[8]
-    nx, ny, nz = _cross(bx, by, bz, ax, ay, az)
-    ux, uy, uz = _cross(bx, by, bz, sx, sy, sz)
-    vx, vy, vz = _cross(sx, sy, sz, ax, ay, az)
+    # the cross products b x a, b x s and s x a
+    nx, ny = np.float32(by * az - bz * ay), np.float32(bz * ax - bx * az)
+    nz = np.float32(bx * ay - by * ax)
+    ux, uy = np.float32(by * sz - bz * sy), np.float32(bz * sx - bx * sz)
+    uz = np.float32(bx * sy - by * sx)
+    vx, vy = np.float32(sy * az - sz * ay), np.float32(sz * ax - sx * az)
+    vz = np.float32(sx * ay - sy * ax)
     above = np.float32(
         bx * (sy * az - sz * ay) + by * (sz * ax - sx * az) + bz * (sx * ay - sy * ax)
     )
@@ -216,17 +195,6 @@ def _meet_all(
         inside = (u >= -_TILE_EDGE) & (v >= -_TILE_EDGE) & (u + v <= _ONE + _TILE_EDGE)
         nearer = inside & (t >= _ZERO) & (t < depths_m[pixel])
         depths_m[pixel] = t if nearer else depths_m[pixel]
-
-
-@compiled
-def _cross(
-    ax: float, ay: float, az: float, bx: float, by: float, bz: float
-) -> tuple[np.float32, np.float32, np.float32]:
-    return (
-        np.float32(ay * bz - az * by),
-        np.float32(az * bx - ax * bz),
-        np.float32(ax * by - ay * bx),
-    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -88,80 +88,44 @@ def chessboard_distance(occupied: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8
     field = np.empty((occupied.shape[2], occupied.shape[0], occupied.shape[1]), dtype=np.uint8)
     np.multiply(occupied.transpose(2, 0, 1) == 0, np.uint8(FAR), out=field)
     if field.size:
-        _sweep_rows(field)
-        _sweep_planes(field)
-        _sweep_layers(field, np.empty_like(field[0]))
+        for layer in field:
+            _sweep_rows(layer)
+        _sweep(np.moveaxis(field, 1, 0), (1,))
+        _sweep(field, (0, 1))
     return field
 
 
-@compiled
-def _sweep_rows(field: npt.NDArray[np.uint8]) -> None:
-    """Relax along the innermost axis, forward and back."""
-    for z in range(field.shape[0]):
-        for x in range(field.shape[1]):
-            row = field[z, x]
-            nearest = FAR
-            for y in range(row.size):
-                nearest = min(nearest + 1, int(row[y]))
-                row[y] = nearest
-            for y in range(row.size - 1, -1, -1):
-                nearest = min(nearest + 1, int(row[y]))
-                row[y] = nearest
+def _sweep_rows(layer: npt.NDArray[np.uint8]) -> None:
+    """Relax a layer (nx, ny) along y, forward and back."""
+    steps = np.arange(layer.shape[1], dtype=np.int16)
+    forward = np.minimum.accumulate(layer - steps, axis=1) + steps
+    backward = np.minimum.accumulate((layer + steps)[:, ::-1], axis=1)[:, ::-1] - steps
+    layer[:] = np.minimum(forward, backward)
 
 
-@compiled
-def _sweep_planes(field: npt.NDArray[np.uint8]) -> None:
-    """Relax from row to row within each layer, forward and back."""
-    for z in range(field.shape[0]):
-        for x in range(1, field.shape[1]):
-            _relax_from(field[z, x], field[z, x - 1])
-        for x in range(field.shape[1] - 2, -1, -1):
-            _relax_from(field[z, x], field[z, x + 1])
+def _sweep(slices: npt.NDArray[np.uint8], axes: tuple[int, ...]) -> None:
+    """Relax slices (K, M, N) from one to the next, forward and back.
+
+    A step may also go to a neighbour along the `axes` of a slice.
+    """
+    count = len(slices)
+    for k in range(1, count):
+        _relax(slices[k], slices[k - 1], axes)
+    for k in range(count - 2, -1, -1):
+        _relax(slices[k], slices[k + 1], axes)
 
 
-@compiled
-def _sweep_layers(field: npt.NDArray[np.uint8], scratch: npt.NDArray[np.uint8]) -> None:
-    """Relax from layer to layer, forward and back."""
-    for z in range(1, field.shape[0]):
-        _relax_layer(field[z], field[z - 1], scratch)
-    for z in range(field.shape[0] - 2, -1, -1):
-        _relax_layer(field[z], field[z + 1], scratch)
-
-
-@compiled
-def _relax_layer(
-    layer: npt.NDArray[np.uint8],
-    previous: npt.NDArray[np.uint8],
-    scratch: npt.NDArray[np.uint8],
+def _relax(
+    here: npt.NDArray[np.uint8], beside: npt.NDArray[np.uint8], axes: tuple[int, ...]
 ) -> None:
-    """Take one step from the 3 x 3 neighbours in the previous layer."""
-    last = layer.shape[0] - 1
-    for x in range(layer.shape[0]):
-        _least(previous[max(x - 1, 0)], previous[x], previous[min(x + 1, last)], scratch[x])
-    for x in range(layer.shape[0]):
-        _relax_from(layer[x], scratch[x])
-
-
-@compiled
-def _least(
-    a: npt.NDArray[np.uint8],
-    b: npt.NDArray[np.uint8],
-    c: npt.NDArray[np.uint8],
-    out: npt.NDArray[np.uint8],
-) -> None:
-    for y in range(out.shape[0]):
-        out[y] = min(a[y], b[y], c[y])
-
-
-@compiled
-def _relax_from(row: npt.NDArray[np.uint8], previous: npt.NDArray[np.uint8]) -> None:
-    """Take one step from the three neighbours in the previous row."""
-    last = row.shape[0] - 1
-    row[0] = min(row[0], min(previous[0], previous[min(1, last)]) + 1)
-    row[last] = min(row[last], min(previous[last], previous[max(last - 1, 0)]) + 1)
-    left, middle, right, inner = previous[:-2], previous[1:-1], previous[2:], row[1:-1]
-    for y in range(inner.shape[0]):
-        inner[y] = min(inner[y], np.uint8(min(left[y], middle[y], right[y]) + np.uint8(1)))
+    """Lower the distances of a slice to one step more than the least near it in another slice."""
+    least = beside + np.uint8(1)
+    for axis in axes:
+        around = np.moveaxis(least, axis, 0)
+        alone = around.copy()
+        np.minimum(around[1:], alone[:-1], out=around[1:])
+        np.minimum(around[:-1], alone[1:], out=around[:-1])
+    np.minimum(here, least, out=here)
 
 
 LANES: Final = 32
@@ -254,9 +218,9 @@ def _begin(
         end = min(floats[_END + lane], max(ax, bx), max(ay, by), max(az, bz))
         enters = at < end
         t = at if enters else _ZERO
-        x = _within(np.int32(ox + t * dx), np.int32(0), nx - np.int32(1))
-        y = _within(np.int32(oy + t * dy), np.int32(0), ny - np.int32(1))
-        z = _within(np.int32(oz + t * dz), np.int32(0), nz - np.int32(1))
+        x = min(max(np.int32(ox + t * dx), np.int32(0)), nx - np.int32(1))
+        y = min(max(np.int32(oy + t * dy), np.int32(0)), ny - np.int32(1))
+        z = min(max(np.int32(oz + t * dz), np.int32(0)), nz - np.int32(1))
         integers[_X + lane], integers[_Y + lane], integers[_Z + lane] = x, y, z
         integers[_SIGN_X + lane] = np.int32(0) if ix >= _ZERO else np.int32(-1)
         integers[_SIGN_Y + lane] = np.int32(0) if iy >= _ZERO else np.int32(-1)
@@ -268,11 +232,9 @@ def _begin(
 
 
 @compiled
-def inverse(component: np.float32) -> np.float32:
-    """Return 1 / component, finite also for zero."""
-    divisor: np.float32 = component if abs(component) > _TINY else _TINY
-    reciprocal: np.float32 = _ONE / divisor
-    return reciprocal
+def inverse(component: Any) -> Any:
+    """Return 1 / component, float32 or float64, finite also for zero."""
+    return _ONE / (component if abs(component) > _TINY else _TINY)
 
 
 @compiled
@@ -312,9 +274,9 @@ def _leap(
         t = min(t, tx)
         go = (free != 0) & (t < floats[_END + lane])
         half = free - np.int32(1)
-        inner_x = _within(np.int32(ox + t * floats[_DX + lane]), x - half, x + half)
-        inner_y = _within(np.int32(oy + t * floats[_DY + lane]), y - half, y + half)
-        inner_z = _within(np.int32(oz + t * floats[_DZ + lane]), z - half, z + half)
+        inner_x = min(max(np.int32(ox + t * floats[_DX + lane]), x - half), x + half)
+        inner_y = min(max(np.int32(oy + t * floats[_DY + lane]), y - half), y + half)
+        inner_z = min(max(np.int32(oz + t * floats[_DZ + lane]), z - half), z + half)
         x = (next_x if tx <= t else inner_x) if go else x
         y = (next_y if ty <= t else inner_y) if go else y
         z = (next_z if tz <= t else inner_z) if go else z
@@ -323,12 +285,6 @@ def _leap(
         floats[_AT + lane] = t if go else floats[_AT + lane]
         moving += np.int32(go)
     return bool(moving > 0)
-
-
-@compiled
-def _within(value: np.int32, low: np.int32, high: np.int32) -> np.int32:
-    raised = max(value, low)
-    return min(raised, high)
 
 
 @compiled
@@ -348,11 +304,9 @@ def free_cone(
     flat = field.reshape(-1)
     t = _ZERO
     while t < limit_m:
-        x, y, z = (
-            _floor(origin[0] + t * axis[0]),
-            _floor(origin[1] + t * axis[1]),
-            _floor(origin[2] + t * axis[2]),
-        )
+        x = int(np.floor(origin[0] + t * axis[0]))
+        y = int(np.floor(origin[1] + t * axis[1]))
+        z = int(np.floor(origin[2] + t * axis[2]))
         if not (0 <= x < field.shape[1] and 0 <= y < field.shape[2] and 0 <= z < field.shape[0]):
             break
         index = (z * field.shape[1] + x) * field.shape[2] + y
@@ -366,11 +320,6 @@ def free_cone(
             break
         t = reach
     return min(t, limit_m)
-
-
-@compiled
-def _floor(value: np.float32) -> int:
-    return int(np.floor(value))
 
 
 @compiled

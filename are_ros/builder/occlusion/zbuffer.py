@@ -125,6 +125,7 @@ def _scratch(count: int) -> Scratch:
         depths=np.empty((count + 1, PIXELS), dtype=np.float32),
         candidates=np.empty(count + 1, dtype=np.int64),
         nearest_m=np.empty(count + 1, dtype=np.float32),
+        order=np.empty(count + 1, dtype=np.int64),
         last_m=np.empty(PIXELS, dtype=np.float32),
         front_m=np.empty(PIXELS, dtype=np.float32),
         mesh_rays=np.empty((3, PIXELS), dtype=np.float32),

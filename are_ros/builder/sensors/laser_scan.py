@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.builder.occlusion.meshes import Tree, cast, enters, inverse
-from are_ros.builder.occlusion.rays import VoxelField
+from are_ros.builder.occlusion.meshes import Tree, cast, enters
+from are_ros.builder.occlusion.rays import VoxelField, inverse
 from are_ros.builder.sensors.sensor_path import Obstacles
 from are_ros.errors import InputError
 from are_ros.world.rigid_transform import RigidTransform
@@ -217,8 +217,10 @@ def _first_hits(
 ) -> None:
     """Lower each beam's hit [m] to the first on any box or mesh; `boxes` as `OrientedBoxes.packed`.
 
-    A ball around the box cuts the laser's plane in a disc; only beams within its angles are cast.
+    A ball around the box cuts the laser's plane in a disc; only beams within its angles are cast,
+    in every turn that the scan makes.
     """
+    first, step = angles
     normal = map_from_laser[:, 2]
     for box in range(boxes.shape[0]):
         apart = boxes[box, :3] - laser_m
@@ -233,68 +235,38 @@ def _first_hits(
         if range_m - disc > range_max_m:
             continue
         half = math.asin(disc / range_m) if disc < range_m else math.pi
-        _cast_sector(
-            (math.atan2(y, x), half + 1e-6),
-            map_from_laser,
-            angles,
-            range_max_m,
-            apart,
-            boxes[box],
-            meshes[box],
-            tree,
-            hits_m,
+        middle, half = math.atan2(y, x), half + 1e-6
+        cosine, sine, oz = boxes[box, 3], boxes[box, 4], -apart[2]
+        ox = -cosine * apart[0] - sine * apart[1]
+        oy = sine * apart[0] - cosine * apart[1]
+        corners = np.array(
+            (
+                -boxes[box, 5],
+                -boxes[box, 6],
+                -boxes[box, 7],
+                boxes[box, 5],
+                boxes[box, 6],
+                boxes[box, 7],
+            )
         )
-
-
-@compiled
-def _cast_sector(
-    sector: tuple[float, float],
-    map_from_laser: npt.NDArray[np.float64],
-    angles: tuple[float, float],
-    range_max_m: float,
-    apart_m: npt.NDArray[np.float64],
-    box: npt.NDArray[np.float64],
-    mesh: int,
-    tree: Tree,
-    hits_m: npt.NDArray[np.float64],
-) -> None:
-    """Cast the beams within `half` of a middle angle, in every turn that the scan makes."""
-    (middle, half), (first, step) = sector, angles
-    last = first + step * (hits_m.size - 1)
-    low, high = min(first, last), max(first, last)
-    turn = math.ceil((low - middle - half) / _TURN)
-    while middle + turn * _TURN - half <= high:
-        a = (middle + turn * _TURN - half - first) / step
-        b = (middle + turn * _TURN + half - first) / step
-        begin = max(0, math.ceil(min(a, b)))
-        end = min(hits_m.size - 1, math.floor(max(a, b)))
-        for beam in range(begin, end + 1):
-            angle = first + step * beam
-            hit = _cast_beam(angle, map_from_laser, range_max_m, apart_m, box, mesh, tree)
-            hits_m[beam] = min(hits_m[beam], hit)
-        turn += 1
-
-
-@compiled
-def _cast_beam(
-    angle: float,
-    map_from_laser: npt.NDArray[np.float64],
-    range_max_m: float,
-    apart_m: npt.NDArray[np.float64],
-    box: npt.NDArray[np.float64],
-    mesh: int,
-    tree: Tree,
-) -> float:
-    """Return the first hit [m] of one beam on one box or its mesh, inf if none."""
-    a, b = math.cos(angle), math.sin(angle)
-    x = a * map_from_laser[0, 0] + b * map_from_laser[0, 1]
-    y = a * map_from_laser[1, 0] + b * map_from_laser[1, 1]
-    dz = a * map_from_laser[2, 0] + b * map_from_laser[2, 1]
-    cosine, sine = box[3], box[4]
-    dx, dy = cosine * x + sine * y, cosine * y - sine * x
-    ox = -cosine * apart_m[0] - sine * apart_m[1]
-    oy = sine * apart_m[0] - cosine * apart_m[1]
-    if mesh >= 0:
-        return cast(tree, mesh, ox, oy, -apart_m[2], dx, dy, dz, range_max_m)[0]
-    corners = np.array((-box[5], -box[6], -box[7], box[5], box[6], box[7]))
-    return enters(corners, ox, oy, -apart_m[2], inverse(dx), inverse(dy), inverse(dz))
+        last = first + step * (hits_m.size - 1)
+        low, high = min(first, last), max(first, last)
+        turn = math.ceil((low - middle - half) / _TURN)
+        while middle + turn * _TURN - half <= high:
+            a = (middle + turn * _TURN - half - first) / step
+            b = (middle + turn * _TURN + half - first) / step
+            begin = max(0, math.ceil(min(a, b)))
+            end = min(hits_m.size - 1, math.floor(max(a, b)))
+            for beam in range(begin, end + 1):
+                angle = first + step * beam
+                a, b = math.cos(angle), math.sin(angle)
+                x = a * map_from_laser[0, 0] + b * map_from_laser[0, 1]
+                y = a * map_from_laser[1, 0] + b * map_from_laser[1, 1]
+                dz = a * map_from_laser[2, 0] + b * map_from_laser[2, 1]
+                dx, dy = cosine * x + sine * y, cosine * y - sine * x
+                if meshes[box] >= 0:
+                    hit = cast(tree, meshes[box], ox, oy, oz, dx, dy, dz, range_max_m)[0]
+                else:
+                    hit = enters(corners, ox, oy, oz, inverse(dx), inverse(dy), inverse(dz))
+                hits_m[beam] = min(hits_m[beam], hit)
+            turn += 1

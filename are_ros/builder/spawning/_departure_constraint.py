@@ -21,7 +21,7 @@ from are_ros.agents.navigation.terrain import Terrain, Terrains, rolls
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.world.boxes import TOUCH_TOLERANCE_M
 from are_ros.world.environment import Environment
-from are_ros.world.lattice_cover import TWO_HALF_DIAGONALS, is_free
+from are_ros.world.lattice_cover import TWO_HALF_DIAGONALS, meets
 
 _Mask = npt.NDArray[np.bool_]
 _Floats = npt.NDArray[np.float64]
@@ -224,33 +224,26 @@ def _is_arc_free(
     step_m = body[5] / steps
     far_m = np.hypot(abs(body[2]) + body[0], abs(body[3]) + body[1])
     pace = 1.0 + abs(curvature) * far_m  # of the fastest point of the box
-    _lay(pose, direction * body[5], curvature, body, box)
-    if _room_m(field, lattice, unit_m, body, box) < 0.0:
-        return False
-    k = 0
-    while k < steps:
-        _lay(pose, direction * k * step_m, curvature, body, box)
+    k, is_end = steps, True
+    while is_end or k < steps:
+        way_m = direction * body[5] if is_end else direction * k * step_m
+        turn = curvature * way_m
+        ahead_m, aside_m = way_m, 0.0
+        if turn != 0.0:
+            ahead_m, aside_m = np.sin(turn) / curvature, (1.0 - np.cos(turn)) / curvature
+        cos, sin = np.cos(pose[3]), np.sin(pose[3])
+        x_m = pose[0] + cos * ahead_m - sin * aside_m
+        y_m = pose[1] + sin * ahead_m + cos * aside_m
+        cos, sin = np.cos(pose[3] + turn), np.sin(pose[3] + turn)
+        box[0, 0] = x_m + cos * body[2] - sin * body[3]
+        box[0, 1] = y_m + sin * body[2] + cos * body[3]
+        box[0, 3], box[0, 4] = cos, sin
         room_m = _room_m(field, lattice, unit_m, body, box)
         if room_m < 0.0:
             return False
-        k += max(1, int(room_m / (pace * step_m)))
+        k = 0 if is_end else k + max(1, int(room_m / (pace * step_m)))
+        is_end = False
     return True
-
-
-@compiled
-def _lay(pose: _Floats, way_m: float, curvature: float, body: _Floats, box: _Floats) -> None:
-    """Write the box's centre and heading where it is after a signed way along an arc."""
-    turn = curvature * way_m
-    ahead_m, aside_m = way_m, 0.0
-    if turn != 0.0:
-        ahead_m, aside_m = np.sin(turn) / curvature, (1.0 - np.cos(turn)) / curvature
-    cos, sin = np.cos(pose[3]), np.sin(pose[3])
-    x_m = pose[0] + cos * ahead_m - sin * aside_m
-    y_m = pose[1] + sin * ahead_m + cos * aside_m
-    cos, sin = np.cos(pose[3] + turn), np.sin(pose[3] + turn)
-    box[0, 0] = x_m + cos * body[2] - sin * body[3]
-    box[0, 1] = y_m + sin * body[2] + cos * body[3]
-    box[0, 3], box[0, 4] = cos, sin
 
 
 @compiled
@@ -278,7 +271,7 @@ def _room_m(
     if least_m + _SURELY_MET * unit_m < filled_m:
         return _MET
     room_m = least_m - TWO_HALF_DIAGONALS * unit_m - body[8]
-    if room_m < 0.0 and not is_free(box, 0, lattice, field, unit_m, TOUCH_TOLERANCE_M):
+    if room_m < 0.0 and meets(box, 0, lattice, field, 0.0, field, unit_m, TOUCH_TOLERANCE_M):
         return _MET
     return float(max(room_m, 0.0))
 

@@ -52,8 +52,9 @@ class CandidateCells:
         weights: npt.NDArray[np.float64] | None,
     ) -> "CandidateCells":
         """Order cells (N,) with their clearance in cells (N,) and their weights (N,)."""
-        depths = _depths(clearance_cells)
-        order = _order(depths)
+        levels = np.minimum(clearance_cells * _LEVELS_PER_CELL, _HIGHEST_LEVEL).astype(np.int64)
+        depths = (_HIGHEST_LEVEL - levels).astype(np.uint16)
+        order = np.argsort(depths, kind="stable")
         cumulative = None if weights is None else np.cumsum(weights[order])
         return cls(flat[order], depths[order], cumulative)
 
@@ -75,29 +76,6 @@ class CandidateCells:
         return self.flat[np.minimum(chosen, len(self.flat) - 1)].astype(np.int64)
 
 
-@compiled
-def _depths(clearance_cells: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
-    depths = np.empty(len(clearance_cells), np.uint16)
-    for index, clearance in enumerate(clearance_cells):
-        depths[index] = _HIGHEST_LEVEL - int(min(clearance * _LEVELS_PER_CELL, _HIGHEST_LEVEL))
-    return depths
-
-
-@compiled
-def _order(depths: npt.NDArray[np.uint16]) -> npt.NDArray[np.int32]:
-    """Return the stable ascending order, by counting."""
-    places = np.zeros(_HIGHEST_LEVEL + 2, np.int64)
-    for depth in depths:
-        places[depth + 1] += 1
-    places = np.cumsum(places)
-    order = np.empty(len(depths), np.int32)
-    for index, depth in enumerate(depths):
-        order[places[depth]] = index
-        places[depth] += 1
-    return order
-
-
-@compiled
 def poses_in_cells(
     flat: npt.NDArray[np.int64],
     width: int,
@@ -110,13 +88,12 @@ def poses_in_cells(
     rows and columns, and the heading; `lattice` is the grid's row of `lattice_cover`.
     """
     x_m, y_m, cos, sin, cell_m, _ = lattice
+    along_y_m = (flat // width + uniforms[:, 1]) * cell_m
+    along_x_m = (flat % width + uniforms[:, 2]) * cell_m
     poses = np.zeros((len(flat), 4))
-    for k in range(len(flat)):
-        along_y_m = (flat[k] // width + uniforms[k, 1]) * cell_m
-        along_x_m = (flat[k] % width + uniforms[k, 2]) * cell_m
-        poses[k, 0] = x_m + along_x_m * cos - along_y_m * sin
-        poses[k, 1] = y_m + along_x_m * sin + along_y_m * cos
-        poses[k, 3] = (2.0 * uniforms[k, 3] - 1.0) * np.pi
+    poses[:, 0] = x_m + along_x_m * cos - along_y_m * sin
+    poses[:, 1] = y_m + along_x_m * sin + along_y_m * cos
+    poses[:, 3] = (2.0 * uniforms[:, 3] - 1.0) * np.pi
     return poses
 
 

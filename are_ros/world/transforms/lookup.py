@@ -30,39 +30,6 @@ def weight_by_series(t: float, gap: float) -> float:
 
 
 @compiled
-def slerp_weights(t: float, cosine: float) -> tuple[float, float]:
-    """Return the factors of the older and the newer quaternion at t in [0, 1].
-
-    `cosine` is their scalar product; a negative one turns the newer round (the shorter arc).
-    """
-    gap = 1.0 - abs(cosine)
-    sign = -1.0 if cosine < 0.0 else 1.0
-    if gap < SERIES_REACH:
-        return weight_by_series(1.0 - t, gap), sign * weight_by_series(t, gap)
-    angle = math.acos(abs(cosine))
-    scale = 1.0 / math.sin(angle)
-    return math.sin((1.0 - t) * angle) * scale, sign * math.sin(t * angle) * scale
-
-
-@compiled
-def interpolated(older: Pose, newer: Pose, t: float) -> Pose:
-    """Return the pose between two, t in [0, 1]: translation linearly, rotation by slerp."""
-    x0, y0, z0, i0, j0, k0, w0 = older
-    x1, y1, z1, i1, j1, k1, w1 = newer
-    s = 1.0 - t
-    a, b = slerp_weights(t, i0 * i1 + j0 * j1 + k0 * k1 + w0 * w1)
-    return (
-        s * x0 + t * x1,
-        s * y0 + t * y1,
-        s * z0 + t * z1,
-        a * i0 + b * i1,
-        a * j0 + b * j1,
-        a * k0 + b * k1,
-        a * w0 + b * w1,
-    )
-
-
-@compiled
 def _turned(
     i: float, j: float, k: float, w: float, x: float, y: float, z: float
 ) -> tuple[float, float, float]:
@@ -169,7 +136,10 @@ def pose_in_row(numbers: Floats, row: int) -> Pose:
 
 @compiled
 def edge_pose(samples: Integers, numbers: Floats, kind: int, row: int, stamp_ns: int) -> Pose:
-    """Return parent_from_child at the stamp; it is held where the next sample's parent differs."""
+    """Return parent_from_child at the stamp; it is held where the next sample's parent differs.
+
+    Between two samples the translation is linear, the rotation a slerp along the shorter arc.
+    """
     pose = pose_in_row(numbers, row)
     stamp = samples[row, STAMP]
     if kind == STATIC or stamp == stamp_ns:
@@ -177,7 +147,26 @@ def edge_pose(samples: Integers, numbers: Floats, kind: int, row: int, stamp_ns:
     if samples[row, SAMPLE_PARENT] != samples[row + 1, SAMPLE_PARENT]:
         return pose
     t = (stamp_ns - stamp) / (samples[row + 1, STAMP] - stamp)
-    return interpolated(pose, pose_in_row(numbers, row + 1), t)
+    x0, y0, z0, i0, j0, k0, w0 = pose
+    x1, y1, z1, i1, j1, k1, w1 = pose_in_row(numbers, row + 1)
+    s = 1.0 - t
+    cosine = i0 * i1 + j0 * j1 + k0 * k1 + w0 * w1
+    gap, sign = 1.0 - abs(cosine), -1.0 if cosine < 0.0 else 1.0
+    if gap < SERIES_REACH:
+        a, b = weight_by_series(s, gap), sign * weight_by_series(t, gap)
+    else:
+        angle = math.acos(abs(cosine))
+        scale = 1.0 / math.sin(angle)
+        a, b = math.sin(s * angle) * scale, sign * math.sin(t * angle) * scale
+    return (
+        s * x0 + t * x1,
+        s * y0 + t * y1,
+        s * z0 + t * z1,
+        a * i0 + b * i1,
+        a * j0 + b * j1,
+        a * k0 + b * k1,
+        a * w0 + b * w1,
+    )
 
 
 @compiled
@@ -214,25 +203,24 @@ def _climb(
 
 
 @compiled
-def _meeting(up: Integers, up_steps: int, down: Integers, down_steps: int) -> tuple[int, int]:
-    """Return how many steps up each path the first frame lies that both have, or (-1, -1)."""
+def _joined(
+    up: Integers, up_steps: int, up_status: int, down: Integers, down_steps: int, down_status: int
+) -> tuple[int, int, int]:
+    """Return a status, and how many steps up each path the first frame lies that both have.
+
+    Where they do not meet, the target's failure (`down`) comes first, as in tf2.
+    """
+    if LOOP in (up_status, down_status):
+        return LOOP, -1, -1
     for j in range(down_steps + 1):
         for i in range(up_steps + 1):
             if up[0, i] == down[0, j]:
-                return i, j
-    return -1, -1
-
-
-@compiled
-def _why_apart(
-    up: Integers, up_steps: int, up_status: int, down: Integers, down_steps: int, down_status: int
-) -> int:
-    """Return why two paths do not meet; the target's failure comes first, as in tf2."""
+                return FOUND, i, j
     if down_status != FOUND:
-        return int(down_status + STATUSES * down[0, down_steps])
+        return int(down_status + STATUSES * down[0, down_steps]), -1, -1
     if up_status != FOUND:
-        return int(up_status + STATUSES * up[0, up_steps])
-    return DISCONNECTED
+        return int(up_status + STATUSES * up[0, up_steps]), -1, -1
+    return DISCONNECTED, -1, -1
 
 
 @compiled
@@ -255,26 +243,13 @@ def look_up_general(
     up, down = np.empty((2, frames.shape[0]), np.int64), np.empty((2, frames.shape[0]), np.int64)
     up_steps, up_status = _climb(samples, frames, source, stamp_ns, False, up)
     down_steps, down_status = _climb(samples, frames, target, stamp_ns, False, down)
-    if LOOP in (up_status, down_status):
-        return LOOP
-    i, j = _meeting(up, up_steps, down, down_steps)
-    if i < 0:
-        return _why_apart(up, up_steps, up_status, down, down_steps, down_status)
+    status, i, j = _joined(up, up_steps, up_status, down, down_steps, down_status)
+    if status != FOUND:
+        return status
     top_from_source = _along(samples, frames, up, i, stamp_ns)
     top_from_target = _along(samples, frames, down, j, stamp_ns)
     write(composed(inverted(top_from_target), top_from_source), out)
     return FOUND
-
-
-@compiled
-def _newest(samples: Integers, frames: Integers, path: Integers, steps: int) -> int:
-    """Return the lowest of the newest stamps of a path's first edges; `NO_LIMIT` if all static."""
-    newest = NO_LIMIT
-    for step in range(steps):
-        frame = path[0, step]
-        if frames[frame, KIND] == DYNAMIC:
-            newest = min(newest, samples[frames[frame, END] - 1, STAMP])
-    return newest
 
 
 @compiled
@@ -291,12 +266,15 @@ def latest_not_after(
     while True:
         up_steps, up_status = _climb(samples, frames, source, limit, True, up)
         down_steps, down_status = _climb(samples, frames, target, limit, True, down)
-        if LOOP in (up_status, down_status):
-            return LOOP, limit
-        i, j = _meeting(up, up_steps, down, down_steps)
-        if i < 0:
-            return _why_apart(up, up_steps, up_status, down, down_steps, down_status), limit
-        lowered = min(_newest(samples, frames, up, i), _newest(samples, frames, down, j))
+        status, i, j = _joined(up, up_steps, up_status, down, down_steps, down_status)
+        if status != FOUND:
+            return status, limit
+        lowered = NO_LIMIT
+        for path, steps in ((up, i), (down, j)):
+            for step in range(steps):
+                frame = path[0, step]
+                if frames[frame, KIND] == DYNAMIC:
+                    lowered = min(lowered, samples[frames[frame, END] - 1, STAMP])
         if lowered >= limit:
             return FOUND, limit
         limit = lowered

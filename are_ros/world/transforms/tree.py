@@ -194,7 +194,7 @@ class FrameTree:
         return RigidTransform.adopt(values)
 
     def try_lookup(self, target: str, source: str, stamp_ns: int) -> RigidTransform | None:
-        """Return what `lookup` does, None where it would raise: for those who can wait."""
+        """Return what `lookup` does, or None where it would raise, for callers that can wait."""
         numbers = self._numbers
         to, of = numbers.get(target.lstrip("/")), numbers.get(source.lstrip("/"))
         if to is None or of is None:

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from are_ros.agents.local_planner import patience as _orders
-from are_ros.agents.local_planner import patience as _patience
+from are_ros.agents.local_planner import deadlock as _deadlock
 from are_ros.agents.local_planner import state as _state
 from are_ros.agents.local_planner.body import Body, MotionCommand
 from are_ros.agents.local_planner.planner import LocalPlanner
@@ -28,17 +27,17 @@ def twin(
     agents: _state.AgentArrays, slot: int, before: MotionCommand, after: MotionCommand, now: int
 ) -> None:
     """Write an order into the records, one field after the other."""
-    mind, moved_m = agents.mind[slot], shift_m(before, after)
+    memory, moved_m = agents.memory[slot], shift_m(before, after)
     if moved_m > 0.1 or after.speed_mps != before.speed_mps:
         agents.due[slot] = now
     if moved_m > 0.0:
-        mind["passed_at"] = _state.NEVER
-    if moved_m > 1.0 and mind["credit"] < 0.0:
-        mind["credit"] = 0.0
+        memory["passed_at"] = _state.NEVER
+    if moved_m > 1.0 and memory["credit"] < 0.0:
+        memory["credit"] = 0.0
     if after.subgoal_m is None and moved_m > 0.0:
-        mind["blocked"] = mind["credit"] = 0.0
-        mind["patience"] = _patience._FIRST_DETOUR
-        mind["obstruction"], mind["obstructed_by"] = _state.UNOBSTRUCTED, _state.NOBODY
+        memory["blocked"] = memory["credit"] = 0.0
+        memory["detour_after"] = _deadlock._FIRST_DETOUR
+        memory["obstruction"], memory["obstructed_by"] = _state.UNOBSTRUCTED, _state.NOBODY
     agents.command[slot] = _state.command_record(after)
 
 
@@ -57,10 +56,10 @@ def drawn_order(rng: np.random.Generator, before: MotionCommand) -> MotionComman
 def drawn_fleet(rng: np.random.Generator, count: int) -> _state.AgentArrays:
     """Return records of minds in any state, who all stand."""
     agents = _state.agent_arrays(count, 4)
-    for name in ("blocked", "credit", "patience"):
-        agents.mind[name] = rng.uniform(-1.0, 1.0, count)
+    for name in ("blocked", "credit", "detour_after"):
+        agents.memory[name] = rng.uniform(-1.0, 1.0, count)
     for name in ("passed_at", "obstruction", "obstructed_by"):
-        agents.mind[name] = rng.integers(0, 4, count)
+        agents.memory[name] = rng.integers(0, 4, count)
     agents.command[:] = _state.command_record(MotionCommand(None, 0.0))
     return agents
 
@@ -78,13 +77,13 @@ def test_orders_change_what_the_twin_changes() -> None:
             twin(expected, slot, commands[slot], command, now)
             commands[slot] = command
         rows = np.array([_state.command_record(command) for command in after], np.float64)
-        _orders.give(agents.command, agents.mind, agents.due, slots, rows, now)
+        _deadlock.write_commands(agents.command, agents.memory, agents.due, slots, rows, now)
         np.testing.assert_array_equal(agents.due, expected.due)
-        for table, other in ((agents.mind, expected.mind), (agents.command, expected.command)):
+        for table, other in ((agents.memory, expected.memory), (agents.command, expected.command)):
             for name in table.dtype.names or ():
                 np.testing.assert_array_equal(table[name], other[name])
-        agents.mind["credit"] -= rng.uniform(0.0, 0.1, count)
-        expected.mind["credit"] = agents.mind["credit"]
+        agents.memory["credit"] -= rng.uniform(0.0, 0.1, count)
+        expected.memory["credit"] = agents.memory["credit"]
 
 
 def traffic_of(*ids: int) -> LocalPlanner:

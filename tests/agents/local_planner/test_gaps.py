@@ -11,7 +11,7 @@ from are_ros.agents.local_planner import gaps as _gaps
 from are_ros.agents.local_planner import state as _state
 from are_ros.agents.local_planner import walls as _walls
 from are_ros.agents.local_planner.body import Body
-from are_ros.agents.local_planner.rollouts import circle_of, pace_of
+from are_ros.agents.local_planner.rollouts import bounds_of
 from are_ros.agents.local_planner.spatial_hash import fill, gather
 from are_ros.agents.local_planner.state import NEVER
 from are_ros.agents.local_planner.walls import ClearanceLayers
@@ -72,7 +72,7 @@ def test_leaps_miss_no_meeting_of_two_paths(seed: int, a: Body, b: Body, comfort
     plan, path = _path(random, 30), _path(random, 40)
     records = _records(a, b)
     start = int(random.integers(0, 35))
-    pace = pace_of(plan, 29, records[0], 0.05) + pace_of(path, 39, records[1], 0.05)
+    pace = bounds_of(plan, 29, records[0], 0.05)[0] + bounds_of(path, 39, records[1], 0.05)[0]
     gap, found = _gaps.gap_between(
         plan, 29, records[0], path, start, 39, records[1], comfort, pace, NEVER, plan[0]
     )
@@ -107,7 +107,7 @@ def test_a_path_runs_into_a_wall_where_its_boxes_do(seed: int, body: Body, comfo
     path, record = _path(random, 40), _records(body)[0]
     boxes = boxes_at(path[:, :3], [body] * 40)
     free = here.is_placeable(boxes)
-    pace = pace_of(path, 39, record, 0.05)
+    pace = bounds_of(path, 39, record, 0.05)[0]
     box = np.zeros((1, 8))
     wanted = _walls.wall_gap_wanted(path[0], record, comfort, floor, box)
     kept, found = _walls.wall_conflict(
@@ -209,7 +209,7 @@ def test_a_point_has_the_room_that_it_is_said_to_have(seed: int, body: Body) -> 
 def test_the_circle_of_a_path_holds_it(seed: int, last: int) -> None:
     """All its points are in it, and it is no larger than half the diagonal of their rectangle."""
     path = _path(np.random.default_rng(seed), 40)
-    x, y, radius = circle_of(path, last)
+    _, (x, y, radius) = bounds_of(path, last, np.zeros(1, _state.BODY)[0], 0.05)
     points = path[: last + 1, :2]
     assert np.hypot(*(points - (x, y)).T).max() <= radius + 1e-12
     assert radius <= 0.5 * np.hypot(*np.ptp(points, axis=0)) + 1e-12

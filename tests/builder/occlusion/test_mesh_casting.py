@@ -47,11 +47,13 @@ def _loop_hits(mesh: Mesh, origin: Floats, rays: Floats, max_range: float) -> Fl
 
 
 def _first_hits(
-    pool: MeshPool, mesh: int, origin: Floats, rays: Floats, max_range_m: float
+    pool: MeshPool, mesh: int, start: Floats, rays: Floats, range_m: float
 ) -> tuple[Floats, npt.NDArray[np.int64]]:
-    """Return the distance [m] to a mesh of a pool along each ray (N, 3), and the triangle hit."""
-    x, y, z = origin.tolist()
-    hits = [cast(pool.tree, mesh, x, y, z, dx, dy, dz, max_range_m) for dx, dy, dz in rays.tolist()]
+    """Return the distance to a mesh along unit rays (N, 3), and the triangle: inf, -1 if none."""
+    x, y, z = start.tolist()
+    hits = [
+        cast(pool.tree, mesh, x, y, z, dx, dy, dz, float(range_m)) for dx, dy, dz in rays.tolist()
+    ]
     return np.array([hit for hit, _ in hits]), np.array([triangle for _, triangle in hits])
 
 

@@ -1,8 +1,9 @@
-"""Deadlocks dissolve: who makes no progress pushes others out of its way, or tries a detour.
+"""Deadlock resolution: an agent without progress pushes others out of its way, or tries a detour.
 
-Of two in each other's way the one of the higher rank pushes; who is pushed takes the other's rank,
-and so pushes on who is behind it (priority inheritance). Ranks are drawn anew every eight seconds
-by a hash of the id and that time, so that nobody is the last for long.
+Of two agents in each other's way the one of the higher priority pushes. The pushed agent inherits
+that priority, and so pushes the agents behind it (priority inheritance). Priorities are drawn anew
+every eight seconds by a hash of the id and that time, so no agent stays last for long. The commands
+are written here, too, because a new sub-goal forgets the deadlock on the way to the old one.
 """
 
 from typing import Any, Final
@@ -60,15 +61,15 @@ def hashed(a: int, b: int) -> float:
 
 
 @borrowing
-def _rank(agents: AgentArrays, i: int, now: int, epoch: int) -> float:
+def _priority(agents: AgentArrays, i: int, now: int, epoch: int) -> float:
     own = hashed(agents.place[i].id, epoch)
-    mind = agents.mind[i]
-    return max(own, mind.push_rank) if now < mind.pushed_until else own
+    memory = agents.memory[i]
+    return max(own, memory.push_rank) if now < memory.pushed_until else own
 
 
 @borrowing
 def can_yield(agents: AgentArrays, j: int) -> bool:
-    """Tell whether an artefact may be pushed: not those that shall stand, or are prescribed."""
+    """Tell whether an agent may be pushed: not one that is to stand, or that follows a track."""
     is_free = agents.command[j].has_goal == 1 and agents.place[j].is_scripted == 0
     return bool(is_free and agents.body[j].speed > 0.0)
 
@@ -84,16 +85,16 @@ def push(
     epoch: int,
     second: int,
 ) -> None:
-    """Let i, hindered by j, push j out of its way if it has waited, or already did, and may."""
-    mine, other = agents.mind[i], agents.mind[j]
+    """Push agent j, which obstructs agent i, if i has waited and has the higher priority."""
+    mine, other = agents.memory[i], agents.memory[j]
     is_pushing = other.push_by == agents.place[i].id and now < other.pushed_until
     is_pushed = now < mine.pushed_until
     if not (is_pushing or is_pushed or mine.blocked > _PUSHES_AFTER):
         return
     if not can_yield(agents, j):
         return
-    rank = _rank(agents, i, now, epoch)
-    if not is_pushing and rank <= _rank(agents, j, now, epoch):
+    rank = _priority(agents, i, now, epoch)
+    if not is_pushing and rank <= _priority(agents, j, now, epoch):
         return
     if now >= other.pushed_until:  # it gets out of the way at once
         agents.due[j] = now
@@ -105,52 +106,52 @@ def push(
 
 
 @borrowing
-def consider_detour(mind: Any, artefact_id: int, now: int, second: int) -> None:
-    """Let one that is blocked for long go another way for some seconds, farther each time."""
-    patience = mind.patience + (_PUSHING_TAKES if mind.can_yield else 0.0)
-    if mind.blocked < patience or now < mind.detour_until:
+def consider_detour(memory: Any, artefact_id: int, now: int, second: int) -> None:
+    """Start a detour of some seconds for an agent that is blocked for long; each one is longer."""
+    detour_after = memory.detour_after + (_PUSHING_TAKES if memory.can_yield else 0.0)
+    if memory.blocked < detour_after or now < memory.detour_until:
         return
-    attempt = int(mind.patience)
+    attempt = int(memory.detour_after)
     draw = hashed(artefact_id, 1000 + attempt + now // (8 * second) * 64)
     angle = _ANGLES[int(draw * 997.0) % 4]
-    mind.detour = angle if draw < 0.5 else -angle
-    seconds = 1.0 + 0.15 * min(mind.patience, 20.0)
-    mind.detour_until = now + int(seconds * second)
-    mind.patience += seconds + 2.5
+    memory.detour = angle if draw < 0.5 else -angle
+    seconds = 1.0 + 0.15 * min(memory.detour_after, 20.0)
+    memory.detour_until = now + int(seconds * second)
+    memory.detour_after += seconds + 2.5
 
 
 @borrowing
 def note_progress(
     agents: AgentArrays, i: int, before: Floats, after: Floats, now: int, timing: PlannerTiming
 ) -> None:
-    """Count for how long one that wants to move has made no progress."""
-    mind, command, body = agents.mind[i], agents.command[i], agents.body[i]
+    """Count for how long an agent that wants to move has made no progress."""
+    memory, command, body = agents.memory[i], agents.command[i], agents.body[i]
     kind = kind_of(agents, i, after, now, timing.second)
     if command.has_goal == 0 or kind in (STANDING, FACING, COASTING):
-        forget_blockade(mind)
+        forget_blockade(memory)
         return
     if body.turn_radius > 0.0:
         gain = way_left(before[X], before[Y], before[YAW], command.x, command.y, body.turn_radius)
         gain -= way_left(after[X], after[Y], after[YAW], command.x, command.y, body.turn_radius)
     else:
         gain = way_to(before, command) - way_to(after, command)
-    drain = _SLOWEST * timing.step_s if mind.credit > 0.0 else 0.0
-    credit = max(mind.credit + gain - drain, -_MOST_DEBT)
-    mind.credit = min(credit, _MOST_CREDIT)
-    if credit > min(_SLOWEST * mind.blocked, _RELEASE):
-        mind.blocked, mind.patience = 0.0, _FIRST_DETOUR
+    drain = _SLOWEST * timing.step_s if memory.credit > 0.0 else 0.0
+    credit = max(memory.credit + gain - drain, -_MOST_DEBT)
+    memory.credit = min(credit, _MOST_CREDIT)
+    if credit > min(_SLOWEST * memory.blocked, _RELEASE):
+        memory.blocked, memory.detour_after = 0.0, _FIRST_DETOUR
     else:
-        mind.blocked += timing.step_s
+        memory.blocked += timing.step_s
 
 
 @borrowing
-def forget_blockade(mind: Any) -> None:
-    """Let one that does not want to move, or has got going, be patient again."""
-    mind.blocked, mind.credit, mind.patience = 0.0, 0.0, _FIRST_DETOUR
-    mind.obstruction, mind.obstructed_by = UNOBSTRUCTED, NOBODY
+def forget_blockade(memory: Any) -> None:
+    """Forget the blockade of an agent that does not want to move, or moves again."""
+    memory.blocked, memory.credit, memory.detour_after = 0.0, 0.0, _FIRST_DETOUR
+    memory.obstruction, memory.obstructed_by = UNOBSTRUCTED, NOBODY
 
 
-# Compiled giving of orders: what a new one changes, beside itself, for who had another before.
+# The commands: what a new one changes, beside itself, for an agent that had another before.
 
 
 _ELSEWHERE_M: Final = 1.0
@@ -158,30 +159,33 @@ _NEWS_M: Final = 0.1
 
 
 @compiled
-def give(
+def write_commands(
     commands: Records,
-    minds: Records,
+    memories: Records,
     due: Integers,
     rows: Integers,
     given: npt.NDArray[np.float64],
     now: int,
 ) -> None:
-    """Write orders into the records of some rows (M,); `given` (M, 9) as `command_record`.
+    """Write commands into the records of some rows (M,); `given` (M, 9) as `command_record`.
 
-    Whose sub-goal or speed is news plans at once; what was in the way to another is forgotten.
+    An agent with a new sub-goal or speed plans at once, and forgets what obstructed the old way.
     """
     for k in range(rows.shape[0]):
         i = rows[k]
-        before, mind = commands[i], minds[i]
-        shift_m = _shift_m(before.has_goal != 0, before.x, before.y, given[k])
+        before, memory = commands[i], memories[i]
+        had_goal, has_goal = before.has_goal != 0, given[k, 0] != 0.0
+        shift_m = 0.0 if had_goal == has_goal else np.inf
+        if had_goal and has_goal:
+            shift_m = np.hypot(given[k, 1] - before.x, given[k, 2] - before.y)
         if shift_m > _NEWS_M or given[k, 3] != before.speed:
             due[i] = now
         if shift_m > 0.0:
-            mind.passed_at = NEVER
-        if shift_m > _ELSEWHERE_M and mind.credit < 0.0:
-            mind.credit = 0.0  # what it went back from the old one is no loss
+            memory.passed_at = NEVER
+        if shift_m > _ELSEWHERE_M and memory.credit < 0.0:
+            memory.credit = 0.0  # what it went back from the old one is no loss
         if given[k, 0] == 0.0 and shift_m > 0.0:
-            forget_blockade(mind)
+            forget_blockade(memory)
         before.has_goal, before.x, before.y = (
             np.int64(given[k, 0]),
             given[k, 1],
@@ -190,12 +194,3 @@ def give(
         before.speed, before.stops = given[k, 3], np.int64(given[k, 4])
         before.face, before.comfort = given[k, 5], given[k, 6]
         before.robot_comfort, before.wall_comfort = given[k, 7], given[k, 8]
-
-
-@compiled
-def _shift_m(had_goal: bool, x_m: float, y_m: float, row: Floats) -> float:
-    """Return how far a sub-goal has moved; infinitely far if there was none, or is none now."""
-    has_goal = row[0] != 0.0
-    if not had_goal or not has_goal:
-        return 0.0 if had_goal == has_goal else np.inf
-    return float(np.hypot(row[1] - x_m, row[2] - y_m))
