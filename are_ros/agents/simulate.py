@@ -204,7 +204,7 @@ class CrowdSimulator:
             table.ids, table.end_boxes, table.boxes, environment, robots
         )
         if tracks:
-            resolution = resolution.letting_pass(np.array([row for row, _ in tracks]))
+            resolution = resolution.with_tracks(np.array([row for row, _ in tracks]))
         living = {one.id: one for one in table.artefacts} if resolution.contacts else {}
         self.events += self.contacts.begun(now_ns, resolution.contacts, living)
         self.events += displaced
