@@ -149,8 +149,8 @@ class CrowdSimulator:
     def begin(self, artefact: Artefact, script: ScriptedOffer | None) -> None:
         """Add an artefact that has just arrived; it has a track, or decides on its own."""
         track, goes_to = None, None
-        if script is not None and script.track is not None:
-            track = FollowedTrack(script.track, script.start_ns, self.period_ns)
+        if script is not None and script.artefact.track is not None:
+            track = FollowedTrack(script.artefact.track, script.start_ns, self.period_ns)
             goes_to = track.begin(artefact)
         self.table.add(artefact, goes_to=goes_to, track=track)
         if track is None:

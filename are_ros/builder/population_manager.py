@@ -10,6 +10,7 @@ change any more.
 """
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -23,22 +24,23 @@ from are_ros.agents.robots import RobotPose, RobotTracker
 from are_ros.agents.scenario_recorder import ScenarioRecorder
 from are_ros.agents.simulate import CrowdSimulator, MotionCounts
 from are_ros.agents.table import AgentTable
+from are_ros.builder.files.scenario_file import read_scenario
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.scene import Scene
 from are_ros.builder.spawning.out_of_view import OutOfView, Viewpoint
-from are_ros.builder.spawning.populations import random_population
 from are_ros.builder.spawning.spawner import Spawning
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BehaviourError, PlacementError
 from are_ros.parameters.choices import Leave
 from are_ros.parameters.model import Parameters
+from are_ros.population.arrivals import RandomSource
 from are_ros.population.artefact import Artefact, GroundPose, Origin, boxes_of, on_ground
 from are_ros.population.catalogue import Catalogue, CatalogueRow
-from are_ros.population.departures import Cause
+from are_ros.population.departures import Cause, departure_law
 from are_ros.population.mixture import mixture_of
 from are_ros.population.population import EventKind as PopulationEventKind
-from are_ros.population.population import PopulationEvent
-from are_ros.population.scenario import ScriptedOffer
+from are_ros.population.population import Population, PopulationEvent
+from are_ros.population.scenario import Scenario, ScriptedOffer, ScriptedSource
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint
 
@@ -110,7 +112,7 @@ class PopulationManager:
         self.crowd = CrowdSimulator(
             parameters, robots.observer.name, resolver, terrains, self._depart, self._overdue
         )
-        self.population = random_population(
+        self.population = population_of(
             parameters, catalogue, begun=self.crowd.begin, stays_on=self._stays_on
         )
         self.is_paused = False
@@ -321,10 +323,10 @@ class PopulationManager:
         environment = self._environment
         if environment is None:
             return "there is no map yet"
-        pose, others = offer.pose, self.crowd.table.taken
-        if not offer.has_height:
-            pose = on_ground(offer.row, pose, environment)
-        box, robot = boxes_of([offer.row], [pose]), self._robot
+        row, pose, others = offer.artefact.row, offer.pose, self.crowd.table.taken
+        if offer.artefact.track is None:
+            pose = on_ground(row, pose, environment)
+        box, robot = boxes_of([row], [pose]), self._robot
         return self._spawning.why_not(box, environment, others, robot, 0.0) or pose
 
     def _find_place(
@@ -426,3 +428,31 @@ def overdue(
         gone = gone | out_of_view.hides(table.boxes.take(rows))
     ids: list[int] = table.ids[rows[gone]].tolist()
     return ids
+
+
+def population_of(
+    parameters: Parameters,
+    catalogue: Catalogue,
+    *,
+    begun: Callable[[Artefact, ScriptedOffer | None], object],
+    stays_on: Callable[[Artefact], bool],
+) -> Population:
+    """Return the population that the parameters describe, still empty.
+
+    `begun` and `stays_on` are passed to `Population`. Raises ParameterError where the mixture is
+    bad, ScenarioError where the scenario is.
+    """
+    settings, law = parameters.population, mixture_of(parameters, catalogue)
+    scenario = Scenario()
+    if settings.scenario:
+        scenario = read_scenario(Path(settings.scenario), catalogue)
+    return Population(
+        parameters.seed,
+        RandomSource(parameters.seed, catalogue.rows, law, settings.group_size),
+        departure_law(settings.departures, parameters.seed, settings.mean_life),
+        max_alive=settings.max_alive,
+        history_ns=seconds_to_ns(parameters.poses.history),
+        begun=begun,
+        stays_on=stays_on,
+        scripted=ScriptedSource(scenario),
+    )

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.navigation.destinations import Destinations
 from are_ros.population.catalogue import CatalogueRow
 
 if TYPE_CHECKING:
-    pass
+    from are_ros.agents.navigation.destinations import Destinations
 
 
 # What an artefact wants until its next decision, and the interface of whatever decides it.
@@ -167,7 +166,7 @@ class Situation(NamedTuple):
     now_ns: int
     me: Neighbour
     row: CatalogueRow
-    places: Destinations
+    places: "Destinations"
     random: np.random.Generator
     view: View
     robot: RobotView | None = None
