@@ -383,7 +383,8 @@ class CollisionResolver:
         depths = depths_m(robots, last_safe)
         contacts = contacts_of(ids, depths)
         limits_m = self._policy.tolerated_m(depths) + TOUCH_TOLERANCE_M
-        present = ~self._policy.leaves((depths > TOUCH_TOLERANCE_M).any(axis=1))
+        in_contact: NDArray[np.bool_] = np.any(depths > TOUCH_TOLERANCE_M, axis=1)
+        present = ~self._policy.leaves(in_contact)
         allowed = _are_allowed(proposed, environment, robots, limits_m)
         if allowed.all() and present.all() and not any_overlap(proposed):
             count = len(ids)

@@ -1,11 +1,11 @@
-"""The traffic: everybody on a committed trajectory that ends in a stand and meets nobody's.
+"""The local planner: a dynamic window over motion primitives, with committed trajectories.
 
-A trajectory is a manoeuvre of about a second and then braking. It is taken only if, sub-step by
-sub-step, its boxes overlap neither closed ground nor anybody on the trajectory that he is committed
-to (open boxes, exact); else the old one goes on, which was free and still is, for all the others
-have kept clear of it. So nobody ever overlaps, unless something breaks in from outside: an arrival,
-a displaced one, a new map, the robot. Those who are due in a sub-step plan one after the other, by
-id, so each knows what the ones before it have decided.
+A trajectory is a motion primitive of about a second and a stop (Fox, Burgard and Thrun: The Dynamic
+Window Approach to Collision Avoidance, 1997). An agent commits to a trajectory only if its box, in
+each sub-step, overlaps neither closed ground nor an agent on its committed trajectory (exact, open
+boxes). Else the old trajectory continues: it is still free, as all others have kept clear of it. So
+agents never overlap, unless an arrival, a displacement, a new map or the robot interferes. Agents
+that are due in a sub-step plan in the order of their ids, each with the decisions of those before.
 """
 
 from collections.abc import Sequence
@@ -29,11 +29,9 @@ from are_ros.agents.table import AgentTable
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment
 
-# What may be in an artefact's way.
-
 
 class Obstruction(Enum):
-    """Nothing, a wall (or unknown ground), another artefact, the robot."""
+    """What is in an agent's way: nothing, a wall (or unknown ground), an artefact, the robot."""
 
     NONE = _state.UNOBSTRUCTED
     WALL = _state.BY_WALL
@@ -48,7 +46,7 @@ _Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PlannerCounters:
-    """How often so far a plan was made, an old one kept, a broken one found no way out."""
+    """Counts so far: new plans, old plans kept, emergency stops for want of a free plan."""
 
     plans_made: int
     plans_kept: int
@@ -56,16 +54,16 @@ class PlannerCounters:
 
 
 class LocalPlanner:
-    """Moves the agents of a table by their orders."""
+    """Moves the agents of a table by their motion commands."""
 
     def __init__(self, table: AgentTable, terrains: Terrains | None = None) -> None:
-        """Take the agents, and the terrains where others need them, too."""
+        """Take the agents, and the terrains if they are shared with navigation."""
         self._table = table
         self._floors = ClearanceLayers(terrains or Terrains())
         self._workspace = _state.workspace_of(len(table), _state.path_length(table.timing))
 
     def give_commands(self, rows: Sequence[int], commands: Sequence[MotionCommand]) -> None:
-        """Tell the agents of some rows what to do from the next sub-step on."""
+        """Set the commands of the agents of some rows, from the next sub-step on."""
         arrays, which = self._table.arrays, np.array(rows, np.int64)
         records = np.array([_state.command_record(command) for command in commands], np.float64)
         _orders.give(
@@ -73,9 +71,9 @@ class LocalPlanner:
         )
 
     def prescribe(self, row: int, poses: _Floats) -> None:
-        """Let one follow x, y, yaw float64 (K, 3), K > 0, in the next sub-steps, then stand.
+        """Prescribe x, y, yaw float64 (K, 3), K > 0, of the next sub-steps; then the agent stands.
 
-        Nothing is tested; the others plan around it. It plans nothing of its own any more.
+        Nothing is tested; the others plan around it. The agent does not plan any more.
         """
         arrays, now, timing = self._table.arrays, self._table.now, self._table.timing
         place, coming = arrays.place[row], poses[: arrays.path.shape[1] - 1]
@@ -87,17 +85,17 @@ class LocalPlanner:
         along = steps[:, 0] * path[1:, COS] + steps[:, 1] * path[1:, SIN]
         ways = np.hypot(steps[:, 0], steps[:, 1])
         path[1:, SPEED] = np.where(along < 0.0, -ways, ways) / timing.step_s
-        path[-1, SPEED] = 0.0  # where it will stand if nothing follows
+        path[-1, SPEED] = 0.0  # it stands there if nothing follows
         commit(arrays, row, path, len(coming), now, timing)
         place["is_scripted"] = place["is_news"] = 1
 
     def step(
         self, index: int, environment: Environment, robot: RobotMotion | None
     ) -> tuple[_Floats, npt.NDArray[np.bool_]]:
-        """Let those plan who are due, and everybody go one sub-step on.
+        """Plan for the agents that are due, and move all agents by one sub-step.
 
-        `index` is the number of the sub-step since the epoch: it fixes who is due. Returns x, y,
-        yaw float64 (N, 3) of all at the next sub-step, and whose pose is another then, bool (N,).
+        `index` is the number of the sub-step since the epoch; it decides which agents are due.
+        Returns x, y, yaw float64 (N, 3) at the next sub-step, and which poses change, bool (N,).
         """
         table, arrays = self._table, self._table.arrays
         if len(table) > len(self._workspace.near):
@@ -117,25 +115,25 @@ class LocalPlanner:
 
     @property
     def motion(self) -> _Floats:
-        """Where all are now and how fast: x, y, yaw, cos, sin, speed along it, float64 (N, 6)."""
+        """Poses and speeds now: x, y, yaw, cos, sin, speed along the yaw, float64 (N, 6)."""
         poses = np.empty((len(self._table), 6))
         _steps.poses_at(self._table.arrays, self._table.now, poses)
         return poses
 
     @property
     def counters(self) -> PlannerCounters:
-        """What planning has come to so far."""
+        """The counts so far."""
         made, kept, emergencies, _ = self._workspace.counters.tolist()
         return PlannerCounters(made, kept, emergencies)
 
     def trajectory(self, row: int) -> _Floats:
-        """Return x, y, yaw float64 (K, 3), K >= 1, at the next sub-steps; it holds the last."""
+        """Return x, y, yaw float64 (K, 3), K >= 1, at the next sub-steps; the last pose is held."""
         place = self._table.arrays.place[row]
         first = min(self._table.now + 1 - int(place["begin"]), int(place["last"]))
         return np.array(self._table.arrays.path[row, first : int(place["last"]) + 1, :3])
 
     def is_clear(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
-        """Tell which boxes (M,), standing from now on, nobody meets on his trajectory."""
+        """Return which boxes (M,), standing from now on, are clear of all trajectories."""
         packed = boxes.packed
         poses = np.zeros((len(packed), 6))
         poses[:, X], poses[:, Y], poses[:, YAW] = packed[:, 0], packed[:, 1], boxes.yaws_rad
@@ -148,10 +146,10 @@ class LocalPlanner:
         return clear
 
     def obstructions(self, rows: Sequence[int]) -> list[tuple[Obstruction, int, float]]:
-        """Tell what is in the way of some agents, whose id that is (or -1), and since when [s].
+        """Return the obstruction of some agents, its id (or -1), and its duration [s].
 
-        The time is that in which one wanted to move and came nearer to its sub-goal by less than
-        0.1 m/s; 0: nothing is in its way.
+        The duration counts while the agent has a sub-goal and approaches it by less than 0.1 m/s;
+        it is 0 if nothing is in the way.
         """
         minds = self._table.arrays.mind[list(rows)]
         fields = (minds[name].tolist() for name in ("obstruction", "obstructed_by", "blocked"))
