@@ -179,7 +179,7 @@ class DecisionLayer:
         return left
 
     def send_out(self, row: int) -> None:
-        """Let an agent whose life is over walk to an exit, from its next decision on."""
+        """Send an agent whose life is over to an exit, from its next decision on."""
         self._change_behaviour(row, Leaving())
 
     def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:

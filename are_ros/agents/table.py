@@ -184,7 +184,7 @@ class AgentTable:
         return _boxes_at(np.concatenate((self.poses, self.ends)), packed)
 
     def stand(self, row: int, pose: GroundPose) -> None:
-        """Let the agent of a row stand at a pose, without a trajectory; others plan anew."""
+        """Stop the agent of a row at a pose, without a trajectory; others plan anew."""
         place, yaw = self.arrays.place[row], pose.yaw_rad
         self.arrays.path[row, 0] = pose.x_m, pose.y_m, yaw, np.cos(yaw), np.sin(yaw), 0.0
         place["begin"], place["last"], place["pace"] = self.now, 0, 0.0

@@ -92,7 +92,7 @@ class Terrain:
 
 
 class Terrains:
-    """The terrains of the newest environment asked for, one for each height."""
+    """The terrains of the newest environment, one for each height."""
 
     def __init__(self) -> None:
         self._environment: Environment | None = None

@@ -456,7 +456,7 @@ class Placer:
     def _lattice_poses(
         self, query: PlacementQuery, cells: CandidateCells
     ) -> Iterator[tuple[_Poses, bool]]:
-        """Yield pieces of the lattice with all poses that the map allows; and if it was asked."""
+        """Yield pieces of the lattice with all poses the map allows, and if they are checked."""
         if query.around.within is not None:
             yield from ((piece, False) for piece in self._scan(query, cells))
             return
