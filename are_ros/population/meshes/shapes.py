@@ -54,7 +54,7 @@ def joined(parts: Sequence[Solid]) -> Solid:
 
 
 def loft(rings: npt.ArrayLike, colour: Colour) -> Solid:
-    """Return the surface over rings (R >= 2, K >= 3, 3): quadrilaterals between neighbours, a fan over each end.
+    """Return the surface over rings (R >= 2, K >= 3, 3): quadrilaterals, and a fan at each end.
 
     The rings are convex and run counter-clockwise seen from the last one's side.
     """
@@ -100,7 +100,7 @@ def turned(
     squash: tuple[float, float] = (1.0, 1.0),
     sides: int = 8,
 ) -> Solid:
-    """Return the body of revolution of a profile of (height, radius > 0), upwards, about the vertical through `at`."""
+    """Return the body of revolution of (height, radius > 0), upwards, about the vertical at `at`."""
     angles = math.tau * np.arange(sides) / sides
     circle = np.column_stack((np.cos(angles) * squash[0], np.sin(angles) * squash[1]))
     rings = [np.column_stack((circle * r + at, np.full(sides, z))) for z, r in profile]
@@ -110,7 +110,7 @@ def turned(
 def extruded(
     profile: Sequence[tuple[float, float]], low_y: float, high_y: float, colour: Colour
 ) -> Solid:
-    """Return the extrusion of a convex (x, z) profile, clockwise as drawn with x to the right, along y."""
+    """Return the extrusion of a convex (x, z) profile along y, clockwise with x to the right."""
     rings = [[(x, y, z) for x, z in profile] for y in (low_y, high_y)]
     return loft(rings, colour)
 
