@@ -134,10 +134,6 @@ class AgentTable:
             raise KeyError(f"not all of the agents {ids.tolist()} are there")
         return rows
 
-    def artefact_of(self, agent_id: int) -> Artefact:
-        """Return an artefact by its id; KeyError if it is not there."""
-        return self.artefacts[int(self.rows_of([agent_id])[0])]
-
     def state_of(self, agent_id: int) -> "AgentState | None":
         """Return the decision state of an agent, None if it has none; KeyError if not there."""
         return self.states[int(self.rows_of([agent_id])[0])]

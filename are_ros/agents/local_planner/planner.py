@@ -9,7 +9,6 @@ that are due in a sub-step plan in the order of their ids, each with the decisio
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
@@ -42,15 +41,6 @@ class Obstruction(Enum):
 _UNOBSTRUCTED: Final = (Obstruction.NONE, NOBODY, 0.0)
 
 _Floats = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class PlannerCounters:
-    """Counts so far: new plans, old plans kept, emergency stops for want of a free plan."""
-
-    plans_made: int
-    plans_kept: int
-    emergency_stops: int
 
 
 class LocalPlanner:
@@ -119,12 +109,6 @@ class LocalPlanner:
         poses = np.empty((len(self._table), 6))
         _steps.poses_at(self._table.arrays, self._table.now, poses)
         return poses
-
-    @property
-    def counters(self) -> PlannerCounters:
-        """The counts so far."""
-        made, kept, emergencies, _ = self._workspace.counters.tolist()
-        return PlannerCounters(made, kept, emergencies)
 
     def trajectory(self, row: int) -> _Floats:
         """Return x, y, yaw float64 (K, 3), K >= 1, at the next sub-steps; the last pose is held."""

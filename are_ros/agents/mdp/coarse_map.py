@@ -143,10 +143,6 @@ class CoarseMap:
         x_m, y_m = self.anchors_m[cell].tolist()
         return x_m, y_m
 
-    def joins(self, one: Cell, other: Cell) -> bool:
-        """Return whether there is a way between two open cells."""
-        return bool(self.components[one] == self.components[other])
-
     def heading_of(self, yaw_rad: float) -> int:
         """Return the nearest of the four headings (0 east, 1 north, ...) to a yaw in the map."""
         return int(_ground_kernels.heading_of(self.ground.lattice, yaw_rad))

@@ -1,12 +1,11 @@
 """The Markov decision process of going to a goal (section 3.2), solved by backward induction.
 
-A state is a coarse cell and one of four headings; an action is to stay or to go in one of four
-directions.
+A state is a coarse cell and one of four headings. The actions are to stay (0), and to go east (1),
+north (2), west (3) or south (4).
 """
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Final
 
 import numpy as np
@@ -34,16 +33,6 @@ LEAST_TIME: Final = 0.01
 """Least price of an epoch: if ways were free, no agent would ever start."""
 
 _VEHICLE_HALF_TURN_S: Final = 20.0
-
-
-class Action(IntEnum):
-    """The five actions; the direction of a move is its number less one (0 east, 1 north, ...)."""
-
-    STAY = 0
-    EAST = 1
-    NORTH = 2
-    WEST = 3
-    SOUTH = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,34 +168,23 @@ def ways_to(
     return Ways(edges, price, costs, goal, model)
 
 
-def problem_of(ways: Ways, penalty: Floats | None = None) -> Problem:
+def problem_of(ways: Ways) -> Problem:
     """Return the decision process of going to the goal of some ways.
 
     The goal has the value `model.goal` and ends the process. The terminal value elsewhere is that
     less the cost of the cheapest way there, an upper bound for every policy. So an agent starts
     even with a short horizon, and V never rises with the epochs left.
-
-    `penalty` float32 (h, w), not negative, adds to the cost of an epoch in each cell: others that
-    stand there for good (the exact counterpart of the lookahead). Moves do not depend on it.
     """
-    model, price = ways.model, ways.price
-    if penalty is not None:
-        price = price + penalty.astype(np.float32)
+    model = ways.model
     lengths, gains, terminal = _travel_kernels.find_process(
-        ways.edges, ways.costs, price, model.reach, ways.goal, (np.float32(model.goal), UNREACHABLE)
+        ways.edges,
+        ways.costs,
+        ways.price,
+        model.reach,
+        ways.goal,
+        (np.float32(model.goal), UNREACHABLE),
     )
     return Problem(lengths, gains, terminal, ways.costs, ways.goal, model)
-
-
-def travel_problem(
-    edges: npt.NDArray[np.bool_],
-    nearness: Floats,
-    goal: Cell,
-    model: TravelModel,
-    penalty: Floats | None = None,
-) -> Problem:
-    """Return the decision process of going to a cell: `problem_of` the result of `ways_to`."""
-    return problem_of(ways_to(edges, nearness, goal, model), penalty)
 
 
 def solve(problem: Problem, horizon: int, kept_bytes: int = KEPT_BYTES) -> Solution:

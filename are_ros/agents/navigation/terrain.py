@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import borrowing, compiled
-from are_ros.world.boxes import TOUCH_TOLERANCE_M, OrientedBoxes
+from are_ros.world.boxes import TOUCH_TOLERANCE_M
 from are_ros.world.environment import Environment
 from are_ros.world.lattice_cover import TWO_HALF_DIAGONALS, lattice_row
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -64,10 +64,6 @@ class Terrain:
             False  # as in the other case: kernels compile for each kind of array
         )
         return solid
-
-    def fits(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
-        """Tell which boxes (N,) cover free cells of the grid only and hit no wall: exact."""
-        return self.environment.is_placeable(boxes)
 
     def sees(self, from_m: tuple[float, float], to_m: tuple[float, float], radius_m: float) -> bool:
         """Return whether a disc can move straight from one point to another of the map frame.

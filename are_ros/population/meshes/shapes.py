@@ -100,7 +100,7 @@ def turned(
     squash: tuple[float, float] = (1.0, 1.0),
     sides: int = 8,
 ) -> Solid:
-    """Return the body of revolution of (height, radius > 0), upwards, about the vertical at `at`."""
+    """Return the body of revolution of (height, radius > 0), upwards, about a vertical at `at`."""
     angles = math.tau * np.arange(sides) / sides
     circle = np.column_stack((np.cos(angles) * squash[0], np.sin(angles) * squash[1]))
     rings = [np.column_stack((circle * r + at, np.full(sides, z))) for z, r in profile]
