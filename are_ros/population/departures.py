@@ -94,12 +94,8 @@ def departure_law(kind: Departures, seed: int, mean_life_s: float) -> DepartureL
     return ConstantRateDepartures(seed, mean_life_s)
 
 
-class _Life(NamedTuple):
-    """What is left of a life at `start_ns`: a unit exponential, and when mu has consumed it."""
-
-    start_ns: int
-    hazard: float
-    end_ns: int | None
+_Life = tuple[int, float, int | None]
+"""What is left of a life at an instant [ns]: a unit exponential, and when mu has consumed it [ns]."""
 
 
 class IndependentLives(DepartureLaw):
@@ -148,14 +144,14 @@ class IndependentLives(DepartureLaw):
     def departure_of(self, artefact_id: int) -> int | None:
         """Return the end of a life [ns], which only another mean life changes."""
         life = self._lives.get(artefact_id)
-        return life.end_ns if life else None
+        return life[2] if life else None
 
     def restart(self, now_ns: int) -> None:  # noqa: ARG002 - the law's interface
         """Forget all lives."""
         self._lives.clear()
 
     def _life(self, start_ns: int, hazard: float) -> _Life:
-        return _Life(start_ns, hazard, due_ns(start_ns, hazard, self._rate_per_s))
+        return start_ns, hazard, due_ns(start_ns, hazard, self._rate_per_s)
 
 
 class ConstantRateDepartures(DepartureLaw):
