@@ -95,7 +95,7 @@ def departure_law(kind: Departures, seed: int, mean_life_s: float) -> DepartureL
 
 
 _Life = tuple[int, float, int | None]
-"""What is left of a life at an instant [ns]: a unit exponential, and when mu has consumed it [ns]."""
+"""An instant [ns], what is left then of the unit exponential, and when mu has consumed it [ns]."""
 
 
 class IndependentLives(DepartureLaw):
@@ -132,14 +132,8 @@ class IndependentLives(DepartureLaw):
 
     def next(self) -> Departure | None:
         """Return the earliest end of a life, of two at one instant that of the lower id."""
-        return min(
-            (
-                Departure(life.end_ns, i)
-                for i, life in self._lives.items()
-                if life.end_ns is not None
-            ),
-            default=None,
-        )
+        ends = [Departure(t_ns, i) for i, (_, _, t_ns) in self._lives.items() if t_ns is not None]
+        return min(ends, default=None)
 
     def departure_of(self, artefact_id: int) -> int | None:
         """Return the end of a life [ns], which only another mean life changes."""
