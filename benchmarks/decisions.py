@@ -22,7 +22,8 @@ import numpy.typing as npt
 from scipy import sparse
 
 from are_ros.agents.mdp.coarse_map import CoarseMap
-from are_ros.agents.mdp.model import Problem, Solution, TravelModel, solve, travel_problem
+from are_ros.agents.mdp.model import Problem, Solution, TravelModel, solve, ways_to
+from are_ros.agents.mdp.model import problem_of as process_of
 from are_ros.agents.mdp.value_tables import ValueTables
 from are_ros.agents.navigation.step_kernels import route_step
 from are_ros.agents.navigation.terrain import Terrain
@@ -51,7 +52,7 @@ def problem_of(side: int, reach: int) -> Problem:
     """Return the process of going to the middle; beyond the goal V_0 is zero."""
     nearness = np.random.default_rng(0).random((side, side)).astype(np.float32)
     model, goal = TravelModel(reach=reach, slip=0.1), (side // 2, side // 2)
-    problem = travel_problem(rooms(side), nearness, goal, model)
+    problem = process_of(ways_to(rooms(side), nearness, goal, model))
     terminal = np.zeros_like(problem.terminal)
     terminal[goal] = model.goal
     return replace(problem, terminal=terminal)

@@ -160,10 +160,10 @@ BREAKAGES = (
              "world.environment:Environment.hits_wall",
              lambda real, _self, boxes: none(real, boxes), _WALL_TEST,
              _LIVES + "test_a_wall_that_appears_moves_the_artefact_aside"),
-    Breakage(WALLS, "a new map is not looked at once a scene was found safe",
-             "agents.collisions:CollisionResolver._is_known",
-             lambda real, self, environment, *boxes:
-                 real(self, self._scene[0] if self._scene else environment, *boxes),
+    Breakage(WALLS, "the resolver tests poses against robots, not against walls",
+             "agents.collisions:_are_allowed",
+             lambda real, boxes, _environment, *rest:
+                 real(boxes, SimpleNamespace(hits_wall=lambda all_: none(None, all_)), *rest),
              _WALL_TEST),
     Breakage(OTHERS, "arrivals do not look at the others",
              "builder.spawning.placement:overlaps_any",

@@ -1,12 +1,13 @@
-"""Collisions (section 3.3): the paper's two remedies, so that no two artefacts ever overlap.
+"""Collisions (section 3.3): no two artefacts overlap, and none overlaps a wall.
 
-The policies of robot contacts, and the log of contacts, stand here too (section 3.3).
+An artefact whose new pose is not safe goes back to its last safe pose; if that is not safe any
+more, it is displaced to the nearest safe place, or it leaves. What a contact with the robot means
+is a `ContactPolicy`; `ContactLog` reports the contacts that begin.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,58 +57,43 @@ def contacts_of(ids: NDArray[np.int64], depths: NDArray[np.float64]) -> tuple[Ro
     )
 
 
-class ContactPolicy(Protocol):
-    """What happens to artefacts that a robot has moved into."""
+class ContactPolicy:
+    """What happens to an artefact that a robot has moved into; here nothing is tolerated."""
 
     def tolerated_m(self, depths: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the depths (N, R) up to which robots are tolerated, given the present ones."""
-        ...
+        """Return the depths (N, R) up to which overlaps are tolerated, given the present ones."""
+        return np.zeros_like(depths)
 
     def leaves(self, in_contact: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return which artefacts (N,) leave, given which are in contact."""
-        ...
+        return np.zeros_like(in_contact)
 
 
-class Hold:
-    """The artefact stays, and may back out, but never goes deeper, while the overlap lasts."""
+class Hold(ContactPolicy):
+    """The artefact stays. It may back out, but an overlap that is there never gets deeper."""
 
     def tolerated_m(self, depths: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the present depths: an overlap may last, but not grow."""
+        """Return the present depths."""
         return depths
 
-    def leaves(self, in_contact: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return False for all: no artefact leaves."""
-        return np.zeros_like(in_contact)
+
+class Displace(ContactPolicy):
+    """The artefact makes way: its last pose is no longer safe, so the remedies apply."""
 
 
-class Displace:
-    """The artefact makes way: its pose is no longer safe, so that the remedies apply."""
-
-    def tolerated_m(self, depths: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return zeros: no overlap is tolerated."""
-        return np.zeros_like(depths)
-
-    def leaves(self, in_contact: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return False for all: no artefact leaves."""
-        return np.zeros_like(in_contact)
-
-
-class Remove:
+class Remove(ContactPolicy):
     """The artefact leaves at once."""
 
-    def tolerated_m(self, depths: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return zeros: no overlap is tolerated."""
-        return np.zeros_like(depths)
-
     def leaves(self, in_contact: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return the artefacts in contact: they leave."""
+        """Return the artefacts in contact."""
         return in_contact
 
 
 class ContactLog:
-    """Remembers the pairs in contact, and counts the contacts that begin."""
+    """Keeps the pairs (robot, artefact) in contact, and counts the contacts that begin."""
 
     def __init__(self, observer: str) -> None:
+        """Take the robot's name, which the events give as their detail."""
         self.count = 0
         self._observer = observer
         self._touching: set[tuple[int, int]] = set()
@@ -115,7 +101,10 @@ class ContactLog:
     def begun(
         self, now_ns: int, contacts: Sequence[RobotContact], living: Mapping[int, Artefact]
     ) -> list[ArtefactEvent]:
-        """Return an event for each contact of now that was none before; the value is its depth."""
+        """Return an event for each contact that was not there last time; its value is the depth.
+
+        `living` has the artefacts in contact by their ids.
+        """
         touching = {(contact.observer, contact.artefact_id): contact for contact in contacts}
         new = [contact for key, contact in touching.items() if key not in self._touching]
         self._touching = set(touching)
@@ -145,7 +134,11 @@ _MOVED_BACK = 1
 
 @compiled
 def _neighbours(proposed: _FloatArray, safe: _FloatArray) -> tuple[_IndexArray, _IndexArray]:
-    """Return starts (N + 1,) and indices of those that each may meet at either of its poses."""
+    """Return for each box the others that it may overlap at either of its poses.
+
+    The result is compressed: those of box i are `indices[starts[i]:starts[i + 1]]`; `starts` is
+    (N + 1,). `proposed` and `safe` (N, 8) are packed boxes.
+    """
     rectangles, others = bounds(proposed), bounds(safe)
     for i in range(rectangles.shape[0]):
         for axis in range(2):
@@ -176,7 +169,7 @@ def _is_clear(
     candidates: _IndexArray,
     tolerance_m: float,
 ) -> bool:
-    """Tell whether box i of `pose` overlaps none of the candidates where they now are."""
+    """Tell whether box i of `pose` overlaps none of the candidates at their current poses."""
     for k in range(candidates.shape[0]):
         j = candidates[k]
         if j != i and present[j] and boxes_overlap(pose, i, current, j, tolerance_m):
@@ -185,7 +178,7 @@ def _is_clear(
 
 
 @compiled
-def _walk(
+def _keep_or_move_back(
     start: int,
     proposed: _FloatArray,
     safe: _FloatArray,
@@ -193,15 +186,16 @@ def _walk(
     current: _FloatArray,
     present: _Mask,
     adjacency: tuple[_IndexArray, _IndexArray],
-    strays: _IndexArray,
+    displaced: _IndexArray,
     outcomes: NDArray[np.int8],
     tolerance_m: float,
 ) -> int:
-    """Keep or move back one after the other from `start`; return the first that can do neither.
+    """Give each box from `start` on its proposed or last safe pose; return the first with neither.
 
-    `allowed` (N, 2): whether proposed and last safe pose are clear of walls and robots. `strays`:
-    those that a search has put out of their neighbourhood, so that all must heed them. `current`
-    and `outcomes` are written. Returns N at the end.
+    Boxes are packed (N, 8). `allowed` (N, 2) tells whether the proposed and the last safe pose are
+    clear of walls and robots, `adjacency` is the result of `_neighbours`. All boxes are tested
+    against the `displaced`, which are outside their neighbourhoods. The kernel writes into
+    `current` (N, 8) and `outcomes` (N,). It returns N at the end.
     """
     starts, indices = adjacency
     for i in range(start, proposed.shape[0]):
@@ -214,7 +208,7 @@ def _walk(
             if (
                 allowed[i, choice]
                 and _is_clear(pose, i, current, present, near, tolerance_m)
-                and _is_clear(pose, i, current, present, strays, tolerance_m)
+                and _is_clear(pose, i, current, present, displaced, tolerance_m)
             ):
                 for column in range(current.shape[1]):
                     current[i, column] = pose[i, column]
@@ -232,15 +226,15 @@ _RINGS_AT_ONCE = 4
 
 
 class RingSearch:
-    """Tries rings of growing radius, 0.1 m apart up to `radius_m`, at 32 fixed angles each.
+    """Finds the nearest safe place on rings 0.1 m apart, at 32 angles each, within `radius_m`.
 
-    The order is fixed: nearest ring first, on a ring counter-clockwise from the map's +x. The
-    heading is kept. Places at least `robot_clearance_m` from the robots are tried first, so that
-    who makes way for a robot is not in its way again at once.
+    The order is fixed: from the inner ring outwards, on a ring counter-clockwise from the map's +x.
+    The heading is kept. Places at least `robot_clearance_m` away from the robots come first, so
+    that an artefact that makes way for a robot is not in its way again at once.
     """
 
     def __init__(self, radius_m: float, robot_clearance_m: float = 0.0) -> None:
-        """Prepare the offsets; a radius below the step leaves none."""
+        """Compute the offsets; there are none for a radius below 0.1 m."""
         self.radius_m = radius_m
         self._robot_clearance_m = robot_clearance_m
         rings = int(radius_m / _STEP_M + 1e-9)
@@ -259,11 +253,11 @@ class RingSearch:
     ) -> tuple[NDArray[np.float64], OrientedBoxes] | None:
         """Return the offset (2,) in metres and the box there, on the ground; None if none is safe.
 
-        `box` is of length one. A new pose is safe if it is placeable (free cells only: nobody is
-        pushed into the unknown), overlaps none of the others and no robot.
+        `box` is of length one. A place is safe if the box covers free cells only, hits no wall, and
+        overlaps none of the others and no robot.
         """
-        wider = [robot.padded(self._robot_clearance_m) for robot in robots]
-        found = self._nearest(box, others, wider, environment)
+        padded = [robot.padded(self._robot_clearance_m) for robot in robots]
+        found = self._nearest(box, others, padded, environment)
         if found is None and robots and self._robot_clearance_m > 0.0:
             found = self._nearest(box, others, robots, environment)
         return found
@@ -308,9 +302,6 @@ def _is_taken(
     return taken
 
 
-_NO_INDICES = np.empty(0, dtype=np.int64)
-
-
 class Outcome(IntEnum):
     """What the resolver decided for one artefact."""
 
@@ -323,12 +314,13 @@ class Outcome(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Resolution:
-    """Where N artefacts are at the end of a sub-step.
+    """The poses of N artefacts at the end of a sub-step.
 
-    `outcomes` int8 (N,) of `Outcome`. KEPT: the proposed pose. MOVED_BACK: the last safe one.
-    DISPLACED_TO_SAFE: the last safe one moved by `shifts_m` float64 (N, 2; 0 for the others) in
-    the map frame, heading kept, on the ground there. The others leave. `boxes` are the resolved
-    ones (of who leaves, the last safe ones). `contacts` are those at the last safe poses.
+    `outcomes` int8 (N,) of `Outcome`: KEPT has the proposed pose, MOVED_BACK the last safe one,
+    DISPLACED_TO_SAFE the last safe one moved by `shifts_m` float64 (N, 2; 0 for the others) in the
+    map frame, with its heading, on the ground there; the others leave. `boxes` (N) are at these
+    poses; the box of an artefact that leaves is at its last safe one. `contacts` are those at the
+    last safe poses.
     """
 
     outcomes: NDArray[np.int8]
@@ -341,28 +333,29 @@ class Resolution:
         """Whether every artefact has its proposed pose."""
         return not self.outcomes.any()
 
-    def letting_pass(self, tracked: NDArray[np.intp]) -> "Resolution":
-        """Return the same, but that those who go by a track are where it says.
+    def with_tracks(self, rows: NDArray[np.intp]) -> "Resolution":
+        """Return the same, but artefacts that follow a track keep the proposed pose.
 
-        Unless they leave for a contact with the robot. `tracked` (M,) are their indices.
+        `rows` (M,) are their indices. One that leaves for a contact with the robot leaves.
         """
         outcomes, shifts_m = self.outcomes.copy(), self.shifts_m.copy()
-        stay = tracked[outcomes[tracked] != Outcome.LEAVES_ON_CONTACT]
-        outcomes[stay], shifts_m[stay] = Outcome.KEPT, 0.0
+        kept = rows[outcomes[rows] != Outcome.LEAVES_ON_CONTACT]
+        outcomes[kept], shifts_m[kept] = Outcome.KEPT, 0.0
         return replace(self, outcomes=outcomes, shifts_m=shifts_m)
 
 
 class CollisionResolver:
-    """Decides, in id order, which pose each artefact has at the end of a sub-step.
+    """Decides which pose each artefact has at the end of a sub-step.
 
-    The poses proposed where they are safe all together. Else, for each, the one proposed if it is
-    safe; else the last safe pose if still safe; else the nearest safe
-    one within the search radius; else the artefact leaves. Safe means: hits no wall, overlaps no
-    other artefact (earlier ones at their new pose, later ones at their last safe pose: these do
-    not overlap, and each decision keeps it so) and no robot, but as the policy tolerates. An
+    If the proposed poses are safe all together, all artefacts have them. Else the resolver goes
+    through the artefacts in the order of their ids. Each has its proposed pose if that is safe;
+    else its last safe pose if that still is; else the nearest safe place within the search radius;
+    else it leaves.
+
+    A pose is safe if its box hits no wall, overlaps no other artefact, and overlaps a robot no
+    deeper than the policy tolerates. The other artefacts are at their new poses (lower ids) or at
+    their last safe ones (higher ids). These do not overlap, and no decision lets them overlap. An
     overlap among the last safe poses is resolved like any other.
-
-    The last scene found safe is remembered, so that standing artefacts cost a comparison.
     """
 
     def __init__(
@@ -370,7 +363,6 @@ class CollisionResolver:
     ) -> None:
         self._policy = policy
         self._search = RingSearch(search_radius_m, robot_clearance_m)
-        self._scene: tuple[Environment, NDArray[np.float64]] | None = None
 
     def resolve(
         self,
@@ -383,153 +375,107 @@ class CollisionResolver:
         """Return the poses of artefacts `ids` (N,), strictly ascending.
 
         `proposed` and `last_safe` are the boxes (N) at the two poses, on the ground, in the map
-        frame; `last_safe` is where each was at the end of the sub-step before, or was placed.
-        `robots` are the footprints at their poses in the map frame. Raises ValueError where ids
-        do not ascend or lengths differ.
+        frame; `last_safe` is where each was at the end of the last sub-step, or where it was
+        placed. `robots` are the footprints at their poses in the map frame. Raises ValueError where
+        ids do not ascend or lengths differ.
         """
         _check(ids, proposed, last_safe)
         depths = depths_m(robots, last_safe)
         contacts = contacts_of(ids, depths)
-        if not contacts and self._is_known(environment, proposed, last_safe):
-            return _all_kept(proposed)
-        if not contacts and _is_safe(proposed, environment, robots):
-            self._scene = (environment, proposed.packed)
-            return _all_kept(proposed)
-        scene = _Scene(proposed, last_safe, environment, tuple(robots))
-        scene.judge(self._policy, depths)
-        scene.settle(self._search)
-        self._scene = (environment, scene.current[scene.present])
-        return Resolution(scene.outcomes, scene.shifts_m, scene.resolved(), contacts)
-
-    def _is_known(
-        self, environment: Environment, proposed: OrientedBoxes, last_safe: OrientedBoxes
-    ) -> bool:
-        """Tell whether this very scene was found safe, robots apart."""
-        if self._scene is None or self._scene[0] is not environment:
-            return False
-        return np.array_equal(self._scene[1], proposed.packed) and (
-            proposed is last_safe or np.array_equal(proposed.packed, last_safe.packed)
+        limits_m = self._policy.tolerated_m(depths) + TOUCH_TOLERANCE_M
+        in_contact: NDArray[np.bool_] = np.any(depths > TOUCH_TOLERANCE_M, axis=1)
+        present = ~self._policy.leaves(in_contact)
+        allowed = _are_allowed(proposed, environment, robots, limits_m)
+        if allowed.all() and present.all() and not any_overlap(proposed):
+            count = len(ids)
+            return Resolution(np.zeros(count, np.int8), np.zeros((count, 2)), proposed, contacts)
+        allowed_back = _are_allowed(last_safe, environment, robots, limits_m)
+        remedies = _Remedies(proposed, last_safe, present)
+        remedies.apply(
+            np.column_stack((allowed, allowed_back)),
+            lambda box, others: self._search.nearest(box, others, robots, environment),
+            self._search.radius_m,
         )
+        return Resolution(remedies.outcomes, remedies.shifts_m, remedies.boxes(), contacts)
 
 
-class _Scene:
-    """The arrays of one resolution: N artefacts that may be at either of two poses."""
+def _are_allowed(
+    boxes: OrientedBoxes,
+    environment: Environment,
+    robots: Sequence[Footprint],
+    limits_m: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Tell which boxes (N) hit no wall, and no robot deeper than its limit (N, R)."""
+    return ~environment.hits_wall(boxes) & (depths_m(robots, boxes) <= limits_m).all(axis=1)
+
+
+_Search = Callable[[OrientedBoxes, OrientedBoxes], tuple[NDArray[np.float64], OrientedBoxes] | None]
+"""(box, other boxes) -> the offset (2,) [m] to a safe place and the box there, or None."""
+
+
+class _Remedies:
+    """The remedies for N artefacts; `present` (N,) tells which have not left for a contact."""
 
     def __init__(
-        self,
-        proposed: OrientedBoxes,
-        last_safe: OrientedBoxes,
-        environment: Environment,
-        robots: tuple[Footprint, ...],
+        self, proposed: OrientedBoxes, last_safe: OrientedBoxes, present: NDArray[np.bool_]
     ) -> None:
-        count = len(proposed)
-        self.outcomes = np.zeros(count, dtype=np.int8)
-        self.shifts_m = np.zeros((count, 2))
-        self.current = last_safe.packed.copy()
-        self.present = np.ones(count, dtype=np.bool_)
-        self._yaws_rad = np.array(last_safe.yaws_rad)
+        self.outcomes = np.where(present, Outcome.KEPT, Outcome.LEAVES_ON_CONTACT).astype(np.int8)
+        self.shifts_m = np.zeros((len(proposed), 2))
         self._proposed = proposed
         self._safe = last_safe
-        self._environment = environment
-        self._robots = robots
-        self._allowed = np.ones((count, 2), dtype=np.bool_)
-        self._limits = np.zeros((count, len(robots)))
+        self._present = present
+        self._current = last_safe.packed.copy()
 
-    def judge(self, policy: ContactPolicy, depths: NDArray[np.float64]) -> None:
-        """Decide which of the poses proposed walls and robots allow, and who leaves for a contact.
+    def apply(self, allowed: NDArray[np.bool_], search: _Search, radius_m: float) -> None:
+        """Keep, move back or displace all artefacts in the order of their ids.
 
-        `depths` (N, R) are those of the robots into the boxes at the last safe poses.
+        `allowed` (N, 2) tells whether walls and robots allow the proposed and the last safe pose;
+        `search` looks no farther than `radius_m`.
         """
-        self._limits = policy.tolerated_m(depths) + TOUCH_TOLERANCE_M
-        self._allowed[:, 0] = self._are_allowed(self._proposed)
-        in_contact: NDArray[np.bool_] = np.any(depths > TOUCH_TOLERANCE_M, axis=1)
-        self.present &= ~policy.leaves(in_contact)
-        self.outcomes[~self.present] = Outcome.LEAVES_ON_CONTACT
-
-    def settle(self, search: RingSearch) -> None:
-        """Walk in id order; who can neither be kept nor moved back is searched a place for.
-
-        Poses that are safe all together are taken as they are: those behind one another move on.
-        """
-        if self._are_safe_together():
-            self.current[:] = self._proposed.packed
-            return
-        self._allowed[:, 1] = self._are_allowed(self._safe)
         adjacency = _neighbours(self._proposed.packed, self._safe.packed)
-        strays = _NO_INDICES
-        i = self._walk(0, adjacency, strays)
-        while i < len(self.outcomes):
-            if self._displace(i, search):
-                strays = np.append(strays, i)
-            i = self._walk(i + 1, adjacency, strays)
+        displaced, i = np.empty(0, np.int64), -1
+        while True:
+            i = _keep_or_move_back(
+                i + 1,
+                self._proposed.packed,
+                self._safe.packed,
+                allowed,
+                self._current,
+                self._present,
+                adjacency,
+                displaced,
+                self.outcomes,
+                TOUCH_TOLERANCE_M,
+            )
+            if i == len(self.outcomes):
+                return
+            if self._displace(i, search, radius_m):
+                displaced = np.append(displaced, i)
 
-    def _are_safe_together(self) -> bool:
-        """Tell whether everybody may have the pose proposed, and no two of them overlap."""
-        allowed = self._allowed[:, 0].all() and self.present.all()
-        return bool(allowed) and not any_overlap(self._proposed)
-
-    def _are_allowed(self, boxes: OrientedBoxes) -> NDArray[np.bool_]:
-        """Tell which boxes (N) hit no wall, and no robot deeper than it tolerates."""
-        walls = self._environment.hits_wall(boxes)
-        return ~walls & (depths_m(self._robots, boxes) <= self._limits).all(axis=1)
-
-    def resolved(self) -> OrientedBoxes:
-        """Return the boxes where they now are."""
+    def boxes(self) -> OrientedBoxes:
+        """Return the boxes (N) at the poses decided."""
         kept = self.outcomes == Outcome.KEPT
         yaws_rad = np.where(kept, self._proposed.yaws_rad, self._safe.yaws_rad)
-        return OrientedBoxes(self.current[:, :3], yaws_rad, self._safe.half_sizes_m)
+        return OrientedBoxes(self._current[:, :3], yaws_rad, self._safe.half_sizes_m)
 
-    def _walk(
-        self,
-        start: int,
-        adjacency: tuple[NDArray[np.int64], NDArray[np.int64]],
-        strays: NDArray[np.int64],
-    ) -> int:
-        return _walk(
-            start,
-            self._proposed.packed,
-            self._safe.packed,
-            self._allowed,
-            self.current,
-            self.present,
-            adjacency,
-            strays,
-            self.outcomes,
-            TOUCH_TOLERANCE_M,
-        )
-
-    def _displace(self, i: int, search: RingSearch) -> bool:
-        """Put artefact i to the nearest safe place; tell whether there was one."""
-        others = self._standing_near(i, search.radius_m)
-        found = search.nearest(self._safe.at(i), others, self._robots, self._environment)
-        self.present[i] = found is not None
+    def _displace(self, i: int, search: _Search, radius_m: float) -> bool:
+        """Move artefact i to the nearest safe place, or let it leave; return whether it stays."""
+        found = search(self._safe.at(i), self._others_near(i, radius_m))
+        self._present[i] = found is not None
         self.outcomes[i] = Outcome.LEAVES if found is None else Outcome.DISPLACED_TO_SAFE
         if found is not None:
             self.shifts_m[i] = found[0]
-            self.current[i] = found[1].packed[0]
+            self._current[i] = found[1].packed[0]
         return found is not None
 
-    def _standing_near(self, i: int, radius_m: float) -> OrientedBoxes:
-        """Return the other boxes, where they now are, that a search about box i may meet."""
-        reaches_m = self.current[:, 5] + self.current[:, 6]
-        offsets_m = np.abs(self.current[:, :2] - self.current[i, :2])
-        near = self.present & (offsets_m.max(axis=1) < radius_m + reaches_m + reaches_m[i])
+    def _others_near(self, i: int, radius_m: float) -> OrientedBoxes:
+        """Return the other boxes, at their current poses, that a search about box i may meet."""
+        reaches_m = self._current[:, 5] + self._current[:, 6]
+        offsets_m = np.abs(self._current[:, :2] - self._current[i, :2])
+        near = self._present & (offsets_m.max(axis=1) < radius_m + reaches_m + reaches_m[i])
         near[i] = False
-        yaws_rad = np.arctan2(self.current[near, 4], self.current[near, 3])
-        return OrientedBoxes(self.current[near, :3], yaws_rad, self.current[near, 5:])
-
-
-def _is_safe(boxes: OrientedBoxes, environment: Environment, robots: Sequence[Footprint]) -> bool:
-    """Tell whether no box hits a wall, a robot or another box: safe by any policy."""
-    if environment.hits_wall(boxes).any() or any_overlap(boxes):
-        return False
-    return not (depths_m(robots, boxes) > TOUCH_TOLERANCE_M).any()
-
-
-def _all_kept(proposed: OrientedBoxes) -> Resolution:
-    """Return the resolution of a scene in which nothing is to do."""
-    count = len(proposed)
-    return Resolution(np.zeros(count, dtype=np.int8), np.zeros((count, 2)), proposed, ())
+        yaws_rad = np.arctan2(self._current[near, 4], self._current[near, 3])
+        return OrientedBoxes(self._current[near, :3], yaws_rad, self._current[near, 5:])
 
 
 def _check(ids: NDArray[np.int64], proposed: OrientedBoxes, last_safe: OrientedBoxes) -> None:

@@ -1,18 +1,18 @@
-"""The decision layer: once a period each agent decides what to do, and how to get there.
+"""The decision layer: once per decision period, each agent chooses a goal and finds the way there.
 
-An agent's decision epochs are a decision period apart, from the first sub-step after its arrival
-on. All that are due in a sub-step decide by what the sub-step before has left, in the order of
-their ids; each draws from a stream of its own.
+The first decision epoch of an agent is the first sub-step after its arrival. The agents that are
+due in a sub-step decide in the order of their ids. All see the state at the end of the last
+sub-step, and each draws from its own random stream.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from are_ros.agents.behaviours.asking import Asked, Failed, intent_of
+from are_ros.agents.behaviours.calls import BehaviourCall, Failed, intent_of
 from are_ros.agents.behaviours.leaving import Leaving
 from are_ros.agents.behaviours.registry import make_behaviour
 from are_ros.agents.behaviours.situation import (
@@ -41,26 +41,29 @@ from are_ros.population.artefact import Artefact
 from are_ros.population.randomness import Purpose, generator
 
 PATIENCE: Final = 2
-"""An agent waits for others in so many decisions. Then the local planner has to get it past them,
-until it gets on: one that waited again at once would never count as blocked, and never choose
-another way."""
+"""After so many decisions in which an agent gives way, the local planner has to pass the others,
+until the agent moves again: an agent that always gives way would never count as blocked."""
 
-GETS_ON_MPS: Final = 0.1
+MOVING_MPS: Final = 0.1
+"""An agent that is faster than this has got past those for which it waited."""
+
 BLOCKED_S: Final = 1.0
-"""An agent that is kept from going on for so long says by whom."""
+"""After this time without progress, the activity of an agent names the obstruction."""
 
-SPOT_M, SHUNTS_S, LINGERS_S = 0.3, 3.0, 8.0
-"""An agent that wants to go, and has stayed within a spot for so long, manoeuvres, and then counts
-as blocked: a car that shunts in clutter makes some progress each time, and none in all."""
+SPOT_M, MANOEUVRING_S, STUCK_S = 0.3, 3.0, 8.0
+"""An agent with a goal that stays within `SPOT_M` is said to manoeuvre after `MANOEUVRING_S`, and
+counts as blocked after `STUCK_S`: a car that shunts in clutter moves, and makes no progress."""
 
 _WALL = "a wall"
-_Asked = tuple[int, Artefact, "AgentState"]
-"""The row of one that is asked, what it is, and how it decides."""
 
 
 @dataclass(eq=False, slots=True)
 class AgentState:
-    """The behaviour of one agent that decides, and what became of its last intent."""
+    """How one agent decides: its behaviour, and the outcome of its last intent.
+
+    `waits` counts the decisions in a row in which it gave way to others. `places` are the
+    destinations that it can reach, among those of the map, `map_places`.
+    """
 
     profile: NavigationProfile
     behaviour: Behaviour
@@ -74,32 +77,32 @@ class AgentState:
     spot_m: Point | None = None
     spot_since_ns: int = 0
     lingered_s: float = 0.0
-    known_places: Destinations | None = None
+    map_places: Destinations | None = None
     places: Destinations | None = None
 
     def note_place(self, point_m: Point, now_ns: int) -> None:
-        """See for how long it has wanted to go and stayed within a spot."""
+        """Update how long the agent has had a goal and stayed within one spot."""
         if not self.is_going or self.spot_m is None or math.dist(self.spot_m, point_m) > SPOT_M:
             self.spot_m, self.spot_since_ns = point_m if self.is_going else None, now_ns
         self.lingered_s = (now_ns - self.spot_since_ns) / NS_PER_S
 
     def note_result(self, request: NavigationRequest, result: NavigationResult) -> None:
-        """Keep what it has decided, and what that means."""
+        """Store the intent, and what navigation has made of it."""
         self.intent, self.is_going = request.intent, result.command.subgoal_m is not None
         self.arrived, self.no_way = result.arrived, result.no_way
         if result.waits:
             self.waits += 1
-        elif self.waits and request.me.speed_mps > GETS_ON_MPS:
+        elif self.waits and request.me.speed_mps > MOVING_MPS:
             self.waits = 0
 
-    def begin_anew(self, behaviour: Behaviour) -> None:
-        """Do something else from the next decision on."""
+    def change_behaviour(self, behaviour: Behaviour) -> None:
+        """Use another behaviour from the next decision on."""
         self.behaviour = behaviour
         self.intent, self.is_going, self.arrived, self.no_way = None, False, False, False
 
 
 class DecisionLayer:
-    """Lets those agents of a table decide that have a state: that can move, and have no track."""
+    """Decides for the agents of a table that have a state: those that can move, without a track."""
 
     def __init__(
         self,
@@ -109,90 +112,52 @@ class DecisionLayer:
         navigation: Navigation,
         planner: LocalPlanner,
     ) -> None:
-        """Take the length of a decision period."""
+        """Take the seed, the length of a decision period [s], and the parts that it uses."""
         self._seed = seed
         self._step_ns = seconds_to_ns(table.timing.step_s)
         self._period = max(1, round(period_s / table.timing.step_s))
         self._table = table
         self._navigation = navigation
         self._planner = planner
-        self.tell_fault: Callable[[BehaviourError], None] | None = None
-        """Told of each behaviour of the user's own that fails, whose agent stands from then on;
-        with None that is raised."""
+        self.report_fault: Callable[[BehaviourError], None] | None = None
+        """Called for each user-defined behaviour that fails; its agent stands from then on.
+        With None, the error is raised."""
 
     def reseed(self, seed: int) -> None:
-        """Let those who arrive later draw from another seed."""
+        """Draw from another seed for agents that arrive from now on."""
         self._seed = seed
 
     def admit(self, artefact: Artefact) -> None:
-        """Give an agent that has just arrived a behaviour, where it can move."""
+        """Give an agent that has just arrived a state, if it can move."""
         body = Body.of(artefact.row)
         if body.speed_mps <= 0.0:
             return
         profile = NavigationProfile.of(artefact.row, body)
         random = generator(self._seed, Purpose.GOAL, artefact.id)
         row = self._table.row_of(artefact.id)
-        self._table.states[row] = AgentState(profile, self._made(artefact), random)
+        self._table.states[row] = AgentState(profile, self._new_behaviour(artefact), random)
         self._table.phases[row] = -(-artefact.arrival_ns // self._step_ns) % self._period
 
     def decide(self, index: int, now_ns: int, robot: RobotView | None) -> list[int]:
-        """Let all decide who are due in sub-step `index`; return who has left by an exit.
+        """Decide for all agents that are due in sub-step `index`; return those at an exit.
 
-        Each is asked what it wants, finds the way there, and tells the traffic where to go. What
-        it says then is seen by the others in the next sub-step.
+        Each agent states an intent, navigation finds the way, and the local planner gets the motion
+        command. Others see the new activities in the next sub-step.
         """
-        table, speeds_mps = self._table, self._planner.motion[:, 5]
-        view = AgentSnapshot(
-            table.artefacts.copy(),
-            (table.ids, table.poses, speeds_mps, table.radii_m),
-            self.sees,
-            table.doing,
-        )
-        out, asked = list[int](), list[_Asked]()
+        table = self._table
+        columns = (table.ids, table.poses, self._planner.motion[:, 5], table.radii_m)
+        view = AgentSnapshot(table.artefacts.copy(), columns, self.sees, table.doing)
+        left, deciding = list[int](), dict[int, AgentState]()
         for row in np.flatnonzero(table.phases == index % self._period).tolist():
-            agent, state = table.artefacts[row], table.states[row]
+            state = table.states[row]
             if state is None:
                 continue
             if isinstance(state.behaviour, Leaving) and state.behaviour.has_left:
-                out.append(agent.id)
+                left.append(table.artefacts[row].id)
             else:
-                asked.append((row, agent, state))
-        requests, situations = self._requests(asked, now_ns, view, robot)
-        results = self._navigation.results(requests, view, robot)
-        self._planner.give_commands(
-            [row for row, _, _ in asked], [result.command for result in results]
-        )
-        for (_, agent, state), request, result, situation in zip(
-            asked, requests, results, situations, strict=True
-        ):
-            state.note_result(request, result)
-            activity = _activity(request.intent, result, situation, state.lingered_s)
-            behaviour = agent.behaviour
-            agent.activity = "" if activity == behaviour else activity
-        return out
-
-    def send_out(self, row: int) -> None:
-        """Let an agent walk to an exit from its next decision on; its life is over."""
-        self._begin_anew(row, Leaving())
-
-    def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:
-        """Say whether an agent could go straight to a point, were nobody in its way."""
-        state = self._table.states[self._table.row_of(me.id)]
-        if state is None:
-            return False
-        return self._navigation.sees(state.profile, me.point_m, (x_m, y_m))
-
-    def _requests(
-        self, asked: Sequence[_Asked], now_ns: int, view: AgentSnapshot, robot: RobotView | None
-    ) -> tuple[list[NavigationRequest], list[Situation]]:
-        """Return what each of those who are asked wants, and what it knows."""
-        rows = [row for row, _, _ in asked]
-        known = zip(asked, view.neighbours(rows), self._planner.obstructions(rows), strict=True)
-        situations = [
-            self._situation(agent, state, me, obstruction, now_ns, view, robot)
-            for (_, agent, state), me, obstruction in known
-        ]
-        return [
+                deciding[row] = state
+        situations = self._situations(deciding, now_ns, view, robot)
+        requests = [
             NavigationRequest(
                 state,
                 situation.me,
@@ -200,102 +165,124 @@ class DecisionLayer:
                 situation.left_s,
                 state.waits < PATIENCE,
             )
-            for (row, _, state), situation in zip(asked, situations, strict=True)
-        ], situations
+            for (row, state), situation in zip(deciding.items(), situations, strict=True)
+        ]
+        results = self._navigation.results(requests, view, robot)
+        self._planner.give_commands(list(deciding), [result.command for result in results])
+        for row, situation, request, result in zip(
+            deciding, situations, requests, results, strict=True
+        ):
+            request.state.note_result(request, result)
+            agent = table.artefacts[row]
+            activity = _activity(request, result, situation)
+            agent.activity = "" if activity == agent.behaviour else activity
+        return left
 
-    def _situation(
+    def send_out(self, row: int) -> None:
+        """Send an agent whose life is over to an exit, from its next decision on."""
+        self._change_behaviour(row, Leaving())
+
+    def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:
+        """Return whether walls leave an agent a straight way to a point."""
+        state = self._table.states[self._table.row_of(me.id)]
+        if state is None:
+            return False
+        return self._navigation.sees(state.profile, me.point_m, (x_m, y_m))
+
+    def _situations(
         self,
-        agent: Artefact,
-        state: AgentState,
-        me: Neighbour,
-        obstruction: tuple[Obstruction, int, float],
+        deciding: Mapping[int, AgentState],
         now_ns: int,
         view: AgentSnapshot,
         robot: RobotView | None,
-    ) -> Situation:
-        """Return what an agent knows when it decides."""
-        state.note_place(me.point_m, now_ns)
-        what, who, since_s = obstruction
-        blocked_s = 0.0 if what is Obstruction.NONE else since_s
-        if state.lingered_s > LINGERS_S:
-            blocked_s = max(blocked_s, state.lingered_s)
-        departure_ns = agent.departure_ns
-        return Situation(
-            now_ns,
-            me,
-            agent.row,
-            self._places_of(state, me),
-            state.random,
-            view,
-            robot,
-            None if departure_ns is None else (departure_ns - now_ns) / NS_PER_S,
-            state.intent,
-            state.arrived,
-            blocked_s,
-            _name_of(what, who),
-            state.no_way,
-        )
+    ) -> list[Situation]:
+        """Return what each of these agents, given by row, knows at its decision."""
+        rows, situations = list(deciding), list[Situation]()
+        for (row, state), me, (kind, other_id, since_s) in zip(
+            deciding.items(), view.neighbours(rows), self._planner.obstructions(rows), strict=True
+        ):
+            agent = self._table.artefacts[row]
+            state.note_place(me.point_m, now_ns)
+            blocked_s = 0.0 if kind is Obstruction.NONE else since_s
+            if state.lingered_s > STUCK_S:
+                blocked_s = max(blocked_s, state.lingered_s)
+            end_ns = agent.departure_ns
+            situations.append(
+                Situation(
+                    now_ns,
+                    me,
+                    agent.row,
+                    self._reachable(state, me),
+                    state.random,
+                    view,
+                    robot,
+                    None if end_ns is None else (end_ns - now_ns) / NS_PER_S,
+                    state.intent,
+                    state.arrived,
+                    blocked_s,
+                    _obstruction_name(kind, other_id),
+                    state.no_way,
+                )
+            )
+        return situations
 
-    def _places_of(self, state: AgentState, me: Neighbour) -> Destinations:
-        """Return the places that one can get to, looked for anew where it has found no way."""
-        known = self._navigation.places
-        if state.places is None or state.known_places is not known or state.no_way:
+    def _reachable(self, state: AgentState, me: Neighbour) -> Destinations:
+        """Return the destinations that an agent can reach; they are found anew after no way."""
+        map_places = self._navigation.places
+        if state.places is None or state.map_places is not map_places or state.no_way:
             state.places = self._navigation.places_from(state.profile, me.point_m)
-            state.known_places = known
+            state.map_places = map_places
         return state.places
 
-    def _made(self, artefact: Artefact) -> Behaviour:
-        """Return a new behaviour for an artefact."""
-        asked = Asked(artefact.id, artefact.row.label, artefact.arrival_ns)
+    def _new_behaviour(self, artefact: Artefact) -> Behaviour:
+        """Return a new behaviour for an artefact; `Failed` if the user's class fails."""
+        call = BehaviourCall(artefact.id, artefact.row.label, artefact.arrival_ns)
         try:
-            return make_behaviour(artefact.behaviour, artefact.options, asked)
+            return make_behaviour(artefact.behaviour, artefact.options, call)
         except BehaviourError as fault:
-            self._tell(fault)
+            self._report(fault)
         self._table.set_behaviour(self._table.row_of(artefact.id), Failed.name)
         return Failed()
 
     def _intent(self, row: int, state: AgentState, situation: Situation) -> Intent:
-        """Return what an agent wants: nothing any more, once its behaviour has failed."""
+        """Return the intent of an agent; if its behaviour fails, stop it and report the error."""
         try:
             return intent_of(state.behaviour, situation)
         except BehaviourError as fault:
-            self._tell(fault)
-        self._begin_anew(row, Failed())
+            self._report(fault)
+        self._change_behaviour(row, Failed())
         return state.behaviour.decide(situation)
 
-    def _begin_anew(self, row: int, behaviour: Behaviour) -> None:
+    def _change_behaviour(self, row: int, behaviour: Behaviour) -> None:
         state = self._table.states[row]
         if state is not None:
             self._table.set_behaviour(row, behaviour.name)
-            state.begin_anew(behaviour)
+            state.change_behaviour(behaviour)
 
-    def _tell(self, fault: BehaviourError) -> None:
-        if self.tell_fault is None:
+    def _report(self, fault: BehaviourError) -> None:
+        if self.report_fault is None:
             raise fault
-        self.tell_fault(fault)
+        self.report_fault(fault)
 
 
-def _name_of(what: Obstruction, who: int) -> str:
-    """Return what is in the way, in words; none if nothing is."""
-    if what is Obstruction.NONE:
+def _obstruction_name(kind: Obstruction, other_id: int) -> str:
+    """Return what is in the way, in words; empty if nothing is."""
+    if kind is Obstruction.NONE:
         return ""
-    if what is Obstruction.ARTEFACT:
-        return f"artefact {who}"
-    return "the robot" if what is Obstruction.ROBOT else _WALL
+    if kind is Obstruction.ARTEFACT:
+        return f"artefact {other_id}"
+    return "the robot" if kind is Obstruction.ROBOT else _WALL
 
 
-def _activity(
-    intent: Intent, result: NavigationResult, situation: Situation, lingered_s: float
-) -> str:
-    """Return what an agent does just now; what it waits for, where it cannot go on."""
+def _activity(request: NavigationRequest, result: NavigationResult, situation: Situation) -> str:
+    """Return what an agent does at present, with the obstruction if it is blocked."""
     if result.no_way:
         return "no way"
-    wants_to_go = intent.goal_m is not None
-    name = situation.blocked_by
-    if wants_to_go and situation.blocked_s >= BLOCKED_S and name:
+    has_goal, name = request.intent.goal_m is not None, situation.blocked_by
+    if has_goal and situation.blocked_s >= BLOCKED_S and name:
         return f"{'blocked by' if name == _WALL else 'waiting for'} {name}"
     if result.waits:
         return "giving way"
-    if wants_to_go and lingered_s > SHUNTS_S:
+    if has_goal and request.state.lingered_s > MANOEUVRING_S:
         return "manoeuvring"
-    return intent.activity
+    return request.intent.activity

@@ -1,4 +1,4 @@
-"""What a tick gives out, as plain values; `messages` turns them into ROS messages."""
+"""The outputs of a tick as plain values; `messages` converts them to ROS messages."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,8 +24,8 @@ class EventKind(IntEnum):
 class ArtefactEvent:
     """One event of one artefact, at `stamp_ns`, in the map's frame.
 
-    `detail` names a cause or a reason; `value` is a number that belongs to it: the penetration of a
-    robot contact, or the distance of a displacement, in metres; else 0.
+    `detail` names a cause or a reason. `value` is the penetration of a robot contact or the
+    distance of a displacement [m]; else 0.
     """
 
     stamp_ns: int
@@ -43,9 +43,8 @@ Vector3 = tuple[float, float, float]
 class ArtefactState:
     """Ground truth of one living artefact at a tick (are_msgs/Artefact).
 
-    Poses are in the map's frame; `box_centre_m` and the twist are in F_A; `departure_ns` is 0 where
-    it is not known in advance. `origin` tells whether it came at random, by script or by service.
-    `activity`, what it does just now, is one of the features too.
+    Poses are in the map frame; `box_centre_m` and the twist are in F_A; `departure_ns` is 0 if it
+    is not known in advance. `activity`, what it does at present, is one of the features, too.
     """
 
     artefact_id: int
@@ -68,7 +67,7 @@ class ArtefactState:
 
 @dataclass(frozen=True, eq=False)
 class PerceivedArtefact:
-    """One member of A_f: what the observer knows of an artefact (are_msgs/PerceivedArtefact).
+    """One member of A_f: a perceived artefact (are_msgs/PerceivedArtefact).
 
     The pose is that of F_A in the map's frame, with a 6x6 row-major covariance as ROS orders it
     (x, y, z, rotation about x, y, z). `roi_px` is (x, y, width, height) of its visible pixels,

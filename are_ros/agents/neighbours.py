@@ -12,7 +12,7 @@ _Indices = npt.NDArray[np.int64]
 
 
 class Cells(NamedTuple):
-    """N points (N, 2) [m] by cell: their indices in that order, and where each cell's start.
+    """N points (N, 2) [m] by cell: `order` are their indices, `starts` where each cell begins.
 
     `x0_m`, `y0_m` is the low corner; beyond `rows` x `columns` the cells wrap around.
     """
@@ -35,14 +35,14 @@ class Neighbourhood:
     """N fixed points of the plane; a query returns those within a radius of a place."""
 
     def __init__(self, points_m: npt.NDArray[np.float64], cell_m: float = 4.0) -> None:
-        """Sort points (N, 2), float64, metres, into cells; `cell_m` near the radii asked for."""
+        """Sort points (N, 2) [m], float64, into cells; `cell_m` should be near the usual radii."""
         self.cells = _sorted_into_cells(np.ascontiguousarray(points_m), cell_m)
-        """The fields of `Cells`; plain tuples go into compiled code much quicker."""
+        """The fields of `Cells`; compiled code takes plain tuples much faster."""
 
     def within(self, x_m: float, y_m: float, radius_m: float) -> npt.NDArray[np.int64]:
         """Return the indices of the points within the closed disc, the nearest first.
 
-        Of two at the same distance the one of the lower index comes first.
+        Of two at the same distance, the one with the lower index comes first.
         """
         return _near(self.cells, x_m, y_m, radius_m)
 
@@ -56,9 +56,9 @@ class Neighbourhood:
 
 
 def nearest_of(points_m: _Floats, places_m: _Floats) -> _Indices:
-    """Return which of the places (K, 2), K > 0, is nearest to each of the points (M, 2): (M,).
+    """Return the index of the nearest of places (K, 2), K > 0, for each point (M, 2): (M,).
 
-    The first of several.
+    Of several at the same distance, it is the first.
     """
     apart_m = points_m[:, None] - places_m
     squares = apart_m[..., 0] * apart_m[..., 0] + apart_m[..., 1] * apart_m[..., 1]
@@ -74,9 +74,9 @@ def _near(cells: CellArrays, x_m: float, y_m: float, radius_m: float) -> _Indice
 
 
 def _sorted_into_cells(points_m: _Floats, cell_m: float) -> CellArrays:
-    """Return what `Cells` holds.
+    """Return the fields of `Cells`.
 
-    Far outliers would make a huge table: then the cells beyond 4 N + 1024 wrap around.
+    Far outliers would need a huge table, so beyond 4 N + 1024 cells they wrap around.
     """
     count = len(points_m)
     if not count:
@@ -98,9 +98,9 @@ def _sorted_into_cells(points_m: _Floats, cell_m: float) -> CellArrays:
 def find_near(
     cells: Cells, x_m: float, y_m: float, radius_m: float, found: _Indices, squares: _Floats
 ) -> int:
-    """Do as `Neighbourhood.within`, but write to `found`; return how many they are.
+    """Write what `Neighbourhood.within` returns into `found`; return how many there are.
 
-    The first of `squares` are then their squared distances. Both have room for all points.
+    Their squared distances are written into `squares`. Both have room for all points.
     """
     rows, columns = cells.rows, cells.columns
     low_column = np.int64(np.floor((x_m - radius_m - cells.x0_m) / cells.cell_m))

@@ -1,4 +1,4 @@
-"""Where the robot is in the map's frame, from the frame tree, and how it moves."""
+"""The robot's pose in the map frame, from the frame tree, and its velocity."""
 
 import math
 from collections import deque
@@ -28,10 +28,10 @@ class RobotPose:
 
 
 class RobotTracker:
-    """Looks up one observer in the frame tree; the last pose known is kept.
+    """Looks up one robot in the frame tree, and keeps its last known pose.
 
-    `missing` and `camera_missing` say in a sentence why there was no pose when it was last asked
-    for, and are empty where there was one.
+    `missing` and `camera_missing` give the reason if the last lookup found no pose; else they are
+    empty.
     """
 
     def __init__(
@@ -45,22 +45,22 @@ class RobotTracker:
         self._frames = frames
         self._map_frame = map_frame
         self._max_age_ns = max_age_ns
-        self._asked: tuple[str, int, int] | None = None
+        self._question: tuple[str, int, int] | None = None
         self._answer: _Answer = (None, "")
 
     def base_frame(self) -> str:
-        """Return the base frame: the one configured, else the usual one that there is.
+        """Return the base frame: the one configured, else a usual one that exists.
 
-        Once a usual one is joined to the map it stays the base, whatever is named later.
+        Once a usual one is connected to the map, it stays the base.
         """
         if self.observer.base_frame or self._base_frame:
             return self.observer.base_frame or self._base_frame
         known = [name for name in _USUAL_BASES if self._frames.has_frame(name)]
-        joined = (name for name in known if self._is_joined(name))
-        self._base_frame = next(joined, "")
+        connected = (name for name in known if self._is_connected(name))
+        self._base_frame = next(connected, "")
         return self._base_frame or next(iter(known), _USUAL_BASES[0])
 
-    def _is_joined(self, frame: str) -> bool:
+    def _is_connected(self, frame: str) -> bool:
         try:
             self._frames.latest_common_time(self._map_frame, frame)
         except FrameError:
@@ -68,7 +68,7 @@ class RobotTracker:
         return True
 
     def pose(self, now_ns: int) -> RobotPose | None:
-        """Return the latest pose not after `now_ns`, or None if older than the oldest accepted."""
+        """Return the latest pose not after `now_ns`, None if it is too old or not known."""
         found, self.missing = self._transform_of(self.base_frame(), now_ns)
         if found is None:
             return None
@@ -86,12 +86,12 @@ class RobotTracker:
 
     def _transform_of(self, frame: str, now_ns: int) -> _Answer:
         """Return (stamp, map_from_frame), the latest not after `now_ns`, or None and the reason."""
-        asked = (frame, now_ns, self._frames.changes)
-        if asked != self._asked:
-            self._asked, self._answer = asked, self._looked_up(frame, now_ns)
+        question = (frame, now_ns, self._frames.changes)
+        if question != self._question:
+            self._question, self._answer = question, self._look_up(frame, now_ns)
         return self._answer
 
-    def _looked_up(self, frame: str, now_ns: int) -> _Answer:
+    def _look_up(self, frame: str, now_ns: int) -> _Answer:
         try:
             stamp_ns = self._frames.latest_before(self._map_frame, frame, now_ns)
             if now_ns - stamp_ns > self._max_age_ns:
@@ -127,19 +127,19 @@ _JUMP_M = 1.0
 
 
 class RobotWatch:
-    """Estimates the robot's velocity over the last quarter of a second of its poses."""
+    """Estimates the robot's velocity from its poses of the last quarter of a second."""
 
     def __init__(self) -> None:
         self._seen: deque[RobotPose] = deque()
 
     def forget(self) -> None:
-        """Forget where the robot was."""
+        """Forget the robot's poses."""
         self._seen.clear()
 
     def see(self, robot: RobotPose, now_ns: int) -> RobotMotion:
-        """Take the pose that holds at `now_ns`, and return it with the velocity.
+        """Take the pose valid at `now_ns`, and return it with the velocity.
 
-        A robot whose poses end stands; one that jumps (a correction of its place) does not move.
+        The velocity is 0 if poses stop coming, and for a jump (a correction of localization).
         """
         seen = self._seen
         if not seen or seen[-1] is not robot:

@@ -1,8 +1,8 @@
-"""Recording of lives, so that a run can be saved as a scenario.
+"""Recording of a run, to save it as a scenario.
 
-For each artefact it keeps its row, origin and first behaviour, when it arrived, when and why it
-left, and its way: a timed point for each sub-step in which it moved. An hour of twenty artefacts
-that always walk takes 58 MB.
+The recorder keeps, for each artefact, its row, origin and first behaviour, the times of arrival and
+departure with the cause, and its track: a timed pose for each sub-step in which it moved. An hour
+of twenty artefacts that always walk takes 58 MB.
 """
 
 from array import array
@@ -31,21 +31,21 @@ class _Life:
 
     @property
     def pose(self) -> list[float]:
-        """The last point of the way."""
+        """The last pose of the track."""
         return self.poses[-4:].tolist()
 
     def add(self, t_ns: int, pose: Sequence[float]) -> None:
-        """Add a point of the way."""
+        """Add a pose to the track."""
         self.times_ns.append(t_ns)
         self.poses.extend(pose)
 
     def stand_until(self, t_ns: int) -> None:
-        """Let the way stay at its last point until `t_ns`."""
+        """Keep the track at its last pose until `t_ns`."""
         if self.times_ns[-1] < t_ns:
             self.add(t_ns, self.pose)
 
     def jump(self, t_ns: int, pose: Sequence[float]) -> None:
-        """Let the way go on from `pose` at `t_ns`: two points that are 1 ns apart are a jump."""
+        """Continue the track from `pose` at `t_ns`: two poses 1 ns apart are a jump."""
         if self.times_ns[-1] < t_ns:
             self.stand_until(t_ns - 1)
             self.add(t_ns, pose)
@@ -57,27 +57,27 @@ class _Life:
 
 
 class ScenarioRecorder:
-    """Records the lives of a run, and returns them as a `Scenario`.
+    """Records the artefacts of a run, and returns them as a `Scenario`.
 
-    The caller reports what happens in the order of time; instants are nanoseconds since the epoch.
+    The caller reports events in the order of time; instants are nanoseconds since the epoch.
     """
 
     def __init__(self, period_ns: int) -> None:
-        """Take the length of a sub-step."""
+        """Take the length of a sub-step [ns]."""
         self._period_ns = period_ns
         self.start(0)
 
     def start(self, now_ns: int) -> None:
-        """Forget all lives, and begin at `now_ns`, the start of the population."""
+        """Forget all artefacts, and begin at `now_ns`, the start of the population."""
         self._start_ns = now_ns
         self._lives: dict[int, _Life] = {}
 
     def postpone(self, by_ns: int) -> None:
-        """Leave out the time from now on until `by_ns` later; call it when nobody lives."""
+        """Leave the next `by_ns` out of the recorded time; call it when no artefact is alive."""
         self._start_ns += by_ns
 
     def arrived(self, artefact: Artefact) -> None:
-        """Record an arrival; who has a track may already be on its way to the next sub-step."""
+        """Record an arrival; an artefact on a track may already move to its next pose."""
         arrives_ns, history = artefact.arrival_ns - self._start_ns, artefact.history
         life = self._lives[artefact.id] = _Life(artefact, artefact.behaviour, arrives_ns)
         life.add(arrives_ns, artefact.ground_pose_at(artefact.arrival_ns))
@@ -98,8 +98,8 @@ class ScenarioRecorder:
     ) -> None:
         """Record the sub-step that begins at `t_ns`.
 
-        `ids` (N,) are all who live; `starts` (N, 4) are their poses x, y, z, yaw at `t_ns`, `ends`
-        (N, 4) those when the next sub-step begins.
+        `ids` (N,) are those of all artefacts alive; `starts` (N, 4) are their poses x, y, z, yaw at
+        `t_ns`, `ends` (N, 4) those at the beginning of the next sub-step.
         """
         t_ns -= self._start_ns
         rows = zip(ids.tolist(), starts.tolist(), ends.tolist(), strict=True)
@@ -112,7 +112,7 @@ class ScenarioRecorder:
                 life.add(t_ns + self._period_ns, end)
 
     def scenario(self, name: str = "") -> Scenario:
-        """Return the lives so far as a scenario in which nobody arrives at random."""
+        """Return the artefacts so far as a scenario without random arrivals."""
         in_order = sorted(self._lives.values(), key=lambda one: (one.arrives_ns, one.artefact.id))
         return Scenario(tuple(map(self._scripted, in_order)), random=False, name=name)
 

@@ -1,6 +1,7 @@
-"""The simulation of the agents, sub-step by sub-step: they decide, plan, move, and are kept apart.
+"""The simulation of the agents in sub-steps: resolve collisions, decide, plan, move, record.
 
-A sub-step begins where the one before has taken everybody. `CrowdSimulator.step` shows it.
+At the beginning of a sub-step, all agents are at the poses that the last one computed. The method
+`CrowdSimulator.step` shows the five stages.
 """
 
 import math
@@ -38,21 +39,21 @@ _Floats = npt.NDArray[np.float64]
 _Mask = npt.NDArray[np.bool_]
 
 _STEPS_AHEAD: Final = 30
-"""So many sub-steps of a track the others know in advance."""
+"""Sub-steps of a track that the local planner knows in advance."""
 
 Depart = Callable[[int, int, Cause], None]
-"""(id, instant [ns], cause): let an agent depart."""
+"""(id, instant [ns], cause): removes an agent."""
 
 Overdue = Callable[[int], Iterable[int]]
-"""Instant [ns] -> who departs then that is not at an exit."""
+"""Instant [ns] -> ids of agents on their way out that depart now without being at an exit."""
 
 
 @dataclass
 class MotionCounts:
-    """Sub-steps of artefacts so far: all, those of who moved, and those that the resolver changed.
+    """Numbers of sub-steps of artefacts so far: all, with motion, and corrected by the resolver.
 
-    `moved_back` and `displaced` over `artefact_steps` is the share of artefact-seconds in which a
-    collision had to be resolved because planning had not avoided it.
+    (`moved_back` + `displaced`) / `artefact_steps` is the share of artefact-seconds with a
+    collision that planning did not avoid.
     """
 
     artefact_steps: int = 0
@@ -61,7 +62,7 @@ class MotionCounts:
     displaced: int = 0
 
     def add(self, moved: _Mask, resolution: Resolution) -> None:
-        """Count a sub-step of N artefacts; `moved` (N,) tells who wanted to move."""
+        """Count a sub-step of N artefacts; `moved` (N,) tells which have left their poses."""
         self.artefact_steps += len(moved)
         self.moving_steps += int(np.count_nonzero(moved))
         if not resolution.is_all_kept:
@@ -71,7 +72,7 @@ class MotionCounts:
 
 
 class CrowdSimulator:
-    """Moves the agents of a table, all at once, from one sub-step to the next."""
+    """Moves all agents of a table from one sub-step to the next."""
 
     def __init__(
         self,
@@ -82,7 +83,7 @@ class CrowdSimulator:
         depart: Depart,
         overdue: Overdue = lambda _: (),
     ) -> None:
-        """Take the parameters, the name of the robot, and what to do with those who depart."""
+        """Take the parameters, the robot's name, and the callbacks for departures."""
         settings, step_s = parameters.behaviour, parameters.motion.step
         history_ns = seconds_to_ns(parameters.poses.history)
         self.table = AgentTable(step_s, parameters.world.ground, history_ns)
@@ -92,11 +93,11 @@ class CrowdSimulator:
             parameters.seed, settings.decision_period, self.table, self.navigation, self.planner
         )
         self.resolver = resolver
-        self.keeper: ScenarioRecorder | None = None
+        self.recorder: ScenarioRecorder | None = None
         self.counts = MotionCounts()
         self.contacts = ContactLog(robot)
         self.events: list[ArtefactEvent] = []
-        """What happened since the last `take_events`; arrivals and departures are told, too."""
+        """Events since the last `take_events`; the population's events are appended, too."""
         self.period_ns = seconds_to_ns(step_s)
         self._depart = depart
         self._overdue = overdue
@@ -110,65 +111,65 @@ class CrowdSimulator:
         robot_pose: RobotPose | None,
         plan_m: _Floats,
     ) -> None:
-        """Run the sub-step at `now_ns`: all are where the last one sent them, and are sent on.
+        """Run the sub-step at `now_ns`.
 
-        Until the next sub-step all go straight there, whatever comes in. `plan_m` (K, 2) is what
-        the robot plans.
+        Until the next sub-step all agents move on straight lines to their end poses, whatever is
+        received meanwhile. `plan_m` (K, 2) is the path that the robot plans [m].
         """
         table, index = self.table, now_ns // self.period_ns
         robot = self._robot_watch.see(robot_pose, now_ns) if robot_pose else None
 
-        # Resolve (section 3.3): an agent stays where it is bound for, is moved, or departs.
+        # Resolve (section 3.3): an agent keeps its new pose, is moved, or departs.
         for agent_id, cause in self._resolve(now_ns, environment, robot_pose):
             self._depart(agent_id, now_ns, cause)
 
-        # Decide (section 3.2): those whose epoch it is choose a goal, and the next part of the way.
+        # Decide (section 3.2): agents that are due choose a goal, and the next part of the way.
         for agent_id in self.decisions.decide(index, now_ns, _view_of(robot, plan_m)):
             self._depart(agent_id, now_ns, Cause.LIFE_OVER)
         for agent_id in self._overdue(now_ns):
             self._depart(agent_id, now_ns, Cause.LIFE_OVER)
 
-        # Plan: each commits to a trajectory that meets nobody's; a track is followed as it is.
+        # Plan: each agent commits to a free trajectory; a track is prescribed as it is.
         tracks = table.tracks
         for row, track in tracks:
             self.planner.prescribe(row, track.ahead(now_ns, _STEPS_AHEAD))
         planar, moved = self.planner.step(index, environment, robot)
 
-        # Move: from now on it is certain where all are until the next sub-step.
+        # Move: the poses until the next sub-step are fixed from now on.
         ends, boxes = table.proposed(planar, moved, environment)
         if tracks:
             ends, boxes = self._on_tracks(now_ns, tracks, ends, boxes)
-        table.set_out(ends, boxes)
+        table.set_ends(ends, boxes)
 
-        # Record: the histories of all are views of this.
+        # Record: the pose histories of the artefacts are views of these frames.
         until_ns = now_ns + self.period_ns
         table.history.record(now_ns, until_ns, table.ids, table.poses, table.ends)
-        if self.keeper is not None:
-            self.keeper.step(now_ns, table.ids, table.poses, table.ends)
+        if self.recorder is not None:
+            self.recorder.step(now_ns, table.ids, table.poses, table.ends)
 
     def begin(self, artefact: Artefact, script: ScriptedOffer | None) -> None:
-        """Add an artefact that has just arrived; it has a track, or decides on its own."""
+        """Add an artefact that has just arrived; without a track, it decides on its own."""
         track, goes_to = None, None
-        if script is not None and script.track is not None:
-            track = FollowedTrack(script.track, script.start_ns, self.period_ns)
+        if script is not None and script.artefact.track is not None:
+            track = FollowedTrack(script.artefact.track, script.start_ns, self.period_ns)
             goes_to = track.begin(artefact)
         self.table.add(artefact, goes_to=goes_to, track=track)
         if track is None:
             self.decisions.admit(artefact)
-        if self.keeper is not None:
-            self.keeper.arrived(artefact)
+        if self.recorder is not None:
+            self.recorder.arrived(artefact)
 
     def end(self, agent_id: int, now_ns: int, cause: Cause) -> None:
         """Remove an agent whose artefact has departed."""
-        if self.keeper is not None:
-            self.keeper.departed(agent_id, now_ns, cause)
+        if self.recorder is not None:
+            self.recorder.departed(agent_id, now_ns, cause)
         is_on_track = any(self.table.ids[row] == agent_id for row, _ in self.table.tracks)
         if cause is Cause.DISPLACED and is_on_track:
-            self.counts.displaced += 1  # the resolver has not counted whom it lets pass
+            self.counts.displaced += 1  # the counts of the resolver leave tracks out
         self.table.remove(agent_id)
 
     def enter(self, environment: Environment, region: SpawnRegion | None, zones: Zones) -> None:
-        """Go on in this environment and region; where they are others, so are places and exits."""
+        """Use this environment and region; if they are new, find destinations and exits."""
         if region is None or (environment, region) == self._entered:
             return
         self._entered = (environment, region)
@@ -178,7 +179,7 @@ class CrowdSimulator:
         self.navigation.enter(environment, places)
 
     def forget(self) -> None:
-        """Forget where all were, how the robot moved, and whom it touches: the clock jumped."""
+        """Forget histories, contacts and the robot's motion: the clock jumped."""
         self.table.history.clear()
         self.contacts.forget()
         self._robot_watch.forget()
@@ -191,23 +192,24 @@ class CrowdSimulator:
     def _resolve(
         self, now_ns: int, environment: Environment, robot: RobotPose | None
     ) -> list[tuple[int, Cause]]:
-        """Let all be where they are bound for, or where the resolver has them; return who leaves.
+        """Move all agents to their end poses, as the resolver allows; return those that leave.
 
-        Those who go by a track are where it says, unless they leave for a contact with the robot.
+        An agent on a track is moved as the track says, unless it leaves for a contact with the
+        robot.
         """
         table = self.table
         moved = (table.ends != table.poses).any(axis=1)
         tracks = table.tracks
-        displaced = self._jump(now_ns, tracks) if tracks else []
+        jumps = self._jump(now_ns, tracks) if tracks else []
         robots = [robot.footprint] if robot else []
         resolution = self.resolver.resolve(
             table.ids, table.end_boxes, table.boxes, environment, robots
         )
         if tracks:
-            resolution = resolution.letting_pass(np.array([row for row, _ in tracks]))
+            resolution = resolution.with_tracks(np.array([row for row, _ in tracks]))
         living = {one.id: one for one in table.artefacts} if resolution.contacts else {}
         self.events += self.contacts.begun(now_ns, resolution.contacts, living)
-        self.events += displaced
+        self.events += jumps
         self.counts.add(moved, resolution)
         if resolution.is_all_kept:
             table.move(table.ends, table.end_boxes)
@@ -217,7 +219,7 @@ class CrowdSimulator:
     def _jump(
         self, now_ns: int, tracks: Sequence[tuple[int, FollowedTrack]]
     ) -> list[ArtefactEvent]:
-        """Let those be elsewhere whose tracks have jumped; return the events of it."""
+        """Move agents whose tracks jump; return the events."""
         table, events = self.table, list[ArtefactEvent]()
         rows, poses = list[int](), list[GroundPose]()
         for row, track in tracks:
@@ -226,17 +228,17 @@ class CrowdSimulator:
                 rows.append(row)
                 poses.append(pose)
                 end = table.ends[row].tolist()
-                is_back = pose == tuple(table.poses[row].tolist())
-                if list(pose[:2]) != end[:2] and not is_back:
+                has_waited = pose == tuple(table.poses[row].tolist())
+                if list(pose[:2]) != end[:2] and not has_waited:
                     events.append(_displaced(now_ns, table.artefacts[row], end, pose))
                     self.counts.displaced += 1
         if rows:
-            table.set_out(*table.with_poses(table.ends, np.array(rows), np.array(poses)))
+            table.set_ends(*table.with_poses(table.ends, np.array(rows), np.array(poses)))
         return events
 
     def _correct(self, now_ns: int, resolution: Resolution) -> list[tuple[int, Cause]]:
-        """Put those where they are who could not be kept; return who leaves, and why."""
-        table, leavers = self.table, list[tuple[int, Cause]]()
+        """Correct the poses of agents that are not kept; return those that leave, and why."""
+        table, leaving = self.table, list[tuple[int, Cause]]()
         corrected = np.flatnonzero(resolution.outcomes != Outcome.KEPT)
         settled = table.ends.copy()
         settled[corrected] = table.poses[corrected]
@@ -247,12 +249,12 @@ class CrowdSimulator:
                 settled[i] = pose = _pose_found(table.poses[i].tolist(), resolution, i)
                 self.events.append(_displaced(now_ns, artefact, end, pose))
             elif outcome is Outcome.LEAVES:
-                leavers.append((artefact.id, Cause.DISPLACED))
+                leaving.append((artefact.id, Cause.DISPLACED))
             elif outcome is Outcome.LEAVES_ON_CONTACT:
-                leavers.append((artefact.id, Cause.ROBOT_CONTACT))
+                leaving.append((artefact.id, Cause.ROBOT_CONTACT))
             table.stand(i, GroundPose(*settled[i].tolist()))
         table.move(settled, table.boxes_at(settled))
-        return leavers
+        return leaving
 
     def _on_tracks(
         self,
@@ -261,11 +263,11 @@ class CrowdSimulator:
         ends: _Floats,
         boxes: OrientedBoxes,
     ) -> tuple[_Floats, OrientedBoxes]:
-        """Return the ends (N, 4) and boxes (N), where those on tracks go where these lead."""
+        """Return the end poses (N, 4) and boxes (N), with those of the tracks."""
         rows = np.array([row for row, _ in tracks])
         poses = map(GroundPose._make, self.table.poses[rows].tolist())
         results = [
-            track.set_out(now_ns, pose) for (_, track), pose in zip(tracks, poses, strict=True)
+            track.advance(now_ns, pose) for (_, track), pose in zip(tracks, poses, strict=True)
         ]
         if np.array_equal(results, ends[rows]):
             return ends, boxes
@@ -273,7 +275,7 @@ class CrowdSimulator:
 
 
 def _view_of(robot: RobotMotion | None, plan_m: _Floats) -> RobotView | None:
-    """Return the robot as the behaviours see it."""
+    """Return the robot as behaviours see it."""
     if robot is None:
         return None
     return RobotView(
@@ -288,7 +290,7 @@ def _view_of(robot: RobotMotion | None, plan_m: _Floats) -> RobotView | None:
 
 
 def _pose_found(was: Sequence[float], resolution: Resolution, i: int) -> GroundPose:
-    """Return the pose that the search has found for an artefact, from its last safe one."""
+    """Return the pose that the search has found for artefact i; `was` is its last safe one."""
     dx_m, dy_m = resolution.shifts_m[i].tolist()
     bottom_m = resolution.boxes.centres_m[i, 2] - resolution.boxes.half_sizes_m[i, 2]
     return GroundPose(was[0] + dx_m, was[1] + dy_m, float(bottom_m), was[3])
@@ -297,7 +299,7 @@ def _pose_found(was: Sequence[float], resolution: Resolution, i: int) -> GroundP
 def _displaced(
     now_ns: int, artefact: Artefact, was: Sequence[float], now: Sequence[float]
 ) -> ArtefactEvent:
-    """Return the event of a jump on the ground; the value is how far."""
+    """Return the event of a displacement; its value is the distance [m]."""
     kind, label = EventKind.DISPLACED, artefact.row.label
     distance_m = math.hypot(now[0] - was[0], now[1] - was[1])
     return ArtefactEvent(now_ns, kind, artefact.id, label, "moved", distance_m)

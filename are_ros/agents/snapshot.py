@@ -1,4 +1,4 @@
-"""Everybody as the others see them, at the end of one sub-step: who is near, where, how fast."""
+"""All agents as the others see them at the end of one sub-step: poses, speeds, neighbours."""
 
 import math
 from collections.abc import Callable, Collection, Sequence
@@ -17,12 +17,12 @@ _Group = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Neighbourhood]
 
 
 class AgentSnapshot:
-    """N artefacts by id, ascending; made for one sub-step, and computed as far as it is asked for.
+    """N artefacts in the order of their ids, at one sub-step; results are computed on demand.
 
     `ids` int64 (N,), `poses` float64 (N, 4), x, y, z, yaw in the map frame, `speeds_mps` float64
-    (N,) along the yaw, `radii_m` float64 (N,) of the circles about (x, y) that hold the bodies.
-    `sees` tells whether an artefact could go straight from where it is to a point, `doing` at
-    which indices those of a behaviour are, ascending.
+    (N,) along the yaw, `radii_m` float64 (N,) of circles about (x, y) that contain the bodies.
+    `sees` tells whether walls leave an artefact a straight way to a point; `doing` returns the
+    indices of the artefacts with a behaviour, ascending.
     """
 
     def __init__(
@@ -57,28 +57,28 @@ class AgentSnapshot:
         activities: Collection[str],
         but_id: int,
     ) -> npt.NDArray[np.float64]:
-        """Return where those are, (M, 2), whom `within` returns, but for one."""
+        """Return the positions (M, 2) of what `within` returns, except one id."""
         _, ids, group = self._group(behaviour, activities)
         return group.points_within(x_m, y_m, radius_m, ids, but_id)
 
     def index_of(self, artefact_id: int) -> int:
-        """Return the index in the arrays of an artefact that is there."""
+        """Return the index of an artefact that is in the arrays."""
         return int(self._ids.searchsorted(artefact_id))
 
     def indices_of(self, artefact_ids: Sequence[int]) -> list[int]:
-        """Return the indices in the arrays of artefacts that are there."""
+        """Return the indices of artefacts that are in the arrays."""
         indices: list[int] = self._ids.searchsorted(artefact_ids).tolist()
         return indices
 
     def neighbours(self, indices: Sequence[int]) -> list[Neighbour]:
-        """Return who is at some indices of the arrays, each made once."""
+        """Return the artefacts at some indices as neighbours; each is constructed once."""
         neighbours = self._neighbours
         new = [i for i in indices if i not in neighbours]
         if new:
             poses, speeds_mps = self._poses[new].tolist(), self._speeds_mps[new].tolist()
             artefacts, radii_m = [self._artefacts[i] for i in new], self._radii_m[new].tolist()
-            made = map(_neighbour, artefacts, poses, speeds_mps, radii_m)
-            neighbours.update(zip(new, made, strict=True))
+            found = map(_neighbour, artefacts, poses, speeds_mps, radii_m)
+            neighbours.update(zip(new, found, strict=True))
         return [neighbours[i] for i in indices]
 
     def within(
@@ -89,13 +89,13 @@ class AgentSnapshot:
         behaviour: str = "",
         activities: Collection[str] = (),
     ) -> Sequence[Neighbour]:
-        """Return those whose (x, y) is at most this far from a point, the nearest first.
+        """Return the artefacts whose (x, y) is within a radius of a point, the nearest first.
 
-        Of one behaviour, if it is given, and at one of these activities, if any are.
+        With `behaviour` and `activities`, only those with that behaviour and one of the activities.
         """
         if behaviour:
-            who, _, group = self._group(behaviour, activities)
-            chosen: list[int] = who[group.within(x_m, y_m, radius_m)].tolist()
+            indices, _, group = self._group(behaviour, activities)
+            chosen: list[int] = indices[group.within(x_m, y_m, radius_m)].tolist()
             return self.neighbours(chosen)
         near: list[int] = self._neighbourhood.within(x_m, y_m, radius_m).tolist()
         if activities:
@@ -103,12 +103,12 @@ class AgentSnapshot:
         return self.neighbours(near)
 
     def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:
-        """Say whether this artefact could go straight on to a point, were nobody in its way."""
+        """Return whether walls leave this artefact a straight way to a point."""
         return self._sees(me, x_m, y_m)
 
     @cached_property
     def crowd(self) -> CrowdArrays:
-        """Everybody, as `route_step` takes them."""
+        """All artefacts, as `route_step` takes them."""
         cells = self._neighbourhood.cells
         return (*cells, self._poses, self._speeds_mps, self._radii_m)
 
@@ -117,7 +117,7 @@ class AgentSnapshot:
         return Neighbourhood(self._poses[:, :2])
 
     def _group(self, behaviour: str, activities: Collection[str]) -> _Group:
-        """Return those of one behaviour, at one of these activities if any: indices, ids, where."""
+        """Return the artefacts with a behaviour and one of the activities: indices, ids, grid."""
         key = (behaviour, *activities)
         if key not in self._groups:
             indices = self._doing(behaviour)
@@ -132,7 +132,7 @@ class AgentSnapshot:
 def _neighbour(
     artefact: Artefact, pose: list[float], speed_mps: float, radius_m: float
 ) -> Neighbour:
-    """Return one as others see it, at a pose x, y, z, yaw."""
+    """Return an artefact as others see it, at a pose x, y, z, yaw."""
     (x_m, y_m, _, yaw_rad), row = pose, artefact.row
     return Neighbour(
         artefact.id,

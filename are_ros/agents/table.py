@@ -1,8 +1,8 @@
-"""The table of agents: one row for each artefact alive, in the order of their ids.
+"""The table of agents: one row per artefact alive, in the order of their ids.
 
-It is the only place where the columns of an artefact stand: pose, velocity, shape, plan,
-obstruction, history; and beside them what is no number. An arrival is one `add`, a departure one
-`remove`. Kernels take the arrays, everything else reads them.
+It is the only place of an artefact's columns: pose, velocity, shape, plan, obstruction, history,
+and the objects beside them. An arrival calls `add`, a departure calls `remove`. Kernels take the
+arrays; everything else reads them.
 """
 
 import math
@@ -37,16 +37,16 @@ _Mask = npt.NDArray[np.bool_]
 class AgentTable:
     """N agents, in the ascending order of their ids.
 
-    `ids` int64 (N,). `poses` float64 (N, 4) are x, y, z, yaw in the map frame when the present
-    sub-step began, or at an arrival since; `ends` float64 (N, 4) those when the next one begins
-    (the same array where nobody moves). `radii_m` float64 (N,) are of the circles about (x, y)
-    that hold the boxes. These arrays are replaced, never written into: what was taken stays.
+    `ids` int64 (N,). `poses` float64 (N, 4) are x, y, z, yaw in the map frame at the beginning of
+    the present sub-step, or at an arrival since; `ends` float64 (N, 4) those at the beginning of
+    the next one (the same array if no agent moves). `radii_m` float64 (N,) are the radii of circles
+    about (x, y) that contain the boxes. These arrays are replaced, never written into, so a
+    reference to one stays valid.
 
-    `arrays` are the records that the local planner's kernels write into (body, command, committed
-    trajectory, obstruction); `artefacts` have what is no number. `states` (N) say how each
-    decides, None for those that do not: they stand, or follow a track. `history` keeps where all
-    were.
-    `now` counts the sub-steps planned; `heights` are those that bodies have, in steps of 0.25 m.
+    `arrays` are the records that the kernels of the local planner write into (body, command,
+    committed trajectory, obstruction). `artefacts` (N) are the objects. `states` (N) are the states
+    of the decision layer, None for agents that stand or follow a track. `history` keeps past poses.
+    `now` counts the sub-steps planned; `heights` are the body heights, in steps of 0.25 m.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class AgentTable:
         ground: GroundKind = GroundKind.PLANE,
         history_ns: int = 2 * NS_PER_S,
     ) -> None:
-        """Take the length of a sub-step [s], what the ground is, and how long poses are kept."""
+        """Take the length of a sub-step [s], the kind of ground, and how long poses are kept."""
         self._is_plane = ground is GroundKind.PLANE
         self.timing: Final[PlannerTiming] = _state.timing_of(step_s)
         self.history = TrajectoryBuffer(history_ns)
@@ -84,11 +84,11 @@ class AgentTable:
         goes_to: tuple[int, GroundPose] | None = None,
         track: FollowedTrack | None = None,
     ) -> None:
-        """Add an artefact that has just arrived; ValueError if one of its id is there.
+        """Add an artefact that has just arrived; ValueError if its id is in the table.
 
-        It stands where its history has it, or goes straight to a pose, where it is at an instant
-        [ns]. From then on its history is a view of the table's. Without a body it has its row's.
-        It follows its track, if it has one.
+        It stands at the pose of its history. With `goes_to`, (instant [ns], pose), it moves
+        straight there. From then on its history is a view of the table's. Without a `body`, it has
+        the one of its row.
         """
         row = self.row_of(artefact.id)
         if row < len(self) and self.ids[row] == artefact.id:
@@ -106,7 +106,7 @@ class AgentTable:
         self.stand(row, end)
 
     def remove(self, agent_id: int) -> None:
-        """Remove an agent; KeyError if it is not there. Its history stays what it is."""
+        """Remove an agent; KeyError if it is not there. Its history stays valid."""
         (row,) = self.rows_of([agent_id]).tolist()
         self.artefacts.pop(row).history.close()
         del self.states[row], self._tracks[row]
@@ -134,23 +134,19 @@ class AgentTable:
             raise KeyError(f"not all of the agents {ids.tolist()} are there")
         return rows
 
-    def artefact_of(self, agent_id: int) -> Artefact:
-        """Return an artefact by its id; KeyError if it is not there."""
-        return self.artefacts[int(self.rows_of([agent_id])[0])]
-
     def state_of(self, agent_id: int) -> "AgentState | None":
-        """Return how an agent decides, None if it does not; KeyError if it is not there."""
+        """Return the decision state of an agent, None if it has none; KeyError if not there."""
         return self.states[int(self.rows_of([agent_id])[0])]
 
     def set_behaviour(self, row: int, behaviour: str) -> None:
-        """Let the agent of a row be of a behaviour."""
+        """Set the behaviour of the agent of a row."""
         if behaviour not in self._behaviours:
             self._behaviours.append(behaviour)
         self._lives["behaviour"][row] = self._behaviours.index(behaviour)
         self.artefacts[row].behaviour = behaviour
 
     def doing(self, behaviour: str) -> npt.NDArray[np.int64]:
-        """Return the rows of those of a behaviour, ascending."""
+        """Return the rows of the agents with a behaviour, ascending."""
         if behaviour not in self._behaviours:
             return np.empty(0, np.int64)
         numbers = self._lives["behaviour"][: len(self)]
@@ -158,33 +154,33 @@ class AgentTable:
 
     @property
     def tracks(self) -> list[tuple[int, FollowedTrack]]:
-        """The tracks that are followed, with the rows of those who do."""
+        """The tracks, with the rows of the agents that follow them."""
         rows = np.flatnonzero(self.arrays.place["is_scripted"]).tolist()
         tracks = [(row, self._tracks[row]) for row in rows]
         return [(row, track) for row, track in tracks if track is not None]
 
     @property
     def leaving_ns(self) -> npt.NDArray[np.int64]:
-        """Since when each is on its way out, (N,); STAYS for the others."""
+        """When each agent began to leave [ns], (N,); STAYS for the others."""
         since_ns: npt.NDArray[np.int64] = self._lives["leaving"][: len(self)]
         return since_ns
 
     @property
     def phases(self) -> npt.NDArray[np.int64]:
-        """In which sub-steps of a decision period each decides, (N,); -1 never."""
+        """The sub-step of a decision period in which each agent decides, (N,); -1 for never."""
         phases: npt.NDArray[np.int64] = self._lives["phase"][: len(self)]
         return phases
 
     @property
     def taken(self) -> OrientedBoxes:
-        """The boxes (N or 2 N) where all are and where they will be: nobody may arrive there."""
+        """The boxes (N or 2 N) at the present and end poses, which arrivals must not overlap."""
         if self.ends is self.poses:
             return self.boxes
         packed = np.concatenate((self.boxes.packed, self.end_boxes.packed))
         return _boxes_at(np.concatenate((self.poses, self.ends)), packed)
 
     def stand(self, row: int, pose: GroundPose) -> None:
-        """Let the agent of a row stand at a pose, with nothing committed; others plan anew."""
+        """Stop the agent of a row at a pose, without a trajectory; others plan anew."""
         place, yaw = self.arrays.place[row], pose.yaw_rad
         self.arrays.path[row, 0] = pose.x_m, pose.y_m, yaw, np.cos(yaw), np.sin(yaw), 0.0
         place["begin"], place["last"], place["pace"] = self.now, 0, 0.0
@@ -195,9 +191,9 @@ class AgentTable:
     def proposed(
         self, planar: _Floats, moved: _Mask, environment: Environment
     ) -> tuple[_Floats, OrientedBoxes]:
-        """Return the poses (N, 4) and boxes if those `moved` (N,) were at `planar` (N, 3).
+        """Return poses (N, 4) and boxes with the agents `moved` (N,) at `planar` (N, 3): x, y, yaw.
 
-        These are x, y, yaw. The others keep their numbers, to the bit.
+        The other agents keep their numbers, to the bit.
         """
         if not moved.any():
             return self.poses, self.boxes
@@ -213,26 +209,26 @@ class AgentTable:
     def with_poses(
         self, poses: _Floats, rows: npt.NDArray[np.int64], others: _Floats
     ) -> tuple[_Floats, OrientedBoxes]:
-        """Return poses (N, 4), and the boxes there, where those of some are `others` (M, 4)."""
+        """Return poses (N, 4) with those of some rows replaced (M, 4), and the boxes there."""
         poses = poses.copy()
         poses[rows] = others
         return poses, self.boxes_at(poses)
 
     def boxes_at(self, poses: _Floats) -> OrientedBoxes:
-        """Return the boxes (N) of all if they were at poses (N, 4)."""
+        """Return the boxes (N) of the agents at poses (N, 4)."""
         return OrientedBoxes.standing(poses, self._shapes)
 
     def move(self, poses: _Floats, boxes: OrientedBoxes) -> None:
-        """Let all be at `poses` (N, 4), with these boxes, and stay there."""
+        """Set all poses (N, 4) and boxes; the end poses are the same."""
         self.poses = self.ends = poses
         self.boxes = self.end_boxes = boxes
 
-    def set_out(self, ends: _Floats, boxes: OrientedBoxes) -> None:
-        """Let all be bound for `ends` (N, 4), which is `poses` where nobody moves, with boxes."""
+    def set_ends(self, ends: _Floats, boxes: OrientedBoxes) -> None:
+        """Set the end poses (N, 4) and boxes; `ends` is `poses` if no agent moves."""
         self.ends, self.end_boxes = ends, boxes
 
     def _add_pose(self, row: int, artefact: Artefact, pose: GroundPose, end: GroundPose) -> None:
-        """Insert into the arrays that are replaced."""
+        """Insert a row into the arrays that are replaced."""
         half_x_m, half_y_m, _, offset_x_m, offset_y_m = shape = shape_of(artefact.row)
         radius_m = math.hypot(half_x_m + abs(offset_x_m), half_y_m + abs(offset_y_m))
         box, end_box = (
@@ -251,7 +247,7 @@ class AgentTable:
             self.end_boxes = _boxes_at(ends, with_row(end_packed, row, end_box.packed))
 
     def _add_record(self, row: int, agent_id: int, body: Body) -> None:
-        """Insert into the arrays that the kernels write into."""
+        """Insert a row into the arrays that kernels write into."""
         count = len(self)
         if count > len(self._lives):
             self._lives = np.concatenate((self._lives, np.zeros_like(self._lives)))
@@ -269,7 +265,7 @@ class AgentTable:
         forget_blockade(memory)
 
     def _height_step(self, height_m: float) -> int:
-        """Return which of the heights is a body's, rounded up to 0.25 m."""
+        """Return the index in `heights` of a body's height, rounded up to 0.25 m."""
         steps = math.ceil(height_m / HEIGHT_STEP_M)
         if steps not in self.heights:
             self.heights.append(steps)
@@ -285,21 +281,21 @@ class AgentTable:
 
 
 def _move_rows(array: npt.NDArray[Any], start: int, stop: int, to: int) -> None:
-    """Move rows [start, stop) to another place: as bytes, of which numpy makes no copy first."""
+    """Move rows [start, stop) to another index, as bytes: numpy then makes no extra copy."""
     data = array.reshape(-1).view(np.uint8)
     size = data.size // len(array)
     data[to * size : (to + stop - start) * size] = data[start * size : stop * size]
 
 
 def with_row(rows: npt.NDArray[Any], index: int, row: npt.ArrayLike) -> npt.NDArray[Any]:
-    """Return rows with one more, before the one at an index; much quicker than `np.insert`."""
+    """Return rows with one inserted before an index; much faster than `np.insert`."""
     wider = np.empty((len(rows) + 1, *rows.shape[1:]), rows.dtype)
     wider[:index], wider[index], wider[index + 1 :] = rows[:index], row, rows[index:]
     return wider
 
 
 def without_row(rows: npt.NDArray[Any], index: int) -> npt.NDArray[Any]:
-    """Return rows without the one at an index; much quicker than by a mask."""
+    """Return rows without the one at an index; much faster than by a mask."""
     return np.concatenate((rows[:index], rows[index + 1 :]))
 
 

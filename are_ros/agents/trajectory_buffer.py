@@ -1,4 +1,4 @@
-"""The poses of all the living, sub-step by sub-step, kept once: their histories are views of it."""
+"""The recent poses of all agents, one frame per sub-step; histories of artefacts are views."""
 
 import math
 from bisect import bisect_right
@@ -15,17 +15,17 @@ _Ints = npt.NDArray[np.int64]
 
 
 class TrajectoryBuffer:
-    """Frames, one a sub-step: who lives from an instant on, where, and where each will be next.
+    """One frame per sub-step: the agents alive, their poses at its beginning, and at its end.
 
-    Frame k holds from `times_ns[k]` until frame k + 1 begins: those of `ids` int64 (N,), ascending,
-    go straight from the poses `starts` to `ends`, where they are at `until_ns[k]`, and stay there.
-    Poses are float64 (N, 4), x, y, z, yaw in the map frame. Nobody writes into the arrays later, so
-    a frame costs the same however many live. A frame is recorded when it begins, and never changes:
-    who is somewhere else when the next one begins has jumped at that instant.
+    Frame k is valid from `times_ns[k]` until frame k + 1 begins. The agents `ids` int64 (N,),
+    ascending, move straight from the poses `starts` to the poses `ends`, which they reach at
+    `until_ns[k]`, and stay there. Poses are float64 (N, 4), x, y, z, yaw in the map frame. The
+    arrays are kept, not copied, and not written into later. A frame is recorded when it begins, and
+    never changes: an agent with another pose at the beginning of the next frame has jumped.
 
-    Frames older than `history_ns` before the newest are forgotten, but for the one that is needed
-    there. `first` is the number of the oldest kept, `end` that of the next to come. From
-    `still_since_ns` on, as far as it is known, nobody moves.
+    Frames that end more than `history_ns` before the newest one are dropped. `first` is the number
+    of the oldest frame, `end` that of the next one. After `still_since_ns` no agent moves, as far
+    as it is known.
     """
 
     def __init__(self, history_ns: int = 2 * NS_PER_S) -> None:
@@ -50,9 +50,9 @@ class TrajectoryBuffer:
         pose: GroundPose,
         goes_to: tuple[int, GroundPose] | None = None,
     ) -> "BufferedHistory":
-        """Return the history of one who has come at `t_ns`; all frames from now on are its own.
+        """Return the history of an artefact that arrives at `t_ns`; it is in all later frames.
 
-        Until the first of them it stands, or goes straight to a pose, at which it is at an instant.
+        Until the first of these it stands, or moves straight to a pose, `goes_to`: (instant, pose).
         """
         first = (t_ns, pose, *(goes_to or (t_ns, pose)))
         if first[3] != pose:
@@ -76,16 +76,16 @@ class TrajectoryBuffer:
             self.first += 1
 
     def clear(self) -> None:
-        """Forget all frames: the clock jumped. To be called when nobody lives."""
+        """Drop all frames: the clock jumped. Call it when no artefact is alive."""
         self.first = self.end
         for kept in (self.times_ns, self.until_ns, self.ids, self.starts, self.ends):
             kept.clear()
 
 
 class BufferedHistory(PoseHistory):
-    """The history of one artefact on a tape: how it came, and its frames since.
+    """The history of one artefact: its motion at arrival, and the frames since.
 
-    These are `first` and those that follow, before `end` once it is closed.
+    Its frames begin with number `first`, and end before number `end` once it has departed.
     """
 
     def __init__(
@@ -94,20 +94,20 @@ class BufferedHistory(PoseHistory):
         artefact_id: int,
         first: tuple[int, GroundPose, int, GroundPose],
     ) -> None:
-        """Take from when and where until when and whither it goes before its first frame."""
+        """Take its motion before its first frame: start time [ns], pose, end time [ns], pose."""
         super().__init__(first[0], first[1])
         self.buffer = buffer
         self.artefact_id = artefact_id
-        self._came = first
+        self._arrival = first
         self.first = buffer.end
         self.end: int | None = None
         self._last = first[3]
 
     @property
     def latest_ns(self) -> int:
-        """The time at which it is at the newest pose: as far as it is known where it will be."""
+        """The time of the newest known pose, which may be in the future [ns]."""
         low, high = self._frames()
-        return self.buffer.until_ns[high - 1] if low < high else self._came[2]
+        return self.buffer.until_ns[high - 1] if low < high else self._arrival[2]
 
     @property
     def latest(self) -> GroundPose:
@@ -116,13 +116,13 @@ class BufferedHistory(PoseHistory):
         return self._read(self.buffer.ends, high - 1) if low < high else self._last
 
     def close(self) -> None:
-        """Have no frames but those of now."""
+        """End the history: later frames belong to others."""
         self._last = self.latest
         self.end = self.buffer.end
 
     def pose_at(self, t_ns: int) -> GroundPose:
         """Return the pose at `t_ns`: yaw by the shorter arc, in [-pi, pi] where interpolated."""
-        start_ns, start, until_ns, end = self._result(t_ns)
+        start_ns, start, until_ns, end = self._motion_at(t_ns)
         if t_ns >= until_ns:
             return end
         if t_ns <= start_ns or start == end:
@@ -132,24 +132,24 @@ class BufferedHistory(PoseHistory):
     def velocity_at(self, t_ns: int) -> tuple[float, float, float]:
         """Return the rates of x, y [m/s] and yaw [rad/s] in the map frame from `t_ns` on.
 
-        At an instant where two motions meet it is that of the later one: where an artefact is
-        bound for is known. A jump is no motion, and outside the poses there is none.
+        Between two motions it is the rate of the later one. The rates of a jump, and outside the
+        known poses, are 0.
         """
-        start_ns, start, until_ns, end = self._result(t_ns)
+        start_ns, start, until_ns, end = self._motion_at(t_ns)
         if not start_ns <= t_ns < until_ns:
             return 0.0, 0.0, 0.0
         return rates_between(start_ns, start, until_ns, end)
 
     def _frames(self) -> tuple[int, int]:
-        """Return the bounds [low, high) of its frames among those kept."""
+        """Return the indices [low, high) of its frames among those kept."""
         buffer = self.buffer
         high = len(buffer.times_ns) if self.end is None else max(self.end - buffer.first, 0)
         return min(max(self.first - buffer.first, 0), high), high
 
-    def _result(self, t_ns: int) -> tuple[int, GroundPose, int, GroundPose]:
-        """Return from when and where to when and where it goes as of `t_ns`.
+    def _motion_at(self, t_ns: int) -> tuple[int, GroundPose, int, GroundPose]:
+        """Return its motion at `t_ns`: start time [ns], pose, end time [ns], pose.
 
-        Where earlier frames are forgotten it stands before the first.
+        Before the first frame kept, if earlier ones are dropped, it stands.
         """
         buffer, (low, high) = self.buffer, self._frames()
         frame = bisect_right(buffer.times_ns, t_ns, low, high) - 1
@@ -158,7 +158,7 @@ class BufferedHistory(PoseHistory):
             start = self._read(buffer.starts, frame)
             return times_ns[0], start, times_ns[1], self._read(buffer.ends, frame)
         if self.first >= buffer.first:
-            return self._came
+            return self._arrival
         pose = self._read(buffer.starts, low) if low < high else self._last
         return t_ns, pose, t_ns, pose
 
@@ -168,9 +168,9 @@ class BufferedHistory(PoseHistory):
 
 
 def motions_at(histories: Sequence[PoseHistory], t_ns: int) -> tuple[_Floats, _Floats]:
-    """Return the poses (N, 4) of many at `t_ns`, and the rates (N, 3) of x, y, yaw from then on.
+    """Return the poses (N, 4) at `t_ns`, and the rates (N, 3) of x, y [m/s] and yaw [rad/s] then.
 
-    Each is what its `pose_at` and `velocity_at` give; those in one frame of a tape at once.
+    They equal `pose_at` and `velocity_at` of each history; those in one frame are read at once.
     """
     poses, rates = np.empty((len(histories), 4)), np.zeros((len(histories), 3))
     buffer = next((one.buffer for one in histories if isinstance(one, BufferedHistory)), None)
@@ -192,7 +192,7 @@ def motions_at(histories: Sequence[PoseHistory], t_ns: int) -> tuple[_Floats, _F
 def _frame_at(
     buffer: TrajectoryBuffer, frame: int, ids: _Ints, t_ns: int
 ) -> tuple[_Floats, _Floats]:
-    """Return the poses (M, 4) and rates (M, 3) at `t_ns` of some who are in a frame that holds."""
+    """Return the poses (M, 4) and rates (M, 3) at `t_ns` of some ids of the frame valid then."""
     rows, starts, ends = (
         buffer.ids[frame].searchsorted(ids),
         buffer.starts[frame],
@@ -213,7 +213,7 @@ def _frame_at(
 
 
 def _wrapped(angles_rad: _Floats) -> _Floats:
-    """Return `math.remainder(angle, math.tau)` of each; by one turn at most it is exact so."""
+    """Return `math.remainder(angle, math.tau)` of each angle, exact to the bit."""
     wrapped: _Floats = angles_rad.copy()
     wrapped[angles_rad > math.pi] -= math.tau
     wrapped[angles_rad < -math.pi] += math.tau

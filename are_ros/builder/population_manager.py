@@ -1,15 +1,15 @@
-"""The lives of the artefacts in the real world: arrivals, departures, sub-steps, collisions.
+"""The population in the real world: arrivals, departures and sub-steps in the order of time.
 
-`PopulationManager.advance` runs what is due, in order: the events of the population at their exact
-times, and the sub-steps at multiples of `motion.step` since the epoch. A sub-step takes what was
-received before it (the environment, the robot, its goal), and fixes where all artefacts are until
-the next one. Events between two sub-steps use what the first of them took. So the result depends on
-the seed and on what was received before which sub-step, never on how often `advance` is called, nor
-on the instant of reception. The pose at an instant is known as soon as that has come, and does not
-change any more.
+`PopulationManager.advance` runs the events of the population at their exact times, and the
+sub-steps at multiples of `motion.step` since the epoch. A sub-step uses the inputs received before
+it (environment, robot, goal), and fixes the poses of all artefacts until the next one. Events
+between two sub-steps use the inputs of the first. So the result depends only on the seed and on
+which inputs were received before which sub-step, not on how often `advance` is called. A pose that
+has been returned for an instant never changes.
 """
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -23,34 +23,32 @@ from are_ros.agents.robots import RobotPose, RobotTracker
 from are_ros.agents.scenario_recorder import ScenarioRecorder
 from are_ros.agents.simulate import CrowdSimulator, MotionCounts
 from are_ros.agents.table import AgentTable
+from are_ros.builder.files.scenario_file import read_scenario
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.scene import Scene
 from are_ros.builder.spawning.out_of_view import OutOfView, Viewpoint
-from are_ros.builder.spawning.populations import random_population
 from are_ros.builder.spawning.spawner import Spawning
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BehaviourError, PlacementError
 from are_ros.parameters.choices import Leave
 from are_ros.parameters.model import Parameters
+from are_ros.population.arrivals import RandomSource
 from are_ros.population.artefact import Artefact, GroundPose, Origin, boxes_of, on_ground
 from are_ros.population.catalogue import Catalogue, CatalogueRow
-from are_ros.population.departures import Cause
+from are_ros.population.departures import Cause, departure_law
 from are_ros.population.mixture import mixture_of
 from are_ros.population.population import EventKind as PopulationEventKind
-from are_ros.population.population import PopulationEvent
-from are_ros.population.scenario import ScriptedOffer
+from are_ros.population.population import Population, PopulationEvent
+from are_ros.population.scenario import Scenario, ScriptedOffer, ScriptedSource
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint
 
-# When sub-steps end: at multiples of their length since the epoch, while anything comes in.
-
-
 IDLE_NS: Final = 60 * NS_PER_S
-"""Once nothing came in for this long, the world stands still between the population's events."""
+"""After this time without inputs, sub-steps are skipped; events of the population go on."""
 
 
 class StepClock:
-    """Gives the end of the next sub-step [ns], `next_ns`, of all that last `period_ns`."""
+    """The times of sub-steps: `next_ns` is a multiple of `period_ns` since the epoch [ns]."""
 
     def __init__(self, period_ns: int) -> None:
         self.period_ns = period_ns
@@ -59,20 +57,20 @@ class StepClock:
         self._last_input_ns = 0
 
     def touch(self, received_ns: int) -> None:
-        """Say that an input came in."""
+        """Note that an input was received."""
         self._last_input_ns = received_ns
 
     def begin(self, now_ns: int) -> None:
-        """Let the first sub-step end now, or as soon after as one can."""
+        """Set the first sub-step to the first multiple of the period that is not before now."""
         self.next_ns, self.is_running = -(-now_ns // self.period_ns) * self.period_ns, True
 
     def stop(self, now_ns: int) -> None:
-        """Wait for the next beginning: the clock jumped to `now_ns`."""
+        """Stop until `begin`: the clock jumped to `now_ns`."""
         self.next_ns, self.is_running = 0, False
         self._last_input_ns = now_ns
 
     def go_on(self, now_ns: int) -> None:
-        """Turn to the following sub-step; the idle ones of a long pause are left out."""
+        """Go on to the next sub-step; after a long time without inputs, skip to `now_ns`."""
         step_ns, period_ns = self.next_ns, self.period_ns
         self.next_ns += period_ns
         if step_ns - self._last_input_ns >= IDLE_NS:
@@ -80,7 +78,7 @@ class StepClock:
 
     @property
     def is_idle(self) -> bool:
-        """Whether nothing has come in for long when the next sub-step ends."""
+        """Whether the last input is long ago at the next sub-step."""
         return self.next_ns - self._last_input_ns > IDLE_NS
 
 
@@ -96,7 +94,7 @@ def _no_viewpoints(_: int) -> Sequence[Viewpoint]:
 
 
 class PopulationManager:
-    """The population, where it may stand, and what collides with it."""
+    """Runs the population and the crowd, and chooses where artefacts arrive."""
 
     def __init__(
         self,
@@ -108,9 +106,9 @@ class PopulationManager:
     ) -> None:
         terrains = Terrains()
         self.crowd = CrowdSimulator(
-            parameters, robots.observer.name, resolver, terrains, self._depart, self._overdue
+            parameters, robots.observer.name, resolver, terrains, self.remove, self._overdue
         )
-        self.population = random_population(
+        self.population = population_of(
             parameters, catalogue, begun=self.crowd.begin, stays_on=self._stays_on
         )
         self.is_paused = False
@@ -132,47 +130,42 @@ class PopulationManager:
 
     @property
     def area_m2(self) -> float:
-        """The area nu(M2D) on which artefacts arrive, 0 before it is known."""
+        """The area nu(M2D) [m^2] on which artefacts arrive, 0 before it is known."""
         return self._spawning.area_m2
 
     @property
     def robot_contacts(self) -> int:
-        """How often the robot has come to touch an artefact."""
+        """Number of contacts of the robot with artefacts so far."""
         return self.crowd.contacts.count
 
     @property
     def displaced(self) -> int:
-        """How often an artefact had to be put elsewhere, or to leave, for want of a safe pose."""
+        """Number of displacements so far: an artefact had no safe pose, and was moved or left."""
         return self.crowd.counts.displaced
 
-    @property
-    def keeper(self) -> ScenarioRecorder | None:
-        """What is told all that happens, so that it can be saved; None if nobody is."""
-        return self.crowd.keeper
+    def record_scenario(self) -> ScenarioRecorder:
+        """Record the run as a scenario; call it before the first `advance`."""
+        self.crowd.recorder = ScenarioRecorder(self._steps.period_ns)
+        return self.crowd.recorder
 
-    def keep(self) -> ScenarioRecorder:
-        """Keep all that happens from the start on; to be called before anything does."""
-        self.crowd.keeper = ScenarioRecorder(self._steps.period_ns)
-        return self.crowd.keeper
-
-    def tell_faults(self, tell: Callable[[BehaviourError], None]) -> None:
-        """Report a behaviour that fails, and stop its artefact; without a callback it is raised."""
-        self.crowd.decisions.tell_fault = tell
+    def report_faults_to(self, report: Callable[[BehaviourError], None]) -> None:
+        """Stop an artefact whose behaviour fails and report the error, instead of raising it."""
+        self.crowd.decisions.report_fault = report
 
     @property
     def motion_counts(self) -> MotionCounts:
-        """How many sub-steps artefacts have lived and moved, and how many had to be resolved."""
+        """Numbers of sub-steps of artefacts: all, with motion, and with a collision."""
         return self.crowd.counts
 
     @property
     def environment(self) -> Environment | None:
-        """The environment that the last sub-step saw; before one, the newest."""
+        """The environment of the last sub-step; before the first one, the newest."""
         return self._environment or self._world.environment
 
     def scene_at(self, t_ns: int, arrived_by_ns: int | None = None) -> Scene:
-        """Return who is, or was, there at `t_ns`, and where; the same object while all stand.
+        """Return the artefacts present at `t_ns` with their poses; the same object while all stand.
 
-        Only of those who had arrived by another instant where there is one.
+        With `arrived_by_ns`, only those that had arrived by that instant.
         """
         artefacts = self.population.present_at(t_ns)
         if arrived_by_ns is not None:
@@ -183,11 +176,11 @@ class PopulationManager:
         return self._scene
 
     def take_events(self) -> list[ArtefactEvent]:
-        """Return what happened since the last call, in the order of time."""
+        """Return the events since the last call, in the order of time."""
         return self.crowd.take_events()
 
     def touch(self, received_ns: int) -> None:
-        """Say that an input came in: the next sub-steps have something to look at."""
+        """Note that an input was received, so that sub-steps are not skipped."""
         self._steps.touch(received_ns)
 
     def advance(self, now_ns: int) -> None:
@@ -200,7 +193,7 @@ class PopulationManager:
             event_ns = self._next_event_ns()
             if event_ns is not None and event_ns <= min(now_ns, steps.next_ns):
                 for event in self.population.handle_next(self._find_place, self._admit):
-                    self._say(event)
+                    self._apply(event)
             elif steps.next_ns <= now_ns:
                 self._sub_step(steps.next_ns)
                 steps.go_on(now_ns)
@@ -213,27 +206,27 @@ class PopulationManager:
         return step_ns if event_ns is None else min(step_ns, event_ns)
 
     def restart(self, now_ns: int, cause: Cause) -> None:
-        """Let all artefacts go, with an event each, and go on at another time."""
+        """Remove all artefacts, with an event each, and go on at another time."""
         self.clear(now_ns, cause)
         self._start(now_ns)
         self._forget()
         self._steps.stop(now_ns)
 
     def interrupt(self, from_ns: int, until_ns: int) -> None:
-        """Let all artefacts go at `from_ns`, and go on at `until_ns`, as if nothing was between.
+        """Remove all artefacts at `from_ns`, and go on at `until_ns`: the recording has a gap.
 
-        Arrivals are waited for anew; the scenario goes on where it was, so much later.
+        The wait for the next random arrival begins anew; the scenario is postponed by the gap.
         """
         self.clear(from_ns, Cause.RECORDING_GAP)
         self.population.interrupt(from_ns, until_ns)
-        if self.keeper is not None:
-            self.keeper.postpone(until_ns - from_ns)
+        if self.crowd.recorder is not None:
+            self.crowd.recorder.postpone(until_ns - from_ns)
         self._forget()
         self._steps.touch(until_ns)
         self._steps.begin(until_ns)
 
     def _forget(self) -> None:
-        """Forget the robot and what was planned: the clock jumped."""
+        """Forget the robot, its plan and the crowd's past: the clock jumped."""
         self.crowd.forget()
         self._robot = self.goal = None
         self._viewpoints = ()
@@ -241,27 +234,27 @@ class PopulationManager:
 
     def _start(self, now_ns: int) -> None:
         self.population.start(now_ns)
-        if self.keeper is not None:
-            self.keeper.start(now_ns)
+        if self.crowd.recorder is not None:
+            self.crowd.recorder.start(now_ns)
 
     def clear(self, now_ns: int, cause: Cause = Cause.REMOVED) -> int:
-        """Let all artefacts go, with an event each; return how many."""
+        """Remove all artefacts, with an event each; return how many."""
         ids = list(self.population.living)
         for artefact_id in ids:
             self.remove(artefact_id, now_ns, cause)
         return len(ids)
 
     def remove(self, artefact_id: int, now_ns: int, cause: Cause = Cause.REMOVED) -> None:
-        """Let an artefact depart; InputError if none of this id lives."""
-        self._say(self.population.remove(artefact_id, now_ns, cause))
+        """Remove an artefact; InputError if none of this id is alive."""
+        self._apply(self.population.remove(artefact_id, now_ns, cause))
 
     def reseed(self, seed: int, now_ns: int) -> None:
-        """Let all that is drawn from `now_ns` on come from another seed; the living stay."""
+        """Draw from another seed from `now_ns` on; artefacts alive stay."""
         self.population.reseed(seed, now_ns)
         self.crowd.decisions.reseed(seed)
 
     def pause(self, now_ns: int, *, is_paused: bool) -> None:
-        """Stop or resume arrivals, what is left of all lives, and collisions."""
+        """Stop or resume arrivals, lives and sub-steps; what is left of lives is kept."""
         if is_paused == self.is_paused:
             return
         self.is_paused = is_paused
@@ -275,7 +268,7 @@ class PopulationManager:
         self._set_rates(now_ns)
 
     def reconfigure(self, parameters: Parameters, resolver: CollisionResolver, now_ns: int) -> None:
-        """Let other values of the live parameters hold from `now_ns` on.
+        """Use other values of the live parameters from `now_ns` on.
 
         Raises ParameterError, and changes nothing, where the mixture is bad.
         """
@@ -297,9 +290,9 @@ class PopulationManager:
         life_ns: int | None = None,
         behaviour: str = "",
     ) -> int:
-        """Let an artefact live at this very pose, and return its id.
+        """Add an artefact at exactly this pose, and return its id.
 
-        Raises PlacementError, and changes nothing, where it cannot stand there; it is never moved.
+        Raises PlacementError, and changes nothing, if it cannot stand there.
         """
         self.advance(now_ns)
         reason = self._why_not_placed(row, pose, self._robots.pose(now_ns) or self._robot)
@@ -308,7 +301,7 @@ class PopulationManager:
         event = self.population.admit(
             row, pose, now_ns, origin=origin, life_ns=life_ns, behaviour=behaviour
         )
-        self._say(event)
+        self._apply(event)
         return event.artefact_id
 
     def _next_event_ns(self) -> int | None:
@@ -317,14 +310,14 @@ class PopulationManager:
         return self.population.next_event_ns()
 
     def _admit(self, offer: ScriptedOffer) -> GroundPose | str:
-        """Return where a scripted artefact stands, or why it cannot stand there."""
+        """Return the pose of a scripted artefact, or the reason why it cannot stand there."""
         environment = self._environment
         if environment is None:
             return "there is no map yet"
-        pose, others = offer.pose, self.crowd.table.taken
-        if not offer.has_height:
-            pose = on_ground(offer.row, pose, environment)
-        box, robot = boxes_of([offer.row], [pose]), self._robot
+        row, pose, others = offer.artefact.row, offer.pose, self.crowd.table.taken
+        if offer.artefact.track is None:
+            pose = on_ground(row, pose, environment)
+        box, robot = boxes_of([row], [pose]), self._robot
         return self._spawning.why_not(box, environment, others, robot, 0.0) or pose
 
     def _find_place(
@@ -347,10 +340,10 @@ class PopulationManager:
         return self._spawning.why_not(boxes_of([row], [pose]), environment, others, robot)
 
     def _sub_step(self, step_ns: int) -> None:
-        """Look at the environment, the robot and its goal; resolve collisions; go on."""
+        """Read the inputs (environment, robot, goal, cameras), and run a sub-step of the crowd."""
         self._world.retry_cloud()
-        # Unless the robot's pose is known now, it is where the last sub-step saw it. What ticks
-        # saw in between does not count: nothing may depend on when they run.
+        # If the robot's pose is not known now, use that of the last sub-step, not one that a tick
+        # has read since: the result must not depend on when ticks run.
         self._robot = self._robots.pose(step_ns) or self._robot
         self._environment = self._world.environment
         self._spawning.goal = self.goal
@@ -368,7 +361,7 @@ class PopulationManager:
             self.crowd.step(step_ns, self._environment, self._robot, self.plan_m)
 
     def _set_rates(self, now_ns: int) -> None:
-        """Let the rates of the parameters hold; nobody arrives before the region is known."""
+        """Set the rates of the parameters; the arrival rate is 0 before the region is known."""
         settings, area_m2 = self._parameters.population, self._spawning.area_m2
         rate, mean_life_s = settings.arrival_rate, settings.mean_life
         if not self.population.scripted.scenario.random:
@@ -377,23 +370,20 @@ class PopulationManager:
             rate, mean_life_s = 0.0, float("inf")
         self.population.set_rates(rate, area_m2, mean_life_s, now_ns)
 
-    def _depart(self, artefact_id: int, now_ns: int, cause: Cause) -> None:
-        self.remove(artefact_id, now_ns, cause)
-
     def _overdue(self, now_ns: int) -> list[int]:
-        """Return who departs in the sub-step at `now_ns` without having come to an exit."""
+        """Return the ids of leaving artefacts that vanish now without being at an exit."""
         patience_ns = seconds_to_ns(self._parameters.population.exit_patience)
         exits_m = self.crowd.navigation.places.exits_m
         out_of_view = self._spawning.out_of_view
         return overdue(self.crowd.table, now_ns, patience_ns, exits_m, out_of_view)
 
     def _stays_on(self, artefact: Artefact) -> bool:
-        """Tell whether an artefact departs later than its life ends: at an exit."""
+        """Return whether an artefact walks to an exit when its life ends."""
         walks_to_exit = self._parameters.population.leave is Leave.WALK_TO_EXIT
         return walks_to_exit and self.crowd.table.state_of(artefact.id) is not None
 
-    def _say(self, event: PopulationEvent) -> None:
-        """Remove from the crowd who went, send out who is to go; keep the event for the outputs."""
+    def _apply(self, event: PopulationEvent) -> None:
+        """Apply an event of the population to the crowd, and keep it for the outputs."""
         artefact_id = event.artefact_id
         if event.kind is PopulationEventKind.DEPARTED:
             self.crowd.end(artefact_id, event.time_ns, event.cause or Cause.REMOVED)
@@ -414,9 +404,10 @@ def overdue(
     exits_m: npt.NDArray[np.float64],
     out_of_view: OutOfView,
 ) -> list[int]:
-    """Return the ids of those leaving who vanish now, ascending (section 3.2).
+    """Return the ids of the leaving agents that vanish now, ascending (section 3.2).
 
-    These are out of patience on their way to an exit, or unseen where there is no exit.
+    An agent vanishes after `patience_ns` on its way to an exit; if the map has no exit, as soon as
+    no camera sees it.
     """
     rows = np.flatnonzero(table.leaving_ns != STAYS)
     if not rows.size:
@@ -426,3 +417,31 @@ def overdue(
         gone = gone | out_of_view.hides(table.boxes.take(rows))
     ids: list[int] = table.ids[rows[gone]].tolist()
     return ids
+
+
+def population_of(
+    parameters: Parameters,
+    catalogue: Catalogue,
+    *,
+    begun: Callable[[Artefact, ScriptedOffer | None], object],
+    stays_on: Callable[[Artefact], bool],
+) -> Population:
+    """Return the population that the parameters describe, still empty.
+
+    `begun` and `stays_on` are passed to `Population`. Raises ParameterError where the mixture is
+    bad, ScenarioError where the scenario is.
+    """
+    settings, law = parameters.population, mixture_of(parameters, catalogue)
+    scenario = Scenario()
+    if settings.scenario:
+        scenario = read_scenario(Path(settings.scenario), catalogue)
+    return Population(
+        parameters.seed,
+        RandomSource(parameters.seed, catalogue.rows, law, settings.group_size),
+        departure_law(settings.departures, parameters.seed, settings.mean_life),
+        max_alive=settings.max_alive,
+        history_ns=seconds_to_ns(parameters.poses.history),
+        begun=begun,
+        stays_on=stays_on,
+        scripted=ScriptedSource(scenario),
+    )

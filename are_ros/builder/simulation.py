@@ -1,4 +1,7 @@
-"""The real environment as it comes in, and the artefacts that live in it, in the order of time."""
+"""The inputs and the artefacts that live among them, in the order of time.
+
+Each input is received through a method of `Simulation`, which first runs what is due before it.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Final
@@ -33,11 +36,11 @@ from are_ros.world.transforms.tree import FrameTree
 _BEFORE_ALL_NS: Final = -(2**63)
 _AFTER_ALL_NS: Final = 2**63 - 1
 CLOCK_JITTER_NS: Final = NS_PER_S
-"""What comes out of order by no more than this is taken as if it came now: machines' clocks are
-set back by fractions of a second, recordings that loop go back further."""
+"""An input that is out of order by at most this counts as received now: clocks are set back by
+fractions of a second, while a recording that loops goes back further."""
 _LEAP_NS: Final = 7200 * NS_PER_S
-"""A clock that leaps ahead by more than this leaves everything behind: nobody saw that time, and
-to let a day of it happen takes seconds, years take hours."""
+"""If the clock leaps ahead by more than this, the simulation restarts: to compute a day takes
+seconds, years take hours."""
 _ODOMETRY_SOURCES: Final = {
     OdometryUse.AUTO: TransformSource.ODOMETRY,
     OdometryUse.USE: TransformSource.PREFERRED_ODOMETRY,
@@ -45,11 +48,11 @@ _ODOMETRY_SOURCES: Final = {
 
 
 class Simulation:
-    """What was received, and what lives: everything that goes on between the ticks.
+    """Everything that happens between ticks: inputs, population, sensor readings.
 
-    Inputs come in through the `receive_...` methods, in the order of the time at which they were
-    received; whatever is due before that time happens first, with what was known before. Bad
-    input raises InputError or FrameError and changes nothing.
+    The `receive_...` methods take inputs in the order of their reception. Events that are due
+    before an input are processed first, without it. Bad input raises InputError or FrameError and
+    changes nothing.
     """
 
     def __init__(self, parameters: Parameters, catalogue: Catalogue) -> None:
@@ -66,7 +69,7 @@ class Simulation:
         self.lives.viewpoints = self._viewpoints
         self._sensors = SensorAugmentation(parameters, self.frames, self.lives, self._meshes)
         self.judges_until_ns = _AFTER_ALL_NS
-        """No reading's deadline after this is judged yet; a node sets it, a replay need not."""
+        """Deadlines of readings after this are not processed yet; a node sets it."""
         self._now_ns = _BEFORE_ALL_NS
         self._idle_until_ns = _BEFORE_ALL_NS
         assembly.set_static_frames(parameters, self.frames)
@@ -95,8 +98,8 @@ class Simulation:
     ) -> None:
         """Take the centres (N, 3) of M3D's occupied voxels, in any frame of the tree.
 
-        The frame's pose is that at the stamp where it is known, else (None, or too long ago) the
-        newest; a frame that is not known yet is waited for.
+        The frame's pose is that at the stamp if it is known, else (stamp None or too long ago) the
+        newest. If the frame is not known yet, the cloud waits for it.
         """
         self._received(received_ns)
         self.world.set_cloud(centres_m, voxel_size_m, frame_id, stamp_ns)
@@ -146,7 +149,7 @@ class Simulation:
         self.camera = assembly.chosen_camera(self.parameters, camera)
 
     def receive_reading(self, topic: str, reading: Reading, received_ns: int) -> None:
-        """Take a reading of a sensor; it comes back, augmented, from `take_readings`."""
+        """Take a reading of a sensor; `take_readings` returns it, augmented."""
         self._received(received_ns)
         self._sensors.push(topic, reading, received_ns)
         self._idle_until_ns = received_ns
@@ -154,10 +157,10 @@ class Simulation:
     def receive_plan(
         self, points_m: npt.NDArray[np.floating], frame_id: str, received_ns: int
     ) -> None:
-        """Take the way (N, 3) that the robot plans, in any frame of the tree; its end is the goal.
+        """Take the path (N, 3) that the robot plans, in any frame of the tree; its end is the goal.
 
-        Nobody arrives within the robot's clearance of the goal; N of 0 means there is none. Raises
-        FrameError where the frame's pose is not known.
+        No artefact arrives within the robot's clearance of the goal. An empty path means no goal.
+        Raises FrameError if the frame's pose is not known.
         """
         self._received(received_ns)
         plan_m = self._in_map(points_m, frame_id) if len(points_m) else np.empty((0, 3))
@@ -165,16 +168,16 @@ class Simulation:
         self.lives.goal = self._goal_of(plan_m) if len(plan_m) else None
 
     def take_readings(self) -> list[ReleasedReading]:
-        """Return the readings that have left the sensor paths since the last call."""
+        """Return the readings released since the last call."""
         return self._sensors.take()
 
     def await_camera(self) -> None:
-        """Perceive nothing before the first CameraInfo, unless the parameters are the camera."""
+        """Perceive nothing before the first CameraInfo, unless the parameters give the camera."""
         if self.parameters.camera.model is CameraModel.AUTO:
             self.camera = None
 
     def use_default_camera(self) -> str:
-        """Look through the parameters' camera until a CameraInfo comes; return what to say."""
+        """Use the camera of the parameters until a CameraInfo comes; return a notice about it."""
         self.camera, camera = assembly.default_camera(self.parameters), self.parameters.camera
         return (
             f"a pinhole of {camera.width}x{camera.height} pixels on the base, "
@@ -182,11 +185,11 @@ class Simulation:
         )
 
     def sensor_counts(self) -> Mapping[str, SensorPathCounts]:
-        """Return how the readings of each topic have left so far."""
+        """Return, by topic, how many readings were released in which way."""
         return self._sensors.counts()
 
     def sensor_problems(self) -> Mapping[str, str]:
-        """Return why the last reading of a topic that passed through unaugmented did."""
+        """Return, by topic, why the last reading passed through unaugmented."""
         return self._sensors.problems()
 
     def sensor_lateness_ns(self) -> Mapping[str, int]:
@@ -196,7 +199,7 @@ class Simulation:
     # ------------------------------------------------------------------------------ time
 
     def advance(self, now_ns: int) -> None:
-        """Let happen what is due up to `now_ns`: lives, motion, collisions, waiting readings."""
+        """Process what is due up to `now_ns`: arrivals, departures, sub-steps, readings."""
         if now_ns < self._idle_until_ns:
             self._check_clock(now_ns)
             return
@@ -227,7 +230,7 @@ class Simulation:
         return due_ns if deadline_ns is None else min(due_ns, deadline_ns)
 
     def _check_clock(self, now_ns: int) -> None:
-        """Start anew when the clock has jumped back, as it does when a recording loops."""
+        """Restart if the clock has jumped back, as it does when a recording loops."""
         if now_ns >= self._now_ns - CLOCK_JITTER_NS:
             self._now_ns = max(self._now_ns, now_ns)
             return
@@ -239,7 +242,7 @@ class Simulation:
         self.restart(now_ns)
 
     def _leap(self, now_ns: int) -> None:
-        """Start anew when the clock has leapt ahead, as it does when another recording begins."""
+        """Restart: the clock has leapt ahead, as it does when another recording begins."""
         self.notices.append(
             f"the clock leapt ahead by {(now_ns - self._now_ns) / NS_PER_S:.0f} s: "
             "all artefacts are gone"
@@ -247,17 +250,17 @@ class Simulation:
         self.restart(now_ns, Cause.CLOCK_LEAPT)
 
     def restart(self, now_ns: int, cause: Cause = Cause.CLOCK_JUMPED_BACK) -> None:
-        """Let all artefacts go, and forget what came later than `now_ns`: the clock jumped."""
+        """Remove all artefacts, and forget transforms later than `now_ns`: the clock jumped."""
         self.frames.forget_after(now_ns)
         self.robots.forget()
         self.lives.restart(now_ns, cause)
         self._sensors.clear()
 
     def interrupt(self, from_ns: int, until_ns: int) -> None:
-        """Leave out [from_ns, until_ns), in which nothing came in: nobody knows what happened.
+        """Skip [from_ns, until_ns), a gap of the recording.
 
-        All artefacts go at its beginning. What was known of the robot is forgotten, the transforms
-        too, but for the static ones: it may be anywhere. A scenario goes on afterwards.
+        All artefacts are removed at its beginning. The robot's pose and all transforms that are not
+        static are forgotten, as it may be anywhere. A scenario goes on afterwards.
         """
         self.finish(from_ns)
         self.frames.forget_after(_BEFORE_ALL_NS)
@@ -266,24 +269,24 @@ class Simulation:
         self._now_ns = self._idle_until_ns = until_ns
 
     def _received(self, received_ns: int) -> None:
-        """Let happen what was due before an input that is about to be taken."""
+        """Process what is due before an input."""
         self.advance(received_ns)
         self.lives.touch(received_ns)
 
     def _in_map(self, points_m: npt.NDArray[np.floating], frame_id: str) -> npt.NDArray[np.float64]:
-        """Return points (N, 3) of a frame, where that is now, in the map's frame."""
+        """Return points (N, 3) of a frame, at its newest pose, in the map frame."""
         map_frame = self.parameters.frames.map
         stamp_ns = self.frames.latest_common_time(map_frame, frame_id)
         map_from_plan = self.frames.lookup(map_frame, frame_id, stamp_ns)
         return map_from_plan.apply(np.asarray(points_m, dtype=np.float64))
 
     def _goal_of(self, plan_m: npt.NDArray[np.float64]) -> Footprint:
-        """Return the robot's disc at the end of its way (N, 3), in the map's frame."""
+        """Return the robot's disc at the end of its path (N, 3), in the map frame."""
         radius_m = self.robots.observer.footprint.circumscribed_radius_m
         return Footprint(plan_m[-1:, :2], radius_m)
 
     def _viewpoints(self, now_ns: int) -> Sequence[Viewpoint]:
-        """Return the camera where it is, nothing where that is not known."""
+        """Return the camera at its pose, nothing if that is not known."""
         camera = self.camera
         map_from_camera = self.robots.map_from_camera(camera, now_ns) if camera else None
         if camera is None or map_from_camera is None:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.builder.spawning.placement import Disc, PlacementConstraints, Placer
+from are_ros.builder.spawning.placement import PlacementConstraints, Placer
 from are_ros.conventions import NS_PER_S
 from are_ros.describe.birth_death import BirthDeath
 from are_ros.describe.configuration import staying_share
@@ -186,8 +186,9 @@ def _on_the_map(placer: Placer, population: Population, radius_m: float) -> Plac
         living = population.living.values()
         rows = [artefact.row for artefact in living]
         poses = [artefact.ground_pose_at(artefact.arrival_ns) for artefact in living]
-        within = None if near is None else Disc(*near, radius_m)
-        return placer.place(row, stream, PlacementConstraints(boxes_of(rows, poses)), within)
+        within = None if near is None else (*near, radius_m)
+        around = PlacementConstraints(boxes_of(rows, poses), within=within)
+        return placer.place(row, stream, around)
 
     return place
 

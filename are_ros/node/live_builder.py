@@ -112,7 +112,7 @@ class LiveBuilder:
         self.sensors = sensor_topics(roles)
         self._sensor_outputs = sensor_outputs(roles)
         self.builder.lives.is_paused = True
-        self.builder.lives.tell_faults(self.faults.take)
+        self.builder.lives.report_faults_to(self.faults.take)
         if "camera/camera_info" in roles.values():
             self.builder.await_camera()
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from time import monotonic_ns
 from typing import Any, Final
 
-from are_ros.agents.behaviours.asking import who_is_asked
+from are_ros.agents.behaviours.calls import running_behaviour
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BehaviourError
 from are_ros.wording import counted
@@ -270,7 +270,7 @@ class Watchdog:
             is_known = hung is not None and hung[0] is turn
             if turn is None or is_known:
                 continue
-            who = who_is_asked(sys._current_frames().get(turn.thread))  # noqa: SLF001 - of Python
+            who = running_behaviour(sys._current_frames().get(turn.thread))  # noqa: SLF001 - of Python
             if self._busy.turn is not turn:
                 continue
             # Several slow behaviours, one after the other, are no hang.

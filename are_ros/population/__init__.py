@@ -1,1 +1,1 @@
-"""Who comes, when, and for how long: the catalogue, the mixture, arrivals, lifetimes, scenarios."""
+"""The population: catalogue, mixture (Eq. 1), arrivals, departures, scenarios."""

@@ -1,6 +1,7 @@
-"""Arrivals: a marked Poisson process that offers groups with the rows that it drew (section 3.2).
+"""Random arrivals: a marked Poisson process (section 3.2).
 
-The process consumes unit exponentials by the integrated rate, so that the rate may change.
+Each event is a group of artefacts, each with its row of the catalogue. The process consumes unit
+exponentials by the integrated rate, so the rate may change at any time.
 """
 
 import math
@@ -17,7 +18,7 @@ from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.randomness import Purpose, generator
 
 LAST_NS: Final = 2**63 - 1
-"""The last instant of a signed 64-bit clock; what falls after it never happens."""
+"""The last instant of a signed 64-bit clock; an event after it never comes."""
 
 
 def due_ns(start_ns: int, hazard: float, rate_per_s: float) -> int | None:
@@ -46,9 +47,9 @@ class ArrivalProcess:
 
     Event k comes when the rate, integrated since event k - 1, reaches the unit exponential E_k,
     the first draw of `generator(seed, purpose, k)`. So no draw depends on how often or when the
-    rate is set, and a changed rate acts at once on what is left of E_k. Times are integer
-    nanoseconds, rounded up and never decreasing; what rounding consumed too much is taken from the
-    next exponential, so nothing accumulates.
+    rate is set, and a changed rate acts at once on the rest of E_k. Times are integer nanoseconds,
+    rounded up and never decreasing; the next exponential makes up for the rounding, so the error
+    does not accumulate.
     """
 
     def __init__(
@@ -91,8 +92,8 @@ class ArrivalProcess:
     def set_rate(self, rate_per_s: float, now_ns: int) -> None:
         """Set the rate [1/s] from `now_ns` on; the same rate again changes nothing.
 
-        Events due up to `now_ns` that were not taken yet keep their times. A `now_ns` before the
-        last change or event counts as that instant.
+        Events that are due by `now_ns` but not taken keep their times. A `now_ns` before the last
+        change or event counts as that instant.
         """
         rate_per_s = checked_rate(rate_per_s)
         if rate_per_s == self._rate_per_s:
@@ -104,9 +105,9 @@ class ArrivalProcess:
         self._rate_per_s = rate_per_s
 
     def restart(self, now_ns: int) -> None:
-        """Go on at `now_ns`, earlier or later, with what is left of the present exponential.
+        """Go on at `now_ns`, earlier or later, with the rest of the present exponential.
 
-        Events that were missed are dropped. For a clock that jumped back.
+        Events that are due but not taken are dropped. Called when the clock jumps back.
         """
         self._missed.clear()
         self._anchor_ns = now_ns
@@ -139,7 +140,7 @@ FIRST_ID: Final = 1
 
 @dataclass(frozen=True, eq=False)
 class Offer:
-    """One arrival: the group's members, each with an id of its own and its row, at `time_ns`."""
+    """The arrival of one group at `time_ns`: the id and the row of each member."""
 
     time_ns: int
     members: tuple[tuple[int, CatalogueRow], ...]
@@ -156,8 +157,8 @@ class RandomSource:
     """The marked Poisson process of section 3.2.
 
     Arrival k is a group of 1 + Poisson(g - 1) members, drawn from
-    `generator(seed, Purpose.GROUP, k)`. Every member takes the next id, whatever becomes of it,
-    and its row from `generator(seed, Purpose.ROW, id)`. Nothing comes before a rate is set.
+    `generator(seed, Purpose.GROUP, k)`. Each member takes the next id, even if there is no place
+    for it, and its row from `generator(seed, Purpose.ROW, id)`. The rate is 0 until it is set.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""One artefact: a row of the catalogue with a life and a pose that is a function of time."""
+"""One artefact: a row of the catalogue with a life, and a pose as a function of time."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -36,31 +36,31 @@ class GroundPose(NamedTuple):
 
 
 class PoseHistory:
-    """The operators p(., t) and q(., t) of an artefact that stands where it came."""
+    """The pose of an artefact over time (p(., t), q(., t) of the paper); here it stands still."""
 
     def __init__(self, t_ns: int, pose: GroundPose) -> None:
-        self._came_ns, self._pose = t_ns, pose
+        self._arrival_ns, self._pose = t_ns, pose
 
     @property
     def latest_ns(self) -> int:
         """Time of the newest pose."""
-        return self._came_ns
+        return self._arrival_ns
 
     @property
     def latest(self) -> GroundPose:
         """The newest pose."""
         return self._pose
 
-    def pose_at(self, t_ns: int) -> GroundPose:  # noqa: ARG002 - it is there at all times
+    def pose_at(self, t_ns: int) -> GroundPose:  # noqa: ARG002 - it stands still
         """Return the pose at `t_ns`."""
         return self._pose
 
-    def velocity_at(self, t_ns: int) -> tuple[float, float, float]:  # noqa: ARG002 - it stands
+    def velocity_at(self, t_ns: int) -> tuple[float, float, float]:  # noqa: ARG002 - it stands still
         """Return the rates of x, y [m/s] and yaw [rad/s] in the map frame as of `t_ns`."""
         return 0.0, 0.0, 0.0
 
     def close(self) -> None:
-        """Say that no pose is to come."""
+        """Note that no further pose will come."""
 
 
 def between(start: GroundPose, end: GroundPose, fraction: float) -> GroundPose:
@@ -88,12 +88,12 @@ def rates_between(
 
 @dataclass(eq=False, slots=True)
 class Artefact:
-    """A living artefact; its life is the half-open interval [arrival, departure).
+    """An artefact that is alive in the half-open interval [arrival, departure) [ns].
 
-    `departure_ns` is None as long as the end is not known in advance. Ids are never reused.
-    `behaviour` names what it does in its life, `activity` what it does just now (empty: that).
-    Once its life is over, an artefact that walks to an exit `is_leaving`. `options` are those of
-    a behaviour that takes any.
+    `departure_ns` is None while the end is not known in advance. Ids are never reused. `behaviour`
+    names its behaviour, `activity` what it does at present (empty: the same). An artefact
+    `is_leaving` while it walks to an exit after the end of its life. `options` are the arguments of
+    its behaviour.
     """
 
     id: int
@@ -118,7 +118,7 @@ def map_from_artefact(row: CatalogueRow, pose: GroundPose) -> RigidTransform:
 
 
 def on_ground(row: CatalogueRow, pose: GroundPose, environment: Environment) -> GroundPose:
-    """Return a pose at the height of the ground under its footprint, whatever its own."""
+    """Return the pose with z set to the height of the ground under the footprint."""
     (height_m,) = environment.ground_heights_m(boxes_of([row], [pose])).tolist()
     return pose._replace(z_m=height_m)
 
@@ -131,9 +131,9 @@ def shape_of(row: CatalogueRow) -> tuple[float, float, float, float, float]:
 
 def boxes_of(rows: Sequence[CatalogueRow], poses: Sequence[Sequence[float]]) -> OrientedBoxes:
     """Return the bounding boxes, in the map frame, of `rows` standing at `poses` (same length)."""
-    kinds = {id(row): row for row in rows}
-    index = {key: k for k, key in enumerate(kinds)}
-    shapes = np.array([shape_of(row) for row in kinds.values()]).reshape(-1, 5)
+    unique = {id(row): row for row in rows}
+    index = {key: k for k, key in enumerate(unique)}
+    shapes = np.array([shape_of(row) for row in unique.values()]).reshape(-1, 5)
     of_each = shapes[np.array([index[id(row)] for row in rows], dtype=np.int64)]
     numbers = np.fromiter(chain.from_iterable(poses), np.float64, 4 * len(poses))
     return OrientedBoxes.standing(numbers.reshape(-1, 4), of_each)

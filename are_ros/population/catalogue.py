@@ -14,7 +14,7 @@ from are_ros.population.meshes.shapes import Shape
 
 @dataclass(frozen=True)
 class MeshFile:
-    """A mesh of the user's, and how to read it.
+    """A user-defined mesh, and how to read it.
 
     `metres_per_unit` already contains the row's own scale. `up` and `forward` are the axes of the
     file (`x`, `-x`, `y`, ...) that become +z and +x of F_A.
@@ -28,11 +28,11 @@ class MeshFile:
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """What a type can do on the ground: speed [m/s], acceleration [m/s^2], turning.
+    """The limits of a type's motion: speed [m/s], acceleration [m/s^2], turning.
 
-    `turn_rate_radps` limits the change of yaw [rad/s], `turn_radius_m` is the smallest circle that
-    it drives [m] (0: it turns on the spot). A speed of 0 means that it never moves. The speed is
-    that of walking and driving; running is `running_factor` (>= 1) times as fast.
+    `turn_rate_radps` limits the change of yaw [rad/s], `turn_radius_m` is the radius of the
+    smallest circle [m] (0: it turns on the spot). A speed of 0 means that it never moves. The speed
+    is that of walking and driving; running is `running_factor` (>= 1) times as fast.
     """
 
     speed_mps: float = 0.0
@@ -43,13 +43,13 @@ class MotionLimits:
 
     @property
     def top_speed_mps(self) -> float:
-        """The speed that it never exceeds, that of running."""
+        """The highest speed, that of running [m/s]."""
         return self.speed_mps * self.running_factor
 
 
 @dataclass(frozen=True)
 class RewardWeights:
-    """Weights, not negative, of what the type's decision process gains and pays (section 3.2)."""
+    """Weights >= 0 of the rewards and costs of the type's decision process (section 3.2)."""
 
     goal: float = 1.0
     time: float = 0.1
@@ -60,7 +60,7 @@ class RewardWeights:
 
 @dataclass(frozen=True, eq=False)
 class CatalogueRow:
-    """One tuple Q: label l, box b and features Phi of an artefact, with its mesh and its habits.
+    """One tuple Q: label l, box b and features Phi of an artefact, with mesh, motion, behaviours.
 
     Frame F_A has its origin at the centre of mass of the mesh (of the mesh's convex hull if it is
     not watertight), +x forward, +z up. The box is the mesh's axis-aligned bounding box in F_A, of

@@ -37,7 +37,7 @@ class Departure(NamedTuple):
 
 
 class DepartureLaw(ABC):
-    """Which artefact departs next, and when; times are integer nanoseconds."""
+    """Decides which artefact departs next, and when; times are integer nanoseconds."""
 
     def __init__(self, seed: int, mean_life_s: float) -> None:
         self._seed = seed
@@ -57,18 +57,18 @@ class DepartureLaw(ABC):
 
     @abstractmethod
     def next(self) -> Departure | None:
-        """Return the next departure as it stands now, None if there is none."""
+        """Return the next departure as things stand, None if there is none."""
 
     def pop(self) -> Departure:
         """Take the next departure; `ParameterError` if there is none."""
         departure = self.next()
         if departure is None:
             raise ParameterError("no artefact is due to leave")
-        self._taken()
+        self._advance()
         self.removed(departure.artefact_id, departure.time_ns)
         return departure
 
-    def _taken(self) -> None:  # noqa: B027 - only a law with a process of its own has to do anything
+    def _advance(self) -> None:  # noqa: B027 - only a law with a process of its own overrides it
         """Go on to the departure after the one that is being taken."""
 
     def departure_of(self, artefact_id: int) -> int | None:  # noqa: ARG002 - some laws use it
@@ -76,14 +76,14 @@ class DepartureLaw(ABC):
         return None
 
     def check(self, members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:  # noqa: B027 - a law that is always stationary accepts everything
-        """Refuse (`ParameterError`) what would let the number of artefacts grow for ever."""
+        """Raise `ParameterError` where the number of artefacts would grow without bound."""
 
     @abstractmethod
     def restart(self, now_ns: int) -> None:
         """Forget all lives and go on at `now_ns`, earlier or later."""
 
     def reseed(self, seed: int, now_ns: int) -> None:  # noqa: ARG002 - some laws use it
-        """Draw from another seed from `now_ns` on; lives already drawn stay."""
+        """Draw from another seed from `now_ns` on; lives that are drawn already stay."""
         self._seed = seed
 
 
@@ -94,8 +94,12 @@ def departure_law(kind: Departures, seed: int, mean_life_s: float) -> DepartureL
     return ConstantRateDepartures(seed, mean_life_s)
 
 
+_Life = tuple[int, float, int | None]
+"""An instant [ns], what is left then of the unit exponential, and when mu has consumed it [ns]."""
+
+
 class IndependentLives(DepartureLaw):
-    """Every life is exponential on its own: death rate i*mu, stationary law Poisson(lambda/mu).
+    """Each life is exponential on its own: death rate i*mu, stationary law Poisson(lambda/mu).
 
     The life of artefact a ends when mu, integrated since its arrival, reaches the first draw of
     `generator(seed, Purpose.LIFE, a)`.
@@ -103,77 +107,66 @@ class IndependentLives(DepartureLaw):
 
     def __init__(self, seed: int, mean_life_s: float) -> None:
         super().__init__(seed, mean_life_s)
-        self._lives: dict[int, tuple[int, float]] = {}
-        self._departure_ns: dict[int, int] = {}
-        self._queue: list[Departure] = []
+        self._lives: dict[int, _Life] = {}
 
     def arrived(self, artefact_id: int, now_ns: int) -> None:
         """Draw the life that begins at `now_ns`."""
         stream = generator(self._seed, Purpose.LIFE, artefact_id)
-        self._schedule(artefact_id, now_ns, float(stream.standard_exponential()))
+        self._lives[artefact_id] = self._life(now_ns, float(stream.standard_exponential()))
 
     def removed(self, artefact_id: int, now_ns: int) -> None:  # noqa: ARG002 - the law's interface
         """Censor a life; the other lives do not change."""
         self._lives.pop(artefact_id, None)
-        departure_ns = self._departure_ns.pop(artefact_id, None)
-        if departure_ns is not None:
-            del self._queue[bisect_left(self._queue, Departure(departure_ns, artefact_id))]
 
     def set_mean_life(self, mean_life_s: float, now_ns: int) -> None:
-        """Stretch or shrink what is left at `now_ns` of each life; those due by then stay."""
+        """Stretch or shrink what is left at `now_ns` of each life; lives that are due stay."""
         before, rate_per_s = self._rate_per_s, leaving_rate_per_s(mean_life_s)
         if rate_per_s == before:
             return
         self._rate_per_s = rate_per_s
-        for artefact_id, (start_ns, hazard) in list(self._lives.items()):
-            due = self._departure_ns.get(artefact_id)
-            if due is None or due > now_ns:
+        for artefact_id, (start_ns, hazard, end_ns) in self._lives.items():
+            if end_ns is None or end_ns > now_ns:
                 change_ns = max(now_ns, start_ns)
                 consumed = before * ((change_ns - start_ns) / NS_PER_S)
-                self.removed(artefact_id, now_ns)
-                self._schedule(artefact_id, change_ns, max(hazard - consumed, 0.0))
+                self._lives[artefact_id] = self._life(change_ns, max(hazard - consumed, 0.0))
 
     def next(self) -> Departure | None:
-        """Return the earliest end of a life, of two at once the lower id."""
-        return self._queue[0] if self._queue else None
+        """Return the earliest end of a life, of two at one instant that of the lower id."""
+        ends = [Departure(t_ns, i) for i, (_, _, t_ns) in self._lives.items() if t_ns is not None]
+        return min(ends, default=None)
 
     def departure_of(self, artefact_id: int) -> int | None:
         """Return the end of a life [ns], which only another mean life changes."""
-        return self._departure_ns.get(artefact_id)
+        life = self._lives.get(artefact_id)
+        return life[2] if life else None
 
     def restart(self, now_ns: int) -> None:  # noqa: ARG002 - the law's interface
         """Forget all lives."""
         self._lives.clear()
-        self._departure_ns.clear()
-        self._queue.clear()
 
-    def _schedule(self, artefact_id: int, start_ns: int, hazard: float) -> None:
-        self._lives[artefact_id] = (start_ns, hazard)
-        departure_ns = due_ns(start_ns, hazard, self._rate_per_s)
-        if departure_ns is not None:
-            self._departure_ns[artefact_id] = departure_ns
-            insort(self._queue, Departure(departure_ns, artefact_id))
+    def _life(self, start_ns: int, hazard: float) -> _Life:
+        return start_ns, hazard, due_ns(start_ns, hazard, self._rate_per_s)
 
 
 class ConstantRateDepartures(DepartureLaw):
-    """The paper's transition matrix: one leaves at rate mu while anyone lives (geometric law).
+    """The paper's transition matrix: departures have rate mu while there is an artefact.
 
-    The j-th departure has the unit exponential E_j, the first draw of
-    `generator(seed, Purpose.DEPARTURE, j)`, consumed by mu only while someone lives. The second
-    draw picks who leaves, uniform among those alive at that instant.
+    The stationary law is geometric. The j-th departure has the unit exponential E_j, the first draw
+    of `generator(seed, Purpose.DEPARTURE, j)`; mu consumes it only while the population is not
+    empty. The second draw chooses the artefact, uniformly among those alive at that instant.
     """
 
     def __init__(self, seed: int, mean_life_s: float, now_ns: int = 0) -> None:
         super().__init__(seed, mean_life_s)
         self._process = ArrivalProcess(seed, Purpose.DEPARTURE, rate_per_s=0.0, now_ns=now_ns)
-        self._mark = (-1, 0.0)
+        self._uniform_of = (-1, 0.0)
         self._alive: list[int] = []
-        self._someone_since_ns = now_ns
+        self._not_empty_since_ns = now_ns
 
     def arrived(self, artefact_id: int, now_ns: int) -> None:
         """Add the artefact to those that can depart."""
         if not self._alive:
-            self._someone_since_ns = now_ns
+            self._not_empty_since_ns = now_ns
         insort(self._alive, artefact_id)
         self._process.set_rate(self._rate_per_s, now_ns)
 
@@ -196,8 +189,8 @@ class ConstantRateDepartures(DepartureLaw):
         time_ns = self._process.next_ns() if self._alive else None
         if time_ns is None:
             return None
-        leaver = self._alive[int(self._uniform() * len(self._alive))]
-        return Departure(max(time_ns, self._someone_since_ns), leaver)
+        chosen = self._alive[int(self._uniform() * len(self._alive))]
+        return Departure(max(time_ns, self._not_empty_since_ns), chosen)
 
     def check(self, members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:
         """Refuse as many arrivals as departures where nothing bounds the number alive."""
@@ -213,21 +206,22 @@ class ConstantRateDepartures(DepartureLaw):
         """Begin again at departure 0 of another seed, with the same artefacts alive."""
         rate_per_s = self._rate_per_s if self._alive else 0.0
         self._seed = seed
-        self._mark = (-1, 0.0)
+        self._uniform_of = (-1, 0.0)
         self._process = ArrivalProcess(
             seed, Purpose.DEPARTURE, rate_per_s=rate_per_s, now_ns=now_ns
         )
 
-    def _taken(self) -> None:
+    def _advance(self) -> None:
         self._process.pop()
 
     def _uniform(self) -> float:
+        """Return the second draw of the next departure."""
         index = self._process.index
-        if self._mark[0] != index:
+        if self._uniform_of[0] != index:
             stream = generator(self._seed, Purpose.DEPARTURE, index)
             stream.standard_exponential()
-            self._mark = (index, float(stream.random()))
-        return self._mark[1]
+            self._uniform_of = (index, float(stream.random()))
+        return self._uniform_of[1]
 
 
 def leaving_rate_per_s(mean_life_s: float) -> float:
@@ -255,62 +249,3 @@ def check_stationary(members_per_s: float, mean_life_s: float, max_alive: int | 
             " population.mean_life or bound population.max_alive"
         )
         raise ParameterError(msg)
-
-
-class Lifetimes:
-    """The ends of all present lives, in the order of time; instants are nanoseconds.
-
-    An artefact with a given end, or without one, is not subject to the `law`.
-    """
-
-    def __init__(self, law: DepartureLaw) -> None:
-        self.law = law
-        self._given: list[Departure] = []
-        self._outside_the_law: set[int] = set()
-
-    def begin(
-        self, artefact_id: int, now_ns: int, end_ns: int | None = None, *, is_for_ever: bool = False
-    ) -> int | None:
-        """Begin a life, and return its end where it is known; the law draws one not given."""
-        if end_ns is not None:
-            insort(self._given, Departure(end_ns, artefact_id))
-        if end_ns is not None or is_for_ever:
-            self._outside_the_law.add(artefact_id)
-            return end_ns
-        self.law.arrived(artefact_id, now_ns)
-        return self.law.departure_of(artefact_id)
-
-    def end(self, artefact_id: int, now_ns: int) -> None:
-        """Forget a life, which is over, or is cut short."""
-        if artefact_id in self._outside_the_law:
-            self._outside_the_law.remove(artefact_id)
-            self._given = [end for end in self._given if end.artefact_id != artefact_id]
-        else:
-            self.law.removed(artefact_id, now_ns)
-
-    def next(self) -> Departure | None:
-        """Return the next end of a life as things stand, None if there is none."""
-        drawn = self.law.next()
-        if self._given and (drawn is None or self._given[0] < drawn):
-            return self._given[0]
-        return drawn
-
-    def take(self, departure: Departure) -> None:
-        """Take the next end of a life, as `next` has just returned it; then `end` it."""
-        if self.is_by_law(departure.artefact_id):
-            self.law.pop()
-
-    def is_by_law(self, artefact_id: int) -> bool:
-        """Return whether the law ends this life."""
-        return artefact_id not in self._outside_the_law
-
-    def postpone(self, by_ns: int) -> list[Departure]:
-        """Move the given ends later; return them."""
-        self._given = [Departure(end.time_ns + by_ns, end.artefact_id) for end in self._given]
-        return self._given
-
-    def restart(self, now_ns: int) -> None:
-        """Forget all lives and go on at `now_ns`, earlier or later."""
-        self._given.clear()
-        self._outside_the_law.clear()
-        self.law.restart(now_ns)

@@ -1,4 +1,4 @@
-"""The Poisson mixture that picks a row of the catalogue (Eq. 1)."""
+"""The Poisson mixture from which an arrival draws its row of the catalogue (Eq. 1)."""
 
 import math
 from collections.abc import Sequence
@@ -20,8 +20,8 @@ _LEAST_KEPT_MASS = 0.5
 class TruncatedPoissonMixture:
     """The law of X, Pr(X = k) = sum_i pi_i Poisson(k; lambda_i | 0 <= k < rows) (Eq. 1).
 
-    A catalogue has finitely many rows. Each component is conditioned on them on its own, and not
-    the mixture as a whole, so that pi_i stays the probability that component i is the one.
+    A catalogue has finitely many rows. Each component is conditioned on them separately, not the
+    mixture as a whole, so pi_i is the probability of component i.
     """
 
     def __init__(self, weights: Sequence[float], rates: Sequence[float], rows: int) -> None:
@@ -81,7 +81,7 @@ def _log_masses(rate: float, rows: int) -> Numbers:
 
 
 def _check(weights: Sequence[float], rates: Sequence[float], rows: int) -> None:
-    """Refuse weights and rates that are no mixture."""
+    """Raise ParameterError for weights and rates that are no mixture."""
     if len(weights) != len(rates) or not weights:
         msg = (
             f"mixture.weights has {len(weights)} numbers and mixture.rates {len(rates)}, "
@@ -103,7 +103,7 @@ def _check(weights: Sequence[float], rates: Sequence[float], rows: int) -> None:
 
 
 def _check_kept(rates: Sequence[float], kept: Numbers, rows: int) -> None:
-    """Refuse a component that mostly falls outside the catalogue: it would be another law."""
+    """Raise ParameterError for a component with most of its mass outside the catalogue."""
     for number, (rate, mass) in enumerate(zip(rates, kept, strict=True)):
         if mass < _LEAST_KEPT_MASS:
             msg = (

@@ -1,7 +1,7 @@
 """Fitting the Poisson mixture of Eq. 1 to observed rows: EM on their histogram (section 3.2).
 
-The law is that which is sampled: each component conditioned on the rows on its own. The cost is
-that of the histogram, however many samples are in it.
+The law is that of `TruncatedPoissonMixture`: each component is conditioned on the rows separately.
+The cost depends on the size of the histogram, not on the number of samples.
 """
 
 import math
@@ -142,7 +142,7 @@ def climb(
 
 @dataclass(frozen=True, eq=False)
 class Precision:
-    """How well the parameters are known: standard errors, float64 (n,), nan where there is none."""
+    """Standard errors of the parameters, float64 (n,), nan where there is none."""
 
     weight_errors: Floats
     rate_errors: Floats
@@ -151,9 +151,9 @@ class Precision:
 def precision(
     counts: Floats, weights: Floats, rates: Floats, is_at_limit: npt.NDArray[np.bool_]
 ) -> Precision:
-    """Return how well `counts` (rows,) tell the parameters, by the observed information.
+    """Return the standard errors for `counts` (rows,), by the observed information.
 
-    Components without weight, and rates at the limit of their domain, are taken as given.
+    Components without weight, and rates at the limit of their domain, count as known.
     """
     _, hessian = derivatives(counts, weights, rates)
     basis = _free_directions(weights, is_at_limit)
@@ -225,7 +225,7 @@ def _free_directions(weights: Floats, is_at_limit: npt.NDArray[np.bool_]) -> Flo
 
 
 def _inverse(information: Floats) -> Floats | None:
-    """Return the inverse; None where the data leave some direction open."""
+    """Return the inverse; None if the data do not determine some direction."""
     scale = np.diag(information)
     if not np.all(scale > 0.0):
         return None

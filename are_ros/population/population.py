@@ -1,4 +1,9 @@
-"""The population: marked Poisson arrivals and the birth-death chain of section 3.2."""
+"""The population: arrivals, lives and departures of artefacts (section 3.2).
+
+Random arrivals are a marked Poisson process, ends of lives follow a law of departures; together
+they are the birth-death chain of the paper. Scripted artefacts come from a scenario, others by
+request. The caller asks when the next event is due, and has it processed.
+"""
 
 from bisect import bisect_right
 from collections import deque
@@ -20,7 +25,6 @@ from are_ros.population.departures import (
     Cause,
     Departure,
     DepartureLaw,
-    Lifetimes,
     leaving_rate_per_s,
 )
 from are_ros.population.randomness import Purpose, generator
@@ -34,14 +38,14 @@ class EventKind(Enum):
     DEPARTED = "departed"
     BLOCKED = "blocked"
     LEAVING = "leaving"
-    """Its life is over: it walks to an exit, and departs there."""
+    """Its life is over. It walks to an exit and departs there."""
 
 
 @dataclass(frozen=True, eq=False)
 class PopulationEvent:
-    """One artefact came, went, or could not come, at `time_ns`; an arrival has no cause.
+    """One artefact arrived, departed, or was refused a place, at `time_ns` [ns].
 
-    `reason` says in words why one that was scripted is refused.
+    An arrival has no cause. `reason` says in words why a scripted artefact is refused.
     """
 
     time_ns: int
@@ -54,9 +58,9 @@ class PopulationEvent:
 
 @dataclass(frozen=True)
 class Counts:
-    """How many so far: offered = arrived + blocked, alive = arrived - departed.
+    """Totals so far: offered = arrived + blocked, alive = arrived - departed.
 
-    `displaced` are those of the departed who had to go for want of a safe pose: censored lives.
+    `displaced` counts the departed for which there was no safe pose: their lives are censored.
     """
 
     offered: int = 0
@@ -92,9 +96,9 @@ Admit = Callable[[ScriptedOffer], GroundPose | str]
 class Population:
     """The artefacts alive, and the events that change them, one at a time and in order.
 
-    Of two events at one instant a departure comes before an arrival. The bound `max_alive` (None:
-    none) counts all the living. Artefacts of rows that live for ever, and those admitted with a
-    life of their own, do not take part in the law of departures.
+    Of two events at one instant, a departure comes before an arrival. The bound `max_alive` (None:
+    none) counts all artefacts alive. The law of departures does not apply to artefacts of rows that
+    live for ever, nor to those with a given end.
 
     If `stays_on` is true, the artefact outlives its end until it is removed: it is leaving, and
     still counts as alive, but the law of departures no longer applies to it.
@@ -112,14 +116,18 @@ class Population:
         begun: Callable[[Artefact, ScriptedOffer | None], object] = lambda *_: None,
         scripted: ScriptedSource | None = None,
     ) -> None:
-        """Take the parts; `begun(artefact, offer)` is called for each arrival."""
+        """Take the parts; `begun(artefact, offer)` is called for each arrival.
+
+        Departed artefacts stay known to `present_at` for `history_ns`.
+        """
         self.scripted = scripted or ScriptedSource(Scenario())
         self.max_alive = max_alive
         self._begun = begun
         self._stays_on = stays_on
         self._seed = seed
         self._source = source
-        self._lifetimes = Lifetimes(departures)
+        self._law = departures
+        self._given_ends_ns: dict[int, int | None] = {}
         self._history_ns = history_ns
         self._living: dict[int, Artefact] = {}
         self._departed: deque[Artefact] = deque()
@@ -141,22 +149,22 @@ class Population:
         self._causes.clear()
         self._source.restart(now_ns)
         self.scripted.restart(now_ns)
-        self._lifetimes.restart(now_ns)
+        self._restart_lives(now_ns)
 
     def interrupt(self, from_ns: int, until_ns: int) -> None:
-        """Go on at `until_ns`, after all have departed at `from_ns`: nothing was in between.
+        """Go on at `until_ns`, after all artefacts have departed at `from_ns`.
 
-        The next random arrival is waited for from then on, the scenario comes so much later.
+        The wait for the next random arrival begins anew; the scenario is postponed by the gap.
         """
         self._source.restart(until_ns)
-        self._lifetimes.restart(until_ns)
+        self._restart_lives(until_ns)
         self.scripted.postpone(until_ns - from_ns)
 
     def reseed(self, seed: int, now_ns: int) -> None:
-        """Draw from another seed from `now_ns` on; the living stay, ids go on."""
+        """Draw from another seed from `now_ns` on; artefacts alive stay, ids go on."""
         self._seed = seed
         self._source.reseed(seed, now_ns)
-        self._lifetimes.law.reseed(seed, now_ns)
+        self._law.reseed(seed, now_ns)
 
     def set_rates(
         self, arrival_rate: float, area_m2: float, mean_life_s: float, now_ns: int
@@ -169,13 +177,12 @@ class Population:
         rate_per_s = checked_rate(arrival_rate * area_m2)
         leaving_rate_per_s(mean_life_s)
         members_per_s = rate_per_s * self._source.mean_group_size
-        law = self._lifetimes.law
-        law.check(members_per_s, mean_life_s, self.max_alive)
+        self._law.check(members_per_s, mean_life_s, self.max_alive)
         self._source.set_rate(rate_per_s, now_ns)
-        law.set_mean_life(mean_life_s, now_ns)
+        self._law.set_mean_life(mean_life_s, now_ns)
         for artefact in self._living.values():
-            if self._lifetimes.is_by_law(artefact.id) and not artefact.is_leaving:
-                artefact.departure_ns = law.departure_of(artefact.id)
+            if artefact.id not in self._given_ends_ns and not artefact.is_leaving:
+                artefact.departure_ns = self._law.departure_of(artefact.id)
 
     def set_marks(self, rows: Sequence[CatalogueRow], law: RowLaw, mean_group_size: float) -> None:
         """Set rows, law and mean group size of later arrivals."""
@@ -183,17 +190,16 @@ class Population:
         self._source.set_rows(rows, law)
 
     def postpone(self, by_ns: int) -> None:
-        """Move the given ends of lives later, after a pause.
-
-        Scripted artefacts still to come do so as much later, too.
-        """
+        """Postpone given ends of lives, and scripted arrivals still to come, after a pause."""
         self.scripted.postpone(by_ns)
-        for end in self._lifetimes.postpone(by_ns):
-            self._living[end.artefact_id].departure_ns = end.time_ns
+        for artefact_id, end_ns in self._given_ends_ns.items():
+            if end_ns is not None:
+                self._given_ends_ns[artefact_id] = end_ns + by_ns
+                self._living[artefact_id].departure_ns = end_ns + by_ns
 
     def next_event_ns(self) -> int | None:
         """Return when `handle_next` has something to do [ns], None if never as things stand."""
-        departure = self._lifetimes.next()
+        departure = self._next_departure()
         instants = (
             departure.time_ns if departure else None,
             self.scripted.next_ns(),
@@ -204,13 +210,15 @@ class Population:
     def handle_next(self, place: Place, admit: Admit = attrgetter("pose")) -> list[PopulationEvent]:
         """Process the next event: one departure, a scripted arrival, or the arrival of one group.
 
-        In this order at one instant. `place` finds a pose for each member in turn; those before it
-        live already. `admit` says where a scripted one stands, or why it cannot. Returns what
-        happened, an event per artefact. Raises `ParameterError` if there is no event.
+        At one instant they come in this order. `place` finds a pose for each member of a group in
+        turn; the members before it are alive already. `admit` returns where a scripted artefact
+        stands, or why it cannot. Returns one event per artefact; `ParameterError` if no event
+        is due.
         """
-        departure, next_ns = self._lifetimes.next(), self.next_event_ns()
+        departure, next_ns = self._next_departure(), self.next_event_ns()
         if departure and departure.time_ns == next_ns:
-            self._lifetimes.take(departure)
+            if departure.artefact_id not in self._given_ends_ns:
+                self._law.pop()
             return [self._end(departure)]
         if next_ns is not None and self.scripted.next_ns() == next_ns:
             return [self._arrive_by_script(admit)]
@@ -225,12 +233,12 @@ class Population:
         if artefact is None:
             raise InputError(f"no artefact with id {artefact_id} is alive")
         if not artefact.is_leaving:
-            self._lifetimes.end(artefact_id, now_ns)
+            self._end_life(artefact_id, now_ns)
         artefact.departure_ns = now_ns
         self._causes.pop(artefact_id, None)
         self._departed.append(artefact)
         self._forget_before(now_ns - self._history_ns)
-        return self._say(now_ns, EventKind.DEPARTED, artefact_id, artefact.row, cause)
+        return self._event(now_ns, EventKind.DEPARTED, artefact_id, artefact.row, cause)
 
     def admit(
         self,
@@ -242,10 +250,10 @@ class Population:
         life_ns: int | None = None,
         behaviour: str = "",
     ) -> PopulationEvent:
-        """Add a scripted or requested artefact at a pose that the caller found free.
+        """Add a requested artefact at a pose that the caller found free.
 
-        A given life [ns] ends on its own; None draws one by the law of departures, or for a row
-        that lives for ever gives no end. A behaviour that is not given is drawn from the row's.
+        `life_ns` [ns] gives the length of its life; with None the law of departures draws it, or it
+        has no end if its row lives for ever. A behaviour that is not given is drawn from the row's.
         Raises `PlacementError` at the bound.
         """
         if self._is_full():
@@ -272,35 +280,52 @@ class Population:
         return sorted(present, key=attrgetter("id"))
 
     def _end(self, departure: Departure) -> PopulationEvent:
-        """End a life: the artefact departs, or leaves by an exit first."""
+        """End a life: the artefact departs, or starts to walk to an exit."""
         time_ns, artefact_id = departure
         artefact = self._living[artefact_id]
         if not self._stays_on(artefact):
             cause = self._causes.get(artefact_id, Cause.LIFE_OVER)
             return self.remove(artefact_id, time_ns, cause)
-        self._lifetimes.end(artefact_id, time_ns)
+        self._end_life(artefact_id, time_ns)
         artefact.is_leaving, artefact.departure_ns = True, None
-        return self._say(time_ns, EventKind.LEAVING, artefact_id, artefact.row, Cause.LIFE_OVER)
+        return self._event(time_ns, EventKind.LEAVING, artefact_id, artefact.row, Cause.LIFE_OVER)
+
+    def _next_departure(self) -> Departure | None:
+        """Return the next end of a life, drawn or given, of two at one instant the lower id."""
+        given = [Departure(t, i) for i, t in self._given_ends_ns.items() if t is not None]
+        drawn = self._law.next()
+        return min([*given, drawn] if drawn else given, default=None)
+
+    def _end_life(self, artefact_id: int, now_ns: int) -> None:
+        """Forget a life that is over, or that is cut short."""
+        if artefact_id in self._given_ends_ns:
+            del self._given_ends_ns[artefact_id]
+        else:
+            self._law.removed(artefact_id, now_ns)
+
+    def _restart_lives(self, now_ns: int) -> None:
+        self._given_ends_ns.clear()
+        self._law.restart(now_ns)
 
     def _arrive_by_script(self, admit: Admit) -> PopulationEvent:
         offer = self.scripted.take()
+        now_ns, artefact_id, scripted = offer.time_ns, offer.artefact_id, offer.artefact
         pose = admit(offer)
         if isinstance(pose, str) or self._is_full():
             cause = Cause.REFUSED if isinstance(pose, str) else Cause.MAX_ALIVE
             reason = f"{offer.place}: {pose}" if isinstance(pose, str) else ""
             blocked = EventKind.BLOCKED
-            return self._say(
-                offer.time_ns, blocked, offer.artefact_id, offer.row, cause, reason=reason
-            )
-        self._causes[offer.artefact_id] = offer.cause
+            return self._event(now_ns, blocked, artefact_id, scripted.row, cause, reason=reason)
+        self._causes[artefact_id] = scripted.cause
+        end_ns = None if scripted.stays_ns is None else now_ns + scripted.stays_ns
         return self._begin(
-            offer.artefact_id,
-            offer.row,
+            artefact_id,
+            scripted.row,
             pose,
-            offer.time_ns,
-            offer.origin,
-            None if offer.life_ns is None else offer.time_ns + offer.life_ns,
-            offer.behaviour,
+            now_ns,
+            scripted.origin,
+            end_ns,
+            scripted.behaviour,
             offer,
         )
 
@@ -312,7 +337,7 @@ class Population:
             pose = self._find_pose(artefact_id, row, near, place)
             if isinstance(pose, Cause):
                 blocked = EventKind.BLOCKED
-                events.append(self._say(offer.time_ns, blocked, artefact_id, row, pose))
+                events.append(self._event(offer.time_ns, blocked, artefact_id, row, pose))
                 continue
             near = near or (pose.x_m, pose.y_m)
             events.append(self._begin(artefact_id, row, pose, offer.time_ns, Origin.RANDOM, None))
@@ -338,15 +363,18 @@ class Population:
         offer: ScriptedOffer | None = None,
     ) -> PopulationEvent:
         behaviour = behaviour or self._drawn_behaviour(artefact_id, row)
-        is_for_ever = row.forever or (offer is not None and end_ns is None)
-        end_ns = self._lifetimes.begin(artefact_id, now_ns, end_ns, is_for_ever=is_for_ever)
+        if end_ns is not None or row.forever or offer is not None:
+            self._given_ends_ns[artefact_id] = end_ns
+        else:
+            self._law.arrived(artefact_id, now_ns)
+            end_ns = self._law.departure_of(artefact_id)
         history = PoseHistory(now_ns, pose)
         artefact = Artefact(artefact_id, row, origin, now_ns, history, end_ns, behaviour)
         artefact.options = offer.options if offer else None
         self._living[artefact_id] = artefact
         self._sort_living()
         self._begun(artefact, offer)
-        return self._say(now_ns, EventKind.ARRIVED, artefact_id, row, None)
+        return self._event(now_ns, EventKind.ARRIVED, artefact_id, row, None)
 
     def _drawn_behaviour(self, artefact_id: int, row: CatalogueRow) -> str:
         """Draw one of the row's behaviours by their probabilities, with one uniform number."""
@@ -355,14 +383,14 @@ class Population:
         return names[bisect_right(weights, uniform)]
 
     def _sort_living(self) -> None:
-        """Put the newcomer, last in the dict, where its id belongs (admitted ids are high)."""
+        """Move the new artefact, last in the dict, to where its id belongs."""
         newest_two = list(islice(reversed(self._living), 2))
         if newest_two != sorted(newest_two, reverse=True):
             in_order = sorted(self._living.items())
             self._living.clear()
             self._living.update(in_order)
 
-    def _say(
+    def _event(
         self,
         now_ns: int,
         kind: EventKind,

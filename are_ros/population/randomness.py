@@ -1,4 +1,4 @@
-"""Independent random streams, so that one artefact's life never changes another's."""
+"""Independent random streams: what one artefact draws never changes what another draws."""
 
 from enum import IntEnum
 

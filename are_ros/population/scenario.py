@@ -1,9 +1,12 @@
-"""Scenarios: artefacts with given arrivals, poses, behaviours, lives and tracks."""
+"""Scenarios: artefacts whose arrivals, poses, behaviours, lives and tracks are given.
+
+`Scenario` is what a file says; `ScriptedSource` offers its artefacts to the population in time.
+"""
 
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -16,7 +19,7 @@ from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.departures import Cause
 
 FIRST_ADMITTED_ID: Final = 1_000_000_000
-"""Scripted and requested artefacts count from here, so that they shift no random one's draws."""
+"""Ids of scripted and requested artefacts begin here, so the draws of random ones do not shift."""
 
 _LAST_ID: Final = 2**62
 _JUMP_NS: Final = 1000
@@ -24,7 +27,7 @@ _JUMP_NS: Final = 1000
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Poses in time: linear between them, held outside; two within a microsecond are a jump.
+    """Poses in time: linear between two, held outside; two within a microsecond are a jump.
 
     `times_ns` is int64 (K >= 1,), nanoseconds since the start of the run, ascending strictly;
     `poses` is float64 (K, 4): x, y, z, yaw on the ground in the map's frame. Both become
@@ -36,7 +39,7 @@ class Track:
 
     def __post_init__(self) -> None:
         if not len(self.times_ns):
-            raise ScenarioError("there is no pose in it")
+            raise ScenarioError("it has no pose")
         if not np.isfinite(self.poses).all():
             raise ScenarioError("a number in it is not finite")
         late = np.flatnonzero(np.diff(self.times_ns) <= 0)
@@ -64,9 +67,9 @@ class Track:
         )
 
     def jump_within(self, after_ns: int, until_ns: int) -> int | None:
-        """Return the number of the first pose in (after, until] to which it jumps, None if none.
+        """Return the index of the first pose in (after, until] that is a jump, None if none is.
 
-        A jump is two poses within a microsecond.
+        A jump is a pose within a microsecond of the one before it.
         """
         first, end = np.searchsorted(self.times_ns, (after_ns, until_ns), side="right").tolist()
         first = max(first, 1)
@@ -88,13 +91,14 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class ScriptedArtefact:
-    """One artefact of a scenario; times are nanoseconds, since the start of the run.
+    """One artefact of a scenario; times are nanoseconds since the start of the run.
 
-    `pose` is where it arrives, on the ground there, whatever its z; with a track, the track's pose
-    then, z and all. `stays_ns` of None means for ever, `speed_mps` of None the row's own. It walks
-    along `way_m` (x, y), follows the artefact named `follows`, or has a track, of which at most
-    one is given; else its behaviour decides. `artefact_id` of None lets the run give one. `origin`
-    and `cause` (of the departure) are those of the run that a scenario was saved from.
+    `row` is a row of the catalogue, with the speed that the scenario gives. The artefact arrives at
+    `pose`, on the ground, or at the pose of its `track` with its z. A `stays_ns` of None means for
+    ever. At most one of these is given: `way_m`, points (x, y) to walk along, again and again with
+    `loop`; `follows`, the name of a leader; `track`. Else its behaviour decides. With an
+    `artefact_id` of None the run assigns one. `origin` and `cause` (of the departure) are those of
+    the run from which the scenario was saved.
     """
 
     row: CatalogueRow
@@ -106,7 +110,6 @@ class ScriptedArtefact:
     loop: bool = False
     follows: str = ""
     track: Track | None = None
-    speed_mps: float | None = None
     artefact_id: int | None = None
     name: str = ""
     origin: Origin = Origin.SCRIPTED
@@ -115,10 +118,10 @@ class ScriptedArtefact:
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """Scripted artefacts; `random` tells whether artefacts arrive at random beside them.
+    """Scripted artefacts; `random` tells whether artefacts also arrive at random.
 
-    Raises ScenarioError, a sentence that names the artefact by its index and name, where names or
-    ids are not unique, an id is one of random arrivals, or a leader is unknown.
+    Raises ScenarioError, which names the artefact by its index and name, where names or ids are not
+    unique, an id is in the range of random arrivals, or a leader is unknown.
     """
 
     artefacts: tuple[ScriptedArtefact, ...] = ()
@@ -136,7 +139,7 @@ class Scenario:
                 raise ScenarioError(f"{self.place(index)}: {reason}")
 
     def place(self, index: int) -> str:
-        """Return how an artefact is named in a sentence."""
+        """Return the name of an artefact in error messages."""
         artefact = self.artefacts[index]
         return f"artefact {index} ({artefact.name or artefact.row.label})"
 
@@ -149,7 +152,7 @@ class Scenario:
             return f"id is {artefact_id}, which another artefact has too"
         if self.random and artefact_id < FIRST_ADMITTED_ID:
             low = f"below {FIRST_ADMITTED_ID}"
-            return f"id is {artefact_id}, but {low} count those who arrive at random beside it"
+            return f"id is {artefact_id}, but ids {low} are those of random arrivals"
         return ""
 
     def _fault_of_names(self, artefact: ScriptedArtefact, names: Counter[str]) -> str:
@@ -158,11 +161,11 @@ class Scenario:
         if artefact.follows and artefact.follows not in names:
             return f"follows {artefact.follows!r}, but no artefact has this name"
         if artefact.name and artefact.name in self._leaders_of(artefact):
-            return f"follows {artefact.follows!r}, who follows it in turn: that is a circle"
+            return f"follows {artefact.follows!r}, which follows it in turn: that is a circle"
         return ""
 
     def _leaders_of(self, artefact: ScriptedArtefact) -> Iterator[str]:
-        """Yield the leaders of an artefact: its own, that one's, and so on, each once."""
+        """Yield the leader of an artefact, the leader of that one, and so on, each once."""
         leader_of = {one.name: one.follows for one in self.artefacts if one.name}
         leader, seen = artefact.follows, set[str]()
         while leader and leader not in seen:
@@ -171,44 +174,33 @@ class Scenario:
             leader = leader_of.get(leader, "")
 
 
-# Offering the artefacts of a scenario at their times.
-
-
 @dataclass(frozen=True, eq=False)
 class ScriptedOffer:
-    """One artefact of a scenario that arrives at `time_ns`, if it can stand at `pose`.
+    """The arrival of a scripted artefact at `time_ns`, if it can stand at `pose`.
 
-    `has_height` tells whether z of the pose counts; else it stands on the ground. `life_ns` of None
-    means for ever. `row` is that of the catalogue, with the speed that the scenario gives.
-    `options` are those of the behaviour: waypoints and repeat of along_way, leader (an id) of
-    following. A `track` (None: it moves by itself) counts from `start_ns`. `place` names it in
-    sentences. `cause` is why it leaves at the end of its life.
+    The track of the artefact (if any) counts from `start_ns`. `options` are those of its behaviour:
+    waypoints and repeat of along_way, leader (an id) of following. `place` names the artefact in
+    error messages.
     """
 
     time_ns: int
     artefact_id: int
-    row: CatalogueRow
+    artefact: ScriptedArtefact
     pose: GroundPose
-    place: str
     start_ns: int
-    has_height: bool = False
-    life_ns: int | None = None
-    behaviour: str = "standing"
-    options: Mapping[str, Any] = field(default_factory=dict)
-    track: Track | None = None
-    origin: Origin = Origin.SCRIPTED
-    cause: Cause = Cause.LIFE_OVER
+    options: Mapping[str, Any]
+    place: str
 
 
 class ScriptedSource:
-    """Offers the artefacts of a scenario, in the order of time, and of the file at one instant.
+    """Offers the artefacts of a scenario in the order of time; at one instant, of the file.
 
-    All times are integer nanoseconds; those of the scenario count from the start of the run, which
-    `restart` gives. Nothing is offered before `open`; what is due earlier arrives then.
+    Times are integer nanoseconds. Those of the scenario count from the start of the run, which
+    `restart` sets. Nothing is offered before `open`; artefacts that are due earlier arrive then.
 
-    It gives out all ids of those who do not come at random. A scenario's own ids come back exactly
-    the first time; when it runs again (the clock jumped back), its artefacts are others, with ids
-    of their own. `new_id` never gives one of the scenario's.
+    The source assigns all ids but those of random arrivals. A scenario's own ids are used the first
+    time; when it runs again (the clock jumped back), its artefacts get new ids. `new_id` never
+    returns an id of the scenario.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -226,25 +218,35 @@ class ScriptedSource:
         self._opens_ns: int | None = None
 
     def new_id(self) -> int:
-        """Return a new id, for an artefact admitted by request."""
+        """Return a new id, for an artefact that is admitted on request."""
         self._next_id += 1
         return self._next_id - 1
 
     def next_ns(self) -> int | None:
-        """Return the instant of the next offer [ns], None if none comes as things stand."""
+        """Return the instant of the next offer [ns], None if no artefact is to come."""
         if self._start_ns is None or self._opens_ns is None or self._taken == len(self._order):
             return None
         due_ns = self._start_ns + self._artefacts[self._order[self._taken]].arrives_ns
         return max(due_ns, self._opens_ns)
 
     def take(self) -> ScriptedOffer:
-        """Take the next offer; `ParameterError` if none comes."""
-        time_ns = self.next_ns()
-        if time_ns is None or self._start_ns is None:
+        """Take the next offer; `ParameterError` if no artefact is to come."""
+        time_ns, start_ns = self.next_ns(), self._start_ns
+        if time_ns is None or start_ns is None:
             raise ParameterError("no artefact of the scenario is due")
         index = self._order[self._taken]
         self._taken += 1
-        return self._offer(index, time_ns, self._start_ns)
+        artefact = self._artefacts[index]
+        track = artefact.track
+        return ScriptedOffer(
+            time_ns=time_ns,
+            artefact_id=self._ids[index],
+            artefact=artefact,
+            pose=artefact.pose if track is None else track.pose_at(time_ns - start_ns),
+            start_ns=start_ns,
+            options=self._options_of(artefact),
+            place=self.scenario.place(index),
+        )
 
     def restart(self, now_ns: int) -> None:
         """Begin the scenario again at `now_ns`, earlier or later."""
@@ -256,33 +258,14 @@ class ScriptedSource:
             self._opens_ns = now_ns
 
     def open(self, now_ns: int) -> None:
-        """Allow arrivals from `now_ns` on, once there is a map. A second call changes nothing."""
+        """Allow arrivals from `now_ns` on, when there is a map. A second call changes nothing."""
         if self._opens_ns is None:
             self._opens_ns = now_ns
 
     def postpone(self, by_ns: int) -> None:
-        """Move the arrivals still to come later, after a pause."""
+        """Postpone the arrivals still to come, after a pause."""
         if self._start_ns is not None:
             self._start_ns += by_ns
-
-    def _offer(self, index: int, time_ns: int, start_ns: int) -> ScriptedOffer:
-        artefact = self._artefacts[index]
-        track = artefact.track
-        return ScriptedOffer(
-            time_ns=time_ns,
-            artefact_id=self._ids[index],
-            row=_row_of(artefact),
-            pose=artefact.pose if track is None else track.pose_at(time_ns - start_ns),
-            place=self.scenario.place(index),
-            start_ns=start_ns,
-            has_height=track is not None,
-            life_ns=artefact.stays_ns,
-            behaviour=artefact.behaviour,
-            options=self._options_of(artefact),
-            track=track,
-            origin=artefact.origin,
-            cause=artefact.cause,
-        )
 
     def _options_of(self, artefact: ScriptedArtefact) -> dict[str, Any]:
         if artefact.way_m:
@@ -291,11 +274,3 @@ class ScriptedSource:
             names = [one.name for one in self._artefacts]
             return {"leader": self._ids[names.index(artefact.follows)]}
         return {}
-
-
-def _row_of(artefact: ScriptedArtefact) -> CatalogueRow:
-    """Return the artefact's row, as slow as the scenario wants it."""
-    row, speed_mps = artefact.row, artefact.speed_mps
-    if speed_mps is None:
-        return row
-    return replace(row, motion=replace(row.motion, speed_mps=speed_mps))

@@ -142,7 +142,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             options = _with_wait(options, needed_s)
             catalogue = catalogue_of(options.parameters)
             builder = ArBuilder(options.parameters, catalogue, options.demand)
-            lives_keeper = builder.lives.keep() if options.save_scenario else None
+            lives_keeper = builder.lives.record_scenario() if options.save_scenario else None
             replay = Replay(reader, builder, options, timeline, stopwatch)
             files = MapFiles.read(options)
             if options.out is not None:

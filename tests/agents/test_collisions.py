@@ -159,8 +159,8 @@ def test_one_that_is_held_may_back_out_but_not_go_deeper() -> None:
     assert _outcomes(deeper) == [Outcome.MOVED_BACK]
 
 
-def test_a_standing_scene_is_remembered_but_not_for_another_map_or_robot() -> None:
-    """Nothing moved gives the same boxes back; a new map or a robot near is looked at."""
+def test_a_standing_scene_is_kept_until_there_is_another_map_or_a_robot() -> None:
+    """Where nothing moved, the result has the boxes given; a new map or a robot is looked at."""
     resolver = CollisionResolver(Displace(), 2.0)
     ids, standing = np.array([3, 8]), _boxes((5.0, 5.0), (7.0, 7.0))
     assert resolver.resolve(ids, standing, standing, _OPEN, ()).is_all_kept

@@ -266,7 +266,7 @@ def test_what_others_do_is_known_from_the_sub_step_before() -> None:
     behaviour = state.behaviour
 
     def decide(situation: Situation) -> Intent:
-        seen.extend(neighbour.activity for neighbour in situation.fellows_within(1.0))
+        seen.extend(neighbour.activity for neighbour in situation.neighbours_within(1.0))
         return behaviour.decide(situation)
 
     state.behaviour = SimpleNamespace(name="spy", decide=decide)  # type: ignore[assignment]
@@ -383,7 +383,7 @@ def test_who_has_a_behaviour_that_fails_stands_and_the_others_go_on(name: str) -
     undisturbed = draws_of(3)
     ENTRIES.clear()
     town = Town()
-    town.layer.tell_fault = told.append
+    town.layer.report_fault = told.append
     town.admit(3, 0, "tests.agents.behaviours.diary:Stroller")
     failed = _run_with(town, name)
     assert [fault.behaviour for fault in told] == [f"{MODULE}:{name}"]

@@ -103,7 +103,7 @@ def test_only_what_can_move_decides_and_all_are_in_the_table() -> None:
     stage.crowd.end(3, 0, Cause.REMOVED)
     assert table.ids.tolist() == [5]
     with pytest.raises(KeyError):
-        table.artefact_of(3)
+        table.state_of(3)
 
 
 def test_sub_steps_are_counted_by_artefact() -> None:

@@ -131,7 +131,7 @@ def test_on_voxel_ground_heights_are_asked_for() -> None:
 def test_who_arrives_while_others_move_has_both_its_boxes_taken(crowd: AgentTable) -> None:
     """Boxes at the start and at the end of the sub-step are in the order of ids."""
     planar = crowd.poses[:, [0, 1, 3]] + 0.25
-    crowd.set_out(*crowd.proposed(planar, np.ones(3, np.bool_), environment()))
+    crowd.set_ends(*crowd.proposed(planar, np.ones(3, np.bool_), environment()))
     add(crowd, 5, ROWS[0], GroundPose(2.0, 9.0, 0.0, 0.0))
     rows = [ROWS[i == 3] for i in crowd.ids.tolist()]
     expected = [

@@ -38,7 +38,7 @@ def _ways(track: FollowedTrack, first_ns: int, x_m: float, count: int) -> list[t
     for step_ns in range(first_ns, first_ns + count * period_ns, period_ns):
         jumped = track.jump(step_ns)
         x_m = x_m if jumped is None else jumped.x_m
-        end = track.set_out(step_ns, GroundPose(x_m, 1.0, 0.0, 0.0))
+        end = track.advance(step_ns, GroundPose(x_m, 1.0, 0.0, 0.0))
         found.append((x_m, end.x_m))
         x_m = end.x_m
     return found

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from are_ros.agents.events import ArtefactEvent, EventKind
-from are_ros.builder.spawning.populations import random_population
+from are_ros.builder.population_manager import population_of
 from are_ros.errors import ParameterError, PlacementError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
@@ -385,6 +385,6 @@ def test_a_bad_mixture_is_refused_by_name() -> None:
 
     parameters = with_values(Parameters(), {"mixture.weights": (0.5, 0.5), "mixture.rates": (1.0,)})
     with pytest.raises(ParameterError, match="mixture"):
-        random_population(
+        population_of(
             parameters, read_catalogue(), begun=lambda *_: None, stays_on=lambda *_: False
         )

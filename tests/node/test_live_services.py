@@ -111,7 +111,7 @@ def test_a_given_life_ends_when_it_is_over(bench: Bench) -> None:
         (pose_at(2.0, 2.0, frame_id="arm"), {}, "'arm'"),
         (pose_at(2.0, 2.0, frame_id=""), {}, "spawn: pose: header.frame_id is empty"),
         (pose_at(float("nan"), 2.0), {}, "not finite"),
-        (pose_at(2.0, 2.0), {"behaviour": "walking"}, "'walking' is for what moves"),
+        (pose_at(2.0, 2.0), {"behaviour": "walking"}, "'walking' needs an artefact that moves"),
         (pose_at(2.0, 2.0), {"life": life_of(-1.0)}, "spawn: life: -1.0 s is negative"),
     ],
 )

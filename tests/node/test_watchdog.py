@@ -19,7 +19,7 @@ def test_only_one_who_does_not_return_is_named(
     asked = count()
     monkeypatch.setattr(hang_watch, "PATIENCE_NS", int(PATIENCE_S * 1e9))
     monkeypatch.setattr(
-        hang_watch, "who_is_asked", lambda _: "one" if is_one else f"number {next(asked)}"
+        hang_watch, "running_behaviour", lambda _: "one" if is_one else f"number {next(asked)}"
     )
     said: list[str] = []
     busy = CallbackTimer()

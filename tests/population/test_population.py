@@ -374,6 +374,48 @@ def test_an_admitted_artefact_ends_on_its_own_and_shifts_nothing(kind: Departure
     assert _records([e for e in events if e is not end]) == expected
 
 
+def test_given_and_drawn_ends_come_in_the_order_of_time() -> None:
+    """Of two at one instant, the lower id first; an artefact with a given end takes no part."""
+    population = _population(1, per_s=1.0)
+    _advance(population, _seconds(2))
+    drawn_ns = min(one.departure_ns or 0 for one in population.living.values())
+    (first,) = [i for i, one in population.living.items() if one.departure_ns == drawn_ns]
+    population.set_rates(0.0, 100.0, 5.0, _seconds(2))
+    lives_ns = [drawn_ns - 10 - _seconds(2), drawn_ns - _seconds(2)]
+    early, same = [
+        population.admit(
+            ROWS[0],
+            GroundPose(1.0, 1.0, 0.0, 0.0),
+            _seconds(2),
+            origin=Origin.SERVICE,
+            life_ns=life_ns,
+        ).artefact_id
+        for life_ns in lives_ns
+    ]
+    ends = [(e.time_ns, e.artefact_id) for e in _advance(population, drawn_ns)]
+    assert ends == [(drawn_ns - 10, early), (drawn_ns, first), (drawn_ns, same)]
+
+
+def test_only_given_ends_are_postponed_and_a_restart_forgets_all() -> None:
+    """The law of departures has its own way to stand still: an infinite mean life."""
+    population = _population(1, per_s=1.0)
+    _advance(population, _seconds(2))
+    drawn = {i: one.departure_ns for i, one in population.living.items()}
+    guest = population.admit(
+        ROWS[0],
+        GroundPose(1.0, 1.0, 0.0, 0.0),
+        _seconds(2),
+        origin=Origin.SERVICE,
+        life_ns=NS_PER_S,
+    ).artefact_id
+    population.postpone(500)
+    assert population.living[guest].departure_ns == _seconds(3) + 500
+    assert {i: population.living[i].departure_ns for i in drawn} == drawn
+    population.start(_seconds(2))
+    population.set_rates(0.0, 100.0, 5.0, _seconds(2))
+    assert population.next_event_ns() is None
+
+
 def test_living_artefacts_are_in_the_order_of_their_ids() -> None:
     """An admitted artefact has a high id, and later random ones come before it."""
     population = _population(8, mean_life_s=1e5)

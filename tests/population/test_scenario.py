@@ -54,7 +54,7 @@ def test_two_poses_within_a_microsecond_are_a_jump() -> None:
 @pytest.mark.parametrize(
     ("times_ns", "poses", "reason"),
     [
-        ([], np.empty((0, 4)), "there is no pose in it"),
+        ([], np.empty((0, 4)), "it has no pose"),
         ([0, 5, 5], np.zeros((3, 4)), "pose 2 is not later than the one before it"),
         ([0], np.array([[0.0, math.nan, 0.0, 0.0]]), "a number in it is not finite"),
     ],
@@ -71,10 +71,10 @@ def test_what_is_no_track_is_refused(times_ns: list[int], poses: object, reason:
         ((_one(0),), r"artefact 0 \(person_adult\): id is 0, but ids are from 1 to"),
         ((_one(2**63),), "but ids are from 1 to"),
         ((_one(10**9), _one(10**9)), "id is 1000000000, which another artefact has too"),
-        ((_one(7),), "id is 7, but below 1000000000 count those who arrive at random beside it"),
+        ((_one(7),), "id is 7, but ids below 1000000000 are those of random arrivals"),
         ((_one(name="a"), _one(name="a")), r"artefact 0 \(a\): name is 'a', which another"),
         ((_one(name="a", follows="b"),), "follows 'b', but no artefact has this name"),
-        ((_one(name="a", follows="a"),), "follows 'a', who follows it in turn: that is a circle"),
+        ((_one(name="a", follows="a"),), "follows 'a', which follows it in turn: that is a circle"),
         ((_one(name="a", follows="b"), _one(name="b", follows="a")), "that is a circle"),
     ],
 )

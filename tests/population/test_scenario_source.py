@@ -101,19 +101,15 @@ def test_an_offer_carries_what_the_artefact_is_to_be() -> None:
     """Row, pose, life, behaviour, origin and cause as the scenario has them."""
     given_one = _at(0, stays_ns=5, behaviour="running", origin=Origin.RANDOM, cause=Cause.DISPLACED)
     offer = _source(given_one).take()
-    assert (offer.row, offer.pose, offer.has_height, offer.life_ns) == (ROW, POSE, False, 5)
-    assert (offer.behaviour, offer.options, offer.track) == ("running", {}, None)
-    assert (offer.origin, offer.cause) == (Origin.RANDOM, Cause.DISPLACED)
+    assert (offer.artefact, offer.pose, offer.options) == (given_one, POSE, {})
 
 
 def test_a_way_becomes_the_options_of_along_way() -> None:
-    """The behaviour takes them; the row is as slow as the scenario wants it, and else the same."""
+    """The behaviour takes them."""
     way = ((1.0, 2.0), (3.0, 4.0))
-    offer = _source(_at(0, behaviour="along_way", way_m=way, loop=True, speed_mps=0.4)).take()
+    offer = _source(_at(0, behaviour="along_way", way_m=way, loop=True)).take()
     assert offer.options == {"waypoints": way, "repeat": True}
-    assert make_behaviour(offer.behaviour, offer.options).name == "along_way"
-    assert (offer.row.motion.speed_mps, offer.row.index) == (0.4, ROW.index)
-    assert offer.row.motion.acceleration_mps2 == ROW.motion.acceleration_mps2
+    assert make_behaviour(offer.artefact.behaviour, offer.options).name == "along_way"
 
 
 def test_who_follows_is_told_the_id_of_its_leader() -> None:
@@ -136,5 +132,4 @@ def test_who_has_a_track_arrives_where_the_track_is_then() -> None:
     offer = source.take()
     assert offer.pose == track.pose_at(50)
     assert offer.pose.z_m == pytest.approx(0.2)
-    assert offer.has_height
-    assert offer.track is track
+    assert offer.artefact.track is track

@@ -1,1 +1,1 @@
-"""What an artefact can want: small classes from a `Situation` to an `Intent`."""
+"""Behaviours: small classes that turn what an artefact knows (`Situation`) into an `Intent`."""

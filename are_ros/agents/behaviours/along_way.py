@@ -1,4 +1,4 @@
-"""Along a way that a scenario gives."""
+"""The behaviour along_way: an artefact walks along waypoints that a scenario gives."""
 
 import math
 from collections.abc import Mapping
@@ -14,9 +14,10 @@ _BLOCKED_S = 12.0
 
 
 class AlongWay:
-    """Goes from waypoint to waypoint, once or again and again, and stands at the end.
+    """Walks from waypoint to waypoint, once or repeatedly, and stands at the end.
 
-    A waypoint that cannot be reached, or not for 12 s, is left out if there is another.
+    A waypoint that cannot be reached, or not within 12 s of being blocked, is skipped if another
+    one follows.
     """
 
     name: ClassVar[str] = "along_way"
@@ -46,7 +47,7 @@ class AlongWay:
         """Return the intent to go to the next waypoint, or to stand at the end of the way."""
         if self._begun_ns is None:
             self._begun_ns = situation.now_ns
-        if self._is_done_with(situation):
+        if self._is_finished(situation):
             self._next += 1
             self._begun_ns = situation.now_ns
         if self._repeat:
@@ -56,17 +57,17 @@ class AlongWay:
         goal_m, speed_mps = self._waypoints_m[self._next], situation.row.motion.speed_mps
         return Intent(goal_m, speed_mps, arrival_m(situation), activity="on its way")
 
-    def _is_done_with(self, situation: Situation) -> bool:
-        """Say whether the next waypoint is reached, or to be left out."""
+    def _is_finished(self, situation: Situation) -> bool:
+        """Return whether the present waypoint is reached, or to be skipped."""
         if self._next >= len(self._waypoints_m):
             return False
         goal_m = self._waypoints_m[self._next]
         if not situation.wanted(goal_m):
             return False
         under_way_s = (situation.now_ns - (self._begun_ns or 0)) / NS_PER_S
-        is_kept = situation.no_way or min(situation.blocked_s, under_way_s) > _BLOCKED_S
+        is_stuck = situation.no_way or min(situation.blocked_s, under_way_s) > _BLOCKED_S
         is_last = not self._repeat and self._next == len(self._waypoints_m) - 1
-        return situation.has_reached(goal_m) or (is_kept and not is_last)
+        return situation.has_reached(goal_m) or (is_stuck and not is_last)
 
 
 def _waypoints(given: object) -> tuple[Point, ...]:

@@ -1,4 +1,4 @@
-"""Keeping away from the robot."""
+"""The behaviour avoiding: an artefact keeps away from the robot."""
 
 import math
 from typing import ClassVar
@@ -10,7 +10,7 @@ from are_ros.agents.behaviours.situation import Intent, Point, RobotView, Situat
 from are_ros.agents.behaviours.walking import Walking, any_destination
 
 _NEAR_M, _FAR_M = 4.0, 6.0
-"""It goes away from a robot that is nearer than the first, until it is as far as the second."""
+"""The artefact moves away from a robot nearer than the first, until it is at the second."""
 _STEP_M = 2.5
 _TURNS_RAD = tuple(math.radians(turn) for turn in (0.0, 30.0, -30.0, 60.0, -60.0, 85.0, -85.0))
 _ROBOT_COMFORT_M = 1.5
@@ -20,36 +20,36 @@ _Points = npt.NDArray[np.float64]
 
 
 class Avoiding:
-    """Walks where the robot is not, and goes away from it when it comes nearer than 4 m.
+    """Walks to destinations away from the robot, and retreats when the robot is nearer than 4 m.
 
-    Going away, it never goes any nearer: its way is straight, and at most 85 degrees off the
-    direction away from the robot, where there is most room. With its back to the wall it stands.
+    It retreats on a straight line, at most 85 degrees off the direction away from the robot, so it
+    never comes nearer. Where walls leave no such line, it stands.
     """
 
     name: ClassVar[str] = "avoiding"
 
     def __init__(self) -> None:
         self._walk = Walking(_far_from_robot)
-        self._is_away_going = False
+        self._is_retreating = False
 
     def decide(self, situation: Situation) -> Intent:
-        """Return the intent to go away from the robot, or to walk on."""
+        """Return the intent to retreat from the robot, or to walk on."""
         robot = situation.robot
         if robot is None:
             return self._walk.decide(situation)
-        limit_m = _FAR_M if self._is_away_going else _NEAR_M
-        was_away_going = self._is_away_going
-        self._is_away_going = situation.distance_m(robot.point_m) < limit_m
-        if self._is_away_going:
-            return self._go_away(robot, situation)
-        if was_away_going:
+        limit_m = _FAR_M if self._is_retreating else _NEAR_M
+        was_retreating = self._is_retreating
+        self._is_retreating = situation.distance_m(robot.point_m) < limit_m
+        if self._is_retreating:
+            return self._retreat(robot, situation)
+        if was_retreating:
             self._walk.change_destination()
         return self._walk.decide(situation)
 
     @staticmethod
-    def _go_away(robot: RobotView, situation: Situation) -> Intent:
+    def _retreat(robot: RobotView, situation: Situation) -> Intent:
         motion = situation.row.motion
-        goal_m = _way_out(robot, situation)
+        goal_m = _retreat_point(robot, situation)
         if goal_m is None:
             return stand("cornered", robot.point_m)
         return Intent(
@@ -61,8 +61,8 @@ class Avoiding:
         )
 
 
-def _way_out(robot: RobotView, situation: Situation) -> Point | None:
-    """Return a point to go straight to, away from the robot; None if a wall is everywhere."""
+def _retreat_point(robot: RobotView, situation: Situation) -> Point | None:
+    """Return a point with a straight way to it, away from the robot; None if walls leave none."""
     away_rad = math.atan2(situation.me.y_m - robot.y_m, situation.me.x_m - robot.x_m)
     for step_m in (_STEP_M, 0.4 * _STEP_M):
         for turn_rad in _TURNS_RAD:
@@ -75,7 +75,7 @@ def _way_out(robot: RobotView, situation: Situation) -> Point | None:
 
 
 def _far_from_robot(situation: Situation, is_shut: npt.NDArray[np.bool_]) -> int | None:
-    """Draw a destination whose straight way leads away from the robot, or past it far enough."""
+    """Draw a destination whose straight line passes the robot at a distance, or leads away."""
     if situation.robot is None:
         return any_destination(situation, is_shut)
     robot_m = np.array(situation.robot.point_m)
@@ -88,7 +88,7 @@ def _far_from_robot(situation: Situation, is_shut: npt.NDArray[np.bool_]) -> int
 
 
 def _distances_from_ways(point_m: _Points, start_m: _Points, ends_m: _Points) -> _Points:
-    """Return how near the straight ways from a start to the ends (K, 2) come to a point: (K,)."""
+    """Return the distances (K,) [m] of a point from the segments from a start to ends (K, 2)."""
     ways_m = ends_m - start_m
     squares = np.maximum((ways_m**2).sum(axis=1), 1e-12)
     shares = np.clip(ways_m @ (point_m - start_m) / squares, 0.0, 1.0)

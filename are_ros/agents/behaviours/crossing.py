@@ -1,4 +1,4 @@
-"""Crossing the robot's path in front of it, again and again."""
+"""The behaviour crossing: an artefact repeatedly crosses the robot's path in front of it."""
 
 import math
 from typing import ClassVar
@@ -10,26 +10,26 @@ from are_ros.agents.behaviours.situation import Intent, Point, RobotView, Situat
 from are_ros.agents.behaviours.walking import Pause, Walking, any_destination, least
 from are_ros.conventions import NS_PER_S
 
-# Where the robot is going, as artefacts guess it.
+# The expected path of the robot.
 
 
 _OFF_PLAN_M = 1.5
 _IS_MOVING_MPS = 0.05
-_FOR_EVER_M = 1000.0
+_FAR_M = 1000.0
 _SAMPLE_M = 0.25
 
 
 class RobotPath:
-    """The robot's way from where it is: along its plan, then straight on for ever.
+    """The expected path of the robot from its position: along its plan, then straight on.
 
-    A plan that passes more than 1.5 m from the robot is an old one: then, and with none, the way is
-    straight on, in the direction of its motion, or of its heading while it stands.
+    A plan that passes more than 1.5 m from the robot is outdated. With an outdated plan or none,
+    the path is straight on in the direction of motion, or of the heading while the robot stands.
     """
 
     def __init__(self, robot: RobotView) -> None:
         here_m = np.array(robot.point_m)
-        points_m = np.vstack((here_m, _rest_of(robot.plan_m, here_m)))
-        end_m = points_m[-1] + _FOR_EVER_M * _last_direction(points_m, robot)
+        points_m = np.vstack((here_m, _plan_ahead(robot.plan_m, here_m)))
+        end_m = points_m[-1] + _FAR_M * _last_direction(points_m, robot)
         self._points_m = np.vstack((points_m, end_m))
         steps_m = np.diff(self._points_m, axis=0)
         self._lengths_m = np.concatenate(([0.0], np.cumsum(np.hypot(*steps_m.T))))
@@ -44,7 +44,7 @@ class RobotPath:
         return (x_m, y_m), (float(along[0]), float(along[1]))
 
     def distance_m(self, point_m: Point, within_m: float) -> float:
-        """Return how far a point is from the first `within_m` of the way, to some centimetres."""
+        """Return the distance of a point from the first `within_m` of the path, to some cm."""
         lengths_m = np.arange(0.0, within_m, _SAMPLE_M)
         x_m = np.interp(lengths_m, self._lengths_m, self._points_m[:, 0])
         y_m = np.interp(lengths_m, self._lengths_m, self._points_m[:, 1])
@@ -52,7 +52,7 @@ class RobotPath:
 
 
 def _last_direction(points_m: npt.NDArray[np.float64], robot: RobotView) -> npt.NDArray[np.float64]:
-    """Return the unit direction in which the way goes on at its end."""
+    """Return the unit direction of the path at its end."""
     if len(points_m) > 1:
         step_m = points_m[-1] - points_m[-2]
         return np.asarray(step_m / np.hypot(*step_m))
@@ -62,10 +62,10 @@ def _last_direction(points_m: npt.NDArray[np.float64], robot: RobotView) -> npt.
     return np.array((math.cos(heading_rad), math.sin(heading_rad)))
 
 
-def _rest_of(
+def _plan_ahead(
     plan_m: npt.NDArray[np.float64], here_m: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """Return the points (N, 2) of the plan that are still to come, no two in one place."""
+    """Return the points (N, 2) of the plan still ahead, without repeated ones."""
     if not len(plan_m):
         return np.empty((0, 2))
     apart_m = np.hypot(*(plan_m - here_m).T)
@@ -79,7 +79,7 @@ def _rest_of(
 
 _NEAR_M = 12.0
 _AHEAD_M = (1.5, 2.5, 4.0, 6.0, 8.0)
-"""How far in front of the robot it crosses: the first of these where it is there in time."""
+"""Distances in front of the robot at which to cross: the first that is reached in time."""
 _MARGIN_S = 1.0
 _BEYOND_M = (2.0, 1.2)
 _BLOCKED_S = 3.0
@@ -93,9 +93,9 @@ _ASIDE_NS = 6 * NS_PER_S
 class Crossing:
     """Crosses the path of the robot in front of it, pauses on the other side, and comes back.
 
-    The path is the robot's plan, or straight on. It crosses as near in front of the robot as it
-    can be a second before it. Far from the robot (12 m), or where walls are between, it walks to
-    the destination nearest to where the robot will be; with no robot it just walks.
+    The path is a `RobotPath`. The artefact crosses as near in front of the robot as it can while it
+    gets there a second earlier. If the robot is far away (12 m) or walls are in between, it walks
+    to the destination nearest to the robot's path; without a robot it walks to any destination.
     """
 
     name: ClassVar[str] = "crossing"
@@ -110,7 +110,7 @@ class Crossing:
         self._aside_ns = 0
 
     def decide(self, situation: Situation) -> Intent:
-        """Return the intent to cross, to pause where it has crossed, or to come near."""
+        """Return the intent to cross, to pause after crossing, or to approach."""
         robot = situation.robot
         if robot is None:
             self._goal_m = None
@@ -124,7 +124,7 @@ class Crossing:
         if self._goal_m is not None and self._is_over(path, situation):
             self._goal_m = None
         if self._goal_m is None and situation.now_ns >= self._aside_ns:
-            self._aim(path, robot, situation)
+            self._choose_goal(path, robot, situation)
         if self._goal_m is None:
             return self._approach(situation)
         return self._cross(self._goal_m, situation)
@@ -139,18 +139,18 @@ class Crossing:
         )
 
     def _is_over(self, path: RobotPath, situation: Situation) -> bool:
-        """Say whether the robot has passed or turned away, or something is in between."""
+        """Return whether the crossing is over: the robot has passed or turned, or it is blocked."""
         apart_m = path.distance_m(self._middle_m, _NEAR_M)
         under_way_s = (situation.now_ns - self._begun_ns) / NS_PER_S
-        is_kept = min(situation.blocked_s, under_way_s) > _BLOCKED_S
-        is_kept |= situation.no_way or under_way_s > _LONGEST_S
-        if is_kept:  # walk about for a while, or it would try the same for ever
+        is_stuck = min(situation.blocked_s, under_way_s) > _BLOCKED_S
+        is_stuck |= situation.no_way or under_way_s > _LONGEST_S
+        if is_stuck:  # walk elsewhere for a while, or the same attempt would repeat
             self._aside_ns = situation.now_ns + _ASIDE_NS
             self._walk.change_destination()
-        return is_kept or apart_m > _OFF_PATH_M
+        return is_stuck or apart_m > _OFF_PATH_M
 
-    def _aim(self, path: RobotPath, robot: RobotView, situation: Situation) -> None:
-        """Take a goal across the path, None if there is none that is seen."""
+    def _choose_goal(self, path: RobotPath, robot: RobotView, situation: Situation) -> None:
+        """Set the goal to a visible point across the path, or to None."""
         self._goal_m = None
         if situation.distance_m(robot.point_m) > _NEAR_M:
             return
@@ -167,7 +167,7 @@ class Crossing:
                 return
 
     def _approach(self, situation: Situation) -> Intent:
-        """Walk to where the robot will be; look anew every 5 s."""
+        """Walk to the robot's path; choose the destination anew every 5 s."""
         if situation.now_ns >= self._approach_ns + _APPROACH_NS:
             self._approach_ns = situation.now_ns
             self._walk.forget_destination()
@@ -175,7 +175,7 @@ class Crossing:
 
     @staticmethod
     def _destination(situation: Situation, is_shut: npt.NDArray[np.bool_]) -> int | None:
-        """Return the destination nearest to the robot's way, some metres in front of it."""
+        """Return the destination nearest to a point some metres ahead of the robot."""
         if situation.robot is None:
             return any_destination(situation, is_shut)
         ahead_m, _ = RobotPath(situation.robot).at(_AHEAD_M[2])
@@ -184,7 +184,7 @@ class Crossing:
 
 
 def _across(middle_m: Point, along: Point, bodies_m: float, situation: Situation) -> Point | None:
-    """Return a point that is seen on the other side of the path, None if none is."""
+    """Return a visible point on the other side of the path, None if there is none."""
     left = (-along[1], along[0])
     offset_m = (situation.me.x_m - middle_m[0]) * left[0]
     offset_m += (situation.me.y_m - middle_m[1]) * left[1]

@@ -1,4 +1,4 @@
-"""Following somebody, 1 m behind, and along the trail of who is out of sight."""
+"""The behaviour following: an artefact follows another one, 1 m behind it."""
 
 import math
 from collections import deque
@@ -28,17 +28,17 @@ _CATCH_UP_PER_S = 0.5
 
 
 class Following:
-    """Follows the nearest who moves, not faster than it can, 1 m behind; walks until there is one.
+    """Follows the nearest moving artefact that is not too fast, 1 m behind; else walks.
 
-    It knows the way its leader took, and takes it where the leader is out of sight. It looks for
-    another when its leader is gone, has stood for longer than its patience (15 to 40 s), or cannot
-    be followed. Of two followers only the younger follows the other, so nobody follows in a circle.
+    It stores the trail of its leader and walks along it when the leader is out of sight. It chooses
+    another leader when its leader is gone, has stood longer than its patience (15 to 40 s), or
+    cannot be followed. A follower follows only followers with lower ids, so there are no circles.
     """
 
     name: ClassVar[str] = "following"
 
     def __init__(self, leader_id: int | None = None) -> None:
-        """Follow whoever comes; or the one of this id for as long as it lives, nobody else."""
+        """Follow any artefact; with `leader_id`, only that one."""
         self._only_id = leader_id
         self._walk = Walking()
         self._leader_id: int | None = None
@@ -50,34 +50,34 @@ class Following:
         self._patience_s = 0.0
 
     def decide(self, situation: Situation) -> Intent:
-        """Return the intent to go where the leader went, to wait behind it, or to walk."""
+        """Return the intent to follow the leader, to wait behind it, or to walk."""
         leader = self._leader(situation)
         if leader is None:
             return self._walk.decide(situation)
-        self._watch(leader, situation)
+        self._note_trail(leader, situation)
         if situation.sees(*leader.point_m):
             return self._behind(leader, situation)
         return self._along_trail(leader, situation)
 
     def _leader(self, situation: Situation) -> Neighbour | None:
-        """Return whom to follow: the leader so far, else somebody new."""
+        """Return the leader, a new one if necessary, None if there is none."""
         if self._only_id is not None:
-            return self._the_one(self._only_id, situation)
+            return self._fixed_leader(self._only_id, situation)
         leader = None
         if self._leader_id is not None:
             leader = situation.neighbour(self._leader_id)
-            if leader is None or self._is_tired(situation):
+            if leader is None or self._gives_up(situation):
                 self._left_id, self._left_ns = self._leader_id, situation.now_ns
                 self._leader_id = leader = None
         if leader is None:
-            found = situation.fellows_within(_LOOKED_FOR_WITHIN_M)
+            found = situation.neighbours_within(_LOOKED_FOR_WITHIN_M)
             leader = next((f for f in found if self._may_lead(f, situation)), None)
             if leader is not None:
                 self._begin(leader, situation)
         return leader
 
-    def _the_one(self, leader_id: int, situation: Situation) -> Neighbour | None:
-        """Return the only one that it follows, None if that one does not live."""
+    def _fixed_leader(self, leader_id: int, situation: Situation) -> Neighbour | None:
+        """Return the leader given at construction, None if it is not alive."""
         leader = situation.neighbour(leader_id)
         if leader is not None and self._leader_id is None:
             self._begin(leader, situation)
@@ -97,16 +97,16 @@ class Following:
         self._since_ns = self._moved_ns = situation.now_ns
         self._patience_s = situation.drawn_between(*_PATIENCE_S)
 
-    def _is_tired(self, situation: Situation) -> bool:
+    def _gives_up(self, situation: Situation) -> bool:
         followed_s = (situation.now_ns - self._since_ns) / NS_PER_S
         stood_s = (situation.now_ns - self._moved_ns) / NS_PER_S
-        # What keeps it from going on may be older than its following.
-        is_kept = min(situation.blocked_s, followed_s) > _BLOCKED_S
+        # The obstruction may be older than the following.
+        is_stuck = min(situation.blocked_s, followed_s) > _BLOCKED_S
         cannot = situation.no_way and followed_s > 0.0
-        return stood_s > self._patience_s or is_kept or cannot
+        return stood_s > self._patience_s or is_stuck or cannot
 
-    def _watch(self, leader: Neighbour, situation: Situation) -> None:
-        """Keep the leader's trail, one point every 0.3 m or more."""
+    def _note_trail(self, leader: Neighbour, situation: Situation) -> None:
+        """Store the leader's position, one point every 0.3 m or more."""
         if leader.speed_mps > _IS_STANDING_MPS:
             self._moved_ns = situation.now_ns
         trail = self._trail
@@ -114,7 +114,7 @@ class Following:
             trail.append(leader.point_m)
 
     def _behind(self, leader: Neighbour, situation: Situation) -> Intent:
-        """Go to the point of the leader's way that is as far behind it as the gap."""
+        """Go to the point of the trail that is one gap behind the leader."""
         keep_m = GAP_M + leader.radius_m + situation.me.radius_m
         goal_m = self._point_behind(leader, keep_m)
         apart_m = situation.distance_m(leader.point_m)
@@ -134,7 +134,7 @@ class Following:
         )
 
     def _point_behind(self, leader: Neighbour, keep_m: float) -> Point:
-        """Return the point of the trail that is nearest to `keep_m` before its end."""
+        """Return the point `keep_m` behind the leader, on its trail."""
         here_m = leader.point_m
         far = next((at for at in reversed(self._trail) if math.dist(at, here_m) >= keep_m), None)
         if far is None:
@@ -148,37 +148,37 @@ class Following:
         return _on_line(here_m, far, keep_m)
 
     def _along_trail(self, leader: Neighbour, situation: Situation) -> Intent:
-        """Go to the newest point of the trail that is seen, else plan a way to the oldest."""
+        """Go to the newest visible point of the trail, else plan a way to the oldest."""
         trail = self._trail
         newest = next((k for k in range(len(trail) - 1, -1, -1) if situation.sees(*trail[k])), 0)
         for _ in range(newest):
             trail.popleft()
         while len(trail) > 1 and situation.distance_m(trail[0]) <= ARRIVE_WITHIN_M:
-            trail.popleft()  # it is there, and would stand if that were its goal
+            trail.popleft()  # reached already; the artefact would stop there
         speed_mps = self._speed_mps(leader, situation.distance_m(leader.point_m), situation)
         is_seen = situation.sees(*trail[0])
         return Intent(trail[0], speed_mps, activity=_activity(leader), is_moving_goal=is_seen)
 
     def _speed_mps(self, leader: Neighbour, behind_m: float, situation: Situation) -> float:
-        """Return the leader's speed, and some more to catch up."""
+        """Return the leader's speed, plus some to catch up."""
         wanted_mps = leader.speed_mps + _CATCH_UP_PER_S * behind_m
         least_mps = 0.3 * situation.row.motion.speed_mps
         return min(max(wanted_mps, least_mps), _fastest_mps(situation))
 
 
 def _fastest_mps(situation: Situation) -> float:
-    """Return how fast it goes when it hurries."""
+    """Return the speed of a follower that catches up."""
     motion = situation.row.motion
     return min(_HURRY * motion.speed_mps, motion.top_speed_mps)
 
 
 def _activity(leader: Neighbour, *, is_there: bool = False) -> str:
-    """Say whom it follows, or behind whom it waits for him to go on."""
+    """Return the activity, which names the leader."""
     return f"{'waiting behind' if is_there else 'following'} artefact {leader.id}"
 
 
 def _is_in_the_way(leader: Neighbour, situation: Situation) -> bool:
-    """Say whether the leader comes on towards the follower."""
+    """Return whether the leader comes towards the follower."""
     dx_m, dy_m = situation.me.x_m - leader.x_m, situation.me.y_m - leader.y_m
     along = dx_m * leader.vx_mps + dy_m * leader.vy_mps
     return along > 0.7 * math.hypot(dx_m, dy_m) * leader.speed_mps > 0.0

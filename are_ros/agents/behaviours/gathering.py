@@ -1,4 +1,4 @@
-"""Gathering: meeting others at a place, standing in a ring, and going apart again."""
+"""The behaviour gathering: artefacts meet at a destination, stand in a ring, and part again."""
 
 import math
 from collections import Counter
@@ -26,12 +26,12 @@ _HOSTING = _WAITING, _TALKING = "waiting", "talking"
 
 
 class Gathering:
-    """Goes to a place to meet others, stands there in a ring facing the middle, and moves on.
+    """Walks to a meeting, stands there in a ring facing the middle, and moves on.
 
-    Those who gather share no plan. Who sees others stand gathered, or one wait, within 25 m joins
-    them at the destination nearest to them, as long as they are fewer than seven; else it draws a
-    destination, and waits there for 8 to 20 s. It stands with others for 15 to 40 s, walks to
-    another place, and begins anew.
+    The members of a meeting share no plan. If others wait or talk within 25 m and are fewer than
+    seven, the artefact joins them at the destination nearest to them. Else it draws a destination,
+    and waits there for 8 to 20 s. It stays with others for 15 to 40 s, walks to another
+    destination, and begins anew.
     """
 
     name: ClassVar[str] = "gathering"
@@ -47,7 +47,7 @@ class Gathering:
     def decide(self, situation: Situation) -> Intent:
         """Return the intent to go to a meeting, to stand in its ring, or to part."""
         if self._until_ns is not None:
-            self._keep_company(situation)
+            self._update_company(situation)
         if self._until_ns is None:
             return self._on_the_way(situation)
         return self._in_ring(situation)
@@ -67,13 +67,13 @@ class Gathering:
         return self._walk_to(middle_m, situation)
 
     def _choose(self, situation: Situation, is_shut: npt.NDArray[np.bool_]) -> int | None:
-        """Return the place where others are, else draw one."""
+        """Return the destination of a meeting, else draw one."""
         hosts = Counter() if self._is_parting else _hosts_by_place(situation)
         hosted = _with_room(hosts, is_shut)
         return any_destination(situation, is_shut) if hosted is None else hosted
 
     def _join(self, situation: Situation) -> None:
-        """Change to where others are already, if nobody is where it is going."""
+        """Change to a meeting that exists, if there is none at the present destination."""
         goal_m = self._trip.goal_m
         if goal_m is None:
             return
@@ -85,16 +85,16 @@ class Gathering:
                 self._slot_m = None
 
     def _to_ring(self, middle_m: Point, situation: Situation) -> Intent:
-        """Go to a free slot in the ring; give the place up if others have taken them all."""
+        """Go to a free place in the ring; give up the meeting if none is free."""
         if situation.has_reached(self._slot_m):
             self._settle(situation)
             return self._in_ring(situation)
-        is_kept = situation.no_way or situation.blocked_s > _BLOCKED_S
-        is_kept &= situation.wanted(self._slot_m)
+        is_stuck = situation.no_way or situation.blocked_s > _BLOCKED_S
+        is_stuck &= situation.wanted(self._slot_m)
         if self._slot_m is None:
             self._came_ns = situation.now_ns
-        if self._slot_m is None or is_kept or not _is_free(self._slot_m, situation):
-            self._slot_m = _slot(middle_m, situation, self._slot_m if is_kept else None)
+        if self._slot_m is None or is_stuck or not _is_free(self._slot_m, situation):
+            self._slot_m = _slot(middle_m, situation, self._slot_m if is_stuck else None)
         is_late = situation.now_ns - self._came_ns > _LONGEST_NS
         if self._slot_m is None and _is_vacant(middle_m, situation):
             return self._to_middle(middle_m, situation)
@@ -105,7 +105,7 @@ class Gathering:
         return self._to_slot(self._slot_m, "walking", situation)
 
     def _to_middle(self, middle_m: Point, situation: Situation) -> Intent:
-        """Walk on where no slot is seen from here; stand in the middle where there is none."""
+        """Walk to the middle while no place in the ring is visible; stand there if none is."""
         if situation.has_reached(middle_m):
             self._slot_m = situation.point_m
             self._settle(situation)
@@ -115,14 +115,14 @@ class Gathering:
     def _settle(self, situation: Situation) -> None:
         self._is_alone = True
         self._wait(_ALONE_S, situation)
-        self._keep_company(situation)
+        self._update_company(situation)
 
     def _wait(self, span_s: tuple[float, float], situation: Situation) -> None:
         self._until_ns = situation.now_ns + seconds_to_ns(situation.drawn_between(*span_s))
 
-    def _keep_company(self, situation: Situation) -> None:
-        """See who else is there, and go when the time is up or the others are gone."""
-        others = situation.fellows_within(_NEAR_M, self.name, _HOSTING)
+    def _update_company(self, situation: Situation) -> None:
+        """Count the others, and leave when the time is up or the others have left."""
+        others = situation.neighbours_within(_NEAR_M, self.name, _HOSTING)
         is_first_met = self._is_alone and bool(others)
         if is_first_met:
             self._is_alone = False
@@ -134,7 +134,7 @@ class Gathering:
             self._trip.give_up()
 
     def _in_ring(self, situation: Situation) -> Intent:
-        """Stand facing the middle; go back to the slot when pushed away."""
+        """Stand facing the middle; return to the place in the ring after a displacement."""
         activity = _WAITING if self._is_alone else _TALKING
         if self._slot_m is not None and situation.distance_m(self._slot_m) > _DRIFT_M:
             return self._to_slot(self._slot_m, activity, situation)
@@ -152,8 +152,10 @@ class Gathering:
 
 
 def _hosts_by_place(situation: Situation) -> Counter[int]:
-    """Count those who stand gathered, by the destination nearest to them, nearest host first."""
-    from are_ros.agents.neighbours import nearest_of  # late: reading a catalogue is quick
+    """Count the artefacts in meetings by their nearest destination, the nearest one first."""
+    from are_ros.agents.neighbours import (
+        nearest_of,
+    )  # imported late, so that reading a catalogue loads no numba
 
     places_m = situation.places.destinations_m
     hosts_m = situation.points_within(_MET_WITHIN_M, Gathering.name, _HOSTING)
@@ -168,12 +170,12 @@ def _place(situation: Situation, index: int) -> Point:
 
 
 def _with_room(hosts: Counter[int], is_shut: npt.NDArray[np.bool_]) -> int | None:
-    """Return where the nearest are with whom there is room, None if there are none."""
+    """Return the destination of the nearest meeting with room, None if there is none."""
     return next((p for p, n in hosts.items() if n < _LARGEST_GROUP and not is_shut[p]), None)
 
 
 def _slot(middle_m: Point, situation: Situation, but_m: Point | None) -> Point | None:
-    """Return the free slot of the ring that is nearest, another than `but_m`."""
+    """Return the nearest free place in the ring except `but_m`, None if there is none."""
     radius_m = max(_RING_M, 2.0 * situation.me.radius_m)
     bearing_rad = math.atan2(situation.me.y_m - middle_m[1], situation.me.x_m - middle_m[0])
     for number in range(_SLOTS):
@@ -190,14 +192,14 @@ def _slot(middle_m: Point, situation: Situation, but_m: Point | None) -> Point |
 
 
 def _is_vacant(middle_m: Point, situation: Situation) -> bool:
-    """Say whether nobody stands gathered about a place."""
+    """Return whether there is no meeting about a point."""
     within_m = situation.distance_m(middle_m) + _NEAR_M
-    hosts = situation.fellows_within(within_m, Gathering.name, _HOSTING)
+    hosts = situation.neighbours_within(within_m, Gathering.name, _HOSTING)
     return all(math.dist(host.point_m, middle_m) > _NEAR_M for host in hosts)
 
 
 def _is_free(slot_m: Point, situation: Situation) -> bool:
-    """Say whether nobody stands there."""
-    mine_m = situation.me.radius_m + _GAP_M
-    near = situation.fellows_within(situation.distance_m(slot_m) + _NEAR_M)
-    return all(math.dist(f.point_m, slot_m) >= f.radius_m + mine_m for f in near)
+    """Return whether no artefact stands at a place in the ring."""
+    own_m = situation.me.radius_m + _GAP_M
+    near = situation.neighbours_within(situation.distance_m(slot_m) + _NEAR_M)
+    return all(math.dist(other.point_m, slot_m) >= other.radius_m + own_m for other in near)

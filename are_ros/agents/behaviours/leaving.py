@@ -1,4 +1,4 @@
-"""Leaving: on the way out of the map."""
+"""The behaviour leaving: an artefact walks to an exit after the end of its life."""
 
 import math
 from typing import ClassVar
@@ -13,10 +13,10 @@ _BLOCKED_S = 12.0
 
 
 class Leaving:
-    """Goes to the nearest exit, and when kept from it to the next; `has_left` when it is at any.
+    """Walks to the nearest exit, to the next one when it is blocked; `has_left` at any exit.
 
-    Where the map has no exits, destinations take their place: the one farthest from the robot
-    first, or the one farthest from itself if the robot is unknown.
+    Where the map has no exits, destinations take their place: first the one farthest from the
+    robot, or from the artefact itself if the robot is unknown.
     """
 
     name: ClassVar[str] = "leaving"
@@ -29,8 +29,8 @@ class Leaving:
         self._begun_ns = 0
 
     def decide(self, situation: Situation) -> Intent:
-        """Return the intent to go out, or to stand: it is out, or there is no way."""
-        self._look_back(situation)
+        """Return the intent to walk to an exit, or to stand if it is there or there is no way."""
+        self._update(situation)
         if self.has_left:
             return stand("left")
         if self._goal_m is None:
@@ -41,8 +41,8 @@ class Leaving:
         speed_mps = situation.row.motion.speed_mps
         return Intent(self._goal_m, speed_mps, arrival_m(situation), activity=self.name)
 
-    def _look_back(self, situation: Situation) -> None:
-        """See what became of the last intent."""
+    def _update(self, situation: Situation) -> None:
+        """Evaluate the outcome of the last intent."""
         goal_m = self._goal_m
         if goal_m is None or not situation.wanted(goal_m):
             return
@@ -56,19 +56,19 @@ class Leaving:
             self._tried_m, self._goal_m = goal_m, None
 
     def _next_exit(self, situation: Situation) -> Point | None:
-        """Return the best exit that can be reached, another than the last one if there is one."""
-        open_m = [point for point in _ways_out(situation) if point not in self._unreachable_m]
+        """Return the best reachable exit, except the last one if there is another."""
+        open_m = [point for point in _exits(situation) if point not in self._unreachable_m]
         others_m = [point for point in open_m if point != self._tried_m]
         return next(iter(others_m or open_m), None)
 
 
 def _is_at_exit(situation: Situation) -> bool:
-    """Say whether any exit is as near as if it had been the goal: others may stand at that one."""
+    """Return whether the artefact is at any exit: others may stand at the one it chose."""
     offsets_m = situation.places.exits_m - np.array(situation.point_m)
     return bool((np.hypot(offsets_m[:, 0], offsets_m[:, 1]) <= arrival_m(situation)).any())
 
 
-def _ways_out(situation: Situation) -> list[Point]:
+def _exits(situation: Situation) -> list[Point]:
     """Return exits, the nearest first; without any, destinations, the farthest first."""
     exits_m = _points(situation.places.exits_m.tolist())
     if exits_m:

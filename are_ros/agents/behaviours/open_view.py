@@ -1,4 +1,4 @@
-"""A view for trying a behaviour out: a few fellows in a plane with a few walls, or none."""
+"""A simple view to try a behaviour with: a few neighbours in a plane, with a few walls or none."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -11,16 +11,16 @@ from are_ros.agents.behaviours.situation import Neighbour, Point
 
 @dataclass(frozen=True)
 class OpenView:
-    """Those who are there, and walls as pairs of end points, map frame [m].
+    """Neighbours, and walls as pairs of end points, map frame [m].
 
-    A straight way is clear if it crosses no wall; the width of bodies is left out.
+    A straight way is clear if it crosses no wall; the width of bodies is ignored.
     """
 
     neighbours: Sequence[Neighbour] = ()
     walls_m: Sequence[tuple[Point, Point]] = ()
 
     def neighbour(self, artefact_id: int) -> Neighbour | None:
-        """Return who has this id."""
+        """Return the neighbour of this id, None if there is none."""
         return next(
             (neighbour for neighbour in self.neighbours if neighbour.id == artefact_id), None
         )
@@ -33,12 +33,12 @@ class OpenView:
         behaviour: str = "",
         activities: Collection[str] = (),
     ) -> Sequence[Neighbour]:
-        """Return those in the closed disc (who do this or that), the nearest first, then by id."""
-        asked = [f for f in self.neighbours if behaviour in {"", f.behaviour}]
+        """Return the neighbours in the closed disc, the nearest first, then by id."""
+        chosen = [f for f in self.neighbours if behaviour in {"", f.behaviour}]
         if activities:
-            asked = [f for f in asked if f.activity in activities]
-        squares = {f.id: (f.x_m - x_m) ** 2 + (f.y_m - y_m) ** 2 for f in asked}
-        inside = [f for f in asked if squares[f.id] <= radius_m**2]
+            chosen = [f for f in chosen if f.activity in activities]
+        squares = {f.id: (f.x_m - x_m) ** 2 + (f.y_m - y_m) ** 2 for f in chosen}
+        inside = [f for f in chosen if squares[f.id] <= radius_m**2]
         return sorted(inside, key=lambda f: (squares[f.id], f.id))
 
     def points_within(
@@ -50,12 +50,12 @@ class OpenView:
         activities: Collection[str],
         but_id: int,
     ) -> npt.NDArray[np.float64]:
-        """Return where those are whom `within` returns, but for one."""
+        """Return the positions (M, 2) of what `within` returns, except that of one id."""
         found = self.within(x_m, y_m, radius_m, behaviour, activities)
         return np.array([f.point_m for f in found if f.id != but_id]).reshape(-1, 2)
 
     def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:
-        """Say whether the segment to a point crosses no wall."""
+        """Return whether the segment to a point crosses no wall."""
         here, there = (me.x_m, me.y_m), (x_m, y_m)
         return not any(_cross(here, there, start, end) for start, end in self.walls_m)
 

@@ -1,4 +1,4 @@
-"""Behaviours by name: those of are_ros, and the user's own as `module:Class`."""
+"""Behaviours by name: those of are_ros, and user-defined ones as `module:Class`."""
 
 import inspect
 from collections.abc import Callable, Mapping
@@ -6,8 +6,8 @@ from importlib import import_module
 from typing import Any, Final
 
 from are_ros.agents.behaviours.along_way import AlongWay
-from are_ros.agents.behaviours.asking import NOBODY, Asked, made
 from are_ros.agents.behaviours.avoiding import Avoiding
+from are_ros.agents.behaviours.calls import NO_CALL, BehaviourCall, new_behaviour
 from are_ros.agents.behaviours.crossing import Crossing
 from are_ros.agents.behaviours.following import Following
 from are_ros.agents.behaviours.gathering import Gathering
@@ -33,20 +33,20 @@ _PLAIN: Final[Mapping[str, type[Behaviour]]] = {
         Leaving,
     )
 }
-"""Those that are made without options."""
+"""Behaviours without options."""
 
 BEHAVIOURS: Final = (*_PLAIN, AlongWay.name)
-"""Names of what an artefact may be doing (the set B of section 3.2), the user's own apart."""
+"""Names of the behaviours (the set B of section 3.2), without user-defined ones."""
 
 
 def make_behaviour(
-    name: str, options: Mapping[str, Any] | None = None, asked: Asked = NOBODY
+    name: str, options: Mapping[str, Any] | None = None, call: BehaviourCall = NO_CALL
 ) -> Behaviour:
-    """Return a new behaviour, for one artefact: a name of `BEHAVIOURS`, or `module:Class`.
+    """Return a new behaviour for one artefact, by a name of `BEHAVIOURS` or as `module:Class`.
 
-    along_way takes options, see `AlongWay.of`, and following takes the id of its leader.
-    CatalogueError, one sentence, if there is no such behaviour, or if it does not take these;
-    BehaviourError, about whom it is made for, if one of the user's own raises.
+    along_way takes options, see `AlongWay.of`, and following takes the id of its leader. Raises
+    CatalogueError if there is no such behaviour or it does not take these options, BehaviourError
+    if the constructor of a user-defined class raises; `call` names the artefact in the message.
     """
     if name == AlongWay.name:
         return AlongWay.of(options or {})
@@ -56,13 +56,13 @@ def make_behaviour(
         raise CatalogueError(
             f"{name} takes no options, but {', '.join(map(str, options))} is given"
         )
-    return made(_class_named(name), asked)
+    return new_behaviour(_class_named(name), call)
 
 
 def why_not(name: str, speed_mps: float = 1.0) -> str | None:
-    """Say why an artefact of this speed cannot be given this behaviour by name; None if it can.
+    """Return why an artefact of this speed cannot have this behaviour, None if it can.
 
-    The sentence goes on from the name: "is not known; ...".
+    The text continues a sentence that begins with the name: "is not known; ...".
     """
     if name == AlongWay.name:
         return "needs waypoints, which only a scenario gives"
@@ -72,12 +72,12 @@ def why_not(name: str, speed_mps: float = 1.0) -> str | None:
         except CatalogueError as refusal:
             return str(refusal).removeprefix(f"{name} ")
     if speed_mps <= 0.0 and name != Standing.name:
-        return "is for what moves, but motion.speed_mps is 0, so it can only be standing"
+        return "needs an artefact that moves, but motion.speed_mps is 0: only standing is possible"
     return None
 
 
 def _class_named(name: str) -> type[Behaviour]:
-    """Return the class; the refusals of CatalogueError begin with the name."""
+    """Return the class; a CatalogueError begins with the name."""
     if name in _PLAIN:
         return _PLAIN[name]
     module_name, colon, class_name = name.partition(":")
@@ -86,7 +86,7 @@ def _class_named(name: str) -> type[Behaviour]:
         raise CatalogueError(f"{name} is not known; known are {known}, and module:Class")
     try:
         found = getattr(import_module(module_name), class_name)
-    except Exception as cause:  # whatever a module of the user's raises
+    except Exception as cause:  # whatever user code raises
         reason = f"{type(cause).__name__}: {cause}".splitlines()[0]
         raise CatalogueError(f"{name} cannot be imported ({reason})") from cause
     _check_class(name, found)
@@ -95,21 +95,21 @@ def _class_named(name: str) -> type[Behaviour]:
 
 
 def _check_class(name: str, found: object) -> None:
-    """Refuse what is no behaviour."""
+    """Raise CatalogueError if an object is no behaviour class."""
     if not isinstance(found, type):
         raise CatalogueError(f"{name} is no class")
     if not isinstance(getattr(found, "name", None), str):
         raise CatalogueError(f"{name} has no class attribute name that is a text")
     if not callable(getattr(found, "decide", None)):
         raise CatalogueError(f"{name} has no method decide")
-    _check_takes(found, (), f"{name} is not made without arguments")
+    _check_takes(found, (), f"{name} cannot be constructed without arguments")
     decide = inspect.getattr_static(found, "decide")
     if inspect.isfunction(decide):
         _check_takes(decide, (None, None), f"{name} has a decide that does not take a situation")
 
 
 def _check_takes(function: Callable[..., Any], arguments: tuple[None, ...], refusal: str) -> None:
-    """Refuse what cannot be called with so many arguments."""
+    """Raise CatalogueError if a function cannot be called with so many arguments."""
     try:
         inspect.signature(function).bind(*arguments)
     except (TypeError, ValueError) as cause:

@@ -1,4 +1,7 @@
-"""What one artefact knows when it decides: itself, the others, the robot and the places."""
+"""The interface of behaviours: what an artefact knows, and what it wants.
+
+Once per decision period, a `Behaviour` turns a `Situation` into an `Intent`.
+"""
 
 import math
 from collections.abc import Collection, Sequence
@@ -8,14 +11,10 @@ from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.navigation.destinations import Destinations
 from are_ros.population.catalogue import CatalogueRow
 
 if TYPE_CHECKING:
-    pass
-
-
-# What an artefact wants until its next decision, and the interface of whatever decides it.
+    from are_ros.agents.navigation.destinations import Destinations
 
 
 Point = tuple[float, float]
@@ -23,18 +22,18 @@ Point = tuple[float, float]
 
 
 ARRIVE_WITHIN_M: Final = 0.4
-"""How near a goal one has arrived, unless an intent says otherwise."""
+"""Within this distance a goal counts as reached, unless the intent gives another."""
 
 
 @dataclass(frozen=True, slots=True)
 class Intent:
-    """Where an artefact wants to be, map frame; a goal of None means that it stands.
+    """Where an artefact wants to be, in the map frame; with a goal of None it stands.
 
-    It goes at `speed_mps` at most, and has arrived within `arrive_within_m` of the goal. While it
-    stands it turns to face `face_m`, if given. `activity` says in a word or two what it is doing,
-    for the ground truth and the pictures. With `is_moving_goal` no whole way is planned: it goes
-    straight on while the goal is seen; a goal that is new in each decision should be such a one.
-    `robot_comfort_m` is the distance kept from the robot where possible, None: the usual one.
+    Its speed is at most `speed_mps`; the goal is reached within `arrive_within_m`. While it stands
+    it turns to face `face_m`, if given. `activity` names in a word or two what it does, for the
+    ground truth and the pictures. With `is_moving_goal` it moves straight towards the goal while no
+    wall is in between, and no way is planned; use it for goals that change at each decision.
+    `robot_comfort_m` is the distance to the robot kept where possible (None: the type's own).
     """
 
     goal_m: Point | None
@@ -47,28 +46,28 @@ class Intent:
 
 
 class Behaviour(Protocol):
-    """Decides for one artefact; each artefact has an instance of its own, which may keep state.
+    """Decides for one artefact; each artefact has its own instance, which may keep state.
 
-    The class is made without arguments. Its choices depend on nothing but the situations: random
+    The class is constructed without arguments. Decisions may depend on the situations only: random
     numbers come from `situation.random`, the time from `situation.now_ns`.
     """
 
     name: ClassVar[str]
 
     def decide(self, situation: "Situation") -> Intent:
-        """Return what the artefact wants now; called once in each decision period (1 s)."""
+        """Return the intent of the artefact; called once per decision period (1 s)."""
 
 
 def stand(activity: str, face_m: Point | None = None) -> Intent:
-    """Return the intent to stand, facing a point or as it is."""
+    """Return the intent to stand, facing a point if one is given."""
     return Intent(None, 0.0, face_m=face_m, activity=activity)
 
 
 class Neighbour(NamedTuple):
-    """An artefact as others see it: pose and velocity on the ground, map frame.
+    """An artefact as others see it: pose and velocity on the ground, in the map frame.
 
-    `radius_m` is that of the circle about (x, y) that holds its body. `behaviour` names what it
-    does in its life, `activity` what its last intent said.
+    `radius_m` is the radius of a circle about (x, y) that contains its body. `activity` is that of
+    its last intent.
     """
 
     id: int
@@ -85,18 +84,18 @@ class Neighbour(NamedTuple):
 
     @property
     def point_m(self) -> Point:
-        """Where it is."""
+        """Its position (x, y) [m]."""
         return self.x_m, self.y_m
 
     @property
     def speed_mps(self) -> float:
-        """How fast it is."""
+        """Its speed [m/s]."""
         return math.hypot(self.vx_mps, self.vy_mps)
 
 
 @dataclass(frozen=True, eq=False)
 class RobotView:
-    """The robot as artefacts see it: pose and velocity of its base, map frame.
+    """The robot as artefacts see it: pose and velocity of its base, in the map frame.
 
     `plan_m` is float64 (N, 2), the path it last published, empty if there is none.
     """
@@ -111,17 +110,17 @@ class RobotView:
 
     @property
     def point_m(self) -> Point:
-        """Where it is."""
+        """Its position (x, y) [m]."""
         return self.x_m, self.y_m
 
     @property
     def speed_mps(self) -> float:
-        """How fast it is."""
+        """Its speed [m/s]."""
         return math.hypot(self.vx_mps, self.vy_mps)
 
 
 class View(Protocol):
-    """Everybody and the walls, as of one instant, asked by each artefact that decides then."""
+    """All artefacts and the walls at one instant; the artefacts that decide then query it."""
 
     def neighbour(self, artefact_id: int) -> Neighbour | None:
         """Return an artefact that is alive, None if it is not."""
@@ -134,9 +133,9 @@ class View(Protocol):
         behaviour: str = "",
         activities: Collection[str] = (),
     ) -> Sequence[Neighbour]:
-        """Return those whose (x, y) is at most this far from a point, the nearest first.
+        """Return the artefacts whose (x, y) is within a radius of a point, the nearest first.
 
-        Of one behaviour, if it is given, and at one of these activities, if any are.
+        With `behaviour` and `activities`, only those with that behaviour and one of the activities.
         """
 
     def points_within(
@@ -148,26 +147,26 @@ class View(Protocol):
         activities: Collection[str],
         but_id: int,
     ) -> npt.NDArray[np.float64]:
-        """Return where those are, float64 (M, 2), whom `within` returns, but for one."""
+        """Return the positions, float64 (M, 2), of what `within` returns, except one id."""
 
     def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:
-        """Say whether this artefact could go straight on to a point, were nobody in its way."""
+        """Return whether walls leave this artefact a straight way to a point."""
 
 
 class Situation(NamedTuple):
     """What one artefact knows at one decision epoch.
 
-    `left_s` is what is left of its life, None if that is not known. `random` is its own stream.
-    `last` is its last intent, None at the first decision, and the four after it are about that:
-    whether its goal is reached, how long [s] and by what ("a wall", "artefact 12", "the robot"; ""
-    where it shunts and gets nowhere) it has been kept from going on, and whether no way leads
-    there.
+    `places` are the destinations that it can reach. `random` is its own stream. `left_s` is the
+    rest of its life [s], None if that is not known. `last` is its last intent, None at the first
+    decision. The fields after it are the outcome of that intent: whether its goal is reached, for
+    how long [s] and by what the artefact is blocked ("a wall", "artefact 12", "the robot"; "" if it
+    manoeuvres without progress), and whether no way leads to the goal.
     """
 
     now_ns: int
     me: Neighbour
     row: CatalogueRow
-    places: Destinations
+    places: "Destinations"
     random: np.random.Generator
     view: View
     robot: RobotView | None = None
@@ -180,20 +179,20 @@ class Situation(NamedTuple):
 
     @property
     def point_m(self) -> Point:
-        """Where the artefact is."""
+        """The position (x, y) of the artefact [m]."""
         return self.me.x_m, self.me.y_m
 
     def neighbour(self, artefact_id: int) -> Neighbour | None:
-        """Return another artefact, None if it lives no more."""
+        """Return another artefact, None if it is not alive."""
         return self.view.neighbour(artefact_id)
 
-    def fellows_within(
+    def neighbours_within(
         self, radius_m: float, behaviour: str = "", activities: Collection[str] = ()
     ) -> list[Neighbour]:
-        """Return the others whose (x, y) is at most this far away, the nearest first.
+        """Return the others whose (x, y) is within a radius, the nearest first.
 
-        Of one behaviour, and at one of these activities, if they are given: in a crowd that is
-        much faster than to look at everybody.
+        With `behaviour` and `activities`, only those with that behaviour and one of the activities:
+        in a crowd that is much faster than to look at all.
         """
         me = self.me
         found = self.view.within(me.x_m, me.y_m, radius_m, behaviour, activities)
@@ -202,23 +201,20 @@ class Situation(NamedTuple):
     def points_within(
         self, radius_m: float, behaviour: str, activities: Collection[str] = ()
     ) -> npt.NDArray[np.float64]:
-        """Return where the others of one behaviour are, float64 (M, 2), as `fellows_within`.
-
-        That is much faster than to look at each.
-        """
+        """Return the positions, float64 (M, 2), of what `neighbours_within` returns."""
         me = self.me
         return self.view.points_within(me.x_m, me.y_m, radius_m, behaviour, activities, me.id)
 
     def sees(self, x_m: float, y_m: float) -> bool:
-        """Say whether no wall is in the straight way to a point."""
+        """Return whether no wall is in the straight way to a point."""
         return self.view.sees(self.me, x_m, y_m)
 
     def wanted(self, goal_m: Point | None) -> bool:
-        """Say whether this was the goal of the last intent; None was not."""
+        """Return whether this was the goal of the last intent; never true for None."""
         return self.last is not None and goal_m is not None and self.last.goal_m == goal_m
 
     def has_reached(self, goal_m: Point | None) -> bool:
-        """Say whether this was the goal of the last intent, and it has arrived there."""
+        """Return whether this was the goal of the last intent, and it is reached."""
         if self.last is None or goal_m is None or self.last.goal_m != goal_m:
             return False
         return self.arrived or self.distance_m(goal_m) <= self.last.arrive_within_m
@@ -234,5 +230,5 @@ class Situation(NamedTuple):
         return int(indices[stream.integers(len(indices))])
 
     def distance_m(self, point_m: Point) -> float:
-        """Return how far away a point is."""
+        """Return the distance of a point [m]."""
         return math.hypot(point_m[0] - self.me.x_m, point_m[1] - self.me.y_m)

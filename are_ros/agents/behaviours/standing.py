@@ -1,4 +1,4 @@
-"""Standing: what cannot move, and what does not care to."""
+"""The behaviour standing."""
 
 from typing import ClassVar
 
@@ -6,10 +6,10 @@ from are_ros.agents.behaviours.situation import Intent, Situation, stand
 
 
 class Standing:
-    """Stays where it arrived, as it stood then."""
+    """Stays at its arrival pose."""
 
     name: ClassVar[str] = "standing"
 
-    def decide(self, situation: Situation) -> Intent:  # noqa: ARG002 - nothing can change its mind
+    def decide(self, situation: Situation) -> Intent:  # noqa: ARG002 - it always stands
         """Return the intent to stand."""
         return stand("standing")

@@ -1,4 +1,7 @@
-"""Going from one destination to the next: walking, and what differs from it in a few numbers."""
+"""The behaviour walking, from destination to destination, and its variants.
+
+Running, driving, wandering and stopping differ from it in a few numbers.
+"""
 
 from collections import deque
 from collections.abc import Callable
@@ -10,25 +13,24 @@ import numpy.typing as npt
 from are_ros.agents.behaviours.situation import Intent, Point, Situation, stand
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 
-# Trips: a destination at a time, and another one when it is reached or cannot be.
+# Trips: one destination at a time.
 
 
 LONGEST_TRIP_M: Final = 40.0
-"""Destinations farther away than this are chosen only where there is no nearer one."""
+"""A destination farther away than this is chosen only if there is no nearer one."""
 _SHORTEST_TRIP_M = 3.0
 _LEAST_TRIP_M = 1.0
 _REMEMBERED = 3
 _PATIENCE_S = (5.0, 12.0)
 
 Choose = Callable[[Situation, npt.NDArray[np.bool_]], int | None]
-"""(situation, bool (K,): the destinations not to be chosen) -> index of a destination, or None."""
+"""(situation, bool (K,): the destinations not to choose) -> index of a destination, or None."""
 
 
 def any_destination(situation: Situation, is_shut: npt.NDArray[np.bool_]) -> int | None:
-    """Draw one of the open destinations 3 to 40 m away.
+    """Draw one of the destinations 3 to 40 m away.
 
-    Without any it is the nearest of those farther away, else the farthest of those nearer, but for
-    those less than 1 m away.
+    If there is none, return the nearest one farther away, else the farthest one between 1 and 3 m.
     """
     distances_m = distances_to_destinations(situation)
     near = distances_m < _SHORTEST_TRIP_M
@@ -49,73 +51,73 @@ def distances_to_destinations(situation: Situation) -> npt.NDArray[np.float64]:
 
 
 def least(costs: npt.NDArray[np.float64]) -> int | None:
-    """Return the index of the least cost that is finite, of several the first; None if none is."""
+    """Return the index of the least finite cost, the first of equal ones; None if there is none."""
     best = int(costs.argmin()) if costs.size else 0
     return best if costs.size and np.isfinite(costs[best]) else None
 
 
 class Trip:
-    """The destination that an artefact is on its way to.
+    """The present destination of an artefact.
 
-    It is given up when no way leads there, or when the artefact has been kept from going on for
-    longer than its patience, drawn anew for each trip from 5 to 12 s. The last three are not
-    chosen again, where there are others.
+    It is given up when no way leads there, or when the artefact is blocked for longer than its
+    patience, which each trip draws from 5 to 12 s. The last three destinations are not chosen again
+    if there are others.
     """
 
     def __init__(self, choose: Choose = any_destination) -> None:
         self.goal_m: Point | None = None
         self._choose = choose
-        self._shunned_m: deque[Point] = deque(maxlen=_REMEMBERED)
+        self._recent_m: deque[Point] = deque(maxlen=_REMEMBERED)
         self._begun_ns = 0
         self._patience_s = 0.0
 
     def is_reached(self, situation: Situation) -> bool:
-        """Say whether the artefact has arrived; the trip is over then."""
+        """Return whether the destination is reached; if so, end the trip."""
         if not situation.has_reached(self.goal_m):
             return False
         self.give_up()
         return True
 
     def goal(self, situation: Situation) -> Point | None:
-        """Return where to go; None if there is no destination."""
+        """Return the destination, a new one if necessary; None if there is none."""
         if self._is_hopeless(situation):
             self.give_up()
         if self.goal_m is None:
             index = self._choose(situation, self.shut(situation))
-            if index is None and self._shunned_m:
-                # A map of few places: an old one is better than none, but not the one just left.
-                index = self._choose(situation, _are(situation, [self._shunned_m[-1]]))
+            if index is None and self._recent_m:
+                # On a map with few destinations, allow recent ones except the last.
+                index = self._choose(situation, _is_one_of(situation, [self._recent_m[-1]]))
             if index is not None:
                 self.change_to(index, situation)
         return self.goal_m
 
     def change_to(self, index: int, situation: Situation) -> None:
-        """Go to this destination from now on."""
+        """Begin a trip to this destination."""
         x_m, y_m = situation.places.destinations_m[index].tolist()
         self.goal_m = (x_m, y_m)
         self._begun_ns = situation.now_ns
         self._patience_s = situation.drawn_between(*_PATIENCE_S)
 
     def give_up(self) -> None:
-        """Choose another destination next time, and none of the last few."""
+        """End the trip; the next one has another destination."""
         if self.goal_m is not None:
-            self._shunned_m.append(self.goal_m)
+            self._recent_m.append(self.goal_m)
         self.goal_m = None
 
     def shut(self, situation: Situation) -> npt.NDArray[np.bool_]:
-        """Return which destinations, bool (K,), are not to be chosen just now."""
-        return _are(situation, self._shunned_m)
+        """Return which destinations, bool (K,), are recent ones."""
+        return _is_one_of(situation, self._recent_m)
 
     def _is_hopeless(self, situation: Situation) -> bool:
         if not situation.wanted(self.goal_m):
             return False
         under_way_s = (situation.now_ns - self._begun_ns) / NS_PER_S
-        hindered_s = min(situation.blocked_s, under_way_s)
-        return situation.no_way or hindered_s > self._patience_s
+        blocked_s = min(situation.blocked_s, under_way_s)
+        return situation.no_way or blocked_s > self._patience_s
 
 
-def _are(situation: Situation, points_m: deque[Point] | list[Point]) -> npt.NDArray[np.bool_]:
-    """Return which destinations, bool (K,), are among the points; a new map may know none."""
+def _is_one_of(situation: Situation, points_m: deque[Point] | list[Point]) -> npt.NDArray[np.bool_]:
+    """Return which destinations, bool (K,), are among the points; on a new map perhaps none."""
     destinations_m = situation.places.destinations_m
     found = np.zeros(len(destinations_m), np.bool_)
     for point_m in points_m:
@@ -123,7 +125,7 @@ def _are(situation: Situation, points_m: deque[Point] | list[Point]) -> npt.NDAr
     return found
 
 
-# Pauses: standing for some seconds, and no longer.
+# Pauses of some seconds.
 
 
 SHORTEST_S, LONGEST_S = 1.0, 10.0
@@ -131,18 +133,18 @@ _MEAN_ABOVE_SHORTEST_S = 2.0
 
 
 class Pause:
-    """A pause of 1 to 10 s, mostly a few, that is over of itself."""
+    """A pause of 1 to 10 s, exponential beyond the first second."""
 
     def __init__(self) -> None:
         self._until_ns: int | None = None
 
     def begin(self, now_ns: int, random: np.random.Generator) -> None:
-        """Pause from now on."""
+        """Begin a pause of random length."""
         length_s = SHORTEST_S + float(random.exponential(_MEAN_ABOVE_SHORTEST_S))
         self._until_ns = now_ns + seconds_to_ns(min(length_s, LONGEST_S))
 
     def holds(self, now_ns: int) -> bool:
-        """Say whether the pause goes on."""
+        """Return whether the pause is not over."""
         if self._until_ns is not None and now_ns >= self._until_ns:
             self._until_ns = None
         return self._until_ns is not None
@@ -153,9 +155,9 @@ _PAUSING, _NOWHERE_TO_GO = stand("pausing"), stand("nowhere to go")
 
 
 class Walking:
-    """Walks to a destination, pauses there at times, and goes on to another.
+    """Walks from destination to destination, with pauses at some of them.
 
-    Each has a pace of its own, 80 to 100 % of the row's speed, for all of its life.
+    Each artefact draws its pace once: 80 to 100 % of the row's speed.
     """
 
     name: ClassVar[str] = "walking"
@@ -169,7 +171,7 @@ class Walking:
         self._intent: Intent | None = None
 
     def decide(self, situation: Situation) -> Intent:
-        """Return the intent to go on, to pause, or to stand where there is nowhere to go."""
+        """Return the intent to walk, to pause, or to stand if there is no destination."""
         random = situation.random
         if self._trip.is_reached(situation) and random.random() < self.pause_share:
             self._pause.begin(situation.now_ns, random)
@@ -184,57 +186,57 @@ class Walking:
         return self._intent
 
     def change_destination(self) -> None:
-        """Be on the way to somewhere else, from this decision on."""
+        """Choose another destination at this decision."""
         self._trip.give_up()
 
     def forget_destination(self) -> None:
-        """Choose a destination in this decision, perhaps the same."""
+        """Choose a destination at this decision, perhaps the same."""
         self._trip.goal_m = None
 
     def speed_mps(self, situation: Situation) -> float:
-        """Return the speed it goes at."""
+        """Return the speed [m/s]."""
         if self._pace is None:
             self._pace = situation.drawn_between(self.slowest_pace, 1.0)
         return self._pace * situation.row.motion.speed_mps
 
 
 class Running(Walking):
-    """Runs from one destination to the next, without a pause."""
+    """Runs from destination to destination, without pauses."""
 
     name: ClassVar[str] = "running"
     pause_share: ClassVar[float] = 0.0
 
     def speed_mps(self, situation: Situation) -> float:
-        """Return the speed it goes at."""
+        """Return the speed [m/s]."""
         return super().speed_mps(situation) * situation.row.motion.running_factor
 
 
 class Driving(Walking):
-    """Drives from one destination to the next, as vehicles and robots do, and rarely pauses."""
+    """Drives from destination to destination, as vehicles and robots do, and rarely pauses."""
 
     name: ClassVar[str] = "driving"
     pause_share: ClassVar[float] = 0.2
 
 
 class Wandering(Walking):
-    """Strolls, from one place to another near it, with many pauses."""
+    """Strolls from one destination to another near it, with many pauses."""
 
     name: ClassVar[str] = "wandering"
     pause_share: ClassVar[float] = 0.7
     slowest_pace: ClassVar[float] = 0.5
     _FASTEST: ClassVar[float] = 0.7
-    """Of a walk at the same pace."""
+    """Share of the walking speed."""
 
     def __init__(self) -> None:
         super().__init__(_near_destination)
 
     def speed_mps(self, situation: Situation) -> float:
-        """Return the speed it goes at."""
+        """Return the speed [m/s]."""
         return self._FASTEST * super().speed_mps(situation)
 
 
 class Stopping(Walking):
-    """Walks, stops on its way every 4 to 15 s for a while, and goes on to where it was going."""
+    """Walks, and stops on its way every 4 to 15 s for a while."""
 
     name: ClassVar[str] = "stopping"
     _BETWEEN_STOPS_S: ClassVar[tuple[float, float]] = (4.0, 15.0)
@@ -251,14 +253,14 @@ class Stopping(Walking):
             self._stop_ns = None
         intent = super().decide(situation)
         if intent.goal_m is None:
-            self._stop_ns = None  # a pause at a destination is a stop, too
+            self._stop_ns = None  # a pause at a destination counts as a stop
         elif self._stop_ns is None:
             self._stop_ns = now_ns + seconds_to_ns(situation.drawn_between(*self._BETWEEN_STOPS_S))
         return intent
 
 
 def arrival_m(situation: Situation) -> float:
-    """Return how near to its goal an artefact has arrived: vehicles cannot stop on a point."""
+    """Return within which distance [m] a goal counts as reached; vehicles need more."""
     return max(_ARRIVE_WITHIN_M, 0.5 * situation.row.motion.turn_radius_m)
 
 

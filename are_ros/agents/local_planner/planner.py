@@ -1,7 +1,6 @@
 """The local planner as Python calls it; the package says how it works."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
@@ -34,15 +33,6 @@ class Obstruction(Enum):
 _UNOBSTRUCTED: Final = (Obstruction.NONE, NOBODY, 0.0)
 
 _Floats = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class PlannerCounters:
-    """How often a plan was made, an old one kept, and a broken one kept for want of another."""
-
-    plans_made: int
-    plans_kept: int
-    emergency_stops: int
 
 
 class LocalPlanner:
@@ -82,7 +72,7 @@ class LocalPlanner:
         along = steps[:, 0] * path[1:, COS] + steps[:, 1] * path[1:, SIN]
         ways = np.hypot(steps[:, 0], steps[:, 1])
         path[1:, SPEED] = np.where(along < 0.0, -ways, ways) / timing.step_s
-        path[-1, SPEED] = 0.0  # where it will stand if nothing follows
+        path[-1, SPEED] = 0.0  # it stands there if nothing follows
         commit(arrays, row, path, len(coming), now, timing)
         place["is_scripted"] = place["is_news"] = 1
 
@@ -136,14 +126,8 @@ class LocalPlanner:
         motion: _Floats = arrays.path[np.arange(len(steps)), steps]
         return motion
 
-    @property
-    def counters(self) -> PlannerCounters:
-        """The planner's counters since the start."""
-        made, kept, emergencies, _ = self._workspace.counters.tolist()
-        return PlannerCounters(made, kept, emergencies)
-
     def trajectory(self, row: int) -> _Floats:
-        """Return x, y, yaw float64 (K, 3), K >= 1, at the next sub-steps; it holds the last."""
+        """Return x, y, yaw float64 (K, 3), K >= 1, at the next sub-steps; the last pose is held."""
         place = self._table.arrays.place[row]
         first = min(self._table.now + 1 - int(place["begin"]), int(place["last"]))
         return np.array(self._table.arrays.path[row, first : int(place["last"]) + 1, :3])

@@ -1,4 +1,4 @@
-"""M2D coarsened for decisions: which cells a disc can be in, and between which it can go."""
+"""M2D coarsened for decisions: the cells in which a disc fits, and the steps between them."""
 
 import math
 from collections import OrderedDict
@@ -14,15 +14,15 @@ from are_ros.world.lattice_cover import lattice_row
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 SEARCH_M: Final = 2.0
-"""How far from a point the cell that stands for it may be, along each axis of the grid."""
+"""Largest distance of a point from its cell, along each axis of the grid."""
 
 WALL_COMFORT_M: Final = 0.5
-"""With so much room to the nearest wall, beside the own radius, nobody minds it."""
+"""With this room to the nearest wall, beside the own radius, the wall has no cost."""
 
 SMALL_M: Final = 0.5
 RADIUS_STEPS_M: Final = (0.01, 0.05)
-"""Radii up to a small one, and beyond, are told apart so finely: a gap that a person just fits
-through is closed by a few centimetres, and there are not so many small ones."""
+"""Steps to which radii are rounded, up to `SMALL_M` and beyond: some centimetres close a gap for a
+person, and small radii are few."""
 
 MAPS_KEPT: Final = 64
 
@@ -30,11 +30,11 @@ Cell = tuple[int, int]
 
 
 class TerrainLike(Protocol):
-    """What a coarse map takes of a terrain."""
+    """What a coarse map needs of a terrain."""
 
     @property
     def environment(self) -> Environment:
-        """The environment, whose version tells maps apart."""
+        """The environment, whose version distinguishes maps."""
 
     @property
     def grid(self) -> OccupancyGrid:
@@ -42,11 +42,11 @@ class TerrainLike(Protocol):
 
     @property
     def height_m(self) -> float:
-        """Up to which height the terrain was looked at."""
+        """The body height for which the terrain is valid [m]."""
 
     @property
     def clearance_m(self) -> npt.NDArray[np.float32]:
-        """Distance (H, W) between centres to the nearest cell that is in the way."""
+        """Distance (H, W) [m] between centres to the nearest closed cell."""
 
 
 class CoarseMap:
@@ -60,16 +60,16 @@ class CoarseMap:
 
     `shape` is (h, w); cells are (row, col) from the grid's origin, rows along its y. `anchors_m`
     float64 (h, w, 2) in the map frame, NaN where closed. `edges` bool (4, h, w): 0 east (x of the
-    grid), 1 north (y), 2 west, 3 south. `room_m` float32 (h, w): what the disc has left between
-    itself and the nearest wall at the anchor, -1 where closed. `components` int32 (h, w): cells
+    grid), 1 north (y), 2 west, 3 south. `room_m` float32 (h, w): the room between the disc
+    and the nearest wall at the anchor, -1 where closed. `components` int32 (h, w): cells
     with one number are joined by open edges, -1 is closed. `nearness` float32 (h, w) is that to
     walls, as `nearness_to_walls`. `cell_size_m` is the nearest multiple of the grid's resolution to
-    the one asked for. All arrays are read-only. `key` tells maps apart: version of the environment,
-    height, radius, cell size. `ground` is what kernels take.
+    the one asked for. All arrays are read-only. `key` distinguishes maps: version of the
+    environment, height, radius, cell size. `ground` is for kernels.
     """
 
     def __init__(self, terrain: TerrainLike, radius_m: float, cell_size_m: float = 0.5) -> None:
-        """Coarsen a terrain: some 10 ns per fine cell."""
+        """Coarsen a terrain; it takes some 10 ns per fine cell."""
         self.grid = terrain.grid
         self.radius_m = radius_m
         resolution_m = self.grid.resolution_m
@@ -92,7 +92,7 @@ class CoarseMap:
         )
 
     def _coarsen(self) -> npt.NDArray[np.bool_]:
-        """Fill in the arrays; return which fine cells belong to a largest component."""
+        """Compute the arrays; return which fine cells belong to a largest component."""
         shape = tuple(-(-size // self._side) for size in self._clearance_m.shape)
         self.shape: Cell = (shape[0], shape[1])
         labels = np.empty(self._clearance_m.shape, np.uint16)
@@ -121,19 +121,19 @@ class CoarseMap:
             array.flags.writeable = False
 
     def cell_of(self, x_m: float, y_m: float) -> Cell | None:
-        """Return the open cell whose component a point of the map frame is in, or is nearest to.
+        """Return the open cell whose component contains a point of the map frame, or is nearest.
 
         Nearest is measured over free fine cells, not through walls, up to `SEARCH_M` along each
-        axis; from a point that is in a wall itself, through that wall. None if there is none, and
-        outside the grid.
+        axis; from a point in a wall, through that wall. None if there is no such cell, and outside
+        the grid.
         """
         cell = _ground_kernels.cell_of(self.ground, x_m, y_m)
         return None if cell[0] < 0 else cell
 
     def holds(self, x_m: float, y_m: float, radius_m: float | None = None) -> bool:
-        """Tell whether the disc, or one of another radius, fits at a point.
+        """Return whether the disc, or one of another radius, fits at a point.
 
-        It does in a fine cell of its cell's component only.
+        Only points in a fine cell of their cell's component count.
         """
         radius_m = self.radius_m if radius_m is None else radius_m
         return bool(_ground_kernels.holds(self.ground, x_m, y_m, radius_m))
@@ -143,29 +143,25 @@ class CoarseMap:
         x_m, y_m = self.anchors_m[cell].tolist()
         return x_m, y_m
 
-    def joins(self, one: Cell, other: Cell) -> bool:
-        """Tell whether there is a way between two open cells."""
-        return bool(self.components[one] == self.components[other])
-
     def heading_of(self, yaw_rad: float) -> int:
         """Return the nearest of the four headings (0 east, 1 north, ...) to a yaw in the map."""
         return int(_ground_kernels.heading_of(self.ground.lattice, yaw_rad))
 
 
 def nearness_to_walls(room_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Return how near walls are, in [0, 1], for the room a disc has: the square of what lacks."""
+    """Return the nearness to walls in [0, 1]: the squared lack of room, as a share."""
     lacks = np.clip(1.0 - room_m / np.float32(WALL_COMFORT_M), 0.0, 1.0)
     return np.asarray(lacks * lacks, np.float32)
 
 
 def rounded_up_m(radius_m: float) -> float:
-    """Return the radius [m] of the map that serves a disc: in centimetres, or 5 cm above 0.5 m."""
+    """Return the radius [m] of a disc rounded up: to centimetres, or to 5 cm above 0.5 m."""
     step_m = RADIUS_STEPS_M[radius_m > SMALL_M]
     return step_m * math.ceil(radius_m / step_m - 1e-6)
 
 
 class CoarseMaps:
-    """Coarse maps by terrain and radius, made when first asked for; the latest 64 are kept."""
+    """Coarse maps by terrain and radius, computed on demand; the last 64 used are kept."""
 
     def __init__(self, cell_size_m: float = 0.5) -> None:
         """Take the size of all cells."""

@@ -1,4 +1,4 @@
-"""Exits: where artefacts leave at the end of their lives (section 3.2)."""
+"""Exits: the points where artefacts leave the map after the end of their lives (section 3.2)."""
 
 import math
 from collections.abc import Sequence
@@ -13,12 +13,11 @@ from are_ros.world.regions import Zone, Zones, polygon_mask
 PERSON_WIDTH_M: Final = 0.6
 """Narrower openings are not passable."""
 _REACH_M: Final = 1.0
-"""How far inside of an opening the exit point is."""
+"""Distance of an exit point inside its opening."""
 _APART_M: Final = 1.5
-"""A wide opening has a point for each part that is farther than this from those before: many can
-leave by it side by side."""
+"""A wide opening has one exit point per this distance, so that many artefacts can leave at once."""
 _LEADS_ON_M2: Final = 2.0
-"""What is unknown behind an opening is at least as large: else it is a gap in the map."""
+"""Least unknown area behind an opening; behind a gap in the map it is smaller."""
 
 _Floats = npt.NDArray[np.float64]
 _Cells = npt.NDArray[np.int64]
@@ -35,16 +34,16 @@ def exits_of(
 ) -> npt.NDArray[np.float64]:
     """Return the exit points: float64 (E, 2), map frame; E may be 0.
 
-    Where `zones` has ways out (exits, else entrances) these are their middles, each moved to the
-    nearest point in it where a disc of `width_m` stands free: on `region` (bool, height x width),
-    else on free cells at all. One without such a point is left out.
+    If `zones` has exits (else entrances), there is one point per zone: the nearest to its middle at
+    which a disc of `width_m` is free, in `region` (bool, height x width) if possible, else on free
+    cells. A zone without such a point is left out.
 
-    Else they are the openings of the map: where a disc of `width_m` can cross, without touching an
-    occupied cell, from the region into the unknown, or over the border of the grid, and finds there
-    at least 2 m^2 to go on. The point is where the disc still stands free within 1 m of the
-    opening, as near as possible to the middle of it; a wide one has a point every metre or two.
+    Else the exits are the openings of the map: a disc of `width_m` can leave the region there into
+    unknown space of at least 2 m^2, or over the border of the grid, without touching an occupied
+    cell. The point is the one nearest to the middle of the opening, within 1 m, at which the disc
+    is free; a wide opening has a point every metre or two.
     """
-    # Distances go from centre to centre, and half a cell of the nearest one is in the way.
+    # Distances are between cell centres; half of the occupied cell is in the way.
     room_m = 0.5 * (width_m + environment.grid.resolution_m)
     stands = environment.classes.free & (environment.clearance_m >= room_m)
     if zones.ways_out:
@@ -66,7 +65,7 @@ def _middles(
 
 
 def _openings(environment: Environment, stands: _Mask, region: _Mask, room_m: float) -> _Floats:
-    """Return the points for each group of openings that are within 1 m of the same place."""
+    """Return the exit points of each group of openings near the same place."""
     resolution_m = environment.grid.resolution_m
     frame = math.ceil((room_m + _REACH_M) / resolution_m)
     inner = (slice(frame, -frame), slice(frame, -frame))
@@ -77,7 +76,7 @@ def _openings(environment: Environment, stands: _Mask, region: _Mask, room_m: fl
     opening = _dilated(beyond)[inner] & region
     if not opening.any():
         return np.empty((0, 2))
-    near = _walked(opening, passable[inner] & region, round(_REACH_M / resolution_m))
+    near = _within_steps(opening, passable[inner] & region, round(_REACH_M / resolution_m))
     labels = _labels(near)
     places, apart = _by_label(labels, stands), _APART_M / resolution_m
     found = [
@@ -90,7 +89,7 @@ def _openings(environment: Environment, stands: _Mask, region: _Mask, room_m: fl
 
 
 def _spread(opening: _Cells, places: _Cells, apart: float) -> list[_Cells]:
-    """Return the places nearest to the opening's middle and, as long as one is far, other parts."""
+    """Return the places nearest to the opening's middle, and to its far parts."""
     found: list[_Cells] = []
     part: _Cells = _nearest_to(opening, opening.mean(axis=0))
     distances = np.full(len(opening), np.inf)
@@ -104,7 +103,7 @@ def _spread(opening: _Cells, places: _Cells, apart: float) -> list[_Cells]:
 
 
 def _distances_m(clear: _Mask, resolution_m: float) -> _Floats:
-    """Return the distance [m] of each cell from the nearest that is not clear; far if none is."""
+    """Return the distance [m] of each cell from the nearest one not clear; inf if all are."""
     import cv2
 
     if clear.all():
@@ -122,8 +121,8 @@ def _large_parts(mask: _Mask, least_cells: float) -> _Mask:
     return large
 
 
-def _walked(start: _Mask, floor: _Mask, steps: int) -> _Mask:
-    """Return the start, and the floor within so many steps of it, also diagonal ones."""
+def _within_steps(start: _Mask, floor: _Mask, steps: int) -> _Mask:
+    """Return the start, and the floor within a number of steps of it, also diagonal ones."""
     reached = start
     for _ in range(steps):
         reached = reached | (_dilated(reached) & floor)

@@ -1,11 +1,11 @@
-"""The decision process of a type that goes to a place (section 3.2), solved by backward induction.
+"""The Markov decision process of going to a goal (section 3.2), solved by backward induction.
 
-A state is a coarse cell and one of four headings; an action is to stay or to go one of four ways.
+A state is a coarse cell and one of four headings. The actions are to stay (0), and to go east (1),
+north (2), west (3) or south (4).
 """
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Final
 
 import numpy as np
@@ -19,7 +19,7 @@ from are_ros.population.catalogue import CatalogueRow
 
 Cell = tuple[int, int]
 Window = tuple[Cell, Cell]
-"""Its first cell, and the one after its last row and column."""
+"""The first cell, and the cell after the last row and column."""
 
 Floats = npt.NDArray[np.float32]
 
@@ -30,29 +30,19 @@ MAX_REACH: Final = 255
 KEPT_BYTES: Final = 4 * 2**20
 
 LEAST_TIME: Final = 0.01
-"""Price of an epoch at least: if ways were free nobody would ever set out."""
+"""Least price of an epoch: if ways were free, no agent would ever start."""
 
 _VEHICLE_HALF_TURN_S: Final = 20.0
 
 
-class Action(IntEnum):
-    """The five actions; the direction of a move is its number less one (0 east, 1 north, ...)."""
-
-    STAY = 0
-    EAST = 1
-    NORTH = 2
-    WEST = 3
-    SOUTH = 4
-
-
 @dataclass(frozen=True, slots=True)
 class TravelModel:
-    """What an epoch of going somewhere means to a type, in numbers; it is the key of its values.
+    """The parameters of a type's decision process; value tables are kept by them.
 
-    `reach` is how many cells it goes in an epoch. `slip` is the probability, to each side, that it
-    goes a quarter turn aside of where it wants to. `time` is the price of an epoch, `clearance`
-    what one next to a wall costs beside that, `goal` the value of being there; `quarter_turn` and
-    `half_turn` are the prices of turning before going.
+    `reach` is the number of cells it moves in an epoch. `slip` is the probability, for each side,
+    of moving a quarter turn off the intended direction. `time` is the price of an epoch,
+    `clearance` the additional price next to a wall, `goal` the value of the goal; `quarter_turn`
+    and `half_turn` are the prices of turning before a move.
     """
 
     reach: int = 1
@@ -64,14 +54,16 @@ class TravelModel:
     half_turn: float = 0.2
 
     def __post_init__(self) -> None:
-        """Raise ParameterError for numbers that no decision process can be made of."""
+        """Raise ParameterError for numbers outside their domain."""
         if not 1 <= self.reach <= MAX_REACH:
             raise ParameterError(f"a reach of {self.reach} cells is not 1 to {MAX_REACH}")
         if not 0.0 <= self.slip <= 0.5:
             raise ParameterError(f"a slip of {self.slip} to each side is not 0 to 0.5")
         prices = (self.time - LEAST_TIME, self.clearance, self.quarter_turn, self.half_turn)
         if not all(0.0 <= price < math.inf for price in prices):
-            raise ParameterError(f"{self}: a price is negative or not finite, or time is for free")
+            raise ParameterError(
+                f"{self}: a price is negative or not finite, or time costs nothing"
+            )
 
     @classmethod
     def of(
@@ -79,8 +71,8 @@ class TravelModel:
     ) -> "TravelModel":
         """Return the model of a type that goes at a speed, with decisions every period.
 
-        Turning on the spot costs the time it takes; a type with a turning circle pays a quarter
-        of it for a quarter turn, and turns around only where nothing else helps (20 s).
+        Turning on the spot costs its time. A type with a turning circle pays the time of a quarter
+        of it for a quarter turn, and 20 s more for turning around.
         """
         motion, rewards = row.motion, row.rewards
         reach = max(1, min(MAX_REACH, round(speed_mps * period_s / cell_size_m)))
@@ -107,9 +99,9 @@ class TravelModel:
 class Ways:
     """The cheapest ways to a goal, on h x w cells, without turning and slipping.
 
-    `edges` bool (4, h, w) tells where one can step, not out of the window; `goal` is the cell in
-    that. `price` float32 (h, w) is what an epoch in each cell costs, `costs` float32 (h, w) what
-    the cheapest way to the goal does, inf without any.
+    `edges` bool (4, h, w) tells which steps are possible, none out of the window; `goal` is its
+    cell in the window. `price` float32 (h, w) is the cost of an epoch in each cell, `costs` float32
+    (h, w) that of the cheapest way to the goal, inf if there is none.
     """
 
     edges: npt.NDArray[np.bool_]
@@ -123,11 +115,11 @@ class Ways:
 class Problem:
     """A decision process with a goal, on h x w cells, as backward induction takes it.
 
-    `lengths` uint8 (4, h, w): how many cells one goes in each direction (at most `model.reach`).
-    `gains` float32 (5, h, w): what an epoch brings that is spent going in each direction (whether
-    that was meant or slipped into), and staying; turning is paid beside. `terminal` float32 (h, w):
-    V_0, for all headings. `costs` float32 (h, w): the cheapest way to the goal, without
-    turning and slipping, inf where there is none.
+    `lengths` uint8 (4, h, w): the cells of a move in each direction (at most `model.reach`).
+    `gains` float32 (5, h, w): the reward of an epoch of moving in each direction (intended or by
+    slipping), and of staying; turning costs extra. `terminal` float32 (h, w): V_0, for all
+    headings. `costs` float32 (h, w): the cost of the cheapest way to the goal, without turning and
+    slipping, inf if there is none.
     """
 
     lengths: npt.NDArray[np.uint8]
@@ -140,17 +132,17 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Values float32 (K, 4, h, w) by epochs left and heading; beyond the last, the last holds.
+    """Values float32 (K, 4, h, w) by epochs left and heading; beyond the last, the last is valid.
 
-    With K = 1 only the longest horizon was kept. `epochs` is how many were computed: fewer than
-    the horizon where nothing changed any more.
+    With K = 1 only the longest horizon was kept. `epochs` were computed: fewer than the horizon
+    if the values did not change any more.
     """
 
     planes: Floats
     epochs: int
 
     def plane(self, epochs_left: int) -> Floats:
-        """Return V (4, h, w) with so many epochs left, of what was kept."""
+        """Return V (4, h, w) for a number of epochs left, from the planes kept."""
         last: Floats = self.planes[min(epochs_left, len(self.planes) - 1)]
         return last
 
@@ -164,8 +156,8 @@ def ways_to(
 ) -> Ways:
     """Return the cheapest ways to a cell of a map, within a window of it.
 
-    `edges` bool (4, H, W) tells where one can step, both ways alike; `nearness` float32 (H, W) in
-    [0, 1] how near the walls are. A step into a cell costs the cell's price (of an epoch: time,
+    `edges` bool (4, H, W) tells which steps are possible, symmetrically; `nearness` float32 (H, W)
+    in [0, 1] how near the walls are. A step into a cell costs the cell's price (of an epoch: time,
     clearance) over the reach, so that a move that ends early costs as much less.
     """
     corner, end = window or ((0, 0), (nearness.shape[0], nearness.shape[1]))
@@ -176,44 +168,32 @@ def ways_to(
     return Ways(edges, price, costs, goal, model)
 
 
-def problem_of(ways: Ways, penalty: Floats | None = None) -> Problem:
+def problem_of(ways: Ways) -> Problem:
     """Return the decision process of going to the goal of some ways.
 
-    Being at the goal is worth `model.goal`, and ends everything; the terminal value elsewhere is
-    that less the price of the cheapest way there, which no policy can beat: with it a short horizon
-    keeps nobody from setting out, and V falls (never rises) with the epochs left.
-
-    `penalty` float32 (h, w), not negative, adds to what an epoch in each cell costs: others who
-    stand there for good (the exact counterpart of the lookahead of `_route_kernels`). Moves are
-    as without it.
+    The goal has the value `model.goal` and ends the process. The terminal value elsewhere is that
+    less the cost of the cheapest way there, an upper bound for every policy. So an agent starts
+    even with a short horizon, and V never rises with the epochs left.
     """
-    model, price = ways.model, ways.price
-    if penalty is not None:
-        price = price + penalty.astype(np.float32)
+    model = ways.model
     lengths, gains, terminal = _travel_kernels.find_process(
-        ways.edges, ways.costs, price, model.reach, ways.goal, (np.float32(model.goal), UNREACHABLE)
+        ways.edges,
+        ways.costs,
+        ways.price,
+        model.reach,
+        ways.goal,
+        (np.float32(model.goal), UNREACHABLE),
     )
     return Problem(lengths, gains, terminal, ways.costs, ways.goal, model)
-
-
-def travel_problem(
-    edges: npt.NDArray[np.bool_],
-    nearness: Floats,
-    goal: Cell,
-    model: TravelModel,
-    penalty: Floats | None = None,
-) -> Problem:
-    """Return the decision process of going to a cell, as `ways_to` and `problem_of` make it."""
-    return problem_of(ways_to(edges, nearness, goal, model), penalty)
 
 
 def solve(problem: Problem, horizon: int, kept_bytes: int = KEPT_BYTES) -> Solution:
     """Return V_0 .. V_horizon by exact backward induction in float32, without a transition matrix.
 
-    What one finds when going a way does not depend on the heading, nor on the action that led to
-    it: four shifted planes an epoch, then the best of five sums (eq. of section 3.2). It is one
-    thread, and the same to the last bit everywhere. If all planes would need more than
-    `kept_bytes`, only the last is kept.
+    The value of moving in a direction does not depend on the heading or the intended action: each
+    epoch takes four shifted planes, then the best of five sums (eq. of section 3.2). It runs in one
+    thread, with the same bits on all machines. If all planes would need more than `kept_bytes`,
+    only the last one is kept.
     """
     height, width = problem.terminal.shape
     model = problem.model

@@ -1,4 +1,4 @@
-"""Values of going to a place, by type and goal, kept as long as memory allows."""
+"""Value tables of the decision process by type and goal, kept up to a bound of memory."""
 
 import math
 from collections import OrderedDict
@@ -12,11 +12,9 @@ from are_ros.agents.mdp.coarse_map import Cell, CoarseMap
 from are_ros.agents.mdp.model import TravelModel, Ways, Window, problem_of, solve, ways_to
 from are_ros.agents.navigation.step_kernels import ValueArrays
 
-# Tables kept by key up to so much memory.
-
 
 class Sized(Protocol):
-    """What knows how much memory it takes."""
+    """An object that knows its memory."""
 
     @property
     def nbytes(self) -> int:
@@ -28,7 +26,7 @@ Table = TypeVar("Table", bound=Sized)
 
 
 class TableStore(Generic[Key, Table]):
-    """The least recently used go first; the newest stays whatever it needs."""
+    """A cache by key, bounded in bytes: drops the least recently used, keeps the newest."""
 
     def __init__(self, budget_bytes: int) -> None:
         self._budget_bytes = budget_bytes
@@ -44,14 +42,14 @@ class TableStore(Generic[Key, Table]):
         self.nbytes = 0
 
     def get(self, key: Key) -> Table | None:
-        """Return the table of a key, used now; None if it is not known, or not any more."""
+        """Return the table of a key, which counts as used now; None if there is none."""
         table = self._tables.get(key)
         if table is not None:
             self._tables.move_to_end(key)
         return table
 
     def put(self, key: Key, table: Table) -> None:
-        """Keep a table of a key that has none."""
+        """Keep the table of a new key."""
         self._tables[key] = table
         self.nbytes += table.nbytes
         while self.nbytes > self._budget_bytes and len(self._tables) > 1:
@@ -60,32 +58,30 @@ class TableStore(Generic[Key, Table]):
 
 
 KEPT_BYTES_PER_TABLE: Final = 2**18
-"""Planes of all epochs are kept up to so much: getting more memory takes longer than the values."""
+"""Planes of all epochs are kept up to this size: to allocate more takes longer than to compute."""
 
 SHARED_CELLS: Final = 128 * 128
-"""Windows up to this large serve all trips to a goal; of larger ones a trip takes its part."""
+"""A window up to this size serves all trips to a goal; in a larger one, a trip uses a part."""
 
 PARTS_BYTES: Final = 8 * 2**20
-"""Memory of the tables of such parts: hardly two trips have the same one, and memory that is soon
-used again is quicker to have than new."""
+"""Memory for tables of such parts: hardly two trips share one, and reused memory is faster."""
 
 TRIP_MARGINS_M: Final = (2.0, 4.0, 12.0)
-"""How much wider than start and goal the parts are: the first in which no way is missed."""
+"""Margins of such parts about start and goal: the first one that loses no better way is used."""
 
 TableKey = tuple[tuple[int, float, float, float], TravelModel, Cell, Window]
 
 
 @dataclass(frozen=True, eq=False)
 class ValueTable:
-    """What going to a goal is worth, within a window of h x w coarse cells.
+    """The values of going to a goal, within a window of h x w coarse cells.
 
-    `corner` is the window's first cell (row, col) in the coarse map, `goal` the goal's. `goal_m`
-    is the point in the map frame to end at. `planes` float32 (K, 4, h, w) by epochs left and
-    heading; K = 1 if all planes up to the horizon would have needed more than a bound: then the
-    values of the longest horizon serve for all. `lengths`, `gains`, `costs` as in
-    `mdp.Problem`. `weights` float64 (9,) is what kernels take of the rest: the chances of going
-    straight and to either side, prices of a quarter and a half turn, reach, corner, and the goal
-    in the window.
+    `corner` is the window's first cell (row, col) in the coarse map, `goal` the goal's cell there.
+    `goal_m` is the end point in the map frame. `planes` float32 (K, 4, h, w) are the values by
+    epochs left and heading; K = 1 if all planes would need too much memory: then those of the
+    longest horizon are used for all. `lengths`, `gains`, `costs` as in `model.Problem`. `weights`
+    float64 (9,) are the other numbers for kernels: the probabilities of going straight and to
+    either side, prices of a quarter and a half turn, reach, corner, and the goal in the window.
     """
 
     planes: npt.NDArray[np.float32]
@@ -95,12 +91,11 @@ class ValueTable:
     corner: Cell
     goal: Cell
     goal_m: tuple[float, float]
-    model: TravelModel
     weights: npt.NDArray[np.float64]
 
     @property
     def value_arrays(self) -> ValueArrays:
-        """What kernels take of the table."""
+        """The arrays that kernels take."""
         return ValueArrays(self.planes, self.lengths, self.gains, self.costs, self.weights)
 
     @property
@@ -110,17 +105,17 @@ class ValueTable:
         return sum(array.nbytes for array in arrays)
 
     def cost(self, cell: Cell) -> float:
-        """Return the price of the cheapest way from a coarse cell, inf if none is in the window."""
+        """Return the cost of the cheapest way from a coarse cell; inf if the window has none."""
         row, col = cell[0] - self.corner[0], cell[1] - self.corner[1]
         inside = 0 <= row < self.costs.shape[0] and 0 <= col < self.costs.shape[1]
         return float(self.costs[row, col]) if inside else math.inf
 
     def reaches(self, cell: Cell) -> bool:
-        """Tell whether the goal can be reached from a coarse cell, within the window."""
+        """Return whether the goal can be reached from a coarse cell, within the window."""
         return self.cost(cell) < math.inf
 
     def place(self, epochs_left: int) -> int:
-        """Return which of the planes holds, or stands for, so many epochs left."""
+        """Return the index of the plane for a number of epochs left."""
         return max(0, min(epochs_left, len(self.planes) - 1))
 
 
@@ -128,7 +123,7 @@ _Store = TableStore[TableKey, ValueTable]
 
 
 class ValueTables:
-    """Value tables by (map, type, goal cell, window); the least recently used go first."""
+    """Value tables by (map, model, goal cell, window), least recently used dropped first."""
 
     def __init__(
         self,
@@ -137,11 +132,11 @@ class ValueTables:
         budget_bytes: int = 256 * 2**20,
         kept_bytes: int = KEPT_BYTES_PER_TABLE,
     ) -> None:
-        """Take the longest horizon [epochs]; on larger maps a window of two longest trips a side.
+        """Take the longest horizon [epochs] and trip; a window is two longest trips wide.
 
-        A horizon whose epochs cost less than the turns of a type makes it rather stand than turn.
-        `budget_bytes` bounds all tables that trips to a goal share, and with `PARTS_BYTES` those
-        of single trips (the newest stays whatever it needs), `kept_bytes` the planes of one.
+        If the epochs of a horizon cost less than the turns of a type, it stands rather than turns.
+        `budget_bytes` bounds all tables that trips to a goal share, and with `PARTS_BYTES` those of
+        single trips; `kept_bytes` bounds the planes of one table.
         """
         self._horizon = horizon
         self._max_trip_m = max_trip_m
@@ -158,7 +153,7 @@ class ValueTables:
         return self._shared.nbytes + self._parts.nbytes
 
     def clear(self) -> None:
-        """Forget all tables, as of a map that is no longer."""
+        """Drop all tables: the map has changed."""
         self._shared.clear()
         self._parts.clear()
 
@@ -169,12 +164,11 @@ class ValueTables:
         goal_m: tuple[float, float],
         start: Cell | None = None,
     ) -> ValueTable | None:
-        """Return the table of going to a point of the map frame; None if nobody can be near it.
+        """Return the table for a goal in the map frame; None if no open cell is near it.
 
-        The table's `goal_m` is the point itself where the disc fits there, else the anchor of the
-        cell that stands for it. On a large map one who starts at cell `start` gets a table of the
-        cells between it and the goal and some metres about them, if it is sure that no way which
-        leaves them is better.
+        The table's `goal_m` is the goal itself if the disc fits there, else the anchor of its cell.
+        On a large map, a trip from cell `start` gets a table of the cells about start and goal
+        only, if no way that leaves them can be better.
         """
         goal = coarse.cell_of(*goal_m)
         if goal is None:
@@ -186,7 +180,8 @@ class ValueTables:
             table = self._of_part(coarse, model, goal, window, start, goal_m)
         if table is None:
             store = self._shared
-            table = self._of(store, *self._found(store, coarse, model, goal, window), goal_m)
+            found = self._table_or_ways(store, coarse, model, goal, window)
+            table = self._solved(store, *found, goal_m)
         return table if table.goal_m == goal_m else replace(table, goal_m=goal_m)
 
     def _of_part(
@@ -198,63 +193,56 @@ class ValueTables:
         start: Cell,
         goal_m: tuple[float, float],
     ) -> ValueTable | None:
-        """Return the table of the smallest part that holds the best way; None if none surely does.
+        """Return the table of the smallest part that certainly has the best way; None if none has.
 
-        That depends on nothing but start and goal: not on which tables there are already.
+        The result depends on start and goal only, not on the tables kept.
         """
         for margin_m in TRIP_MARGINS_M:
             margin = math.ceil(margin_m / coarse.cell_size_m)
             window = _part(whole, goal, start, margin)
             if not _holds(window, start):
                 return None
-            key, found = self._found(self._parts, coarse, model, goal, window)
+            key, found = self._table_or_ways(self._parts, coarse, model, goal, window)
             (row, col), _ = window
             if found.costs[start[0] - row, start[1] - col] <= _least_outside(
                 model, goal, start, margin
             ):
-                return self._of(self._parts, key, found, goal_m)
+                return self._solved(self._parts, key, found, goal_m)
         return None
 
-    def _found(
+    def _table_or_ways(
         self, store: _Store, coarse: CoarseMap, model: TravelModel, goal: Cell, window: Window
     ) -> tuple[TableKey, ValueTable | Ways]:
-        """Return the table of a window, or the ways that it is to be made of."""
+        """Return the table of a window, or the ways from which to compute it."""
         key = (coarse.key, model, goal, window)
         known = store.get(key)
         if known is not None:
             return key, known
         return key, ways_to(coarse.edges, coarse.nearness, goal, model, window)
 
-    def _of(
+    def _solved(
         self, store: _Store, key: TableKey, found: ValueTable | Ways, goal_m: tuple[float, float]
     ) -> ValueTable:
-        """Return the table that was found, or make it of ways, with that point to end at."""
+        """Return the table; compute it from ways if necessary, with `goal_m` as its end point."""
         if isinstance(found, Ways):
-            _, _, goal, (corner, _) = key
-            found = self._made(found, corner, goal, goal_m)
+            _, model, goal, (corner, _) = key
+            problem = problem_of(found)
+            found = ValueTable(
+                planes=solve(problem, self._horizon, self._kept_bytes).planes,
+                lengths=problem.lengths,
+                gains=problem.gains,
+                costs=problem.costs,
+                corner=corner,
+                goal=goal,
+                goal_m=goal_m,
+                weights=_weights(model, corner, problem.goal),
+            )
             store.put(key, found)
         return found
 
     def _window(self, coarse: CoarseMap, goal: Cell) -> Window:
         reach = math.ceil(self._max_trip_m / coarse.cell_size_m)
         return _part(((0, 0), coarse.shape), goal, goal, reach)
-
-    def _made(
-        self, ways: Ways, corner: Cell, goal: Cell, goal_m: tuple[float, float]
-    ) -> ValueTable:
-        problem = problem_of(ways)
-        solution = solve(problem, self._horizon, self._kept_bytes)
-        return ValueTable(
-            planes=solution.planes,
-            lengths=problem.lengths,
-            gains=problem.gains,
-            costs=problem.costs,
-            corner=corner,
-            goal=goal,
-            goal_m=goal_m,
-            model=problem.model,
-            weights=_weights(problem.model, corner, problem.goal),
-        )
 
 
 def _cells_in(window: Window) -> int:
@@ -269,7 +257,7 @@ def _holds(window: Window, cell: Cell) -> bool:
 
 
 def _part(whole: Window, goal: Cell, start: Cell, margin: int) -> Window:
-    """Return the part of a window about a goal and a start."""
+    """Return the part of a window about a goal and a start, with a margin [cells]."""
     (row, col), (end_row, end_col) = whole
     rows, cols = (goal[0], start[0]), (goal[1], start[1])
     corner = (max(row, min(rows) - margin), max(col, min(cols) - margin))
@@ -277,9 +265,9 @@ def _part(whole: Window, goal: Cell, start: Cell, margin: int) -> Window:
 
 
 def _least_outside(model: TravelModel, goal: Cell, start: Cell, margin: int) -> float:
-    """Return what any way costs at least that leaves the part about a start and a goal.
+    """Return the least cost of a way that leaves the part about a start and a goal.
 
-    It goes as far aside as the part is wide, and back, and no step is cheaper than its time.
+    It crosses the margin twice, and no step is cheaper than its time.
     """
     steps = abs(goal[0] - start[0]) + abs(goal[1] - start[1]) + 2 * (margin + 1)
     return steps * model.time / model.reach

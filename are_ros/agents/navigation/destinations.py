@@ -15,7 +15,7 @@ FEWEST: Final = 4
 MOST: Final = 400
 _BLOCK_M: Final = 1.0
 _DRAWN: Final = 40
-"""The next place is the farthest of so many."""
+"""The next destination is the farthest of so many drawn ones."""
 _SPREAD_SEED: Final = 0
 
 _ROUNDING: Final = 1e-3
@@ -47,13 +47,13 @@ def destinations_in(
     radius_m: float = 0.35,
     exits_m: npt.NDArray[np.float64] | None = None,
 ) -> Destinations:
-    """Return the places of a map for bodies that need `radius_m` about them.
+    """Return the destinations of a map for bodies that need `radius_m` about them.
 
     `region` bool and `clearance_m` [m] from what is not free are (height, width). Destinations are
     the cells of most clearance of one block each of about a square metre, spread by
-    best-candidate sampling: one per 25 m^2 of where the body fits, at least 4 and at most 400, as
-    far as there are so many blocks. The same map gives the same places; its origin moves and turns
-    them only. `exits_m` (E, 2) are taken as they are, None: there are none.
+    best-candidate sampling: one per 25 m^2 of where the body fits, at least 4 and at most 400, if
+    there are so many blocks. The same map gives the same destinations; another origin only moves
+    and turns them. `exits_m` (E, 2) is passed on; None means no exits.
     """
     fits = region & (clearance_m >= radius_m - _ROUNDING * grid.resolution_m)
     candidates, room_m = _block_maxima(fits, clearance_m, grid.resolution_m)
@@ -67,7 +67,7 @@ def destinations_in(
 def _block_maxima(
     fits: _Mask, clearance_m: _Field, resolution_m: float
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]]:
-    """Return the cell (row, col) of most clearance of each block that has any, and how much."""
+    """Return the cell (row, col) of most clearance in each block, and its clearance."""
     side = max(round(_BLOCK_M / resolution_m), 1)
     height, width = fits.shape
     rows, cols = -(-height // side), -(-width // side)
@@ -85,9 +85,9 @@ def _block_maxima(
 def _spread(
     cells: npt.NDArray[np.int64], room_m: npt.NDArray[np.float32], count: int
 ) -> npt.NDArray[np.int64]:
-    """Return indices of `count` cells: the roomiest, then each time one that is far from all.
+    """Return indices of `count` cells: first the roomiest, then each time one far from the others.
 
-    It is the farthest of some that are drawn, always alike: the farthest of all would make a
+    That is the farthest of some drawn ones, with a fixed seed: the farthest of all would give a
     lattice on open ground, and trips along its axes.
     """
     random = np.random.Generator(np.random.PCG64(_SPREAD_SEED))
@@ -104,19 +104,18 @@ def _spread(
     return chosen
 
 
-# Where one type can get to from where it is: the places that a way leads to, on its coarse map.
+# The destinations that one type can reach from a position, on its coarse map.
 
 
 APART_M: Final = 1.6
-"""Places that are added keep so far from all others: a trip is a metre at least, from half a metre
-beside one place."""
+"""Least distance of added destinations from the others, so that a trip is at least a metre."""
 
 _Points = npt.NDArray[np.float64]
 _Key = tuple[tuple[int, float, float, float], int, float]
 
 
 class ReachableDestinations:
-    """The places of one map, sorted by which of them a disc can get to; found when first asked."""
+    """The destinations of one map by connected part of a coarse map; computed on demand."""
 
     def __init__(self, places: Destinations) -> None:
         self._places = places
@@ -125,13 +124,12 @@ class ReachableDestinations:
     def places_from(
         self, coarse: CoarseMap, point_m: tuple[float, float], spare_m: float = 0.0
     ) -> Destinations:
-        """Return the places that can be reached from a point of the map frame.
+        """Return the destinations that can be reached from a point of the map frame.
 
-        A place has `spare_m` of room beside the disc of the coarse map. Destinations are those that
-        ways lead to, each once, or the nearest point to it where the disc fits. Where they are less
-        than `FEWEST`, others are spread over what can be reached, at least `APART_M` apart, as far
-        as there is room. Exits are those of the map. Who is shut in is told all places, to none of
-        which a way leads.
+        Each has `spare_m` of room beside the disc of the coarse map, or is moved to the nearest
+        point where the disc fits. If there are fewer than `FEWEST`, others are added in the part
+        that can be reached, at least `APART_M` apart, if there is room. Exits are those of the map.
+        If none can be reached, all destinations of the map are returned.
         """
         cell = coarse.cell_of(*point_m)
         if cell is None:
@@ -143,7 +141,7 @@ class ReachableDestinations:
         return self._known[key]
 
     def _of_part(self, coarse: CoarseMap, part: _Mask, spare_m: float) -> Destinations:
-        points_m = _held(coarse, part, spare_m, self._places.destinations_m)
+        points_m = _end_points(coarse, part, spare_m, self._places.destinations_m)
         if len(points_m) < FEWEST:
             points_m = _with_others(coarse.anchors_m[part], coarse.room_m[part], points_m)
         if not len(points_m):
@@ -151,22 +149,22 @@ class ReachableDestinations:
         return Destinations(points_m, self._places.exits_m)
 
 
-def _held(coarse: CoarseMap, part: _Mask, spare_m: float, points_m: _Points) -> _Points:
-    """Return where a disc ends on its way to points (K, 2): (N, 2), those in a part (h, w)."""
-    held: dict[Cell, tuple[float, float]] = {}
+def _end_points(coarse: CoarseMap, part: _Mask, spare_m: float, points_m: _Points) -> _Points:
+    """Return the end points (N, 2) of ways to those of points (K, 2) in a part (h, w)."""
+    found: dict[Cell, tuple[float, float]] = {}
     for x_m, y_m in points_m.tolist():
         cell = coarse.cell_of(x_m, y_m)
-        if cell is not None and part[cell] and cell not in held:
+        if cell is not None and part[cell] and cell not in found:
             fits = coarse.holds(x_m, y_m, coarse.radius_m + spare_m)
-            held[cell] = (x_m, y_m) if fits else coarse.anchor_of(cell)
-    return np.array(list(held.values()), np.float64).reshape(-1, 2)
+            found[cell] = (x_m, y_m) if fits else coarse.anchor_of(cell)
+    return np.array(list(found.values()), np.float64).reshape(-1, 2)
 
 
 def _with_others(anchors_m: _Points, room_m: npt.NDArray[np.float32], points_m: _Points) -> _Points:
-    """Return the points (K, 2), and anchors (N, 2) of a part: each the farthest from all before.
+    """Add to points (K, 2) some of the anchors (N, 2) of a part, each the farthest from the others.
 
-    The first is the one with most room, if there is none before. Where one point in the middle of
-    a small part keeps all others out, the part's ends take its place.
+    Without points, the first is the anchor with most room. If one point in the middle of a small
+    part leaves no room for a second one, the ends of the part replace it.
     """
     if not len(anchors_m):
         return points_m
@@ -180,7 +178,7 @@ def _with_others(anchors_m: _Points, room_m: npt.NDArray[np.float32], points_m: 
 
 
 def _filled_up(anchors_m: _Points, points_m: _Points) -> _Points:
-    """Return at least one point (K, 2), and up to `FEWEST` with anchors (N, 2) well apart."""
+    """Fill points (K, 2), K > 0, up to `FEWEST` with anchors (N, 2) far enough apart."""
     while len(points_m) < FEWEST:
         nearest_m = _nearest_m(anchors_m, points_m)
         farthest = int(nearest_m.argmax())
@@ -191,7 +189,7 @@ def _filled_up(anchors_m: _Points, points_m: _Points) -> _Points:
 
 
 def _nearest_m(anchors_m: _Points, points_m: _Points) -> npt.NDArray[np.float64]:
-    """Return how far anchors (N, 2) are from the nearest of the points (K, 2): (N,)."""
+    """Return the distances (N,) of anchors (N, 2) from the nearest of the points (K, 2)."""
     offsets_m = anchors_m[:, None] - points_m
     nearest_m: npt.NDArray[np.float64] = np.hypot(offsets_m[..., 0], offsets_m[..., 1]).min(axis=1)
     return nearest_m

@@ -1,7 +1,8 @@
-"""How an artefact gets where it wants: the values of the decision process, and the way they give.
+"""Navigation: from the intent of an agent to a motion command for the local planner.
 
-The process decides the next move among the others (one step of lookahead); its best policy gives
-the way from there. The sub-goal is the goal if that is seen, else a far point of the way that is.
+The values of the decision process (MDP) give the next move, with one step of lookahead among the
+other agents; the best policy gives the way from there. The sub-goal is the goal if a straight line
+leads there, else the farthest point of the way with a straight line to it.
 """
 
 import math
@@ -36,17 +37,17 @@ if TYPE_CHECKING:
     from are_ros.agents.decision import AgentState
 
 _MOST_POINTS = 128
-"""So many coarse cells of the way are looked along for a sub-goal."""
+"""A sub-goal is at most this many coarse cells along the way."""
 
-_NO_ENVIRONMENT = "nobody finds a way before there is an environment"
+_NO_ENVIRONMENT = "there is no environment yet, so no way can be found"
 _NO_WAY = np.empty((0, 2))
 _NOWHERE = Destinations(np.empty((0, 2)), np.empty((0, 2)))
 
 
 class NavigationRequest(NamedTuple):
-    """What somebody wants at a decision, and what is left of its life [s], if that is known.
+    """The intent of an agent at a decision, and the rest of its life [s] if that is known.
 
-    Who is not patient does not wait for others, but leaves it to the traffic to get past them.
+    A patient agent gives way to others; else the local planner has to pass them.
     """
 
     state: "AgentState"
@@ -57,9 +58,9 @@ class NavigationRequest(NamedTuple):
 
 
 class ActiveGoal(NamedTuple):
-    """Where an agent was going at its last decision, how fast, and what that is worth.
+    """The goal of an agent since an earlier decision, its speed, and the value table for it.
 
-    It holds in one environment. `arrays` are what kernels take of it: the fields of `Ground` and
+    It is valid in one environment. `arrays` are what kernels take: the fields of `Ground` and
     `ValueArrays`, and `GoalSpec`.
     """
 
@@ -70,9 +71,9 @@ class ActiveGoal(NamedTuple):
 
 
 class NavigationResult(NamedTuple):
-    """What an intent means for one decision period: the order, and how the goal stands.
+    """The motion command for one decision period, and the state of the goal.
 
-    With `waits` it stays for others who are in its way. `way_m` float64 (K, 2).
+    If `waits` is true, the agent gives way to others. `way_m` float64 (K, 2) is the way found.
     """
 
     command: MotionCommand
@@ -83,9 +84,9 @@ class NavigationResult(NamedTuple):
 
 
 class Navigation:
-    """Finds ways in the present environment; what was found in the last one is forgotten.
+    """Finds ways in the present environment.
 
-    `horizon` is the longest, in decision periods.
+    `places` are its destinations; `horizon` is the longest horizon [decision periods].
     """
 
     def __init__(self, settings: BehaviourParameters, terrains: Terrains) -> None:
@@ -101,18 +102,18 @@ class Navigation:
         self._tables = ValueTables(epochs)
 
     def enter(self, environment: Environment, places: Destinations) -> None:
-        """Go on in another environment, or with other places in it."""
+        """Use another environment, or other destinations in it; forget values of the last one."""
         if environment is not self._environment:
             self._tables.clear()
             self._known_terrains.clear()
-        nowhere_m = np.empty((0, 2))  # nothing, but that what gatherers ask for compiles early
+        nowhere_m = np.empty((0, 2))  # compiles the kernels of gathering early
         nearest_of(nowhere_m, places.destinations_m)
         Neighbourhood(nowhere_m).points_within(0.0, 0.0, 0.0, np.empty(0, np.int64), 0)
         self._environment, self.places = environment, places
         self._reach = ReachableDestinations(places)
 
     def places_from(self, profile: NavigationProfile, point_m: Point) -> Destinations:
-        """Return the places that a type can get to from a point; all, where it is shut in."""
+        """Return the destinations that a type can reach from a point; all if it can reach none."""
         if self._environment is None:
             return self.places
         coarse = self._coarse_maps.of(self._terrain(profile), profile.narrow_m)
@@ -120,21 +121,23 @@ class Navigation:
         return self._reach.places_from(coarse, point_m, spare_m)
 
     def sees(self, profile: NavigationProfile, from_m: Point, to_m: Point) -> bool:
-        """Say whether a type can go straight from one point to another, walls alone considered."""
+        """Return whether walls leave a type a straight way from one point to another."""
         return self._terrain(profile).sees(from_m, to_m, profile.radius_m)
 
     def results(
         self, requests: Sequence[NavigationRequest], view: AgentSnapshot, robot: RobotView | None
     ) -> list[NavigationResult]:
-        """Return what each has to do for what it wants until its next decision."""
-        active_goals = [self._course(request) for request in requests]
+        """Return the result of each request, for the time until the next decision."""
+        active_goals = [self._present_goal(request) for request in requests]
         at_once = map(self._result_at_once, requests, active_goals)
         results = {k: result for k, result in enumerate(at_once) if result is not None}
         going = {k: active for k, active in enumerate(active_goals) if active and k not in results}
         results |= self._results_by_values(requests, going, view, robot)
-        # The others set out, or have left the part of the map of which they know the values.
-        anew = {k: self._set_out(request) for k, request in enumerate(requests) if k not in results}
-        going = {k: active for k, active in anew.items() if active}
+        # The others have a new goal, or have left the part of the map with known values.
+        new_goals = {
+            k: self._new_goal(request) for k, request in enumerate(requests) if k not in results
+        }
+        going = {k: active for k, active in new_goals.items() if active}
         results |= self._results_by_values(requests, going, view, robot)
         return [
             results.get(k) or NavigationResult(_command(request, None), no_way=True)
@@ -144,7 +147,7 @@ class Navigation:
     def _result_at_once(
         self, request: NavigationRequest, active: ActiveGoal | None
     ) -> NavigationResult | None:
-        """Return the leg of who stands, has arrived, or goes straight; None if values decide."""
+        """Return the result for an agent that stands, has arrived, or moves straight; else None."""
         me, intent = request.me, request.intent
         goal_m = intent.goal_m
         if goal_m is None:
@@ -164,9 +167,9 @@ class Navigation:
         view: AgentSnapshot,
         robot: RobotView | None,
     ) -> dict[int, NavigationResult]:
-        """Return, of some wishes, the best action from where one is, and the way that follows it.
+        """Return the results of some requests by the values of the decision process.
 
-        Who knows no way is left out.
+        Requests without a known way are left out.
         """
         if not active_goals:
             return {}
@@ -183,9 +186,9 @@ class Navigation:
         return results
 
     def _around(self, robot: RobotView | None) -> tuple[float, float, float, float]:
-        """Return for how long ahead others are looked at [s], where the robot is then, its radius.
+        """Return the lookahead [s], the robot's position then [m], and its radius [m].
 
-        The radius is negative where there is none.
+        The radius is negative if there is no robot.
         """
         ahead_s = self._settings.decision_period
         if robot is None:
@@ -193,16 +196,16 @@ class Navigation:
         x_m, y_m = robot.x_m + ahead_s * robot.vx_mps, robot.y_m + ahead_s * robot.vy_mps
         return ahead_s, x_m, y_m, robot.radius_m
 
-    def _course(self, request: NavigationRequest) -> ActiveGoal | None:
-        """Return the course of one who was going there already, as fast."""
+    def _present_goal(self, request: NavigationRequest) -> ActiveGoal | None:
+        """Return the active goal if it is that of the request, at the same speed."""
         active, intent = request.state.active, request.intent
         if active is None or active.environment is not self._environment:
             return None
         is_the_same = active.goal_m == intent.goal_m and active.speed_mps == intent.speed_mps
         return active if is_the_same else None
 
-    def _set_out(self, request: NavigationRequest) -> ActiveGoal | None:
-        """Set out to a goal; None where no way is known."""
+    def _new_goal(self, request: NavigationRequest) -> ActiveGoal | None:
+        """Start towards the goal of a request; None if no way leads there."""
         profile, me, intent = request.state.profile, request.me, request.intent
         goal_m, speed_mps, environment = intent.goal_m, intent.speed_mps, self._environment
         if goal_m is None:
@@ -217,14 +220,14 @@ class Navigation:
             start = coarse.cell_of(me.x_m, me.y_m)
             table = self._tables.value(coarse, model, goal_m, start)
             if table is not None and start is not None and table.reaches(start):
-                ends = (
+                goal_spec = (
                     min(profile.radius_m, coarse.radius_m),
                     goal_m,
                     table.goal_m,
                     profile.others_price,
                     profile.robot_price,
                 )
-                arrays = (tuple(coarse.ground), tuple(table.value_arrays), ends)
+                arrays = (tuple(coarse.ground), tuple(table.value_arrays), goal_spec)
                 active = ActiveGoal(goal_m, speed_mps, environment, arrays)
                 request.state.active = active
                 return active
@@ -240,7 +243,7 @@ class Navigation:
         return terrain
 
     def _epochs(self, left_s: float | None) -> int:
-        """Return the horizon: what is left of the life, at most the longest."""
+        """Return the horizon: the rest of the life, at most the longest [decision periods]."""
         if left_s is None:
             return self.horizon
         return max(1, min(self.horizon, math.ceil(left_s / self._settings.decision_period)))
@@ -249,7 +252,7 @@ class Navigation:
 def _result(
     request: NavigationRequest, step: Sequence[float], way_m: npt.NDArray[np.float64]
 ) -> NavigationResult:
-    """Return the leg of a step that `route_steps` has found."""
+    """Return the result for a step of `route_step`."""
     what, count, x_m, y_m, is_end = step
     if what == STRAIGHT:
         return NavigationResult(_command(request, request.intent.goal_m))
@@ -262,12 +265,18 @@ def _result(
 def _command(
     request: NavigationRequest, sub_goal_m: Point | None, *, stop_there: bool = True
 ) -> MotionCommand:
-    """Return the order to go to a point, or to stand; at the end to look where the intent says."""
-    intent, comfort, face_rad = request.intent, request.state.profile.comfort, None
+    """Return the command to move to a point or to stand, facing what the intent says."""
+    intent, clearances, face_rad = request.intent, request.state.profile.clearances, None
     if intent.face_m is not None and stop_there:
         face_rad = math.atan2(intent.face_m[1] - request.me.y_m, intent.face_m[0] - request.me.x_m)
-    robot_m = comfort.robot_m if intent.robot_comfort_m is None else intent.robot_comfort_m
+    robot_m = clearances.robot_m if intent.robot_comfort_m is None else intent.robot_comfort_m
     speed_mps = 0.0 if sub_goal_m is None else intent.speed_mps
     return MotionCommand(
-        sub_goal_m, speed_mps, stop_there, face_rad, comfort.others_m, robot_m, comfort.walls_m
+        sub_goal_m,
+        speed_mps,
+        stop_there,
+        face_rad,
+        clearances.others_m,
+        robot_m,
+        clearances.walls_m,
     )

@@ -1,4 +1,4 @@
-"""What finding a way takes of an artefact's type: its size, what it likes, and what that costs."""
+"""The navigation profile of an artefact's type: sizes, clearances and their prices."""
 
 from dataclasses import dataclass
 
@@ -6,13 +6,13 @@ from are_ros.agents.local_planner.body import Body
 from are_ros.population.catalogue import CatalogueRow, RewardWeights
 
 _TURNING_ROOM = 0.1
-"""What a body needs beside its half width to get round corners, as a share of its length."""
+"""Room beside the half width of a vehicle to turn at corners, as a share of its length."""
 
 _PASSING_ROOM_M = 0.04
-"""What one that turns on the spot needs beside its half width to go straight through a gap."""
+"""Room beside the half width of a body that turns on the spot, to pass a gap."""
 
 _PERSONAL_SPACE, _ROBOT = 0.3, 0.6
-"""What a whole unit of these reward weights costs per epoch, beside the price of time."""
+"""Cost per epoch of one unit of these reward weights, beside the price of time."""
 
 
 @dataclass(frozen=True)
@@ -25,16 +25,17 @@ class Clearances:
 
     @classmethod
     def of(cls, rewards: RewardWeights) -> "Clearances":
-        """Return what a type likes: a person about 0.3 m from others, half a metre from robots."""
+        """Return those of a type: a person keeps some 0.3 m from others, 0.5 m from robots."""
         return cls(0.4 * rewards.personal_space, 0.6 * rewards.robot, 0.3 * rewards.clearance)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class NavigationProfile:
-    """What finding a way needs to know of an artefact's type.
+    """What navigation needs to know of an artefact's type.
 
-    `others_price` and `robot_price` are what being near costs per epoch. Where the disc of
-    `radius_m` finds no way, one of `narrow_m` may, between two places where it can turn.
+    `others_price` and `robot_price` are the costs per epoch of being near others and the robot. If
+    there is no way for a disc of `radius_m`, one of `narrow_m` is tried, which leads between two
+    places where the body can turn.
     """
 
     row: CatalogueRow
@@ -42,16 +43,16 @@ class NavigationProfile:
     radius_m: float
     narrow_m: float
     height_m: float
-    comfort: Clearances
+    clearances: Clearances
     others_price: float
     robot_price: float
 
     @classmethod
     def of(cls, row: CatalogueRow, body: Body) -> "NavigationProfile":
-        """Return the traveller of a row.
+        """Return the profile of a row.
 
-        Who turns on the spot needs all of its disc wherever it may come to stand: that is where
-        the traffic lets it stop. A vehicle needs its width, and some room for its turns.
+        A body that turns on the spot needs all of its disc wherever it stops. A vehicle needs its
+        width, and some room for its turns.
         """
         radius_m, rewards = body.radius_m, row.rewards
         narrow_m = radius_m
@@ -66,9 +67,9 @@ class NavigationProfile:
 
 
 def _stride_m(body: Body, speed_mps: float) -> float:
-    """Return how far one gets who starts from a stand, walks for a second, and stops again.
+    """Return the distance of a start from rest, a second of motion, and a stop [m].
 
-    So deep a gap it can go through at once, and must not stop where it could not turn.
+    A gap of this depth is passed in one motion, without a stop where the body could not turn.
     """
     start_s = min(1.0, speed_mps / body.acceleration_mps2)
     speed_mps = body.acceleration_mps2 * start_s

@@ -1,4 +1,4 @@
-"""Where a body of one height may be: the free cells over which no voxel stands in its way."""
+"""The terrain of bodies of one height: free cells without a voxel in their way."""
 
 import math
 from functools import cached_property
@@ -8,26 +8,26 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import borrowing, compiled
-from are_ros.world.boxes import TOUCH_TOLERANCE_M, OrientedBoxes
+from are_ros.world.boxes import TOUCH_TOLERANCE_M
 from are_ros.world.environment import Environment
 from are_ros.world.lattice_cover import TWO_HALF_DIAGONALS, lattice_row
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 HEIGHT_STEP_M: Final = 0.25
 FIRST_LEAP: Final = 16
-"""So many points of a way are leaped over first, to see how far it can be rolled straight."""
+"""The first leap along a way [points], in the search for its farthest visible point."""
 
-_SURELY_MET: Final = 0.25
-"""A point is at most this much farther, in cells, from a closed cell than the centre of its own
-cell from that one's: half a diagonal, less half a side."""
+_CERTAIN_HIT: Final = 0.25
+"""A point is at most this much farther [cells] from a closed cell than the centre of its own cell
+is from the centre of that one: half a diagonal, less half a side."""
 
 
 class Terrain:
-    """The ground of one environment as bodies up to `height_m` find it; it never changes.
+    """The ground of one environment for bodies up to `height_m`; it never changes.
 
-    A voxel of M3D stands in the way if its top is more than the environment's ground clearance
-    above the ground of the cell, and its bottom below the body's top there. An extruded M3D says no
-    more than the grid.
+    A voxel of M3D is in the way if its top is more than the environment's ground clearance above
+    the ground of the cell, and its bottom below the body's top there. An extruded M3D adds nothing
+    to the grid.
     """
 
     def __init__(self, environment: Environment, height_m: float) -> None:
@@ -43,8 +43,8 @@ class Terrain:
     def clearance_m(self) -> npt.NDArray[np.float32]:
         """Distance (height, width) [m] of each cell from the nearest that is closed, read-only.
 
-        Exact, between cell centres; 0 on closed cells. Closed are the cells that are not free,
-        those over which a voxel stands in the way, and all outside the grid.
+        Exact, between cell centres; 0 on closed cells. Closed are cells that are not free or have a
+        voxel in the way, and all outside the grid.
         """
         if not has_own_voxels(self.environment):
             return self.environment.clearance_m
@@ -55,20 +55,16 @@ class Terrain:
 
     @cached_property
     def solid(self) -> npt.NDArray[np.bool_]:
-        """Cells (height, width) that are occupied, or over which a voxel stands in the way."""
+        """Cells (height, width) that are occupied, or have a voxel in the way."""
         occupied = self.environment.classes.occupied
         if not has_own_voxels(self.environment):
             return occupied
         solid: npt.NDArray[np.bool_] = occupied | self._overhung
-        solid.flags.writeable = False  # as without: kernels compile for each kind of array
+        solid.flags.writeable = False  # as above: kernels compile for each kind of array
         return solid
 
-    def fits(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
-        """Tell which boxes (N,) cover free cells of the grid only and hit no wall: exact."""
-        return self.environment.is_placeable(boxes)
-
     def sees(self, from_m: tuple[float, float], to_m: tuple[float, float], radius_m: float) -> bool:
-        """Tell whether a disc can roll straight from one point to another of the map frame.
+        """Return whether a disc can move straight from one point to another of the map frame.
 
         It meets no closed cell at either end, nor every half a cell between them: exact, and the
         same condition under which the local planner lets an agent turn on the spot.
@@ -77,7 +73,7 @@ class Terrain:
 
     @cached_property
     def lattice(self) -> npt.NDArray[np.float64]:
-        """The grid's place in the map, as `lattice_cover.lattice_row`."""
+        """The grid's pose in the map, as `lattice_cover.lattice_row`."""
         resolution_m = self.grid.resolution_m
         return lattice_row(self.grid.origin, resolution_m, resolution_m)
 
@@ -90,7 +86,7 @@ class Terrain:
 
 
 class Terrains:
-    """The terrains of the newest environment asked for, one for each height."""
+    """The terrains of the newest environment, one for each height."""
 
     def __init__(self) -> None:
         self._environment: Environment | None = None
@@ -99,7 +95,7 @@ class Terrains:
     def of(self, environment: Environment, height_m: float) -> Terrain:
         """Return the terrain of a body `height_m` high; heights are rounded up to 0.25 m.
 
-        Where M3D says no more than the grid, all heights share one terrain.
+        If M3D adds nothing to the grid, all heights share one terrain.
         """
         if environment is not self._environment:
             self._environment, self._terrains = environment, {}
@@ -111,7 +107,7 @@ class Terrains:
 
 
 def has_own_voxels(environment: Environment) -> bool:
-    """Tell whether M3D may close cells that are free in the grid."""
+    """Return whether M3D may close cells that are free in the grid."""
     return environment.voxels is not None and not environment.voxels.is_extruded
 
 
@@ -132,7 +128,7 @@ def rolls(
     to_m: tuple[float, float],
     radius: float,
 ) -> bool:
-    """March along the segment in leaps of what is surely left of the clearance."""
+    """Return whether a disc can move along a segment: march in leaps of the room that is left."""
     length = np.hypot(to_m[0] - from_m[0], to_m[1] - from_m[1])
     unit = lattice[4]
     along = 0.0
@@ -145,7 +141,7 @@ def rolls(
         if not (0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]):
             return False
         here = field[int(y), int(x)]
-        if here + _SURELY_MET * unit < radius:
+        if here + _CERTAIN_HIT * unit < radius:
             return False
         room = here - TWO_HALF_DIAGONALS * unit - radius
         if room < 0.0 and not disc_is_free(field, x, y, radius / unit - TOUCH_TOLERANCE_M):
@@ -189,11 +185,11 @@ def farthest(
     way_m: npt.NDArray[np.float64],
     radius: float,
 ) -> int:
-    """Return a point of a way that a disc can roll straight to, but not to the next.
+    """Return the index of a far point of a way that a disc can move straight to.
 
-    It is looked along the way in leaps, each twice as far as the last, until a point is not seen,
-    and back by halving: what is seen again beyond that is not found. The end if all is seen, the
-    first point if none is.
+    The search leaps along the way, each time twice as far, until a point is not visible, and then
+    halves the interval; a point that is visible again beyond it is not found. The result is the
+    last index if all points are visible, 0 if none is.
     """
     last, seen, unseen = way_m.shape[0] - 1, 0, 0
     leap = min(FIRST_LEAP, last)

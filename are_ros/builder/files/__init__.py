@@ -1,1 +1,1 @@
-"""The files that a user writes: catalogues and scenarios."""
+"""Readers and writers of the files that users write: catalogues and scenarios."""

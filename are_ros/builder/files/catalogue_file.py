@@ -1,4 +1,4 @@
-"""Reading a catalogue of artefacts from YAML, with a sentence for whatever is wrong in it."""
+"""Reading a catalogue of artefacts from YAML; each error names file, row, field and reason."""
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -32,12 +32,12 @@ _KINDS: Mapping[type, str] = {
 
 
 class Fields:
-    """The values of one mapping, the place that a refusal names, and the keys it may have."""
+    """The values of one YAML mapping, with typed access; errors name its place in the file."""
 
     def __init__(self, place: str, values: object, known: Collection[str], path: str = "") -> None:
-        """Take a mapping as YAML gives it (nothing counts as an empty one).
+        """Take a mapping as YAML gives it (None counts as an empty one).
 
-        CatalogueError if it is no mapping, or has a key that is not known.
+        Raises CatalogueError if it is no mapping, or has an unknown key.
         """
         self._place = place
         self._path = path
@@ -55,11 +55,11 @@ class Fields:
         return iter(self._values)
 
     def refuse(self, key: str, reason: str) -> NoReturn:
-        """Raise CatalogueError for a field."""
+        """Raise CatalogueError about a field."""
         raise CatalogueError(f"{self._place}: {self._path}{key} {reason}")
 
     def text(self, key: str, default: str | None = None) -> str:
-        """Return a text that is not empty."""
+        """Return a text, which must not be empty."""
         if default is not None and key not in self._values:
             return default
         value = self._get(key, str)
@@ -68,7 +68,7 @@ class Fields:
         return str(value)
 
     def choice(self, key: str, known: Collection[str], default: str | None = None) -> str:
-        """Return one of the known texts."""
+        """Return a text, which must be one of the known ones."""
         if default is not None and key not in self._values:
             return default
         value = self.text(key)
@@ -81,13 +81,13 @@ class Fields:
         return bool(self._get(key, bool)) if key in self._values else default
 
     def number(self, key: str, default: float | None = None, *, positive: bool = False) -> float:
-        """Return a finite number that is not negative; with `positive`, not 0 either."""
+        """Return a finite number >= 0; with `positive`, > 0."""
         if default is not None and key not in self._values:
             return default
         return self._checked(key, self._get(key, float), positive=positive)
 
     def numbers(self, key: str, counts: Collection[int], *, positive: bool = False) -> list[float]:
-        """Return a list of finite, not negative numbers, as many as one of `counts`."""
+        """Return a list of finite numbers >= 0, whose length is one of `counts`."""
         values = self._get(key, list)
         if len(values) not in counts:
             wanted = " or ".join(str(count) for count in counts)
@@ -97,11 +97,11 @@ class Fields:
         ]
 
     def raw(self, key: str) -> object:
-        """Return a value as it is, None if it is not there."""
+        """Return a value unchecked, None if it is not given."""
         return self._values.get(key)
 
     def section(self, key: str, known: Collection[str]) -> "Fields":
-        """Return a mapping inside this one; empty if it is not there."""
+        """Return a mapping inside this one; empty if it is not given."""
         return Fields(self._place, self._values.get(key), known, f"{self._path}{key}.")
 
     def _get(self, key: str, kind: type) -> Any:
@@ -136,7 +136,7 @@ def _mapping(place: str, values: object, path: str) -> dict[Any, Any]:
 
 
 def _nearest(word: str, known: Collection[str]) -> str:
-    """Name the nearest known word, or all of them if none is near."""
+    """Return a hint with the nearest known word, or with all of them if none is near."""
     near = get_close_matches(word, known, n=1)
     if near:
         return f"; did you mean {near[0]!r}?"
@@ -160,8 +160,8 @@ _GLB_AXES = ("y", "z")
 def read_catalogue(path: Path = SHIPPED_CATALOGUE) -> Catalogue:
     """Read the catalogue at `path`; the format is described in docs/catalogue.md.
 
-    CatalogueError, one sentence that names file, row, field and reason, for whatever is wrong.
-    Meshes of the user's are read too, for their boxes; built-in shapes are not built.
+    Raises CatalogueError, which names file, row, field and reason. User-defined meshes are read,
+    too, for their boxes; built-in shapes are not computed.
     """
     content = read_yaml(path, f"the catalogue {path}", CatalogueError)
     document = Fields(str(path), content, ("classes", "rows"))
@@ -179,29 +179,29 @@ def read_catalogue(path: Path = SHIPPED_CATALOGUE) -> Catalogue:
 
 
 def _class_defaults(path: Path, name: str, values: object) -> dict[str, Any]:
-    """Check the defaults of a class on their own, so that a refusal names the class."""
+    """Check the defaults of a class on their own, so that an error names the class."""
     place = f"{path}: class {name!r}"
     given = Fields(place, values, _CLASS_KEYS)
     if "shape" in given:
         given.choice("shape", _SHAPES)
-    _habits(given)
+    _shared_fields(given)
     return {key: given.raw(key) for key in given}
 
 
 def _row(
     path: Path, index: int, entry: object, classes: Mapping[str, Mapping[str, Any]]
 ) -> CatalogueRow:
-    """Read one row, completed by the defaults of its class."""
+    """Read one row, with the defaults of its class."""
     label = entry.get("label") if isinstance(entry, dict) else None
     place = f"{path}: row {index}" + (f" ({label})" if isinstance(label, str) else "")
     own = Fields(place, entry, _ROW_KEYS)
     own.text("label")
     class_name = own.choice("class", tuple(classes))
-    _habits(own)
+    _shared_fields(own)
     given = Fields(place, _merged(classes[class_name], own), _ROW_KEYS)
     surface, geometry = _geometry(path, place, own, given)
-    habits = _habits(given)
-    _check_stands(given, habits)
+    shared = _shared_fields(given)
+    _check_moves(given, shared)
     return CatalogueRow(
         index=index,
         label=own.text("label"),
@@ -209,20 +209,20 @@ def _row(
         size_m=geometry.size_m,
         box_centre_in_artefact_m=geometry.box_centre_in_artefact_m,
         surface=surface,
-        **habits,
+        **shared,
     )
 
 
-def _check_stands(given: Fields, habits: Mapping[str, Any]) -> None:
-    """Refuse a behaviour that moves where the speed is 0."""
-    for name, share in habits.get("behaviours", {}).items():
-        reason = why_not(name, habits["motion"].speed_mps)
+def _check_moves(given: Fields, shared: Mapping[str, Any]) -> None:
+    """Raise CatalogueError for a behaviour that moves if the speed is 0."""
+    for name, share in shared.get("behaviours", {}).items():
+        reason = why_not(name, shared["motion"].speed_mps)
         if share > 0.0 and reason is not None:
             given.refuse(f"behaviours.{name}", reason)
 
 
 def _merged(defaults: Mapping[str, Any], own: Fields) -> dict[str, Any]:
-    """Complete a row: its own values win, and inside motion, rewards and features key by key."""
+    """Return the values of a row over its class's; motion, rewards, features merge by key."""
     values = {**defaults, **{key: own.raw(key) for key in own}}
     for key in _MERGED:
         if key in defaults or key in own:
@@ -264,7 +264,7 @@ def _size(given: Fields) -> list[float]:
 
 
 def _mesh_file(path: Path, mesh: Fields) -> MeshFile:
-    """Read where a mesh of the user's is, and how it stands in its file."""
+    """Read the path of a user-defined mesh, its unit and its axes."""
     file = path.parent / mesh.text("file")
     up, forward = _GLB_AXES if file.suffix.lower() == ".glb" else ("z", "x")
     up, forward = mesh.choice("up", _AXES, up), mesh.choice("forward", _AXES, forward)
@@ -274,26 +274,26 @@ def _mesh_file(path: Path, mesh: Fields) -> MeshFile:
     return MeshFile(file, unit * mesh.number("scale", 1.0, positive=True), up, forward)
 
 
-def _habits(given: Fields) -> dict[str, Any]:
-    """Read what classes and rows share; what is not given is left to the row's own defaults."""
-    habits: dict[str, Any] = {"forever": given.flag("forever", default=False)}
+def _shared_fields(given: Fields) -> dict[str, Any]:
+    """Read the fields that classes and rows have in common, with their defaults."""
+    shared: dict[str, Any] = {"forever": given.flag("forever", default=False)}
     if "colour" in given:
-        habits["colour"] = _colour(given)
+        shared["colour"] = _colour(given)
     for key, kind in (("motion", MotionLimits), ("rewards", RewardWeights)):
         known = asdict(kind())
         section = given.section(key, tuple(known))
-        habits[key] = kind(**{name: section.number(name, value) for name, value in known.items()})
-    if habits["motion"].running_factor < 1.0:
-        factor = habits["motion"].running_factor
+        shared[key] = kind(**{name: section.number(name, value) for name, value in known.items()})
+    if shared["motion"].running_factor < 1.0:
+        factor = shared["motion"].running_factor
         given.refuse("motion.running_factor", f"is {factor:g}, but must be >= 1")
     if "behaviours" in given:
-        habits["behaviours"] = _behaviours(given)
-    habits["features"] = _features(given)
-    return habits
+        shared["behaviours"] = _behaviours(given)
+    shared["features"] = _features(given)
+    return shared
 
 
 def _behaviours(given: Fields) -> dict[str, float]:
-    """Return the probability of each behaviour; the user's own are imported."""
+    """Return the probability of each behaviour; user-defined ones are imported."""
     raw = given.raw("behaviours")
     own = [name for name in raw if ":" in str(name)] if isinstance(raw, dict) else []
     weights = given.section("behaviours", (*BEHAVIOURS, *own))
@@ -337,7 +337,7 @@ def _colour(given: Fields) -> tuple[float, float, float, float]:
 
 
 def _check_labels(path: Path, rows: Sequence[CatalogueRow]) -> None:
-    """Refuse two rows of one label."""
+    """Raise CatalogueError if two rows have one label."""
     first: dict[str, int] = {}
     for row in rows:
         if row.label in first:
@@ -347,7 +347,7 @@ def _check_labels(path: Path, rows: Sequence[CatalogueRow]) -> None:
 
 
 def _check_blocks(path: Path, rows: Sequence[CatalogueRow], classes: Sequence[str]) -> None:
-    """Refuse a class without rows, and one whose rows do not stand together."""
+    """Raise CatalogueError for a class without rows, or with rows that are not contiguous."""
     seen: list[str] = []
     for row in rows:
         if row.class_name in seen and seen[-1] != row.class_name:

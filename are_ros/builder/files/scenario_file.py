@@ -1,6 +1,6 @@
-"""Scenarios as YAML, with their long tracks in a CSV file; see docs/scenarios.md.
+"""Reading and writing scenarios: YAML, with long tracks in a CSV file; see docs/scenarios.md.
 
-The CSV has a line per pose, rounded to a micrometre and a microradian.
+The CSV file has a line per pose, rounded to a micrometre and a microradian.
 """
 
 import csv
@@ -9,7 +9,7 @@ from array import array
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from pathlib import Path
 from typing import Any, Final
@@ -31,11 +31,11 @@ from are_ros.population.scenario import Scenario, ScriptedArtefact, Track
 from are_ros.wording import why_refused
 from are_ros.yaml_text import read_yaml
 
-_WHO: Final = "artefact"
+_KEY: Final = "artefact"
 _TIME: Final = "t_s"
 _POSE: Final = ("x_m", "y_m", "z_m", "yaw_rad")
 _NEEDED: Final = (_TIME, *_POSE)
-COLUMNS: Final = (_WHO, *_NEEDED)
+COLUMNS: Final = (_KEY, *_NEEDED)
 _DECIMALS: Final = 6
 
 _SECOND_DIGITS: Final = 9
@@ -88,7 +88,7 @@ def _read(path: Path, lines: Iterator[list[str]]) -> dict[str, Track]:
         if len(line) != len(names):
             raise ScenarioError(f"{place}: it has {len(line)} cells, the first line {len(names)}")
         cells = dict(zip(names, line, strict=True))
-        reading = readings[cells.get(_WHO, "")]
+        reading = readings[cells.get(_KEY, "")]
         try:
             reading.times_ns.append(_seconds_of_cell(cells[_TIME]))
             reading.numbers.extend([_number(column, cells[column]) for column in _POSE])
@@ -98,13 +98,13 @@ def _read(path: Path, lines: Iterator[list[str]]) -> dict[str, Track]:
 
 
 def _read_track(path: Path, key: str, reading: _Reading) -> Track:
-    """Return the track that was read; ScenarioError where it is none."""
+    """Return the track of one artefact; ScenarioError where its poses are no track."""
     poses = np.array(reading.numbers).reshape(-1, len(_POSE))
     try:
         return Track(np.array(reading.times_ns), poses)
     except ScenarioError as cause:
-        who = f", artefact {key}" if key else ""
-        raise ScenarioError(f"{path}{who}: {cause}") from cause
+        artefact = f", artefact {key}" if key else ""
+        raise ScenarioError(f"{path}{artefact}: {cause}") from cause
 
 
 def _check_columns(path: Path, names: Sequence[str]) -> None:
@@ -138,8 +138,8 @@ def _seconds_of_cell(cell: str) -> int:
 def ns_of_seconds(value: object) -> int:
     """Return a number, or its decimal text, of seconds in [0, 1e9] as the nearest nanosecond.
 
-    A float counts as the shortest text that stands for it, so that 0.1 is 100,000,000 ns. Raises
-    ValueError for anything else; its text goes on from the name of a field.
+    A float counts as its shortest decimal text, so 0.1 is 100,000,000 ns. Raises ValueError for
+    anything else; its text continues a sentence that begins with the name of a field.
     """
     if isinstance(value, bool):
         raise ValueError(f"is {value!r}, but seconds are needed")  # noqa: TRY004 - one kind for all
@@ -155,7 +155,7 @@ def ns_of_seconds(value: object) -> int:
 
 
 def seconds_text(t_ns: int) -> str:
-    """Return nanoseconds >= 0 as seconds, in as many decimals as it takes and no more."""
+    """Return nanoseconds >= 0 as the shortest exact decimal text of seconds."""
     whole, part = divmod(t_ns, NS_PER_S)
     return f"{whole}.{part:0{_SECOND_DIGITS}d}".rstrip("0").rstrip(".")
 
@@ -202,7 +202,7 @@ def read_scenario(path: Path, catalogue: Catalogue) -> Scenario:
 
 
 def scenario_files(path: Path) -> tuple[Path, Path]:
-    """Return the files that a scenario is written into: its own, and that of its long tracks."""
+    """Return the files of a scenario: the YAML file, and the CSV file of its long tracks."""
     return path, path.with_name(f"{path.stem}.tracks.csv")
 
 
@@ -240,7 +240,7 @@ def _as_scenario_errors() -> Iterator[None]:
 
 
 def _place(path: Path, index: int, entry: object) -> str:
-    """Return how sentences name an artefact, before anything of it is checked."""
+    """Return the name of an entry in error messages, before it is checked."""
     name = None
     if isinstance(entry, dict):
         name = next((entry[key] for key in ("name", "label", "row") if key in entry), None)
@@ -248,7 +248,7 @@ def _place(path: Path, index: int, entry: object) -> str:
 
 
 def _is_beside(artefact: ScriptedArtefact) -> bool:
-    """Tell whether a track goes into the CSV: it has several poses, and a key to find it by."""
+    """Tell whether a track goes into the CSV file: it has several poses, and the artefact a key."""
     track = artefact.track
     return bool(track and len(track) > 1 and _key(artefact))
 
@@ -258,7 +258,7 @@ def _key(artefact: ScriptedArtefact) -> str:
 
 
 def _entry(artefact: ScriptedArtefact, sidecar: str) -> dict[str, Any]:
-    """Return one artefact as YAML has it, without the fields that have their defaults."""
+    """Return the YAML entry of one artefact, without fields that have their default."""
     given: dict[str, Any] = {"label": artefact.row.label}
     if artefact.artefact_id is not None:
         given["id"] = artefact.artefact_id
@@ -286,8 +286,6 @@ def _movement(artefact: ScriptedArtefact, sidecar: str) -> dict[str, Any]:
     given["at"] = [pose.x_m, pose.y_m, pose.yaw_rad]
     if artefact.way_m:
         given |= {"way": [list(point) for point in artefact.way_m], "loop": artefact.loop}
-    if artefact.speed_mps is not None:
-        given["speed"] = artefact.speed_mps
     return given
 
 
@@ -297,7 +295,7 @@ def _inline(track: Track) -> list[list[Any]]:
 
 
 def _seconds(t_ns: int) -> int | float | str:
-    """Return seconds as YAML keeps them: a number where that loses nothing, else its text."""
+    """Return seconds as a number if YAML keeps it exactly, else as text."""
     text = seconds_text(t_ns)
     if "." not in text:
         return int(text)
@@ -319,7 +317,7 @@ class _TrackFiles:
         for key in (*keys, ""):
             if key in tracks:
                 return tracks[key]
-        known = " or ".join(map(repr, keys)) or "of nobody in particular (no id, no name is given)"
+        known = " or ".join(map(repr, keys)) or "without a key (the artefact has no id and no name)"
         raise ScenarioError(f"{self._folder / file} has no track {known}")
 
 
@@ -335,7 +333,7 @@ def _artefact(given: Fields, catalogue: Catalogue, files: _TrackFiles) -> Script
         arrives_ns = _ns(given, "arrives", given.raw("arrives"))
     stays = given.raw("stays")
     return ScriptedArtefact(
-        row=row,
+        row=_at_speed(given, row),
         pose=_pose(given) if track is None else track.pose_at(arrives_ns),
         arrives_ns=arrives_ns,
         stays_ns=None if stays is None or stays == "forever" else _ns(given, "stays", stays),
@@ -344,7 +342,6 @@ def _artefact(given: Fields, catalogue: Catalogue, files: _TrackFiles) -> Script
         loop=given.flag("loop", default=False),
         follows=given.text("follows", ""),
         track=track,
-        speed_mps=_speed_mps(given, row),
         artefact_id=artefact_id,
         name=name,
         origin=_ORIGINS[given.choice("origin", tuple(_ORIGINS), "scripted")],
@@ -359,9 +356,9 @@ def _check_movements(given: Fields) -> None:
         given.refuse(kinds[1], f"is given beside {kinds[0]}; an artefact has one of them")
     for key in _NOT_BESIDE_TRACK:
         if "track" in given and key in given:
-            given.refuse(key, "is given beside track, which tells where the artefact is when")
+            given.refuse(key, "is given beside track, which gives all poses")
     if "loop" in given and "way" not in given:
-        given.refuse("loop", "is given, but there is no way to go again and again")
+        given.refuse("loop", "is given, but there is no way to repeat")
 
 
 def _row(given: Fields, catalogue: Catalogue) -> CatalogueRow:
@@ -380,7 +377,7 @@ def _row_of_label(given: Fields, catalogue: Catalogue) -> CatalogueRow:
     try:
         rows = catalogue.rows_named(label)
     except CatalogueError as cause:
-        given.refuse("label", f"is not to be had: {cause}")
+        given.refuse("label", f"cannot be used: {cause}")
     if len(rows) > 1:
         labels = ", ".join(row.label for row in rows)
         given.refuse("label", f"is {label!r}, a class of several rows; take one of {labels}")
@@ -411,7 +408,7 @@ def _pose(given: Fields) -> GroundPose:
 
 
 def _behaviour(given: Fields, row: CatalogueRow) -> str:
-    """Return the behaviour; on a track it is only a word for what the artefact is seen to do."""
+    """Return the behaviour; on a track it is only a label for the outputs."""
     if "track" in given:
         return given.text("behaviour", Standing.name)
     for key, name in (("way", AlongWay.name), ("follows", Following.name)):
@@ -442,14 +439,15 @@ def _way(given: Fields) -> tuple[tuple[float, float], ...]:
     return tuple((x_m, y_m) for x_m, y_m in way)
 
 
-def _speed_mps(given: Fields, row: CatalogueRow) -> float | None:
+def _at_speed(given: Fields, row: CatalogueRow) -> CatalogueRow:
+    """Return the row, with the speed given if any, which is not above the row's own."""
     if "speed" not in given:
-        return None
+        return row
     _check_moves(given, "speed", row)
     speed_mps, most = given.number("speed", positive=True), row.motion.speed_mps
     if speed_mps > most:
         given.refuse("speed", f"is {speed_mps:g}, but {row.label} moves at {most:g} m/s at most")
-    return speed_mps
+    return replace(row, motion=replace(row.motion, speed_mps=speed_mps))
 
 
 def _track(given: Fields, files: _TrackFiles, artefact_id: int | None, name: str) -> Track | None:

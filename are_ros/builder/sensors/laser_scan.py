@@ -1,6 +1,6 @@
-"""A planar laser scan, as sensor_msgs/LaserScan, and the scan with artefacts in it.
+"""A planar laser scan (sensor_msgs/LaserScan), and its augmentation with artefacts.
 
-REP 117 says what its ranges mean.
+REP 117 defines the meaning of its ranges.
 """
 
 import math
@@ -27,8 +27,8 @@ class LaserScan:
     Beam i looks along angle_min + i * angle_increment (the increment may be negative). `ranges` is
     float32 (N,) [m]: -inf too close, +inf or NaN or beyond range_max no return. `intensities` is
     float32, (N,) or empty. Both become read-only. Times: `stamp_ns` of the first beam [ns],
-    `time_increment_s` between beams, `scan_time_s` between scans. `checked` is the way in for
-    numbers from outside.
+    `time_increment_s` between beams, `scan_time_s` between scans. Numbers from outside
+    must pass `checked`.
     """
 
     frame_id: str
@@ -74,16 +74,16 @@ class LaserScan:
         The scan is `checked`. The laser's plane may have any orientation. Per beam, with the first
         hit on any artefact, Euclidean [m]:
 
-        - within [range_min, range_max] it replaces a farther real return, wherever the environment
-          has a wall: the return is the evidence that the way there is free;
+        - within [range_min, range_max] it replaces a farther real return, whatever walls the
+          environment has: the return proves that the beam is free up to there;
         - it replaces +inf, NaN, a range above range_max or below range_min (many drivers write 0.0
           where nothing came back) where the environment's surface is not in front of it;
         - nearer than range_min it becomes -inf (REP 117: too close), unless the return is nearer;
         - beyond range_max, or not nearer than a valid return, it changes nothing, and -inf stays.
 
-        A beam that starts inside a box hits it at 0; a mesh has only its surface. Beams that stay,
-        stay bit for bit; replaced ones have intensity 0. Where nothing is replaced the same object
-        returns.
+        A beam that starts inside a box hits it at 0; a mesh has only its surface. Other beams keep
+        their bits; replaced ones have intensity 0. If nothing is replaced, the same object is
+        returned.
         """
         angles = self.angle_min_rad, self.angle_increment_rad, len(self.ranges)
         hits = first_hits(map_from_sensor, angles, self.range_max_m, obstacles)
@@ -171,7 +171,7 @@ def _merged(
     map_from_laser: RigidTransform,
     surface: VoxelField | None,
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
-    """Return the ranges with the hits in them, and which were replaced; the rules above."""
+    """Return the ranges with the hits merged by the rules above, and which were replaced."""
     real = scan.ranges
     nearest = np.float32(scan.range_min_m)
     farthest = np.float32(min(scan.range_max_m, float(np.finfo(np.float32).max)))
@@ -193,7 +193,7 @@ def _are_hidden(
     map_from_laser: RigidTransform,
     surface: VoxelField,
 ) -> npt.NDArray[np.bool_]:
-    """Tell at which of some beams (K,) the environment is met before the hit (K,), bool (K,)."""
+    """Return for which of some beams (K,) the environment is hit before the hit (K,): bool (K,)."""
     if not len(beams):
         return np.empty(0, np.bool_)
     angles = scan.angle_min_rad + beams * scan.angle_increment_rad

@@ -1,4 +1,4 @@
-"""A single distance within a cone, as sensor_msgs/Range: sonar and infrared sensors."""
+"""A range reading (sensor_msgs/Range): one distance within a cone, of sonar or infrared."""
 
 import math
 from collections.abc import Iterator
@@ -55,10 +55,10 @@ class RangeReading:
     def augmented(self, map_from_sensor: RigidTransform, obstacles: Obstacles) -> "RangeReading":
         """Return the reading with the nearest artefact within the cone, if that is nearer.
 
-        The reading is `checked`. The rules are those of a beam of a laser scan: a return within
-        [min_range, max_range] is the evidence that the cone is free up to it, so a nearer artefact
-        replaces it wherever the environment has a wall. Where nothing came back, only the surfaces
-        count that the environment does not hide. Nearer than min_range it becomes -inf; -inf stays.
+        The reading is `checked`. The rules are those of a laser beam: a return within [min_range,
+        max_range] proves that the cone is free up to it, so a nearer artefact replaces it, whatever
+        walls the environment has. Without a return, an artefact counts only if the environment does
+        not hide it. Nearer than min_range it becomes -inf; -inf stays.
         """
         is_return = self.min_range_m <= self.range_m <= self.max_range_m
         if self.range_m == -math.inf:

@@ -1,10 +1,10 @@
-"""The sensors: each reading augmented at its own stamp, once its transform is there.
+"""The sensor path: each reading is augmented at its own stamp, when its transform is known.
 
-A reading is one message of a sensor: a laser scan, for example. It waits up to `wait_ns` for the
-transform at its stamp. Then the last map->odom is used with the interpolated odom->sensor (a slow
-correction may be held, odometry may not), else the reading passes through unaugmented and is
-counted. So does a reading from before all poses that are kept: its stamps are those of another
-clock than the other inputs', or it was held up for long.
+A reading is one message of a sensor, for example a laser scan. It waits up to `wait_ns` for the
+transform at its stamp. After that, the last map->odom is combined with the interpolated
+odom->sensor (a slow correction may be held, odometry may not); if that is not possible either, the
+reading passes through unaugmented and is counted. A reading that is older than the kept poses
+passes through, too: its stamps are of another clock, or it was delayed.
 """
 
 from collections import deque
@@ -27,15 +27,15 @@ from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.tree import FrameTree
 
 _WATCHED: Final = 50
-"""How late the transforms came is kept for this many readings that left too early."""
+"""The delays of transforms are kept for this many readings that did not wait long enough."""
 
 
 @dataclass(frozen=True, eq=False)
 class Obstacles:
-    """What a sensor can meet, in the map frame: `boxes` of N artefacts, one at least.
+    """What a sensor can hit, in the map frame: `boxes` of N >= 1 artefacts.
 
-    `shapes` are the N meshes (default: the boxes themselves), `surface` is that of the environment
-    (None: there is none).
+    `shapes` are the N meshes, or the boxes themselves; `surface` is the surface of the environment,
+    None if there is none.
     """
 
     boxes: OrientedBoxes
@@ -44,10 +44,7 @@ class Obstacles:
 
 
 class Reading(Protocol):
-    """One message of a sensor, in the sensor's frame. A kind of sensor implements this class.
-
-    `frame_id` is the sensor's frame, `stamp_ns` the time at which the reading was taken [ns].
-    """
+    """One message of a sensor; each kind of sensor implements this class."""
 
     @property
     def frame_id(self) -> str:
@@ -55,13 +52,13 @@ class Reading(Protocol):
 
     @property
     def stamp_ns(self) -> int:
-        """When it was taken [ns]."""
+        """The time of measurement [ns]."""
 
     def augmented(self, map_from_sensor: RigidTransform, obstacles: Obstacles) -> Any:
-        """Return the reading as the sensor would give it if the artefacts were there.
+        """Return the reading that the sensor would give if the artefacts were real.
 
-        Called once per reading, with the sensor's pose at the reading's stamp. Returns the same
-        object where no artefact changes it.
+        It is called once per reading, with the sensor's pose at the stamp. It returns the same
+        object if no artefact changes the reading.
         """
 
 
@@ -72,7 +69,7 @@ Augment = Callable[[Any, RigidTransform], Any]
 class ReleasedReading:
     """A reading that leaves the sensor path at `released_ns`, for the output of its topic.
 
-    `reading` and `received`, the reading as it came in (None: not told), are of the topic's kind.
+    `received` is the reading as it was received, None if not known.
     """
 
     topic: str
@@ -92,7 +89,7 @@ class _Waiting:
 
 @dataclass
 class SensorPathCounts:
-    """How readings left: with their exact transform, with map->odom held, or as they came."""
+    """Counts of readings: with the exact transform, with map->odom held, unaugmented."""
 
     exact: int = 0
     held: int = 0
@@ -100,7 +97,7 @@ class SensorPathCounts:
 
 
 class SensorPath:
-    """The queue of the readings of one topic that wait, in the order of arrival."""
+    """The queue of the waiting readings of one topic, in the order of reception."""
 
     def __init__(
         self,
@@ -125,24 +122,24 @@ class SensorPath:
         self._released: list[ReleasedReading] = []
 
     def push(self, topic: str, reading: Reading, received_ns: int) -> None:
-        """Take a reading in; it leaves at once if its transform is there already."""
+        """Take a reading; it is released at once if its transform is known already."""
         self._waiting.append(_Waiting(topic, reading, received_ns, received_ns + self.wait_ns))
         self.transforms_came(received_ns)
 
     @property
     def late_ns(self) -> int:
-        """How long after a reading its transform came at most, of the last that came too late [ns].
+        """The longest delay [ns] of a transform among recent readings that waited too briefly.
 
-        It is 0 where none did: a longer wait would not have helped.
+        It is 0 if there was none: a longer wait would not have helped.
         """
         return max((late_ns for late_ns in self._late_ns if late_ns > self.wait_ns), default=0)
 
     def next_deadline_ns(self) -> int | None:
-        """Return when the reading that waits longest must leave, None if none waits."""
+        """Return the deadline of the first reading [ns], None if none waits."""
         return self._waiting[0].deadline_ns if self._waiting else None
 
     def transforms_came(self, now_ns: int) -> None:
-        """Release the readings whose transform has become known; none overtakes another."""
+        """Release the readings whose transform is known now, in order."""
         self._watch_too_early(now_ns)
         while self._waiting:
             if self._is_too_old(self._waiting[0].reading, now_ns):
@@ -154,16 +151,13 @@ class SensorPath:
             self._release(self._waiting.popleft(), now_ns, pose)
 
     def deadline_passed(self, now_ns: int) -> None:
-        """Release the readings whose deadline is not after `now_ns`, as well as it can be done.
-
-        The last map->odom may be held, the motion since then may not.
-        """
+        """Release the readings whose deadline is not after `now_ns`; map->odom may be held."""
         while self._waiting and self._waiting[0].deadline_ns <= now_ns:
             self._release_head(now_ns)
             self.transforms_came(now_ns)
 
     def take(self) -> list[ReleasedReading]:
-        """Return what was released since the last call."""
+        """Return the readings released since the last call."""
         released, self._released = self._released, []
         return released
 
@@ -179,7 +173,7 @@ class SensorPath:
         self._late_ns.clear()
 
     def _watch_too_early(self, now_ns: int) -> None:
-        """Note how late the transforms are of readings that have left without them."""
+        """Measure the delay of transforms for readings that were released without them."""
         while self._too_early:
             item, age_ns = self._too_early[0], now_ns - self._too_early[0].received_ns
             frames = self._map_frame, item.reading.frame_id
@@ -190,7 +184,7 @@ class SensorPath:
             self._too_early.popleft()
 
     def _release_head(self, now_ns: int) -> None:
-        """Release the reading that has waited longest, with the best pose that there is."""
+        """Release the first reading, with the best pose available."""
         item = self._waiting.popleft()
         if self._is_too_old(item.reading, now_ns):
             self._release(item, now_ns, None)
@@ -202,7 +196,7 @@ class SensorPath:
         self._release(item, now_ns, pose)
 
     def _is_too_old(self, reading: Reading, now_ns: int) -> bool:
-        """Count a reading that is older than the poses of the artefacts that are kept."""
+        """Return whether a reading is older than the kept poses of artefacts, and count it."""
         age_ns = now_ns - reading.stamp_ns
         if age_ns <= self._history_ns:
             return False
@@ -243,10 +237,10 @@ class SensorPath:
 
 
 class SensorAugmentation:
-    """Augments each reading with the artefacts that were there at its stamp; a path per topic.
+    """Augments each reading with the artefacts present at its stamp; each topic has its own path.
 
-    An artefact is visible from the first tick that is not before its arrival, in all outputs alike.
-    `perceived` are the ids that `sensors.gate: perceived` lets through.
+    In all outputs, an artefact is visible from the first tick that is not before its arrival.
+    `perceived` are the ids that `sensors.gate: perceived` admits.
     """
 
     def __init__(
@@ -263,7 +257,7 @@ class SensorAugmentation:
         self._paths: dict[str, SensorPath] = {}
 
     def reconfigure(self, settings: SensorsParameters) -> None:
-        """Use other settings from now on; the wait holds for the next readings of known topics."""
+        """Use other settings from now on; a new wait applies to later readings."""
         self._settings = settings
         for path in self._paths.values():
             path.wait_ns = seconds_to_ns(settings.tf_wait)
@@ -274,7 +268,7 @@ class SensorAugmentation:
             VoxelField.of(environment.voxels)
 
     def push(self, topic: str, reading: Reading, received_ns: int) -> None:
-        """Take a reading in; topics do not wait for each other."""
+        """Take a reading; topics do not wait for each other."""
         if topic not in self._paths:
             self._paths[topic] = SensorPath(
                 self._frames,
@@ -292,7 +286,7 @@ class SensorAugmentation:
             path.transforms_came(now_ns)
 
     def next_deadline_ns(self) -> int | None:
-        """Return when the next reading must leave, None if none waits."""
+        """Return the next deadline of a reading [ns], None if none waits."""
         deadlines = [path.next_deadline_ns() for path in self._paths.values()]
         return min((deadline for deadline in deadlines if deadline is not None), default=None)
 
@@ -317,11 +311,11 @@ class SensorAugmentation:
             path.clear()
 
     def counts(self) -> dict[str, SensorPathCounts]:
-        """Return how the readings of each topic left."""
+        """Return, by topic, how many readings were released in which way."""
         return {topic: path.counts for topic, path in self._paths.items()}
 
     def problems(self) -> dict[str, str]:
-        """Return, by topic, why the last reading that passed through unaugmented did."""
+        """Return, by topic, why the last reading passed through unaugmented."""
         return {
             topic: path.last_problem for topic, path in self._paths.items() if path.last_problem
         }

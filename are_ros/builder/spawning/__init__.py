@@ -1,1 +1,1 @@
-"""Where artefacts arrive: placement, out of the robot's view, on request."""
+"""Arrival poses: placement, arrivals out of view, requests."""

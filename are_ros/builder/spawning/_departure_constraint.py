@@ -1,7 +1,7 @@
-"""Conditions on an arrival pose, beside room for the box, so that the artefact can depart from it.
+"""Constraints on arrival poses, beside room for the box, so that the artefact can depart from them.
 
 A body that rotates on the spot needs a free disc. A vehicle needs free space that is connected over
-some metres, and a free first arc: between two walls it could not move for all of its life.
+some metres, and a free first arc; between two walls it could never move.
 """
 
 from functools import cached_property
@@ -27,40 +27,40 @@ _Mask = npt.NDArray[np.bool_]
 _Floats = npt.NDArray[np.float64]
 
 FIRST_TURN_RAD: Final = 1.0
-"""Angle of the first arc at full lock; the straight one is as long."""
+"""Angle of the first arc at full steering lock; the straight one has the same length."""
 
 LEAST_PART_M: Final = APART_M + 1.0
-"""A shorter part of the map has no two destinations that are far enough apart for a trip."""
+"""A smaller part of the map has no two destinations far enough apart for a trip."""
 
 _HALF_CELL: Final = 0.5
-_SURELY_MET: Final = 0.25
-"""As in `terrain.rolls`, in cells."""
-_MET: Final = -1.0
+_CERTAIN_HIT: Final = 0.25
+"""As in `terrain.rolls` [cells]."""
+_HIT: Final = -1.0
 
 
 class DepartureConstraint(Protocol):
-    """Tells from which poses an artefact can depart, as far as the static map decides."""
+    """Tells from which poses an artefact can depart, according to the static map."""
 
     radius_m: float
     """Radius of a disc about F_A that is free at every such pose."""
 
     @property
     def is_searched_for(self) -> bool:
-        """Whether the whole pose lattice is searched; then every pose that is free leads out."""
+        """Whether the whole pose lattice is searched; then a free disc is sufficient."""
 
     @property
     def key(self) -> tuple[float, ...]:
-        """What distinguishes two constraints in one environment, beside the shape of the box."""
+        """What distinguishes two constraints in one environment, except the shape of the box."""
 
     @property
     def is_anywhere(self) -> bool:
-        """Whether the map has any such place."""
+        """Whether any place of the map meets the constraint."""
 
     def is_free_at(self, points_m: _Floats) -> _Mask:
-        """Tell at which points (N, >= 2) the disc is free, and can leave: bool (N,)."""
+        """Tell at which points (N, >= 2) the disc is free, in a large enough part: bool (N,)."""
 
     def leads_out(self, poses: _Floats) -> _Mask:
-        """Tell which poses (N, 4), x, y, 0, yaw, at such points lead out: bool (N,)."""
+        """Tell from which poses (N, 4), x, y, 0, yaw, at such points it can depart: bool (N,)."""
 
 
 class RotationCheck:
@@ -115,7 +115,7 @@ class ConnectedFreeSpace(RotationCheck):
 
     @cached_property
     def _roomy(self) -> _Mask:
-        """The cells (H, W) of such parts, and those beside them, whose centres may be too near."""
+        """The cells (H, W) of such parts, and their neighbours: centres may lie beside them."""
         import cv2
 
         field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
@@ -139,8 +139,8 @@ def discs_are_free(
 ) -> _Mask:
     """Tell for each point (N, >= 2) whether the disc about it covers open cells only: bool (N,).
 
-    The local planner has the same condition for the end of a move: `Terrain.sees` from a point to
-    itself.
+    The local planner has the same condition for the end of a motion: `Terrain.sees` from a point
+    to itself.
     """
     free = np.empty(len(points_m), np.bool_)
     for k in range(len(points_m)):
@@ -152,7 +152,7 @@ def discs_are_free(
 class VehicleDepartureCheck(ConnectedFreeSpace):
     """The disc of a vehicle's coarse route, narrower than its box is long, and a free first arc.
 
-    The pose lattice is not searched: to ask it all takes seconds where no vehicle can depart.
+    The pose lattice is not searched: that would take seconds where no vehicle can depart.
     """
 
     is_searched_for = False
@@ -178,7 +178,7 @@ class VehicleDepartureCheck(ConnectedFreeSpace):
 
 
 def _row_of(body: Body) -> _Floats:
-    """Return half sizes, centre, turning radius, way of the first metres, and the discs (9,)."""
+    """Return half sizes, centre, turning radius, length of the first arc, discs: (9,)."""
     radius_m = TIGHTEST * body.turn_radius_m
     way_m = FIRST_TURN_RAD * body.turn_radius_m
     count, gap_m, disc_m = body.discs()
@@ -219,7 +219,7 @@ def _is_arc_free(
     curvature: float,
     box: _Floats,
 ) -> bool:
-    """Tell whether the box is free at the end of an arc, and then all along it, in leaps."""
+    """Tell whether the box is free at the end of an arc, and along it in safe leaps."""
     steps = int(np.ceil(body[5] / (_HALF_CELL * unit_m)))
     step_m = body[5] / steps
     far_m = np.hypot(abs(body[2]) + body[0], abs(body[3]) + body[1])
@@ -254,7 +254,7 @@ def _room_m(
     body: _Floats,
     box: _Floats,
 ) -> float:
-    """Return how far the box surely is from closed cells; negative if it covers any: exact."""
+    """Return a lower bound of the distance to closed cells; negative if the box covers one."""
     least_m = np.inf
     is_long = body[0] >= body[1]
     along_x, along_y = (box[0, 3], box[0, 4]) if is_long else (-box[0, 4], box[0, 3])
@@ -265,14 +265,14 @@ def _room_m(
         col = (dx_m * lattice[2] + dy_m * lattice[3]) / unit_m
         row = (dy_m * lattice[2] - dx_m * lattice[3]) / unit_m
         if not (0.0 <= col < field.shape[1] and 0.0 <= row < field.shape[0]):
-            return _MET
+            return _HIT
         least_m = min(least_m, field[int(row), int(col)])
-    filled_m = min(0.5 * body[7], body[0], body[1])  # a disc about any of them lies in the box
-    if least_m + _SURELY_MET * unit_m < filled_m:
-        return _MET
+    filled_m = min(0.5 * body[7], body[0], body[1])  # such a disc about each point lies in the box
+    if least_m + _CERTAIN_HIT * unit_m < filled_m:
+        return _HIT
     room_m = least_m - TWO_HALF_DIAGONALS * unit_m - body[8]
     if room_m < 0.0 and meets(box, 0, lattice, field, 0.0, field, unit_m, TOUCH_TOLERANCE_M):
-        return _MET
+        return _HIT
     return float(max(room_m, 0.0))
 
 
@@ -281,7 +281,7 @@ def departure_constraint_of(
 ) -> DepartureConstraint | None:
     """Return the constraint of a row's artefacts; None if they only stand.
 
-    `region` bool (H, W) are the cells that they may be in.
+    `region` bool (H, W) are the cells in which they may be.
     """
     if row.motion.speed_mps <= 0.0 or set(row.behaviours) <= {Standing.name}:
         return None

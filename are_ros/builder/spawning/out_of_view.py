@@ -1,4 +1,4 @@
-"""Where no camera sees: for artefacts that come and go unseen (section 3.2)."""
+"""Boxes that no camera sees: for artefacts that arrive and vanish unseen (section 3.2)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,19 +19,19 @@ _GROWN_M: Final = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Viewpoint:
-    """A camera that looks: its view model, and the pose of its optical frame."""
+    """A camera: its view model, and the pose of its optical frame in the map frame."""
 
     view: ViewModel
     map_from_camera: RigidTransform
 
 
 class OutOfView:
-    """Tells which boxes no camera sees, whatever other artefacts stand in the way.
+    """Tells which boxes no camera sees.
 
-    A box is in view if a pixel of a camera shows it within the range, before the environment.
-    Other artefacts do not hide it: they walk away. The test is that of the z-buffer (equation 2)
-    without mutual occlusion. Boxes are grown by a millimetre, so that an error of rounding says
-    "in view". With no viewpoint at all, every box is hidden.
+    A box is in view if a pixel of a camera shows it within the range, in front of the environment.
+    Other artefacts do not hide it, because they move. The test is the z-buffer (equation 2) without
+    mutual occlusion. Boxes are enlarged by a millimetre, so that rounding errors count as in view.
+    Without a viewpoint, every box is hidden.
     """
 
     def __init__(self, max_range_m: float) -> None:
@@ -41,7 +41,7 @@ class OutOfView:
         self._buffers: list[tuple[ViewModel, ZBuffer]] = []
 
     def look(self, environment: Environment, viewpoints: Sequence[Viewpoint]) -> None:
-        """Look from these viewpoints from now on; costs nothing until there is a question."""
+        """Set the environment and the viewpoints; nothing is computed before `hides`."""
         self._environment, self._viewpoints = environment, tuple(viewpoints)
 
     def hides(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
@@ -59,6 +59,6 @@ class OutOfView:
         return hidden
 
     def _buffer(self, view: ViewModel) -> ZBuffer:
-        """Return the z-buffer of a view; that of the last question, if the view is the same."""
+        """Return the z-buffer of a view; that of the last call if the view is the same."""
         known = (buffer for other, buffer in self._buffers if other == view)
         return next(known, None) or ZBuffer(view, self._max_range_m)

@@ -1,4 +1,8 @@
-"""Placement: uniform over the feasible poses of an artefact (section 3.2)."""
+"""Placement: a pose for an arrival, uniform over the feasible poses (section 3.2).
+
+`Placer` draws random poses until one is feasible; where none is found, it searches a lattice of
+poses. Both prefer poses from which the artefact can depart.
+"""
 
 import math
 from collections.abc import Callable, Iterator
@@ -27,16 +31,16 @@ from are_ros.world.regions import SpawnRegion
 _LEVELS_PER_CELL: Final = 4
 _HIGHEST_LEVEL: Final = 2**16 - 1
 _SLACK_CELLS: Final = math.sqrt(0.5) - 0.5 + 1e-3
-"""A disc about any point of a cell, clear of all squares that are not free, may be wider by this
-than the clearance between the cells' centres: half a diagonal less half an edge, and rounding."""
+"""Clearance is measured between cell centres. A free disc about a point of a cell may be wider than
+that by half a diagonal less half an edge, and rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class CandidateCells:
-    """Cells in descending order of clearance: those with room for a disc are a prefix.
+    """Cells in descending order of clearance: the cells with room for a disc are a prefix.
 
-    `flat` is int32 (N,), row * width + col. `depths` is uint16 (N,), ascending: how many quarters
-    of a cell the clearance, rounded down, falls short of the highest that is told apart.
+    `flat` is int32 (N,), row * width + col. `depths` is uint16 (N,), ascending: the highest
+    clearance that is distinguished less the cell's own, in quarters of a cell, rounded up.
     `cumulative` is None or float64 (N,), the running sum of the cells' weights.
     """
 
@@ -59,7 +63,7 @@ class CandidateCells:
         return cls(flat[order], depths[order], cumulative)
 
     def with_room(self, radius_cells: float) -> "CandidateCells":
-        """Keep the cells that hold a point about which a disc may be clear (a superset)."""
+        """Return the cells with a point about which a disc may be clear (a superset)."""
         level = math.floor(needed_cells(radius_cells) * _LEVELS_PER_CELL)
         depth = np.uint16(min(max(_HIGHEST_LEVEL - level, 0), _HIGHEST_LEVEL))
         count = int(np.searchsorted(self.depths, depth, side="right"))
@@ -153,39 +157,26 @@ def needed_cells(radius_cells: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class KeepOut:
-    """A shape on the ground, in the map frame, that stays `distance_m` away from artefacts.
-
-    A robot is its footprint at its pose; a goal is a footprint of one vertex.
-    """
-
-    footprint: Footprint
-    distance_m: float
-
-
-@dataclass(frozen=True, eq=False)
 class PlacementConstraints:
-    """The boxes of the other artefacts, and the shapes to keep away from.
+    """What an arrival keeps away from, in the map frame.
 
-    `allowed` may refuse more: it tells for N boxes which may stand there, bool (N,).
+    `others` are the boxes of the other artefacts. `keep_out` are footprints, each with a distance
+    [m]: a robot at its pose, or a goal as a footprint of one vertex. `allowed` may refuse more: it
+    tells for N boxes which may stand there, bool (N,). `within` is a disc (x, y, radius) [m] for
+    F_A's point on the ground.
     """
 
     others: OrientedBoxes = field(default_factory=OrientedBoxes.empty)
-    keep_out: tuple[KeepOut, ...] = ()
+    keep_out: tuple[tuple[Footprint, float], ...] = ()
     allowed: Callable[[OrientedBoxes], npt.NDArray[np.bool_]] | None = None
-
-    def leave_room_for(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
-        """Tell which boxes meet all constraints, each on its own: bool (N,)."""
-        clear = self.are_clear(boxes)
-        clear[clear] = self.are_allowed(boxes.take(clear))
-        return clear
+    within: tuple[float, float, float] | None = None
 
     def are_clear(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
-        """Tell which boxes keep away from the others, robots and goals: bool (N,)."""
+        """Tell which boxes keep away from the others and the footprints: bool (N,)."""
         clear = ~overlaps_any(boxes, self.others)
-        for keep in self.keep_out:
+        for footprint, distance_m in self.keep_out:
             left = boxes.take(clear)  # distances take the most time
-            clear[clear] = signed_distance_m(keep.footprint, left) >= keep.distance_m
+            clear[clear] = signed_distance_m(footprint, left) >= distance_m
         return clear
 
     def are_allowed(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
@@ -194,18 +185,12 @@ class PlacementConstraints:
             return np.ones(len(boxes), np.bool_)
         return self.allowed(boxes)
 
-
-@dataclass(frozen=True)
-class Disc:
-    """The points within `radius_m` of (x, y) in the map frame."""
-
-    x_m: float
-    y_m: float
-    radius_m: float
-
-    def contains(self, points_m: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
-        """Tell which of the points (N, 2) lie in the closed disc: bool (N,)."""
-        return np.hypot(points_m[:, 0] - self.x_m, points_m[:, 1] - self.y_m) <= self.radius_m
+    def are_within(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        """Tell which poses (N, >= 2) lie in the closed disc `within`, if given: bool (N,)."""
+        if self.within is None:
+            return np.ones(len(poses), np.bool_)
+        x_m, y_m, radius_m = self.within
+        return np.hypot(poses[:, 0] - x_m, poses[:, 1] - y_m) <= radius_m
 
 
 HEADINGS: Final = 16
@@ -215,51 +200,44 @@ _PITCH_M: Final = 0.05
 
 _Cells = npt.NDArray[np.int32]
 _Poses = npt.NDArray[np.int64]
+"""Lattice poses as numbers: (row * width + col) * `HEADINGS` + heading."""
 _Floats = npt.NDArray[np.float64]
 
 
-class PoseLattice:
-    """Poses of one grid as numbers: (row * width + col) * `HEADINGS` + heading."""
-
-    def __init__(self, grid: OccupancyGrid) -> None:
-        self._grid = grid
-        self._grid_yaw_rad = grid.origin.yaw_rad()
-
-    def thinned(self, flat: _Cells) -> _Cells:
-        """Return the cells (N,) on the lattice: all, or of very many every n-th row and column."""
-        if 2 * flat.size <= LATTICE_CELLS:
-            return flat
-        at_pitch = int(_PITCH_M / self._grid.resolution_m + 1e-6)
-        stride = max(1, at_pitch, math.ceil(math.sqrt(flat.size / LATTICE_CELLS)))
-        rows, cols = flat // self._grid.width, flat % self._grid.width
-        is_on = (rows % stride == stride // 2) & (cols % stride == stride // 2)
-        return np.compress(is_on, flat)
-
-    def poses(self, numbers: _Poses) -> _Floats:
-        """Return poses (N, 4), x, y, 0, yaw in the map frame, by their numbers (N,)."""
-        flat, heading = numbers // HEADINGS, numbers % HEADINGS
-        poses = np.zeros((flat.size, 4))
-        poses[:, :2] = self.centres_m(flat)
-        poses[:, 3] = self._grid_yaw_rad + heading * (math.tau / HEADINGS)
-        return poses
-
-    def centres_m(self, flat: _Cells | _Poses) -> _Floats:
-        """Return the centres (N, 2) of cells (N,), row * width + col, in the map frame."""
-        cells = np.column_stack((flat // self._grid.width, flat % self._grid.width))
-        return self._grid.cells_to_points(cells)
+def lattice_cells(grid: OccupancyGrid, flat: _Cells) -> _Cells:
+    """Return those of the cells (N,) that are on the lattice: all, or every n-th row and column."""
+    if 2 * flat.size <= LATTICE_CELLS:
+        return flat
+    at_pitch = int(_PITCH_M / grid.resolution_m + 1e-6)
+    stride = max(1, at_pitch, math.ceil(math.sqrt(flat.size / LATTICE_CELLS)))
+    rows, cols = flat // grid.width, flat % grid.width
+    is_on = (rows % stride == stride // 2) & (cols % stride == stride // 2)
+    return np.compress(is_on, flat)
 
 
-@dataclass(frozen=True, eq=False)
-class PlacementQuery:
-    """What a pose is drawn for: a row, the constraints, an optional disc, and how it departs.
+def _centres_m(grid: OccupancyGrid, flat: _Cells | _Poses) -> _Floats:
+    """Return the centres (N, 2) of cells (N,), row * width + col, in the map frame."""
+    return grid.cells_to_points(np.column_stack((flat // grid.width, flat % grid.width)))
 
-    Without a `departure` the artefact need not be able to set out from there.
+
+def lattice_poses(grid: OccupancyGrid, numbers: _Poses) -> _Floats:
+    """Return poses (N, 4), x, y, 0, yaw in the map frame, by their numbers (N,)."""
+    flat, heading = numbers // HEADINGS, numbers % HEADINGS
+    poses = np.zeros((flat.size, 4))
+    poses[:, :2] = _centres_m(grid, flat)
+    poses[:, 3] = grid.origin.yaw_rad() + heading * (math.tau / HEADINGS)
+    return poses
+
+
+class PlacementQuery(NamedTuple):
+    """One search for a pose: of which row, under which constraints, and how it has to depart.
+
+    Without a `departure` the artefact need not be able to leave the pose.
     """
 
     row: CatalogueRow
     around: PlacementConstraints
-    within: Disc | None
-    departure: DepartureConstraint | None
+    departure: DepartureConstraint | None = None
 
     @property
     def key(self) -> tuple[float, ...]:
@@ -270,14 +248,8 @@ class PlacementQuery:
 
     @property
     def radius_m(self) -> float:
-        """Radius of a disc about F_A that is clear of walls in every such pose."""
+        """Radius of a disc about F_A that is clear of walls at every such pose."""
         return _inscribed_radius_m(self.row) if self.departure is None else self.departure.radius_m
-
-    def leading_out(
-        self, poses: npt.NDArray[np.float64], which: npt.NDArray[np.int64]
-    ) -> npt.NDArray[np.int64]:
-        """Return those indices, of some, of poses (N, 4), x, y, 0, yaw, that lead out."""
-        return which if self.departure is None else which[self.departure.leads_out(poses[which])]
 
 
 def _inscribed_radius_m(row: CatalogueRow) -> float:
@@ -290,21 +262,21 @@ def _inscribed_radius_m(row: CatalogueRow) -> float:
 
 _BATCHES: Final = (32, 256, 1024, 4096)
 _FEW: Final = 4
-"""So many of a batch are looked at first: mostly one of them is feasible."""
+"""The first poses of a batch are tested on their own: mostly one of them is feasible."""
 _CHUNK_CELLS: Final = 1 << 11
 _CHUNK_POSES: Final = 1 << 14
 _KEPT_POSES: Final = LATTICE_CELLS * HEADINGS
 
 
 class _Static(NamedTuple):
-    """The lattice poses of a footprint that the static map allows, and those it may allow."""
+    """The lattice poses of a footprint that the static map allows, and those not yet checked."""
 
     allowed: _Poses
     unchecked: _Poses
 
     @property
     def size(self) -> int:
-        """How many there are of both."""
+        """The number of both."""
         return self.allowed.size + self.unchecked.size
 
 
@@ -315,16 +287,14 @@ class Placer:
     only and hits no wall, and the constraints leave room for it. Poses are uniform over the
     feasible ones (position continuous, heading in [-pi, pi)), or by the region's weights.
 
-    A body that rotates in place cannot leave a pose where the disc that it sweeps meets a closed
-    cell; a vehicle cannot leave one without a free first arc, or without free space beyond. Such
-    artefacts are placed, by the same law, among the feasible poses that meet their
-    `DepartureConstraint`; only if none is found, among all feasible poses.
+    An artefact that can move has a `DepartureConstraint`. It is placed, by the same law, among the
+    feasible poses that meet it; only if none is found, among all feasible poses.
 
-    Poses are drawn until one is feasible, some thousands at most. Then a lattice decides: the
-    centres of cells times `HEADINGS` headings. (Where more than 2**17 cells have room, it takes
-    every n-th row and column, 5 cm apart, or so many that at most about 2**18 remain.) The pose
-    is uniform, or by weight, over those that are feasible; None only if none is. What the static
-    map alone decides there is remembered per footprint, some thousand poses more at each search.
+    At most some thousand poses are drawn. Then a lattice decides: cell centres times `HEADINGS`
+    headings. (Where more than 2**17 cells have room, it has every n-th row and column, 5 cm apart
+    or more, so that about 2**18 cells remain.) The pose is uniform, or by weight, over the feasible
+    poses of the lattice; None if there is none. What the static map decides there is kept per
+    footprint; each search adds some thousand poses.
     """
 
     def __init__(
@@ -336,7 +306,6 @@ class Placer:
         self._grid = environment.grid
         resolution_m = environment.grid.resolution_m
         self._lattice = lattice_row(environment.grid.origin, resolution_m, resolution_m)
-        self._poses = PoseLattice(environment.grid)
         self._static: dict[tuple[float, ...], _Static] = {}
         self._departures: dict[CatalogueRow, DepartureConstraint | None] = {}
         self._roomy: dict[float, CandidateCells] = {}
@@ -346,27 +315,25 @@ class Placer:
         row: CatalogueRow,
         generator: np.random.Generator,
         constraints: PlacementConstraints | None = None,
-        within: Disc | None = None,
     ) -> GroundPose | None:
-        """Draw a feasible pose for an artefact of this row, None if the lattice holds none.
+        """Draw a feasible pose for an artefact of this row, None if the lattice has none.
 
-        `within` restricts its point on the ground. All draws come from `generator`; how many
-        depends on nothing but this artefact's own attempts.
+        All draws come from `generator`; their number depends only on this artefact's attempts.
         """
         around = constraints or PlacementConstraints()
-        query = PlacementQuery(row, around, within, None)
+        query = PlacementQuery(row, around)
         static = self._static.get(query.key)
         if static is not None and not static.size:
             return None
-        cells = self._cells if within is None else self._cells_near(within)
+        cells = self._cells if around.within is None else self._cells_near(*around.within)
         departure = self._departure_of(row)
         pose = None
         if departure is not None:
-            pose = self._found(PlacementQuery(row, around, within, departure), cells, generator)
+            pose = self._found(PlacementQuery(row, around, departure), cells, generator)
         return pose or self._found(query, cells, generator)
 
     def _departure_of(self, row: CatalogueRow) -> DepartureConstraint | None:
-        """Return what a row's artefacts need to set out; None too where the map has it nowhere."""
+        """Return the constraint of a row; None too where no place on the map meets it."""
         if row not in self._departures:
             departure = departure_constraint_of(
                 row, self._environment, self._terrains, self._region.mask
@@ -393,7 +360,7 @@ class Placer:
         return self._searched(query, cells, generator) if is_searched else None
 
     def _with_room(self, cells: CandidateCells, radius_m: float) -> CandidateCells:
-        """Return the cells that may have room for a disc; of all cells, once for each radius."""
+        """Return the cells that may have room for a disc; the result for all cells is kept."""
         known = self._roomy.get(radius_m) if cells is self._cells else None
         if known is None:
             known = cells.with_room(radius_m / self._grid.resolution_m)
@@ -402,25 +369,24 @@ class Placer:
         return known
 
     def _first_feasible(self, query: PlacementQuery, poses: _Floats) -> GroundPose | None:
-        """Return the first feasible one of poses (N, 4), None if none is.
+        """Return the first of the poses (N, 4) that is feasible, None if none is.
 
-        What moves is asked about few at once: mostly the first that the map allows is free.
+        Expensive tests get one pose first, then ever more: mostly the first one passes.
         """
         if query.departure is not None:
             poses = poses[query.departure.is_free_at(poses)]
         boxes, heights_m = self._standing(query.row, poses)
-        is_allowed = self._environment.is_placeable(boxes)
-        if query.within is not None:
-            is_allowed &= query.within.contains(poses)
+        is_allowed = self._environment.is_placeable(boxes) & query.around.are_within(poses)
         allowed = np.flatnonzero(is_allowed)
         start, size = 0, 1
         while start < allowed.size:
             piece = allowed[start : start + size]
-            piece = piece[query.around.leave_room_for(boxes.take(piece))]
-            free = query.leading_out(poses, piece)  # last, as it takes the most time
-            if free.size:
-                first = free[0]
-                return _ground_pose(poses[first], heights_m[first])
+            piece = piece[query.around.are_clear(boxes.take(piece))]
+            piece = piece[query.around.are_allowed(boxes.take(piece))]
+            if query.departure is not None:  # last, as it takes the most time
+                piece = piece[query.departure.leads_out(poses[piece])]
+            if piece.size:
+                return _ground_pose(poses[piece[0]], heights_m[piece[0]])
             start, size = start + size, 4 * size
         return None
 
@@ -438,10 +404,10 @@ class Placer:
     def _searched(
         self, query: PlacementQuery, cells: CandidateCells, generator: np.random.Generator
     ) -> GroundPose | None:
-        """Visit the whole lattice; the feasible pose with the least exponential clock wins."""
+        """Search the lattice: each feasible pose draws an exponential clock, the first one wins."""
         best: tuple[float, _Floats, float] | None = None
         for piece, is_checked in self._lattice_poses(query, cells):
-            poses = self._poses.poses(piece)
+            poses = lattice_poses(self._grid, piece)
             found, heights_m = self._feasible(query, poses, is_checked=is_checked)
             weights = self._weights(piece[found] // HEADINGS)
             clocks = generator.standard_exponential(found.size) / weights
@@ -455,14 +421,11 @@ class Placer:
     ) -> tuple[_Poses, _Floats]:
         """Return the indices of the feasible poses, and the ground's height (N,) under all.
 
-        The map is asked about those only that the others leave, and not of poses that are checked:
-        where the lattice is searched it is crowded.
+        The other artefacts are tested before the map, as the lattice is searched where it is
+        crowded. Poses that are checked are allowed by the map already.
         """
         boxes, heights_m = self._standing(query.row, poses)
-        left = query.around.are_clear(boxes)
-        if query.within is not None:
-            left &= query.within.contains(poses)
-        found = np.flatnonzero(left)
+        found = np.flatnonzero(query.around.are_clear(boxes) & query.around.are_within(poses))
         if not is_checked:
             found = found[self._environment.is_placeable(boxes.take(found))]
         return found[query.around.are_allowed(boxes.take(found))], heights_m
@@ -470,8 +433,8 @@ class Placer:
     def _lattice_poses(
         self, query: PlacementQuery, cells: CandidateCells
     ) -> Iterator[tuple[_Poses, bool]]:
-        """Yield, in pieces, lattice poses, all that the map allows among them; whether all are."""
-        if query.within is not None:
+        """Yield pieces of the lattice with all poses the map allows, and if they are checked."""
+        if query.around.within is not None:
             yield from ((piece, False) for piece in self._scan(query, cells))
             return
         known = self._static.get(query.key)
@@ -484,26 +447,23 @@ class Placer:
             for start in range(0, poses.size, _CHUNK_POSES):
                 yield poses[start : start + _CHUNK_POSES], is_checked
 
-    def _checked_on(self, query: PlacementQuery, known: "_Static") -> "_Static":
-        """Return what is known of a footprint's poses once the map is asked about some more.
-
-        All at once would take longer than the search itself.
-        """
+    def _checked_on(self, query: PlacementQuery, known: _Static) -> _Static:
+        """Check some thousand more poses of a footprint; all would take longer than the search."""
         piece = known.unchecked[:_CHUNK_POSES]
-        boxes, _ = self._standing(query.row, self._poses.poses(piece))
+        boxes, _ = self._standing(query.row, lattice_poses(self._grid, piece))
         allowed = piece[self._environment.is_placeable(boxes)]
         allowed = np.concatenate((known.allowed, allowed))
         return _Static(allowed, known.unchecked[_CHUNK_POSES:])
 
-    def _remember(self, key: tuple[float, ...], static: "_Static") -> None:
-        """Keep the poses; of others only that there are none, if all together are too many."""
+    def _remember(self, key: tuple[float, ...], static: _Static) -> None:
+        """Keep the poses. If there are too many, forget those of other footprints that have any."""
         if static.size + sum(known.size for known in self._static.values()) > _KEPT_POSES:
             self._static = {none: known for none, known in self._static.items() if not known.size}
         self._static[key] = static
 
     def _scan(self, query: PlacementQuery, cells: CandidateCells) -> Iterator[_Poses]:
         """Yield the lattice poses over some cells that the static map may allow."""
-        row, departure, flat = query.row, query.departure, self._poses.thinned(cells.flat)
+        row, departure, flat = query.row, query.departure, lattice_cells(self._grid, cells.flat)
         resolution_m = self._grid.resolution_m
         half_m = (0.5 * row.size_m[0], 0.5 * row.size_m[1])
         spine_m, radius_m = spine_of(*half_m, row.box_centre_in_artefact_m[:2])
@@ -513,7 +473,7 @@ class Placer:
         for start in range(0, flat.size, _CHUNK_CELLS):
             piece = flat[start : start + _CHUNK_CELLS]
             if departure is not None:
-                piece = piece[departure.is_free_at(self._poses.centres_m(piece))]
+                piece = piece[departure.is_free_at(_centres_m(self._grid, piece))]
             yield spines_are_clear(
                 piece, self._clearance_cells, spine_m / resolution_m, turns, least
             )
@@ -537,10 +497,10 @@ class Placer:
         weights = None if self._region.weight is None else self._weights(flat)
         return CandidateCells.ordered(flat.astype(np.int32), clearance_cells, weights)
 
-    def _cells_near(self, disc: Disc) -> CandidateCells:
-        """Return the region's cells that meet the disc, and perhaps some beside it."""
-        centre = self._grid.points_to_cells(np.array([(disc.x_m, disc.y_m)]))[0]
-        reach = math.ceil(disc.radius_m / self._grid.resolution_m) + 1
+    def _cells_near(self, x_m: float, y_m: float, radius_m: float) -> CandidateCells:
+        """Return the region's cells that meet a disc, and perhaps some beside it."""
+        centre = self._grid.points_to_cells(np.array([(x_m, y_m)]))[0]
+        reach = math.ceil(radius_m / self._grid.resolution_m) + 1
         low = np.clip(centre - reach, 0, self._region.mask.shape)
         high = np.clip(centre + reach + 1, 0, self._region.mask.shape)
         rows, cols = np.nonzero(self._region.mask[low[0] : high[0], low[1] : high[1]])

@@ -1,4 +1,4 @@
-"""What people ask of ARE while it runs: place an artefact, take one away, clear, begin anew."""
+"""Requests at run time: spawn an artefact, remove one, remove all, set another seed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,10 +14,10 @@ from are_ros.world.rigid_transform import RigidTransform
 
 @dataclass(frozen=True, eq=False)
 class SpawnRequest:
-    """An artefact to be placed at `frame_from_pose`, of which x, y and yaw on the ground count.
+    """A request to place an artefact at `frame_from_pose`: x, y and yaw, on the ground.
 
-    `label` names a row or a class; `row` is the index of one, -1 for any of the label. `life_ns` of
-    None draws a life. A `behaviour` that is not given is drawn, too.
+    `label` names a row or a class; `row` is the index of a row, -1 for any row of the label. With
+    `life_ns` None, the life is drawn; so is a behaviour that is not given.
     """
 
     frame_id: str
@@ -29,18 +29,18 @@ class SpawnRequest:
 
 
 class Requests:
-    """Carries requests out at once, or refuses them with the reason and changes nothing."""
+    """Executes requests at once, or raises the reason and changes nothing."""
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
         self._seed = simulation.parameters.seed
-        self._asked = 0
+        self._requests = 0
 
     def spawn(self, request: SpawnRequest, now_ns: int) -> int:
-        """Place an artefact, and return its id; it is never moved.
+        """Place an artefact at exactly this pose, and return its id.
 
-        Raises CatalogueError for an unknown label or row, or one that cannot behave so, FrameError
-        for an unknown frame, PlacementError where it cannot stand.
+        Raises CatalogueError for an unknown label or row, or a behaviour that the row cannot have,
+        FrameError for an unknown frame, PlacementError if it cannot stand there.
         """
         simulation = self._simulation
         simulation.advance(now_ns)
@@ -56,20 +56,20 @@ class Requests:
         )
 
     def remove(self, artefact_id: int, now_ns: int) -> None:
-        """Take one artefact away; InputError if none of this id is alive."""
+        """Remove one artefact; InputError if none of this id is alive."""
         self._simulation.advance(now_ns)
         self._simulation.lives.remove(artefact_id, now_ns)
 
     def clear(self, now_ns: int) -> int:
-        """Take all artefacts away, and return how many; others go on arriving."""
+        """Remove all artefacts, and return how many; arrivals go on."""
         self._simulation.advance(now_ns)
         return self._simulation.lives.clear(now_ns)
 
     def reseed(self, seed: int, now_ns: int) -> None:
-        """Draw from another seed from now on; the living stay."""
+        """Draw from another seed from now on; artefacts alive stay."""
         self._simulation.advance(now_ns)
         self._simulation.lives.reseed(seed, now_ns)
-        self._seed, self._asked = seed, 0
+        self._seed, self._requests = seed, 0
 
     def _row_of(self, request: SpawnRequest) -> CatalogueRow:
         catalogue = self._simulation.catalogue
@@ -77,8 +77,8 @@ class Requests:
         rows = catalogue.rows_named(request.label) if request.label else catalogue.rows
         if request.row < 0:
             rows = self._able(rows, request)
-            self._asked += 1
-            stream = generator(self._seed, Purpose.REQUEST, self._asked)
+            self._requests += 1
+            stream = generator(self._seed, Purpose.REQUEST, self._requests)
             return rows[int(stream.integers(len(rows)))]
         chosen = [row for row in rows if row.index == request.row]
         if not chosen:
@@ -89,9 +89,9 @@ class Requests:
         return self._able(chosen, request)[0]
 
     def _able(self, rows: Sequence[CatalogueRow], request: SpawnRequest) -> Sequence[CatalogueRow]:
-        """Return the rows that can behave as asked; CatalogueError where none can.
+        """Return the rows that can have the behaviour requested; CatalogueError if none can.
 
-        A class of the user's must be one that the catalogue names: no request imports another.
+        A user-defined class must be named in the catalogue: no request imports other code.
         """
         name = request.behaviour
         if not name:
@@ -107,7 +107,7 @@ class Requests:
         return able
 
     def _ground_pose(self, request: SpawnRequest, row: CatalogueRow) -> GroundPose:
-        """Return the pose in the map's frame, on the ground there."""
+        """Return the pose in the map frame, on the ground."""
         map_from_pose = self._map_from(request.frame_id) @ request.frame_from_pose
         x_m, y_m, _ = map_from_pose.translation_m.tolist()
         yaw_rad = map_from_pose.yaw_rad()

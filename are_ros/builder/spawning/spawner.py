@@ -1,6 +1,10 @@
-"""Where artefacts may arrive in the present environment, and away from whom."""
+"""Where artefacts may arrive: in the present region, away from robot, goal and other artefacts.
 
-from collections.abc import Callable, Iterable, Sequence
+`Spawning` keeps the region and its `Placer` up to date with the environment and with the part of it
+that the robot can reach.
+"""
+
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +13,7 @@ import numpy.typing as npt
 from are_ros.agents.navigation.terrain import Terrains
 from are_ros.agents.robots import RobotPose
 from are_ros.builder.spawning.out_of_view import OutOfView, Viewpoint
-from are_ros.builder.spawning.placement import Disc, KeepOut, PlacementConstraints, Placer
+from are_ros.builder.spawning.placement import PlacementConstraints, Placer
 from are_ros.errors import ParameterError
 from are_ros.parameters.choices import Appear, Leave, Region
 from are_ros.parameters.model import Parameters
@@ -34,10 +38,10 @@ Allowed = Callable[[OrientedBoxes], npt.NDArray[np.bool_]]
 
 
 class Spawning:
-    """Keeps region and placer in step with the environment and with the robot's place in it.
+    """Chooses arrival poses in the spawn region of the present environment.
 
-    `goal` is where the robot is going, None where that is not known: nobody arrives there.
-    `out_of_view` tells what no camera sees, and `cause` why `place` last found nothing.
+    `goal` is the footprint at the robot's goal, None if that is not known; arrivals keep away from
+    it. `out_of_view` tells what no camera sees. `cause` tells why `place` last found no pose.
     """
 
     def __init__(
@@ -60,10 +64,10 @@ class Spawning:
         self.reconfigure(parameters)
 
     def reconfigure(self, parameters: Parameters) -> None:
-        """Keep other distances, and appear otherwise, from now on; region and zones stay.
+        """Use other distances, and another way to appear, from now on; region and zones stay.
 
-        Raises ParameterError, and changes nothing, where artefacts are to appear in zones and
-        there is none.
+        Raises ParameterError, and changes nothing, if artefacts shall appear in zones and there is
+        none.
         """
         if parameters.population.appear is Appear.ZONES and not self.zones.ways_in:
             raise ParameterError(
@@ -85,7 +89,7 @@ class Spawning:
 
     @property
     def needs_viewpoints(self) -> bool:
-        """Whether it matters what the cameras see."""
+        """Whether arrivals or departures depend on what the cameras see."""
         appear, leave = self._population.appear, self._population.leave
         return appear is Appear.OUT_OF_VIEW or leave is Leave.WALK_TO_EXIT
 
@@ -95,7 +99,7 @@ class Spawning:
         robot: RobotPose | None,
         viewpoints: Sequence[Viewpoint] = (),
     ) -> bool:
-        """Follow environment, robot and cameras; return whether the region is another one."""
+        """Update the region and the cameras' views; return whether the region has changed."""
         self.out_of_view.look(environment, viewpoints)
         if self._finder is None or environment is not self._environment:
             self._finder = self._finder_for(environment)
@@ -114,26 +118,40 @@ class Spawning:
         others: OrientedBoxes,
         robot: RobotPose | None,
         near: tuple[float, float] | None,
-        allowed: Allowed | None = None,
+        preferred: Allowed | None = None,
     ) -> GroundPose | None:
-        """Draw a pose for an artefact, near the first of its group; None, and a cause, if none.
+        """Draw a pose for an artefact, near the first of its group; None, and a cause, if none is.
 
-        `allowed` is a wish: boxes that it refuses are taken if there are no others.
+        Poses whose boxes `preferred` refuses are used only if there are no others.
         """
         self.cause = Cause.NO_PLACE
         placer = self._placer_to_use()
         if placer is None:
             return None
         shapes = ([robot.footprint] if robot else []) + ([self.goal] if self.goal else [])
-        keep_out = tuple(KeepOut(shape, self._clearance_m) for shape in shapes)
-        within = None if near is None else Disc(*near, self._population.group_radius)
-        hidden, wished = _Filter(self._hidden()), _Filter(allowed)
-        for tests in ((hidden, wished), (hidden,)):
-            around = PlacementConstraints(others, keep_out, _all_of(tests))
-            pose = placer.place(row, generator, around, within)
-            if pose is not None or not wished.has_refused:
-                break
-        if pose is None and hidden.has_refused:
+        keep_out = tuple((shape, self._clearance_m) for shape in shapes)
+        within = None if near is None else (*near, self._population.group_radius)
+        refused = set[str]()
+
+        def allowed(boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
+            passed = np.ones(len(boxes), np.bool_)
+            for name, test in tests.items():
+                passed[passed] = now = test(boxes.take(passed))
+                if not now.all():
+                    refused.add(name)
+            return passed
+
+        tests = dict[str, Allowed]()
+        if self._population.appear is Appear.OUT_OF_VIEW:
+            tests["hidden"] = self.out_of_view.hides
+        if preferred is not None:
+            tests["preferred"] = preferred
+        around = PlacementConstraints(others, keep_out, allowed if tests else None, within)
+        pose = placer.place(row, generator, around)
+        if pose is None and "preferred" in refused:
+            del tests["preferred"]
+            pose = placer.place(row, generator, around)
+        if pose is None and "hidden" in refused:
             self.cause = Cause.NO_HIDDEN_PLACE
         return pose
 
@@ -157,10 +175,6 @@ class Spawning:
             return f"it would be nearer to the robot than robot.clearance, {least_m} m"
         return ""
 
-    def _hidden(self) -> Allowed | None:
-        """Return the test that boxes have to pass to appear where they are."""
-        return self.out_of_view.hides if self._population.appear is Appear.OUT_OF_VIEW else None
-
     def _placer_to_use(self) -> Placer | None:
         """Return the placer of the region or, where artefacts appear there, of the entrances."""
         environment, region = self._environment, self._region
@@ -172,7 +186,7 @@ class Spawning:
         return self._entrances
 
     def _entrance_region(self, environment: Environment, region: SpawnRegion) -> SpawnRegion:
-        """Return the ways in, as far as they are in the region; zones keep them to free space."""
+        """Return the entrances within the region; if the region is zones, within free space."""
         mask = region.mask
         if self._population.region is Region.ZONES:
             mask = environment.classes.free.copy()
@@ -193,37 +207,6 @@ class Spawning:
             zones=self.zones,
             last_point_m=self._finder.last_point_m if self._finder else None,
         )
-
-
-class _Filter:
-    """A test of boxes, or none, that remembers whether it has refused any."""
-
-    def __init__(self, test: Allowed | None) -> None:
-        self.has_refused = False
-        self.is_any = test is not None
-        self._test = test
-
-    def __call__(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
-        if self._test is None:
-            return np.ones(len(boxes), np.bool_)
-        passed = self._test(boxes)
-        self.has_refused |= not passed.all()
-        return passed
-
-
-def _all_of(tests: Iterable[_Filter]) -> Allowed | None:
-    """Return the test of passing all tests; a later one sees only what passed those before."""
-    asked = [test for test in tests if test.is_any]
-    if len(asked) < 2:
-        return asked[0] if asked else None
-
-    def allowed(boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
-        passed = np.ones(len(boxes), np.bool_)
-        for test in asked:
-            passed[passed] = test(boxes.take(passed))
-        return passed
-
-    return allowed
 
 
 def _point_of(robot: RobotPose | None) -> tuple[float, float] | None:

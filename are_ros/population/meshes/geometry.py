@@ -1,6 +1,6 @@
-"""The polygonal meshes S_A of the artefacts (section 3.2), built only when asked for.
+"""The polygonal meshes S_A of the artefacts (section 3.2), computed on demand.
 
-Mesh files of the user's are read, painted, turned, scaled, and balanced on their F_A.
+User-defined mesh files are read, coloured, rotated, scaled, and moved to their centre of mass.
 """
 
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -27,14 +27,14 @@ class BoxGeometry(NamedTuple):
 
 
 def shape_geometry(shape: Shape, size_m: Triple) -> BoxGeometry:
-    """Place the box of a built-in shape round its centre of mass; needs no trimesh."""
+    """Return the box of a built-in shape about its centre of mass; needs no trimesh."""
     solid = build_shape(shape, size_m, (0.0, 0.0, 0.0, 1.0))
     x, y, z = solid.centre_of_mass_m()
     return BoxGeometry(size_m, (float(-x), float(-y), float(0.5 * size_m[2] - z)))
 
 
 def file_geometry(source: MeshFile) -> BoxGeometry:
-    """Read a mesh of the user's for its box; `CatalogueError` as `mesh_of`."""
+    """Return the box of a user-defined mesh; `CatalogueError` as `mesh_of`."""
     low, high = read_mesh_file(source, (0.0, 0.0, 0.0, 1.0)).bounds
     return BoxGeometry(_triple(high - low), _triple(0.5 * (low + high)))
 
@@ -167,7 +167,7 @@ def _balanced(mesh: "trimesh.Trimesh", source: MeshFile) -> "trimesh.Trimesh":
 
 
 def _hull_centre_m(mesh: "trimesh.Trimesh", source: MeshFile) -> npt.NDArray[np.float64]:
-    """Return the centre of mass (3,) of the convex hull; refuse a mesh that lies in a plane."""
+    """Return the centre of mass (3,) of the convex hull; CatalogueError for a mesh in a plane."""
     # trimesh's own hull needs networkx whenever qhull's triangles are wound unequally.
     from scipy.spatial import ConvexHull, QhullError
 

@@ -1,4 +1,4 @@
-"""The procedural shapes that a row of the catalogue may name: people, robots, vehicles, things.
+"""The built-in shapes that a row of the catalogue may name: people, robots, vehicles, things.
 
 Each maker takes the row's colour; `build_shape` scales its solid to the row's size.
 """
@@ -44,7 +44,7 @@ class Solid:
 
 
 def joined(parts: Sequence[Solid]) -> Solid:
-    """Put solids into one, each with its own vertices."""
+    """Return several solids as one, each with its own vertices."""
     starts = np.cumsum([0] + [len(part.vertices_m) for part in parts[:-1]])
     return Solid(
         np.concatenate([part.vertices_m for part in parts]),
@@ -54,7 +54,7 @@ def joined(parts: Sequence[Solid]) -> Solid:
 
 
 def loft(rings: npt.ArrayLike, colour: Colour) -> Solid:
-    """Skin (R >= 2, K >= 3, 3) rings: quadrilaterals between neighbours, a fan over each end.
+    """Return the surface over rings (R >= 2, K >= 3, 3): quadrilaterals, and a fan at each end.
 
     The rings are convex and run counter-clockwise seen from the last one's side.
     """
@@ -73,7 +73,7 @@ def loft(rings: npt.ArrayLike, colour: Colour) -> Solid:
 
 
 def box(low: Point, high: Point, colour: Colour) -> Solid:
-    """Make a cuboid from its low to its high corner."""
+    """Return a cuboid from its low to its high corner."""
     return tapered((*low[:2], *high[:2]), low[2], (*low[:2], *high[:2]), high[2], colour)
 
 
@@ -84,7 +84,7 @@ def tapered(
     top_z: float,
     colour: Colour,
 ) -> Solid:
-    """Make a frustum between two rectangles (low x, low y, high x, high y)."""
+    """Return a frustum between two rectangles (low x, low y, high x, high y)."""
     rings = [
         [(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)]
         for (x0, y0, x1, y1), z in ((bottom, bottom_z), (top, top_z))
@@ -100,7 +100,7 @@ def turned(
     squash: tuple[float, float] = (1.0, 1.0),
     sides: int = 8,
 ) -> Solid:
-    """Turn a profile of (height, radius > 0), upwards, about the vertical through `at`."""
+    """Return the body of revolution of (height, radius > 0), upwards, about a vertical at `at`."""
     angles = math.tau * np.arange(sides) / sides
     circle = np.column_stack((np.cos(angles) * squash[0], np.sin(angles) * squash[1]))
     rings = [np.column_stack((circle * r + at, np.full(sides, z))) for z, r in profile]
@@ -110,13 +110,13 @@ def turned(
 def extruded(
     profile: Sequence[tuple[float, float]], low_y: float, high_y: float, colour: Colour
 ) -> Solid:
-    """Extrude a convex (x, z) profile, clockwise as drawn with x to the right, along y."""
+    """Return the extrusion of a convex (x, z) profile along y, clockwise with x to the right."""
     rings = [[(x, y, z) for x, z in profile] for y in (low_y, high_y)]
     return loft(rings, colour)
 
 
 def wheel(centre: Point, radius: float, width: float, colour: Colour, sides: int = 10) -> Solid:
-    """Make a wheel that turns about the y axis."""
+    """Return a wheel that turns about the y axis."""
     angles = [math.tau * side / sides for side in range(sides)]
     rim = [
         (centre[0] + radius * math.sin(angle), centre[2] + radius * math.cos(angle))
@@ -151,7 +151,7 @@ _STEEL: Colour = (0.6, 0.6, 0.62, 1.0)
 
 
 def person(colour: Colour) -> Solid:
-    """Stand 1.75 m tall on two legs, arms down; the row's colour is the shirt's."""
+    """Return a person 1.75 m tall, standing, arms down; the shirt has the row's colour."""
     leg = turned([(0.08, 0.06), (0.85, 0.095)], _TROUSERS, at=(-0.02, 0.11), sides=6)
     shoe = box((-0.1, 0.05, 0.0), (0.17, 0.17, 0.08), _SHOE)
     arm = turned([(0.72, 0.045), (1.42, 0.06)], colour, at=(-0.01, 0.24), sides=6)
@@ -171,7 +171,7 @@ def person(colour: Colour) -> Solid:
 
 
 def disc_robot(colour: Colour) -> Solid:
-    """Roll on a round base with two plates and a laser scanner on top."""
+    """Return a robot: a round base with two plates and a laser scanner on top."""
     base = turned([(0.03, 0.16), (0.05, 0.18), (0.14, 0.18)], colour, sides=14)
     plate = turned([(0.3, 0.17), (0.32, 0.17)], colour, sides=14)
     post = box((-0.1, 0.1, 0.14), (-0.08, 0.12, 0.3), _METAL)
@@ -182,7 +182,7 @@ def disc_robot(colour: Colour) -> Solid:
 
 
 def cart_robot(colour: Colour) -> Solid:
-    """Carry parcels in a box on four wheels, a sensor in front and a flag behind."""
+    """Return a delivery robot: a box on four wheels, a sensor in front and a flag behind."""
     hull = extruded(
         [(-0.4, 0.15), (-0.4, 0.55), (0.32, 0.55), (0.42, 0.4), (0.42, 0.15)], -0.24, 0.24, colour
     )
@@ -198,7 +198,7 @@ def cart_robot(colour: Colour) -> Solid:
 
 
 def serving_robot(colour: Colour) -> Solid:
-    """Serve from three trays between two posts, with a screen for a face."""
+    """Return a service robot: three trays between two posts, with a screen."""
     base = tapered((-0.25, -0.24, 0.25, 0.24), 0.04, (-0.22, -0.22, 0.22, 0.22), 0.28, colour)
     wheels = mirrored(wheel((0.0, 0.2, 0.07), 0.07, 0.05, _TYRE))
     post = box((-0.2, 0.17, 0.28), (-0.15, 0.21, 1.1), _METAL)
@@ -209,7 +209,7 @@ def serving_robot(colour: Colour) -> Solid:
 
 
 def _wheels(front: float, rear: float, y: float, radius: float, width: float) -> list[Solid]:
-    """Make two axles of two wheels that stand on the ground."""
+    """Return two axles of two wheels that stand on the ground."""
     return [
         side
         for x in (front, rear)
@@ -218,14 +218,14 @@ def _wheels(front: float, rear: float, y: float, radius: float, width: float) ->
 
 
 def _lights(front: float, rear: float, y: float, z: float) -> list[Solid]:
-    """Make two headlights at x = `front` and two tail lights at x = `rear`."""
+    """Return two headlights at x = `front` and two tail lights at x = `rear`."""
     head = box((front - 0.06, y - 0.16, z), (front + 0.01, y + 0.16, z + 0.14), _HEADLIGHT)
     tail = box((rear - 0.01, y - 0.16, z + 0.05), (rear + 0.06, y + 0.16, z + 0.19), _TAIL_LIGHT)
     return [*mirrored(head), *mirrored(tail)]
 
 
 def car(colour: Colour) -> Solid:
-    """Drive a saloon of 4.4 x 1.8 x 1.45 m: body, cabin of glass, roof, wheels, lights."""
+    """Return a saloon of 4.4 x 1.8 x 1.45 m: body, cabin of glass, roof, wheels, lights."""
     body = extruded(
         [
             (-2.2, 0.25), (-2.2, 0.8), (-1.7, 0.9), (0.9, 0.9), (2.05, 0.72), (2.2, 0.55),
@@ -242,7 +242,7 @@ def car(colour: Colour) -> Solid:
 
 
 def van(colour: Colour) -> Solid:
-    """Drive a box van of 5.0 x 1.95 x 2.0 m: high body, sloped windscreen, side windows."""
+    """Return a box van of 5.0 x 1.95 x 2.0 m: high body, sloped windscreen, side windows."""
     body = extruded(
         [(-2.5, 0.3), (-2.5, 1.98), (1.0, 2.0), (1.9, 1.1), (2.5, 0.95), (2.5, 0.3)],
         -0.92,
@@ -256,7 +256,7 @@ def van(colour: Colour) -> Solid:
 
 
 def lorry(colour: Colour) -> Solid:
-    """Drive a lorry of 7.2 x 2.4 x 3.2 m: cab, load box, frame, wheels."""
+    """Return a lorry of 7.2 x 2.4 x 3.2 m: cab, load box, frame, wheels."""
     cab = extruded([(1.9, 0.5), (1.9, 2.5), (3.2, 2.5), (3.6, 1.5), (3.6, 0.5)], -1.1, 1.1, colour)
     screen = extruded([(3.24, 2.42), (3.62, 1.5), (3.5, 1.5), (3.1, 2.42)], -0.95, 0.95, _GLASS)
     load = box((-3.6, -1.2, 1.0), (1.7, 1.2, 3.2), (0.88, 0.88, 0.86, 1.0))
@@ -266,7 +266,7 @@ def lorry(colour: Colour) -> Solid:
 
 
 def buggy(colour: Colour) -> Solid:
-    """Drive an open electric buggy of 2.4 x 1.2 x 1.75 m: tub, bench, posts and roof."""
+    """Return an open electric buggy of 2.4 x 1.2 x 1.75 m: tub, bench, posts and roof."""
     floor = box((-1.2, -0.55, 0.25), (0.6, 0.55, 0.36), colour)
     tub = box((-1.2, -0.55, 0.36), (-0.25, 0.55, 0.65), colour)
     nose = extruded(
@@ -286,7 +286,7 @@ def buggy(colour: Colour) -> Solid:
 
 
 def scooter(colour: Colour) -> Solid:
-    """Drive a mobility scooter of 1.3 x 0.6 x 1.0 m: floor, seat with back, tiller, wheels."""
+    """Return a mobility scooter of 1.3 x 0.6 x 1.0 m: floor, seat with back, tiller, wheels."""
     floor = box((-0.35, -0.24, 0.14), (0.45, 0.24, 0.2), _SEAT)
     rear = tapered((-0.62, -0.26, -0.02, 0.26), 0.18, (-0.5, -0.22, -0.05, 0.22), 0.42, colour)
     nose = tapered((0.3, -0.2, 0.62, 0.2), 0.2, (0.34, -0.12, 0.46, 0.12), 0.6, colour)
@@ -300,7 +300,7 @@ def scooter(colour: Colour) -> Solid:
 
 
 def _bottom(colour: Colour, *, blocks: bool) -> list[Solid]:
-    """Make three runners with nine blocks (or three beams) of a pallet of 1.2 x 0.8 m."""
+    """Return three runners with nine blocks (or three beams) of a pallet of 1.2 x 0.8 m."""
     parts = [box((-0.6, y - 0.05, 0.0), (0.6, y + 0.05, 0.022), colour) for y in (-0.35, 0, 0.35)]
     for y in (-0.35, 0.0, 0.35):
         lengths = [(x - 0.07, x + 0.07) for x in (-0.53, 0.0, 0.53)] if blocks else [(-0.6, 0.6)]
@@ -309,7 +309,7 @@ def _bottom(colour: Colour, *, blocks: bool) -> list[Solid]:
 
 
 def pallet(colour: Colour) -> Solid:
-    """Lay a flat pallet of 1.2 x 0.8 x 0.144 m: runners, blocks, stringers, deck boards."""
+    """Return a flat pallet of 1.2 x 0.8 x 0.144 m: runners, blocks, stringers, deck boards."""
     stringers = [
         box((x - 0.07, -0.4, 0.1), (x + 0.07, 0.4, 0.122), colour) for x in (-0.53, 0, 0.53)
     ]
@@ -321,7 +321,7 @@ def pallet(colour: Colour) -> Solid:
 
 
 def loaded_pallet(colour: Colour) -> Solid:
-    """Load a pallet of 1.2 x 0.8 m with boxes to a height of 1.2 m; its straps are coloured."""
+    """Return a pallet of 1.2 x 0.8 m with boxes up to 1.2 m; its straps are coloured."""
     deck = box((-0.6, -0.4, 0.1), (0.6, 0.4, 0.144), _WOOD)
     crates = [
         box((x + 0.01, y + 0.01, z + 0.005), (x + 0.56, y + 0.36, z + 0.52), _CARDBOARD)
@@ -334,13 +334,13 @@ def loaded_pallet(colour: Colour) -> Solid:
 
 
 def wall(colour: Colour) -> Solid:
-    """Stand a plain wall 2 m wide (along y), 2.5 m high, with a skirting board."""
+    """Return a plain wall 2 m wide (along y), 2.5 m high, with a skirting board."""
     skirting = box((-0.06, -1.0, 0.0), (0.06, 1.0, 0.1), _STEEL)
     return joined([skirting, box((-0.05, -1.0, 0.1), (0.05, 1.0, 2.5), colour)])
 
 
 def door(colour: Colour) -> Solid:
-    """Shut a door 1 m wide (along y), 2.1 m high: frame, leaf, panels, handles."""
+    """Return a closed door 1 m wide (along y), 2.1 m high: frame, leaf, panels, handles."""
     jamb = box((-0.06, 0.42, 0.0), (0.06, 0.5, 2.1), _WHITE)
     lintel = box((-0.06, -0.42, 2.02), (0.06, 0.42, 2.1), _WHITE)
     leaf = box((-0.03, -0.42, 0.01), (0.03, 0.42, 2.02), colour)
@@ -354,7 +354,7 @@ def door(colour: Colour) -> Solid:
 
 
 def barrier(colour: Colour) -> Solid:
-    """Stand a barrier 2 m wide (along y), 1 m high: striped rails on two feet."""
+    """Return a barrier 2 m wide (along y), 1 m high: striped rails on two feet."""
     parts: list[Solid] = []
     for low in (0.45, 0.8):
         parts += [
@@ -367,7 +367,7 @@ def barrier(colour: Colour) -> Solid:
 
 
 def cone(colour: Colour) -> Solid:
-    """Stand a traffic cone 0.75 m high with two white bands on a square foot."""
+    """Return a traffic cone 0.75 m high with two white bands on a square foot."""
     foot = box((-0.2, -0.2, 0.0), (0.2, 0.2, 0.04), _BLACK)
     heights = (0.04, 0.25, 0.38, 0.48, 0.58, 0.75)
     radii = [0.155 - 0.17 * height for height in heights]
@@ -383,7 +383,7 @@ def cone(colour: Colour) -> Solid:
 
 
 def pillar(colour: Colour) -> Solid:
-    """Stand a round pillar 0.4 m thick, 2.5 m high, with base and capital."""
+    """Return a round pillar 0.4 m thick, 2.5 m high, with base and capital."""
     shaft = turned([(0.15, 0.16), (2.35, 0.15)], colour, sides=16)
     base = tapered((-0.2, -0.2, 0.2, 0.2), 0.0, (-0.18, -0.18, 0.18, 0.18), 0.15, colour)
     top = tapered((-0.16, -0.16, 0.16, 0.16), 2.35, (-0.2, -0.2, 0.2, 0.2), 2.5, colour)
@@ -391,7 +391,7 @@ def pillar(colour: Colour) -> Solid:
 
 
 def crate(colour: Colour) -> Solid:
-    """Make a plain box with darker edges at top and bottom, a stand-in for anything."""
+    """Return a plain box with darker edges at top and bottom, for anything else."""
     red, green, blue, alpha = colour
     rim: Colour = (0.7 * red, 0.7 * green, 0.7 * blue, alpha)
     bands = [box((-0.5, -0.5, z), (0.5, 0.5, z + 0.08), rim) for z in (0.0, 0.92)]

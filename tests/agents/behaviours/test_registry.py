@@ -78,7 +78,7 @@ class Choosy:
         ("broken_behaviours:function", "is no class"),
         ("broken_behaviours:Nameless", "has no class attribute name"),
         ("broken_behaviours:Undecided", "has no method decide"),
-        ("broken_behaviours:Choosy", "is not made without arguments (missing"),
+        ("broken_behaviours:Choosy", "cannot be constructed without arguments (missing"),
     ],
 )
 def test_a_class_that_is_no_behaviour_is_refused(

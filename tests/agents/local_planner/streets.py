@@ -125,6 +125,16 @@ class Street:
         """Return what one is committed to."""
         return self.planner.trajectory(self.table.row_of(one))
 
+    @property
+    def plans_made(self) -> int:
+        """How many plans were made so far."""
+        return int(self.planner._workspace.counters[0])
+
+    @property
+    def emergency_stops(self) -> int:
+        """How often no plan was free after an old one had broken."""
+        return int(self.planner._workspace.counters[2])
+
     def put(self, one: int, pose: GroundPose) -> None:
         """Let one stand at another pose."""
         self.table.stand(self.table.row_of(one), pose)

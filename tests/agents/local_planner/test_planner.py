@@ -136,7 +136,7 @@ def test_those_without_orders_make_no_plans() -> None:
     for one in range(10):
         street.command(one, STAND)
     street.run(2.0)
-    assert street.planner.counters.plans_made == 0
+    assert street.plans_made == 0
     assert not street.moved.any()
 
 

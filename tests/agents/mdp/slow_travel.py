@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from are_ros.agents.mdp.model import Problem, TravelModel
+from are_ros.agents.mdp.model import Problem, TravelModel, problem_of, ways_to
 
 Cell = tuple[int, int]
 State = tuple[int, int, int]
@@ -23,6 +24,24 @@ def random_edges(
     edges[0, :, :-1] = edges[2, :, 1:] = random.random((shape[0], shape[1] - 1)) < open_share
     edges[1, :-1] = edges[3, 1:] = random.random((shape[0] - 1, shape[1])) < open_share
     return edges
+
+
+def travel_problem(
+    edges: npt.NDArray[np.bool_],
+    nearness: npt.NDArray[np.float32],
+    goal: Cell,
+    model: TravelModel,
+    penalty: npt.NDArray[np.float32] | None = None,
+) -> Problem:
+    """Return the process of going to a cell.
+
+    `penalty` (h, w), not negative, adds to the cost of an epoch in each cell: others that stand
+    there for good, the exact counterpart of the lookahead. The ways do not depend on it.
+    """
+    ways = ways_to(edges, nearness, goal, model)
+    if penalty is not None:
+        ways = replace(ways, price=ways.price + penalty.astype(np.float32))
+    return problem_of(ways)
 
 
 class SlowTravel:

@@ -21,7 +21,6 @@ from are_ros.agents.mdp.model import (
     Solution,
     TravelModel,
     solve,
-    travel_problem,
 )
 from are_ros.errors import ParameterError
 from are_ros.population.catalogue import CatalogueRow, MotionLimits, RewardWeights
@@ -32,6 +31,7 @@ from tests.agents.mdp.slow_travel import (
     plain_epochs,
     quantecon_arguments,
     random_edges,
+    travel_problem,
 )
 
 Arguments = tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32], tuple[int, int], TravelModel]

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from are_ros.agents.mdp import routes as _route_kernels
 from are_ros.agents.mdp.coarse_map import CoarseMap, nearness_to_walls
-from are_ros.agents.mdp.model import Action, TravelModel, solve, travel_problem
+from are_ros.agents.mdp.model import TravelModel, solve
 from are_ros.agents.mdp.value_tables import ValueTable, ValueTables
 from are_ros.agents.navigation.step_kernels import FADE_M
 from tests.agents.floors import terrain_of, two_rooms
-from tests.agents.mdp.slow_travel import SlowTravel
-from tests.agents.mdp.ways import choose, way
+from tests.agents.mdp.slow_travel import SlowTravel, travel_problem
+from tests.agents.mdp.ways import Action, choose, way
 
 Others = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]
 

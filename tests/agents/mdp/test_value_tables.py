@@ -7,9 +7,10 @@ import pytest
 
 from are_ros.agents.mdp import value_tables
 from are_ros.agents.mdp.coarse_map import CoarseMap, nearness_to_walls
-from are_ros.agents.mdp.model import TravelModel, solve, travel_problem, ways_to
+from are_ros.agents.mdp.model import TravelModel, solve, ways_to
 from are_ros.agents.mdp.value_tables import ValueTables
 from tests.agents.floors import terrain_of, two_rooms
+from tests.agents.mdp.slow_travel import travel_problem
 
 WALKER = TravelModel(reach=3)
 POINT_M = (1.1, 1.2)

@@ -1,15 +1,26 @@
 """Ways by hand: the lookahead and the way of one who goes somewhere, as `route_step` has them."""
 
 import math
+from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.mdp import routes as _route_kernels
 from are_ros.agents.mdp.coarse_map import CoarseMap
-from are_ros.agents.mdp.model import Action
 from are_ros.agents.mdp.value_tables import ValueTable
 from are_ros.agents.navigation.step_kernels import FADE_M
+
+
+class Action(IntEnum):
+    """The five actions; the direction of a move is its number less one (0 east, 1 north, ...)."""
+
+    STAY = 0
+    EAST = 1
+    NORTH = 2
+    WEST = 3
+    SOUTH = 4
+
 
 _ACTIONS = tuple(Action)
 

@@ -78,14 +78,6 @@ def test_clearance_is_the_distance_to_the_nearest_closed_cell() -> None:
         assert terrain.clearance_m[cell] == pytest.approx(nearest, rel=1e-5)
 
 
-def test_fits_is_the_exact_test() -> None:
-    """What covers a wall's edge by a millimetre does not fit, though the cells say nothing."""
-    terrain = Terrain(environment(room(3.0, 3.0)), 1.0)
-    half = np.full((2, 3), 0.3)
-    boxes = OrientedBoxes(np.array([[0.4, 1.5, 0.3], [0.399, 1.5, 0.3]]), np.zeros(2), half)
-    assert terrain.fits(boxes).tolist() == [True, False]
-
-
 def test_a_disc_rolls_through_a_door_that_is_wide_enough() -> None:
     """The segment is clear for what is narrower than the door, and blocked for what is wider."""
     cells = room(6.0, 4.0)

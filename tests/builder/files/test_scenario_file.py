@@ -1,5 +1,6 @@
 """Scenarios as YAML: what is read is what was written, and a sentence for whatever is wrong."""
 
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -52,8 +53,6 @@ def scripted(draw: st.DrawFn, number: int) -> ScriptedArtefact:
     else:
         plain = [name for name in BEHAVIOURS if name != "along_way"]
         values = {"behaviour": draw(st.sampled_from(plain))}
-    if kind != "track" and draw(st.booleans()):
-        values["speed_mps"] = draw(st.floats(0.01, row.motion.speed_mps))
     has_id = draw(st.booleans())
     return ScriptedArtefact(
         row,
@@ -80,7 +79,7 @@ def _content(scenario: Scenario) -> list[tuple[Any, ...]]:
     return [
         (
             *(one.row, one.arrives_ns, one.stays_ns, one.behaviour, one.name),
-            *(one.way_m, one.loop, one.follows, one.speed_mps, one.artefact_id, one.origin),
+            *(one.way_m, one.loop, one.follows, one.artefact_id, one.origin),
             one.cause,
             one.track is None and one.pose,
             one.track and one.track.times_ns.tobytes(),
@@ -168,7 +167,7 @@ AT = "at: [1, 2, 3]"
     ("fields", "reason"),
     [
         (AT, "artefact 0: label is missing"),
-        (f"label: persn_adult, {AT}", "artefact 0 (persn_adult): label is not to be had"),
+        (f"label: persn_adult, {AT}", "artefact 0 (persn_adult): label cannot be used"),
         (f"label: person, {AT}", "label is 'person', a class of several rows; take one of person_"),
         (f"label: person_adult, row: 3, {AT}", "label is given beside row"),
         (f"row: 99, {AT}", "artefact 0 (99): row is 99, but the catalogue has rows 0 to"),
@@ -177,7 +176,7 @@ AT = "at: [1, 2, 3]"
         (f"row: 1, {AT}, name: ''", "name is empty"),
         (f"row: 1, {AT}, name: 5", "name is 5, but text is needed"),
         (f"row: 1, {AT}, name: anna, id: x", "artefact 0 (anna): id is 'x', but a whole number"),
-        (f"row: 1, {AT}, id: 5", "id is 5, but below 1000000000 count those who arrive at random"),
+        (f"row: 1, {AT}, id: 5", "id is 5, but ids below 1000000000 are those of random arrivals"),
         ("row: 1", "at is missing"),
         ("row: 1, at: [1, 2]", "at is [1, 2], but 3 numbers are needed: x, y, yaw"),
         ("row: 1, at: [1, 2, .nan]", "but nan in it is no finite number"),
@@ -188,7 +187,7 @@ AT = "at: [1, 2, 3]"
         (f"row: 1, {AT}, arrives: null", "arrives is None, but seconds are needed"),
         (f"row: 1, {AT}, stays: [1]", "stays is [1], but seconds are needed"),
         (f"row: 14, {AT}, behaviour: flying", "behaviour is 'flying', which is not known"),
-        (f"row: 1, {AT}, behaviour: walking", "behaviour is 'walking', which is for what moves"),
+        (f"row: 1, {AT}, behaviour: walking", "behaviour is 'walking', which needs an artefact"),
         (f"row: 14, {AT}, behaviour: along_way", "which needs waypoints"),
         (f"row: 14, {AT}, way: []", "way is [], but a list of points [x, y] is needed"),
         (f"row: 14, {AT}, way: [1, 2]", "way[0] is 1, but 2 numbers are needed: x, y"),
@@ -203,7 +202,7 @@ AT = "at: [1, 2, 3]"
         (f"row: 1, {AT}, speed: 1", "speed is given, but pallet_industrial cannot move"),
         (f"row: 14, {AT}, track: [[0, 0, 0, 0, 0]]", "at is given beside track"),
         ("row: 14, track: [[0, 0, 0, 0, 0]], speed: 1", "speed is given beside track"),
-        ("row: 14, track: []", "track cannot be used: there is no pose in it"),
+        ("row: 14, track: []", "track cannot be used: it has no pose"),
         ("row: 14, track: 5", "track is 5, but a file or a list of [t, x, y, z, yaw] is needed"),
         ("row: 14, track: [[0, 0, 0]]", "track[0] is [0, 0, 0], but five numbers"),
         ("row: 14, track: [[x, 0, 0, 0, 0]]", "track[0], time, is 'x', but seconds are needed"),
@@ -251,7 +250,7 @@ def test_tracks_that_are_not_in_their_file_are_said(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("artefact,t_s,x_m,y_m,z_m,yaw_rad\na,0,1,0,0,0\n")
     with pytest.raises(ScenarioError, match=r"t.csv has no track '1000000001' or 'anna'"):
         _one(tmp_path, "row: 14, track: t.csv, id: 1000000001, name: anna")
-    with pytest.raises(ScenarioError, match=r"t.csv has no track of nobody in particular"):
+    with pytest.raises(ScenarioError, match=r"t.csv has no track without a key"):
         _one(tmp_path, "row: 14, track: t.csv")
 
 
@@ -278,6 +277,14 @@ def test_what_is_written_is_easily_read(tmp_path: Path) -> None:
         "  stays: 60",
         "  at: [1.5, 2.0, 0.25]",
     ]
+
+
+def test_a_speed_slows_the_row_and_changes_nothing_else(tmp_path: Path) -> None:
+    """The row of the catalogue stays as it is."""
+    row = CATALOGUE.rows[14]
+    slow = _one(tmp_path, "row: 14, at: [0, 0, 0], speed: 0.4").row
+    assert slow.motion == replace(row.motion, speed_mps=0.4)
+    assert replace(slow, motion=row.motion).__dict__ == row.__dict__
 
 
 def test_the_example_shows_everything() -> None:

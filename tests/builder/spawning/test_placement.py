@@ -18,12 +18,11 @@ from are_ros.builder.spawning._departure_constraint import (
 from are_ros.builder.spawning.placement import (
     HEADINGS,
     CandidateCells,
-    Disc,
-    KeepOut,
     PlacementConstraints,
     PlacementQuery,
     Placer,
-    PoseLattice,
+    lattice_cells,
+    lattice_poses,
 )
 from are_ros.population.artefact import GroundPose, boxes_of
 from are_ros.population.catalogue import CatalogueRow, MotionLimits
@@ -268,9 +267,9 @@ def test_a_vehicle_does_not_arrive_where_no_way_leads_on() -> None:
 
 def _lattice_poses(placer: Placer, row: CatalogueRow, departure: DepartureConstraint | None) -> int:
     """Count what the static map allows of the lattice."""
-    query = PlacementQuery(row, PlacementConstraints(), Disc(0.0, 0.0, math.inf), departure)
+    query = PlacementQuery(row, PlacementConstraints(within=(0.0, 0.0, math.inf)), departure)
     return sum(
-        placer._feasible(query, placer._poses.poses(piece), is_checked=is_checked)[0].size
+        placer._feasible(query, lattice_poses(placer._grid, piece), is_checked=is_checked)[0].size
         for piece, is_checked in placer._lattice_poses(query, placer._cells)
     )
 
@@ -299,7 +298,7 @@ def test_nothing_ever_overlaps() -> None:
     placer = placer_of(free)
     robot = Footprint.disc(0.4).at(7.5, 5.5, 0.3)
     goal = Footprint(np.array([[2.0, 2.0]]))
-    keep_out = (KeepOut(robot, 0.5), KeepOut(goal, 0.7))
+    keep_out = ((robot, 0.5), (goal, 0.7))
     rows = [row_of(1.2, 0.5), row_of(0.6, 0.6, (0.1, 0.0)), row_of(0.4, 0.3)]
     standing: list[tuple[CatalogueRow, GroundPose]] = []
     others = OrientedBoxes.empty()
@@ -366,8 +365,8 @@ def test_what_turns_goes_where_it_cannot_only_if_there_is_no_other_place() -> No
         placer.place(row, stream(number), PlacementConstraints(middle)) for number in range(20)
     ]
     assert (_array(placed)[:, 1] < 2.0).sum() == 20
-    corridor = Disc(4.5, 1.5, 1.0)
-    assert placer.place(row, stream(1), within=corridor) is not None
+    corridor = PlacementConstraints(within=(4.5, 1.5, 1.0))
+    assert placer.place(row, stream(1), corridor) is not None
     assert [
         placer_of(free).place(row, stream(k), PlacementConstraints(middle)) for k in range(5)
     ] == (placed[:5])
@@ -442,10 +441,10 @@ def test_what_hangs_low_is_in_the_way_of_turning() -> None:
 def test_a_group_stays_near_its_first_member_uniformly() -> None:
     """Points within 2.5 m of the first: uniform over the free part of the disc, 1/1,000."""
     free = free_cells(ROOMS)
-    disc = Disc(4.0, 4.0, 2.5)
+    disc = PlacementConstraints(within=(4.0, 4.0, 2.5))
     placer = placer_of(free)
     row = row_of(0.0, 0.0)
-    placed = [placer.place(row, stream(number), within=disc) for number in range(2000)]
+    placed = [placer.place(row, stream(number), disc) for number in range(2000)]
     poses = _array(placed)
     assert len(poses) == 2000
     assert np.hypot(poses[:, 0] - 4.0, poses[:, 1] - 4.0).max() <= 2.5
@@ -453,7 +452,8 @@ def test_a_group_stays_near_its_first_member_uniformly() -> None:
     near = np.hypot(tries[:, 0] - 4.0, tries[:, 1] - 4.0) <= 2.5
     oracle = tries[near & free[tries[:, 1].astype(np.int64), tries[:, 0].astype(np.int64)]]
     assert _same_law(poses, oracle) > 1e-3
-    assert placer.place(row, stream(1), within=Disc(-50.0, 3.0, 2.0)) is None
+    outside = PlacementConstraints(within=(-50.0, 3.0, 2.0))
+    assert placer.place(row, stream(1), outside) is None
 
 
 def test_a_turned_map_with_high_ground_agrees_with_the_environment() -> None:
@@ -501,12 +501,12 @@ def test_a_lattice_of_very_many_cells_is_thinned_evenly() -> None:
     """Of 600 x 600 cells of 1 cm every fifth row and column stay, and a full slot is found."""
     free = np.ones((600, 600), np.bool_)
     environment = environment_of(free, 0.01)
-    placer, lattice = Placer(environment, region_of(free)), PoseLattice(environment.grid)
-    thinned = lattice.thinned(placer._cells.flat)
+    placer = Placer(environment, region_of(free))
+    thinned = lattice_cells(environment.grid, placer._cells.flat)
     rows, cols = np.divmod(np.sort(thinned), 600)
     assert thinned.size == 120 * 120
     assert set(rows % 5) == set(cols % 5) == {2}
-    few = lattice.thinned(np.arange(1000, dtype=np.int32))
+    few = lattice_cells(environment.grid, np.arange(1000, dtype=np.int32))
     assert few.size == 1000
     corner = PlacementConstraints(allowed=lambda boxes: boxes.centres_m[:, :2].max(axis=1) < 0.06)
     pose = placer.place(row_of(0.0, 0.0), stream(1), corner)

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from are_ros.agents.behaviours.asking import Asked, intent_of
+from are_ros.agents.behaviours.calls import BehaviourCall, intent_of
 from are_ros.agents.behaviours.open_view import OpenView
 from are_ros.agents.behaviours.registry import make_behaviour, why_not
 from are_ros.agents.behaviours.situation import Intent, Situation, stand
@@ -17,7 +17,7 @@ from tests.agents.behaviours.stage import fellow_at, lattice, row_of, stream
 
 FILE = Path(failing.__file__)
 LINES = FILE.read_text(encoding="utf-8").splitlines()
-ASKED = Asked(7, "guest", 12_300_000_000)
+CALL = BehaviourCall(7, "guest", 12_300_000_000)
 
 
 def line_of(text: str, after: str = "") -> str:
@@ -30,7 +30,7 @@ def line_of(text: str, after: str = "") -> str:
 def situation() -> Situation:
     """Return what artefact 7 knows at 12.3 s."""
     me, view = fellow_at((0.0, 0.0), artefact_id=7), OpenView(())
-    return Situation(ASKED.now_ns, me, row_of(), lattice(), stream(), view)
+    return Situation(CALL.now_ns, me, row_of(), lattice(), stream(), view)
 
 
 def said_of(behaviour: Any) -> str:
@@ -97,7 +97,7 @@ def test_a_good_intent_is_handed_on_as_it_is(monkeypatch: pytest.MonkeyPatch) ->
 def test_a_constructor_that_raises_is_said() -> None:
     """Of the artefact that it was made for."""
     with pytest.raises(BehaviourError, match=r"no parts") as caught:
-        make_behaviour("tests.agents.behaviours.failing:Unmade", None, ASKED)
+        make_behaviour("tests.agents.behaviours.failing:Unmade", None, CALL)
     assert str(caught.value) == (
         "the behaviour tests.agents.behaviours.failing:Unmade of artefact 7 (guest) failed at "
         f"12.300 s: RuntimeError: no parts {line_of('no parts')}"

@@ -1,6 +1,8 @@
-"""Asking behaviours: those of the user's own may fail, which is said in one sentence.
+"""Calls of behaviours: a user-defined behaviour that fails is reported in one sentence.
 
-Those of are_ros are trusted: what they raise is a bug of ours, whose traceback is worth seeing.
+`new_behaviour` constructs a behaviour and `intent_of` calls its `decide`; both turn what a
+user-defined class raises or returns wrongly into a BehaviourError. The behaviours of are_ros are
+called directly: an exception there is a bug, and its traceback is needed.
 """
 
 import inspect
@@ -21,7 +23,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.errors import BehaviourError
 
 FAILED: Final = "its behaviour failed"
-"""What somebody does whose own behaviour is not asked any more."""
+"""The activity of an artefact after its behaviour has failed."""
 
 _PACKAGE: Final = are_ros.__name__
 _FOLDER: Final = str(Path(are_ros.__file__).parent)
@@ -29,77 +31,77 @@ _FARTHEST_M: Final = 1e9
 _NUMBERS: Final = (int, float, np.integer, np.floating)
 
 
-class Asked(NamedTuple):
-    """Who is asked, and when [ns]."""
+class BehaviourCall(NamedTuple):
+    """One call of a behaviour: for which artefact, and at what time [ns]."""
 
     artefact_id: int
     label: str
     now_ns: int
 
 
-NOBODY: Final = Asked(-1, "", 0)
-"""For a behaviour that is made for no artefact."""
+NO_CALL: Final = BehaviourCall(-1, "", 0)
+"""For a behaviour that is constructed for no artefact."""
 
 
 class Failed(Standing):
-    """Stands, as its own behaviour cannot be asked any more."""
+    """Replaces a behaviour that has failed: the artefact stands."""
 
-    def decide(self, situation: Situation) -> Intent:  # noqa: ARG002 - nothing can change its mind
+    def decide(self, situation: Situation) -> Intent:  # noqa: ARG002 - it always stands
         """Return the intent to stand."""
         return stand(FAILED)
 
 
-def made(kind: type[Behaviour], asked: Asked) -> Behaviour:
-    """Return a behaviour of this class. BehaviourError where one of the user's own fails."""
-    if not _is_own(kind):
+def new_behaviour(kind: type[Behaviour], call: BehaviourCall) -> Behaviour:
+    """Return a new behaviour of this class; BehaviourError where a user-defined one fails."""
+    if not _is_user_class(kind):
         return kind()
     try:
         return kind()
     except Exception as cause:  # whatever the user's code raises
-        raise _raised(kind, asked, cause, "__init__") from cause
+        raise _raised(kind, call, cause, "__init__") from cause
 
 
 def intent_of(behaviour: Behaviour, situation: Situation) -> Intent:
-    """Return what a behaviour wants. BehaviourError where one of the user's own fails."""
+    """Return the intent of a behaviour; BehaviourError where a user-defined one fails."""
     kind = type(behaviour)
-    if not _is_own(kind):
+    if not _is_user_class(kind):
         return behaviour.decide(situation)
-    asked = Asked(situation.me.id, situation.row.label, situation.now_ns)
+    call = BehaviourCall(situation.me.id, situation.row.label, situation.now_ns)
     try:
         intent = behaviour.decide(situation)
     except Exception as cause:  # whatever the user's code raises
-        raise _raised(kind, asked, cause, "decide") from cause
-    if (reason := next(_why_no_intent(intent), None)) is not None:
-        raise _failure(kind, asked, f"decide returned {reason}", _start_of(kind, "decide"))
+        raise _raised(kind, call, cause, "decide") from cause
+    if (reason := next(_faults_of(intent), None)) is not None:
+        raise _failure(kind, call, f"decide returned {reason}", _start_of(kind, "decide"))
     return intent
 
 
-def who_is_asked(frame: FrameType | None) -> str:
-    """Return which behaviour of the user's own a thread is in, and where, by its newest frame.
+def running_behaviour(frame: FrameType | None) -> str:
+    """Return the user-defined behaviour that a thread runs, and the line, from its newest frame.
 
-    Empty where it is in none. The thread may go on meanwhile.
+    The result is empty if it runs none. The thread may continue meanwhile.
     """
     lines: dict[str, str] = {}
     while frame is not None:
         code = frame.f_code
-        if code in _QUESTIONS:
-            kind, asked = (frame.f_locals.get(name) for name in ("kind", "asked"))
-            if isinstance(kind, type) and isinstance(asked, Asked) and _is_own(kind):
+        if code in _CALLERS:
+            kind, call = (frame.f_locals.get(name) for name in ("kind", "call"))
+            if isinstance(kind, type) and isinstance(call, BehaviourCall) and _is_user_class(kind):
                 where = lines.get(_file_of(kind) or "", "")
-                return _named(kind, asked) + (f" ({where})" if where else "")
+                return _title(kind, call) + (f" ({where})" if where else "")
         lines.setdefault(code.co_filename, f"{code.co_filename}, line {frame.f_lineno}")
         frame = frame.f_back
     return ""
 
 
 @lru_cache
-def _is_own(kind: type) -> bool:
-    """Tell whether a class is the user's."""
+def _is_user_class(kind: type) -> bool:
+    """Return whether a class is user-defined."""
     return kind.__module__.partition(".")[0] != _PACKAGE
 
 
-def _why_no_intent(intent: object) -> Iterator[str]:
-    """Yield what is wrong with what was returned."""
+def _faults_of(intent: object) -> Iterator[str]:
+    """Yield what is wrong with a returned intent."""
     if not isinstance(intent, Intent):
         what = "None" if intent is None else f"a {type(intent).__name__}"
         yield f"{what}, which is no Intent"
@@ -129,24 +131,24 @@ def _is_number(number: object) -> bool:
     return isinstance(number, _NUMBERS) and math.isfinite(number)
 
 
-def _raised(kind: type, asked: Asked, cause: Exception, method: str) -> BehaviourError:
-    """Return the sentence for what the user's code has raised."""
+def _raised(kind: type, call: BehaviourCall, cause: Exception, method: str) -> BehaviourError:
+    """Return the error for an exception of user code."""
     lines = str(cause).splitlines()
     what = f"{type(cause).__name__}: {lines[0]}" if lines else type(cause).__name__
-    return _failure(kind, asked, what, _place_in(kind, cause) or _start_of(kind, method))
+    return _failure(kind, call, what, _place_in(kind, cause) or _start_of(kind, method))
 
 
-def _failure(kind: type, asked: Asked, what: str, place: str) -> BehaviourError:
+def _failure(kind: type, call: BehaviourCall, what: str, place: str) -> BehaviourError:
     where = f" ({place})" if place else ""
-    time_s = asked.now_ns / NS_PER_S
+    time_s = call.now_ns / NS_PER_S
     return BehaviourError(
-        f"{_named(kind, asked)} failed at {time_s:.3f} s: {what}{where}", _name_of(kind)
+        f"{_title(kind, call)} failed at {time_s:.3f} s: {what}{where}", _name_of(kind)
     )
 
 
-def _named(kind: type, asked: Asked) -> str:
-    """Return a behaviour and whose it is, in words."""
-    return f"the behaviour {_name_of(kind)} of artefact {asked.artefact_id} ({asked.label})"
+def _title(kind: type, call: BehaviourCall) -> str:
+    """Return the behaviour and its artefact in words."""
+    return f"the behaviour {_name_of(kind)} of artefact {call.artefact_id} ({call.label})"
 
 
 def _name_of(kind: type) -> str:
@@ -154,12 +156,12 @@ def _name_of(kind: type) -> str:
 
 
 def _place_in(kind: type, cause: Exception) -> str:
-    """Return the last line in the file of a class that a traceback passes, else in no file of ours.
+    """Return the last line of a traceback in the file of a class, else in a file outside are_ros.
 
-    Empty where it passes only ours, as where a method does not take what it is given.
+    The result is empty if all lines are in are_ros, for example if a method has wrong parameters.
     """
-    passed = [(frame.f_code.co_filename, line) for frame, line in walk_tb(cause.__traceback__)]
-    foreign = [(file, line) for file, line in passed if not file.startswith(_FOLDER)]
+    lines = [(frame.f_code.co_filename, line) for frame, line in walk_tb(cause.__traceback__)]
+    foreign = [(file, line) for file, line in lines if not file.startswith(_FOLDER)]
     inside = [(file, line) for file, line in foreign if file == _file_of(kind)]
     for file, line in (inside or foreign)[-1:]:
         return f"{file}, line {line}"
@@ -167,7 +169,7 @@ def _place_in(kind: type, cause: Exception) -> str:
 
 
 def _start_of(kind: type, name: str) -> str:
-    """Return where a method or a property of a class begins, empty if that is not known."""
+    """Return the file and line where a method or property begins, empty if not known."""
     found = inspect.getattr_static(kind, name, None)
     found = getattr(found, "fget", None) or getattr(found, "__func__", None) or found
     code = getattr(found, "__code__", None)
@@ -181,5 +183,5 @@ def _file_of(kind: type) -> str | None:
         return None
 
 
-_QUESTIONS: Final = {function.__code__ for function in (made, intent_of)}
-"""The code that calls the user's; each has `kind` and `asked`."""
+_CALLERS: Final = {function.__code__ for function in (new_behaviour, intent_of)}
+"""The functions that call user code; each has the locals `kind` and `call`."""
