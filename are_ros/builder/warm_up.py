@@ -14,6 +14,8 @@ import numpy.typing as npt
 from numba.core import event
 
 from are_ros._compiled import KERNELS, name_of
+from are_ros.agents.local_planner.body import MotionCommand
+from are_ros.agents.simulate import CrowdSimulator
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import collision_resolver
 from are_ros.builder.sensors.laser_scan import LaserScan
@@ -26,7 +28,9 @@ from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import Catalogue, MotionLimits
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import Camera, PinholeView, mounted_camera
+from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.regions import SpawnRegion, Zones
 from are_ros.world.rigid_transform import RigidTransform
 
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
@@ -75,10 +79,10 @@ def warm_up(
 ) -> bool:
     """Compile, or load from the cache, the builder's kernels: a minute where they are not there.
 
-    A second process compiles perception, scans and maps, while this one compiles the agents. The
-    user's own behaviours are not called. `is_wanted` is asked every second or so; when it returns
-    False, the compilation stops and False is returned. An exception from a signal handler cannot
-    stop it: the compiler crashes, or swallows it.
+    A second process compiles decisions, perception, scans and maps, while this one compiles
+    arrivals and the local planner. The user's own behaviours are not called. `is_wanted` is asked
+    every second or so; when it returns False, the compilation stops and False is returned. An
+    exception from a signal handler cannot stop it: the compiler crashes, or swallows it.
     """
     catalogue = _tame(catalogue)
     with ExitStack() as stack:
@@ -86,6 +90,7 @@ def warm_up(
         compilation = _Compilation(is_wanted, count, helper)
         stack.enter_context(event.install_listener("numba:compile", compilation))
         try:
+            _Scene(catalogue, warmth, compilation.ask).plan()
             scene = _Scene(catalogue, warmth, compilation.ask)
             scene.live()
             while helper.is_busy():
@@ -142,7 +147,7 @@ def _kernel_of(compilation: Any) -> str:
 
 
 class _Helper:
-    """A second process, which compiles perception, scans and maps into the same cache.
+    """A second process, which compiles about half of the kernels into the same cache.
 
     If it fails, this process compiles what is missing.
     """
@@ -211,11 +216,15 @@ class _Names(event.Listener):  # type: ignore[misc] # numba is not typed
 
 
 def help_out() -> None:
-    """Compile perception, scans and maps, as the second process; its input says for what."""
+    """Compile decisions, perception, scans and maps, as the second process.
+
+    Its input says for what. Decisions come first: the parent process needs them soonest.
+    """
     catalogue, warmth = pickle.load(sys.stdin.buffer)  # noqa: S301 - our own parent wrote it
     standing, still = {"standing": 1.0}, MotionLimits(speed_mps=0.0)
     rows = [replace(row, behaviours=standing, motion=still) for row in catalogue.rows]
     with event.install_listener("numba:compile", _Names()):
+        _Scene(catalogue, warmth, lambda: None).decide()
         _Scene(Catalogue(tuple(rows)), warmth, lambda: None).sense()
 
 
@@ -230,6 +239,31 @@ class _Scene:
         self._builder = ArBuilder(self._parameters, catalogue, _NOTHING)
         self._builder.receive_map(_room(), 0)
         self._tick = 0
+
+    def plan(self) -> None:
+        """Let agents plan motions by commands of ours: the local planner without decisions."""
+        crowd, environment = self._crowd()
+        rows = range(len(crowd.table))
+        if rows:
+            crowd.planner.give_commands(rows, [MotionCommand((1.0, -1.5), 1.0) for _ in rows])
+            crowd.planner.step(0, environment, None)
+
+    def decide(self) -> None:
+        """Let agents decide where to go: navigation without motion."""
+        crowd, environment = self._crowd()
+        mask = environment.classes.free
+        crowd.enter(environment, SpawnRegion(mask, None, 1.0), Zones())
+        for index in range(_TICKS):
+            crowd.decisions.decide(index, index * crowd.period_ns, None)
+
+    def _crowd(self) -> tuple[CrowdSimulator, Environment]:
+        """Return the simulation with two agents that can walk, if a row of the catalogue can."""
+        now_ns = self._move()
+        _let_walk(self._builder, self._catalogue, now_ns)
+        environment = self._builder.lives.environment
+        if environment is None:
+            raise RuntimeError("the miniature scene has a map")
+        return self._builder.lives.crowd, environment
 
     def live(self) -> None:
         """Let artefacts arrive and move, without a camera that sees them."""
