@@ -161,23 +161,6 @@ def _neighbours(proposed: _FloatArray, safe: _FloatArray) -> tuple[_IndexArray, 
 
 
 @compiled
-def _is_clear(
-    pose: _FloatArray,
-    i: int,
-    current: _FloatArray,
-    present: _Mask,
-    candidates: _IndexArray,
-    tolerance_m: float,
-) -> bool:
-    """Tell whether box i of `pose` overlaps none of the candidates at their current poses."""
-    for k in range(candidates.shape[0]):
-        j = candidates[k]
-        if j != i and present[j] and boxes_overlap(pose, i, current, j, tolerance_m):
-            return False
-    return True
-
-
-@compiled
 def _keep_or_move_back(
     start: int,
     proposed: _FloatArray,
@@ -205,11 +188,12 @@ def _keep_or_move_back(
         resolved = False
         for choice in range(2):
             pose = proposed if choice == 0 else safe
-            if (
-                allowed[i, choice]
-                and _is_clear(pose, i, current, present, near, tolerance_m)
-                and _is_clear(pose, i, current, present, displaced, tolerance_m)
-            ):
+            is_clear = allowed[i, choice]
+            for candidates in (near, displaced):
+                for j in candidates:
+                    if is_clear and j != i and present[j]:
+                        is_clear = not boxes_overlap(pose, i, current, j, tolerance_m)
+            if is_clear:
                 for column in range(current.shape[1]):
                     current[i, column] = pose[i, column]
                 outcomes[i] = _KEPT if choice == 0 else _MOVED_BACK

@@ -113,19 +113,6 @@ _LEAST_BITS = 2  # a table of four by four: three neighbouring cells are three b
 
 
 @compiled
-def _widest(rectangles: _FloatArray) -> float:
-    """Return the longest side of any rectangle [m], at least a micrometre."""
-    widest_m = 1e-6
-    for i in range(rectangles.shape[0]):
-        width_m = rectangles[i, 2] - rectangles[i, 0]
-        height_m = rectangles[i, 3] - rectangles[i, 1]
-        if not np.isfinite(width_m + height_m):
-            raise ValueError("the rectangles are not all finite")
-        widest_m = max(widest_m, width_m, height_m)
-    return widest_m
-
-
-@compiled
 def candidate_pairs(rectangles: _FloatArray) -> _IndexArray:
     """Return each pair (M, 2), low index first, of rectangles (N, 4) whose interiors meet, once.
 
@@ -138,7 +125,10 @@ def candidate_pairs(rectangles: _FloatArray) -> _IndexArray:
     pairs = np.empty((max(16, count), 2), np.int64)
     if count < 2:
         return pairs[:0]
-    per_m = 0.999 / _widest(rectangles)
+    sides_m = rectangles[:, 2:] - rectangles[:, :2]
+    if not np.isfinite(sides_m).all():
+        raise ValueError("the rectangles are not all finite")
+    per_m = 0.999 / max(1e-6, sides_m.max())
     bits = _LEAST_BITS
     while 1 << (2 * bits) < count:
         bits += 1

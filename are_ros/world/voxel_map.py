@@ -354,16 +354,15 @@ def _leaves(
     return _whole(np.floor((low + 0.5) * share)), _whole(np.floor((last + 0.5) * share)) + 1
 
 
-@compiled
 def _fill(
     low: npt.NDArray[np.int64], high: npt.NDArray[np.int64], occupied: npt.NDArray[np.uint8]
 ) -> None:
     """Set the voxels of boxes (N, 3), from low to exclusive high index, to 1."""
-    for n in range(low.shape[0]):
-        for i in range(low[n, 0], high[n, 0]):
-            for j in range(low[n, 1], high[n, 1]):
-                for k in range(low[n, 2], high[n, 2]):
-                    occupied[i, j, k] = 1
+    is_single = (high - low == 1).all(axis=1)
+    occupied[tuple(low[is_single].T)] = 1
+    boxes = np.column_stack((low, high))[~is_single].tolist()
+    for i, j, k, i_end, j_end, k_end in boxes:
+        occupied[i:i_end, j:j_end, k:k_end] = 1
 
 
 MAX_VOXELS: Final = 2**30
