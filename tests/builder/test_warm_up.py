@@ -32,7 +32,7 @@ def compiled():
 
 warm_up(read_catalogue(SHIPPED_CATALOGUE))
 known = compiled()
-assert len(known) > 50, known
+assert len(known) > 30, known
 sys.argv = ["are", "replay", *sys.argv[1:]]
 try:
     main()
@@ -80,6 +80,8 @@ def test_it_ends_before_the_next_kernel_when_it_is_not_wanted_any_more(
 
     class Compiling:
         def __init__(self, *_: object) -> None: ...
+
+        def plan(self) -> None: ...
 
         def live(self) -> None:
             with event.trigger_event("numba:compile"):

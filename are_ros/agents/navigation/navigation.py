@@ -28,7 +28,6 @@ from are_ros.agents.navigation.step_kernels import (
     route_step,
 )
 from are_ros.agents.navigation.terrain import Terrain, Terrains
-from are_ros.agents.neighbours import Neighbourhood, nearest_of
 from are_ros.agents.snapshot import AgentSnapshot
 from are_ros.parameters.model import BehaviourParameters
 from are_ros.world.environment import Environment
@@ -106,9 +105,6 @@ class Navigation:
         if environment is not self._environment:
             self._tables.clear()
             self._known_terrains.clear()
-        nowhere_m = np.empty((0, 2))  # compiles the kernels of gathering early
-        nearest_of(nowhere_m, places.destinations_m)
-        Neighbourhood(nowhere_m).points_within(0.0, 0.0, 0.0, np.empty(0, np.int64), 0)
         self._environment, self.places = environment, places
         self._reach = ReachableDestinations(places)
 
