@@ -248,17 +248,20 @@ class ReachableRegion:
         clearance_m: npt.NDArray[np.floating],
         robot_radius_m: float,
         *,
-        no_spawn: npt.NDArray[np.bool_] | None = None,
+        allowed: npt.NDArray[np.bool_] | None = None,
         snap_m: float = SNAP_M,
         last_point_m: tuple[float, float] | None = None,
     ) -> None:
-        """Label the map: `free` bool, `clearance_m` [m] to the nearest cell that is not free."""
+        """Label the map: `free` bool, `clearance_m` [m] to the nearest cell that is not free.
+
+        The region has cells of `allowed` only, by default all free ones.
+        """
         import cv2
 
         eroded = free & (clearance_m >= robot_radius_m - _ROUNDING * grid.resolution_m)
         self._grid = grid
         self._free = free
-        self._no_spawn = no_spawn
+        self._allowed = free if allowed is None else allowed
         self._radius_cells = robot_radius_m / grid.resolution_m
         self._snap_cells = snap_m / grid.resolution_m
         self._labels: npt.NDArray[np.int32] = cv2.connectedComponents(
@@ -279,7 +282,7 @@ class ReachableRegion:
         return self._region
 
     def _region_made_for(self, label: int) -> SpawnRegion:
-        return _region_of(_without(self._grown(label), self._no_spawn), self._grid)
+        return _region_of(self._grown(label) & self._allowed, self._grid)
 
     def _label_near(self, point_m: tuple[float, float]) -> int:
         inside = self._grid.cell_at(*point_m)
@@ -315,17 +318,18 @@ def region_finder(
     Raises `ParameterError` if the kind is zones and no zone is given.
     """
     zones = zones or Zones()
-    no_spawn = _union(zones.no_spawn, grid)
+    allowed = free.copy()
+    for polygon_m in zones.no_spawn:
+        allowed[polygon_mask(polygon_m, grid)] = False
     if kind is Region.REACHABLE:
         return ReachableRegion(
             grid,
             free,
             clearance_m,
             robot_radius_m,
-            no_spawn=no_spawn,
+            allowed=allowed,
             last_point_m=last_point_m,
         )
-    allowed = _without(free, no_spawn)
     if kind is Region.FREE:
         return FixedRegion(_region_of(allowed, grid))
     return FixedRegion(_zones_region(zones, allowed, grid))
@@ -344,15 +348,6 @@ def _zones_region(zones: Zones, allowed: _Mask, grid: OccupancyGrid) -> SpawnReg
 
 def _region_of(mask: _Mask, grid: OccupancyGrid) -> SpawnRegion:
     return SpawnRegion(mask, None, int(np.count_nonzero(mask)) * grid.cell_area_m2)
-
-
-def _union(polygons_m: tuple[npt.NDArray[np.float64], ...], grid: OccupancyGrid) -> _Mask | None:
-    masks = [polygon_mask(polygon_m, grid) for polygon_m in polygons_m]
-    return np.logical_or.reduce(masks) if masks else None
-
-
-def _without(mask: _Mask, removed: _Mask | None) -> _Mask:
-    return mask.copy() if removed is None else mask & ~removed
 
 
 def _nearest_label(labels: npt.NDArray[np.int32], row: int, col: int, reach_cells: float) -> int:
