@@ -54,7 +54,7 @@ _MINIATURE = {
 
 
 @dataclass(frozen=True)
-class Warmth:
+class WarmUpNeeds:
     """What a run needs, so that it waits for no other kernels.
 
     Kernels of meshes are compiled if a row of the catalogue has one.
@@ -65,7 +65,7 @@ class Warmth:
     has_cloud: bool = True
 
 
-ALL: Final = Warmth()
+ALL: Final = WarmUpNeeds()
 
 Count = Callable[[int, int], None]
 """Takes how many kernels are compiled, and how many there are at most."""
@@ -74,7 +74,7 @@ Count = Callable[[int, int], None]
 def warm_up(
     catalogue: Catalogue,
     is_wanted: Callable[[], bool] = lambda: True,
-    warmth: Warmth = ALL,
+    needs: WarmUpNeeds = ALL,
     count: Count = lambda _done, _total: None,
 ) -> bool:
     """Compile, or load from the cache, the builder's kernels: a minute where they are not there.
@@ -86,12 +86,12 @@ def warm_up(
     """
     catalogue = _tame(catalogue)
     with ExitStack() as stack:
-        helper = _Helper(catalogue, warmth, stack)
+        helper = _Helper(catalogue, needs, stack)
         compilation = _Compilation(is_wanted, count, helper)
         stack.enter_context(event.install_listener("numba:compile", compilation))
         try:
-            _Scene(catalogue, warmth, compilation.ask).plan()
-            scene = _Scene(catalogue, warmth, compilation.ask)
+            _Scene(catalogue, needs, compilation.ask).plan()
+            scene = _Scene(catalogue, needs, compilation.ask)
             scene.live()
             while helper.is_busy():
                 compilation.ask()
@@ -152,8 +152,8 @@ class _Helper:
     If it fails, this process compiles what is missing.
     """
 
-    def __init__(self, catalogue: Catalogue, warmth: Warmth, stack: ExitStack) -> None:
-        self._rehearsal = pickle.dumps((catalogue, warmth))
+    def __init__(self, catalogue: Catalogue, needs: WarmUpNeeds, stack: ExitStack) -> None:
+        self._rehearsal = pickle.dumps((catalogue, needs))
         self._stack = stack
         self._process: subprocess.Popen[bytes] | None = None
         self._rest = b""
@@ -220,21 +220,21 @@ def help_out() -> None:
 
     Its input says for what. Decisions come first: the parent process needs them soonest.
     """
-    catalogue, warmth = pickle.load(sys.stdin.buffer)  # noqa: S301 - our own parent wrote it
+    catalogue, needs = pickle.load(sys.stdin.buffer)  # noqa: S301 - our own parent wrote it
     standing, still = {"standing": 1.0}, MotionLimits(speed_mps=0.0)
     rows = [replace(row, behaviours=standing, motion=still) for row in catalogue.rows]
     with event.install_listener("numba:compile", _Names()):
-        _Scene(catalogue, warmth, lambda: None).decide()
-        _Scene(Catalogue(tuple(rows)), warmth, lambda: None).sense()
+        _Scene(catalogue, needs, lambda: None).decide()
+        _Scene(Catalogue(tuple(rows)), needs, lambda: None).sense()
 
 
 class _Scene:
     """A room with a robot, a wall, voxels, a scan and some artefacts, for two seconds."""
 
-    def __init__(self, catalogue: Catalogue, warmth: Warmth, ask: Callable[[], None]) -> None:
+    def __init__(self, catalogue: Catalogue, needs: WarmUpNeeds, ask: Callable[[], None]) -> None:
         count = len(catalogue.rows)
         rates = (count / 4, count / 2)  # small and large ones, of a catalogue of any length
-        self._catalogue, self._warmth, self._ask = catalogue, warmth, ask
+        self._catalogue, self._needs, self._ask = catalogue, needs, ask
         self._parameters = with_values(Parameters(), {**_MINIATURE, "mixture.rates": rates})
         self._builder = ArBuilder(self._parameters, catalogue, _NOTHING)
         self._builder.receive_map(_room(), 0)
@@ -280,12 +280,12 @@ class _Scene:
         """Let them be seen, scanned and mapped."""
         builder = self._builder
         builder.reconfigure(self._parameters, self._tick * _TICK_NS)
-        builder.demand = self._warmth.demand
-        if self._warmth.has_cloud:
+        builder.demand = self._needs.demand
+        if self._needs.has_cloud:
             builder.receive_cloud(_cloud(), "map", self._tick * _TICK_NS, 0.1)
         for i in range(_TICKS):
             now_ns = self._move()
-            if self._warmth.has_scans:
+            if self._needs.has_scans:
                 builder.receive_reading("scan", _scan(now_ns), now_ns)
             if i == 1:
                 builder.receive_camera(_lens(), now_ns)

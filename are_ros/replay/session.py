@@ -19,7 +19,7 @@ from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms
 from are_ros.builder.files.scenario_file import write_scenario
 from are_ros.builder.sensors.sensor_path import SensorPathCounts
-from are_ros.builder.warm_up import Warmth, warm_up
+from are_ros.builder.warm_up import WarmUpNeeds, warm_up
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import SceneRecord
 from are_ros.errors import BagError, InputError, MapError
@@ -142,7 +142,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             options = _with_wait(options, needed_s)
             catalogue = catalogue_of(options.parameters)
             builder = ArBuilder(options.parameters, catalogue, options.demand)
-            lives_keeper = builder.lives.record_scenario() if options.save_scenario else None
+            scenario = builder.lives.record_scenario() if options.save_scenario else None
             replay = Replay(reader, builder, options, timeline, stopwatch)
             files = MapFiles.read(options)
             if options.out is not None:
@@ -156,9 +156,11 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             elif options.parameters.camera.model is CameraModel.AUTO:
                 say(f"no camera in the recording: {builder.use_default_camera()}")
             has_cloud = options.octomap_file is not None or roles.topic(_CLOUD_ROLE) is not None
-            warmth = Warmth(options.demand, bool(sensor_topics(replay.role_of_topic)), has_cloud)
+            needs = WarmUpNeeds(
+                options.demand, bool(sensor_topics(replay.role_of_topic)), has_cloud
+            )
             with said_if_slow(say, _PREPARING), KernelBar() as bar:
-                warm_up(catalogue, warmth=warmth, count=bar.count)
+                warm_up(catalogue, needs=needs, count=bar.count)
             files.feed(builder, replay.start_ns)
         perceives = options.demand.perception
         recorder = SceneRecorder.of(options.parameters, catalogue, is_perceiving=perceives)
@@ -169,8 +171,8 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 progress = open_progress(replay.start_ns, replay.start_ns + replay.length_ns)
                 replay.run([keeper, standing, *writers], progress)
             grid = _known_map(builder, replay)
-    if lives_keeper is not None:
-        _save_scenario(options, lives_keeper, say)
+    if scenario is not None:
+        _save_scenario(options, scenario, say)
     for notice in [*builder.notices, *builder.frames.drain_notices()]:
         say(notice)
     doubts = [*_late_camera(options, replay, keeper), *standing.sentences()]

@@ -42,9 +42,9 @@ finally:
 
 _KERNELS_OF_BOXES = """
 import sys
-from are_ros.builder.warm_up import Demand, Warmth, warm_up
+from are_ros.builder.warm_up import Demand, WarmUpNeeds, warm_up
 from tests.builder.test_warm_up import catalogue_of
-warm_up(catalogue_of(2), warmth=Warmth(Demand(grids=False), has_scans=False, has_cloud=False))
+warm_up(catalogue_of(2), needs=WarmUpNeeds(Demand(grids=False), has_scans=False, has_cloud=False))
 for name, module in list(sys.modules.items()):
     for kernel, value in vars(module).items() if name.startswith("are_ros.") else ():
         if getattr(value, "signatures", ()):
