@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from struct import Struct
 from struct import error as StructError  # noqa: N812
-from types import MappingProxyType, TracebackType
+from types import TracebackType
 from typing import Any, Final, NamedTuple
 
 import yaml
@@ -25,23 +25,9 @@ from are_ros.bag.reader import BagMessage, BagReader, BagTopic, as_bag_errors
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
 from are_ros.messages.sensors import SENSORS
+from are_ros.messages.tick_encoding import OUTPUTS
 
 PREFIX: Final = "/ar_builder/"
-OUTPUT_TYPES: Final = MappingProxyType(
-    {
-        "augmented_map": "nav_msgs/msg/OccupancyGrid",
-        "augmented_map_updates": "map_msgs/msg/OccupancyGridUpdate",
-        "artefact_map": "nav_msgs/msg/OccupancyGrid",
-        "artefact_map_updates": "map_msgs/msg/OccupancyGridUpdate",
-        "augmented_costmap": "nav_msgs/msg/OccupancyGrid",
-        "markers": "visualization_msgs/msg/MarkerArray",
-        "perceived": "are_msgs/msg/PerceivedArtefactArray",
-        "artefacts": "are_msgs/msg/ArtefactArray",
-        "events": "are_msgs/msg/ArtefactEvent",
-        "metrics": "are_msgs/msg/SceneMetrics",
-    }
-)
-"""The outputs that every replay announces, without the prefix."""
 INPUT_TYPES: Final = (
     "nav_msgs/msg/OccupancyGrid",
     "tf2_msgs/msg/TFMessage",
@@ -49,7 +35,9 @@ INPUT_TYPES: Final = (
     *(kind.type_name for kind in SENSORS.values()),
     "sensor_msgs/msg/CameraInfo",
 )
-GRID_TOPICS: Final = tuple(PREFIX + name for name in OUTPUT_TYPES if "map" in name)
+GRID_TOPICS: Final = tuple(
+    PREFIX + name for name, output in OUTPUTS.items() if "/OccupancyGrid" in output.type_name
+)
 MARKERS: Final = PREFIX + "markers"
 ARTEFACTS: Final = PREFIX + "artefacts"
 _DRAWN: Final = (MARKERS, *GRID_TOPICS)
@@ -349,7 +337,7 @@ def matters(topic: str, type_name: str) -> bool:
     if topic.startswith(PREFIX):
         name = topic.removeprefix(PREFIX)
         sensors = {kind.type_name for kind in SENSORS.values()}
-        return type_name in ({OUTPUT_TYPES[name]} if name in OUTPUT_TYPES else sensors)
+        return type_name in ({OUTPUTS[name].type_name} if name in OUTPUTS else sensors)
     return type_name in INPUT_TYPES
 
 

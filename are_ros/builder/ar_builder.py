@@ -112,7 +112,7 @@ class ArBuilder(Simulation):
             self._display = assembly.display(parameters, self._meshes)
 
     def step(self, now_ns: int) -> Tick:
-        """Run one tick: register, occlude, gate, augment (section 3.3)."""
+        """Run one tick: occlude, register, gate, augment (section 3.3)."""
         self.advance(now_ns)
         scene = self.lives.scene_at(now_ns)
         observation = self._observe(now_ns, scene)

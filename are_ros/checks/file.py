@@ -11,18 +11,17 @@ import yaml
 from mcap.reader import make_reader
 
 from are_ros.bag.reader import sentence_of
-from are_ros.bag.recording import OUTPUT_TYPES, PREFIX
+from are_ros.bag.recording import PREFIX
 from are_ros.checks.result import CheckResult, Tally, at_s, merged, skipped
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.sensors import SENSORS
+from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.wording import counted
 
 _SENSOR_TYPES: Final = tuple(kind.type_name for kind in SENSORS.values())
 _FOOTER: Final = Struct("<QQI")
 _MAGIC: Final = b"\x89MCAP0\r\n"
-_LATCHED: Final = tuple(
-    PREFIX + name for name in ("augmented_map", "artefact_map", "augmented_costmap")
-)
+_LATCHED_TYPE: Final = "nav_msgs/msg/OccupancyGrid"
 _JUMP_NS: Final = NS_PER_S
 _NAMES: Final = ("mcap reader", "log times", "topics and types", "quality of service")
 _QOS_NAMES: Final = MappingProxyType(
@@ -122,7 +121,7 @@ def _check_topics(channels: _Channels, *, is_live: bool) -> CheckResult:
         )
         if channel.topic.startswith(PREFIX) and not _is_expected(channel.topic, name, is_live):
             tally.fail(f"{channel.topic} of type {name} is no output of that type")
-    for output, type_name in OUTPUT_TYPES.items():
+    for output, (type_name, *_) in OUTPUTS.items():
         if PREFIX + output in found or not found:
             continue
         if is_live:
@@ -134,21 +133,21 @@ def _check_topics(channels: _Channels, *, is_live: bool) -> CheckResult:
 
 def _is_expected(topic: str, type_name: str, is_live: bool) -> bool:
     """Tell whether this is an output; a live node has other topics, too."""
-    expected = OUTPUT_TYPES.get(topic.removeprefix(PREFIX))
+    expected = OUTPUTS.get(topic.removeprefix(PREFIX))
     if expected is None:
         return is_live or type_name in _SENSOR_TYPES
-    return type_name == expected
+    return type_name == expected.type_name
 
 
 def _check_qos(channels: _Channels, *, is_live: bool) -> CheckResult:
     """Whole grids are offered reliable, transient local, depth 1; the rest reliable, volatile."""
     tally = Tally(_NAMES[3], "topic")
-    for channel, _ in channels.values():
+    for channel, schema in channels.values():
         name = channel.topic.removeprefix(PREFIX)
-        if name == channel.topic or (is_live and name not in OUTPUT_TYPES):
+        if name == channel.topic or (is_live and name not in OUTPUTS):
             continue
         tally.look()
-        is_map = channel.topic in _LATCHED
+        is_map = schema is not None and schema.name == _LATCHED_TYPE
         wanted = ("reliable", "transient_local" if is_map else "volatile")
         profiles = _offered(channel.metadata)
         if not is_live and len(profiles) != 1:

@@ -12,7 +12,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from are_ros.bag.decoded import value_of
-from are_ros.bag.recording import OUTPUT_TYPES
 from are_ros.draw.scene import Moment
 from are_ros.draw.viewer import (
     LAYERS,
@@ -26,6 +25,7 @@ from are_ros.draw.viewer import (
 )
 from are_ros.errors import AreError, NodeError
 from are_ros.messages.sensors import sensor_outputs
+from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.message_classes import RclpyFactory, message_class, service_class
 from are_ros.node.qos import INPUTS, output_qos, subscribe
 from are_ros.node.startup import stop_on_signals
@@ -181,7 +181,7 @@ class LiveView:
         topics = [*((role, remote.topic(role)) for role in _INPUTS), *(("scan", t) for t in scans)]
         for role, topic in (("tf", "/tf"), ("tf_static", "/tf_static"), *topics):
             subscribe(node, role, self._callback(role, INPUTS[role].type_name), topic)
-        outputs = {name: (name, OUTPUT_TYPES[name]) for name in ("artefacts", "perceived")}
+        outputs = {name: (name, OUTPUTS[name].type_name) for name in ("artefacts", "perceived")}
         for name in sensor_outputs(dict.fromkeys(scans, "scan")).values():
             outputs[name] = (AUGMENTED_SCAN, INPUTS["scan"].type_name)
         for name, (role, kind) in outputs.items():

@@ -10,8 +10,8 @@
    and a cost without dimension: 0 for full speed towards the goal, 1 for no progress.
 6. `rollouts` integrates a primitive and the braking as a unicycle, sub-step by sub-step.
 7. `planning` tries the primitives, the cheapest first. One is feasible if its boxes overlap no
-   closed ground (`walls`), not the robot (`robot`), and no other trajectory (`gaps`); open boxes,
-   exact.
+   closed ground (`walls`), not the robot (`robot`), and no other trajectory (`gaps`). Touching
+   is no overlap; the test is exact.
 8. The cheapest feasible trajectory is committed to. Without one the agent keeps its old
    trajectory, which still is free: all others have kept clear of it.
 9. An agent without progress pushes others aside, by priority inheritance [3], or tries a detour

@@ -10,7 +10,7 @@ from are_ros.builder.occlusion.meshes import Tree, cast_tile
 from are_ros.builder.occlusion.rays import PIXELS, TILE, Tiles, free_cone, inverse, trace
 
 TIE_M: Final = np.float32(1e-3)
-"""What is behind by no more than this is not hidden: a box stands exactly on the floor."""
+"""Tolerance [m]: a surface nearer by at most this does not hide; else floors would hide boxes."""
 
 INFINITE: Final = np.float32(np.inf)
 
@@ -182,8 +182,9 @@ def hide_behind_others(
 ) -> None:
     """Set Z_a to inf where another artefact's shape is in front of a's box.
 
-    A shape lies within its box: so a's own shape never hides a, one front serves all, and a shape
-    matters only where its box is before some other box and before the front known so far.
+    Since a shape lies inside its box, no box is hidden by its own shape, and one shared nearest
+    surface (the front) serves all boxes. A shape is skipped if its box is behind the front, or if
+    no other box is behind it.
     """
     depths, front, last = scratch.depths, scratch.front_m, scratch.last_m
     nearest, order = scratch.nearest_m, scratch.order
@@ -304,7 +305,7 @@ def _turned(
 def _trace_environment(
     voxels: Voxels, axis: npt.NDArray[np.float32], spread: np.float32, count: int, scratch: Scratch
 ) -> None:
-    """Fill the environment's depth, inf where nothing is in front of any box still to be seen."""
+    """Fill the environment's depth; inf where a pixel needs no ray, or nothing hides a box."""
     limits, traced, environment = scratch.limits_m, scratch.traced, scratch.environment_m
     limits[:] = _ZERO
     environment[:] = INFINITE
@@ -341,7 +342,11 @@ def _trace_environment(
 def _tally(
     first_pixel: npt.NDArray[np.int64], count: int, tallies: Tallies, scratch: Scratch
 ) -> None:
-    """Count the pixels where Z_a <= Z_S, and keep their rectangle and least distance."""
+    """Count the pixels of each box that the environment does not hide; keep rectangle and distance.
+
+    The second half of Z_a <= Z_S (Eq. 2): what other artefacts hide, `hide_behind_others` has set
+    to infinity before.
+    """
     for candidate in range(count):
         box, depths = scratch.candidates[candidate], scratch.depths[candidate]
         bounds = tallies.bounds[box]
