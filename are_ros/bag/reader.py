@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from operator import itemgetter
 from pathlib import Path
 from struct import error as StructError  # noqa: N812
-from types import TracebackType
 from typing import Any, NamedTuple
 
 from rosbags.interfaces import MessageDefinitionFormat
@@ -283,12 +282,7 @@ class BagReader:
             self._stack = stack.pop_all()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._readers = []
         self._stack.close()
 

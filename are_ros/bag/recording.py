@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from struct import Struct
 from struct import error as StructError  # noqa: N812
-from types import TracebackType
 from typing import Any, Final, NamedTuple
 
 import yaml
@@ -240,13 +239,8 @@ class Recording:
         self._connections = {(one.topic, one.msgtype): one for one in connections}
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._reader.__exit__(kind, error, trace)
+    def __exit__(self, *error: object) -> None:
+        self._reader.__exit__(*error)
 
     @property
     def topics(self) -> tuple[BagTopic, ...]:

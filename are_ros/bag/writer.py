@@ -5,7 +5,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from io import BufferedWriter
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final
 
 import yaml
@@ -130,12 +129,7 @@ class BagWriter:
             self._writer.add_metadata("are_ros", dict(self._notes))
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         try:
             if kind is None:
                 self._finish()

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from types import TracebackType
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -271,13 +270,8 @@ class Reading:
             self.records.append(Record(self._parameters, is_live, walls, self.topics))
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._recording.__exit__(kind, error, trace)
+    def __exit__(self, *error: object) -> None:
+        self._recording.__exit__(*error)
 
     def read_all_but_grids(self) -> None:
         """Fill `records`, one for each loop."""

@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from queue import Empty, SimpleQueue
-from types import TracebackType
 from typing import Final
 
 from are_ros.bag.writer import BagWriter, OfferedQos
@@ -47,12 +46,7 @@ class FileWriter:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, _: object, error: BaseException | None, *__: object) -> None:
         """Write all that was put, then end the file in order; after an error leave it as it is."""
         self._queue.put(None)
         self._thread.join()
