@@ -282,8 +282,8 @@ def appeared_text(trial: Trial) -> str:
     """Return how many of the arrivals appeared, and why the others did not."""
     others = ", ".join(f"{count} {reason}" for reason, count in trial.absent.items())
     if not others:
-        return f"all {len(trial.rows)} who arrived appeared"
-    return f"{trial.appeared} of {len(trial.rows)} who arrived appeared: {others}"
+        return f"all {len(trial.rows)} arrivals appeared"
+    return f"{trial.appeared} of {len(trial.rows)} arrivals appeared: {others}"
 
 
 def _lives_text(settings: PopulationParameters) -> str:
@@ -493,8 +493,8 @@ def _draw_arrivals(axes: Any, trial: Trial, site: Site, end_s: float, colours: A
 
 def _caption(trial: Trial) -> str:
     """Return how many appeared, and what can be said of where."""
-    whose = "the first of each group" if trial.chain.is_grouped else "all"
-    count = f"[m]   {counted(len(trial.points_m), 'place')}, of {whose} who appeared"
+    whose = "the first arrival of each group" if trial.chain.is_grouped else "all arrivals"
+    count = f"[m]   {counted(len(trial.points_m), 'place')}, of {whose}"
     return f"{count}; in colour: in the time shown"
 
 

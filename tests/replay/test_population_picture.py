@@ -122,13 +122,13 @@ def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
 
 
 def test_it_says_who_did_not_appear_and_why() -> None:
-    """The counts in the second line account for everybody who arrived."""
+    """The counts in the second line account for all arrivals."""
     absent = {"found no place": 1, "fit nowhere": 2, "met a full population": 3}
     trial: Any = SimpleNamespace(rows=range(10), appeared=4, absent=absent)
-    said = "4 of 10 who arrived appeared: 1 found no place, 2 fit nowhere, 3 met a full population"
+    said = "4 of 10 arrivals appeared: 1 found no place, 2 fit nowhere, 3 met a full population"
     assert appeared_text(trial) == said
     whole: Any = SimpleNamespace(rows=range(10), appeared=10, absent={})
-    assert appeared_text(whole) == "all 10 who arrived appeared"
+    assert appeared_text(whole) == "all 10 arrivals appeared"
 
 
 def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
