@@ -1,4 +1,4 @@
-"""Compiling the kernels before they are needed: a miniature scene, run once."""
+"""Compiling the kernels before they are needed, by miniature scenes, in two processes."""
 
 import os
 import pickle
@@ -262,7 +262,7 @@ class _Scene:
         _let_walk(self._builder, self._catalogue, now_ns)
         environment = self._builder.lives.environment
         if environment is None:
-            raise RuntimeError("the miniature scene has a map")
+            raise RuntimeError("the miniature scene has no environment")
         return self._builder.lives.crowd, environment
 
     def live(self) -> None:

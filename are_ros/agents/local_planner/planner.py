@@ -92,9 +92,8 @@ class LocalPlanner:
         if self._all_stand():
             table.now += 1
             arrays.place["is_news"] = 0
-            return arrays.path[np.arange(len(table)), arrays.place["last"], :3], np.zeros(
-                len(table), np.bool_
-            )
+            poses = arrays.path[np.arange(len(table)), arrays.place["last"]]
+            return poses[:, :3], np.zeros(len(table), np.bool_)
         is_new, floor = self._floors.of(environment, table.heights)
         if is_new:
             _steps.mark_closed(arrays, table.now, floor, self._workspace.box)
@@ -107,7 +106,7 @@ class LocalPlanner:
         return poses[:, :3], moved
 
     def _all_stand(self) -> bool:
-        """Tell whether nobody moves, wants to move or has to give way: then there is no planning.
+        """Return whether no agent moves, has a sub-goal or is pushed: then there is no planning.
 
         So a replay without motion compiles none of the planner's kernels.
         """

@@ -224,25 +224,15 @@ def _is_arc_free(
     step_m = body[5] / steps
     far_m = np.hypot(abs(body[2]) + body[0], abs(body[3]) + body[1])
     pace = 1.0 + abs(curvature) * far_m  # of the fastest point of the box
-    k, is_end = steps, True
-    while is_end or k < steps:
-        way_m = direction * body[5] if is_end else direction * k * step_m
-        turn = curvature * way_m
-        ahead_m, aside_m = way_m, 0.0
-        if turn != 0.0:
-            ahead_m, aside_m = np.sin(turn) / curvature, (1.0 - np.cos(turn)) / curvature
-        cos, sin = np.cos(pose[3]), np.sin(pose[3])
-        x_m = pose[0] + cos * ahead_m - sin * aside_m
-        y_m = pose[1] + sin * ahead_m + cos * aside_m
-        cos, sin = np.cos(pose[3] + turn), np.sin(pose[3] + turn)
-        box[0, 0] = x_m + cos * body[2] - sin * body[3]
-        box[0, 1] = y_m + sin * body[2] + cos * body[3]
-        box[0, 3], box[0, 4] = cos, sin
-        room_m = _room_m(field, lattice, unit_m, body, box)
+    if _room_m(field, lattice, unit_m, body, pose, direction * body[5], curvature, box) < 0.0:
+        return False
+    k = 0
+    while k < steps:
+        way_m = direction * k * step_m
+        room_m = _room_m(field, lattice, unit_m, body, pose, way_m, curvature, box)
         if room_m < 0.0:
             return False
-        k = 0 if is_end else k + max(1, int(room_m / (pace * step_m)))
-        is_end = False
+        k += max(1, int(room_m / (pace * step_m)))
     return True
 
 
@@ -252,9 +242,27 @@ def _room_m(
     lattice: _Floats,
     unit_m: float,
     body: _Floats,
+    pose: _Floats,
+    way_m: float,
+    curvature: float,
     box: _Floats,
 ) -> float:
-    """Return a lower bound of the distance to closed cells; negative if the box covers one."""
+    """Return a lower bound of the distance to closed cells; negative if the box covers one.
+
+    The box is that of the body after a signed length along an arc from `pose`; it is written to
+    `box`.
+    """
+    turn = curvature * way_m
+    ahead_m, aside_m = way_m, 0.0
+    if turn != 0.0:
+        ahead_m, aside_m = np.sin(turn) / curvature, (1.0 - np.cos(turn)) / curvature
+    cos, sin = np.cos(pose[3]), np.sin(pose[3])
+    x_m = pose[0] + cos * ahead_m - sin * aside_m
+    y_m = pose[1] + sin * ahead_m + cos * aside_m
+    cos, sin = np.cos(pose[3] + turn), np.sin(pose[3] + turn)
+    box[0, 0] = x_m + cos * body[2] - sin * body[3]
+    box[0, 1] = y_m + sin * body[2] + cos * body[3]
+    box[0, 3], box[0, 4] = cos, sin
     least_m = np.inf
     is_long = body[0] >= body[1]
     along_x, along_y = (box[0, 3], box[0, 4]) if is_long else (-box[0, 4], box[0, 3])
