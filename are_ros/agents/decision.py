@@ -1,8 +1,10 @@
-"""The decision layer: once per decision period, each agent chooses a goal and finds the way there.
+"""The decision layer: once per decision period, each agent chooses an action (section 3.2).
 
-The first decision epoch of an agent is the first sub-step after its arrival. The agents that are
-due in a sub-step decide in the order of their ids. All see the state at the end of the last
-sub-step, and each draws from its own random stream.
+An action is a behaviour, a planner and a move. The behaviour gives an intent: a goal and a speed.
+The move is one of the decision process of going to that goal; it may slip. The first decision epoch
+of an agent is the first sub-step after its arrival. The agents that are due in a sub-step decide in
+the order of their ids. All see the state at the end of the last sub-step, and each draws from its
+own random streams.
 """
 
 import math
@@ -14,7 +16,7 @@ import numpy as np
 
 from are_ros.agents.behaviours.calls import BehaviourCall, Failed, intent_of
 from are_ros.agents.behaviours.leaving import Leaving
-from are_ros.agents.behaviours.registry import make_behaviour
+from are_ros.agents.behaviours.repertoire import Repertoire
 from are_ros.agents.behaviours.situation import (
     Behaviour,
     Intent,
@@ -23,20 +25,25 @@ from are_ros.agents.behaviours.situation import (
     RobotView,
     Situation,
 )
+from are_ros.agents.behaviours.walking import arrival_m
 from are_ros.agents.local_planner.body import Body
 from are_ros.agents.local_planner.planner import LocalPlanner, Obstruction
+from are_ros.agents.mdp.policy import STAY, boltzmann, drawn, persistence_of, prior_of, slipped
 from are_ros.agents.navigation.destinations import Destinations
 from are_ros.agents.navigation.navigation import (
     ActiveGoal,
     Navigation,
     NavigationRequest,
     NavigationResult,
+    Prospect,
+    ProspectKind,
 )
 from are_ros.agents.navigation.profile import NavigationProfile
 from are_ros.agents.snapshot import AgentSnapshot
 from are_ros.agents.table import AgentTable
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BehaviourError
+from are_ros.parameters.model import BehaviourParameters
 from are_ros.population.artefact import Artefact
 from are_ros.population.randomness import Purpose, generator
 
@@ -55,6 +62,8 @@ SPOT_M, MANOEUVRING_S, STUCK_S = 0.3, 3.0, 8.0
 counts as blocked after `STUCK_S`: a car that shunts in clutter moves, and makes no progress."""
 
 _WALL = "a wall"
+_UNIFORM: Final = np.full(5, 0.2)
+"""The prior of staying and of the four moves."""
 
 
 @dataclass(eq=False, slots=True)
@@ -66,8 +75,10 @@ class AgentState:
     """
 
     profile: NavigationProfile
-    behaviour: Behaviour
+    repertoire: Repertoire
     random: np.random.Generator
+    policy_random: np.random.Generator
+    slip: float = 0.0
     active: ActiveGoal | None = None
     intent: Intent | None = None
     is_going: bool = False
@@ -95,9 +106,14 @@ class AgentState:
         elif self.waits and request.me.speed_mps > MOVING_MPS:
             self.waits = 0
 
-    def change_behaviour(self, behaviour: Behaviour) -> None:
-        """Use another behaviour from the next decision on."""
-        self.behaviour = behaviour
+    @property
+    def behaviour(self) -> Behaviour:
+        """The behaviour in force."""
+        return self.repertoire.behaviour
+
+    def keep_to(self, behaviour: Behaviour) -> None:
+        """Have only this behaviour from the next decision on."""
+        self.repertoire = Repertoire.only(behaviour)
         self.intent, self.is_going, self.arrived, self.no_way = None, False, False, False
 
 
@@ -107,21 +123,25 @@ class DecisionLayer:
     def __init__(
         self,
         seed: int,
-        period_s: float,
+        settings: BehaviourParameters,
         table: AgentTable,
         navigation: Navigation,
         planner: LocalPlanner,
     ) -> None:
-        """Take the seed, the length of a decision period [s], and the parts that it uses."""
+        """Take the seed, the parameters of the decision process, and the parts that it uses."""
         self._seed = seed
+        self._settings = settings
         self._step_ns = seconds_to_ns(table.timing.step_s)
-        self._period = max(1, round(period_s / table.timing.step_s))
+        self._period = max(1, round(settings.decision_period / table.timing.step_s))
+        self._stays = persistence_of(settings.decision_period, settings.persistence)
         self._table = table
         self._navigation = navigation
         self._planner = planner
         self.report_fault: Callable[[BehaviourError], None] | None = None
         """Called for each user-defined behaviour that fails; its agent stands from then on.
         With None, the error is raised."""
+        self.report_change: Callable[[int, Artefact, str], None] = _ignored
+        """Called with the time [ns], an artefact whose behaviour has changed, and the last one."""
 
     def reseed(self, seed: int) -> None:
         """Draw from another seed for agents that arrive from now on."""
@@ -134,15 +154,23 @@ class DecisionLayer:
             return
         profile = NavigationProfile.of(artefact.row, body)
         random = generator(self._seed, Purpose.GOAL, artefact.id)
-        row = self._table.row_of(artefact.id)
-        self._table.states[row] = AgentState(profile, self._new_behaviour(artefact), random)
+        policy_random = generator(self._seed, Purpose.DECISION, artefact.id)
+        row, slip = self._table.row_of(artefact.id), artefact.row.slip
+        self._table.states[row] = AgentState(
+            profile,
+            self._new_repertoire(artefact),
+            random,
+            policy_random,
+            self._settings.slip if slip is None else slip,
+        )
         self._table.phases[row] = -(-artefact.arrival_ns // self._step_ns) % self._period
 
     def decide(self, index: int, now_ns: int, robot: RobotView | None) -> list[int]:
         """Decide for all agents that are due in sub-step `index`; return those at an exit.
 
-        Each agent states an intent, navigation finds the way, and the local planner gets the motion
-        command. Others see the new activities in the next sub-step.
+        The policy chooses a behaviour, which states an intent; then a move towards its goal.
+        Navigation finds the way, and the local planner gets the motion command. Others see the new
+        activities in the next sub-step.
         """
         table = self._table
         columns = (table.ids, table.poses, self._planner.motion[:, 5], table.radii_m)
@@ -156,21 +184,19 @@ class DecisionLayer:
                 left.append(table.artefacts[row].id)
             else:
                 deciding[row] = state
-        situations = self._situations(deciding, now_ns, view, robot)
+        situations = dict(
+            zip(deciding, self._situations(deciding, now_ns, view, robot), strict=True)
+        )
+        self._choose_behaviours(situations, view, robot)
         requests = [
-            NavigationRequest(
-                state,
-                situation.me,
-                self._intent(row, state, situation),
-                situation.left_s,
-                state.waits < PATIENCE,
-            )
-            for (row, state), situation in zip(deciding.items(), situations, strict=True)
+            self._request(row, state, situations[row], self._intent(row, state, situations[row]))
+            for row, state in deciding.items()
         ]
-        results = self._navigation.results(requests, view, robot)
+        prospects = self._navigation.prospects(requests, view, robot)
+        results = [self._act(*one) for one in zip(requests, prospects, strict=True)]
         self._planner.give_commands(list(deciding), [result.command for result in results])
-        for row, situation, request, result in zip(
-            deciding, situations, requests, results, strict=True
+        for (row, situation), request, result in zip(
+            situations.items(), requests, results, strict=True
         ):
             request.state.note_result(request, result)
             agent = table.artefacts[row]
@@ -178,9 +204,78 @@ class DecisionLayer:
             agent.activity = "" if activity == agent.behaviour else activity
         return left
 
+    def _choose_behaviours(
+        self, situations: Mapping[int, Situation], view: AgentSnapshot, robot: RobotView | None
+    ) -> None:
+        """Choose the behaviours of the agents that have several, given their situations by row.
+
+        pi(b' | s) is proportional to prior(b' | b) exp((r(b') + A(b')) / T): r is what an epoch of
+        the behaviour is worth by itself, A by how much its best move is better than the value of
+        the state in the table of its goal. A is at most 0 without others around; for a behaviour
+        with a goal of its own, which it is yet to choose, it is taken as 0.
+        """
+        several = {
+            row: state
+            for row in situations
+            if (state := self._table.states[row]) is not None and len(state.repertoire) > 1
+        }
+        travelling = {
+            row: self._request(row, state, situations[row], intent)
+            for row, state in several.items()
+            if (intent := _intent_of_journey(state, situations[row])) is not None
+        }
+        prospects = self._navigation.prospects(list(travelling.values()), view, robot)
+        known = dict(zip(travelling, prospects, strict=True))
+        for row, state in several.items():
+            situation, repertoire = situations[row], state.repertoire
+            try:
+                values = self._settings.decision_period * repertoire.rewards(situation)
+            except BehaviourError as fault:
+                self._stop(row, fault)
+                continue
+            prospect = known.get(row)
+            if prospect is not None and prospect.kind is ProspectKind.CHOOSES:
+                values = values + repertoire.advantages(prospect.values, prospect.value)
+            prior = prior_of(repertoire.shares, repertoire.in_force, self._stays)
+            chances = boltzmann(prior, values, self._settings.temperature)
+            chosen = drawn(chances, state.policy_random.random())
+            if chosen != repertoire.in_force:
+                self._change(row, state, chosen, situation.now_ns)
+
+    def _change(self, row: int, state: AgentState, chosen: int, now_ns: int) -> None:
+        """Put another behaviour of an agent's repertoire in force."""
+        artefact = self._table.artefacts[row]
+        was, state.repertoire.in_force = artefact.behaviour, chosen
+        self._table.set_behaviour(row, state.repertoire.names[chosen])
+        self.report_change(now_ns, artefact, was)
+
+    def _request(
+        self, row: int, state: AgentState, situation: Situation, intent: Intent
+    ) -> NavigationRequest:
+        """Return what navigation is asked: the journey at all its speeds, or a goal at one."""
+        repertoire, speeds_mps = state.repertoire, (intent.speed_mps,)
+        journey = repertoire.journey
+        if journey is not None and intent.goal_m is not None and intent.goal_m == journey.goal_m:
+            speeds_mps = repertoire.speeds_mps(situation)
+        return NavigationRequest(
+            state, situation.me, intent, speeds_mps, situation.left_s, state.waits < PATIENCE
+        )
+
+    def _act(self, request: NavigationRequest, prospect: Prospect) -> NavigationResult:
+        """Draw a move by Boltzmann's law, let it slip, and return what follows from it."""
+        if prospect.kind is not ProspectKind.CHOOSES:
+            return self._navigation.result(request, prospect, 0, STAY)
+        state = request.state
+        pace = state.repertoire.pace if len(request.speeds_mps) > 1 else 0
+        chances = boltzmann(_UNIFORM, prospect.values[pace], self._settings.temperature)
+        move = drawn(chances, state.policy_random.random())
+        becomes = slipped(move, state.slip, state.policy_random.random())
+        result = self._navigation.result(request, prospect, pace, becomes)
+        return result._replace(waits=move == STAY)
+
     def send_out(self, row: int) -> None:
         """Send an agent whose life is over to an exit, from its next decision on."""
-        self._change_behaviour(row, Leaving())
+        self._keep_to(row, Leaving())
 
     def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:
         """Return whether walls leave an agent a straight way to a point."""
@@ -234,35 +329,52 @@ class DecisionLayer:
             state.map_places = map_places
         return state.places
 
-    def _new_behaviour(self, artefact: Artefact) -> Behaviour:
-        """Return a new behaviour for an artefact; `Failed` if the user's class fails."""
+    def _new_repertoire(self, artefact: Artefact) -> Repertoire:
+        """Return the repertoire of an artefact; it stands if a user-defined class fails."""
         call = BehaviourCall(artefact.id, artefact.row.label, artefact.arrival_ns)
         try:
-            return make_behaviour(artefact.behaviour, artefact.options, call)
+            return Repertoire.of(artefact, call)
         except BehaviourError as fault:
             self._report(fault)
         self._table.set_behaviour(self._table.row_of(artefact.id), Failed.name)
-        return Failed()
+        return Repertoire.only(Failed())
 
     def _intent(self, row: int, state: AgentState, situation: Situation) -> Intent:
         """Return the intent of an agent; if its behaviour fails, stop it and report the error."""
         try:
             return intent_of(state.behaviour, situation)
         except BehaviourError as fault:
-            self._report(fault)
-        self._change_behaviour(row, Failed())
+            self._stop(row, fault)
         return state.behaviour.decide(situation)
 
-    def _change_behaviour(self, row: int, behaviour: Behaviour) -> None:
+    def _stop(self, row: int, fault: BehaviourError) -> None:
+        """Report the error of an agent's behaviour, and let it stand from now on."""
+        self._report(fault)
+        self._keep_to(row, Failed())
+
+    def _keep_to(self, row: int, behaviour: Behaviour) -> None:
         state = self._table.states[row]
         if state is not None:
             self._table.set_behaviour(row, behaviour.name)
-            state.change_behaviour(behaviour)
+            state.keep_to(behaviour)
 
     def _report(self, fault: BehaviourError) -> None:
         if self.report_fault is None:
             raise fault
         self.report_fault(fault)
+
+
+def _ignored(now_ns: int, artefact: Artefact, was: str) -> None:
+    """Do nothing."""
+
+
+def _intent_of_journey(state: AgentState, situation: Situation) -> Intent | None:
+    """Return the intent of going on with a journey, None if there is no destination."""
+    journey = state.repertoire.journey
+    if journey is None or journey.goal_m is None:
+        return None
+    speeds_mps = state.repertoire.speeds_mps(situation)
+    return Intent(journey.goal_m, speeds_mps[0], arrival_m(situation)) if speeds_mps else None
 
 
 def _obstruction_name(kind: Obstruction, other_id: int) -> str:

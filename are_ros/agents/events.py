@@ -18,6 +18,7 @@ class EventKind(IntEnum):
     PERCEIVED = 4
     LOST = 5
     ROBOT_CONTACT = 6
+    CHANGED = 7
 
 
 @dataclass(frozen=True)

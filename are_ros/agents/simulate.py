@@ -90,8 +90,9 @@ class CrowdSimulator:
         self.navigation = Navigation(settings, terrains)
         self.planner = LocalPlanner(self.table, terrains)
         self.decisions = DecisionLayer(
-            parameters.seed, settings.decision_period, self.table, self.navigation, self.planner
+            parameters.seed, settings, self.table, self.navigation, self.planner
         )
+        self.decisions.report_change = self._note_change
         self.resolver = resolver
         self.recorder: ScenarioRecorder | None = None
         self.counts = MotionCounts()
@@ -188,6 +189,12 @@ class CrowdSimulator:
         """Return what happened since the last call, in the order of time."""
         events, self.events = self.events, []
         return events
+
+    def _note_change(self, now_ns: int, artefact: Artefact, was: str) -> None:
+        """Append the event of a change of behaviour."""
+        detail = f"{was} -> {artefact.behaviour}"
+        label, kind = artefact.row.label, EventKind.CHANGED
+        self.events.append(ArtefactEvent(now_ns, kind, artefact.id, label, detail))
 
     def _resolve(
         self, now_ns: int, environment: Environment, robot: RobotPose | None

@@ -18,7 +18,7 @@ from are_ros.conventions import NS_PER_S
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-ARRIVED, DEPARTED, BLOCKED, DISPLACED, PERCEIVED, LOST, ROBOT_CONTACT = range(7)
+ARRIVED, DEPARTED, BLOCKED, DISPLACED, PERCEIVED, LOST, ROBOT_CONTACT, CHANGED = range(8)
 """The kinds of are_msgs/ArtefactEvent."""
 
 _ACTIVITY: Final = "activity"

@@ -15,9 +15,9 @@ from are_ros.population.catalogue import CatalogueRow
 from are_ros.world.boxes import OrientedBoxes
 
 _Columns = npt.NDArray[np.float64]
-Status = tuple[int | None, str, str]
-"""What changes in a life besides the pose: the departure if it is known [ns], the behaviour, and
-the activity."""
+Status = tuple[int | None, str, str, str]
+"""What changes in a life besides the pose: the departure if it is known [ns], the behaviour, the
+activity, and the motion planner."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ class Scene:
 
     def state(self, k: int) -> ArtefactState:
         """Return the ground truth of artefact `k` of the scene."""
-        artefact, (departure_ns, behaviour, activity) = self.artefacts[k], self.status[k]
+        artefact, (departure_ns, behaviour, activity, planner) = self.artefacts[k], self.status[k]
         row, pose = artefact.row, GroundPose._make(self.motions[k, :4].tolist())
         vx_m_s, vy_m_s, turn_rad_s = self.twists[k].tolist()
         return ArtefactState(
@@ -116,14 +116,17 @@ class Scene:
             arrival_ns=artefact.arrival_ns,
             departure_ns=departure_ns or 0,
             origin=artefact.origin,
-            features=features_of(row, activity),
+            features=features_of(row, activity, planner),
         )
 
 
-def features_of(row: CatalogueRow, activity: str) -> dict[str, str]:
-    """Return a row's features with the activity among them, if there is one."""
-    return {**row.features, "activity": activity} if activity else {**row.features}
+def features_of(row: CatalogueRow, activity: str, planner: str) -> dict[str, str]:
+    """Return a row's features with the activity and the planner among them, if there are."""
+    said = {"activity": activity, "planner": planner}
+    return {**row.features, **{key: value for key, value in said.items() if value}}
 
 
 def _status_of(artefacts: Sequence[Artefact]) -> tuple[Status, ...]:
-    return tuple([(one.departure_ns, one.behaviour, one.activity) for one in artefacts])
+    return tuple(
+        [(one.departure_ns, one.behaviour, one.activity, one.planner) for one in artefacts]
+    )

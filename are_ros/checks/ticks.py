@@ -14,6 +14,7 @@ import numpy as np
 from are_ros.bag.decoded import (
     ARRIVED,
     BLOCKED,
+    CHANGED,
     DEPARTED,
     DISPLACED,
     LOST,
@@ -37,7 +38,7 @@ _OTHER_CLOCK_NS: Final = 10 * NS_PER_S
 """If log times and stamps differ by more, two clocks made them."""
 _NEXT_TICK: Final = 1.5
 """In periods: two ticks that are farther apart are not consecutive."""
-_KINDS: Final = (ARRIVED, DEPARTED, BLOCKED, DISPLACED, PERCEIVED, LOST, ROBOT_CONTACT)
+_KINDS: Final = (ARRIVED, DEPARTED, BLOCKED, DISPLACED, PERCEIVED, LOST, ROBOT_CONTACT, CHANGED)
 _DISPLACED_DETAIL: Final = "displaced"
 
 

@@ -78,8 +78,8 @@ def _numbers(scene: Scene) -> npt.NDArray[np.float64]:
 
 def _tail(artefact: Artefact, status: Status) -> bytes:
     """Return what stands behind the numbers."""
-    departure_ns, behaviour, activity = status
-    features = features_of(artefact.row, activity)
+    departure_ns, behaviour, activity, planner = status
+    features = features_of(artefact.row, activity, planner)
     writer = CdrWriter()
     writer.text(behaviour)
     writer.time(artefact.arrival_ns)

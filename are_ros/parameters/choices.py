@@ -31,6 +31,7 @@ class Leave(Enum):
 
     VANISH = "vanish"
     WALK_TO_EXIT = "walk_to_exit"
+    BY_EXIT = "by_exit"
 
 
 class GroundKind(Enum):

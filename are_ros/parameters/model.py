@@ -94,7 +94,9 @@ class PopulationParameters:
     )
     leave: Leave = parameter(
         Leave.VANISH,
-        "At the end of its life an artefact vanishes, or walks to an exit and vanishes there.",
+        "At the end of its life an artefact vanishes (vanish), or walks to an exit and vanishes there "
+        "(walk_to_exit). With by_exit it walks to an exit out of the robot's sight before, and "
+        "vanishes at the end of its life.",
         live=True,
     )
     exit_patience: float = parameter(
@@ -313,6 +315,28 @@ class BehaviourParameters:
         unit="s",
         low=1.0,
         high=600.0,
+    )
+    slip: float = parameter(
+        0.02,
+        "Probability that a move does not succeed: half of the time it fails, else it goes to "
+        "either side. A row of the catalogue may give its own.",
+        low=0.0,
+        high=1.0,
+    )
+    temperature: float = parameter(
+        0.05,
+        "Temperature T of the policy: 0 takes the best action; the higher, the more the shares of "
+        "the catalogue decide. A second of a person's time is worth 0.2.",
+        low=0.0,
+        high=1e9,
+    )
+    persistence: float = parameter(
+        30.0,
+        "Mean time from one draw of an artefact's behaviour by the catalogue's shares to the next, "
+        "when nothing else speaks.",
+        unit="s",
+        low=0.0,
+        high=1e9,
     )
 
 

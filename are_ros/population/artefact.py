@@ -91,9 +91,10 @@ class Artefact:
     """An artefact that is alive in the half-open interval [arrival, departure) [ns].
 
     `departure_ns` is None while the end is not known in advance. Ids are never reused. `behaviour`
-    names its behaviour, `activity` what it does at present (empty: the same). An artefact
-    `is_leaving` while it walks to an exit after the end of its life. `options` are the arguments of
-    its behaviour.
+    names its behaviour, `activity` what it does at present (empty: the same), `planner` the motion
+    planner in use (empty: it does not plan). One that `may_change` chooses among the behaviours of
+    its row again and again; else its behaviour was given. An artefact `is_leaving` while it walks
+    to an exit after the end of its life. `options` are the arguments of its behaviour.
     """
 
     id: int
@@ -104,6 +105,8 @@ class Artefact:
     departure_ns: int | None = None
     behaviour: str = "standing"
     activity: str = ""
+    planner: str = ""
+    may_change: bool = False
     is_leaving: bool = False
     options: Mapping[str, Any] | None = None
 

@@ -56,6 +56,9 @@ class RewardWeights:
     clearance: float = 0.5
     personal_space: float = 0.5
     robot: float = 1.0
+    effort: float = 1.05
+    rest: float = 0.95
+    late: float = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +83,7 @@ class CatalogueRow:
     motion: MotionLimits = field(default_factory=MotionLimits)
     behaviours: Mapping[str, float] = field(default_factory=lambda: {"standing": 1.0})
     rewards: RewardWeights = field(default_factory=RewardWeights)
+    slip: float | None = None
     features: Mapping[str, str] = field(default_factory=dict)
 
     @property

@@ -362,6 +362,7 @@ class Population:
         behaviour: str = "",
         offer: ScriptedOffer | None = None,
     ) -> PopulationEvent:
+        may_change = not behaviour
         behaviour = behaviour or self._drawn_behaviour(artefact_id, row)
         if end_ns is not None or row.forever or offer is not None:
             self._given_ends_ns[artefact_id] = end_ns
@@ -370,7 +371,7 @@ class Population:
             end_ns = self._law.departure_of(artefact_id)
         history = PoseHistory(now_ns, pose)
         artefact = Artefact(artefact_id, row, origin, now_ns, history, end_ns, behaviour)
-        artefact.options = offer.options if offer else None
+        artefact.options, artefact.may_change = offer.options if offer else None, may_change
         self._living[artefact_id] = artefact
         self._sort_living()
         self._begun(artefact, offer)

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.behaviours.situation import Intent, Point, RobotView, Situation, stand
+from are_ros.agents.behaviours.situation import WORTH, Intent, Point, RobotView, Situation, stand
 from are_ros.agents.behaviours.walking import Walking, any_destination
 
 _NEAR_M, _FAR_M = 4.0, 6.0
@@ -31,6 +31,13 @@ class Avoiding:
     def __init__(self) -> None:
         self._walk = Walking(_far_from_robot)
         self._is_retreating = False
+
+    def reward(self, situation: Situation) -> float:
+        """Return what avoiding is worth: much while the robot is near."""
+        robot = situation.robot
+        limit_m = _FAR_M if self._is_retreating else _NEAR_M
+        is_near = robot is not None and situation.distance_m(robot.point_m) < limit_m
+        return 3.0 * WORTH if is_near else 0.0
 
     def decide(self, situation: Situation) -> Intent:
         """Return the intent to retreat from the robot, or to walk on."""

@@ -1,7 +1,7 @@
 """Calls of behaviours: a user-defined behaviour that fails is reported in one sentence.
 
-`new_behaviour` constructs a behaviour and `intent_of` calls its `decide`; both turn what a
-user-defined class raises or returns wrongly into a BehaviourError. The behaviours of are_ros are
+`new_behaviour` constructs a behaviour, `intent_of` calls its `decide` and `reward_of` its `reward`;
+they turn what a user-defined class raises or returns wrongly into a BehaviourError. The behaviours of are_ros are
 called directly: an exception there is a bug, and its traceback is needed.
 """
 
@@ -74,6 +74,27 @@ def intent_of(behaviour: Behaviour, situation: Situation) -> Intent:
     if (reason := next(_faults_of(intent), None)) is not None:
         raise _failure(kind, call, f"decide returned {reason}", _start_of(kind, "decide"))
     return intent
+
+
+def reward_of(behaviour: Behaviour, situation: Situation) -> float:
+    """Return what a second of a behaviour is worth now, 0 for one that does not say.
+
+    BehaviourError where a user-defined one fails.
+    """
+    kind, ask = type(behaviour), getattr(behaviour, "reward", None)
+    if ask is None:
+        return 0.0
+    if not _is_user_class(kind):
+        return float(ask(situation))
+    call = BehaviourCall(situation.me.id, situation.row.label, situation.now_ns)
+    try:
+        reward = ask(situation)
+    except Exception as cause:  # whatever the user's code raises
+        raise _raised(kind, call, cause, "reward") from cause
+    if not _is_number(reward):
+        reason = f"reward returned {reward!r}: a finite number is needed"
+        raise _failure(kind, call, reason, _start_of(kind, "reward"))
+    return float(reward)
 
 
 def running_behaviour(frame: FrameType | None) -> str:
@@ -183,5 +204,5 @@ def _file_of(kind: type) -> str | None:
         return None
 
 
-_CALLERS: Final = {function.__code__ for function in (new_behaviour, intent_of)}
+_CALLERS: Final = {function.__code__ for function in (new_behaviour, intent_of, reward_of)}
 """The functions that call user code; each has the locals `kind` and `call`."""

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.behaviours.situation import Intent, Point, RobotView, Situation, stand
+from are_ros.agents.behaviours.situation import WORTH, Intent, Point, RobotView, Situation, stand
 from are_ros.agents.behaviours.walking import Pause, Walking, any_destination, least
 from are_ros.conventions import NS_PER_S
 
@@ -108,6 +108,13 @@ class Crossing:
         self._begun_ns = 0
         self._approach_ns = 0
         self._aside_ns = 0
+
+    def reward(self, situation: Situation) -> float:
+        """Return what crossing is worth: something while the robot is near, most on the way."""
+        robot = situation.robot
+        if robot is None or situation.distance_m(robot.point_m) > _NEAR_M:
+            return -WORTH
+        return WORTH if self._goal_m is None else 2.0 * WORTH
 
     def decide(self, situation: Situation) -> Intent:
         """Return the intent to cross, to pause after crossing, or to approach."""

@@ -10,6 +10,7 @@ from are_ros.agents.behaviours.situation import (
     Neighbour,
     Point,
     Situation,
+    WORTH,
     stand,
 )
 from are_ros.agents.behaviours.walking import Walking
@@ -17,6 +18,7 @@ from are_ros.conventions import NS_PER_S
 
 GAP_M = 1.0
 _LOOKED_FOR_WITHIN_M = 12.0
+_NOTICED_WITHIN_M = 4.0
 _STEP_OF_TRAIL_M = 0.3
 _LONGEST_TRAIL = 100
 _IS_STANDING_MPS = 0.1
@@ -48,6 +50,13 @@ class Following:
         self._since_ns = 0
         self._moved_ns = 0
         self._patience_s = 0.0
+
+    def reward(self, situation: Situation) -> float:
+        """Return what following is worth: something with a leader, nothing without one near."""
+        if self._leader_id is not None and situation.neighbour(self._leader_id) is not None:
+            return WORTH
+        near = situation.neighbours_within(_NOTICED_WITHIN_M)
+        return WORTH if any(self._may_lead(one, situation) for one in near) else -WORTH
 
     def decide(self, situation: Situation) -> Intent:
         """Return the intent to follow the leader, to wait behind it, or to walk."""

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.behaviours.situation import Intent, Point, Situation, stand
+from are_ros.agents.behaviours.situation import WORTH, Intent, Point, Situation, stand
 from are_ros.agents.behaviours.walking import Trip, any_destination, arrival_m
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 
@@ -43,6 +43,14 @@ class Gathering:
         self._came_ns = 0
         self._is_alone = True
         self._is_parting = False
+
+    def reward(self, situation: Situation) -> float:
+        """Return what gathering is worth: most in company, something if a meeting is near."""
+        if self._until_ns is not None and situation.now_ns < self._until_ns:
+            return WORTH if self._is_alone else 2.0 * WORTH
+        hosts = _hosts_by_place(situation)
+        has_room = _with_room(hosts, self._trip.shut(situation)) is not None if hosts else False
+        return 1.5 * WORTH if has_room else 0.0
 
     def decide(self, situation: Situation) -> Intent:
         """Return the intent to go to a meeting, to stand in its ring, or to part."""

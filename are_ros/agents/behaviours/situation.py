@@ -21,6 +21,9 @@ Point = tuple[float, float]
 """x and y in the map frame [m]."""
 
 
+WORTH: Final = 0.1
+"""What a second of a behaviour is worth for which the situation speaks."""
+
 ARRIVE_WITHIN_M: Final = 0.4
 """Within this distance a goal counts as reached, unless the intent gives another."""
 
@@ -50,6 +53,10 @@ class Behaviour(Protocol):
 
     The class is constructed without arguments. Decisions may depend on the situations only: random
     numbers come from `situation.random`, the time from `situation.now_ns`.
+
+    A behaviour may have a method `reward(situation) -> float`: what a second of it is worth now, in
+    the unit of the reward weights (a second of a person's time is worth 0.2). Without it that is 0.
+    It must not change the behaviour's state, and is asked whether the behaviour is in force or not.
     """
 
     name: ClassVar[str]

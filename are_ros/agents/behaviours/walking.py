@@ -1,6 +1,7 @@
 """The behaviour walking, from destination to destination, and its variants.
 
-Running, driving, wandering and stopping differ from it in a few numbers.
+Running, driving, wandering and stopping differ from it in a few numbers. An artefact that may walk,
+run, drive or stop keeps its destination when it changes from one to the other.
 """
 
 from collections import deque
@@ -152,6 +153,30 @@ class Pause:
 
 _ARRIVE_WITHIN_M = 0.5
 _PAUSING, _NOWHERE_TO_GO = stand("pausing"), stand("nowhere to go")
+_STOPPING = stand("stopping")
+
+
+class Journey:
+    """The trip of an artefact, its pause, and its pace: a share of the speed of its row.
+
+    `goal_m` is the present destination, None while there is none.
+    """
+
+    def __init__(self, choose: Choose = any_destination) -> None:
+        self.trip = Trip(choose)
+        self.pause = Pause()
+        self._pace: float | None = None
+
+    @property
+    def goal_m(self) -> Point | None:
+        """The present destination, None while there is none."""
+        return self.trip.goal_m
+
+    def pace(self, situation: Situation, slowest: float) -> float:
+        """Return the pace, which is drawn once from [slowest, 1)."""
+        if self._pace is None:
+            self._pace = situation.drawn_between(slowest, 1.0)
+        return self._pace
 
 
 class Walking:
@@ -164,20 +189,19 @@ class Walking:
     pause_share: ClassVar[float] = 0.4
     slowest_pace: ClassVar[float] = 0.8
 
-    def __init__(self, choose: Choose = any_destination) -> None:
-        self._trip = Trip(choose)
-        self._pause = Pause()
-        self._pace: float | None = None
+    def __init__(self, choose: Choose = any_destination, journey: Journey | None = None) -> None:
+        """Draw destinations by `choose`; with `journey`, share that of another behaviour."""
+        self.journey = journey or Journey(choose)
         self._intent: Intent | None = None
 
     def decide(self, situation: Situation) -> Intent:
         """Return the intent to walk, to pause, or to stand if there is no destination."""
-        random = situation.random
-        if self._trip.is_reached(situation) and random.random() < self.pause_share:
-            self._pause.begin(situation.now_ns, random)
-        if self._pause.holds(situation.now_ns):
+        random, trip, pause = situation.random, self.journey.trip, self.journey.pause
+        if trip.is_reached(situation) and random.random() < self.pause_share:
+            pause.begin(situation.now_ns, random)
+        if pause.holds(situation.now_ns):
             return _PAUSING
-        goal_m = self._trip.goal(situation)
+        goal_m = trip.goal(situation)
         if goal_m is None:
             return _NOWHERE_TO_GO
         if self._intent is None or self._intent.goal_m != goal_m:
@@ -187,17 +211,15 @@ class Walking:
 
     def change_destination(self) -> None:
         """Choose another destination at this decision."""
-        self._trip.give_up()
+        self.journey.trip.give_up()
 
     def forget_destination(self) -> None:
         """Choose a destination at this decision, perhaps the same."""
-        self._trip.goal_m = None
+        self.journey.trip.goal_m = None
 
     def speed_mps(self, situation: Situation) -> float:
         """Return the speed [m/s]."""
-        if self._pace is None:
-            self._pace = situation.drawn_between(self.slowest_pace, 1.0)
-        return self._pace * situation.row.motion.speed_mps
+        return self.journey.pace(situation, self.slowest_pace) * situation.row.motion.speed_mps
 
 
 class Running(Walking):
@@ -236,27 +258,13 @@ class Wandering(Walking):
 
 
 class Stopping(Walking):
-    """Walks, and stops on its way every 4 to 15 s for a while."""
+    """Stands on its way, until another behaviour takes its place."""
 
     name: ClassVar[str] = "stopping"
-    _BETWEEN_STOPS_S: ClassVar[tuple[float, float]] = (4.0, 15.0)
 
-    def __init__(self) -> None:
-        super().__init__()
-        self._stop_ns: int | None = None
-
-    def decide(self, situation: Situation) -> Intent:
-        """Return the intent to walk on, or to stand for a while."""
-        now_ns = situation.now_ns
-        if self._stop_ns is not None and now_ns >= self._stop_ns and not self._pause.holds(now_ns):
-            self._pause.begin(now_ns, situation.random)
-            self._stop_ns = None
-        intent = super().decide(situation)
-        if intent.goal_m is None:
-            self._stop_ns = None  # a pause at a destination counts as a stop
-        elif self._stop_ns is None:
-            self._stop_ns = now_ns + seconds_to_ns(situation.drawn_between(*self._BETWEEN_STOPS_S))
-        return intent
+    def decide(self, situation: Situation) -> Intent:  # noqa: ARG002 - it always stands
+        """Return the intent to stand; the destination is kept."""
+        return _STOPPING
 
 
 def arrival_m(situation: Situation) -> float:

@@ -1,0 +1,107 @@
+"""The behaviours among which one artefact chooses, with the shares of its row."""
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.agents.behaviours.calls import BehaviourCall, Failed, reward_of
+from are_ros.agents.behaviours.registry import make_behaviour
+from are_ros.agents.behaviours.situation import Behaviour, Point, Situation
+from are_ros.agents.behaviours.walking import Driving, Journey, Running, Stopping, Walking
+from are_ros.population.artefact import Artefact
+
+_TRAVELLING: Final[Mapping[str, type[Walking]]] = {
+    kind.name: kind for kind in (Walking, Running, Driving, Stopping)
+}
+"""Behaviours that share one journey: an artefact that changes among them keeps its destination."""
+
+_WALKS_AND_STOPS: Final = {Stopping.name: 1.0 / 3.0, Walking.name: 2.0 / 3.0}
+"""For an artefact that has no other behaviour than stopping."""
+
+
+class Repertoire:
+    """B behaviours, the one in force, and the shares (B,) by which they are drawn, summing to 1."""
+
+    def __init__(self, behaviours: Mapping[str, Behaviour], shares: Mapping[str, float]) -> None:
+        """Take the behaviours and their shares by name; the first one is in force."""
+        self.names = tuple(behaviours)
+        self.shares: npt.NDArray[np.float64] = np.array([shares[name] for name in self.names])
+        self.in_force = 0
+        self._behaviours = tuple(behaviours.values())
+        self._travelling = {
+            k: one for k, one in enumerate(self._behaviours) if type(one) in _TRAVELLING.values()
+        }
+
+    @classmethod
+    def of(cls, artefact: Artefact, call: BehaviourCall) -> "Repertoire":
+        """Return the repertoire of an artefact, with the behaviour that it arrived with in force.
+
+        One that may not change has only that. BehaviourError if a user-defined class fails.
+        """
+        shares = {artefact.behaviour: 1.0}
+        if artefact.may_change:
+            given = artefact.row.behaviours
+            shares = {artefact.behaviour: 0.0, **{k: w for k, w in given.items() if w > 0.0}}
+        if set(shares) == {Stopping.name}:
+            shares = _WALKS_AND_STOPS
+        journey = Journey()
+        behaviours = {
+            name: _TRAVELLING[name](journey=journey)
+            if name in _TRAVELLING
+            else make_behaviour(name, artefact.options, call)
+            for name in shares
+        }
+        total = sum(shares.values())
+        return cls(behaviours, {name: share / total for name, share in shares.items()})
+
+    @classmethod
+    def only(cls, behaviour: Behaviour) -> "Repertoire":
+        """Return a repertoire of one behaviour."""
+        return cls({behaviour.name: behaviour}, {behaviour.name: 1.0})
+
+    def __len__(self) -> int:
+        """Count the behaviours."""
+        return len(self.names)
+
+    @property
+    def journey(self) -> Journey | None:
+        """The journey of the travelling behaviours, None if there are none."""
+        return next((one.journey for one in self._travelling.values()), None)
+
+    @property
+    def travels(self) -> bool:
+        """Whether the behaviour in force is a travelling one."""
+        return self.in_force in self._travelling
+
+    def speeds_mps(self, situation: Situation) -> tuple[float, ...]:
+        """Return the speeds [m/s] of the journey: walking (or driving), then running."""
+        moving = [one for one in self._travelling.values() if type(one) is not Stopping]
+        return tuple(sorted({one.speed_mps(situation) for one in moving}))
+
+    @property
+    def pace(self) -> int:
+        """The index of the present speed among those of the journey; of running it is the last."""
+        return -1 if type(self.behaviour) is Running else 0
+
+    def advantages(self, values: npt.NDArray[np.float64], value: float) -> npt.NDArray[np.float64]:
+        """Return by how much the best move of each behaviour is better than the value (B,).
+
+        `values` float64 (P, 5) are those of staying and of the four moves, at each speed of the
+        journey. For behaviours with goals of their own it is 0.
+        """
+        result = np.zeros(len(self))
+        best = {Stopping: values[0, 0], Running: values[-1].max()}
+        for k, one in self._travelling.items():
+            result[k] = best.get(type(one), values[0].max()) - value
+        return result
+
+    @property
+    def behaviour(self) -> Behaviour:
+        """The behaviour in force."""
+        return self._behaviours[self.in_force]
+
+    def rewards(self, situation: Situation) -> npt.NDArray[np.float64]:
+        """Return what a second of each behaviour is worth now (B,); see `Behaviour`."""
+        return np.array([reward_of(one, situation) for one in self._behaviours])
