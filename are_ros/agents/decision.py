@@ -189,7 +189,7 @@ class DecisionLayer:
         )
         self._choose_behaviours(situations, view, robot)
         requests = [
-            self._request(row, state, situations[row], self._intent(row, state, situations[row]))
+            _request(state, situations[row], self._intent(row, state, situations[row]))
             for row, state in deciding.items()
         ]
         prospects = self._navigation.prospects(requests, view, robot)
@@ -220,7 +220,7 @@ class DecisionLayer:
             if (state := self._table.states[row]) is not None and len(state.repertoire) > 1
         }
         travelling = {
-            row: self._request(row, state, situations[row], intent)
+            row: _request(state, situations[row], intent)
             for row, state in several.items()
             if (intent := _intent_of_journey(state, situations[row])) is not None
         }
@@ -248,18 +248,6 @@ class DecisionLayer:
         was, state.repertoire.in_force = artefact.behaviour, chosen
         self._table.set_behaviour(row, state.repertoire.names[chosen])
         self.report_change(now_ns, artefact, was)
-
-    def _request(
-        self, row: int, state: AgentState, situation: Situation, intent: Intent
-    ) -> NavigationRequest:
-        """Return what navigation is asked: the journey at all its speeds, or a goal at one."""
-        repertoire, speeds_mps = state.repertoire, (intent.speed_mps,)
-        journey = repertoire.journey
-        if journey is not None and intent.goal_m is not None and intent.goal_m == journey.goal_m:
-            speeds_mps = repertoire.speeds_mps(situation)
-        return NavigationRequest(
-            state, situation.me, intent, speeds_mps, situation.left_s, state.waits < PATIENCE
-        )
 
     def _act(self, request: NavigationRequest, prospect: Prospect) -> NavigationResult:
         """Draw a move by Boltzmann's law, let it slip, and return what follows from it."""
@@ -375,6 +363,17 @@ def _intent_of_journey(state: AgentState, situation: Situation) -> Intent | None
         return None
     speeds_mps = state.repertoire.speeds_mps(situation)
     return Intent(journey.goal_m, speeds_mps[0], arrival_m(situation)) if speeds_mps else None
+
+
+def _request(state: AgentState, situation: Situation, intent: Intent) -> NavigationRequest:
+    """Return what navigation is asked: the journey at all its speeds, or a goal at one."""
+    repertoire, speeds_mps = state.repertoire, (intent.speed_mps,)
+    journey = repertoire.journey
+    if journey is not None and intent.goal_m is not None and intent.goal_m == journey.goal_m:
+        speeds_mps = repertoire.speeds_mps(situation)
+    return NavigationRequest(
+        state, situation.me, intent, speeds_mps, situation.left_s, state.waits < PATIENCE
+    )
 
 
 def _obstruction_name(kind: Obstruction, other_id: int) -> str:

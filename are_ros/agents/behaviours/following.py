@@ -6,11 +6,11 @@ from typing import ClassVar
 
 from are_ros.agents.behaviours.situation import (
     ARRIVE_WITHIN_M,
+    WORTH,
     Intent,
     Neighbour,
     Point,
     Situation,
-    WORTH,
     stand,
 )
 from are_ros.agents.behaviours.walking import Walking

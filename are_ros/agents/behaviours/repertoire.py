@@ -6,9 +6,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.behaviours.calls import BehaviourCall, Failed, reward_of
+from are_ros.agents.behaviours.calls import BehaviourCall, reward_of
 from are_ros.agents.behaviours.registry import make_behaviour
-from are_ros.agents.behaviours.situation import Behaviour, Point, Situation
+from are_ros.agents.behaviours.situation import Behaviour, Situation
 from are_ros.agents.behaviours.walking import Driving, Journey, Running, Stopping, Walking
 from are_ros.population.artefact import Artefact
 
