@@ -94,9 +94,9 @@ class PopulationParameters:
     )
     leave: Leave = parameter(
         Leave.VANISH,
-        "At the end of its life an artefact vanishes (vanish), or walks to an exit and vanishes there "
-        "(walk_to_exit). With by_exit it walks to an exit out of the robot's sight before, and "
-        "vanishes at the end of its life.",
+        "At the end of its life an artefact vanishes, or walks to an exit and vanishes there. "
+        "With by_exit it walks to an exit out of the robot's sight before, and vanishes at the end "
+        "of its life.",
         live=True,
     )
     exit_patience: float = parameter(

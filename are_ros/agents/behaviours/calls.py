@@ -1,8 +1,8 @@
 """Calls of behaviours: a user-defined behaviour that fails is reported in one sentence.
 
-`new_behaviour` constructs a behaviour, `intent_of` calls its `decide` and `reward_of` its `reward`;
-they turn what a user-defined class raises or returns wrongly into a BehaviourError. The behaviours of are_ros are
-called directly: an exception there is a bug, and its traceback is needed.
+`new_behaviour` constructs a behaviour, `intent_of` and `reward_of` call its `decide` and `reward`.
+They turn what a user-defined class raises or returns wrongly into a BehaviourError. The behaviours
+of are_ros are called directly: an exception there is a bug, and its traceback is needed.
 """
 
 import inspect

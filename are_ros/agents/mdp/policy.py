@@ -46,8 +46,7 @@ def boltzmann(prior: _Floats, values: _Floats, temperature: float) -> _Floats:
     At a temperature of 0 these are all with the best value among those that the prior allows, in
     the proportion of the prior.
     """
-    possible = prior > 0.0
-    behind = np.where(possible, values - values[possible].max(), -np.inf)
+    behind = np.minimum(values - values[prior > 0.0].max(), 0.0)
     if temperature > 0.0:
         weights = prior * np.exp(behind / temperature)
     else:

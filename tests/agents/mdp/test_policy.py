@@ -86,7 +86,13 @@ def test_what_the_prior_excludes_is_never_drawn() -> None:
     assert {drawn(chances, uniform) for uniform in (0.0, 0.5, 1.0 - 2**-53)} == {1}
 
 
-@pytest.mark.parametrize("slip", [0.0, 0.1, 0.6, 1.0])
+def test_without_slip_all_moves_succeed() -> None:
+    assert [slipped(move, 0.0, uniform) for move in range(5) for uniform in (0.0, 0.9)] == [
+        move for move in range(5) for _ in range(2)
+    ]
+
+
+@pytest.mark.parametrize("slip", [0.1, 0.6, 1.0])
 def test_moves_slip_with_their_probabilities(slip: float) -> None:
     random, move, count = np.random.default_rng(4), 1, 20_000
     became = np.bincount([slipped(move, slip, random.random()) for _ in range(count)], minlength=5)
