@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from are_ros.agents.behaviours.calls import BehaviourCall, Failed, intent_of
 from are_ros.agents.behaviours.leaving import Leaving
@@ -61,9 +62,12 @@ SPOT_M, MANOEUVRING_S, STUCK_S = 0.3, 3.0, 8.0
 """An agent with a goal that stays within `SPOT_M` is said to manoeuvre after `MANOEUVRING_S`, and
 counts as blocked after `STUCK_S`: a car that shunts in clutter moves, and makes no progress."""
 
+EARLY_S: Final = 3.0
+"""Artefacts that have to be at an exit at the end of their lives mean to be there by so much."""
+
 _WALL = "a wall"
-_UNIFORM: Final = np.full(5, 0.2)
-"""The prior of staying and of the four moves."""
+_Floats = npt.NDArray[np.float64]
+_Mask = npt.NDArray[np.bool_]
 
 
 @dataclass(eq=False, slots=True)
@@ -142,6 +146,10 @@ class DecisionLayer:
         With None, the error is raised."""
         self.report_change: Callable[[int, Artefact, str], None] = _ignored
         """Called with the time [ns], an artefact whose behaviour has changed, and the last one."""
+        self.by_exit = False
+        """Whether artefacts that arrive from now on are at an exit at the end of their lives."""
+        self.hides: Callable[[_Floats], _Mask] = _all_hidden
+        """Tells which points (N, 2), map frame [m], no camera sees: bool (N,)."""
 
     def reseed(self, seed: int) -> None:
         """Draw from another seed for agents that arrive from now on."""
@@ -219,6 +227,7 @@ class DecisionLayer:
             for row in situations
             if (state := self._table.states[row]) is not None and len(state.repertoire) > 1
         }
+        self._find_exits(several, situations, view, robot)
         travelling = {
             row: _request(state, situations[row], intent)
             for row, state in several.items()
@@ -236,11 +245,56 @@ class DecisionLayer:
             prospect = known.get(row)
             if prospect is not None and prospect.kind is ProspectKind.CHOOSES:
                 values = values + repertoire.advantages(prospect.values, prospect.value)
+            values = values - repertoire.losses
             prior = prior_of(repertoire.shares, repertoire.in_force, self._stays)
             chances = boltzmann(prior, values, self._settings.temperature)
             chosen = drawn(chances, state.policy_random.random())
             if chosen != repertoire.in_force:
                 self._change(row, state, chosen, situation.now_ns)
+
+    def _find_exits(
+        self,
+        several: Mapping[int, AgentState],
+        situations: Mapping[int, Situation],
+        view: AgentSnapshot,
+        robot: RobotView | None,
+    ) -> None:
+        """Find exits for agents whose life ends soon, and what an epoch spent otherwise costs.
+
+        Only for those that have to be at an exit by then. The exit is the nearest one that no
+        camera sees; where there is none, such a destination takes its place.
+        """
+        requests = list[NavigationRequest]()
+        for row, state in several.items():
+            way_out, situation = state.repertoire.way_out, situations[row]
+            if way_out is None or situation.left_s is None:
+                continue
+            way_out.loss, left_s = 0.0, situation.left_s - EARLY_S
+            if left_s > self._settings.max_horizon:
+                continue
+            if way_out.exit_m is None or not self.hides(np.array([way_out.exit_m])).all():
+                way_out.exit_m = self._nearest_exit(situation)
+            if way_out.exit_m is not None:
+                request = _request(state, situation, way_out.intent(situation))
+                requests.append(request._replace(left_s=left_s))
+        prospects = self._navigation.prospects(requests, view, robot)
+        for request, prospect in zip(requests, prospects, strict=True):
+            way_out = request.state.repertoire.way_out
+            if way_out is not None and prospect.kind is ProspectKind.CHOOSES:
+                price = request.state.profile.row.rewards.time
+                loss = prospect.value - float(prospect.values[0, STAY]) - price
+                way_out.loss = loss if loss > 0.1 * price else 0.0
+            elif way_out is not None and prospect.kind is ProspectKind.NO_WAY:
+                way_out.exit_m = None
+
+    def _nearest_exit(self, situation: Situation) -> Point | None:
+        """Return the nearest exit out of view, else such a destination; None if there is none."""
+        for points_m in (situation.places.exits_m, situation.places.destinations_m):
+            hidden_m = points_m[self.hides(points_m)].tolist()
+            if hidden_m:
+                x_m, y_m = min(hidden_m, key=situation.distance_m)
+                return x_m, y_m
+        return None
 
     def _change(self, row: int, state: AgentState, chosen: int, now_ns: int) -> None:
         """Put another behaviour of an agent's repertoire in force."""
@@ -254,9 +308,11 @@ class DecisionLayer:
         if prospect.kind is not ProspectKind.CHOOSES:
             return self._navigation.result(request, prospect, 0, STAY)
         state = request.state
-        pace = state.repertoire.pace if len(request.speeds_mps) > 1 else 0
-        chances = boltzmann(_UNIFORM, prospect.values[pace], self._settings.temperature)
-        move = drawn(chances, state.policy_random.random())
+        values = prospect.values[state.repertoire.paces]
+        prior = np.full(values.size, 1.0 / values.size)
+        chances = boltzmann(prior, values.ravel(), self._settings.temperature)
+        pace, move = divmod(drawn(chances, state.policy_random.random()), values.shape[1])
+        pace += state.repertoire.paces.indices(len(prospect.values))[0]
         becomes = slipped(move, state.slip, state.policy_random.random())
         result = self._navigation.result(request, prospect, pace, becomes)
         return result._replace(waits=move == STAY)
@@ -321,7 +377,7 @@ class DecisionLayer:
         """Return the repertoire of an artefact; it stands if a user-defined class fails."""
         call = BehaviourCall(artefact.id, artefact.row.label, artefact.arrival_ns)
         try:
-            return Repertoire.of(artefact, call)
+            return Repertoire.of(artefact, call, by_exit=self.by_exit and artefact.may_change)
         except BehaviourError as fault:
             self._report(fault)
         self._table.set_behaviour(self._table.row_of(artefact.id), Failed.name)
@@ -352,6 +408,11 @@ class DecisionLayer:
         self.report_fault(fault)
 
 
+def _all_hidden(points_m: _Floats) -> _Mask:
+    """Return that no camera sees any of the points."""
+    return np.ones(len(points_m), np.bool_)
+
+
 def _ignored(now_ns: int, artefact: Artefact, was: str) -> None:
     """Do nothing."""
 
@@ -366,9 +427,12 @@ def _intent_of_journey(state: AgentState, situation: Situation) -> Intent | None
 
 
 def _request(state: AgentState, situation: Situation, intent: Intent) -> NavigationRequest:
-    """Return what navigation is asked: the journey at all its speeds, or a goal at one."""
+    """Return what navigation is asked: the journey or the way out at all speeds, a goal at one."""
     repertoire, speeds_mps = state.repertoire, (intent.speed_mps,)
-    journey = repertoire.journey
+    journey, way_out = repertoire.journey, repertoire.way_out
+    if way_out is not None and intent.goal_m is not None and intent.goal_m == way_out.exit_m:
+        motion = situation.row.motion
+        speeds_mps = tuple(sorted({motion.speed_mps, motion.speed_mps * motion.running_factor}))
     if journey is not None and intent.goal_m is not None and intent.goal_m == journey.goal_m:
         speeds_mps = repertoire.speeds_mps(situation)
     return NavigationRequest(

@@ -40,6 +40,7 @@ from are_ros.population.mixture import mixture_of
 from are_ros.population.population import EventKind as PopulationEventKind
 from are_ros.population.population import Population, PopulationEvent
 from are_ros.population.scenario import Scenario, ScriptedOffer, ScriptedSource
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint
 
@@ -89,6 +90,10 @@ _EVENT_KINDS = {
 }
 
 
+_PERSON: Final = (0.3, 0.3, 0.9, 0.0, 0.0)
+"""The shape of a box, as `OrientedBoxes.standing` takes it [m], which stands for any artefact."""
+
+
 def _no_viewpoints(_: int) -> Sequence[Viewpoint]:
     return ()
 
@@ -127,6 +132,8 @@ class PopulationManager:
         self._environment: Environment | None = None
         self._scene = Scene.of((), 0)
         self._scene_ns = 0
+        self.crowd.decisions.by_exit = parameters.population.leave is Leave.BY_EXIT
+        self.crowd.decisions.hides = self._hides
 
     @property
     def area_m2(self) -> float:
@@ -276,6 +283,7 @@ class PopulationManager:
         law = mixture_of(parameters, self._catalogue)
         self._spawning.reconfigure(parameters)
         self._parameters, self.crowd.resolver = parameters, resolver
+        self.crowd.decisions.by_exit = settings.leave is Leave.BY_EXIT
         self.population.max_alive = settings.max_alive
         self.population.set_marks(self._catalogue.rows, law, settings.group_size)
         self._set_rates(now_ns)
@@ -376,6 +384,13 @@ class PopulationManager:
         exits_m = self.crowd.navigation.places.exits_m
         out_of_view = self._spawning.out_of_view
         return overdue(self.crowd.table, now_ns, patience_ns, exits_m, out_of_view)
+
+    def _hides(self, points_m: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        """Return which points (N, 2) are so that no camera would see a person there."""
+        poses = np.zeros((len(points_m), 4))
+        poses[:, :2] = points_m
+        shapes = np.tile(_PERSON, (len(points_m), 1))
+        return self._spawning.out_of_view.hides(OrientedBoxes.standing(poses, shapes))
 
     def _stays_on(self, artefact: Artefact) -> bool:
         """Return whether an artefact walks to an exit when its life ends."""

@@ -159,6 +159,7 @@ def appearing_lines(parameters: Parameters) -> list[str]:
         Leave.VANISH: "they vanish where they are",
         Leave.WALK_TO_EXIT: "those who can walk to an exit vanish there, after at most "
         f"{settings.exit_patience:g} s",
+        Leave.BY_EXIT: "they walk to an exit out of the robot's sight before, and vanish in time",
     }
     rows = [("appear", appear[settings.appear]), ("leave", leave[settings.leave])]
     if settings.leave is Leave.WALK_TO_EXIT:

@@ -49,7 +49,12 @@ class MotionLimits:
 
 @dataclass(frozen=True)
 class RewardWeights:
-    """Weights >= 0 of the rewards and costs of the type's decision process (section 3.2)."""
+    """Weights >= 0 of the rewards and costs of the type's decision process (section 3.2).
+
+    `effort` and `rest` are shares of what running saves, and what stopping costs, of the price of
+    time: at 1 an artefact that is not late does not mind. A late one loses `late` times the price
+    of what is left of its way.
+    """
 
     goal: float = 1.0
     time: float = 0.1
@@ -69,7 +74,8 @@ class CatalogueRow:
     not watertight), +x forward, +z up. The box is the mesh's axis-aligned bounding box in F_A, of
     `size_m` (x, y, z), centred at `box_centre_in_artefact_m`. Mesh and box are rigid. `colour` is
     (red, green, blue, alpha), each in [0, 1]. `behaviours` maps a behaviour's name to its
-    probability. A row with `forever` gives artefacts that never depart.
+    probability. `slip` is the probability that a move does not succeed, None for that of the
+    parameters. A row with `forever` gives artefacts that never depart.
     """
 
     index: int

@@ -1,15 +1,16 @@
-"""The behaviour leaving: an artefact walks to an exit after the end of its life."""
+"""The behaviour leaving: an artefact walks to an exit, at or after the end of its life."""
 
 import math
 from typing import ClassVar
 
 import numpy as np
 
-from are_ros.agents.behaviours.situation import Intent, Point, Situation, stand
+from are_ros.agents.behaviours.situation import WORTH, Intent, Point, Situation, stand
 from are_ros.agents.behaviours.walking import arrival_m
 from are_ros.conventions import NS_PER_S
 
 _BLOCKED_S = 12.0
+_TOO_EARLY = 10.0 * WORTH
 
 
 class Leaving:
@@ -60,6 +61,38 @@ class Leaving:
         open_m = [point for point in _exits(situation) if point not in self._unreachable_m]
         others_m = [point for point in open_m if point != self._tried_m]
         return next(iter(others_m or open_m), None)
+
+
+class WalkingOut:
+    """Walks to an exit out of the robot's sight, and waits there for the end of its life.
+
+    `exit_m` is that exit, None while none is needed. `loss` is what an epoch spent otherwise costs:
+    how much lower the value of reaching the exit in time is with an epoch less. So the behaviour
+    takes the place of others when its artefact would be late.
+    """
+
+    name: ClassVar[str] = Leaving.name
+
+    def __init__(self) -> None:
+        self.exit_m: Point | None = None
+        self.loss = 0.0
+
+    def reward(self, situation: Situation) -> float:  # noqa: ARG002 - the loss says it
+        """Return what walking out is worth: nothing by itself, and less before it is time."""
+        return 0.0 if self.loss > 0.0 else -_TOO_EARLY
+
+    def decide(self, situation: Situation) -> Intent:
+        """Return the intent to walk to the exit, or to wait there."""
+        if self.exit_m is None:
+            return stand("no way out")
+        if situation.distance_m(self.exit_m) <= arrival_m(situation):
+            return stand("at the exit")
+        return self.intent(situation)
+
+    def intent(self, situation: Situation) -> Intent:
+        """Return the intent to walk to the exit."""
+        motion, within_m = situation.row.motion, arrival_m(situation)
+        return Intent(self.exit_m, motion.speed_mps, within_m, activity=self.name)
 
 
 def _is_at_exit(situation: Situation) -> bool:

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.behaviours.calls import BehaviourCall, reward_of
+from are_ros.agents.behaviours.leaving import WalkingOut
 from are_ros.agents.behaviours.registry import make_behaviour
 from are_ros.agents.behaviours.situation import Behaviour, Situation
 from are_ros.agents.behaviours.walking import Driving, Journey, Running, Stopping, Walking
@@ -21,6 +22,10 @@ _WALKS_AND_STOPS: Final = {Stopping.name: 1.0 / 3.0, Walking.name: 2.0 / 3.0}
 """For an artefact that has no other behaviour than stopping."""
 
 
+_OUT: Final = 0.02
+"""The share of walking out among behaviours, whose shares sum to 1."""
+
+
 class Repertoire:
     """B behaviours, the one in force, and the shares (B,) by which they are drawn, summing to 1."""
 
@@ -30,15 +35,17 @@ class Repertoire:
         self.shares: npt.NDArray[np.float64] = np.array([shares[name] for name in self.names])
         self.in_force = 0
         self._behaviours = tuple(behaviours.values())
+        self.way_out = next((one for one in self._behaviours if type(one) is WalkingOut), None)
         self._travelling = {
             k: one for k, one in enumerate(self._behaviours) if type(one) in _TRAVELLING.values()
         }
 
     @classmethod
-    def of(cls, artefact: Artefact, call: BehaviourCall) -> "Repertoire":
+    def of(cls, artefact: Artefact, call: BehaviourCall, *, by_exit: bool) -> "Repertoire":
         """Return the repertoire of an artefact, with the behaviour that it arrived with in force.
 
-        One that may not change has only that. BehaviourError if a user-defined class fails.
+        One that may not change has only that; `by_exit` adds walking out. BehaviourError if a
+        user-defined class fails.
         """
         shares = {artefact.behaviour: 1.0}
         if artefact.may_change:
@@ -53,6 +60,9 @@ class Repertoire:
             else make_behaviour(name, artefact.options, call)
             for name in shares
         }
+        if by_exit:
+            behaviours[WalkingOut.name] = WalkingOut()
+            shares = {**shares, WalkingOut.name: _OUT}
         total = sum(shares.values())
         return cls(behaviours, {name: share / total for name, share in shares.items()})
 
@@ -81,9 +91,17 @@ class Repertoire:
         return tuple(sorted({one.speed_mps(situation) for one in moving}))
 
     @property
-    def pace(self) -> int:
-        """The index of the present speed among those of the journey; of running it is the last."""
-        return -1 if type(self.behaviour) is Running else 0
+    def paces(self) -> slice:
+        """The indices of the speeds that the behaviour in force may have; of running the last."""
+        if self.behaviour is self.way_out:
+            return slice(None)
+        return slice(-1, None) if type(self.behaviour) is Running else slice(0, 1)
+
+    @property
+    def losses(self) -> npt.NDArray[np.float64]:
+        """What an epoch of each behaviour costs for being at an exit in time (B,)."""
+        loss = self.way_out.loss if self.way_out else 0.0
+        return np.array([0.0 if one is self.way_out else loss for one in self._behaviours])
 
     def advantages(self, values: npt.NDArray[np.float64], value: float) -> npt.NDArray[np.float64]:
         """Return by how much the best move of each behaviour is better than the value (B,).

@@ -149,7 +149,7 @@ _LARGEST_M = 100.0
 _HEXADECIMAL = frozenset("0123456789abcdefABCDEF")
 _METRES: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 _AXES = ("x", "y", "z", "-x", "-y", "-z")
-_CLASS_KEYS = ("shape", "colour", "forever", "motion", "behaviours", "rewards", "features")
+_CLASS_KEYS = ("shape", "colour", "forever", "motion", "behaviours", "rewards", "slip", "features")
 _ROW_KEYS = ("label", "class", "size_m", "mesh", *_CLASS_KEYS)
 _MERGED = ("motion", "rewards", "features")
 _SHAPES = tuple(shape.value for shape in Shape)
@@ -286,10 +286,20 @@ def _shared_fields(given: Fields) -> dict[str, Any]:
     if shared["motion"].running_factor < 1.0:
         factor = shared["motion"].running_factor
         given.refuse("motion.running_factor", f"is {factor:g}, but must be >= 1")
+    if "slip" in given:
+        shared["slip"] = _slip(given)
     if "behaviours" in given:
         shared["behaviours"] = _behaviours(given)
     shared["features"] = _features(given)
     return shared
+
+
+def _slip(given: Fields) -> float:
+    """Return the probability that a move does not succeed."""
+    slip = given.number("slip")
+    if slip > 1.0:
+        given.refuse("slip", f"is {slip:g}, but must be at most 1")
+    return slip
 
 
 def _behaviours(given: Fields) -> dict[str, float]:

@@ -91,7 +91,7 @@ class Spawning:
     def needs_viewpoints(self) -> bool:
         """Whether arrivals or departures depend on what the cameras see."""
         appear, leave = self._population.appear, self._population.leave
-        return appear is Appear.OUT_OF_VIEW or leave is Leave.WALK_TO_EXIT
+        return appear is Appear.OUT_OF_VIEW or leave is not Leave.VANISH
 
     def refresh(
         self,

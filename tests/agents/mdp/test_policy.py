@@ -32,12 +32,14 @@ def chain(temperature: float, mean_time_s: float, seed: int) -> npt.NDArray[np.i
 
 
 def test_at_infinite_temperature_the_shares_are_those_of_the_catalogue() -> None:
+    """For T to infinity the catalogue decides (chi-square)."""
     visited = chain(math.inf, 8.0, 1)[::80]  # far enough apart to be independent
     counts = np.bincount(visited, minlength=4)
     assert stats.chisquare(counts, SHARES * len(visited)).pvalue > LEVEL
 
 
 def test_at_infinite_temperature_the_durations_are_geometric() -> None:
+    """A behaviour ends with the same probability in each epoch."""
     visited, stays = chain(math.inf, 8.0, 2), persistence_of(1.0, 8.0)
     ends = np.flatnonzero(np.diff(visited)) + 1
     runs, of_first = np.diff(ends), visited[ends[:-1]] == 0
@@ -53,12 +55,14 @@ def test_at_infinite_temperature_the_durations_are_geometric() -> None:
 
 @pytest.mark.parametrize("mean_time_s", [0.0, 5.0, 30.0])
 def test_persistence_is_the_mean_time_between_draws(mean_time_s: float) -> None:
+    """It is the mean time between draws of an exponential clock."""
     stays = persistence_of(0.01, mean_time_s)
     assert 0.01 / (1.0 - stays) == pytest.approx(max(mean_time_s, 0.01), rel=2e-3)
 
 
 @pytest.mark.parametrize("temperature", [0.02, 0.1, 1.0, 100.0])
 def test_actions_follow_boltzmanns_law(temperature: float) -> None:
+    """Frequencies are those of prior * exp(value / T)."""
     values, prior = np.array([-0.2, 0.0, -0.05, -0.4, -0.1]), np.array([0.1, 0.2, 0.3, 0.3, 0.1])
     random = np.random.default_rng(3)
     chances = boltzmann(prior, values, temperature)
@@ -77,16 +81,19 @@ def test_actions_follow_boltzmanns_law(temperature: float) -> None:
 
 
 def test_at_zero_temperature_only_the_best_possible_actions_are_taken() -> None:
+    """The others have no chance."""
     prior, values = np.array([0.2, 0.2, 0.6, 0.0]), np.array([1.0, 0.5, 1.0, 9.0])
     assert boltzmann(prior, values, 0.0) == pytest.approx([0.25, 0.0, 0.75, 0.0])
 
 
 def test_what_the_prior_excludes_is_never_drawn() -> None:
+    """However good its value is."""
     chances = boltzmann(np.array([0.0, 1.0, 0.0]), np.array([700.0, -700.0, 0.0]), 0.01)
     assert {drawn(chances, uniform) for uniform in (0.0, 0.5, 1.0 - 2**-53)} == {1}
 
 
 def test_without_slip_all_moves_succeed() -> None:
+    """A move is what was intended."""
     assert [slipped(move, 0.0, uniform) for move in range(5) for uniform in (0.0, 0.9)] == [
         move for move in range(5) for _ in range(2)
     ]
@@ -94,6 +101,7 @@ def test_without_slip_all_moves_succeed() -> None:
 
 @pytest.mark.parametrize("slip", [0.1, 0.6, 1.0])
 def test_moves_slip_with_their_probabilities(slip: float) -> None:
+    """Half of the slips fail, a quarter each go to a side."""
     random, move, count = np.random.default_rng(4), 1, 20_000
     became = np.bincount([slipped(move, slip, random.random()) for _ in range(count)], minlength=5)
     expected = count * np.array([slip / 2.0, 1.0 - slip, slip / 4.0, 0.0, slip / 4.0])
@@ -103,4 +111,5 @@ def test_moves_slip_with_their_probabilities(slip: float) -> None:
 
 
 def test_staying_never_slips() -> None:
+    """There is nothing to slip."""
     assert slipped(STAY, 1.0, 0.1) == STAY
