@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from are_ros.population.catalogue import CatalogueRow
 
@@ -62,13 +62,17 @@ class Body:
 # What an artefact is to do until told otherwise.
 
 
+PLANNERS: Final = ("dynamic_window", "social_force", "path_following")
+"""Names of the planners that propose motions, without user-defined ones."""
+
+
 class MotionCommand(NamedTuple):
     """Move to `subgoal_m` (x, y in the map frame), or brake and stand where it is None.
 
     `speed_mps` is the speed wanted; the type's own limit holds, too. With `stop_there` the subgoal
     is the end of the way, else it is passed. `face_rad` is the heading wanted when standing there
     (None: any), of those that turn on the spot. The comfort distances are kept from others, the
-    robot and the walls where possible.
+    robot and the walls where possible. `planner`: a name of `PLANNERS`, or `module:Class`.
     """
 
     subgoal_m: tuple[float, float] | None
@@ -78,6 +82,7 @@ class MotionCommand(NamedTuple):
     comfort_m: float = 0.3
     robot_comfort_m: float = 0.5
     wall_comfort_m: float = 0.1
+    planner: str = PLANNERS[0]
 
 
 STAND = MotionCommand(None, 0.0)

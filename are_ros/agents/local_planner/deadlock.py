@@ -24,6 +24,7 @@ from are_ros.agents.local_planner.rollouts import (
 from are_ros.agents.local_planner.state import (
     NEVER,
     NOBODY,
+    PATH_FOLLOWING,
     UNOBSTRUCTED,
     YAW,
     AgentArrays,
@@ -69,9 +70,13 @@ def _priority(agents: AgentArrays, i: int, now: int, epoch: int) -> float:
 
 @borrowing
 def can_yield(agents: AgentArrays, j: int) -> bool:
-    """Tell whether an agent may be pushed: not one that is to stand, or that follows a track."""
-    is_free = agents.command[j].has_goal == 1 and agents.place[j].is_scripted == 0
-    return bool(is_free and agents.body[j].speed > 0.0)
+    """Tell whether an agent may be pushed: not one that is to stand, or that follows a track.
+
+    Nor one that follows its path, for it does not swerve.
+    """
+    command = agents.command[j]
+    is_free = command.has_goal == 1 and agents.place[j].is_scripted == 0
+    return bool(is_free and agents.body[j].speed > 0.0 and command.planner != PATH_FOLLOWING)
 
 
 @borrowing
@@ -167,9 +172,10 @@ def write_commands(
     given: npt.NDArray[np.float64],
     now: int,
 ) -> None:
-    """Write commands into the records of some rows (M,); `given` (M, 9) as `command_record`.
+    """Write commands into the records of some rows (M,); `given` (M, 10) as `command_record`.
 
-    An agent with a new sub-goal or speed plans at once, and forgets what obstructed the old way.
+    An agent with a new sub-goal or speed plans at once, and forgets what obstructed the old way;
+    so does one with another planner, which is pushed no more and ends its detour.
     """
     for k in range(rows.shape[0]):
         i = rows[k]
@@ -194,3 +200,7 @@ def write_commands(
         before.speed, before.stops = given[k, 3], np.int64(given[k, 4])
         before.face, before.comfort = given[k, 5], given[k, 6]
         before.robot_comfort, before.wall_comfort = given[k, 7], given[k, 8]
+        planner = np.int64(given[k, 9])
+        if planner != before.planner:
+            before.planner, due[i] = planner, now
+            memory.pushed_until = memory.detour_until = now

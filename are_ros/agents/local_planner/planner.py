@@ -7,14 +7,31 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros._compiled import borrowing, owning
 from are_ros.agents.local_planner import deadlock as _deadlock
 from are_ros.agents.local_planner import state as _state
-from are_ros.agents.local_planner import sub_step as _steps
 from are_ros.agents.local_planner.body import MotionCommand
-from are_ros.agents.local_planner.planning import commit
-from are_ros.agents.local_planner.robot import RobotMotion, robot_path
-from are_ros.agents.local_planner.state import COS, NOBODY, SIN, SPEED, YAW, X, Y
-from are_ros.agents.local_planner.walls import ClearanceLayers
+from are_ros.agents.local_planner.deadlock import note_progress
+from are_ros.agents.local_planner.gaps import fill, gap_between, separation
+from are_ros.agents.local_planner.planning import commit, copy_pose, plan, reach_of
+from are_ros.agents.local_planner.robot import RobotMotion, robot_conflict, robot_path
+from are_ros.agents.local_planner.state import (
+    COS,
+    NEVER,
+    NOBODY,
+    SIN,
+    SPEED,
+    YAW,
+    AgentArrays,
+    ClearanceLayer,
+    PlannerTiming,
+    Records,
+    RobotPath,
+    Workspace,
+    X,
+    Y,
+)
+from are_ros.agents.local_planner.walls import ClearanceLayers, wall_conflict, wall_gap_wanted
 from are_ros.agents.navigation.terrain import Terrains
 from are_ros.agents.table import AgentTable
 from are_ros.world.boxes import OrientedBoxes
@@ -33,6 +50,7 @@ class Obstruction(Enum):
 _UNOBSTRUCTED: Final = (Obstruction.NONE, NOBODY, 0.0)
 
 _Floats = npt.NDArray[np.float64]
+_Mask = npt.NDArray[np.bool_]
 
 
 class LocalPlanner:
@@ -53,7 +71,7 @@ class LocalPlanner:
             arrays.memory,
             arrays.due,
             which,
-            records.reshape(-1, 9),
+            records.reshape(-1, 10),
             self._table.now,
         )
 
@@ -78,7 +96,7 @@ class LocalPlanner:
 
     def step(
         self, index: int, environment: Environment, robot: RobotMotion | None
-    ) -> tuple[_Floats, npt.NDArray[np.bool_]]:
+    ) -> tuple[_Floats, _Mask]:
         """Plan for the agents that are due, and move all by one sub-step.
 
         `index` is the number of the sub-step since the epoch. Returns x, y, yaw float64 (N, 3) of
@@ -96,12 +114,10 @@ class LocalPlanner:
             return poses[:, :3], np.zeros(len(table), np.bool_)
         is_new, floor = self._floors.of(environment, table.heights)
         if is_new:
-            _steps.mark_closed(arrays, table.now, floor, self._workspace.box)
-        _steps.mark_broken(arrays, table.now)
+            mark_closed(arrays, table.now, floor, self._workspace.box)
+        mark_broken(arrays, table.now)
         path = robot_path(robot, table.timing.step_s)
-        moved, poses = _steps.run(
-            arrays, table.now, index, table.timing, floor, path, self._workspace
-        )
+        moved, poses = run(arrays, table.now, index, table.timing, floor, path, self._workspace)
         table.now += 1
         return poses[:, :3], moved
 
@@ -131,7 +147,7 @@ class LocalPlanner:
         first = min(self._table.now + 1 - int(place["begin"]), int(place["last"]))
         return np.array(self._table.arrays.path[row, first : int(place["last"]) + 1, :3])
 
-    def is_clear(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
+    def is_clear(self, boxes: OrientedBoxes) -> _Mask:
         """Tell which boxes (M,), standing from now on, are met by no trajectory."""
         packed = boxes.packed
         poses = np.zeros((len(packed), 6))
@@ -141,7 +157,7 @@ class LocalPlanner:
         bodies["half_x"], bodies["half_y"] = packed[:, 5], packed[:, 6]
         bodies["radius"] = np.hypot(packed[:, 5], packed[:, 6])
         clear = np.ones(len(packed), np.bool_)
-        _steps.mark_clear(clear, self._table.arrays, self._table.now, poses, bodies)
+        mark_clear(clear, self._table.arrays, self._table.now, poses, bodies)
         return clear
 
     def obstructions(self, rows: Sequence[int]) -> list[tuple[Obstruction, int, float]]:
@@ -156,3 +172,174 @@ class LocalPlanner:
             (Obstruction(kind), who, since_s) if since_s > 0.0 else _UNOBSTRUCTED
             for kind, who, since_s in zip(*fields, strict=True)
         ]
+
+
+# One sub-step of all agents: those that are due plan, one after the other, and all move on.
+
+
+_RANKS_LAST_SECONDS = 8
+
+
+@borrowing
+def _is_due(agents: AgentArrays, i: int, now: int, robot: RobotPath, box: _Floats) -> bool:
+    """Tell whether an agent plans in this sub-step."""
+    if now < agents.due[i] and robot.outlines.shape[0] == 0:
+        return False
+    place = agents.place[i]
+    if place.is_scripted:
+        return False
+    moves = now - place.begin < place.last
+    if now < agents.due[i]:
+        # only where what is left of its path leads into the robot, where it is or will be
+        reach = place.reach + robot.reach
+        is_far = abs(place.x - robot.x) > reach or abs(place.y - robot.y) > reach
+        if is_far or not moves:
+            return False
+        start, pace = now - place.begin, place.pace + robot.pace
+        _, predicted, present = robot_conflict(
+            agents.path[i], start, place.last, agents.body[i], robot, 0.0, pace, box
+        )
+        return bool(predicted != NEVER or present != NEVER)
+    return bool(moves or agents.command[i].has_goal == 1 or now < agents.memory[i].pushed_until)
+
+
+@borrowing
+def _mark_due(
+    due: _Mask,
+    squares: _Floats,
+    agents: AgentArrays,
+    now: int,
+    robot: RobotPath,
+    workspace: Workspace,
+    timing: PlannerTiming,
+) -> int:
+    """Write to `due` (N,) which agents plan in this sub-step; return how many they are.
+
+    And to `squares` (N, 3), x, y, half side, a square that holds the agent on its trajectory and on
+    each that it may commit to.
+    """
+    count = 0
+    for i in range(due.shape[0]):
+        place = agents.place[i]
+        squares[i, 0], squares[i, 1], squares[i, 2] = place.x, place.y, place.reach
+        due[i] = _is_due(agents, i, now, robot, workspace.box)
+        if due[i]:
+            count += 1
+            pose = agents.path[i, min(now - place.begin, place.last)]
+            away = max(abs(pose[X] - place.x), abs(pose[Y] - place.y))
+            squares[i, 0], squares[i, 1] = pose[X], pose[Y]
+            squares[i, 2] = max(reach_of(agents.body[i], timing), away + place.reach)
+    return count
+
+
+@owning
+def run(
+    agents: AgentArrays,
+    now: int,
+    index: int,
+    timing: PlannerTiming,
+    floor: ClearanceLayer,
+    robot: RobotPath,
+    workspace: Workspace,
+) -> tuple[_Mask, _Floats]:
+    """Plan for the agents that are due at sub-step `now`, in the order of ids; then all move on.
+
+    Returns bool (N,): which poses have changed; and the poses (N, 6) at the next sub-step.
+    """
+    size = agents.place.shape[0]
+    due, squares = np.empty(size, np.bool_), np.empty((size, 3))
+    if _mark_due(due, squares, agents, now, robot, workspace, timing) > 0:
+        buckets = fill(squares)
+        epoch = index // (_RANKS_LAST_SECONDS * timing.second)
+        for i in range(size):
+            if due[i]:
+                plan(agents, i, now, epoch, timing, floor, robot, buckets, workspace)
+    moved, poses = np.empty(size, np.bool_), np.empty((size, 6))
+    for i in range(size):
+        place, path = agents.place[i], agents.path[i]
+        before = path[min(now - place.begin, place.last)]
+        after = path[min(now + 1 - place.begin, place.last)]
+        copy_pose(after, poses[i])
+        moved[i] = before[X] != after[X] or before[Y] != after[Y] or before[YAW] != after[YAW]
+        if agents.command[i].has_goal:
+            note_progress(agents, i, before, after, now + 1, timing)
+    return moved, poses
+
+
+@borrowing
+def mark_closed(agents: AgentArrays, now: int, floor: ClearanceLayer, box: _Floats) -> None:
+    """Make those agents plan at once whose trajectory meets closed ground of a new map."""
+    for i in range(agents.place.shape[0]):
+        place, body = agents.place[i], agents.body[i]
+        if place.is_scripted or now - place.begin >= place.last:
+            continue
+        rest = agents.path[i][now - place.begin : place.last + 1]
+        last = rest.shape[0] - 1
+        wanted = wall_gap_wanted(rest[0], body, 0.0, floor, box)
+        if (
+            wall_conflict(rest, last, body, wanted, place.pace, floor, box, rest[last], False)[1]
+            != NEVER
+        ):
+            place.must_plan, agents.due[i] = 1, now
+
+
+@borrowing
+def mark_broken(agents: AgentArrays, now: int) -> None:
+    """Make those agents plan at once that meet a trajectory which was changed from outside."""
+    for j in range(agents.place.shape[0]):
+        other = agents.place[j]
+        if not other.is_news:
+            continue
+        other.is_news = 0
+        for i in range(agents.place.shape[0]):
+            place = agents.place[i]
+            dx, dy, far = place.x - other.x, place.y - other.y, place.reach + other.reach
+            if i == j or dx * dx + dy * dy >= far * far:
+                continue
+            if place.is_scripted or now - place.begin >= place.last:
+                continue
+            rest = agents.path[i][now - place.begin : place.last + 1]
+            last = rest.shape[0] - 1
+            _, k = gap_between(
+                rest,
+                last,
+                agents.body[i],
+                agents.path[j],
+                min(now - other.begin, other.last),
+                other.last,
+                agents.body[j],
+                0.0,
+                place.pace + other.pace,
+                NEVER,
+                rest[last],
+            )
+            if k != NEVER:
+                place.must_plan, agents.due[i] = 1, now
+
+
+@borrowing
+def mark_clear(
+    clear: _Mask, agents: AgentArrays, now: int, poses: _Floats, bodies: Records
+) -> None:
+    """Set `clear` (M,) to False for each body (M,) that a trajectory meets.
+
+    The bodies stand at poses (M, 6) from now on.
+    """
+    for m in range(poses.shape[0]):
+        pose = poses[m : m + 1]
+        for i in range(agents.place.shape[0]):
+            place, path = agents.place[i], agents.path[i]
+            dx, dy = place.x - poses[m, X], place.y - poses[m, Y]
+            far = place.reach + bodies[m].radius
+            if dx * dx + dy * dy >= far * far:
+                continue
+            body, other = bodies[m], agents.body[i]
+            start = min(now - place.begin, place.last)
+            if separation(pose[0], body, path[start], other) >= 0.0:
+                _, k = gap_between(
+                    pose, 0, body, path, start, place.last, other, 0.0, place.pace, NEVER, pose[0]
+                )
+                if k == NEVER:
+                    continue
+            clear[m] = False
+            break

@@ -1,4 +1,4 @@
-"""Planning for one agent: the cheapest primitive that meets no committed trajectory, or none."""
+"""Planning for one agent: the cheapest proposal that meets no committed trajectory, or none."""
 
 from typing import Any
 
@@ -6,11 +6,9 @@ import numpy as np
 
 from are_ros._compiled import borrowing
 from are_ros.agents.local_planner.deadlock import can_yield, consider_detour, push
-from are_ros.agents.local_planner.gaps import TOUCH, distance, gap_between, separation
-from are_ros.agents.local_planner.primitives import (
-    cheapest,
-    fill_options,
-)
+from are_ros.agents.local_planner.gaps import TOUCH, distance, gap_between, gather, separation
+from are_ros.agents.local_planner.primitives import cheapest
+from are_ros.agents.local_planner.proposals import keep_to_way, propose
 from are_ros.agents.local_planner.robot import robot_conflict
 from are_ros.agents.local_planner.rollouts import (
     BRAKE,
@@ -21,7 +19,6 @@ from are_ros.agents.local_planner.rollouts import (
     bounds_of,
     roll_out,
 )
-from are_ros.agents.local_planner.spatial_hash import gather
 from are_ros.agents.local_planner.state import (
     BY_ARTEFACT,
     BY_ROBOT,
@@ -31,8 +28,10 @@ from are_ros.agents.local_planner.state import (
     KEPT,
     NEVER,
     NOBODY,
+    PATH_FOLLOWING,
     PLANS,
     SIN,
+    SOCIAL_FORCE,
     SPEED,
     STAMP,
     UNOBSTRUCTED,
@@ -176,7 +175,7 @@ def _assess_others(
             workspace.wanted[0], workspace.wanted[n] = workspace.wanted[n], workspace.wanted[0]
             if met != NEVER or k == 1:
                 break
-        elif gap < wanted:
+        elif gap < wanted and comfort > 0.0:
             cost = max(cost, _NEAR_OTHERS * (wanted - gap) / comfort)
             if cost >= most:
                 break
@@ -254,6 +253,7 @@ REPLAN = 10
 """Sub-steps from one plan to the next, unless something changes before."""
 _WORTH_IT = 0.02
 _BACKS_OFF_AFTER = 3.0
+_AHEAD = 0.5  # cosine
 
 
 @borrowing
@@ -296,14 +296,18 @@ def _search(
     options: int,
     near: int,
     wall_gap: float,
+    may_reverse: bool,
 ) -> tuple[int, int, int, int, int]:
     """Try primitives, cheapest first, until none can be cheaper than the best by `_WORTH_IT`.
 
-    Returns the primitive chosen (-1: none is feasible), which of the two scratch paths it fills and
-    its last index, what obstructs the first one, and the first row that obstructs any.
+    A vehicle that follows its path tries no arc but the first that the walls allow, and those in
+    reverse if it `may_reverse`. Returns the primitive chosen (-1: none is feasible), which of the
+    two scratch paths it fills and its last index, what obstructs the first one, and the first row
+    that obstructs any.
     """
     best, chosen, side, last = INFEASIBLE, -1, 0, 0
     obstruction, culprit, is_first, met = UNOBSTRUCTED, NOBODY, True, NEVER
+    has_way = agents.command[i].planner != PATH_FOLLOWING or agents.body[i].turn_radius == 0.0
     while True:
         n = cheapest(workspace.options, options)
         if n < 0 or workspace.options[n, 3] >= best - _WORTH_IT:
@@ -333,6 +337,9 @@ def _search(
             met = k
             culprit = who if culprit == NOBODY else culprit
         is_first = False
+        if not has_way and kind != BY_WALL:  # the first arc that the walls allow
+            keep_to_way(workspace.options, options, n, may_reverse)
+            has_way = True
         if cost < best:
             best, chosen, side, last = cost, n, 1 - side, end
         workspace.options[n, 3] = np.inf
@@ -369,7 +376,8 @@ def plan(
     pose = workspace.paths[0, 0]
     copy_pose(agents.path[i, start], pose)
     copy_pose(pose, workspace.paths[1, 0])
-    consider_detour(memory, place.id, now, timing.second)
+    if command.planner <= SOCIAL_FORCE:  # the others keep their way
+        consider_detour(memory, place.id, now, timing.second)
     aim = aim_of(agents, i, pose, now, timing.second)
     is_at_rest = aim.speed <= 0.0 and np.isnan(aim.heading) and pose[SPEED] == 0.0
     if is_at_rest and start == place.last:
@@ -379,7 +387,6 @@ def plan(
     backs_off = body.turn_radius == 0.0 and pose[SPEED] <= 0.0
     backs_off = backs_off and (memory.blocked > _BACKS_OFF_AFTER or memory.gear < 0)
     backs_off = backs_off and not turns_freely(pose, body, floor)
-    options = fill_options(workspace.options, aim, pose, body, command, memory, timing, backs_off)
     workspace.counters[STAMP] += 1
     reach = reach_of(body, timing)
     near = gather(
@@ -392,10 +399,13 @@ def plan(
         workspace.near,
     )
     near = find_neighbours(agents, i, pose, reach, now, workspace, near)
+    options = propose(agents, i, aim, pose, now, timing, floor, robot, workspace, near, backs_off)
     wall_gap = wall_gap_wanted(pose, body, command.wall_comfort, floor, workspace.box)
     workspace.goal[0], workspace.goal[1] = command.x, command.y
+    is_aside = np.cos(aim.heading) * pose[COS] + np.sin(aim.heading) * pose[SIN] < _AHEAD
+    may_reverse = memory.blocked > _BACKS_OFF_AFTER and is_aside
     chosen, side, last, obstruction, culprit = _search(
-        agents, i, now, timing, floor, robot, workspace, options, near, wall_gap
+        agents, i, now, timing, floor, robot, workspace, options, near, wall_gap, may_reverse
     )
     stays = chosen < 0 or workspace.options[chosen, 0] == BRAKE
     if obstruction == BY_WALL and culprit != NOBODY and stays:

@@ -212,24 +212,23 @@ def fill_options(
     command: Any,
     memory: Any,
     timing: PlannerTiming,
-    backs_off: bool,
 ) -> int:
-    """Write the primitives of an agent at a pose; return how many there are.
-
-    A walker walks forward, unless it `backs_off` where it cannot turn.
-    """
+    """Write the primitives of an agent at a pose; return how many there are."""
     if aim.speed <= 0.0:
         count = set_option(options, 0, BRAKE, aim.heading, 0.0, 0.0, np.nan)
         return set_option(options, count, BRAKE, np.nan, 0.0, _PLAIN_STOP, np.nan)
     if body.turn_radius > 0.0:
         return vehicle_options(options, aim, pose, body, command, memory, timing)
-    count = _walker_options(options, aim, memory)
-    if backs_off:  # steps straight back, as after meeting another in a gap
-        heading = math.atan2(-pose[SIN], -pose[COS])
-        delta, speed = wrapped(heading - aim.heading), min(aim.speed, _BACK_MPS)
-        cost = 1.0 + _BACK - _gain(aim, delta, np.cos(delta), speed)
-        count = set_option(options, count, RETREAT, heading, -speed, cost, heading)
-    return count
+    return _walker_options(options, aim, memory)
+
+
+@borrowing
+def add_retreat(options: Floats, count: int, aim: PlanningGoal, pose: Floats) -> int:
+    """Write a step straight back, of a walker that met another where it cannot turn."""
+    heading = math.atan2(-pose[SIN], -pose[COS])
+    delta, speed = wrapped(heading - aim.heading), min(aim.speed, _BACK_MPS)
+    cost = 1.0 + _BACK - _gain(aim, delta, np.cos(delta), speed)
+    return set_option(options, count, RETREAT, heading, -speed, cost, heading)
 
 
 @borrowing

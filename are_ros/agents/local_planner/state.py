@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.local_planner.body import STAND, Body, MotionCommand
+from are_ros.agents.local_planner.body import PLANNERS, STAND, Body, MotionCommand
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -22,6 +22,10 @@ NOBODY: Final = -1
 UNOBSTRUCTED, BY_WALL, BY_ARTEFACT, BY_ROBOT = range(4)
 NEVER: Final = 1 << 60
 STAYS: Final = -(1 << 62)
+
+DYNAMIC_WINDOW, SOCIAL_FORCE, PATH_FOLLOWING, WISHES = range(len(PLANNERS) + 1)
+"""The planner of a command: those of `PLANNERS`, or the wishes of a user's."""
+MOST_WISHES: Final = 16
 
 _WALK_S: Final = 1.0
 _DRIVE_S: Final = 1.5
@@ -70,6 +74,7 @@ COMMAND = np.dtype(
         ("comfort", "f8"),
         ("robot_comfort", "f8"),
         ("wall_comfort", "f8"),
+        ("planner", "i8"),
     ]
 )
 MEMORY = np.dtype(
@@ -163,7 +168,8 @@ class SpatialHash(NamedTuple):
 class Workspace(NamedTuple):
     """Scratch: two paths (2, K, 6), neighbours and the gaps wanted from them, primitives (M, 5).
 
-    And marks of the rows that a search has met, counters, a packed box, a point.
+    And marks of the rows that a search has met, counters, a packed box, a point; and the wishes of
+    user-defined planners by row (N, MOST_WISHES, 2): heading [rad] and speed [m/s], nan: no more.
     """
 
     paths: Floats
@@ -174,6 +180,7 @@ class Workspace(NamedTuple):
     counters: Integers
     box: Floats
     goal: Floats
+    wishes: Floats
 
 
 PLANS, KEPT, EMERGENCIES, STAMP = range(4)
@@ -216,6 +223,7 @@ def workspace_of(capacity: int, length: int) -> Workspace:
         np.zeros(4, np.int64),
         np.zeros((1, 8)),
         np.zeros(2),
+        np.full((capacity, MOST_WISHES, 2), np.nan),
     )
 
 
@@ -237,8 +245,13 @@ def write_body(record: Any, body: Body, terrain: int) -> None:
 
 
 def command_record(command: MotionCommand) -> tuple[float, ...]:
-    """Return a command as a record of `COMMAND`; to write it whole is much the fastest."""
+    """Return a command as a record of `COMMAND`; to write it whole is much the fastest.
+
+    A user-defined planner keeps the comfort distances itself, or not: its order of wishes counts.
+    """
     goal = command.subgoal_m
+    planner = PLANNERS.index(command.planner) if command.planner in PLANNERS else WISHES
+    distances = (command.comfort_m, command.robot_comfort_m, command.wall_comfort_m)
     x_m, y_m = goal or (0.0, 0.0)
     return (
         int(goal is not None),
@@ -247,9 +260,8 @@ def command_record(command: MotionCommand) -> tuple[float, ...]:
         command.speed_mps,
         int(command.stop_there),
         math.nan if command.face_rad is None else command.face_rad,
-        command.comfort_m,
-        command.robot_comfort_m,
-        command.wall_comfort_m,
+        *(distances if planner != WISHES else (0.0, 0.0, 0.0)),
+        planner,
     )
 
 

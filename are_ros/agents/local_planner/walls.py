@@ -61,6 +61,27 @@ def point_room(x: float, y: float, body: Any, floor: ClearanceLayer) -> float:
 
 
 @borrowing
+def clearance_and_slope(
+    x: float, y: float, body: Any, floor: ClearanceLayer
+) -> tuple[float, float, float]:
+    """Return the distance [m] of a point's cell from closed ground, and its gradient in the map.
+
+    The gradient is by central differences: none half-way between two walls. At the edge of the
+    grid, or outside of it, nothing is known: an infinite distance, and none.
+    """
+    lattice, unit, field = floor.lattice, floor.unit, floor.clearance
+    dx, dy, layer = x - lattice[0], y - lattice[1], layer_of(body, floor)
+    j = int(np.floor((dx * lattice[2] + dy * lattice[3]) / unit))
+    i = int(np.floor((dy * lattice[2] - dx * lattice[3]) / unit))
+    if not (0 < j < field.shape[2] - 1 and 0 < i < field.shape[1] - 1):
+        return np.inf, 0.0, 0.0
+    along = 0.5 * float(field[layer, i, j + 1] - field[layer, i, j - 1]) / unit
+    across = 0.5 * float(field[layer, i + 1, j] - field[layer, i - 1, j]) / unit
+    room = float(field[layer, i, j]) - 0.5 * unit
+    return room, along * lattice[2] - across * lattice[3], along * lattice[3] + across * lattice[2]
+
+
+@borrowing
 def disc_room(pose: Floats, body: Any, floor: ClearanceLayer) -> float:
     """Return how much [m] each disc of a body can surely grow before it meets a closed cell."""
     lattice = floor.lattice

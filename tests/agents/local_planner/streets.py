@@ -151,11 +151,19 @@ class Street:
         self.table.remove(one)
         self.forget()
 
-    def send(self, one: int, x_m: float, y_m: float, *, stop_there: bool = True) -> None:
+    def send(
+        self,
+        one: int,
+        x_m: float,
+        y_m: float,
+        *,
+        stop_there: bool = True,
+        planner: str = "dynamic_window",
+    ) -> None:
         """Order one to go to a place at its speed."""
         self.goals[one] = (x_m, y_m)
         speed = self.bodies[one].speed_mps
-        self.command(one, MotionCommand((x_m, y_m), speed, stop_there))
+        self.command(one, MotionCommand((x_m, y_m), speed, stop_there, planner=planner))
 
     def forget(self) -> None:
         """Compare no motion across an interference from outside."""

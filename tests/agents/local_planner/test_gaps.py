@@ -11,8 +11,8 @@ from are_ros.agents.local_planner import gaps as _gaps
 from are_ros.agents.local_planner import state as _state
 from are_ros.agents.local_planner import walls as _walls
 from are_ros.agents.local_planner.body import Body
+from are_ros.agents.local_planner.gaps import fill, gather
 from are_ros.agents.local_planner.rollouts import bounds_of
-from are_ros.agents.local_planner.spatial_hash import fill, gather
 from are_ros.agents.local_planner.state import NEVER
 from are_ros.agents.local_planner.walls import ClearanceLayers
 from are_ros.agents.navigation.terrain import Terrains
