@@ -151,7 +151,7 @@ class SceneRecorder:
         """Take a tick, and the camera that it looked through (None: none is known)."""
         artefacts = [
             ArtefactAt(one.id, one.row, pose, behaviour, activity, one.arrival_ns)
-            for one, pose, (_, behaviour, activity) in zip(
+            for one, pose, (_, behaviour, activity, _) in zip(
                 tick.scene.artefacts, tick.scene.ground_poses, tick.scene.status, strict=True
             )
         ]
