@@ -240,7 +240,7 @@ class DecisionLayer:
             try:
                 values = self._settings.decision_period * repertoire.rewards(situation)
             except BehaviourError as fault:
-                self._stop(row, fault)
+                self._stop(row, fault, situation.now_ns)
                 continue
             prospect = known.get(row)
             if prospect is not None and prospect.kind is ProspectKind.CHOOSES:
@@ -317,9 +317,9 @@ class DecisionLayer:
         result = self._navigation.result(request, prospect, pace, becomes)
         return result._replace(waits=move == STAY)
 
-    def send_out(self, row: int) -> None:
+    def send_out(self, row: int, now_ns: int) -> None:
         """Send an agent whose life is over to an exit, from its next decision on."""
-        self._keep_to(row, Leaving())
+        self._keep_to(row, Leaving(), now_ns)
 
     def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:
         """Return whether walls leave an agent a straight way to a point."""
@@ -388,19 +388,23 @@ class DecisionLayer:
         try:
             return intent_of(state.behaviour, situation)
         except BehaviourError as fault:
-            self._stop(row, fault)
+            self._stop(row, fault, situation.now_ns)
         return state.behaviour.decide(situation)
 
-    def _stop(self, row: int, fault: BehaviourError) -> None:
+    def _stop(self, row: int, fault: BehaviourError, now_ns: int) -> None:
         """Report the error of an agent's behaviour, and let it stand from now on."""
         self._report(fault)
-        self._keep_to(row, Failed())
+        self._keep_to(row, Failed(), now_ns)
 
-    def _keep_to(self, row: int, behaviour: Behaviour) -> None:
-        state = self._table.states[row]
+    def _keep_to(self, row: int, behaviour: Behaviour, now_ns: int) -> None:
+        """Let an agent have only this behaviour from now on."""
+        state, artefact = self._table.states[row], self._table.artefacts[row]
         if state is not None:
+            was = artefact.behaviour
             self._table.set_behaviour(row, behaviour.name)
             state.keep_to(behaviour)
+            if artefact.behaviour != was:
+                self.report_change(now_ns, artefact, was)
 
     def _report(self, fault: BehaviourError) -> None:
         if self.report_fault is None:

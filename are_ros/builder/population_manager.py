@@ -404,7 +404,7 @@ class PopulationManager:
             self.crowd.end(artefact_id, event.time_ns, event.cause or Cause.REMOVED)
         elif event.kind is PopulationEventKind.LEAVING:
             row = self.crowd.table.row_of(artefact_id)
-            self.crowd.decisions.send_out(row)
+            self.crowd.decisions.send_out(row, event.time_ns)
             self.crowd.table.leaving_ns[row] = event.time_ns
             return
         detail = event.reason or (event.cause.value if event.cause else "")

@@ -320,7 +320,7 @@ def test_who_is_sent_out_goes_to_the_exit_and_is_out_there() -> None:
     town = Town()
     one = town.admit(1, 0)
     town.decide(0)
-    town.layer.send_out(town.table.row_of(1))
+    town.layer.send_out(town.table.row_of(1), 0)
     assert one.behaviour == "leaving"
     assert [town.decide(index) for index in (20, 40, 60)] == [[], [], [1]]
     assert town.road.commands[1].subgoal_m is None
