@@ -39,6 +39,7 @@ _OTHER_CLOCK_NS: Final = 10 * NS_PER_S
 _NEXT_TICK: Final = 1.5
 """In periods: two ticks that are farther apart are not consecutive."""
 _KINDS: Final = (ARRIVED, DEPARTED, BLOCKED, DISPLACED, PERCEIVED, LOST, ROBOT_CONTACT, CHANGED)
+_BECOMES: Final = " -> "
 _DISPLACED_DETAIL: Final = "displaced"
 
 
@@ -139,7 +140,10 @@ def _lag_text(lags_ns: list[int]) -> str:
 
 
 def check_lives(record: Record) -> CheckResult:
-    """Ids are never reused, and each tick lists the artefacts that arrived and did not depart."""
+    """Ids are never reused, and each tick lists the artefacts that arrived and did not depart.
+
+    Their behaviours change only with an event.
+    """
     tally = Tally("lives", "tick")
     story = _LivingArtefacts(tally)
     for scene, events, since_ns in events_by_tick(record):
@@ -157,20 +161,22 @@ def check_lives(record: Record) -> CheckResult:
         if ids != told:
             wrong = sorted(set(ids) ^ set(told))
             tally.fail(f"{at_s(scene.stamp_ns)} list and events differ in the ids {wrong}")
+        story.compare(scene)
         _check_spans(tally, scene, story.arrived_ns)
     return tally.result()
 
 
 class _LivingArtefacts:
-    """The artefacts alive according to the events."""
+    """The artefacts alive, and their behaviours, according to the events."""
 
     def __init__(self, tally: Tally) -> None:
         self.arrived_ns: dict[int, int] = {}
+        self._behaviours: dict[int, str] = {}
         self.departed_ns: dict[int, int] = {}
         self._tally = tally
 
     def hear(self, event: Event) -> None:
-        """Take an arrival or a departure."""
+        """Take an arrival, a departure, or a change of behaviour."""
         number, stamp_ns = event.artefact_id, event.stamp_ns
         if event.kind == ARRIVED:
             unheard_of = number not in self.arrived_ns
@@ -182,6 +188,12 @@ class _LivingArtefacts:
                 lives, f"id {number} departs {at_s(stamp_ns)}, but it was not there"
             )
             self.departed_ns[number] = stamp_ns
+        elif event.kind == CHANGED:
+            was, _, becomes = event.detail.partition(_BECOMES)
+            known = self._behaviours.get(number, was)
+            self._behaviours[number] = becomes
+            text = f"id {number} is {known}, but {event.detail!r} is said {at_s(stamp_ns)}"
+            self._tally.require(known == was, text)
         elif event.kind not in _KINDS:
             self._tally.fail(f"an event {at_s(stamp_ns)} is of kind {event.kind}")
 
@@ -189,8 +201,16 @@ class _LivingArtefacts:
         """Return the ids that arrived and did not depart."""
         return sorted(self.arrived_ns.keys() - self.departed_ns.keys())
 
+    def compare(self, scene: Scene) -> None:
+        """Compare the behaviours of a tick with those that the events say."""
+        for number, behaviour in zip(scene.ids.tolist(), scene.behaviours, strict=True):
+            known = self._behaviours.setdefault(number, behaviour)
+            text = f"{at_s(scene.stamp_ns)} id {number} is {behaviour}, the events say {known}"
+            self._tally.require(known == behaviour, text)
+
     def begin_with(self, scene: Scene) -> None:
         """Take a list as true where events were missed; departed ids stay departed."""
+        self._behaviours.update(zip(scene.ids.tolist(), scene.behaviours, strict=True))
         arrivals = dict(zip(scene.ids.tolist(), scene.arrivals_ns.tolist(), strict=True))
         self.arrived_ns = {**arrivals, **self.arrived_ns}
         for number in set(self.living()) - arrivals.keys():
