@@ -7,7 +7,7 @@ sub-step, and each draws from its own random stream.
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -28,6 +28,7 @@ from are_ros.agents.local_planner.planner import LocalPlanner, Obstruction
 from are_ros.agents.navigation.destinations import Destinations
 from are_ros.agents.navigation.navigation import (
     ActiveGoal,
+    GoalKey,
     Navigation,
     NavigationRequest,
     NavigationResult,
@@ -68,7 +69,7 @@ class AgentState:
     profile: NavigationProfile
     behaviour: Behaviour
     random: np.random.Generator
-    active: ActiveGoal | None = None
+    active: dict[GoalKey, ActiveGoal] = field(default_factory=dict)
     intent: Intent | None = None
     is_going: bool = False
     arrived: bool = False
@@ -158,16 +159,14 @@ class DecisionLayer:
                 deciding[row] = state
         situations = self._situations(deciding, now_ns, view, robot)
         requests = [
-            NavigationRequest(
-                state,
-                situation.me,
-                self._intent(row, state, situation),
-                situation.left_s,
-                state.waits < PATIENCE,
-            )
+            _request(state, self._intent(row, state, situation), situation)
             for (row, state), situation in zip(deciding.items(), situations, strict=True)
         ]
-        results = self._navigation.results(requests, view, robot)
+        prospects = self._navigation.prospects(requests, view, robot)
+        results = [
+            self._navigation.result(request, prospect, *prospect.best)
+            for request, prospect in zip(requests, prospects, strict=True)
+        ]
         self._planner.give_commands(list(deciding), [result.command for result in results])
         for row, situation, request, result in zip(
             deciding, situations, requests, results, strict=True
@@ -263,6 +262,11 @@ class DecisionLayer:
         if self.report_fault is None:
             raise fault
         self.report_fault(fault)
+
+
+def _request(state: AgentState, intent: Intent, situation: Situation) -> NavigationRequest:
+    speeds_mps, is_patient = (intent.speed_mps,), state.waits < PATIENCE
+    return NavigationRequest(state, situation.me, intent, speeds_mps, situation.left_s, is_patient)
 
 
 def _obstruction_name(kind: Obstruction, other_id: int) -> str:

@@ -56,6 +56,9 @@ class RewardWeights:
     clearance: float = 0.5
     personal_space: float = 0.5
     robot: float = 1.0
+    effort: float = 1.05
+    rest: float = 0.95
+    late: float = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +84,7 @@ class CatalogueRow:
     behaviours: Mapping[str, float] = field(default_factory=lambda: {"standing": 1.0})
     rewards: RewardWeights = field(default_factory=RewardWeights)
     features: Mapping[str, str] = field(default_factory=dict)
+    slip: float | None = None
 
     @property
     def com_height_m(self) -> float:
