@@ -9,7 +9,7 @@ own random streams.
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -33,11 +33,12 @@ from are_ros.agents.mdp.policy import STAY, boltzmann, drawn, persistence_of, pr
 from are_ros.agents.navigation.destinations import Destinations
 from are_ros.agents.navigation.navigation import (
     ActiveGoal,
+    GoalKey,
     Navigation,
     NavigationRequest,
     NavigationResult,
     Prospect,
-    ProspectKind,
+    Prospects,
 )
 from are_ros.agents.navigation.profile import NavigationProfile
 from are_ros.agents.snapshot import AgentSnapshot
@@ -83,7 +84,7 @@ class AgentState:
     random: np.random.Generator
     policy_random: np.random.Generator
     slip: float = 0.0
-    active: ActiveGoal | None = None
+    active: dict[GoalKey, ActiveGoal] = field(default_factory=dict)
     intent: Intent | None = None
     is_going: bool = False
     arrived: bool = False
@@ -243,7 +244,7 @@ class DecisionLayer:
                 self._stop(row, fault, situation.now_ns)
                 continue
             prospect = known.get(row)
-            if prospect is not None and prospect.kind is ProspectKind.CHOOSES:
+            if prospect is not None and prospect.kind is Prospects.CHOOSES:
                 values = values + repertoire.advantages(prospect.values, prospect.value)
             values = values - repertoire.losses
             prior = prior_of(repertoire.shares, repertoire.in_force, self._stays)
@@ -280,11 +281,11 @@ class DecisionLayer:
         prospects = self._navigation.prospects(requests, view, robot)
         for request, prospect in zip(requests, prospects, strict=True):
             way_out = request.state.repertoire.way_out
-            if way_out is not None and prospect.kind is ProspectKind.CHOOSES:
+            if way_out is not None and prospect.kind is Prospects.CHOOSES:
                 price = request.state.profile.row.rewards.time
                 loss = prospect.value - float(prospect.values[0, STAY]) - price
                 way_out.loss = loss if loss > 0.1 * price else 0.0
-            elif way_out is not None and prospect.kind is ProspectKind.NO_WAY:
+            elif way_out is not None and prospect.kind is Prospects.NO_WAY:
                 way_out.exit_m = None
 
     def _nearest_exit(self, situation: Situation) -> Point | None:
@@ -305,7 +306,7 @@ class DecisionLayer:
 
     def _act(self, request: NavigationRequest, prospect: Prospect) -> NavigationResult:
         """Draw a move by Boltzmann's law, let it slip, and return what follows from it."""
-        if prospect.kind is not ProspectKind.CHOOSES:
+        if prospect.kind is not Prospects.CHOOSES:
             return self._navigation.result(request, prospect, 0, STAY)
         state = request.state
         values = prospect.values[state.repertoire.paces]

@@ -12,7 +12,13 @@ from are_ros.agents.decision import AgentState, DecisionLayer
 from are_ros.agents.local_planner.body import MotionCommand
 from are_ros.agents.local_planner.planner import Obstruction
 from are_ros.agents.navigation.destinations import Destinations
-from are_ros.agents.navigation.navigation import Navigation, NavigationRequest, NavigationResult
+from are_ros.agents.navigation.navigation import (
+    Navigation,
+    NavigationRequest,
+    NavigationResult,
+    Prospect,
+    Prospects,
+)
 from are_ros.agents.navigation.terrain import Terrains
 from are_ros.agents.table import AgentTable
 from are_ros.conventions import NS_PER_S
@@ -39,17 +45,18 @@ class Ways(Navigation):
         self.is_shut = self.is_crowded = False
         self.patience: list[bool] = []
 
-    def results(self, requests: Sequence[NavigationRequest], *_: Any) -> list[NavigationResult]:
-        """Return orders to go straight on."""
+    def prospects(self, requests: Sequence[NavigationRequest], *_: Any) -> list[Prospect]:
+        """Return that all go straight on."""
         self.patience += [request.is_patient for request in requests]
-        return [
-            NavigationResult(
-                MotionCommand(request.intent.goal_m, request.intent.speed_mps),
-                no_way=self.is_shut,
-                waits=self.is_crowded and request.is_patient,
-            )
-            for request in requests
-        ]
+        return [Prospect(Prospects.STRAIGHT) for _ in requests]
+
+    def result(self, request: NavigationRequest, *_: Any) -> NavigationResult:
+        """Return an order to go straight on."""
+        return NavigationResult(
+            MotionCommand(request.intent.goal_m, request.intent.speed_mps),
+            no_way=self.is_shut,
+            waits=self.is_crowded and request.is_patient,
+        )
 
     def sees(self, *_: Any) -> bool:
         """See everything."""

@@ -15,19 +15,17 @@ Floats = npt.NDArray[np.float32]
 Lengths = npt.NDArray[np.uint8]
 
 CHUNK: Final = 1280
-"""Cells at a time, where new values wait in a scratch before they take the place of old ones."""
+"""Cells at a time, whose intermediate results wait in a scratch of eight rows."""
 
-ROW: Final = np.uint64(CHUNK)
-"""So far apart are the headings, or the directions, in a scratch of twelve rows."""
-
-_FOUND: Final = np.uint64(8 * CHUNK)
-"""From here on are the last four rows: what each direction leads to."""
+_ROW: Final = np.uint64(CHUNK)
+_ENDS: Final = np.uint64(4 * CHUNK)
+"""The first four rows are the best move in each direction, the last what it leads to."""
 
 _EAST, _WEST = np.uint64(1), np.uint64(2**64 - 1)
 NEAR: Final = 3
 """Moves of up to so many cells are looked at all at once."""
 
-_NONE, _TWO, _THREE = np.uint8(0), np.uint8(2), np.uint8(3)
+_ONE, _TWO, _THREE = np.uint8(1), np.uint8(2), np.uint8(3)
 
 Four = tuple[np.float32, np.float32, np.float32, np.float32]
 """A number for each heading, or for each direction."""
@@ -35,24 +33,25 @@ Four = tuple[np.float32, np.float32, np.float32, np.float32]
 Part = tuple[np.uint64, np.uint64, np.uint64]
 """Where the old values begin, the first cell of some in a row, and how many they are."""
 
-Place = tuple[Floats, np.uint64, np.uint64]
-"""Where new values of a part go: from where on in an array, and how far apart the headings are."""
-
 
 class Process(NamedTuple):
     """What epochs are made of, for n = h * w cells; `flat` is where the values are (`induct`).
 
-    `lengths` (4 n), `gains` (5 n), `width` and `reach` in cells, `chances` of going straight and of
-    each side, `turns` what a quarter and a half turn cost.
+    `lengths` (4 n), `gains` ((1 + 4 P) n), `width` in cells, `reaches` (P,) of the paces, `lost`
+    (P,) what a failed move brings less than staying, `chances` of going as intended, of failing and
+    of each side, `turns` what a quarter and a half turn cost. `settled` (n,) becomes the last epoch
+    that changed anything in a cell.
     """
 
     flat: Floats
     lengths: Lengths
     gains: Floats
     width: int
-    reach: int
-    chances: tuple[np.float32, np.float32]
+    reaches: npt.NDArray[np.int64]
+    lost: Floats
+    chances: tuple[np.float32, np.float32, np.float32]
     turns: tuple[np.float32, np.float32]
+    settled: npt.NDArray[np.int32]
 
 
 # In the loops below all indices are unsigned (else negative ones would count from the end), and
@@ -61,91 +60,134 @@ class Process(NamedTuple):
 
 
 @compiled
-def decide_by_one(process: Process, part: Part, to: Place) -> None:
-    """Decide where moves are of one cell."""
-    flat, lengths, (old, first, count) = process.flat, process.lengths, part
-    north, south = np.uint64(process.width), np.uint64(-process.width)
-    for i in range(count):
-        e, n, w, s = _in_planes(lengths, first + i)
-        ends = (
-            _either(flat[old + e], flat[old + e + _EAST], lengths[e] != _NONE),
-            _either(flat[old + n], flat[old + n + north], lengths[n] != _NONE),
-            _either(flat[old + w], flat[old + w + _WEST], lengths[w] != _NONE),
-            _either(flat[old + s], flat[old + s + south], lengths[s] != _NONE),
-        )
-        _choose(process, old, first + i, ends, to, i)
+def decide(process: Process, part: Part, new: np.uint64, epoch: int, scratch: Floats) -> int:
+    """Put the values of some cells where `new` is; return how many headings' values differ."""
+    for pace in range(process.reaches.shape[0]):
+        if process.reaches[pace] <= NEAR:
+            _move_near(process, part, pace, scratch)
+        else:
+            _find_ends(process, part, process.reaches[pace], scratch)
+            _move_far(process, part, pace, scratch)
+    _choose(process, part, scratch)
+    return _put(process, part, new, np.int32(epoch), scratch)
 
 
 @compiled
-def decide_by_three(process: Process, part: Part, to: Place) -> None:
-    """Decide where moves are of up to three cells."""
+def _move_near(process: Process, part: Part, pace: int, scratch: Floats) -> None:
+    """Put what moves of a pace of up to three cells bring into the scratch, if it is better."""
     flat, lengths, (old, first, count) = process.flat, process.lengths, part
     north, south = np.uint64(process.width), np.uint64(-process.width)
+    reach = np.uint8(process.reaches[pace])
     for i in range(count):
         e, n, w, s = _in_planes(lengths, first + i)
         ends = (
-            _three_on(flat, old + e, _EAST, lengths[e]),
-            _three_on(flat, old + n, north, lengths[n]),
-            _three_on(flat, old + w, _WEST, lengths[w]),
-            _three_on(flat, old + s, south, lengths[s]),
+            _three_on(flat, old + e, _EAST, min(lengths[e], reach)),
+            _three_on(flat, old + n, north, min(lengths[n], reach)),
+            _three_on(flat, old + w, _WEST, min(lengths[w], reach)),
+            _three_on(flat, old + s, south, min(lengths[s], reach)),
         )
-        _choose(process, old, first + i, ends, to, i)
+        _move(process, old, first + i, pace, ends, scratch, i)
 
 
 @compiled
-def decide_by_ends(process: Process, part: Part, to: Place, scratch: Floats) -> None:
-    """Decide by what each direction leads to, as `find_ends` left it in the scratch."""
+def _move_far(process: Process, part: Part, pace: int, scratch: Floats) -> None:
+    """Put what moves of a pace bring into the scratch, if it is better, by the ends found."""
     old, first, count = part
     for i in range(count):
-        e, w = _FOUND + i, _FOUND + ROW + ROW + i
-        ends = (scratch[e], scratch[e + ROW], scratch[w], scratch[w + ROW])
-        _choose(process, old, first + i, ends, to, i)
+        e, w = _ENDS + i, _ENDS + _ROW + _ROW + i
+        ends = (scratch[e], scratch[e + _ROW], scratch[w], scratch[w + _ROW])
+        _move(process, old, first + i, pace, ends, scratch, i)
 
 
 @compiled
-def _choose(
-    process: Process, old: np.uint64, cell: np.uint64, ends: Four, to: Place, i: int
+def _move(
+    process: Process,
+    old: np.uint64,
+    cell: np.uint64,
+    pace: int,
+    ends: Four,
+    scratch: Floats,
+    i: int,
 ) -> None:
-    """Put what the best of five actions brings, by heading, given where each direction ends."""
-    flat, gains, (straight, aside) = process.flat, process.gains, process.chances
-    (quarter, half), (new, out, apart) = process.turns, to
+    """Put the better of what is there and what moves bring, by direction, given their ends."""
+    flat, gains, (straight, fails, aside) = process.flat, process.gains, process.chances
     e, n, w, s = _in_planes(process.lengths, cell)
-    stay = gains[s + (n - e)]
-    east, north = ends[0] + gains[e], ends[1] + gains[n]
-    west, south = ends[2] + gains[w], ends[3] + gains[s]
-    sides_of_x, sides_of_y = aside * (north + south), aside * (east + west)
-    east, west = straight * east + sides_of_x, straight * west + sides_of_x
-    north, south = straight * north + sides_of_y, straight * south + sides_of_y
-    along_x, along_y = max(east, west) - quarter, max(north, south) - quarter
-    out += i
-    new[out] = max(flat[old + e] + stay, east, along_y, west - half)
-    out += apart
-    new[out] = max(flat[old + n] + stay, north, along_x, south - half)
-    out += apart
-    new[out] = max(flat[old + w] + stay, west, along_y, east - half)
-    out += apart
-    new[out] = max(flat[old + s] + stay, south, along_x, north - half)
+    stay = gains[cell] - process.lost[pace]
+    moves = (n - e) * np.uint64(1 + 4 * pace)
+    east, north = ends[0] + gains[moves + e], ends[1] + gains[moves + n]
+    west, south = ends[2] + gains[moves + w], ends[3] + gains[moves + s]
+    of_x, of_y = aside * (north + south), aside * (east + west)
+    is_first, to = pace == 0, np.uint64(i)
+    east = (straight * east + of_x) + fails * (flat[old + e] + stay)
+    scratch[to] = east if is_first else max(east, scratch[to])
+    north = (straight * north + of_y) + fails * (flat[old + n] + stay)
+    to += _ROW
+    scratch[to] = north if is_first else max(north, scratch[to])
+    west = (straight * west + of_x) + fails * (flat[old + w] + stay)
+    to += _ROW
+    scratch[to] = west if is_first else max(west, scratch[to])
+    south = (straight * south + of_y) + fails * (flat[old + s] + stay)
+    to += _ROW
+    scratch[to] = south if is_first else max(south, scratch[to])
 
 
 @compiled
-def find_ends(process: Process, part: Part, scratch: Floats) -> None:
+def _choose(process: Process, part: Part, scratch: Floats) -> None:
+    """Put the best of staying and the moves, by heading, where the moves are in the scratch."""
+    flat, gains, (old, first, count) = process.flat, process.gains, part
+    (quarter, half), lengths = process.turns, process.lengths
+    for i in range(count):
+        e, n, w, s = _in_planes(lengths, first + i)
+        to, stay = np.uint64(i), gains[first + i]
+        east, north = scratch[to], scratch[to + _ROW]
+        west, south = scratch[to + _ROW + _ROW], scratch[to + _ROW + _ROW + _ROW]
+        along_x, along_y = max(east, west) - quarter, max(north, south) - quarter
+        scratch[to] = max(flat[old + e] + stay, east, along_y, west - half)
+        to += _ROW
+        scratch[to] = max(flat[old + n] + stay, north, along_x, south - half)
+        to += _ROW
+        scratch[to] = max(flat[old + w] + stay, west, along_y, east - half)
+        to += _ROW
+        scratch[to] = max(flat[old + s] + stay, south, along_x, north - half)
+
+
+@compiled
+def _put(process: Process, part: Part, new: np.uint64, epoch: np.int32, scratch: Floats) -> int:
+    """Put the new values of some cells where `new` is; return how many are others than the old."""
+    flat, settled, (old, first, count) = process.flat, process.settled, part
+    plane, at, differing = np.uint64(settled.shape[0]), np.uint64(0), 0
+    old, new = old + first, new + first
+    for _ in range(4):
+        for i in range(count):
+            value = scratch[at + i]
+            differs = flat[old + i] != value
+            flat[new + i] = value
+            before = settled[first + i]
+            settled[first + i] = epoch if differs else before
+            differing += differs
+        old, new, at = old + plane, new + plane, at + _ROW
+    return differing
+
+
+@compiled
+def _find_ends(process: Process, part: Part, reach: int, scratch: Floats) -> None:
     """Put into the scratch the value of where each direction leads to from each cell."""
-    flat, lengths, (old, at, count), out = process.flat, process.lengths, part, _FOUND
+    flat, lengths, (old, at, count), out = process.flat, process.lengths, part, _ENDS
     for direction in range(4):
         # to the west and south it wraps around, and back when it is added
         step = np.uint64(ROW_STEPS[direction] * process.width + COL_STEPS[direction])
         here = old + at
         for i in range(count):
             scratch[out + i] = _three_on(flat, here + i, step, lengths[at + i])
-        for k in range(NEAR + 1, process.reach + 1, 2):
+        for k in range(NEAR + 1, reach + 1, 2):
             this = here + np.uint64(k) * step
-            further = this + step if k < process.reach else this
-            length_k, longer = np.uint8(k), np.uint8(k + 1)
+            further = this + step if k < reach else this
+            length_k, longer = np.uint8(k), np.uint8(min(k + 1, reach))
             for i in range(count):
                 length = lengths[at + i]
-                best = _either(scratch[out + i], flat[this + i], length == length_k)
-                scratch[out + i] = _either(best, flat[further + i], length == longer)
-        at, out = at + np.uint64(lengths.shape[0] // 4), out + ROW
+                best = _either(scratch[out + i], flat[this + i], length >= length_k)
+                scratch[out + i] = _either(best, flat[further + i], length >= longer)
+        at, out = at + np.uint64(lengths.shape[0] // 4), out + _ROW
 
 
 @compiled
@@ -162,9 +204,9 @@ def _three_on(values: Floats, here: np.uint64, step: np.uint64, length: np.uint8
     """Choose among moves of up to three cells; where none is so long that value is not taken."""
     one = here + step
     two = one + step
-    best = _either(values[here], values[one], length != _NONE)
-    best = _either(best, values[two], length == _TWO)
-    return _either(best, values[two + step], length == _THREE)
+    best = _either(values[here], values[one], length >= _ONE)
+    best = _either(best, values[two], length >= _TWO)
+    return _either(best, values[two + step], length >= _THREE)
 
 
 @compiled

@@ -11,9 +11,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.mdp import induction as _mdp_kernels
+from are_ros.agents.mdp import induction as _induction
 from are_ros.agents.mdp import travel_kernels as _travel_kernels
-from are_ros.agents.mdp.decision_kernels import CHUNK
 from are_ros.errors import ParameterError
 from are_ros.population.catalogue import CatalogueRow
 
@@ -39,60 +38,89 @@ _VEHICLE_HALF_TURN_S: Final = 20.0
 class TravelModel:
     """The parameters of a type's decision process; value tables are kept by them.
 
-    `reach` is the number of cells it moves in an epoch. `slip` is the probability, for each side,
-    of moving a quarter turn off the intended direction. `time` is the price of an epoch,
-    `clearance` the additional price next to a wall, `goal` the value of the goal; `quarter_turn`
-    and `half_turn` are the prices of turning before a move.
+    `reaches` is the number of cells that it moves in an epoch, at each of its P paces. With
+    probability 1 - `slip` a move goes as intended; with `slip` / 2 it fails (one has turned, and
+    stays), with `slip` / 4 it goes to each side, a quarter turn off. `time` is the price of an
+    epoch, `clearance` the additional price next to a wall, `effort` (P) that of a pace; an epoch of
+    staying costs `rest` less. `goal` is the value of the goal; who is not there when the epochs are
+    over loses `late` times what the rest of the way costs. `quarter_turn` and `half_turn` are the
+    prices of turning before a move.
     """
 
-    reach: int = 1
+    reaches: tuple[int, ...] = (1,)
     slip: float = 0.0
     time: float = 0.1
     clearance: float = 0.5
+    effort: tuple[float, ...] = (0.0,)
+    rest: float = 0.0
     goal: float = 1.0
+    late: float = 1.0
     quarter_turn: float = 0.1
     half_turn: float = 0.2
 
     def __post_init__(self) -> None:
         """Raise ParameterError for numbers outside their domain."""
-        if not 1 <= self.reach <= MAX_REACH:
-            raise ParameterError(f"a reach of {self.reach} cells is not 1 to {MAX_REACH}")
-        if not 0.0 <= self.slip <= 0.5:
-            raise ParameterError(f"a slip of {self.slip} to each side is not 0 to 0.5")
+        if not self.reaches or not all(1 <= reach <= MAX_REACH for reach in self.reaches):
+            raise ParameterError(f"reaches of {self.reaches} cells are not 1 to {MAX_REACH}")
+        if len(self.effort) != len(self.reaches):
+            raise ParameterError(f"{self}: there is not one effort for each pace")
+        if not 0.0 <= self.slip <= 1.0:
+            raise ParameterError(f"a slip of {self.slip} is not 0 to 1")
+        if not 0.0 <= self.rest <= self.time:
+            raise ParameterError(f"a rest of {self.rest} is not 0 to {self.time}, the time's price")
+        if not 1.0 <= self.late < math.inf:
+            raise ParameterError(f"being late by a factor of {self.late} is not 1 or more")
         prices = (self.time - LEAST_TIME, self.clearance, self.quarter_turn, self.half_turn)
-        if not all(0.0 <= price < math.inf for price in prices):
+        if not all(0.0 <= price < math.inf for price in (*prices, *self.effort)):
             raise ParameterError(
                 f"{self}: a price is negative or not finite, or time costs nothing"
             )
 
     @classmethod
     def of(
-        cls, row: CatalogueRow, speed_mps: float, cell_size_m: float, period_s: float, slip: float
+        cls,
+        row: CatalogueRow,
+        speeds_mps: tuple[float, ...],
+        cell_size_m: float,
+        period_s: float,
+        slip: float,
     ) -> "TravelModel":
-        """Return the model of a type that goes at a speed, with decisions every period.
+        """Return the model of a type that goes at some speeds, with decisions every period.
 
         Turning on the spot costs its time. A type with a turning circle pays the time of a quarter
-        of it for a quarter turn, and 20 s more for turning around.
+        of it at the first speed for a quarter turn, and 20 s more for turning around. The effort of
+        another speed is `rewards.effort` times the time that it saves, a rest is `rewards.rest`
+        times the time that it takes: at 1 both would just pay.
         """
         motion, rewards = row.motion, row.rewards
-        reach = max(1, min(MAX_REACH, round(speed_mps * period_s / cell_size_m)))
+        cells = [round(speed_mps * period_s / cell_size_m) for speed_mps in speeds_mps]
+        reaches = tuple(max(1, min(MAX_REACH, reach)) for reach in cells)
         quarter_s = 0.5 * math.pi / max(motion.turn_rate_radps, 1e-3)
         half_s = 2.0 * quarter_s
         if motion.turn_radius_m > 0.0:
             # by the rounded speed, so that speeds of one reach share their values
             arc_m = 0.5 * math.pi * motion.turn_radius_m
-            quarter_s = max(quarter_s, arc_m * period_s / (reach * cell_size_m))
+            quarter_s = max(quarter_s, arc_m * period_s / (reaches[0] * cell_size_m))
             half_s = 2.0 * quarter_s + _VEHICLE_HALF_TURN_S
         time = max(rewards.time, LEAST_TIME)
+        saved = [max(0.0, reach / reaches[0] - 1.0) for reach in reaches]
         return cls(
-            reach=reach,
+            reaches=reaches,
             slip=slip,
             time=time,
             clearance=rewards.clearance,
+            effort=tuple(rewards.effort * time * share for share in saved),
+            rest=min(rewards.rest, 1.0) * time,
             goal=rewards.goal,
+            late=max(rewards.late, 1.0),
             quarter_turn=time * quarter_s / period_s,
             half_turn=time * half_s / period_s,
         )
+
+    @property
+    def chances(self) -> tuple[float, float, float]:
+        """The probabilities of going as intended, of failing, and of going to one of the sides."""
+        return 1.0 - self.slip, 0.5 * self.slip, 0.25 * self.slip
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,11 +143,11 @@ class Ways:
 class Problem:
     """A decision process with a goal, on h x w cells, as backward induction takes it.
 
-    `lengths` uint8 (4, h, w): the cells of a move in each direction (at most `model.reach`).
-    `gains` float32 (5, h, w): the reward of an epoch of moving in each direction (intended or by
-    slipping), and of staying; turning costs extra. `terminal` float32 (h, w): V_0, for all
-    headings. `costs` float32 (h, w): the cost of the cheapest way to the goal, without turning and
-    slipping, inf if there is none.
+    `lengths` uint8 (4, h, w): the cells of a move in each direction at the longest reach; at
+    another pace it is at most that pace's. `gains` float32 (1 + 4 P, h, w): the reward of an epoch
+    of staying, and of moving in each direction at each pace (intended or by slipping); turning
+    costs extra. `terminal` float32 (h, w): V_0, for all headings. `costs` float32 (h, w): the cost
+    of the cheapest way to the goal, without turning and slipping, inf if there is none.
     """
 
     lengths: npt.NDArray[np.uint8]
@@ -134,11 +162,13 @@ class Problem:
 class Solution:
     """Values float32 (K, 4, h, w) by epochs left and heading; beyond the last, the last is valid.
 
-    With K = 1 only the longest horizon was kept. `epochs` were computed: fewer than the horizon
-    if the values did not change any more.
+    With K = 1 only the longest horizon was kept. `settled` int32 (h, w) is the last epoch that
+    changed any value of a cell, and `epochs` were computed: fewer than the horizon if the values
+    did not change any more.
     """
 
     planes: Floats
+    settled: npt.NDArray[np.int32]
     epochs: int
 
     def plane(self, epochs_left: int) -> Floats:
@@ -158,13 +188,13 @@ def ways_to(
 
     `edges` bool (4, H, W) tells which steps are possible, symmetrically; `nearness` float32 (H, W)
     in [0, 1] how near the walls are. A step into a cell costs the cell's price (of an epoch: time,
-    clearance) over the reach, so that a move that ends early costs as much less.
+    clearance) over the first reach, so that a move that ends early costs as much less.
     """
     corner, end = window or ((0, 0), (nearness.shape[0], nearness.shape[1]))
     goal = (int(goal[0]) - corner[0], int(goal[1]) - corner[1])
     time, clearance = np.float32(model.time), np.float32(model.clearance)
     edges, price = _travel_kernels.cut_out(edges, nearness, corner, end, time, clearance)
-    costs = _travel_kernels.way_prices(edges, price, model.reach, goal)
+    costs = _travel_kernels.way_prices(edges, price, model.reaches[0], goal)
     return Ways(edges, price, costs, goal, model)
 
 
@@ -172,44 +202,29 @@ def problem_of(ways: Ways) -> Problem:
     """Return the decision process of going to the goal of some ways.
 
     The goal has the value `model.goal` and ends the process. The terminal value elsewhere is that
-    less the cost of the cheapest way there, an upper bound for every policy. So an agent starts
-    even with a short horizon, and V never rises with the epochs left.
+    less `model.late` times the cost of the cheapest way there: so an agent starts even with a short
+    horizon.
     """
-    model = ways.model
-    lengths, gains, terminal = _travel_kernels.find_process(
-        ways.edges,
-        ways.costs,
-        ways.price,
-        model.reach,
-        ways.goal,
-        (np.float32(model.goal), UNREACHABLE),
+    model, reaches = ways.model, np.array(ways.model.reaches)
+    lengths = _travel_kernels.find_moves(ways.edges, ways.costs, int(reaches.max()), ways.goal)
+    gains = _travel_kernels.find_gains(
+        lengths, ways.costs, ways.price, reaches, np.array(model.effort), model.rest, ways.goal
     )
+    loss = np.float32(model.late) * ways.costs
+    terminal = np.maximum(np.float32(model.goal) - loss, UNREACHABLE)
     return Problem(lengths, gains, terminal, ways.costs, ways.goal, model)
 
 
 def solve(problem: Problem, horizon: int, kept_bytes: int = KEPT_BYTES) -> Solution:
     """Return V_0 .. V_horizon by exact backward induction in float32, without a transition matrix.
 
-    The value of moving in a direction does not depend on the heading or the intended action: each
-    epoch takes four shifted planes, then the best of five sums (eq. of section 3.2). It runs in one
-    thread, with the same bits on all machines. If all planes would need more than `kept_bytes`,
-    only the last one is kept.
+    What a direction leads to does not depend on the heading or the intended action: each epoch
+    takes four shifted planes for each pace, then the best of the sums (eq. of section 3.2). It runs
+    in one thread, with the same bits on all machines. If all planes would need more than
+    `kept_bytes`, only the last one is kept.
     """
     height, width = problem.terminal.shape
-    model = problem.model
     keeps_all = 16 * (horizon + 1) * height * width <= kept_bytes
-    in_place = model.reach * width <= CHUNK
-    kept = horizon + 1 if keeps_all else (1 if in_place else 2)
-    planes, epochs = _mdp_kernels.solved(
-        kept,
-        problem.terminal,
-        problem.lengths,
-        problem.gains,
-        model.reach,
-        (np.float32(1.0 - 2.0 * model.slip), np.float32(model.slip)),
-        (np.float32(model.quarter_turn), np.float32(model.half_turn)),
-        horizon,
-    )
-    if keeps_all:
-        return Solution(planes[: epochs + 1], epochs)
-    return Solution(planes if kept == 1 else planes[epochs % kept][None].copy(), epochs)
+    planes, settled, epochs = _induction.solved(problem, horizon + 1 if keeps_all else 2, horizon)
+    last = planes[: epochs + 1] if keeps_all else planes[epochs % 2][None].copy()
+    return Solution(last, settled, epochs)

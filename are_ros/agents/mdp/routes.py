@@ -1,4 +1,6 @@
-"""One-step lookahead over values, and the way that follows from it, compiled."""
+"""Lookahead over the next epochs, and the way that follows from the values, compiled."""
+
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -9,110 +11,269 @@ from are_ros.agents.mdp.coarse_kernels import COL_STEPS, ROW_STEPS
 Floats = npt.NDArray[np.float32]
 Doubles = npt.NDArray[np.float64]
 Lengths = npt.NDArray[np.uint8]
+Cell = tuple[int, int]
 
 TIE = 1e-6
 """Actions whose values differ by less count as equal; then going straight on is preferred."""
 
+AHEAD = 2
+"""So many epochs are looked ahead among others who move."""
+
+
+class ValueArrays(NamedTuple):
+    """A value table as the kernels take it, with a window of h x w cells.
+
+    `planes` (K, 4, h, w), `lengths` and `costs` as in `Problem`, `nearness` (H, W) of the whole
+    map; `paces` (P, 2) are the reach and the effort of each. `prices` are those of time and
+    clearance, and what resting saves; `chances` and `turns` as in `Process`; `corner` is the
+    window's first cell, `goal` the goal's in the window.
+    """
+
+    planes: Floats
+    lengths: Lengths
+    costs: Floats
+    nearness: Floats
+    paces: Doubles
+    prices: tuple[float, float, float]
+    chances: tuple[float, float, float]
+    turns: tuple[float, float]
+    corner: Cell
+    goal: Cell
+
+
+ValueTuple = tuple[Any, ...]
+"""The fields of `ValueArrays`."""
+
+
+class Moves(NamedTuple):
+    """Scratch for the moves from a cell, float64 (P, 4) each.
+
+    What an epoch brings, how many cells are gone, what comes of it in all, and the same where it
+    may slip. `after` (4,) are values by heading.
+    """
+
+    gains: Doubles
+    lengths: Doubles
+    brings: Doubles
+    slipping: Doubles
+    after: Doubles
+
 
 @borrowing
 def action_values(
-    values: Floats,
-    lengths: Lengths,
-    gains: Floats,
-    weights: Doubles,
+    values: ValueArrays,
+    later: Floats,
     anchors_m: Doubles,
-    moving: Doubles,
+    others: Doubles,
     state: tuple[int, int, int],
+    scratch: tuple[Moves, Moves],
     result: Doubles,
 ) -> None:
-    """Fill in what staying and the four directions bring: the first 5 of float64 (9,).
+    """Fill in what staying and the four directions bring at each pace: (P, 5).
 
-    `values` (4, h, w) with one epoch less; `state` row and column in the window, and heading;
-    `weights` as `ValueTable.weights`; `anchors_m` (H, W, 2) of the whole coarse map; `moving`
-    (M, 5) is x, y, radius, fade and weight of each moving neighbour.
+    `later` (4, h, w) are the values after as many epochs as are looked ahead; `anchors_m`
+    (H, W, 2) of the whole coarse map. `others` (K, M, 5) is x, y, radius, fade and weight of
+    each moving neighbour in each of K epochs. They cost their weight within the radius, fading to
+    0, in each cell entered, and a move that enters the radius of one fails. Backward induction over
+    the states that can be reached in K epochs, exact.
     """
     row, col, heading = state
-    brings = result[5:]
-    result[0] = gains[4, row, col] + values[heading, row, col]
-    if moving.shape[0] > 0:
-        result[0] -= _bother(anchors_m, weights, row, col, moving)
+    moves, further = scratch
+    here = _find_moves(values, anchors_m, others[0], (row, col), moves)
+    _find_after(values, later, anchors_m, others[1:], (row, col), further)
     for direction in range(4):
-        length = lengths[direction, row, col]
-        r, c = row + length * ROW_STEPS[direction], col + length * COL_STEPS[direction]
-        brings[direction] = gains[direction, row, col] + values[direction, r, c]
-        if moving.shape[0] > 0 and length == 0:
-            brings[direction] -= _bother(anchors_m, weights, row, col, moving)
-        elif moving.shape[0] > 0:  # in each cell that the move enters, over the reach
-            total = 0.0
-            for k in range(1, length + 1):
-                r, c = row + k * ROW_STEPS[direction], col + k * COL_STEPS[direction]
-                total += _bother(anchors_m, weights, r, c, moving)
-            brings[direction] -= total / weights[4]
+        moves.after[direction] = further.after[direction]
     for direction in range(4):
-        sides = brings[(direction + 1) % 4] + brings[(direction + 3) % 4]
-        apart = (direction - heading) % 4
-        turn = 0.0 if apart == 0 else weights[3 if apart == 2 else 2]
-        result[1 + direction] = weights[0] * brings[direction] + weights[1] * sides - turn
+        for pace in range(moves.gains.shape[0]):
+            length = int(moves.lengths[pace, direction])
+            if length == 0:
+                after = moves.after[direction]
+            elif pace > 0 and length == moves.lengths[pace - 1, direction]:
+                after = moves.brings[pace - 1, direction] - moves.gains[pace - 1, direction]
+            else:
+                r, c = row + length * ROW_STEPS[direction], col + length * COL_STEPS[direction]
+                _find_after(values, later, anchors_m, others[1:], (r, c), further)
+                after = further.after[direction]
+            moves.brings[pace, direction] = moves.gains[pace, direction] + after
+    _slip(values, here, moves)
+    for pace in range(moves.gains.shape[0]):
+        result[pace, 0] = moves.after[heading] - here + values.prices[2]
+        for direction in range(4):
+            turn = _turn(values, heading, direction)
+            result[pace, 1 + direction] = moves.slipping[pace, direction] - turn
 
 
 @borrowing
-def _bother(anchors_m: Doubles, weights: Doubles, row: int, col: int, moving: Doubles) -> float:
-    """Return the cost of moving neighbours in a cell: their weight at their radius, fading to 0."""
-    anchor_m = anchors_m[row + int(weights[5]), col + int(weights[6])]
-    total = 0.0
-    for k in range(moving.shape[0]):
-        dx_m, dy_m = moving[k, 0] - anchor_m[0], moving[k, 1] - anchor_m[1]
-        away_m = np.sqrt(dx_m * dx_m + dy_m * dy_m) - moving[k, 2]
-        total += moving[k, 4] * min(1.0, max(0.0, 1.0 - away_m / moving[k, 3]))
+def _find_moves(
+    values: ValueArrays, anchors_m: Doubles, others: Doubles, cell: Cell, moves: Moves
+) -> float:
+    """Find how far moves go and what the epoch brings; return what the epoch costs in the cell."""
+    row, col = cell
+    here = _price(values, anchors_m, others, row, col)
+    for direction in range(4):
+        longest = int(values.lengths[direction, row, col])
+        is_free, swept, k = True, 0.0, 0
+        while True:
+            for pace in range(values.paces.shape[0]):
+                reach, effort = values.paces[pace, 0], values.paces[pace, 1]
+                if k == min(longest, int(reach)):
+                    length = k if is_free else 0
+                    cost = (swept + k * effort) / reach if length > 0 else here + effort
+                    moves.lengths[pace, direction] = length
+                    moves.gains[pace, direction] = -cost
+            if k >= longest:
+                break
+            k += 1
+            r, c = row + k * ROW_STEPS[direction], col + k * COL_STEPS[direction]
+            is_free = is_free and not _is_occupied(values, anchors_m, others, r, c)
+            swept += _price(values, anchors_m, others, r, c)
+    return here
+
+
+@borrowing
+def _find_after(
+    values: ValueArrays,
+    later: Floats,
+    anchors_m: Doubles,
+    others: Doubles,
+    cell: Cell,
+    moves: Moves,
+) -> None:
+    """Find the values of a cell by heading, with one epoch more than `later` if others has one."""
+    row, col = cell
+    after = moves.after
+    for heading in range(4):
+        after[heading] = later[heading, row, col]
+    if others.shape[0] == 0 or (row == values.goal[0] and col == values.goal[1]):
+        return
+    here = _find_moves(values, anchors_m, others[0], cell, moves)
+    for direction in range(4):
+        for pace in range(moves.gains.shape[0]):
+            length = int(moves.lengths[pace, direction])
+            r, c = row + length * ROW_STEPS[direction], col + length * COL_STEPS[direction]
+            moves.brings[pace, direction] = moves.gains[pace, direction] + later[direction, r, c]
+    _slip(values, here, moves)
+    for heading in range(4):
+        best = after[heading] - here + values.prices[2]
+        for direction in range(4):
+            turn = _turn(values, heading, direction)
+            for pace in range(moves.gains.shape[0]):
+                best = max(best, moves.slipping[pace, direction] - turn)
+        after[heading] = best
+
+
+@borrowing
+def _slip(values: ValueArrays, here: float, moves: Moves) -> None:
+    """Find what the moves bring that may slip aside or fail, where an epoch costs so much."""
+    straight, fails, aside = values.chances
+    for pace in range(moves.gains.shape[0]):
+        for direction in range(4):
+            sides = (
+                moves.brings[pace, (direction + 1) % 4] + moves.brings[pace, (direction + 3) % 4]
+            )
+            failed = moves.after[direction] - here - values.paces[pace, 1]
+            moves.slipping[pace, direction] = (
+                straight * moves.brings[pace, direction] + aside * sides + fails * failed
+            )
+
+
+@borrowing
+def _turn(values: ValueArrays, heading: int, direction: int) -> float:
+    """Return the price of turning to a direction."""
+    apart = (direction - heading) % 4
+    quarter, half = values.turns
+    return 0.0 if apart == 0 else (half if apart == 2 else quarter)
+
+
+@borrowing
+def _price(values: ValueArrays, anchors_m: Doubles, others: Doubles, row: int, col: int) -> float:
+    """Return what an epoch in a cell costs: time, walls, and others by how near they are."""
+    row, col = row + values.corner[0], col + values.corner[1]
+    total = values.prices[0] + values.prices[1] * float(values.nearness[row, col])
+    for k in range(others.shape[0]):
+        away_m = _away_m(anchors_m, others, row, col, k) - others[k, 2]
+        total += others[k, 4] * min(1.0, max(0.0, 1.0 - away_m / others[k, 3]))
     return total
 
 
 @borrowing
-def best_action(brings: Doubles, heading: int) -> int:
-    """Return the best action; of equal ones the first of ahead, left, right, back and stay."""
-    best = 1 + heading
-    for turn in (1, 3, 2):
-        action = 1 + (heading + turn) % 4
-        if brings[action] > brings[best] + TIE:
-            best = action
-    return 0 if brings[0] > brings[best] + TIE else best
+def _is_occupied(
+    values: ValueArrays, anchors_m: Doubles, others: Doubles, row: int, col: int
+) -> bool:
+    """Tell whether somebody will be where one stands in the cell."""
+    row, col = row + values.corner[0], col + values.corner[1]
+    for k in range(others.shape[0]):
+        if _away_m(anchors_m, others, row, col, k) < others[k, 2]:
+            return True
+    return False
+
+
+@borrowing
+def _away_m(anchors_m: Doubles, others: Doubles, row: int, col: int, k: int) -> float:
+    dx_m, dy_m = others[k, 0] - anchors_m[row, col, 0], others[k, 1] - anchors_m[row, col, 1]
+    return float(np.sqrt(dx_m * dx_m + dy_m * dy_m))
+
+
+@borrowing
+def best_action(brings: Doubles, heading: int) -> tuple[int, int]:
+    """Return the pace and the move of the best action of (P, 5).
+
+    Of equal ones the first pace, and the first of ahead, left, right, back and stay.
+    """
+    best = (0, 1 + heading)
+    for pace in range(brings.shape[0]):
+        for turn in (0, 1, 3, 2):
+            move = 1 + (heading + turn) % 4
+            if brings[pace, move] > brings[best] + TIE:
+                best = (pace, move)
+    return (0, 0) if brings[0, 0] > brings[best] + TIE else best
 
 
 @borrowing
 def follow(
-    planes: Floats,
-    lengths: Lengths,
-    gains: Floats,
-    weights: Doubles,
+    values: ValueArrays,
     anchors_m: Doubles,
+    nobody: Doubles,
+    epochs_left: int,
     state: tuple[int, int, int],
-    action: int,
+    action: tuple[int, int],
     points_m: Doubles,
+    scratch: tuple[Moves, Moves],
     brings: Doubles,
-    no_others: Doubles,
 ) -> tuple[int, float]:
     """Fill in the anchors (K, 2) that an action and then the best ones lead along, without slips.
 
     Returns how many there are, and the epochs that this takes: to the goal, or to where the
-    points are all used; inf if neither is ever reached. Scratch are `brings` (9,) and `no_others`
-    (0, 5).
+    points are all used; inf if neither is ever reached. `nobody` is (1, 0, 5).
     """
     row, col, heading = state
-    values = planes[planes.shape[0] - 1]
     count, epochs = 0, 0.0
-    for _ in range(lengths.size):
-        if (row == weights[7] and col == weights[8]) or count == points_m.shape[0]:
+    for step in range(values.lengths.size):
+        if (row == values.goal[0] and col == values.goal[1]) or count == points_m.shape[0]:
             return count, epochs
-        length = lengths[action - 1, row, col] if action > 0 else 0
-        heading = action - 1 if action > 0 else heading
+        pace, move = action
+        reach, length = values.paces[pace, 0], 0
+        if move > 0:
+            heading = move - 1
+            length = min(int(reach), int(values.lengths[heading, row, col]))
+        elif step > 0 and epochs_left < 0:
+            break  # at the end of its life it waits
         for _ in range(length):
             row, col = row + ROW_STEPS[heading], col + COL_STEPS[heading]
             if count < points_m.shape[0]:
-                anchor_m = anchors_m[row + int(weights[5]), col + int(weights[6])]
+                anchor_m = anchors_m[row + values.corner[0], col + values.corner[1]]
                 points_m[count, 0], points_m[count, 1] = anchor_m[0], anchor_m[1]
                 count += 1
-        epochs += length / weights[4] if length > 0 else 1.0
-        state = (row, col, heading)
-        action_values(values, lengths, gains, weights, anchors_m, no_others, state, brings)
+        epochs += length / reach if length > 0 else 1.0
+        epochs_left -= 1
+        later = values.planes[place_of(values, epochs_left - 1)]
+        action_values(values, later, anchors_m, nobody, (row, col, heading), scratch, brings)
         action = best_action(brings, heading)
     return count, np.inf
+
+
+@borrowing
+def place_of(values: ValueArrays, epochs_left: int) -> int:
+    """Return which plane has the values with so many epochs left."""
+    last: int = values.planes.shape[0] - 1
+    return max(0, min(epochs_left, last))

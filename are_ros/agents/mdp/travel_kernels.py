@@ -102,25 +102,6 @@ def _spread(
     return True
 
 
-def find_process(
-    edges: Mask,
-    costs: Floats,
-    price: Floats,
-    reach: int,
-    goal: tuple[int, int],
-    values: tuple[np.float32, np.float32],
-) -> tuple[Lengths, Floats, Floats]:
-    """Return how far moves go, what an epoch brings, and V_0; as `Problem` has them.
-
-    `values` are those of the goal, and of where there is no way to it.
-    """
-    lengths = find_moves(edges, costs, reach, goal)
-    gains = find_gains(lengths, costs, price, reach, goal)
-    at_goal, unreachable = values
-    terminal: Floats = np.maximum(at_goal - costs, unreachable)
-    return lengths, gains, terminal
-
-
 @compiled
 def find_moves(edges: Mask, costs: Floats, reach: int, goal: tuple[int, int]) -> Lengths:
     """Return how many cells one goes from each cell in each direction: uint8 (4, h, w).
@@ -158,40 +139,65 @@ def find_moves(edges: Mask, costs: Floats, reach: int, goal: tuple[int, int]) ->
 
 @compiled
 def find_gains(
-    lengths: Lengths, costs: Floats, price: Floats, reach: int, goal: tuple[int, int]
+    lengths: Lengths,
+    costs: Floats,
+    price: Floats,
+    reaches: npt.NDArray[np.int64],
+    effort: npt.NDArray[np.float64],
+    rest: float,
+    goal: tuple[int, int],
 ) -> Floats:
-    """Return what an epoch brings: float32 (5, h, w), the four directions and then staying.
+    """Return what an epoch brings: float32 (1 + 4 P, h, w), staying and the moves of each pace.
 
-    A move pays the price of each cell that it enters, over the reach; one that is blocked pays
-    for staying. Staying at the goal, and where there is no way to it, is free, and anything else
-    costs 1 there: those states are absorbing.
+    A move pays the price of each cell that it enters and its pace's effort, over its reach; one
+    that is blocked pays for the cell and the effort. Staying pays the price less `rest`. Staying at
+    the goal, and where there is no way to it, is free, and anything else costs 1 there: those
+    states are absorbing.
     """
     height, width = price.shape
-    gains = np.empty((5, height, width), np.float32)
+    gains = np.empty((1 + 4 * reaches.shape[0], height, width), np.float32)
     # sums of the prices up to each cell, itself included, along its row and along its column
-    along, across = np.zeros(width), np.zeros((height, width))
+    along, across = np.zeros((height, width)), np.zeros((height, width))
     for row in range(height):
         for col in range(width):
-            along[col] = price[row, col] + (along[col - 1] if col > 0 else 0.0)
-            across[row, col] = price[row, col] + (across[row - 1, col] if row > 0 else 0.0)
-        for col in range(width):
-            blocked = -price[row, col]
-            east, west = lengths[0, row, col], lengths[2, row, col]
-            gain = np.float32((along[col] - along[col + east]) / reach)
-            gains[0, row, col] = gain if east > 0 else blocked
-            swept = along[max(col - 1, 0)] - (along[col - west - 1] if col > west else 0.0)
-            gains[2, row, col] = np.float32(-swept / reach) if west > 0 else blocked
-            gains[4, row, col] = blocked
+            here = price[row, col]
+            along[row, col] = here + (along[row, col - 1] if col > 0 else 0.0)
+            across[row, col] = here + (across[row - 1, col] if row > 0 else 0.0)
+            is_absorbing = costs[row, col] == np.inf or (row == goal[0] and col == goal[1])
+            gains[0, row, col] = np.float32(0.0 if is_absorbing else rest - here)
+    for pace in range(reaches.shape[0]):
+        for direction in range(4):
+            _find_gains(
+                (along, across)[direction % 2],
+                lengths[direction],
+                price,
+                (direction, reaches[pace], effort[pace]),
+                gains[1 + 4 * pace + direction],
+            )
     for row in range(height):
         for col in range(width):
-            blocked = -price[row, col]
-            north, south = lengths[1, row, col], lengths[3, row, col]
-            gain = np.float32((across[row, col] - across[row + north, col]) / reach)
-            gains[1, row, col] = gain if north > 0 else blocked
-            swept = across[max(row - 1, 0), col]
-            swept -= across[row - south - 1, col] if row > south else 0.0
-            gains[3, row, col] = np.float32(-swept / reach) if south > 0 else blocked
             if costs[row, col] == np.inf or (row == goal[0] and col == goal[1]):
-                gains[:4, row, col] = np.float32(-1.0)
-                gains[4, row, col] = np.float32(0.0)
+                gains[1:, row, col] = np.float32(-1.0)
     return gains
+
+
+@compiled
+def _find_gains(
+    sums: npt.NDArray[np.float64],
+    lengths: Lengths,
+    price: Floats,
+    pace: tuple[int, int, float],
+    gains: Floats,
+) -> None:
+    """Fill in what moves in a direction bring, by sums of prices along it."""
+    direction, reach, effort = pace
+    row_step, col_step = ROW_STEPS[direction], COL_STEPS[direction]
+    for row in range(price.shape[0]):
+        for col in range(price.shape[1]):
+            length = min(np.int64(lengths[row, col]), reach)
+            swept = sums[row + length * row_step, col + length * col_step] - sums[row, col]
+            if row_step + col_step < 0:  # the sums count the cell itself, and not the last one
+                end = price[row + length * row_step, col + length * col_step]
+                swept = end - price[row, col] - swept
+            cost = (swept + length * effort) / reach if length > 0 else price[row, col] + effort
+            gains[row, col] = np.float32(-cost)

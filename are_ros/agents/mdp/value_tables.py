@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from are_ros.agents.mdp.coarse_map import Cell, CoarseMap
 from are_ros.agents.mdp.model import TravelModel, Ways, Window, problem_of, solve, ways_to
-from are_ros.agents.navigation.step_kernels import ValueArrays
+from are_ros.agents.mdp.routes import ValueArrays
 
 
 class Sized(Protocol):
@@ -79,29 +79,40 @@ class ValueTable:
     `corner` is the window's first cell (row, col) in the coarse map, `goal` the goal's cell there.
     `goal_m` is the end point in the map frame. `planes` float32 (K, 4, h, w) are the values by
     epochs left and heading; K = 1 if all planes would need too much memory: then those of the
-    longest horizon are used for all. `lengths`, `gains`, `costs` as in `model.Problem`. `weights`
-    float64 (9,) are the other numbers for kernels: the probabilities of going straight and to
-    either side, prices of a quarter and a half turn, reach, corner, and the goal in the window.
+    longest horizon are used for all. `lengths` and `costs` as in `model.Problem`, `nearness`
+    float32 (H, W) is the whole map's.
     """
 
     planes: npt.NDArray[np.float32]
     lengths: npt.NDArray[np.uint8]
-    gains: npt.NDArray[np.float32]
     costs: npt.NDArray[np.float32]
+    nearness: npt.NDArray[np.float32]
     corner: Cell
     goal: Cell
     goal_m: tuple[float, float]
-    weights: npt.NDArray[np.float64]
+    model: TravelModel
 
     @property
     def value_arrays(self) -> ValueArrays:
         """The arrays that kernels take."""
-        return ValueArrays(self.planes, self.lengths, self.gains, self.costs, self.weights)
+        model = self.model
+        return ValueArrays(
+            self.planes,
+            self.lengths,
+            self.costs,
+            self.nearness,
+            np.array([model.reaches, model.effort], np.float64).T.copy(),
+            (model.time, model.clearance, model.rest),
+            model.chances,
+            (model.quarter_turn, model.half_turn),
+            self.corner,
+            (self.goal[0] - self.corner[0], self.goal[1] - self.corner[1]),
+        )
 
     @property
     def nbytes(self) -> int:
         """Memory of the arrays."""
-        arrays = (self.planes, self.lengths, self.gains, self.costs)
+        arrays = (self.planes, self.lengths, self.costs)
         return sum(array.nbytes for array in arrays)
 
     def cost(self, cell: Cell) -> float:
@@ -181,7 +192,7 @@ class ValueTables:
         if table is None:
             store = self._shared
             found = self._table_or_ways(store, coarse, model, goal, window)
-            table = self._solved(store, *found, goal_m)
+            table = self._solved(store, coarse, *found, goal_m)
         return table if table.goal_m == goal_m else replace(table, goal_m=goal_m)
 
     def _of_part(
@@ -207,7 +218,7 @@ class ValueTables:
             if found.costs[start[0] - row, start[1] - col] <= _least_outside(
                 model, goal, start, margin
             ):
-                return self._solved(self._parts, key, found, goal_m)
+                return self._solved(self._parts, coarse, key, found, goal_m)
         return None
 
     def _table_or_ways(
@@ -221,7 +232,12 @@ class ValueTables:
         return key, ways_to(coarse.edges, coarse.nearness, goal, model, window)
 
     def _solved(
-        self, store: _Store, key: TableKey, found: ValueTable | Ways, goal_m: tuple[float, float]
+        self,
+        store: _Store,
+        coarse: CoarseMap,
+        key: TableKey,
+        found: ValueTable | Ways,
+        goal_m: tuple[float, float],
     ) -> ValueTable:
         """Return the table; compute it from ways if necessary, with `goal_m` as its end point."""
         if isinstance(found, Ways):
@@ -230,12 +246,12 @@ class ValueTables:
             found = ValueTable(
                 planes=solve(problem, self._horizon, self._kept_bytes).planes,
                 lengths=problem.lengths,
-                gains=problem.gains,
                 costs=problem.costs,
+                nearness=coarse.nearness,
                 corner=corner,
                 goal=goal,
                 goal_m=goal_m,
-                weights=_weights(model, corner, problem.goal),
+                model=model,
             )
             store.put(key, found)
         return found
@@ -270,10 +286,4 @@ def _least_outside(model: TravelModel, goal: Cell, start: Cell, margin: int) -> 
     It crosses the margin twice, and no step is cheaper than its time.
     """
     steps = abs(goal[0] - start[0]) + abs(goal[1] - start[1]) + 2 * (margin + 1)
-    return steps * model.time / model.reach
-
-
-def _weights(model: TravelModel, corner: Cell, goal: Cell) -> npt.NDArray[np.float64]:
-    chances = (1.0 - 2.0 * model.slip, model.slip)
-    turns = (model.quarter_turn, model.half_turn)
-    return np.array([*chances, *turns, model.reach, *corner, *goal], np.float64)
+    return steps * model.time / model.reaches[0]

@@ -1,13 +1,15 @@
 """Navigation: from the intent of an agent to a motion command for the local planner.
 
-The values of the decision process (MDP) give the next move, with one step of lookahead among the
-other agents; the best policy gives the way from there. The sub-goal is the goal if a straight line
-leads there, else the farthest point of the way with a straight line to it.
+The values of the decision process (MDP) tell what each action is worth, with two epochs of
+lookahead among the other agents. Once one is chosen, the best policy gives the way from there. The
+sub-goal is the goal if a straight line leads there, else the farthest point of the way with a
+straight line to it.
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from enum import Enum, auto
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,16 +18,19 @@ from are_ros.agents.behaviours.situation import Intent, Neighbour, Point, RobotV
 from are_ros.agents.local_planner.body import MotionCommand
 from are_ros.agents.mdp.coarse_map import CoarseMaps
 from are_ros.agents.mdp.model import TravelModel
+from are_ros.agents.mdp.routes import best_action
 from are_ros.agents.mdp.value_tables import ValueTables
 from are_ros.agents.navigation.destinations import Destinations, ReachableDestinations
 from are_ros.agents.navigation.profile import NavigationProfile
 from are_ros.agents.navigation.step_kernels import (
+    CHOOSES,
     NO_WAY,
     STRAIGHT,
     STRAIGHT_M,
-    WAITS,
     GoalArrays,
-    route_step,
+    Robot,
+    prospect_of,
+    way_along,
 )
 from are_ros.agents.navigation.terrain import Terrain, Terrains
 from are_ros.agents.snapshot import AgentSnapshot
@@ -38,41 +43,83 @@ if TYPE_CHECKING:
 _MOST_POINTS = 128
 """A sub-goal is at most this many coarse cells along the way."""
 
+_GOALS_KEPT = 3
+"""So many goals of an agent are known: of its journey, of its behaviour, and its way out."""
+
 _NO_ENVIRONMENT = "there is no environment yet, so no way can be found"
 _NO_WAY = np.empty((0, 2))
+_NO_VALUES = np.empty((0, 5))
 _NOWHERE = Destinations(np.empty((0, 2)), np.empty((0, 2)))
 
 
-class NavigationRequest(NamedTuple):
-    """The intent of an agent at a decision, and the rest of its life [s] if that is known.
+class Prospects(Enum):
+    """What there is to choose for an agent.
 
-    A patient agent gives way to others; else the local planner has to pass them.
+    It stands without a goal, has arrived, has no way to the goal, goes straight to a goal that is
+    near or moving, or chooses by the values of its actions.
+    """
+
+    STANDS = auto()
+    ARRIVED = auto()
+    NO_WAY = auto()
+    STRAIGHT = auto()
+    CHOOSES = auto()
+
+
+class NavigationRequest(NamedTuple):
+    """The intent of an agent at a decision, its paces, and the rest of its life if it is known.
+
+    `speeds_mps` (P,) is the speed of each pace, of which the first counts for turns; `left_s` the
+    rest of the life [s]. A patient agent minds others; else the local planner has to pass them.
     """
 
     state: "AgentState"
     me: Neighbour
     intent: Intent
+    speeds_mps: tuple[float, ...]
     left_s: float | None = None
     is_patient: bool = True
 
 
 class ActiveGoal(NamedTuple):
-    """The goal of an agent since an earlier decision, its speed, and the value table for it.
+    """A goal of an agent, and the values of going there.
 
-    It is valid in one environment. `arrays` are what kernels take: the fields of `Ground` and
+    They are valid in one environment. `arrays` are what kernels take: the fields of `Ground` and
     `ValueArrays`, and `GoalSpec`.
     """
 
-    goal_m: Point
-    speed_mps: float
     environment: Environment
     arrays: GoalArrays
+
+
+class Prospect(NamedTuple):
+    """What the actions of an agent are worth at a decision.
+
+    `values` float64 (P, 5) are Q of each pace and move: stay, east, north, west, south of the grid,
+    among the others. `value` is V of the state without them, `heading` its heading, 0 east to 3
+    south. All are there if it `CHOOSES`.
+    """
+
+    kind: Prospects
+    values: npt.NDArray[np.float64] = _NO_VALUES
+    value: float = 0.0
+    heading: int = 0
+    active: ActiveGoal | None = None
+
+    @property
+    def best(self) -> tuple[int, int]:
+        """The pace and the move of the highest value; of equal ones, going straight on."""
+        if self.kind is not Prospects.CHOOSES:
+            return 0, 0
+        pace, move = best_action(self.values, self.heading)
+        return pace, move
 
 
 class NavigationResult(NamedTuple):
     """The motion command for one decision period, and the state of the goal.
 
-    If `waits` is true, the agent gives way to others. `way_m` float64 (K, 2) is the way found.
+    If `waits` is true, the agent stays though it has a goal. `way_m` float64 (K, 2) is the way
+    found.
     """
 
     command: MotionCommand
@@ -80,6 +127,17 @@ class NavigationResult(NamedTuple):
     no_way: bool = False
     waits: bool = False
     way_m: npt.NDArray[np.float64] = _NO_WAY
+
+
+GoalKey = tuple[Point, tuple[float, ...]]
+"""A goal, and the speeds at which it is gone to."""
+
+
+_KINDS: Final = {
+    NO_WAY: Prospects.NO_WAY,
+    STRAIGHT: Prospects.STRAIGHT,
+    CHOOSES: Prospects.CHOOSES,
+}
 
 
 class Navigation:
@@ -120,98 +178,117 @@ class Navigation:
         """Return whether walls leave a type a straight way from one point to another."""
         return self._terrain(profile).sees(from_m, to_m, profile.radius_m)
 
-    def results(
+    def prospects(
         self, requests: Sequence[NavigationRequest], view: AgentSnapshot, robot: RobotView | None
-    ) -> list[NavigationResult]:
-        """Return the result of each request, for the time until the next decision."""
-        active_goals = [self._present_goal(request) for request in requests]
-        at_once = map(self._result_at_once, requests, active_goals)
-        results = {k: result for k, result in enumerate(at_once) if result is not None}
-        going = {k: active for k, active in enumerate(active_goals) if active and k not in results}
-        results |= self._results_by_values(requests, going, view, robot)
-        # The others have a new goal, or have left the part of the map with known values.
-        new_goals = {
-            k: self._new_goal(request) for k, request in enumerate(requests) if k not in results
-        }
-        going = {k: active for k, active in new_goals.items() if active}
-        results |= self._results_by_values(requests, going, view, robot)
+    ) -> list[Prospect]:
+        """Return what the actions of each request are worth; an agent's last goals are known."""
+        around = self._around(robot)
+        indices = view.indices_of([request.me.id for request in requests])
         return [
-            results.get(k) or NavigationResult(_command(request, None), no_way=True)
-            for k, request in enumerate(requests)
+            self._prospect(request, view, around, index)
+            for request, index in zip(requests, indices, strict=True)
         ]
 
-    def _result_at_once(
-        self, request: NavigationRequest, active: ActiveGoal | None
-    ) -> NavigationResult | None:
-        """Return the result for an agent that stands, has arrived, or moves straight; else None."""
-        me, intent = request.me, request.intent
-        goal_m = intent.goal_m
-        if goal_m is None:
-            return NavigationResult(_command(request, None))
-        away_m = math.dist((me.x_m, me.y_m), goal_m)
-        if away_m <= intent.arrive_within_m:
-            return NavigationResult(_command(request, None), arrived=True)
-        is_near = intent.is_moving_goal or away_m <= STRAIGHT_M
-        if active is None and is_near and self.sees(request.state.profile, me.point_m, goal_m):
-            return NavigationResult(_command(request, goal_m))
-        return None
-
-    def _results_by_values(
+    def _prospect(
         self,
-        requests: Sequence[NavigationRequest],
-        active_goals: Mapping[int, ActiveGoal],
+        request: NavigationRequest,
         view: AgentSnapshot,
-        robot: RobotView | None,
-    ) -> dict[int, NavigationResult]:
-        """Return the results of some requests by the values of the decision process.
+        around: Robot,
+        index: int,
+    ) -> Prospect:
+        known = request.state.active
+        intent, key = request.intent, _key_of(request)
+        if key is None:
+            return Prospect(Prospects.STANDS)
+        away_m = math.dist(request.me.point_m, key[0])
+        if away_m <= intent.arrive_within_m:
+            return Prospect(Prospects.ARRIVED)
+        active = known.get(key)
+        if active is not None and active.environment is self._environment:
+            prospect = self._prospect_by(request, active, view, around, index)
+            if prospect.kind is not Prospects.NO_WAY:
+                return prospect
+        elif (intent.is_moving_goal or away_m <= STRAIGHT_M) and self.sees(
+            request.state.profile, request.me.point_m, key[0]
+        ):
+            return Prospect(Prospects.STRAIGHT)
+        # The goal is new, or the agent has left the part of the map with known values.
+        active = self._new_goal(request, *key)
+        if active is None:
+            return Prospect(Prospects.NO_WAY)
+        known.pop(key, None)
+        known[key] = active
+        if len(known) > _GOALS_KEPT:
+            del known[next(iter(known))]
+        return self._prospect_by(request, active, view, around, index)
 
-        Requests without a known way are left out.
+    def _prospect_by(
+        self,
+        request: NavigationRequest,
+        active: ActiveGoal,
+        view: AgentSnapshot,
+        around: Robot,
+        index: int,
+    ) -> Prospect:
+        """Return the prospect by the values of the decision process."""
+        values, period_s = np.empty((len(request.speeds_mps), 5)), self._settings.decision_period
+        agent = (index, request.is_patient, self._epochs(request.left_s))
+        what, heading, value = prospect_of(
+            *active.arrays,
+            view.crowd,
+            around,
+            period_s,
+            agent,
+            request.intent.is_moving_goal,
+            values,
+        )
+        return Prospect(_KINDS[what], values, value, heading, active)
+
+    def result(
+        self, request: NavigationRequest, prospect: Prospect, pace: int = 0, move: int = 0
+    ) -> NavigationResult:
+        """Return the motion command until the next decision, for an action of a prospect.
+
+        Pace and move count if there is a choice. The agent goes to the goal if that is seen, else
+        to the farthest point that is seen of the way along the move and then the best ones.
         """
-        if not active_goals:
-            return {}
-        around, crowd, results = self._around(robot), view.crowd, dict[int, NavigationResult]()
-        ways_m = np.empty((len(active_goals), _MOST_POINTS, 2))
-        indices = view.indices_of([requests[k].me.id for k in active_goals])
-        for (k, active), way_m, index in zip(active_goals.items(), ways_m, indices, strict=True):
-            request = requests[k]
-            agent = (index, request.is_patient, self._epochs(request.left_s))
-            is_moving_goal = request.intent.is_moving_goal
-            step = route_step(*active.arrays, crowd, around, agent, is_moving_goal, way_m)
-            if step[0] != NO_WAY:
-                results[k] = _result(request, step, way_m)
-        return results
+        kind, speed_mps = prospect.kind, request.speeds_mps[pace] if request.speeds_mps else 0.0
+        if kind is Prospects.STRAIGHT:
+            return NavigationResult(_command(request, request.intent.goal_m, speed_mps))
+        if kind is not Prospects.CHOOSES or prospect.active is None:
+            is_there, is_lost = kind is Prospects.ARRIVED, kind is Prospects.NO_WAY
+            return NavigationResult(_command(request, None), arrived=is_there, no_way=is_lost)
+        me, way_m = request.me, np.empty((_MOST_POINTS, 2))
+        pose, epochs = (me.x_m, me.y_m, me.yaw_rad), self._epochs(request.left_s)
+        arrays = prospect.active.arrays
+        count, x_m, y_m, is_end = way_along(*arrays, pose, epochs, (pace, move), way_m)
+        way_m = way_m[:count]
+        if move == 0 or count == 0:
+            return NavigationResult(_command(request, None), waits=True, way_m=way_m)
+        command = _command(request, (x_m, y_m), speed_mps, stop_there=is_end)
+        return NavigationResult(command, way_m=way_m)
 
-    def _around(self, robot: RobotView | None) -> tuple[float, float, float, float]:
-        """Return the lookahead [s], the robot's position then [m], and its radius [m].
-
-        The radius is negative if there is no robot.
-        """
-        ahead_s = self._settings.decision_period
+    def _around(self, robot: RobotView | None) -> Robot:
+        """Return the robot as kernels take it; its radius is negative if there is none."""
         if robot is None:
-            return ahead_s, 0.0, 0.0, -1.0
-        x_m, y_m = robot.x_m + ahead_s * robot.vx_mps, robot.y_m + ahead_s * robot.vy_mps
-        return ahead_s, x_m, y_m, robot.radius_m
+            return 0.0, 0.0, 0.0, 0.0, -1.0
+        return robot.x_m, robot.y_m, robot.vx_mps, robot.vy_mps, robot.radius_m
 
-    def _present_goal(self, request: NavigationRequest) -> ActiveGoal | None:
-        """Return the active goal if it is that of the request, at the same speed."""
-        active, intent = request.state.active, request.intent
-        if active is None or active.environment is not self._environment:
-            return None
-        is_the_same = active.goal_m == intent.goal_m and active.speed_mps == intent.speed_mps
-        return active if is_the_same else None
-
-    def _new_goal(self, request: NavigationRequest) -> ActiveGoal | None:
-        """Start towards the goal of a request; None if no way leads there."""
-        profile, me, intent = request.state.profile, request.me, request.intent
-        goal_m, speed_mps, environment = intent.goal_m, intent.speed_mps, self._environment
-        if goal_m is None:
-            return None
+    def _new_goal(
+        self, request: NavigationRequest, goal_m: Point, speeds_mps: tuple[float, ...]
+    ) -> ActiveGoal | None:
+        """Return the values of going to a goal; None if no way leads there."""
+        profile, me, environment = request.state.profile, request.me, self._environment
         if environment is None:
             raise RuntimeError(_NO_ENVIRONMENT)
         for radius_m in dict.fromkeys((profile.radius_m, profile.narrow_m)):
             coarse = self._coarse_maps.of(self._terrain(profile), radius_m)
             model = TravelModel.of(
-                profile.row, speed_mps, coarse.cell_size_m, self._settings.decision_period, 0.0
+                profile.row,
+                speeds_mps,
+                coarse.cell_size_m,
+                self._settings.decision_period,
+                request.state.slip,
             )
             start = coarse.cell_of(me.x_m, me.y_m)
             table = self._tables.value(coarse, model, goal_m, start)
@@ -224,9 +301,7 @@ class Navigation:
                     profile.robot_price,
                 )
                 arrays = (tuple(coarse.ground), tuple(table.value_arrays), goal_spec)
-                active = ActiveGoal(goal_m, speed_mps, environment, arrays)
-                request.state.active = active
-                return active
+                return ActiveGoal(environment, arrays)
         return None
 
     def _terrain(self, profile: NavigationProfile) -> Terrain:
@@ -245,28 +320,24 @@ class Navigation:
         return max(1, min(self.horizon, math.ceil(left_s / self._settings.decision_period)))
 
 
-def _result(
-    request: NavigationRequest, step: Sequence[float], way_m: npt.NDArray[np.float64]
-) -> NavigationResult:
-    """Return the result for a step of `route_step`."""
-    what, count, x_m, y_m, is_end = step
-    if what == STRAIGHT:
-        return NavigationResult(_command(request, request.intent.goal_m))
-    way_m = way_m[: int(count)]
-    if what == WAITS:
-        return NavigationResult(_command(request, None), waits=True, way_m=way_m)
-    return NavigationResult(_command(request, (x_m, y_m), stop_there=is_end != 0.0), way_m=way_m)
+def _key_of(request: NavigationRequest) -> GoalKey | None:
+    """Return what the values are known by; None without a goal."""
+    goal_m = request.intent.goal_m
+    return None if goal_m is None else (goal_m, request.speeds_mps)
 
 
 def _command(
-    request: NavigationRequest, sub_goal_m: Point | None, *, stop_there: bool = True
+    request: NavigationRequest,
+    sub_goal_m: Point | None,
+    speed_mps: float = 0.0,
+    *,
+    stop_there: bool = True,
 ) -> MotionCommand:
     """Return the command to move to a point or to stand, facing what the intent says."""
     intent, clearances, face_rad = request.intent, request.state.profile.clearances, None
     if intent.face_m is not None and stop_there:
         face_rad = math.atan2(intent.face_m[1] - request.me.y_m, intent.face_m[0] - request.me.x_m)
     robot_m = clearances.robot_m if intent.robot_comfort_m is None else intent.robot_comfort_m
-    speed_mps = 0.0 if sub_goal_m is None else intent.speed_mps
     return MotionCommand(
         sub_goal_m,
         speed_mps,

@@ -1,4 +1,4 @@
-"""The next step along a route, among the other agents: one compiled call for each decision."""
+"""What the actions of an agent are worth among the others, and the way of one, compiled."""
 
 from typing import Any, Final, NamedTuple
 
@@ -6,7 +6,16 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import borrowing, compiled
-from are_ros.agents.mdp.routes import action_values, best_action, follow
+from are_ros.agents.mdp.coarse_kernels import COL_STEPS, ROW_STEPS
+from are_ros.agents.mdp.routes import (
+    AHEAD,
+    Moves,
+    ValueArrays,
+    ValueTuple,
+    action_values,
+    follow,
+    place_of,
+)
 from are_ros.agents.navigation.ground import Ground, cell_of, heading_of
 from are_ros.agents.navigation.local_way import way_round
 from are_ros.agents.navigation.terrain import farthest, rolls
@@ -26,17 +35,7 @@ THERE_M: Final = 0.15
 STRAIGHT_M: Final = 3.0
 """A visible goal no farther away than this is approached straight, without the values."""
 
-NO_WAY, WAITS, GOES, STRAIGHT = range(4)
-
-
-class ValueArrays(NamedTuple):
-    """The arrays of a value table."""
-
-    planes: npt.NDArray[np.float32]
-    lengths: npt.NDArray[np.uint8]
-    gains: npt.NDArray[np.float32]
-    costs: npt.NDArray[np.float32]
-    weights: Floats
+NO_WAY, STRAIGHT, CHOOSES = range(3)
 
 
 class GoalSpec(NamedTuple):
@@ -64,162 +63,195 @@ class Crowd(NamedTuple):
 # Plain tuples go into compiled code in a third of the time that named ones take, so they are named
 # inside.
 GroundArrays = tuple[Any, ...]
-ValueTuple = tuple[Any, ...]
 CrowdArrays = tuple[Any, ...]
 GoalSpecArrays = tuple[float, tuple[float, float], tuple[float, float], float, float]
 GoalArrays = tuple[GroundArrays, ValueTuple, GoalSpecArrays]
 """The fields of `Ground`, `ValueArrays` and `GoalSpec`."""
 
 
-class NeighbourQuery(NamedTuple):
-    """The neighbours in the lookahead; `me` is the own index, -1 for none.
-
-    They are where their velocity takes them in `ahead_s`. Being near one of them costs `price` per
-    epoch; being near the robot, within a distance of a point, `robot_price` (0: no robot).
-    """
-
-    me: int
-    ahead_s: float
-    price: float
-    robot_x_m: float
-    robot_y_m: float
-    robot_within_m: float
-    robot_price: float
-
-
-class Scratch(NamedTuple):
-    """Scratch for the neighbours in a crowd of N: indices (N,), squared distances (N,), (N + 1, 5).
-
-    And for the values of actions, (9,).
-    """
-
-    found: npt.NDArray[np.int64]
-    squares: Floats
-    moving: Floats
-    brings: Floats
-
-
-@borrowing
-def find_others(
-    crowd: Crowd, query: NeighbourQuery, x_m: float, y_m: float, radius_m: float, scratch: Scratch
-) -> int:
-    """Write the neighbours of a point to the scratch, `moving`; return how many they are."""
-    near, moving, count = 0, scratch.moving, 0
-    if query.me >= 0:
-        near = find_near(crowd.cells, x_m, y_m, MINDED_M, scratch.found, scratch.squares)
-    for n in range(near):
-        i = scratch.found[n]
-        if i == query.me:
-            continue
-        way_m = query.ahead_s * crowd.speeds_mps[i]
-        moving[count, 0] = crowd.poses[i, 0] + way_m * np.cos(crowd.poses[i, 3])
-        moving[count, 1] = crowd.poses[i, 1] + way_m * np.sin(crowd.poses[i, 3])
-        moving[count, 2] = crowd.radii_m[i] + radius_m
-        moving[count, 3], moving[count, 4] = FADE_M, query.price
-        count += 1
-    if query.robot_price > 0.0:
-        moving[count, 0], moving[count, 1] = query.robot_x_m, query.robot_y_m
-        moving[count, 2] = query.robot_within_m
-        moving[count, 3], moving[count, 4] = FADE_M, query.robot_price
-        count += 1
-    return count
+Robot = tuple[float, float, float, float, float]
+"""Place [m], velocity [m/s] and radius [m] of the robot; the radius is negative without one."""
 
 
 @compiled
-def route_step(
+def prospect_of(
     ground: GroundArrays,
     value_arrays: ValueTuple,
     ends: GoalSpecArrays,
     crowd: CrowdArrays,
-    robot: tuple[float, float, float, float],
+    robot: Robot,
+    epoch_s: float,
     agent: tuple[int, bool, int],
     is_moving_goal: bool,
-    way_m: Floats,
-) -> tuple[int, int, float, float, bool]:
-    """Find the next step of an agent with a goal, and fill in the way (K, 2) that it follows.
+    brings: Floats,
+) -> tuple[int, int, float]:
+    """Fill in what the actions of an agent with a goal are worth, (P, 5): pace, move.
 
     `ground`, `value_arrays` and `ends` are the fields of `Ground`, `ValueArrays` and `GoalSpec`,
-    `crowd` those of `Cells` and the rest of `Crowd`. `robot` is the lookahead [s], the robot's
-    place then, and its radius, which is negative without a robot. `agent` is the index in the
-    crowd, whether others cost it anything, and the epochs left. A moving goal is approached
-    straight from any distance. Returns what to do (no way, waiting for others, going, straight to
-    the goal), how many points the way has, the farthest of them that a disc can roll straight to,
-    and whether that is the end.
+    `crowd` those of `Cells` and the rest of `Crowd`. An epoch is `epoch_s` long. `agent` is the
+    index in the crowd, whether others cost it anything, and the epochs left. A moving goal is
+    approached straight from any distance. Returns what there is (no way, straight to the goal, a
+    choice), the heading, and the value of the state without the others.
     """
     floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
     everybody = Crowd(Cells(*crowd[:8]), crowd[8], crowd[9], crowd[10])
-    size = everybody.poses.shape[0]
     index, is_patient, epochs_left = agent
     x_m, y_m = everybody.poses[index, 0], everybody.poses[index, 1]
     away_m = np.hypot(going.goal_m[0] - x_m, going.goal_m[1] - y_m)
     if (is_moving_goal or away_m <= STRAIGHT_M) and rolls(
         floor.clearance_m, floor.lattice, (x_m, y_m), going.goal_m, going.radius_m
     ):
-        return STRAIGHT, 0, going.goal_m[0], going.goal_m[1], True
-    query = NeighbourQuery(
-        index if is_patient else -1,
-        robot[0],
-        going.others_price,
-        robot[1],
-        robot[2],
-        robot[3] + going.radius_m,
-        going.robot_price if is_patient and robot[3] >= 0.0 else 0.0,
-    )
-    pose = (x_m, y_m, everybody.poses[index, 3], going.radius_m)
-    found, squares, moving = np.empty(size, np.int64), np.empty(size), np.empty((size + 1, 5))
-    scratch = Scratch(found, squares, moving, np.empty(9))
-    return _find_step(
-        floor, values, everybody, query, pose, epochs_left, going.end_m, way_m, scratch
-    )
+        return STRAIGHT, 0, 0.0
+    state = _state_of(floor, values, (x_m, y_m, everybody.poses[index, 3]))
+    if state[0] < 0:
+        return NO_WAY, 0, 0.0
+    if state[0] == values.goal[0] and state[1] == values.goal[1]:
+        return STRAIGHT, 0, 0.0
+    others = _find_others(everybody, robot, epoch_s, index, is_patient, going)
+    # without others the values tell what is best from the next epoch on
+    others = others[: min(AHEAD if others.shape[1] > 0 else 1, epochs_left)]
+    later = values.planes[place_of(values, epochs_left - others.shape[0])]
+    scratch = _scratch(values.paces.shape[0])
+    action_values(values, later, floor.anchors_m, others, state, scratch, brings)
+    plane = values.planes[place_of(values, epochs_left)]
+    return CHOOSES, state[2], float(plane[state[2], state[0], state[1]])
 
 
 @borrowing
-def _find_step(
-    ground: Ground,
-    value_arrays: ValueArrays,
-    crowd: Crowd,
-    query: NeighbourQuery,
-    me: tuple[float, float, float, float],
+def _state_of(
+    ground: Ground, values: ValueArrays, pose: tuple[float, float, float]
+) -> tuple[int, int, int]:
+    """Return row, column and heading of a pose in a table's window; -1 where it has no values."""
+    row, col = cell_of(ground, pose[0], pose[1])
+    row, col = row - values.corner[0], col - values.corner[1]
+    height, width = values.costs.shape
+    if not (0 <= row < height and 0 <= col < width) or values.costs[row, col] == np.inf:
+        return -1, -1, -1
+    return row, col, heading_of(ground.lattice, pose[2])
+
+
+@compiled
+def _scratch(paces: int) -> tuple[Moves, Moves]:
+    numbers = np.empty((2, 4, paces, 4))
+    after = np.empty((2, 4))
+    return (
+        Moves(numbers[0, 0], numbers[0, 1], numbers[0, 2], numbers[0, 3], after[0]),
+        Moves(numbers[1, 0], numbers[1, 1], numbers[1, 2], numbers[1, 3], after[1]),
+    )
+
+
+@compiled
+def _find_others(
+    crowd: Crowd, robot: Robot, epoch_s: float, me: int, is_patient: bool, going: GoalSpec
+) -> Floats:
+    """Return where others are in each epoch ahead, (AHEAD, M, 5), as `action_values` takes them."""
+    size, near, count = crowd.poses.shape[0], 0, 0
+    found, squares = np.empty(size, np.int64), np.empty(size)
+    if is_patient:
+        here = crowd.poses[me]
+        near = find_near(crowd.cells, here[0], here[1], MINDED_M, found, squares)
+    others = np.empty((AHEAD, near + 1, 5))
+    for n in range(near):
+        i = found[n]
+        if i != me:
+            x_m, y_m, yaw_rad = crowd.poses[i, 0], crowd.poses[i, 1], crowd.poses[i, 3]
+            speed_mps = crowd.speeds_mps[i]
+            velocity = (speed_mps * np.cos(yaw_rad), speed_mps * np.sin(yaw_rad))
+            body = (x_m, y_m, crowd.radii_m[i] + going.radius_m)
+            _foresee(others, count, epoch_s, body, velocity, going.others_price)
+            count += 1
+    if is_patient and robot[4] >= 0.0 and going.robot_price > 0.0:
+        body = (robot[0], robot[1], robot[4] + going.radius_m)
+        _foresee(others, count, epoch_s, body, (robot[2], robot[3]), going.robot_price)
+        count += 1
+    found_others: Floats = others[:, :count].copy()
+    return found_others
+
+
+@borrowing
+def _foresee(
+    others: Floats,
+    count: int,
+    epoch_s: float,
+    body: tuple[float, float, float],
+    velocity: tuple[float, float],
+    price: float,
+) -> None:
+    """Write where one of a place and a radius will be at the end of each epoch, and its price."""
+    for k in range(others.shape[0]):
+        ahead_s = (k + 1) * epoch_s
+        others[k, count, 0] = body[0] + ahead_s * velocity[0]
+        others[k, count, 1] = body[1] + ahead_s * velocity[1]
+        others[k, count, 2], others[k, count, 3], others[k, count, 4] = body[2], FADE_M, price
+
+
+@compiled
+def way_along(
+    ground: GroundArrays,
+    value_arrays: ValueTuple,
+    ends: GoalSpecArrays,
+    pose: tuple[float, float, float],
     epochs_left: int,
-    goal_m: tuple[float, float],
+    action: tuple[int, int],
     way_m: Floats,
-    scratch: Scratch,
-) -> tuple[int, int, float, float, bool]:
-    """Take the best action at a pose, and fill in the way (K, 2) that follows it."""
-    row, col = cell_of(ground, me[0], me[1])
-    row, col = row - int(value_arrays.weights[5]), col - int(value_arrays.weights[6])
-    height, width = value_arrays.costs.shape
-    if not (0 <= row < height and 0 <= col < width) or value_arrays.costs[row, col] == np.inf:
-        return NO_WAY, 0, 0.0, 0.0, False
-    state = row, col, heading_of(ground.lattice, me[2])
-    others = find_others(crowd, query, me[0], me[1], me[3], scratch)
-    values = value_arrays.planes[max(0, min(epochs_left, value_arrays.planes.shape[0]) - 1)]
-    arrays = (value_arrays.lengths, value_arrays.gains, value_arrays.weights, ground.anchors_m)
-    action_values(values, *arrays, scratch.moving[:others], state, scratch.brings)
-    action = best_action(scratch.brings, state[2])
-    here_m, weights = (me[0], me[1]), value_arrays.weights
-    is_there = state[0] == weights[7] and state[1] == weights[8]
-    if is_there or (
-        action > 0 and rolls(ground.clearance_m, ground.lattice, here_m, goal_m, me[3])
+) -> tuple[int, float, float, bool]:
+    """Fill in the way (K, 2) that an action and then the best ones lead along.
+
+    `pose` is x, y and yaw; `action` a pace and a move, not staying in the goal's cell. Returns how
+    many points the way has, the farthest of them that a disc can roll straight to, and whether that
+    is the end. What comes after the way has turned back from the move does not count for that.
+    """
+    floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
+    state, here_m = _state_of(floor, values, pose), (pose[0], pose[1])
+    radius_m, field, lattice = going.radius_m, floor.clearance_m, floor.lattice
+    if (
+        action[1] > 0
+        and _is_ahead(floor, state, values, action[1], going.end_m)
+        and rolls(field, lattice, here_m, going.end_m, radius_m)
     ):
-        way_m[0, 0], way_m[0, 1] = goal_m
-        return GOES, 1, goal_m[0], goal_m[1], True
-    no_others = scratch.moving[:0]
-    count, _ = follow(value_arrays.planes, *arrays, state, action, way_m, scratch.brings, no_others)
+        way_m[0, 0], way_m[0, 1] = going.end_m
+        return 1, going.end_m[0], going.end_m[1], True
+    scratch, brings = _scratch(values.paces.shape[0]), np.empty((values.paces.shape[0], 5))
+    nobody = np.empty((1, 0, 5))
+    anchors_m = floor.anchors_m
+    count, _ = follow(values, anchors_m, nobody, epochs_left, state, action, way_m, scratch, brings)
     if count == 0:
-        return NO_WAY, 0, 0.0, 0.0, False
-    end_m = ground.anchors_m[int(weights[5] + weights[7]), int(weights[6] + weights[8])]
+        return 0, here_m[0], here_m[1], False
+    end_m = anchors_m[values.corner[0] + values.goal[0], values.corner[1] + values.goal[1]]
     if way_m[count - 1, 0] == end_m[0] and way_m[count - 1, 1] == end_m[1]:
-        way_m[count - 1, 0], way_m[count - 1, 1] = goal_m
-    if action == 0:
-        return WAITS, count, 0.0, 0.0, False
-    aim = farthest(ground.clearance_m, ground.lattice, here_m, way_m[:count], me[3])
+        way_m[count - 1, 0], way_m[count - 1, 1] = going.end_m
+    ahead = count
+    if action[1] > 0:
+        ahead = 1
+        while ahead < count and _is_ahead(
+            floor, state, values, action[1], (way_m[ahead, 0], way_m[ahead, 1])
+        ):
+            ahead += 1
+    aim = farthest(field, lattice, here_m, way_m[:ahead], radius_m)
     first_m = (way_m[0, 0], way_m[0, 1])
-    is_reached = np.hypot(first_m[0] - me[0], first_m[1] - me[1]) < THERE_M and count > 1
-    if aim == 0 and (
-        is_reached or not rolls(ground.clearance_m, ground.lattice, here_m, first_m, me[3])
-    ):
-        x_m, y_m, _ = way_round(ground, here_m, way_m[:count], me[3])
-        return GOES, count, x_m, y_m, x_m == goal_m[0] and y_m == goal_m[1]
-    is_end = way_m[aim, 0] == goal_m[0] and way_m[aim, 1] == goal_m[1]
-    return GOES, count, way_m[aim, 0], way_m[aim, 1], is_end
+    is_reached = np.hypot(first_m[0] - pose[0], first_m[1] - pose[1]) < THERE_M and ahead > 1
+    if aim == 0 and (is_reached or not rolls(field, lattice, here_m, first_m, radius_m)):
+        x_m, y_m, _ = way_round(floor, here_m, way_m[:ahead], radius_m)
+        return count, x_m, y_m, x_m == going.end_m[0] and y_m == going.end_m[1]
+    is_end = way_m[aim, 0] == going.end_m[0] and way_m[aim, 1] == going.end_m[1]
+    return count, way_m[aim, 0], way_m[aim, 1], is_end
+
+
+@borrowing
+def _is_ahead(
+    ground: Ground,
+    state: tuple[int, int, int],
+    values: ValueArrays,
+    move: int,
+    point_m: tuple[float, float],
+) -> bool:
+    """Tell whether a point is in the direction of a move from the anchor of a cell, or beside it.
+
+    That is, not less than a quarter of a cell ahead.
+    """
+    anchor_m = ground.anchors_m[state[0] + values.corner[0], state[1] + values.corner[1]]
+    dx_m, dy_m = point_m[0] - anchor_m[0], point_m[1] - anchor_m[1]
+    x, y = COL_STEPS[move - 1], ROW_STEPS[move - 1]
+    cos, sin = ground.lattice[2], ground.lattice[3]
+    along_m = dx_m * (x * cos - y * sin) + dy_m * (x * sin + y * cos)
+    return bool(along_m >= 0.25 * ground.side * ground.lattice[4])
