@@ -114,6 +114,13 @@ def align(**options: Any) -> None:
     type=FILE,
     help="Run the population alone, and draw it; into a folder as population.png.",
 )
+@click.option(
+    "--decisions",
+    "row",
+    metavar="ROW",
+    help="Draw what this row of the catalogue (label or number) would do on the map. "
+    "[decisions.png, or --plot]",
+)
 @click.option("--all", "everything", is_flag=True, help="Each row of the catalogue, too.")
 @parameter_options
 def describe(**options: Any) -> None:
@@ -123,6 +130,10 @@ def describe(**options: Any) -> None:
 
     With --plot also in a picture: the number alive over time, waiting times and lives against
     their laws, and where artefacts appear on the map.
+
+    With --decisions only what one row would do on the map: what going to a destination is worth
+    from everywhere, with the best moves, as its life runs out, and the ways and behaviours of 40
+    artefacts that live there for a minute each.
     """
     from are_ros.replay.command import describe_command
 

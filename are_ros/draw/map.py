@@ -147,6 +147,17 @@ def draw_map(
     area[:] = laid[: area.shape[0], : area.shape[1]]
 
 
+def map_image(
+    grid: OccupancyGrid, window: Window, px_per_m: float, tint: Floats | None = None
+) -> npt.NDArray[np.uint8]:
+    """Return an RGB image of a window of a map; `tint` as in `draw_map`."""
+    view = View(window, px_per_m)
+    columns, rows = (max(1, round(side)) for side in view.size_px)
+    canvas = Canvas((columns, rows))
+    draw_map(canvas, view, grid, known_part(grid), tint)
+    return canvas.finished()
+
+
 def shaded(part: KnownPart, cell_px: float) -> tuple[npt.NDArray[np.uint8], int]:
     """Return an RGBA image of the part, and how many cells one of its pixels is wide.
 

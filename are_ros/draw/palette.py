@@ -101,6 +101,21 @@ _BEHAVIOURS: Final[Mapping[str, str]] = {
 }
 _FURTHER_BEHAVIOURS: Final = ("pentagon", "lozenge", "turned_hexagon", "disc", "square", "diamond")
 
+_BEHAVIOUR_COLOURS: Final[Mapping[str, Rgb]] = {
+    "walking": (52, 120, 190),
+    "driving": (52, 120, 190),
+    "along_way": (94, 160, 214),
+    "running": (224, 62, 54),
+    "stopping": (150, 98, 58),
+    "standing": (148, 156, 164),
+    "wandering": (86, 186, 190),
+    "following": (122, 78, 168),
+    "gathering": (232, 122, 178),
+    "crossing": (240, 168, 36),
+    "avoiding": (104, 156, 52),
+    "leaving": (38, 44, 60),
+}
+
 
 def mixed(colour: Rgb, share: float, ground: Rgb = FLOOR) -> Rgb:
     """Return a colour laid over a ground with an opacity of `share`."""
@@ -144,6 +159,13 @@ def behaviour_marks(names: Sequence[str]) -> dict[str, str]:
         name: _FURTHER_BEHAVIOURS[i % len(_FURTHER_BEHAVIOURS)] for i, name in enumerate(own)
     }
     return {**_BEHAVIOURS, **further}
+
+
+def behaviour_colours(names: Sequence[str]) -> dict[str, Rgb]:
+    """Return a colour for each behaviour; a user's own by their names."""
+    own = sorted(set(names) - set(_BEHAVIOUR_COLOURS))
+    further = {name: _FURTHER_CLASSES[i % len(_FURTHER_CLASSES)] for i, name in enumerate(own)}
+    return {**_BEHAVIOUR_COLOURS, **further}
 
 
 @cache

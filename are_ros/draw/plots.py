@@ -12,8 +12,7 @@ import numpy.typing as npt
 from are_ros.describe.birth_death import BirthDeath
 from are_ros.describe.population_trial import Trial
 from are_ros.describe.site import Site, Survey
-from are_ros.draw.canvas import Canvas
-from are_ros.draw.map import View, Window, draw_map, known_part, window_of
+from are_ros.draw.map import Window, known_part, map_image, window_of
 from are_ros.draw.palette import (
     BAND,
     BAR,
@@ -522,8 +521,4 @@ def _map_image(survey: Survey, window: Window) -> npt.NDArray[np.uint8]:
     tint = strength * (_MOST_TINT / max(float(strength.max(initial=0.0)), 1e-9))
     longest_px = _HEIGHTS_IN[0] * _PANEL_PX_PER_IN
     px_per_m = longest_px / max(window.height_m, window.width_m / _WIDEST)
-    view = View(window, px_per_m)
-    columns, rows = (max(1, round(side)) for side in view.size_px)
-    canvas = Canvas((columns, rows))
-    draw_map(canvas, view, grid, part, tint)
-    return canvas.finished()
+    return map_image(grid, window, px_per_m, tint)

@@ -17,7 +17,7 @@ from are_ros.describe.configuration import describe_lines
 from are_ros.describe.site import Site, surveyed
 from are_ros.draw.overview import draw_overview
 from are_ros.draw.viewer import MISSING_VISER, has_viser, write_view
-from are_ros.errors import AreError
+from are_ros.errors import AreError, MapError
 from are_ros.messages.sensors import SENSORS
 from are_ros.parameters.declaration import flatten, with_values
 from are_ros.parameters.model import Parameters, SensorsParameters
@@ -30,7 +30,13 @@ from are_ros.parameters.ros_yaml import (
 from are_ros.parameters.validation import validated
 from are_ros.population.departures import Cause
 from are_ros.replay.output_folder import METRICS, VIEW, all_or_nothing, animation_path
-from are_ros.replay.pictures import animate, place_of, plot_population
+from are_ros.replay.pictures import (
+    DECISIONS,
+    animate,
+    place_of,
+    plot_decisions,
+    plot_population,
+)
 from are_ros.replay.progress import ProgressBar
 from are_ros.replay.results import (
     Content,
@@ -277,14 +283,23 @@ def describe_command(
     assignments: Sequence[str],
     seed: int | None,
     plot_path: Path | None = None,
+    row: str | None = None,
     *,
     everything: bool = False,
 ) -> None:
-    """Run `are describe`."""
+    """Run `are describe`; with a `row` only its decisions, on a map."""
     parameters = effective_parameters(parameter_files, assignments, seed)
     catalogue, site = catalogue_of(parameters), Site()
     if map_file is not None:
         site = surveyed(read_map_file(map_file, parameters.frames.map), parameters, catalogue)
+    if row is not None:
+        if site.survey is None:
+            raise MapError(f"--decisions {row} needs a map to decide on: give it with --map")
+        out = plot_path or Path(DECISIONS)
+        path, lines = plot_decisions(parameters, catalogue, site.survey, row, out)
+        for line in (*lines, f"picture: {path}"):
+            echo(line)
+        return
     for line in describe_lines(parameters, catalogue, site, everything=everything):
         echo(line)
     if plot_path is not None:

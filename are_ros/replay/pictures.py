@@ -6,9 +6,19 @@ from typing import Final
 
 from are_ros.bag.recording import PREFIX, RECORDING
 from are_ros.builder.assembly import catalogue_of, robot_footprint
+from are_ros.builder.tick import Demand
+from are_ros.builder.warm_up import WarmUpNeeds, warm_up
+from are_ros.describe.decisions import (
+    decision_lines,
+    journey_of,
+    row_named,
+    simulate_lives,
+    simulated_ns,
+)
 from are_ros.describe.population_trial import run_trial
-from are_ros.describe.site import Site
+from are_ros.describe.site import Site, Survey
 from are_ros.draw.animation import write_animation
+from are_ros.draw.decisions import draw_decisions
 from are_ros.draw.overview import draw_overview
 from are_ros.draw.plots import draw_population
 from are_ros.draw.scene import SceneRecord
@@ -16,9 +26,9 @@ from are_ros.draw.viewer import MISSING_VISER, ViewedPlace, has_viser, write_vie
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
-from are_ros.replay.progress import ProgressBar
+from are_ros.replay.progress import KernelBar, ProgressBar
 from are_ros.replay.recorded_scene import RecordedScene, read_recorded_scene
-from are_ros.wording import why_refused
+from are_ros.wording import aligned, section, why_refused
 from are_ros.world.cameras import ViewModel
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.voxel_map import VoxelMap
@@ -26,6 +36,9 @@ from are_ros.world.voxel_map import VoxelMap
 Say = Callable[[str], None]
 
 POPULATION: Final = "population.png"
+DECISIONS: Final = "decisions.png"
+_NOTHING_SHOWN: Final = Demand(perception=False, grids=False, markers=False)
+_MOTION_ONLY: Final = WarmUpNeeds(_NOTHING_SHOWN, has_scans=False, has_cloud=False)
 WITHOUT_ROBOT: Final = (
     "the robot is not shown: the recording does not tell where it is; "
     "`are replay BAG --with-inputs` writes the inputs, which do, beside the outputs"
@@ -101,12 +114,44 @@ def plot_population(parameters: Parameters, catalogue: Catalogue, site: Site, ou
     `out` is a file if its name ends in .png, else a folder; folders are made if need be. Raises
     InputError where nothing can be written there, ParameterError without any arrivals.
     """
-    is_file = out.suffix.lower() == ".png" and not out.is_dir()
-    path = out if is_file else out / POPULATION
     trial = run_trial(parameters, catalogue, site)
+    return _plotted(
+        out, POPULATION, lambda path: draw_population(trial, parameters, catalogue, site, path)
+    )
+
+
+def plot_decisions(
+    parameters: Parameters, catalogue: Catalogue, survey: Survey, name: str, out: Path
+) -> tuple[Path, list[str]]:
+    """Draw what a row of the catalogue would do on a map; return the picture's path and a summary.
+
+    `name` is a label or an index, `out` as in `plot_population`. Raises CatalogueError for another
+    name, MapError where the type has no room.
+    """
+    settings, row = parameters.behaviour, row_named(catalogue, name)
+    journey = journey_of(row, settings, survey)
+    with KernelBar() as kernels:
+        warm_up(catalogue, needs=_MOTION_ONLY, count=kernels.count)
+    with ProgressBar("lives") as bar:
+        move = bar.open(0, simulated_ns(survey))
+        lives = simulate_lives(row, catalogue, parameters, survey, move)
+    grid = survey.environment.grid
+    path = _plotted(
+        out, DECISIONS, lambda file: draw_decisions(row, settings, grid, journey, lives, file)
+    )
+    lines = section(
+        f"Decisions of {row.label}", aligned(decision_lines(row, settings, journey, lives))
+    )
+    return path, lines
+
+
+def _plotted(out: Path, name: str, draw: Callable[[Path], None]) -> Path:
+    """Draw into a file, or into one of this name in a folder; return its path."""
+    is_file = out.suffix.lower() == ".png" and not out.is_dir()
+    path = out if is_file else out / name
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        draw_population(trial, parameters, catalogue, site, path)
+        draw(path)
     except OSError as cause:
         reason = why_refused(cause)
         raise InputError(f"--plot {out}: {path.name} cannot be written ({reason})") from cause
