@@ -23,7 +23,7 @@ from are_ros.agents.behaviours.situation import (
     RobotView,
     Situation,
 )
-from are_ros.agents.local_planner.body import Body
+from are_ros.agents.local_planner.body import PLANNERS, Body
 from are_ros.agents.local_planner.planner import LocalPlanner, Obstruction
 from are_ros.agents.navigation.destinations import Destinations
 from are_ros.agents.navigation.navigation import (
@@ -59,7 +59,7 @@ _WALL = "a wall"
 
 @dataclass(eq=False, slots=True)
 class AgentState:
-    """How one agent decides: its behaviour, and the outcome of its last intent.
+    """How one agent decides: its behaviour and planner, and the outcome of its last intent.
 
     `waits` counts the decisions in a row in which it gave way to others. `places` are the
     destinations that it can reach, among those of the map, `map_places`.
@@ -68,6 +68,7 @@ class AgentState:
     profile: NavigationProfile
     behaviour: Behaviour
     random: np.random.Generator
+    planner: str = PLANNERS[0]
     active: ActiveGoal | None = None
     intent: Intent | None = None
     is_going: bool = False
@@ -120,7 +121,7 @@ class DecisionLayer:
         self._navigation = navigation
         self._planner = planner
         self.report_fault: Callable[[BehaviourError], None] | None = None
-        """Called for each user-defined behaviour that fails; its agent stands from then on.
+        """Called for each user-defined behaviour or planner that fails; its agent stands then.
         With None, the error is raised."""
 
     def reseed(self, seed: int) -> None:
@@ -135,7 +136,8 @@ class DecisionLayer:
         profile = NavigationProfile.of(artefact.row, body)
         random = generator(self._seed, Purpose.GOAL, artefact.id)
         row = self._table.row_of(artefact.id)
-        self._table.states[row] = AgentState(profile, self._new_behaviour(artefact), random)
+        behaviour, planner = self._new_behaviour(artefact), self._drawn_planner(artefact)
+        self._table.states[row] = AgentState(profile, behaviour, random, planner)
         self._table.phases[row] = -(-artefact.arrival_ns // self._step_ns) % self._period
 
     def decide(self, index: int, now_ns: int, robot: RobotView | None) -> list[int]:
@@ -168,7 +170,11 @@ class DecisionLayer:
             for (row, state), situation in zip(deciding.items(), situations, strict=True)
         ]
         results = self._navigation.results(requests, view, robot)
-        self._planner.give_commands(list(deciding), [result.command for result in results])
+        commands = [
+            result.command._replace(planner=state.planner)
+            for state, result in zip(deciding.values(), results, strict=True)
+        ]
+        self._planner.give_commands(list(deciding), commands)
         for row, situation, request, result in zip(
             deciding, situations, requests, results, strict=True
         ):
@@ -181,6 +187,11 @@ class DecisionLayer:
     def send_out(self, row: int) -> None:
         """Send an agent whose life is over to an exit, from its next decision on."""
         self._change_behaviour(row, Leaving())
+
+    def stop(self, agent_id: int, fault: BehaviourError) -> None:
+        """Let an agent whose planner has failed stand, and report the error."""
+        self._report(fault)
+        self._change_behaviour(self._table.row_of(agent_id), Failed("its planner failed"))
 
     def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:
         """Return whether walls leave an agent a straight way to a point."""
@@ -243,6 +254,14 @@ class DecisionLayer:
             self._report(fault)
         self._table.set_behaviour(self._table.row_of(artefact.id), Failed.name)
         return Failed()
+
+    def _drawn_planner(self, artefact: Artefact) -> str:
+        """Draw the planner of an artefact for its life, by the weights of its row."""
+        names, weights = zip(*artefact.row.planners.items(), strict=True)
+        if len(names) == 1:
+            return str(names[0])
+        random = generator(self._seed, Purpose.PLANNER, artefact.id)
+        return str(names[random.choice(len(names), p=weights)])
 
     def _intent(self, row: int, state: AgentState, situation: Situation) -> Intent:
         """Return the intent of an agent; if its behaviour fails, stop it and report the error."""

@@ -92,6 +92,7 @@ class CrowdSimulator:
         self.decisions = DecisionLayer(
             parameters.seed, settings.decision_period, self.table, self.navigation, self.planner
         )
+        self.planner.user_planners.stop = self.decisions.stop
         self.resolver = resolver
         self.recorder: ScenarioRecorder | None = None
         self.counts = MotionCounts()

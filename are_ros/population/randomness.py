@@ -22,6 +22,7 @@ class Purpose(IntEnum):
     GOAL = 8
     PERCEPTION = 9
     REQUEST = 10
+    PLANNER = 11
 
 
 def generator(seed: int, purpose: Purpose, artefact_id: int) -> np.random.Generator:
