@@ -2,9 +2,10 @@
 
 Of two agents in each other's way the one of the higher priority pushes. The pushed agent inherits
 that priority, and so pushes the agents behind it (priority inheritance). Priorities are drawn anew
-every eight seconds by a hash of the id and that time, so no agent stays last for long. One that is to
-stand, as a follower behind its leader, steps aside only for who has waited for some seconds. The commands
-are written here, too, because a new sub-goal forgets the deadlock on the way to the old one.
+every eight seconds by a hash of the id and that time, so no agent stays last for long. One that is
+to stand, as a follower behind its leader, steps aside only for who has waited for eight seconds.
+
+The commands are written here, too: a new sub-goal forgets the deadlock on the way to the old one.
 """
 
 from typing import Any, Final
