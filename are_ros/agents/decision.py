@@ -73,7 +73,7 @@ _Mask = npt.NDArray[np.bool_]
 
 @dataclass(eq=False, slots=True)
 class AgentState:
-    """How one agent decides: its behaviour, and the outcome of its last intent.
+    """How one agent decides: its behaviour and planner, and the outcome of its last intent.
 
     `waits` counts the decisions in a row in which it gave way to others. `places` are the
     destinations that it can reach, among those of the map, `map_places`.
@@ -83,6 +83,7 @@ class AgentState:
     repertoire: Repertoire
     random: np.random.Generator
     policy_random: np.random.Generator
+    planner: str
     slip: float = 0.0
     active: dict[GoalKey, ActiveGoal] = field(default_factory=dict)
     intent: Intent | None = None
@@ -143,7 +144,7 @@ class DecisionLayer:
         self._navigation = navigation
         self._planner = planner
         self.report_fault: Callable[[BehaviourError], None] | None = None
-        """Called for each user-defined behaviour that fails; its agent stands from then on.
+        """Called for each user-defined behaviour or planner that fails; its agent stands then.
         With None, the error is raised."""
         self.report_change: Callable[[int, Artefact, str], None] = _ignored
         """Called with the time [ns], an artefact whose behaviour has changed, and the last one."""
@@ -165,13 +166,15 @@ class DecisionLayer:
         random = generator(self._seed, Purpose.GOAL, artefact.id)
         policy_random = generator(self._seed, Purpose.DECISION, artefact.id)
         row, slip = self._table.row_of(artefact.id), artefact.row.slip
-        self._table.states[row] = AgentState(
+        self._table.states[row] = state = AgentState(
             profile,
             self._new_repertoire(artefact),
             random,
             policy_random,
+            _drawn_planner(artefact, policy_random),
             self._settings.slip if slip is None else slip,
         )
+        artefact.planner = state.planner
         self._table.phases[row] = -(-artefact.arrival_ns // self._step_ns) % self._period
 
     def decide(self, index: int, now_ns: int, robot: RobotView | None) -> list[int]:
@@ -203,7 +206,11 @@ class DecisionLayer:
         ]
         prospects = self._navigation.prospects(requests, view, robot)
         results = [self._act(*one) for one in zip(requests, prospects, strict=True)]
-        self._planner.give_commands(list(deciding), [result.command for result in results])
+        commands = [
+            result.command._replace(planner=state.planner)
+            for state, result in zip(deciding.values(), results, strict=True)
+        ]
+        self._planner.give_commands(list(deciding), commands)
         for (row, situation), request, result in zip(
             situations.items(), requests, results, strict=True
         ):
@@ -301,6 +308,7 @@ class DecisionLayer:
         """Put another behaviour of an agent's repertoire in force."""
         artefact = self._table.artefacts[row]
         was, state.repertoire.in_force = artefact.behaviour, chosen
+        state.planner = artefact.planner = _drawn_planner(artefact, state.policy_random)
         self._table.set_behaviour(row, state.repertoire.names[chosen])
         self.report_change(now_ns, artefact, was)
 
@@ -321,6 +329,11 @@ class DecisionLayer:
     def send_out(self, row: int, now_ns: int) -> None:
         """Send an agent whose life is over to an exit, from its next decision on."""
         self._keep_to(row, Leaving(), now_ns)
+
+    def stop(self, agent_id: int, fault: BehaviourError, now_ns: int) -> None:
+        """Let an agent whose planner has failed stand, and report the error."""
+        self._report(fault)
+        self._keep_to(self._table.row_of(agent_id), Failed("its planner failed"), now_ns)
 
     def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:
         """Return whether walls leave an agent a straight way to a point."""
@@ -411,6 +424,12 @@ class DecisionLayer:
         if self.report_fault is None:
             raise fault
         self.report_fault(fault)
+
+
+def _drawn_planner(artefact: Artefact, random: np.random.Generator) -> str:
+    """Draw a planner by the shares of a row; nothing is drawn if there is only one."""
+    names, shares = list(artefact.row.planners), list(artefact.row.planners.values())
+    return names[0] if len(names) == 1 else names[drawn(shares, random.random())]
 
 
 def _all_hidden(points_m: _Floats) -> _Mask:

@@ -391,6 +391,48 @@ def test_who_stands_of_its_own_will_does_not_manoeuvre() -> None:
         assert writer.activity == "writing"
 
 
+# ------------------------------------------------------------------- planners
+
+
+def test_a_planner_is_drawn_for_life_by_the_weights_of_the_row() -> None:
+    """Of 400, about a quarter has the one of weight 1 to 3; two deviations are 4 %."""
+    row = replace(ROW, planners={"social_force": 0.25, "path_following": 0.75})
+    town = Town()
+    for artefact_id in range(400):
+        town.admit(artefact_id, 0, row=row)
+    town.decide(0)
+    first = {one: command.planner for one, command in town.road.commands.items()}
+    town.decide(20)
+    assert first == {one: command.planner for one, command in town.road.commands.items()}
+    assert set(first.values()) == {"social_force", "path_following"}
+    assert list(first.values()).count("social_force") == pytest.approx(100, abs=26)
+
+
+def test_one_planner_is_not_drawn() -> None:
+    """The dynamic window unless the row says something else."""
+    town = Town()
+    town.admit(1, 0)
+    town.admit(2, 0, row=replace(ROW, planners={"path_following": 1.0}))
+    town.decide(0)
+    assert town.road.commands[1].planner == "dynamic_window"
+    assert town.road.commands[2].planner == "path_following"
+
+
+def test_who_has_a_planner_that_fails_stands_and_says_so() -> None:
+    """It is told once; the artefact gives no goal any more."""
+    town, told = Town(), list[BehaviourError]()
+    one = town.admit(5, 0)
+    town.decide(0)
+    with pytest.raises(BehaviourError, match="late boom"):
+        town.layer.stop(5, BehaviourError("late boom", "mine:Late"))
+    town.layer.report_fault = told.append
+    town.layer.stop(5, BehaviourError("late boom", "mine:Late"))
+    town.decide(20)
+    assert len(told) == 1
+    assert (one.behaviour, one.activity) == ("standing", "its planner failed")
+    assert town.road.commands[5].subgoal_m is None
+
+
 # ------------------------------------------------------------------- behaviours that fail
 
 

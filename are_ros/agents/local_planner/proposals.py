@@ -184,7 +184,7 @@ def _wished(
 
 
 RELAXATION_S = 0.5
-OTHERS_MPS2, OTHERS_M = 3.0, 0.3
+OTHERS_MPS2, OTHERS_M = 2.0, 0.3
 AHEAD_S = 0.5
 """The step of the ellipses: so far ahead others are seen to come."""
 BEHIND = 0.1
@@ -194,11 +194,11 @@ HORIZON_S = 0.5
 """The velocity proposed is that after this time."""
 _LEAST_AXIS = 0.05
 _MOST_DEFLECTION = 1.3
-_SLOWEST = 0.25
-_TURNS = np.array([0.0, -0.35, 0.35, 0.0, -0.8, 0.8, 0.0])
-_SHARES = np.array([1.0, 1.0, 1.0, 0.6, 0.7, 0.7, 0.3])
-_COSTS = np.array([0.0, 0.1, 0.12, 0.2, 0.3, 0.32, 0.4])
-_STRAIGHT = 0.5
+_SLOWEST = 0.6
+_TURNS = np.array([0.0, -0.35, 0.35, 0.0, -0.8, 0.8, -0.35, 0.35, -1.3, 1.3, 0.0])
+_SHARES = np.array([1.0, 1.0, 1.0, 0.6, 0.8, 0.8, 0.5, 0.5, 0.6, 0.6, 0.3])
+_COSTS = np.array([0.0, 0.1, 0.12, 0.2, 0.3, 0.32, 0.4, 0.42, 0.5, 0.52, 0.6])
+_STRAIGHT = 0.7
 
 
 @borrowing
