@@ -12,7 +12,7 @@ from are_ros._compiled import compiled
 from are_ros.agents.mdp.coarse_kernels import COL_STEPS, ROW_STEPS
 
 Floats = npt.NDArray[np.float32]
-Lengths = npt.NDArray[np.uint8]
+Lengths = npt.NDArray[np.int32]
 
 CHUNK: Final = 1280
 """Cells at a time, whose intermediate results wait in a scratch of eight rows."""
@@ -23,9 +23,10 @@ _ENDS: Final = np.uint64(4 * CHUNK)
 
 _EAST, _WEST = np.uint64(1), np.uint64(2**64 - 1)
 NEAR: Final = 3
-"""Moves of up to so many cells are looked at all at once."""
+FAR: Final = 6
+"""Moves of up to so many cells are looked at all at once, at near paces and at others."""
 
-_ONE, _TWO, _THREE = np.uint8(1), np.uint8(2), np.uint8(3)
+_ONE, _TWO, _THREE = np.int32(1), np.int32(2), np.int32(3)
 
 Four = tuple[np.float32, np.float32, np.float32, np.float32]
 """A number for each heading, or for each direction."""
@@ -60,8 +61,10 @@ class Process(NamedTuple):
 
 
 @compiled
-def decide(process: Process, part: Part, new: np.uint64, epoch: int, scratch: Floats) -> int:
-    """Put the values of some cells where `new` is; return how many headings' values differ."""
+def decide(
+    process: Process, part: Part, new: np.uint64, epoch: np.int32, scratch: Floats
+) -> np.int32:
+    """Put the values of some cells where `new` is; return the last epoch that changed any."""
     for pace in range(process.reaches.shape[0]):
         if process.reaches[pace] <= NEAR:
             _move_near(process, part, pace, scratch)
@@ -69,7 +72,7 @@ def decide(process: Process, part: Part, new: np.uint64, epoch: int, scratch: Fl
             _find_ends(process, part, process.reaches[pace], scratch)
             _move_far(process, part, pace, scratch)
     _choose(process, part, scratch)
-    return _put(process, part, new, np.int32(epoch), scratch)
+    return _put(process, part, new, epoch, scratch)
 
 
 @compiled
@@ -77,7 +80,7 @@ def _move_near(process: Process, part: Part, pace: int, scratch: Floats) -> None
     """Put what moves of a pace of up to three cells bring into the scratch, if it is better."""
     flat, lengths, (old, first, count) = process.flat, process.lengths, part
     north, south = np.uint64(process.width), np.uint64(-process.width)
-    reach = np.uint8(process.reaches[pace])
+    reach = np.int32(process.reaches[pace])
     for i in range(count):
         e, n, w, s = _in_planes(lengths, first + i)
         ends = (
@@ -152,21 +155,21 @@ def _choose(process: Process, part: Part, scratch: Floats) -> None:
 
 
 @compiled
-def _put(process: Process, part: Part, new: np.uint64, epoch: np.int32, scratch: Floats) -> int:
-    """Put the new values of some cells where `new` is; return how many are others than the old."""
+def _put(
+    process: Process, part: Part, new: np.uint64, epoch: np.int32, scratch: Floats
+) -> np.int32:
+    """Put the new values of some cells where `new` is; return the last epoch that changed any."""
     flat, settled, (old, first, count) = process.flat, process.settled, part
-    plane, at, differing = np.uint64(settled.shape[0]), np.uint64(0), 0
+    plane, at, last = np.uint64(settled.shape[0]), np.uint64(0), np.int32(0)
     old, new = old + first, new + first
     for _ in range(4):
         for i in range(count):
-            value = scratch[at + i]
-            differs = flat[old + i] != value
-            flat[new + i] = value
-            before = settled[first + i]
-            settled[first + i] = epoch if differs else before
-            differing += differs
+            value, before = scratch[at + i], settled[first + i]
+            now = epoch if flat[old + i] != value else before
+            flat[new + i], settled[first + i] = value, now
+            last = max(last, now)
         old, new, at = old + plane, new + plane, at + _ROW
-    return differing
+    return last
 
 
 @compiled
@@ -178,15 +181,18 @@ def _find_ends(process: Process, part: Part, reach: int, scratch: Floats) -> Non
         step = np.uint64(ROW_STEPS[direction] * process.width + COL_STEPS[direction])
         here = old + at
         for i in range(count):
-            scratch[out + i] = _three_on(flat, here + i, step, lengths[at + i])
-        for k in range(NEAR + 1, reach + 1, 2):
-            this = here + np.uint64(k) * step
-            further = this + step if k < reach else this
-            length_k, longer = np.uint8(k), np.uint8(min(k + 1, reach))
+            length = min(lengths[at + i], np.int32(reach))
+            best = _three_on(flat, here + i, step, length)
+            four = here + i + np.uint64(4) * step
+            five = four + step
+            best = _either(best, flat[four], length >= np.int32(4))
+            best = _either(best, flat[five], length >= np.int32(5))
+            scratch[out + i] = _either(best, flat[five + step], length >= np.int32(6))
+        for k in range(FAR + 1, reach + 1):
+            this, length_k = here + np.uint64(k) * step, np.int32(k)
             for i in range(count):
-                length = lengths[at + i]
-                best = _either(scratch[out + i], flat[this + i], length >= length_k)
-                scratch[out + i] = _either(best, flat[further + i], length >= longer)
+                is_longer = lengths[at + i] >= length_k
+                scratch[out + i] = _either(scratch[out + i], flat[this + i], is_longer)
         at, out = at + np.uint64(lengths.shape[0] // 4), out + _ROW
 
 
@@ -200,7 +206,7 @@ def _in_planes(lengths: Lengths, cell: np.uint64) -> tuple[np.uint64, ...]:
 
 
 @compiled
-def _three_on(values: Floats, here: np.uint64, step: np.uint64, length: np.uint8) -> np.float32:
+def _three_on(values: Floats, here: np.uint64, step: np.uint64, length: np.int32) -> np.float32:
     """Choose among moves of up to three cells; where none is so long that value is not taken."""
     one = here + step
     two = one + step

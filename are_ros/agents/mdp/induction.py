@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.agents.mdp.decision_kernels import CHUNK, NEAR, Floats, Process, decide
+from are_ros.agents.mdp.decision_kernels import CHUNK, FAR, Floats, Process, decide
 
 if TYPE_CHECKING:
     from are_ros.agents.mdp.model import Problem
@@ -24,14 +24,14 @@ def solved(
     """
     model, (height, width) = problem.model, problem.terminal.shape
     reaches = np.array(model.reaches)
-    padding, size = max(*model.reaches, NEAR) * width, 4 * height * width
+    padding, size = max(*model.reaches, FAR) * width, 4 * height * width
     flat = np.zeros(kept * size + 2 * padding, np.float32)
     planes = flat[padding : padding + kept * size].reshape(kept, 4, height, width)
     planes[0] = problem.terminal
     settled = np.zeros((height, width), np.int32)
     process = Process(
         flat,
-        problem.lengths.reshape(-1),
+        problem.lengths.reshape(-1).astype(np.int32),
         problem.gains.reshape(-1),
         width,
         reaches,
@@ -57,10 +57,10 @@ def induct(process: Process, padding: int, kept: int, horizon: int) -> int:
     scratch = np.empty(8 * CHUNK, np.float32)
     for epoch in range(1, horizon + 1):
         old = np.uint64(padding + (epoch - 1) % kept * size)
-        new, differing = np.uint64(padding + epoch % kept * size), 0
+        new, last = np.uint64(padding + epoch % kept * size), 0
         for start in range(0, cells, CHUNK):
             part = old, np.uint64(start), np.uint64(min(CHUNK, cells - start))
-            differing += decide(process, part, new, epoch, scratch)
-        if differing == 0:
+            last = max(last, decide(process, part, new, np.int32(epoch), scratch))
+        if last < epoch:
             return epoch
     return horizon
