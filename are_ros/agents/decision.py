@@ -452,7 +452,8 @@ def _intent_of_journey(state: AgentState, situation: Situation) -> Intent | None
 
 def _request(state: AgentState, situation: Situation, intent: Intent) -> NavigationRequest:
     """Return what navigation is asked: the journey or the way out at all speeds, a goal at one."""
-    repertoire, speeds_mps = state.repertoire, (intent.speed_mps,)
+    repertoire = state.repertoire
+    speeds_mps: tuple[float, ...] = (intent.speed_mps,)
     journey, way_out = repertoire.journey, repertoire.way_out
     if way_out is not None and intent.goal_m is not None and intent.goal_m == way_out.exit_m:
         motion = situation.row.motion

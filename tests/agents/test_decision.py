@@ -424,9 +424,9 @@ def test_who_has_a_planner_that_fails_stands_and_says_so() -> None:
     one = town.admit(5, 0)
     town.decide(0)
     with pytest.raises(BehaviourError, match="late boom"):
-        town.layer.stop(5, BehaviourError("late boom", "mine:Late"))
+        town.layer.stop(5, BehaviourError("late boom", "mine:Late"), 0)
     town.layer.report_fault = told.append
-    town.layer.stop(5, BehaviourError("late boom", "mine:Late"))
+    town.layer.stop(5, BehaviourError("late boom", "mine:Late"), 0)
     town.decide(20)
     assert len(told) == 1
     assert (one.behaviour, one.activity) == ("standing", "its planner failed")

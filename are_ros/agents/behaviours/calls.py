@@ -91,7 +91,7 @@ def reward_of(behaviour: Behaviour, situation: Situation) -> float:
         return float(ask(situation))
     call = BehaviourCall(situation.me.id, situation.row.label, situation.now_ns)
     reward = answer_of(behaviour, "reward", situation, call)
-    if not _is_number(reward):
+    if not is_number(reward):
         raise wrong_answer(kind, "reward", f"{reward!r}: a finite number is needed", call)
     return float(reward)
 

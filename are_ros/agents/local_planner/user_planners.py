@@ -117,7 +117,7 @@ class UserPlanners:
 
     def __init__(self, table: "AgentTable") -> None:
         self.stop: Callable[[int, BehaviourError, int], None] | None = None
-        """(agent's id, error, time [ns]): called for each that fails; with None, the error is raised."""
+        """(agent's id, error, time [ns]): called for each that fails; if None, it is raised."""
         self._table = table
         self._period_ns = seconds_to_ns(table.timing.step_s)
         self._owned: dict[int, _Own] = {}

@@ -123,7 +123,7 @@ def test_one_that_raises_is_told_once_and_its_agent_brakes() -> None:
     """Where somebody listens; it is not asked again."""
     told: list[tuple[int, str]] = []
     street = Street(environment(room(14.0, 8.0)))
-    street.planner.user_planners.stop = lambda who, fault: told.append((who, str(fault)))
+    street.planner.user_planners.stop = lambda who, fault, _: told.append((who, str(fault)))
     street.add(7, 2.0, 4.0, 0.0)
     for _ in range(5):
         street.send(7, 12.0, 4.0, planner=f"{MODULE}:Late")

@@ -11,17 +11,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from are_ros.agents.behaviours.repertoire import Repertoire
 from are_ros.agents.behaviours.situation import Intent, Neighbour, Point, RobotView, stand
 from are_ros.agents.behaviours.standing import Standing
 from are_ros.agents.decision import AgentState
-from are_ros.agents.local_planner.body import Body
+from are_ros.agents.local_planner.body import PLANNERS, Body
 from are_ros.agents.navigation.destinations import Destinations
 from are_ros.agents.navigation.navigation import (
     Navigation,
     NavigationRequest,
     NavigationResult,
-    Prospect,
-    Prospects,
 )
 from are_ros.agents.navigation.profile import Clearances, NavigationProfile
 from are_ros.agents.navigation.terrain import Terrains
@@ -64,7 +63,8 @@ def profile(row: CatalogueRow = ROW) -> NavigationProfile:
 
 def state(row: CatalogueRow = ROW) -> AgentState:
     """Return one of a row that has not decided yet."""
-    return AgentState(profile(row), Standing(), np.random.default_rng(0))
+    random = np.random.default_rng(0)
+    return AgentState(profile(row), Repertoire.only(Standing()), random, random, PLANNERS[0])
 
 
 def view_of(*poses: tuple[float, float, float], speed_mps: float = 0.0) -> AgentSnapshot:
