@@ -123,6 +123,12 @@ class AgentState:
         self.intent, self.is_going, self.arrived, self.no_way = None, False, False, False
 
 
+Report = Callable[
+    [NavigationRequest, Prospect, NavigationResult, AgentSnapshot, RobotView | None], None
+]
+"""Is told of a decision: what was asked, what the actions were worth, and what was chosen."""
+
+
 class DecisionLayer:
     """Decides for the agents of a table that have a state: those that can move, without a track."""
 
@@ -148,6 +154,8 @@ class DecisionLayer:
         With None, the error is raised."""
         self.report_change: Callable[[int, Artefact, str], None] = _ignored
         """Called with the time [ns], an artefact whose behaviour has changed, and the last one."""
+        self.report: Report | None = None
+        """Called for each decision, if there is somebody to be told."""
         self.by_exit = False
         """Whether artefacts that arrive from now on are at an exit at the end of their lives."""
         self.hides: Callable[[_Floats], _Mask] = _all_hidden
@@ -206,6 +214,9 @@ class DecisionLayer:
         ]
         prospects = self._navigation.prospects(requests, view, robot)
         results = [self._act(*one) for one in zip(requests, prospects, strict=True)]
+        if self.report is not None:
+            for decision in zip(requests, prospects, results, strict=True):
+                self.report(*decision, view, robot)
         commands = [
             result.command._replace(planner=state.planner)
             for state, result in zip(deciding.values(), results, strict=True)
