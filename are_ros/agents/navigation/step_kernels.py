@@ -14,6 +14,7 @@ from are_ros.agents.mdp.routes import (
     ValueTuple,
     action_values,
     follow,
+    is_settled,
     place_of,
 )
 from are_ros.agents.navigation.ground import Ground, cell_of, heading_of
@@ -35,7 +36,7 @@ THERE_M: Final = 0.15
 STRAIGHT_M: Final = 3.0
 """A visible goal no farther away than this is approached straight, without the values."""
 
-NO_WAY, STRAIGHT, CHOOSES = range(3)
+NO_WAY, STRAIGHT, CHOOSES, UNKNOWN = range(4)
 
 
 class GoalSpec(NamedTuple):
@@ -91,7 +92,8 @@ def prospect_of(
     `crowd` those of `Cells` and the rest of `Crowd`. An epoch is `epoch_s` long. `agent` is the
     index in the crowd, whether others cost it anything, and the epochs left. A moving goal is
     approached straight from any distance. Returns what there is (no way, straight to the goal, a
-    choice), the heading, and the value of the state without the others.
+    choice, or that the planes of all epochs are needed), the heading, and the value of the state
+    without the others.
     """
     floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
     everybody = Crowd(Cells(*crowd[:8]), crowd[8], crowd[9], crowd[10])
@@ -110,9 +112,10 @@ def prospect_of(
     others = _find_others(everybody, robot, epoch_s, index, is_patient, going)
     # without others the values tell what is best from the next epoch on
     others = others[: min(AHEAD if others.shape[1] > 0 else 1, epochs_left)]
-    later = values.planes[place_of(values, epochs_left - others.shape[0])]
+    if not is_settled(values, state[0], state[1], epochs_left, others.shape[0]):
+        return UNKNOWN, 0, 0.0
     scratch = _scratch(values.paces.shape[0])
-    action_values(values, later, floor.anchors_m, others, state, scratch, brings)
+    action_values(values, epochs_left, floor.anchors_m, others, state, scratch, brings)
     plane = values.planes[place_of(values, epochs_left)]
     return CHOOSES, state[2], float(plane[state[2], state[0], state[1]])
 
