@@ -114,7 +114,7 @@ def prospect_of(
     others = others[: min(AHEAD if others.shape[1] > 0 else 1, epochs_left)]
     if not is_settled(values, state[0], state[1], epochs_left, others.shape[0]):
         return UNKNOWN, 0, 0.0
-    scratch = _scratch(values.paces.shape[0])
+    scratch = scratch_of(values.paces.shape[0])
     action_values(values, epochs_left, floor.anchors_m, others, state, scratch, brings)
     plane = values.planes[place_of(values, epochs_left)]
     return CHOOSES, state[2], float(plane[state[2], state[0], state[1]])
@@ -134,7 +134,8 @@ def _state_of(
 
 
 @compiled
-def _scratch(paces: int) -> tuple[Moves, Moves]:
+def scratch_of(paces: int) -> tuple[Moves, Moves]:
+    """Return scratch for `action_values`."""
     numbers = np.empty((2, 4, paces, 4))
     after = np.empty((2, 4))
     return (
@@ -214,7 +215,7 @@ def way_along(
     ):
         way_m[0, 0], way_m[0, 1] = going.end_m
         return 1, going.end_m[0], going.end_m[1], True
-    scratch, brings = _scratch(values.paces.shape[0]), np.empty((values.paces.shape[0], 5))
+    scratch, brings = scratch_of(values.paces.shape[0]), np.empty((values.paces.shape[0], 5))
     nobody = np.empty((1, 0, 5))
     anchors_m = floor.anchors_m
     count, _ = follow(values, anchors_m, nobody, epochs_left, state, action, way_m, scratch, brings)

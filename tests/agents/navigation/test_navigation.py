@@ -20,8 +20,6 @@ from are_ros.agents.navigation.navigation import (
     Navigation,
     NavigationRequest,
     NavigationResult,
-    Prospect,
-    Prospects,
 )
 from are_ros.agents.navigation.profile import Clearances, NavigationProfile
 from are_ros.agents.navigation.terrain import Terrains
