@@ -23,7 +23,7 @@ AHEAD = 2
 class ValueArrays(NamedTuple):
     """A value table as the kernels take it, with a window of h x w cells.
 
-    `planes` (K, 4, h, w), `settled` and `nearness` (H, W) as in `ValueTable`, `lengths` and `costs`
+    `planes`, `settled`, `nearness` and `at_goal` as in `ValueTable`, `lengths` and `costs`
     as in `Ways`; `out_lengths` those of the ways out, (4, 0, 0) without any. `paces` (P, 3) are
     reach, kind of lengths and effort of each, once more with ways out. `prices` are those of time
     and clearance, and what resting saves; `chances` and `turns` as in `Process`; `corner` is the
@@ -36,6 +36,7 @@ class ValueArrays(NamedTuple):
     out_lengths: Lengths
     costs: Floats
     nearness: Floats
+    at_goal: Floats
     paces: Doubles
     prices: tuple[float, float, float]
     chances: tuple[float, float, float]
@@ -150,14 +151,15 @@ def _find_after(
     cell: Cell,
     moves: Moves,
 ) -> None:
-    """Find the values of a cell by heading, among others if there is an epoch with any."""
+    """Find the values of a cell by heading, with others in the next epochs."""
     row, col = cell
-    after, is_goal = moves.after, row == values.goal[0] and col == values.goal[1]
-    ahead = 0 if is_goal else others.shape[0]
+    after, ahead = moves.after, others.shape[0]
     later = values.planes[place_of(values, epochs_left - ahead)]
+    is_goal = row == values.goal[0] and col == values.goal[1]
+    given = values.at_goal[min(epochs_left, values.at_goal.shape[0] - 1)]
     for heading in range(4):
-        after[heading] = later[heading, row, col]
-    if ahead == 0:
+        after[heading] = given[heading] if is_goal else later[heading, row, col]
+    if is_goal or ahead == 0:
         return
     here = _find_moves(values, anchors_m, others[0], cell, moves)
     for direction in range(4):
@@ -295,10 +297,7 @@ def place_of(values: ValueArrays, epochs_left: int) -> int:
 
 @borrowing
 def is_settled(values: ValueArrays, row: int, col: int, epochs_left: int, ahead: int) -> bool:
-    """Tell whether the planes have the values of all cells that so many epochs lead to.
-
-    Those with `epochs_left`, and with `ahead` less.
-    """
+    """Tell whether the planes have the values after the epochs ahead, where these may lead to."""
     if values.planes.shape[0] > 1:
         return True
     reach = 0

@@ -22,7 +22,7 @@ from are_ros.agents.mdp.model import (
     ways_out,
     ways_to,
 )
-from are_ros.agents.mdp.routes import ValueArrays
+from are_ros.agents.mdp.routes import AHEAD, ValueArrays
 
 
 class Sized(Protocol):
@@ -149,6 +149,7 @@ class ValueTable:
             _NO_LENGTHS if out is None else out.lengths,
             self.costs,
             self.nearness,
+            self.at_goal,
             np.column_stack((reaches, effort)),
             (model.time, model.clearance, model.rest),
             model.chances,
@@ -199,7 +200,9 @@ class ValueTables:
         budget_bytes: int = 256 * 2**20,
         kept_bytes: int = KEPT_BYTES_PER_TABLE,
     ) -> None:
-        """Take the longest horizon [epochs] and trip; a window is two longest trips wide.
+        """Take the longest trip and horizon [epochs], beyond those that a decision looks ahead.
+
+        A window is two longest trips wide.
 
         If the epochs of a horizon cost less than the turns of a type, it stands rather than turns.
         `budget_bytes` bounds all tables that trips to a goal share, and with `PARTS_BYTES` those of
@@ -311,7 +314,9 @@ class ValueTables:
         found = self._out.get(key)
         if found is None:
             ways = ways_out(coarse.edges, coarse.nearness, exits, model, window)
-            found = _WayOut(ways, solve(problem_of(ways), self._horizon, sys.maxsize).planes)
+            found = _WayOut(
+                ways, solve(problem_of(ways), self._horizon + AHEAD, sys.maxsize).planes
+            )
             self._out.put(key, found)
         (row, col), _ = window
         return found if found.ways.costs[goal[0] - row, goal[1] - col] < math.inf else None

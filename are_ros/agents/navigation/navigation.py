@@ -19,7 +19,7 @@ from are_ros.agents.behaviours.situation import Intent, Neighbour, Point, RobotV
 from are_ros.agents.local_planner.body import MotionCommand
 from are_ros.agents.mdp.coarse_map import CoarseMaps
 from are_ros.agents.mdp.model import TravelModel
-from are_ros.agents.mdp.routes import ValueArrays, best_action
+from are_ros.agents.mdp.routes import AHEAD, ValueArrays, best_action
 from are_ros.agents.mdp.value_tables import ValueTable, ValueTables
 from are_ros.agents.navigation.destinations import Destinations, ReachableDestinations
 from are_ros.agents.navigation.profile import NavigationProfile
@@ -160,7 +160,7 @@ class Navigation:
         epochs = max(1, round(settings.max_horizon / settings.decision_period))
         self.horizon = epochs
         self._coarse_maps = CoarseMaps(settings.cell_size)
-        self._tables = ValueTables(epochs)
+        self._tables = ValueTables(max(0, epochs - AHEAD))
 
     def enter(self, environment: Environment, places: Destinations) -> None:
         """Use another environment, or other destinations in it; forget values of the last one."""

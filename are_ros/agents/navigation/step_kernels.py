@@ -15,7 +15,6 @@ from are_ros.agents.mdp.routes import (
     action_values,
     follow,
     is_settled,
-    place_of,
 )
 from are_ros.agents.navigation.ground import Ground, cell_of, heading_of
 from are_ros.agents.navigation.local_way import way_round
@@ -27,7 +26,7 @@ Floats = npt.NDArray[np.float64]
 FADE_M: Final = 1.0
 """Over this length the cost of another agent falls from its whole weight to 0."""
 
-MINDED_M: Final = 3.0
+MINDED_M: Final = 5.0
 """An agent farther away than this costs nothing."""
 
 THERE_M: Final = 0.15
@@ -110,14 +109,15 @@ def prospect_of(
     if state[0] == values.goal[0] and state[1] == values.goal[1]:
         return STRAIGHT, 0, 0.0
     others = _find_others(everybody, robot, epoch_s, index, is_patient, going)
-    # without others the values tell what is best from the next epoch on
-    others = others[: min(AHEAD if others.shape[1] > 0 else 1, epochs_left)]
+    others = others[: min(AHEAD, epochs_left)]
     if not is_settled(values, state[0], state[1], epochs_left, others.shape[0]):
         return UNKNOWN, 0, 0.0
-    scratch = scratch_of(values.paces.shape[0])
-    action_values(values, epochs_left, floor.anchors_m, others, state, scratch, brings)
-    plane = values.planes[place_of(values, epochs_left)]
-    return CHOOSES, state[2], float(plane[state[2], state[0], state[1]])
+    scratch, nobody = scratch_of(values.paces.shape[0]), others[:, :0].copy()
+    action_values(values, epochs_left, floor.anchors_m, nobody, state, scratch, brings)
+    value = brings.max()
+    if others.shape[1] > 0:
+        action_values(values, epochs_left, floor.anchors_m, others, state, scratch, brings)
+    return CHOOSES, state[2], value
 
 
 @borrowing

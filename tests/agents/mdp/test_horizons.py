@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from are_ros.agents.mdp.coarse_map import CoarseMap, nearness_to_walls
 from are_ros.agents.mdp.model import TravelModel
-from are_ros.agents.mdp.routes import best_action, is_settled
+from are_ros.agents.mdp.routes import AHEAD, best_action, is_settled
 from are_ros.agents.mdp.value_tables import ValueTable, ValueTables
 from are_ros.agents.navigation.terrain import Terrain
 from are_ros.world.environment import Environment, PlaneGround
@@ -21,7 +21,7 @@ from tests.agents.floors import terrain_of, two_rooms
 from tests.agents.mdp.slow_travel import SlowTravel, State
 from tests.agents.mdp.ways import brings_at
 
-NOBODY = np.empty((1, 0, 5))
+NOBODY = np.empty((AHEAD, 0, 5))
 HORIZON = 40
 OFFICE = Path(__file__).parents[3] / "bags" / "sample_office_map.yaml"
 RUNNER = TravelModel((3, 5), slip=0.1, effort=(0.0, 0.07), rest=0.095, late=2.0)
@@ -54,7 +54,7 @@ def differing(coarse: CoarseMap, goal_m: tuple[float, float], step: int = 1) -> 
 
     At every horizon, by the same planes as navigation: that of the longest horizon where it holds.
     """
-    everything, bounded = (ValueTables(HORIZON, kept_bytes=kept) for kept in (2**40, 0))
+    everything, bounded = (ValueTables(HORIZON - AHEAD, kept_bytes=kept) for kept in (2**40, 0))
     full, least = (table_of(tables, coarse, goal_m) for tables in (everything, bounded))
     again = bounded.all_planes(least)
     assert len(least.planes) == 1
@@ -63,10 +63,12 @@ def differing(coarse: CoarseMap, goal_m: tuple[float, float], step: int = 1) -> 
     count = states = swept = 0
     for row, col in np.argwhere(np.isfinite(full.costs))[::step].tolist():
         for heading, left in product(range(4), range(1, HORIZON + 1)):
-            holds = is_settled(arrays[1], row, col, left, 1)
+            nobody = NOBODY[: min(AHEAD, left)]
+            holds = is_settled(arrays[1], row, col, left, len(nobody))
+            assert holds or left < HORIZON
             state, ours = (row, col, heading), arrays[1] if holds else arrays[2]
             one, other = (
-                brings_at(values, coarse, left, NOBODY, state) for values in (arrays[0], ours)
+                brings_at(values, coarse, left, nobody, state) for values in (arrays[0], ours)
             )
             count += best_action(one, heading) != best_action(other, heading)
             assert (one == other).all()
@@ -97,7 +99,7 @@ def test_a_goal_takes_at_most_a_megabyte() -> None:
     """On 200 x 200 cells."""
     coarse = CoarseMap(terrain_of(np.zeros((400, 400), np.bool_), 0.25), 0.2)
     assert coarse.shape == (200, 200)
-    tables = ValueTables(HORIZON, max_trip_m=200.0)
+    tables = ValueTables(HORIZON - AHEAD, max_trip_m=200.0)
     table = table_of(tables, coarse, (50.0, 50.0))
     assert table.costs.shape == (200, 200)
     assert table.nbytes < 2**20
