@@ -38,20 +38,23 @@ Part = tuple[np.uint64, np.uint64, np.uint64]
 class Process(NamedTuple):
     """What epochs are made of, for n = h * w cells; `flat` is where the values are (`induct`).
 
-    `lengths` (4 n), `gains` ((1 + 4 P) n), `width` in cells, `reaches` (P,) of the paces, `lost`
-    (P,) what a failed move brings less than staying, `chances` of going as intended, of failing and
-    of each side, `turns` what a quarter and a half turn cost. `settled` (n,) becomes the last epoch
-    that changed anything in a cell.
+    `lengths` (4 L n), `gains` ((1 + 4 P) n), `width` in cells. Each pace has its reach and which of
+    the L lengths is its own, `paces` (P, 2); `lost` (P,) is what a failed move brings less than
+    staying. `chances` are those of going as intended, of failing and of each side, `turns` what a
+    quarter and a half turn cost. Cell `goal` has the values `at_goal` (K, 4) by epoch and heading,
+    the last from there on. `settled` (n,) becomes the last epoch that changed anything in a cell.
     """
 
     flat: Floats
     lengths: Lengths
     gains: Floats
     width: int
-    reaches: npt.NDArray[np.int64]
+    paces: npt.NDArray[np.int64]
     lost: Floats
     chances: tuple[np.float32, np.float32, np.float32]
     turns: tuple[np.float32, np.float32]
+    goal: int
+    at_goal: Floats
     settled: npt.NDArray[np.int32]
 
 
@@ -65,13 +68,18 @@ def decide(
     process: Process, part: Part, new: np.uint64, epoch: np.int32, scratch: Floats
 ) -> np.int32:
     """Put the values of some cells where `new` is; return the last epoch that changed any."""
-    for pace in range(process.reaches.shape[0]):
-        if process.reaches[pace] <= NEAR:
+    for pace in range(process.paces.shape[0]):
+        if process.paces[pace, 0] <= NEAR:
             _move_near(process, part, pace, scratch)
         else:
-            _find_ends(process, part, process.reaches[pace], scratch)
+            _find_ends(process, part, pace, scratch)
             _move_far(process, part, pace, scratch)
     _choose(process, part, scratch)
+    at = process.goal - int(part[1])
+    if 0 <= at < int(part[2]):
+        given = process.at_goal[min(np.int64(epoch), process.at_goal.shape[0] - 1)]
+        for heading in range(4):
+            scratch[heading * CHUNK + at] = given[heading]
     return _put(process, part, new, epoch, scratch)
 
 
@@ -80,14 +88,14 @@ def _move_near(process: Process, part: Part, pace: int, scratch: Floats) -> None
     """Put what moves of a pace of up to three cells bring into the scratch, if it is better."""
     flat, lengths, (old, first, count) = process.flat, process.lengths, part
     north, south = np.uint64(process.width), np.uint64(-process.width)
-    reach = np.int32(process.reaches[pace])
+    reach, own = np.int32(process.paces[pace, 0]), _lengths_of(process, pace)
     for i in range(count):
-        e, n, w, s = _in_planes(lengths, first + i)
+        e, n, w, s = _in_planes(process, first + i)
         ends = (
-            _three_on(flat, old + e, _EAST, min(lengths[e], reach)),
-            _three_on(flat, old + n, north, min(lengths[n], reach)),
-            _three_on(flat, old + w, _WEST, min(lengths[w], reach)),
-            _three_on(flat, old + s, south, min(lengths[s], reach)),
+            _three_on(flat, old + e, _EAST, min(lengths[own + e], reach)),
+            _three_on(flat, old + n, north, min(lengths[own + n], reach)),
+            _three_on(flat, old + w, _WEST, min(lengths[own + w], reach)),
+            _three_on(flat, old + s, south, min(lengths[own + s], reach)),
         )
         _move(process, old, first + i, pace, ends, scratch, i)
 
@@ -114,7 +122,7 @@ def _move(
 ) -> None:
     """Put the better of what is there and what moves bring, by direction, given their ends."""
     flat, gains, (straight, fails, aside) = process.flat, process.gains, process.chances
-    e, n, w, s = _in_planes(process.lengths, cell)
+    e, n, w, s = _in_planes(process, cell)
     stay = gains[cell] - process.lost[pace]
     moves = (n - e) * np.uint64(1 + 4 * pace)
     east, north = ends[0] + gains[moves + e], ends[1] + gains[moves + n]
@@ -138,9 +146,9 @@ def _move(
 def _choose(process: Process, part: Part, scratch: Floats) -> None:
     """Put the best of staying and the moves, by heading, where the moves are in the scratch."""
     flat, gains, (old, first, count) = process.flat, process.gains, part
-    (quarter, half), lengths = process.turns, process.lengths
+    quarter, half = process.turns
     for i in range(count):
-        e, n, w, s = _in_planes(lengths, first + i)
+        e, n, w, s = _in_planes(process, first + i)
         to, stay = np.uint64(i), gains[first + i]
         east, north = scratch[to], scratch[to + _ROW]
         west, south = scratch[to + _ROW + _ROW], scratch[to + _ROW + _ROW + _ROW]
@@ -160,7 +168,8 @@ def _put(
 ) -> np.int32:
     """Put the new values of some cells where `new` is; return the last epoch that changed any."""
     flat, settled, (old, first, count) = process.flat, process.settled, part
-    plane, at, last = np.uint64(settled.shape[0]), np.uint64(0), np.int32(0)
+    plane, at = np.uint64(settled.shape[0]), np.uint64(0)
+    last: np.int32 = np.int32(0)
     old, new = old + first, new + first
     for _ in range(4):
         for i in range(count):
@@ -173,15 +182,16 @@ def _put(
 
 
 @compiled
-def _find_ends(process: Process, part: Part, reach: int, scratch: Floats) -> None:
+def _find_ends(process: Process, part: Part, pace: int, scratch: Floats) -> None:
     """Put into the scratch the value of where each direction leads to from each cell."""
     flat, lengths, (old, at, count), out = process.flat, process.lengths, part, _ENDS
+    reach, own = process.paces[pace, 0], _lengths_of(process, pace)
     for direction in range(4):
         # to the west and south it wraps around, and back when it is added
         step = np.uint64(ROW_STEPS[direction] * process.width + COL_STEPS[direction])
         here = old + at
         for i in range(count):
-            length = min(lengths[at + i], np.int32(reach))
+            length = min(lengths[own + at + i], np.int32(reach))
             best = _three_on(flat, here + i, step, length)
             four = here + i + np.uint64(4) * step
             five = four + step
@@ -191,15 +201,22 @@ def _find_ends(process: Process, part: Part, reach: int, scratch: Floats) -> Non
         for k in range(FAR + 1, reach + 1):
             this, length_k = here + np.uint64(k) * step, np.int32(k)
             for i in range(count):
-                is_longer = lengths[at + i] >= length_k
+                is_longer = lengths[own + at + i] >= length_k
                 scratch[out + i] = _either(scratch[out + i], flat[this + i], is_longer)
-        at, out = at + np.uint64(lengths.shape[0] // 4), out + _ROW
+        at, out = at + np.uint64(process.settled.shape[0]), out + _ROW
 
 
 @compiled
-def _in_planes(lengths: Lengths, cell: np.uint64) -> tuple[np.uint64, ...]:
+def _lengths_of(process: Process, pace: int) -> np.uint64:
+    """Return where the lengths of a pace begin."""
+    begin: np.uint64 = np.uint64(4 * process.settled.shape[0] * process.paces[pace, 1])
+    return begin
+
+
+@compiled
+def _in_planes(process: Process, cell: np.uint64) -> tuple[np.uint64, ...]:
     """Return where a cell is in each of four planes, by direction or heading."""
-    plane = np.uint64(lengths.shape[0] // 4)
+    plane = np.uint64(process.settled.shape[0])
     north = cell + plane
     west = north + plane
     return cell, north, west, west + plane
