@@ -417,7 +417,7 @@ def plan(
             who if obstruction == BY_ARTEFACT else NOBODY,
         )
         memory.can_yield = (
-            obstruction == BY_ARTEFACT and culprit != NOBODY and can_yield(agents, culprit)
+            obstruction == BY_ARTEFACT and culprit != NOBODY and can_yield(agents, i, culprit, now)
         )
     if culprit != NOBODY and (aim.kind == PUSHED or obstruction == BY_ARTEFACT):
         push(agents, i, culprit, aim, pose, now, epoch, timing.second)
