@@ -44,6 +44,7 @@ _RELEASE = 0.15  # the most that one that was blocked must gain before it is so 
 _MOST_DEBT = 2.0  # a way back counts: it must be made again before one is not blocked any more
 _PUSHES_AFTER = 0.75
 _ASKS_AFTER = 1.5  # one that is to stand is asked to step aside
+_ASKS_FOLLOWERS_AFTER = 8.0  # so is one that follows its path
 _PUSH_SECONDS = 2
 _FIRST_DETOUR = 3.0
 _ROOM = 0.05
@@ -75,15 +76,17 @@ def _priority(agents: AgentArrays, i: int, now: int, epoch: int) -> float:
 def can_yield(agents: AgentArrays, i: int, j: int, now: int) -> bool:
     """Tell whether agent i may push agent j, should it have the higher priority.
 
-    It may not push one that follows a track, or its path, for that does not swerve; and one that is
-    to stand only after it has waited for longer, or is pushed itself where it is to stand.
+    It may not push one that follows a track; and one that is to stand only after it has waited for
+    longer, or is pushed itself where it is to stand. One that follows its path does not swerve: it
+    is pushed only where it stands, by who has waited for longest.
     """
-    command, memory = agents.command[i], agents.memory[i]
-    is_free = agents.place[j].is_scripted == 0 and agents.body[j].speed > 0.0
-    if not is_free or agents.command[j].planner == PATH_FOLLOWING:
+    if agents.place[j].is_scripted == 1 or agents.body[j].speed <= 0.0:
         return False
-    is_asked = now < memory.pushed_until and command.has_goal == 0
-    return bool(agents.command[j].has_goal == 1 or is_asked or memory.blocked > _ASKS_AFTER)
+    stands, waited = agents.command[j].has_goal == 0, agents.memory[i].blocked
+    if agents.command[j].planner == PATH_FOLLOWING:
+        return bool(stands and waited > _ASKS_FOLLOWERS_AFTER)
+    is_asked = now < agents.memory[i].pushed_until and agents.command[i].has_goal == 0
+    return bool(not stands or is_asked or waited > _ASKS_AFTER)
 
 
 @borrowing

@@ -166,12 +166,12 @@ def _gap() -> Street:
 
 
 def test_one_that_stands_in_a_gap_steps_aside_for_who_has_waited() -> None:
-    """Not at once, for it may go on by itself; a vehicle on a track, say, would never."""
+    """Not at once, for it may go on by itself."""
     street = _gap()
     street.add(1, 6.5, 2.5, math.pi)
     street.add(2, 4.2, 2.5, 0.0)
     street.send(1, 1.5, 2.5)
-    street.run(8.0)
+    street.run(7.0)
     assert street.pose(2).tolist() == [4.2, 2.5, 0.0]
     street.run_until_there(30.0)
 
@@ -189,16 +189,16 @@ def test_followers_in_a_row_let_their_leader_out_of_a_niche() -> None:
     street.run_until_there(30.0)
 
 
-def test_who_follows_its_path_does_not_step_aside() -> None:
-    """Also where it stands in the only gap."""
+def test_who_follows_its_path_steps_aside_late_and_only_where_it_stands() -> None:
+    """It stands in the only gap: for seconds it does not care, and in the end the other is out."""
     street = _gap()
     street.add(1, 6.5, 2.5, math.pi)
     street.add(2, 4.2, 2.5, 0.0)
     street.send(1, 1.5, 2.5)
     street.command(2, MotionCommand(None, 0.0, planner="path_following"))
-    street.run(30.0)
+    street.run(14.0)
     assert street.pose(2).tolist() == [4.2, 2.5, 0.0]
-    assert street.obstruction(1)[:2] == (Obstruction.ARTEFACT, 2)
+    street.run_until_there(90.0)
 
 
 def _cross_a_door(width_m: float, count: int, seconds: float) -> float:
