@@ -81,11 +81,14 @@ def propose(
     """Write what the planner of agent i proposes at a pose; return how many options there are.
 
     The first `near` rows of `workspace.near` are the others. Who is pushed, or to stand, does that
-    by the dynamic window, and so does a vehicle whose planner is for who turns on the spot.
+    by the dynamic window, and so does a vehicle whose planner is for who turns on the spot, or one
+    whom the forces hold between walls.
     """
     body, memory, options = agents.body[i], agents.memory[i], workspace.options
     planner = agents.command[i].planner
     if aim.speed <= 0.0 or aim.kind == PUSHED:
+        planner = DYNAMIC_WINDOW
+    if planner == SOCIAL_FORCE and memory.blocked > FORCES_FAIL_AFTER:
         planner = DYNAMIC_WINDOW
     if planner == WISHES:
         return _wished(options, workspace.wishes[i], aim, pose, body, timing)
@@ -190,6 +193,8 @@ AHEAD_S = 0.5
 BEHIND = 0.1
 """What somebody right behind counts for, of somebody right ahead."""
 WALLS_MPS2, WALLS_M = 3.0, 0.1
+FORCES_FAIL_AFTER = 3.0
+"""Who has made no progress for so long [s] plans by the dynamic window until it does."""
 HORIZON_S = 0.5
 """The velocity proposed is that after this time."""
 _LEAST_AXIS = 0.05
