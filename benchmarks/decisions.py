@@ -25,7 +25,7 @@ from are_ros.agents.mdp.coarse_map import CoarseMap
 from are_ros.agents.mdp.model import Problem, Solution, TravelModel, solve, ways_to
 from are_ros.agents.mdp.model import problem_of as process_of
 from are_ros.agents.mdp.value_tables import ValueTables
-from are_ros.agents.navigation.step_kernels import route_step
+from are_ros.agents.navigation.step_kernels import prospect_of, way_along
 from are_ros.agents.navigation.terrain import Terrain
 from are_ros.agents.neighbours import Neighbourhood
 from are_ros.world.environment import Environment, PlaneGround
@@ -148,7 +148,7 @@ def furnished_hall() -> CoarseMap:
 
 def decide() -> None:
     """Print what a decision takes, once its values are there and before."""
-    coarse, model, tables = furnished_hall(), TravelModel(reach=3), ValueTables()
+    coarse, model, tables = furnished_hall(), _model((3, 5)), ValueTables()
     random = np.random.default_rng(2)
     corner_m = coarse.anchors_m[5, 5]
     goals_m = [tuple((corner_m + random.random(2) * 20.0).tolist()) for _ in range(6)]
@@ -163,16 +163,14 @@ def decide() -> None:
     poses[0, :2] = x_m, y_m
     cells = Neighbourhood(poses[:, :2]).cells
     crowd = (*cells, poses, np.ones(11), np.full(11, 0.3))
-    ends, nobody, way_m = (
-        (0.25, goals_m[0], goals_m[0], 0.5, 0.0),
-        (1.0, 0.0, 0.0, -1.0),
-        np.empty((16, 2)),
-    )
-    active = (tuple(coarse.ground), tuple(table.value_arrays), ends)
-    step = (*active, crowd, nobody, (0, True, 30), False, way_m)
+    ends, no_robot = (0.25, goals_m[0], goals_m[0], 0.5, 0.0), (0.0, 0.0, 0.0, 0.0, -1.0)
+    active = (tuple(coarse.ground), tuple(table.value_arrays()), ends)
+    choice = (*active, crowd, no_robot, 1.0, (0, True, 30), False, np.empty((2, 5)))
+    way = (*active, (x_m, y_m, 0.0), 30, (0, 3), np.empty((128, 2)))
     calls: dict[str, Callable[[], object]] = {
         "values of a known goal": functools.partial(tables.value, coarse, model, goals_m[0]),
-        "a step, 10 others": functools.partial(route_step, *step),
+        "actions, 10 others": functools.partial(prospect_of, *choice),
+        "the way of one": functools.partial(way_along, *way),
     }
     for name, call in calls.items():
         call()

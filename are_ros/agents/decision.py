@@ -73,7 +73,7 @@ _Mask = npt.NDArray[np.bool_]
 
 @dataclass(eq=False, slots=True)
 class AgentState:
-    """How one agent decides: its behaviour, and the outcome of its last intent.
+    """How one agent decides: its behaviour and planner, and the outcome of its last intent.
 
     `waits` counts the decisions in a row in which it gave way to others. `places` are the
     destinations that it can reach, among those of the map, `map_places`.
@@ -83,6 +83,7 @@ class AgentState:
     repertoire: Repertoire
     random: np.random.Generator
     policy_random: np.random.Generator
+    planner: str
     slip: float = 0.0
     active: dict[GoalKey, ActiveGoal] = field(default_factory=dict)
     intent: Intent | None = None
@@ -122,6 +123,12 @@ class AgentState:
         self.intent, self.is_going, self.arrived, self.no_way = None, False, False, False
 
 
+Report = Callable[
+    [NavigationRequest, Prospect, NavigationResult, AgentSnapshot, RobotView | None], None
+]
+"""Is told of a decision: what was asked, what the actions were worth, and what was chosen."""
+
+
 class DecisionLayer:
     """Decides for the agents of a table that have a state: those that can move, without a track."""
 
@@ -143,10 +150,12 @@ class DecisionLayer:
         self._navigation = navigation
         self._planner = planner
         self.report_fault: Callable[[BehaviourError], None] | None = None
-        """Called for each user-defined behaviour that fails; its agent stands from then on.
+        """Called for each user-defined behaviour or planner that fails; its agent stands then.
         With None, the error is raised."""
         self.report_change: Callable[[int, Artefact, str], None] = _ignored
         """Called with the time [ns], an artefact whose behaviour has changed, and the last one."""
+        self.report: Report | None = None
+        """Called for each decision, if there is somebody to be told."""
         self.by_exit = False
         """Whether artefacts that arrive from now on are at an exit at the end of their lives."""
         self.hides: Callable[[_Floats], _Mask] = _all_hidden
@@ -165,13 +174,15 @@ class DecisionLayer:
         random = generator(self._seed, Purpose.GOAL, artefact.id)
         policy_random = generator(self._seed, Purpose.DECISION, artefact.id)
         row, slip = self._table.row_of(artefact.id), artefact.row.slip
-        self._table.states[row] = AgentState(
+        self._table.states[row] = state = AgentState(
             profile,
             self._new_repertoire(artefact),
             random,
             policy_random,
+            _drawn_planner(artefact, policy_random),
             self._settings.slip if slip is None else slip,
         )
+        artefact.planner = state.planner
         self._table.phases[row] = -(-artefact.arrival_ns // self._step_ns) % self._period
 
     def decide(self, index: int, now_ns: int, robot: RobotView | None) -> list[int]:
@@ -203,7 +214,14 @@ class DecisionLayer:
         ]
         prospects = self._navigation.prospects(requests, view, robot)
         results = [self._act(*one) for one in zip(requests, prospects, strict=True)]
-        self._planner.give_commands(list(deciding), [result.command for result in results])
+        if self.report is not None:
+            for decision in zip(requests, prospects, results, strict=True):
+                self.report(*decision, view, robot)
+        commands = [
+            result.command._replace(planner=state.planner)
+            for state, result in zip(deciding.values(), results, strict=True)
+        ]
+        self._planner.give_commands(list(deciding), commands)
         for (row, situation), request, result in zip(
             situations.items(), requests, results, strict=True
         ):
@@ -301,6 +319,7 @@ class DecisionLayer:
         """Put another behaviour of an agent's repertoire in force."""
         artefact = self._table.artefacts[row]
         was, state.repertoire.in_force = artefact.behaviour, chosen
+        state.planner = artefact.planner = _drawn_planner(artefact, state.policy_random)
         self._table.set_behaviour(row, state.repertoire.names[chosen])
         self.report_change(now_ns, artefact, was)
 
@@ -321,6 +340,11 @@ class DecisionLayer:
     def send_out(self, row: int, now_ns: int) -> None:
         """Send an agent whose life is over to an exit, from its next decision on."""
         self._keep_to(row, Leaving(), now_ns)
+
+    def stop(self, agent_id: int, fault: BehaviourError, now_ns: int) -> None:
+        """Let an agent whose planner has failed stand, and report the error."""
+        self._report(fault)
+        self._keep_to(self._table.row_of(agent_id), Failed("its planner failed"), now_ns)
 
     def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:
         """Return whether walls leave an agent a straight way to a point."""
@@ -413,6 +437,12 @@ class DecisionLayer:
         self.report_fault(fault)
 
 
+def _drawn_planner(artefact: Artefact, random: np.random.Generator) -> str:
+    """Draw a planner by the shares of a row; nothing is drawn if there is only one."""
+    names, shares = list(artefact.row.planners), list(artefact.row.planners.values())
+    return names[0] if len(names) == 1 else names[drawn(shares, random.random())]
+
+
 def _all_hidden(points_m: _Floats) -> _Mask:
     """Return that no camera sees any of the points."""
     return np.ones(len(points_m), np.bool_)
@@ -433,7 +463,8 @@ def _intent_of_journey(state: AgentState, situation: Situation) -> Intent | None
 
 def _request(state: AgentState, situation: Situation, intent: Intent) -> NavigationRequest:
     """Return what navigation is asked: the journey or the way out at all speeds, a goal at one."""
-    repertoire, speeds_mps = state.repertoire, (intent.speed_mps,)
+    repertoire = state.repertoire
+    speeds_mps: tuple[float, ...] = (intent.speed_mps,)
     journey, way_out = repertoire.journey, repertoire.way_out
     if way_out is not None and intent.goal_m is not None and intent.goal_m == way_out.exit_m:
         motion = situation.row.motion

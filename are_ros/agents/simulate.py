@@ -93,6 +93,7 @@ class CrowdSimulator:
             parameters.seed, settings, self.table, self.navigation, self.planner
         )
         self.decisions.report_change = self._note_change
+        self.planner.user_planners.stop = self.decisions.stop
         self.resolver = resolver
         self.recorder: ScenarioRecorder | None = None
         self.counts = MotionCounts()

@@ -385,12 +385,16 @@ class PopulationManager:
         out_of_view = self._spawning.out_of_view
         return overdue(self.crowd.table, now_ns, patience_ns, exits_m, out_of_view)
 
+    def is_hidden(self, boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
+        """Return which boxes (N,), map frame, no camera sees where the last sub-step found it."""
+        return self._spawning.out_of_view.hides(boxes)
+
     def _hides(self, points_m: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
         """Return which points (N, 2) are so that no camera would see a person there."""
         poses = np.zeros((len(points_m), 4))
         poses[:, :2] = points_m
         shapes = np.tile(_PERSON, (len(points_m), 1))
-        return self._spawning.out_of_view.hides(OrientedBoxes.standing(poses, shapes))
+        return self.is_hidden(OrientedBoxes.standing(poses, shapes))
 
     def _stays_on(self, artefact: Artefact) -> bool:
         """Return whether an artefact walks to an exit when its life ends."""

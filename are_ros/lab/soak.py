@@ -219,23 +219,23 @@ def soak(
     """
     if parameters.population.arrival_rate <= 0.0:
         raise ParameterError("population.arrival_rate is 0: nobody would live to be judged")
-    run = _Run(grid, parameters, catalogue)
+    run = SoakRun(grid, parameters, catalogue)
     while run.judge.verdict.artefact_s < 60.0 * artefact_minutes and run.now_s < longest_s:
         run.step()
         progress(run.judge.verdict.artefact_s / 60.0)
     return run.result()
 
 
-class _Run:
-    """A builder, the robot beside it, and the judge of both."""
+class SoakRun:
+    """A builder, the robot beside it, and the judge of both; `step` runs a sub-step."""
 
     def __init__(self, grid: OccupancyGrid, parameters: Parameters, catalogue: Catalogue) -> None:
         self._step_s = parameters.motion.step
         self._radius_m = parameters.robot.radius
         parameters = with_values(parameters, {"builder.tick_rate": 1.0 / self._step_s})
-        self._builder = ArBuilder(parameters, catalogue, _NOTHING_SHOWN)
-        self._builder.receive_map(grid, 0)
-        environment = self._builder.world.environment
+        self.builder = ArBuilder(parameters, catalogue, _NOTHING_SHOWN)
+        self.builder.receive_map(grid, 0)
+        environment = self.builder.world.environment
         if environment is None:
             raise MapError("nobody lives without a map")
         limits = {row.label: _limits(row.motion) for row in catalogue.rows}
@@ -244,6 +244,7 @@ class _Run:
         _, _, z, w = grid.origin.rotation_xyzw.tolist()
         self._map_yaw_rad = 2.0 * math.atan2(z, w)
         self._robot = RovingRobot(environment, self._radius_m, parameters.seed)
+        self.tick: Tick | None = None
         self._is_robot_seen = False
         self._touching: set[int] = set()
         self._index = 0
@@ -261,8 +262,8 @@ class _Run:
         self._index += 1
         step_ns = round(self._step_s * NS_PER_S)
         now_ns = self._index * step_ns
-        tick = self._builder.step(now_ns)
-        if self.now_s > _LONGEST_EMPTY_S and not self._builder.lives.area_m2:
+        self.tick = tick = self.builder.step(now_ns)
+        if self.now_s > _LONGEST_EMPTY_S and not self.builder.lives.area_m2:
             raise MapError("the map has no room for anybody where the robot can go")
         jumped = _named(tick, EventKind.DISPLACED)
         self._touching |= _named(tick, EventKind.ROBOT_CONTACT)
@@ -277,19 +278,19 @@ class _Run:
         pose = (robot.x_m, robot.y_m, 0.0)
         turn = (0.0, 0.0, math.sin(0.5 * robot.yaw_rad), math.cos(0.5 * robot.yaw_rad))
         then_ns = now_ns + step_ns // 2
-        self._builder.receive_transform("map", "base_link", then_ns, pose, turn, then_ns)
+        self.builder.receive_transform("map", "base_link", then_ns, pose, turn, then_ns)
         self._is_robot_seen = True
 
     def result(self) -> SoakResult:
         """Return the result so far."""
-        lives = self._builder.lives
+        lives = self.builder.lives
         return SoakResult(
             self.judge.verdict,
             lives.motion_counts,
             lives.robot_contacts,
             lives.population.counts.blocked,
             self.now_s,
-            self._builder.parameters.seed,
+            self.builder.parameters.seed,
             self._ways,
             self._robot_way_m,
             self._map_yaw_rad,
@@ -300,7 +301,7 @@ class _Run:
         arrived = {}
         for event in tick.events:
             if event.kind is EventKind.ARRIVED:
-                scene = self._builder.lives.scene_at(event.stamp_ns)
+                scene = self.builder.lives.scene_at(event.stamp_ns)
                 for artefact_id, pose in zip(scene.ids.tolist(), scene.ground_poses, strict=True):
                     if artefact_id == event.artefact_id:
                         there = (pose.x_m, pose.y_m, pose.yaw_rad)

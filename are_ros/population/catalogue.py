@@ -74,8 +74,8 @@ class CatalogueRow:
     not watertight), +x forward, +z up. The box is the mesh's axis-aligned bounding box in F_A, of
     `size_m` (x, y, z), centred at `box_centre_in_artefact_m`. Mesh and box are rigid. `colour` is
     (red, green, blue, alpha), each in [0, 1]. `behaviours` maps a behaviour's name to its
-    probability. `slip` is the probability that a move does not succeed, None for that of the
-    parameters. A row with `forever` gives artefacts that never depart.
+    probability, `planners` a planner's. `slip` is the probability that a move does not succeed,
+    None for that of the parameters. A row with `forever` gives artefacts that never depart.
     """
 
     index: int
@@ -88,6 +88,7 @@ class CatalogueRow:
     forever: bool = False
     motion: MotionLimits = field(default_factory=MotionLimits)
     behaviours: Mapping[str, float] = field(default_factory=lambda: {"standing": 1.0})
+    planners: Mapping[str, float] = field(default_factory=lambda: {"dynamic_window": 1.0})
     rewards: RewardWeights = field(default_factory=RewardWeights)
     slip: float | None = None
     features: Mapping[str, str] = field(default_factory=dict)

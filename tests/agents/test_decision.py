@@ -1,12 +1,16 @@
 """Decisions: when each is due, with which random numbers, and what is said of it."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
+from are_ros.agents.behaviours.repertoire import Repertoire
 from are_ros.agents.behaviours.situation import Intent, Situation
 from are_ros.agents.decision import AgentState, DecisionLayer
 from are_ros.agents.local_planner.body import MotionCommand
@@ -43,17 +47,30 @@ class Ways(Navigation):
         super().__init__(BehaviourParameters(), Terrains())
         self.places = Destinations(np.array([[5.0, 5.0], [9.0, 1.0]]), np.array([[0.0, 0.0]]))
         self.is_shut = self.is_crowded = False
+        self.values: np.ndarray[tuple[int, ...], np.dtype[np.float64]] | None = None
+        self.actions: list[tuple[int, int]] = []
         self.patience: list[bool] = []
 
     def prospects(self, requests: Sequence[NavigationRequest], *_: Any) -> list[Prospect]:
-        """Return that all go straight on."""
+        """Return that all go straight on, or choose by the values that the test gives."""
         self.patience += [request.is_patient for request in requests]
-        return [Prospect(Prospects.STRAIGHT) for _ in requests]
+        if self.values is None:
+            return [Prospect(Prospects.STRAIGHT) for _ in requests]
+        return [
+            Prospect(Prospects.STANDS)
+            if request.intent.goal_m is None
+            else Prospect(Prospects.CHOOSES, self.values[: len(request.speeds_mps)])
+            for request in requests
+        ]
 
-    def result(self, request: NavigationRequest, *_: Any) -> NavigationResult:
-        """Return an order to go straight on."""
+    def result(
+        self, request: NavigationRequest, prospect: Prospect, pace: int = 0, move: int = 0
+    ) -> NavigationResult:
+        """Return an order to go straight on; what was chosen is kept."""
+        if prospect.kind is Prospects.CHOOSES:
+            self.actions.append((pace, move))
         return NavigationResult(
-            MotionCommand(request.intent.goal_m, request.intent.speed_mps),
+            MotionCommand(request.intent.goal_m, request.speeds_mps[pace]),
             no_way=self.is_shut,
             waits=self.is_crowded and request.is_patient,
         )
@@ -89,11 +106,12 @@ class Road:
 class Town:
     """The decision layer, and those who decide, at (0, 0) or `x_m` east of it."""
 
-    def __init__(self, period_s: float = 1.0, seed: int = 4) -> None:
+    def __init__(self, period_s: float = 1.0, seed: int = 4, **settings: float) -> None:
         self.table, self.ways = AgentTable(0.05), Ways()
         self.road = Road(self.table)
         road: Any = self.road
-        self.layer = DecisionLayer(seed, period_s, self.table, self.ways, road)
+        parameters = BehaviourParameters(decision_period=period_s, **{"slip": 0.0, **settings})
+        self.layer = DecisionLayer(seed, parameters, self.table, self.ways, road)
         self.x_m = 0.0
 
     def admit(
@@ -102,10 +120,13 @@ class Town:
         arrival_ns: int,
         behaviour: str = DIARY,
         row: CatalogueRow = ROW,
+        *,
+        may_change: bool = False,
     ) -> Artefact:
         """Let one live."""
         history = PoseHistory(arrival_ns, GroundPose(0.0, 0.0, 0.0, 0.0))
         one = Artefact(artefact_id, row, Origin.RANDOM, arrival_ns, history, behaviour=behaviour)
+        one.may_change = may_change
         self.table.add(one)
         self.layer.admit(one)
         return one
@@ -276,7 +297,7 @@ def test_what_others_do_is_known_from_the_sub_step_before() -> None:
         seen.extend(neighbour.activity for neighbour in situation.neighbours_within(1.0))
         return behaviour.decide(situation)
 
-    state.behaviour = SimpleNamespace(name="spy", decide=decide)  # type: ignore[assignment]
+    state.repertoire = Repertoire.only(SimpleNamespace(name="spy", decide=decide))  # type: ignore[arg-type]
     town.decide(0)
     town.decide(20)
     assert seen == ["", "writing"]
@@ -337,7 +358,8 @@ def test_the_rest_of_a_life_is_known_to_who_decides() -> None:
     """As seconds; None where the end is not known."""
     town, told = Town(), []
     one = town.admit(1, 0)
-    town.state(1).behaviour = SimpleNamespace(name="spy", decide=lambda s: told.append(s.left_s))  # type: ignore[assignment]
+    spy = SimpleNamespace(name="spy", decide=lambda s: told.append(s.left_s))
+    town.state(1).repertoire = Repertoire.only(spy)  # type: ignore[arg-type]
     for index, end_ns in ((0, None), (20, 3 * NS_PER_S)):
         one.departure_ns = end_ns
         with pytest.raises(BehaviourError):
@@ -369,6 +391,48 @@ def test_who_stands_of_its_own_will_does_not_manoeuvre() -> None:
         assert writer.activity == "writing"
 
 
+# ------------------------------------------------------------------- planners
+
+
+def test_a_planner_is_drawn_for_life_by_the_weights_of_the_row() -> None:
+    """Of 400, about a quarter has the one of weight 1 to 3; two deviations are 4 %."""
+    row = replace(ROW, planners={"social_force": 0.25, "path_following": 0.75})
+    town = Town()
+    for artefact_id in range(400):
+        town.admit(artefact_id, 0, row=row)
+    town.decide(0)
+    first = {one: command.planner for one, command in town.road.commands.items()}
+    town.decide(20)
+    assert first == {one: command.planner for one, command in town.road.commands.items()}
+    assert set(first.values()) == {"social_force", "path_following"}
+    assert list(first.values()).count("social_force") == pytest.approx(100, abs=26)
+
+
+def test_one_planner_is_not_drawn() -> None:
+    """The dynamic window unless the row says something else."""
+    town = Town()
+    town.admit(1, 0)
+    town.admit(2, 0, row=replace(ROW, planners={"path_following": 1.0}))
+    town.decide(0)
+    assert town.road.commands[1].planner == "dynamic_window"
+    assert town.road.commands[2].planner == "path_following"
+
+
+def test_who_has_a_planner_that_fails_stands_and_says_so() -> None:
+    """It is told once; the artefact gives no goal any more."""
+    town, told = Town(), list[BehaviourError]()
+    one = town.admit(5, 0)
+    town.decide(0)
+    with pytest.raises(BehaviourError, match="late boom"):
+        town.layer.stop(5, BehaviourError("late boom", "mine:Late"), 0)
+    town.layer.report_fault = told.append
+    town.layer.stop(5, BehaviourError("late boom", "mine:Late"), 0)
+    town.decide(20)
+    assert len(told) == 1
+    assert (one.behaviour, one.activity) == ("standing", "its planner failed")
+    assert town.road.commands[5].subgoal_m is None
+
+
 # ------------------------------------------------------------------- behaviours that fail
 
 
@@ -397,7 +461,7 @@ def test_who_has_a_behaviour_that_fails_stands_and_the_others_go_on(name: str) -
     assert (failed.behaviour, failed.activity) == ("standing", "its behaviour failed")
     assert town.road.commands[5].subgoal_m is None
     assert draws_of(3) == undisturbed
-    town.layer.send_out(town.table.row_of(5))
+    town.layer.send_out(town.table.row_of(5), 0)
     _run(town, 200, 220)
     assert failed.behaviour == "leaving"
     assert len(told) == 1
@@ -413,3 +477,89 @@ def _run_with(town: Town, name: str) -> Artefact:
 def _run(town: Town, start: int, end: int) -> None:
     for index in range(start, end):
         town.decide(index)
+
+
+# --- behaviours in force
+
+PERSON = replace(ROW, behaviours={"walking": 0.5, "running": 0.2, "stopping": 0.3})
+LEVEL = 1e-3
+
+
+def frozen(town: Town, epochs: int) -> list[str]:
+    """Return the behaviour in each epoch of an artefact that may change, wherever it goes."""
+    one = town.admit(1, 0, "walking", PERSON, may_change=True)
+    said = []
+    for epoch in range(epochs):
+        town.decide(20 * epoch)
+        said.append(one.behaviour)
+    return said
+
+
+def test_a_given_behaviour_never_changes() -> None:
+    """Whatever the row says."""
+    town = Town(persistence=0.0)
+    one = town.admit(1, 0, "walking", PERSON)
+    for epoch in range(50):
+        town.decide(20 * epoch)
+        assert one.behaviour == "walking"
+
+
+def test_each_change_is_reported_once() -> None:
+    """With the behaviour before, at the time of the epoch."""
+    town, told = Town(persistence=0.0), list[tuple[int, str, str]]()
+    town.layer.report_change = lambda now_ns, one, was: told.append((now_ns, was, one.behaviour))
+    said = ["walking", *frozen(town, 200)]
+    changes = [k for k in range(200) if said[k] != said[k + 1]]
+    assert told == [(20 * k * STEP_NS, said[k], said[k + 1]) for k in changes]
+    assert len(changes) > 50
+
+
+def test_at_infinite_temperature_the_shares_are_those_of_the_row() -> None:
+    """Though running is worth much (chi-square)."""
+    town = Town(persistence=0.0, temperature=1e9)
+    town.ways.values = np.array([[0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 5.0, 5.0, 5.0, 5.0]])
+    counts = Counter(frozen(town, 4000))
+    expected = {name: 4000 * share for name, share in PERSON.behaviours.items()}
+    found = stats.chisquare([counts[name] for name in expected], list(expected.values()))
+    assert found.pvalue > LEVEL
+
+
+def test_in_a_frozen_scene_behaviours_and_moves_follow_boltzmanns_law() -> None:
+    """pi(b' | s) by its best action, then pi(m | s, b') (chi-square of the pairs)."""
+    temperature, epochs = 0.1, 6000
+    town = Town(persistence=0.0, temperature=temperature)
+    values = np.array([[-0.1, 0.0, -0.05, -0.2, -0.3], [-0.1, 0.05, -0.1, -0.2, -0.15]])
+    town.ways.values = values
+    said = frozen(town, epochs)
+    best = {"walking": values[0].max(), "running": values[1].max(), "stopping": values[0, 0]}
+    weights = {b: PERSON.behaviours[b] * np.exp(best[b] / temperature) for b in best}
+    expected = {}
+    for behaviour, pace in (("walking", 0), ("running", 1)):
+        moves = np.exp(values[pace] / temperature)
+        for move in range(5):
+            share = weights[behaviour] / sum(weights.values()) * moves[move] / moves.sum()
+            expected[pace, move] = epochs * share
+    # the first decision is about no journey yet, and whoever stops takes no move
+    counts = Counter(town.ways.actions)
+    moving = len(town.ways.actions)
+    stops = said.count("stopping")
+    assert moving + stops == epochs
+    observed = [*(counts[key] for key in expected), stops]
+    wanted = [*expected.values(), epochs * weights["stopping"] / sum(weights.values())]
+    assert stats.chisquare(observed, np.array(wanted) * epochs / sum(wanted)).pvalue > LEVEL
+
+
+def test_moves_slip() -> None:
+    """One that is intended to the east goes there, nowhere, or to a side (chi-square)."""
+    town = Town(temperature=0.0, slip=0.4)
+    town.ways.values = np.array([[-1.0, 0.0, -1.0, -1.0, -1.0]])
+    town.admit(1, 0, "walking", PERSON)
+    for epoch in range(3000):
+        town.decide(20 * epoch)
+    counts = Counter(move for _, move in town.ways.actions)
+    moved = len(town.ways.actions)
+    expected = np.array([0.2, 0.6, 0.1, 0.0, 0.1]) * moved
+    assert counts[3] == 0
+    some = expected > 0.0
+    found = np.array([counts[move] for move in range(5)])
+    assert stats.chisquare(found[some], expected[some]).pvalue > LEVEL

@@ -3,6 +3,7 @@
 `new_behaviour` constructs a behaviour, `intent_of` and `reward_of` call its `decide` and `reward`.
 They turn what a user-defined class raises or returns wrongly into a BehaviourError. The behaviours
 of are_ros are called directly: an exception there is a bug, and its traceback is needed.
+User-defined planners are called in the same way, by `new_behaviour` and `answer_of`.
 """
 
 import inspect
@@ -12,7 +13,7 @@ from functools import lru_cache
 from pathlib import Path
 from traceback import walk_tb
 from types import FrameType
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -32,11 +33,12 @@ _NUMBERS: Final = (int, float, np.integer, np.floating)
 
 
 class BehaviourCall(NamedTuple):
-    """One call of a behaviour: for which artefact, and at what time [ns]."""
+    """One call of a behaviour, or a planner: for which artefact, and at what time [ns]."""
 
     artefact_id: int
     label: str
     now_ns: int
+    role: str = "behaviour"
 
 
 NO_CALL: Final = BehaviourCall(-1, "", 0)
@@ -44,16 +46,20 @@ NO_CALL: Final = BehaviourCall(-1, "", 0)
 
 
 class Failed(Standing):
-    """Replaces a behaviour that has failed: the artefact stands."""
+    """Replaces a behaviour that has failed, or that of a failed planner: the artefact stands."""
+
+    def __init__(self, activity: str = FAILED) -> None:
+        self._activity = activity
 
     def decide(self, situation: Situation) -> Intent:  # noqa: ARG002 - it always stands
         """Return the intent to stand."""
-        return stand(FAILED)
+        return stand(self._activity)
 
 
-def new_behaviour(kind: type[Behaviour], call: BehaviourCall) -> Behaviour:
+def new_behaviour(kind: type[Any], call: BehaviourCall) -> Any:
     """Return a new behaviour of this class; BehaviourError where a user-defined one fails."""
-    if not _is_user_class(kind):
+    user_class: type = kind
+    if not _is_user_class(user_class):
         return kind()
     try:
         return kind()
@@ -67,12 +73,9 @@ def intent_of(behaviour: Behaviour, situation: Situation) -> Intent:
     if not _is_user_class(kind):
         return behaviour.decide(situation)
     call = BehaviourCall(situation.me.id, situation.row.label, situation.now_ns)
-    try:
-        intent = behaviour.decide(situation)
-    except Exception as cause:  # whatever the user's code raises
-        raise _raised(kind, call, cause, "decide") from cause
+    intent: Intent = answer_of(behaviour, "decide", situation, call)
     if (reason := next(_faults_of(intent), None)) is not None:
-        raise _failure(kind, call, f"decide returned {reason}", _start_of(kind, "decide"))
+        raise wrong_answer(kind, "decide", reason, call)
     return intent
 
 
@@ -87,14 +90,24 @@ def reward_of(behaviour: Behaviour, situation: Situation) -> float:
     if not _is_user_class(kind):
         return float(ask(situation))
     call = BehaviourCall(situation.me.id, situation.row.label, situation.now_ns)
-    try:
-        reward = ask(situation)
-    except Exception as cause:  # whatever the user's code raises
-        raise _raised(kind, call, cause, "reward") from cause
-    if not _is_number(reward):
-        reason = f"reward returned {reward!r}: a finite number is needed"
-        raise _failure(kind, call, reason, _start_of(kind, "reward"))
+    reward = answer_of(behaviour, "reward", situation, call)
+    if not is_number(reward):
+        raise wrong_answer(kind, "reward", f"{reward!r}: a finite number is needed", call)
     return float(reward)
+
+
+def answer_of(user_object: object, method: str, argument: object, call: BehaviourCall) -> Any:
+    """Return what a method of a user-defined class returns; BehaviourError if it raises."""
+    kind = type(user_object)
+    try:
+        return getattr(user_object, method)(argument)
+    except Exception as cause:  # whatever the user's code raises
+        raise _raised(kind, call, cause, method) from cause
+
+
+def wrong_answer(kind: type, method: str, reason: str, call: BehaviourCall) -> BehaviourError:
+    """Return the error for a method of a user-defined class that returned something wrong."""
+    return _failure(kind, call, f"{method} returned {reason}", _start_of(kind, method))
 
 
 def running_behaviour(frame: FrameType | None) -> str:
@@ -135,7 +148,7 @@ def _faults_of(intent: object) -> Iterator[str]:
         ("arrive_within_m", intent.arrive_within_m),
         ("robot_comfort_m", intent.robot_comfort_m or 0.0),
     ):
-        if not (_is_number(number) and number >= 0.0):
+        if not (is_number(number) and number >= 0.0):
             yield f"the {name} {number!r}: a finite number that is not negative is needed"
     activity: object = intent.activity
     if not isinstance(activity, str):
@@ -145,10 +158,11 @@ def _faults_of(intent: object) -> Iterator[str]:
 def _is_point(point_m: object) -> bool:
     if not isinstance(point_m, tuple) or len(point_m) != 2:
         return False
-    return all(_is_number(one) and abs(one) <= _FARTHEST_M for one in point_m)
+    return all(is_number(one) and abs(one) <= _FARTHEST_M for one in point_m)
 
 
-def _is_number(number: object) -> bool:
+def is_number(number: object) -> bool:
+    """Return whether an object is a finite number."""
     return isinstance(number, _NUMBERS) and math.isfinite(number)
 
 
@@ -168,8 +182,8 @@ def _failure(kind: type, call: BehaviourCall, what: str, place: str) -> Behaviou
 
 
 def _title(kind: type, call: BehaviourCall) -> str:
-    """Return the behaviour and its artefact in words."""
-    return f"the behaviour {_name_of(kind)} of artefact {call.artefact_id} ({call.label})"
+    """Return the behaviour or planner and its artefact in words."""
+    return f"the {call.role} {_name_of(kind)} of artefact {call.artefact_id} ({call.label})"
 
 
 def _name_of(kind: type) -> str:
@@ -204,5 +218,5 @@ def _file_of(kind: type) -> str | None:
         return None
 
 
-_CALLERS: Final = {function.__code__ for function in (new_behaviour, intent_of, reward_of)}
+_CALLERS: Final = {function.__code__ for function in (new_behaviour, answer_of)}
 """The functions that call user code; each has the locals `kind` and `call`."""

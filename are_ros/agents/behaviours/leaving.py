@@ -76,13 +76,15 @@ class WalkingOut:
     def __init__(self) -> None:
         self.exit_m: Point | None = None
         self.loss = 0.0
+        self._has_begun = False
 
     def reward(self, situation: Situation) -> float:  # noqa: ARG002 - the loss says it
         """Return what walking out is worth: nothing by itself, and less before it is time."""
-        return 0.0 if self.loss > 0.0 else -_TOO_EARLY
+        return 0.0 if self.loss > 0.0 or self._has_begun else -_TOO_EARLY
 
     def decide(self, situation: Situation) -> Intent:
         """Return the intent to walk to the exit, or to wait there."""
+        self._has_begun = True
         if self.exit_m is None:
             return stand("no way out")
         if situation.distance_m(self.exit_m) <= arrival_m(situation):

@@ -1,7 +1,7 @@
 """Behaviours by name: those of are_ros, and user-defined ones as `module:Class`."""
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Any, Final
 
@@ -56,7 +56,8 @@ def make_behaviour(
         raise CatalogueError(
             f"{name} takes no options, but {', '.join(map(str, options))} is given"
         )
-    return new_behaviour(_class_named(name), call)
+    behaviour: Behaviour = new_behaviour(_class_named(name), call)
+    return behaviour
 
 
 def why_not(name: str, speed_mps: float = 1.0) -> str | None:
@@ -80,32 +81,40 @@ def _class_named(name: str) -> type[Behaviour]:
     """Return the class; a CatalogueError begins with the name."""
     if name in _PLAIN:
         return _PLAIN[name]
+    return user_class(name, BEHAVIOURS, "decide", "a situation")
+
+
+def user_class(name: str, known: Sequence[str], method: str, argument: str) -> type[Any]:
+    """Return a user-defined class, `module:Class`, whose `method` takes one argument.
+
+    `known` are the names that need no class. Raises CatalogueError, which begins with the name, if
+    there is no such class, or it is none that can be constructed and called.
+    """
     module_name, colon, class_name = name.partition(":")
     if not colon:
-        known = ", ".join(BEHAVIOURS)
-        raise CatalogueError(f"{name} is not known; known are {known}, and module:Class")
+        raise CatalogueError(f"{name} is not known; known are {', '.join(known)}, and module:Class")
     try:
         found = getattr(import_module(module_name), class_name)
     except Exception as cause:  # whatever user code raises
         reason = f"{type(cause).__name__}: {cause}".splitlines()[0]
         raise CatalogueError(f"{name} cannot be imported ({reason})") from cause
-    _check_class(name, found)
-    kind: type[Behaviour] = found
+    _check_class(name, found, method, argument)
+    kind: type[Any] = found
     return kind
 
 
-def _check_class(name: str, found: object) -> None:
-    """Raise CatalogueError if an object is no behaviour class."""
+def _check_class(name: str, found: object, method: str, argument: str) -> None:
+    """Raise CatalogueError if an object is no class with a name and this method."""
     if not isinstance(found, type):
         raise CatalogueError(f"{name} is no class")
     if not isinstance(getattr(found, "name", None), str):
         raise CatalogueError(f"{name} has no class attribute name that is a text")
-    if not callable(getattr(found, "decide", None)):
-        raise CatalogueError(f"{name} has no method decide")
+    if not callable(getattr(found, method, None)):
+        raise CatalogueError(f"{name} has no method {method}")
     _check_takes(found, (), f"{name} cannot be constructed without arguments")
-    decide = inspect.getattr_static(found, "decide")
-    if inspect.isfunction(decide):
-        _check_takes(decide, (None, None), f"{name} has a decide that does not take a situation")
+    function = inspect.getattr_static(found, method)
+    if inspect.isfunction(function):
+        _check_takes(function, (None, None), f"{name} has a {method} that does not take {argument}")
 
 
 def _check_takes(function: Callable[..., Any], arguments: tuple[None, ...], refusal: str) -> None:

@@ -37,7 +37,9 @@ class Repertoire:
         self._behaviours = tuple(behaviours.values())
         self.way_out = next((one for one in self._behaviours if type(one) is WalkingOut), None)
         self._travelling = {
-            k: one for k, one in enumerate(self._behaviours) if type(one) in _TRAVELLING.values()
+            k: one
+            for k, one in enumerate(self._behaviours)
+            if isinstance(one, Walking) and type(one) in _TRAVELLING.values()
         }
 
     @classmethod
@@ -110,7 +112,7 @@ class Repertoire:
         journey. For behaviours with goals of their own it is 0.
         """
         result = np.zeros(len(self))
-        best = {Stopping: values[0, 0], Running: values[-1].max()}
+        best: dict[type[Walking], float] = {Stopping: values[0, 0], Running: values[-1].max()}
         for k, one in self._travelling.items():
             result[k] = best.get(type(one), values[0].max()) - value
         return result

@@ -2,8 +2,10 @@
 
 Of two agents in each other's way the one of the higher priority pushes. The pushed agent inherits
 that priority, and so pushes the agents behind it (priority inheritance). Priorities are drawn anew
-every eight seconds by a hash of the id and that time, so no agent stays last for long. The commands
-are written here, too, because a new sub-goal forgets the deadlock on the way to the old one.
+every eight seconds by a hash of the id and that time, so no agent stays last for long. One that is
+to stand, as a follower behind its leader, steps aside only for who has waited for longer.
+
+The commands are written here, too: a new sub-goal forgets the deadlock on the way to the old one.
 """
 
 from typing import Any, Final
@@ -41,6 +43,8 @@ _MOST_CREDIT = 0.3
 _RELEASE = 0.15  # the most that one that was blocked must gain before it is so no more
 _MOST_DEBT = 2.0  # a way back counts: it must be made again before one is not blocked any more
 _PUSHES_AFTER = 0.75
+_ASKS_AFTER = 1.5  # one that is to stand is asked to step aside
+_ASKS_FOLLOWERS_AFTER = 8.0  # so is one that follows its path
 _PUSH_SECONDS = 2
 _FIRST_DETOUR = 3.0
 _ROOM = 0.05
@@ -69,14 +73,20 @@ def _priority(agents: AgentArrays, i: int, now: int, epoch: int) -> float:
 
 
 @borrowing
-def can_yield(agents: AgentArrays, j: int) -> bool:
-    """Tell whether an agent may be pushed: not one that is to stand, or that follows a track.
+def can_yield(agents: AgentArrays, i: int, j: int, now: int) -> bool:
+    """Tell whether agent i may push agent j, should it have the higher priority.
 
-    Nor one that follows its path, for it does not swerve.
+    It may not push one that follows a track; and one that is to stand only after it has waited for
+    longer, or is pushed itself where it is to stand. One that follows its path does not swerve: it
+    is pushed only where it stands, by who has waited for longest.
     """
-    command = agents.command[j]
-    is_free = command.has_goal == 1 and agents.place[j].is_scripted == 0
-    return bool(is_free and agents.body[j].speed > 0.0 and command.planner != PATH_FOLLOWING)
+    if agents.place[j].is_scripted == 1 or agents.body[j].speed <= 0.0:
+        return False
+    stands, waited = agents.command[j].has_goal == 0, agents.memory[i].blocked
+    if agents.command[j].planner == PATH_FOLLOWING:
+        return bool(stands and waited > _ASKS_FOLLOWERS_AFTER)
+    is_asked = now < agents.memory[i].pushed_until and agents.command[i].has_goal == 0
+    return bool(not stands or is_asked or waited > _ASKS_AFTER)
 
 
 @borrowing
@@ -90,16 +100,19 @@ def push(
     epoch: int,
     second: int,
 ) -> None:
-    """Push agent j, which obstructs agent i, if i has waited and has the higher priority."""
+    """Push agent j, which obstructs agent i, if i has waited and has the higher priority.
+
+    Those that are to stand have none.
+    """
     mine, other = agents.memory[i], agents.memory[j]
     is_pushing = other.push_by == agents.place[i].id and now < other.pushed_until
     is_pushed = now < mine.pushed_until
     if not (is_pushing or is_pushed or mine.blocked > _PUSHES_AFTER):
         return
-    if not can_yield(agents, j):
+    if not can_yield(agents, i, j, now):
         return
-    rank = _priority(agents, i, now, epoch)
-    if not is_pushing and rank <= _priority(agents, j, now, epoch):
+    rank, is_going = _priority(agents, i, now, epoch), agents.command[j].has_goal == 1
+    if not is_pushing and is_going and rank <= _priority(agents, j, now, epoch):
         return
     if now >= other.pushed_until:  # it gets out of the way at once
         agents.due[j] = now

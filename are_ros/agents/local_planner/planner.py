@@ -10,7 +10,7 @@ import numpy.typing as npt
 from are_ros._compiled import borrowing, owning
 from are_ros.agents.local_planner import deadlock as _deadlock
 from are_ros.agents.local_planner import state as _state
-from are_ros.agents.local_planner.body import MotionCommand
+from are_ros.agents.local_planner.body import PLANNERS, MotionCommand
 from are_ros.agents.local_planner.deadlock import note_progress
 from are_ros.agents.local_planner.gaps import fill, gap_between, separation
 from are_ros.agents.local_planner.planning import commit, copy_pose, plan, reach_of
@@ -31,6 +31,7 @@ from are_ros.agents.local_planner.state import (
     X,
     Y,
 )
+from are_ros.agents.local_planner.user_planners import UserPlanners
 from are_ros.agents.local_planner.walls import ClearanceLayers, wall_conflict, wall_gap_wanted
 from are_ros.agents.navigation.terrain import Terrains
 from are_ros.agents.table import AgentTable
@@ -61,9 +62,13 @@ class LocalPlanner:
         self._table = table
         self._floors = ClearanceLayers(terrains or Terrains())
         self._workspace = _state.workspace_of(len(table), _state.path_length(table.timing))
+        self.user_planners = UserPlanners(table)
 
     def give_commands(self, rows: Sequence[int], commands: Sequence[MotionCommand]) -> None:
         """Set the commands of the agents of some rows, from the next sub-step on."""
+        for row, command in zip(rows, commands, strict=True):
+            if command.planner not in PLANNERS:
+                self.user_planners.use(row, command.planner)
         arrays, which = self._table.arrays, np.array(rows, np.int64)
         records = np.array([_state.command_record(command) for command in commands], np.float64)
         _deadlock.write_commands(
@@ -116,6 +121,7 @@ class LocalPlanner:
         if is_new:
             mark_closed(arrays, table.now, floor, self._workspace.box)
         mark_broken(arrays, table.now)
+        self.user_planners.ask(self._workspace.wishes, index, environment, robot)
         path = robot_path(robot, table.timing.step_s)
         moved, poses = run(arrays, table.now, index, table.timing, floor, path, self._workspace)
         table.now += 1

@@ -296,18 +296,19 @@ def _search(
     options: int,
     near: int,
     wall_gap: float,
+    keeps_way: bool,
     may_reverse: bool,
 ) -> tuple[int, int, int, int, int]:
     """Try primitives, cheapest first, until none can be cheaper than the best by `_WORTH_IT`.
 
-    A vehicle that follows its path tries no arc but the first that the walls allow, and those in
-    reverse if it `may_reverse`. Returns the primitive chosen (-1: none is feasible), which of the
+    A vehicle that `keeps_way` tries no arc but the first that the walls allow, and those in reverse
+    if it `may_reverse`. Returns the primitive chosen (-1: none is feasible), which of the
     two scratch paths it fills and its last index, what obstructs the first one, and the first row
     that obstructs any.
     """
     best, chosen, side, last = INFEASIBLE, -1, 0, 0
     obstruction, culprit, is_first, met = UNOBSTRUCTED, NOBODY, True, NEVER
-    has_way = agents.command[i].planner != PATH_FOLLOWING or agents.body[i].turn_radius == 0.0
+    has_way = not keeps_way
     while True:
         n = cheapest(workspace.options, options)
         if n < 0 or workspace.options[n, 3] >= best - _WORTH_IT:
@@ -403,9 +404,23 @@ def plan(
     wall_gap = wall_gap_wanted(pose, body, command.wall_comfort, floor, workspace.box)
     workspace.goal[0], workspace.goal[1] = command.x, command.y
     is_aside = np.cos(aim.heading) * pose[COS] + np.sin(aim.heading) * pose[SIN] < _AHEAD
-    may_reverse = memory.blocked > _BACKS_OFF_AFTER and is_aside
+    is_stuck = memory.blocked > _BACKS_OFF_AFTER
+    keeps_way = command.planner == PATH_FOLLOWING and body.turn_radius > 0.0
+    keeps_way = keeps_way and aim.kind != PUSHED
+    keeps_way = keeps_way and not (is_stuck and memory.obstruction == BY_WALL)
     chosen, side, last, obstruction, culprit = _search(
-        agents, i, now, timing, floor, robot, workspace, options, near, wall_gap, may_reverse
+        agents,
+        i,
+        now,
+        timing,
+        floor,
+        robot,
+        workspace,
+        options,
+        near,
+        wall_gap,
+        keeps_way,
+        is_stuck and is_aside,
     )
     stays = chosen < 0 or workspace.options[chosen, 0] == BRAKE
     if obstruction == BY_WALL and culprit != NOBODY and stays:
@@ -417,7 +432,7 @@ def plan(
             who if obstruction == BY_ARTEFACT else NOBODY,
         )
         memory.can_yield = (
-            obstruction == BY_ARTEFACT and culprit != NOBODY and can_yield(agents, culprit)
+            obstruction == BY_ARTEFACT and culprit != NOBODY and can_yield(agents, i, culprit, now)
         )
     if culprit != NOBODY and (aim.kind == PUSHED or obstruction == BY_ARTEFACT):
         push(agents, i, culprit, aim, pose, now, epoch, timing.second)

@@ -81,11 +81,14 @@ def propose(
     """Write what the planner of agent i proposes at a pose; return how many options there are.
 
     The first `near` rows of `workspace.near` are the others. Who is pushed, or to stand, does that
-    by the dynamic window, and so does a vehicle whose planner is for who turns on the spot.
+    by the dynamic window, and so does a vehicle whose planner is for who turns on the spot, or one
+    whom the forces hold between walls.
     """
     body, memory, options = agents.body[i], agents.memory[i], workspace.options
     planner = agents.command[i].planner
     if aim.speed <= 0.0 or aim.kind == PUSHED:
+        planner = DYNAMIC_WINDOW
+    if planner == SOCIAL_FORCE and memory.blocked > FORCES_FAIL_AFTER:
         planner = DYNAMIC_WINDOW
     if planner == WISHES:
         return _wished(options, workspace.wishes[i], aim, pose, body, timing)
@@ -184,21 +187,23 @@ def _wished(
 
 
 RELAXATION_S = 0.5
-OTHERS_MPS2, OTHERS_M = 3.0, 0.3
+OTHERS_MPS2, OTHERS_M = 2.0, 0.3
 AHEAD_S = 0.5
 """The step of the ellipses: so far ahead others are seen to come."""
 BEHIND = 0.1
 """What somebody right behind counts for, of somebody right ahead."""
 WALLS_MPS2, WALLS_M = 3.0, 0.1
+FORCES_FAIL_AFTER = 3.0
+"""Who has made no progress for so long [s] plans by the dynamic window until it does."""
 HORIZON_S = 0.5
 """The velocity proposed is that after this time."""
 _LEAST_AXIS = 0.05
 _MOST_DEFLECTION = 1.3
-_SLOWEST = 0.25
-_TURNS = np.array([0.0, -0.35, 0.35, 0.0, -0.8, 0.8, 0.0])
-_SHARES = np.array([1.0, 1.0, 1.0, 0.6, 0.7, 0.7, 0.3])
-_COSTS = np.array([0.0, 0.1, 0.12, 0.2, 0.3, 0.32, 0.4])
-_STRAIGHT = 0.5
+_SLOWEST = 0.6
+_TURNS = np.array([0.0, -0.35, 0.35, 0.0, -0.8, 0.8, -0.35, 0.35, -1.3, 1.3, 0.0])
+_SHARES = np.array([1.0, 1.0, 1.0, 0.6, 0.8, 0.8, 0.5, 0.5, 0.6, 0.6, 0.3])
+_COSTS = np.array([0.0, 0.1, 0.12, 0.2, 0.3, 0.32, 0.4, 0.42, 0.5, 0.52, 0.6])
+_STRAIGHT = 0.7
 
 
 @borrowing

@@ -35,6 +35,12 @@ class RobotMotion:
         """The speed of the base [m/s]."""
         return float(np.hypot(self.vx_mps, self.vy_mps))
 
+    @property
+    def radius_m(self) -> float:
+        """The radius of the disc about the base that holds the footprint [m]."""
+        corners = self.footprint.vertices_m - (self.x_m, self.y_m)
+        return float(np.hypot(corners[:, 0], corners[:, 1]).max()) + self.footprint.radius_m
+
     def outlines_m(self, step_s: float, count: int) -> npt.NDArray[np.float64]:
         """Return the footprint's vertices (count + 1, V, 2) now and at the next sub-steps.
 

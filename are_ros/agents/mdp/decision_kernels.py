@@ -12,7 +12,7 @@ from are_ros._compiled import compiled
 from are_ros.agents.mdp.coarse_kernels import COL_STEPS, ROW_STEPS
 
 Floats = npt.NDArray[np.float32]
-Lengths = npt.NDArray[np.uint8]
+Lengths = npt.NDArray[np.int32]
 
 CHUNK: Final = 1280
 """Cells at a time, whose intermediate results wait in a scratch of eight rows."""
@@ -23,9 +23,10 @@ _ENDS: Final = np.uint64(4 * CHUNK)
 
 _EAST, _WEST = np.uint64(1), np.uint64(2**64 - 1)
 NEAR: Final = 3
-"""Moves of up to so many cells are looked at all at once."""
+FAR: Final = 6
+"""Moves of up to so many cells are looked at all at once, at near paces and at others."""
 
-_ONE, _TWO, _THREE = np.uint8(1), np.uint8(2), np.uint8(3)
+_ONE, _TWO, _THREE = np.int32(1), np.int32(2), np.int32(3)
 
 Four = tuple[np.float32, np.float32, np.float32, np.float32]
 """A number for each heading, or for each direction."""
@@ -37,20 +38,23 @@ Part = tuple[np.uint64, np.uint64, np.uint64]
 class Process(NamedTuple):
     """What epochs are made of, for n = h * w cells; `flat` is where the values are (`induct`).
 
-    `lengths` (4 n), `gains` ((1 + 4 P) n), `width` in cells, `reaches` (P,) of the paces, `lost`
-    (P,) what a failed move brings less than staying, `chances` of going as intended, of failing and
-    of each side, `turns` what a quarter and a half turn cost. `settled` (n,) becomes the last epoch
-    that changed anything in a cell.
+    `lengths` (4 L n), `gains` ((1 + 4 P) n), `width` in cells. Each pace has its reach and which of
+    the L lengths is its own, `paces` (P, 2); `lost` (P,) is what a failed move brings less than
+    staying. `chances` are those of going as intended, of failing and of each side, `turns` what a
+    quarter and a half turn cost. Cell `goal` has the values `at_goal` (K, 4) by epoch and heading,
+    the last from there on. `settled` (n,) becomes the last epoch that changed anything in a cell.
     """
 
     flat: Floats
     lengths: Lengths
     gains: Floats
     width: int
-    reaches: npt.NDArray[np.int64]
+    paces: npt.NDArray[np.int64]
     lost: Floats
     chances: tuple[np.float32, np.float32, np.float32]
     turns: tuple[np.float32, np.float32]
+    goal: int
+    at_goal: Floats
     settled: npt.NDArray[np.int32]
 
 
@@ -60,16 +64,23 @@ class Process(NamedTuple):
 
 
 @compiled
-def decide(process: Process, part: Part, new: np.uint64, epoch: int, scratch: Floats) -> int:
-    """Put the values of some cells where `new` is; return how many headings' values differ."""
-    for pace in range(process.reaches.shape[0]):
-        if process.reaches[pace] <= NEAR:
+def decide(
+    process: Process, part: Part, new: np.uint64, epoch: np.int32, scratch: Floats
+) -> np.int32:
+    """Put the values of some cells where `new` is; return the last epoch that changed any."""
+    for pace in range(process.paces.shape[0]):
+        if process.paces[pace, 0] <= NEAR:
             _move_near(process, part, pace, scratch)
         else:
-            _find_ends(process, part, process.reaches[pace], scratch)
+            _find_ends(process, part, pace, scratch)
             _move_far(process, part, pace, scratch)
     _choose(process, part, scratch)
-    return _put(process, part, new, np.int32(epoch), scratch)
+    at = process.goal - int(part[1])
+    if 0 <= at < int(part[2]):
+        given = process.at_goal[min(np.int64(epoch), process.at_goal.shape[0] - 1)]
+        for heading in range(4):
+            scratch[heading * CHUNK + at] = given[heading]
+    return _put(process, part, new, epoch, scratch)
 
 
 @compiled
@@ -77,14 +88,14 @@ def _move_near(process: Process, part: Part, pace: int, scratch: Floats) -> None
     """Put what moves of a pace of up to three cells bring into the scratch, if it is better."""
     flat, lengths, (old, first, count) = process.flat, process.lengths, part
     north, south = np.uint64(process.width), np.uint64(-process.width)
-    reach = np.uint8(process.reaches[pace])
+    reach, own = np.int32(process.paces[pace, 0]), _lengths_of(process, pace)
     for i in range(count):
-        e, n, w, s = _in_planes(lengths, first + i)
+        e, n, w, s = _in_planes(process, first + i)
         ends = (
-            _three_on(flat, old + e, _EAST, min(lengths[e], reach)),
-            _three_on(flat, old + n, north, min(lengths[n], reach)),
-            _three_on(flat, old + w, _WEST, min(lengths[w], reach)),
-            _three_on(flat, old + s, south, min(lengths[s], reach)),
+            _three_on(flat, old + e, _EAST, min(lengths[own + e], reach)),
+            _three_on(flat, old + n, north, min(lengths[own + n], reach)),
+            _three_on(flat, old + w, _WEST, min(lengths[own + w], reach)),
+            _three_on(flat, old + s, south, min(lengths[own + s], reach)),
         )
         _move(process, old, first + i, pace, ends, scratch, i)
 
@@ -111,7 +122,7 @@ def _move(
 ) -> None:
     """Put the better of what is there and what moves bring, by direction, given their ends."""
     flat, gains, (straight, fails, aside) = process.flat, process.gains, process.chances
-    e, n, w, s = _in_planes(process.lengths, cell)
+    e, n, w, s = _in_planes(process, cell)
     stay = gains[cell] - process.lost[pace]
     moves = (n - e) * np.uint64(1 + 4 * pace)
     east, north = ends[0] + gains[moves + e], ends[1] + gains[moves + n]
@@ -135,9 +146,9 @@ def _move(
 def _choose(process: Process, part: Part, scratch: Floats) -> None:
     """Put the best of staying and the moves, by heading, where the moves are in the scratch."""
     flat, gains, (old, first, count) = process.flat, process.gains, part
-    (quarter, half), lengths = process.turns, process.lengths
+    quarter, half = process.turns
     for i in range(count):
-        e, n, w, s = _in_planes(lengths, first + i)
+        e, n, w, s = _in_planes(process, first + i)
         to, stay = np.uint64(i), gains[first + i]
         east, north = scratch[to], scratch[to + _ROW]
         west, south = scratch[to + _ROW + _ROW], scratch[to + _ROW + _ROW + _ROW]
@@ -152,55 +163,67 @@ def _choose(process: Process, part: Part, scratch: Floats) -> None:
 
 
 @compiled
-def _put(process: Process, part: Part, new: np.uint64, epoch: np.int32, scratch: Floats) -> int:
-    """Put the new values of some cells where `new` is; return how many are others than the old."""
+def _put(
+    process: Process, part: Part, new: np.uint64, epoch: np.int32, scratch: Floats
+) -> np.int32:
+    """Put the new values of some cells where `new` is; return the last epoch that changed any."""
     flat, settled, (old, first, count) = process.flat, process.settled, part
-    plane, at, differing = np.uint64(settled.shape[0]), np.uint64(0), 0
+    plane, at = np.uint64(settled.shape[0]), np.uint64(0)
+    last: np.int32 = np.int32(0)
     old, new = old + first, new + first
     for _ in range(4):
         for i in range(count):
-            value = scratch[at + i]
-            differs = flat[old + i] != value
-            flat[new + i] = value
-            before = settled[first + i]
-            settled[first + i] = epoch if differs else before
-            differing += differs
+            value, before = scratch[at + i], settled[first + i]
+            now = epoch if flat[old + i] != value else before
+            flat[new + i], settled[first + i] = value, now
+            last = max(last, now)
         old, new, at = old + plane, new + plane, at + _ROW
-    return differing
+    return last
 
 
 @compiled
-def _find_ends(process: Process, part: Part, reach: int, scratch: Floats) -> None:
+def _find_ends(process: Process, part: Part, pace: int, scratch: Floats) -> None:
     """Put into the scratch the value of where each direction leads to from each cell."""
     flat, lengths, (old, at, count), out = process.flat, process.lengths, part, _ENDS
+    reach, own = process.paces[pace, 0], _lengths_of(process, pace)
     for direction in range(4):
         # to the west and south it wraps around, and back when it is added
         step = np.uint64(ROW_STEPS[direction] * process.width + COL_STEPS[direction])
         here = old + at
         for i in range(count):
-            scratch[out + i] = _three_on(flat, here + i, step, lengths[at + i])
-        for k in range(NEAR + 1, reach + 1, 2):
-            this = here + np.uint64(k) * step
-            further = this + step if k < reach else this
-            length_k, longer = np.uint8(k), np.uint8(min(k + 1, reach))
+            length = min(lengths[own + at + i], np.int32(reach))
+            best = _three_on(flat, here + i, step, length)
+            four = here + i + np.uint64(4) * step
+            five = four + step
+            best = _either(best, flat[four], length >= np.int32(4))
+            best = _either(best, flat[five], length >= np.int32(5))
+            scratch[out + i] = _either(best, flat[five + step], length >= np.int32(6))
+        for k in range(FAR + 1, reach + 1):
+            this, length_k = here + np.uint64(k) * step, np.int32(k)
             for i in range(count):
-                length = lengths[at + i]
-                best = _either(scratch[out + i], flat[this + i], length >= length_k)
-                scratch[out + i] = _either(best, flat[further + i], length >= longer)
-        at, out = at + np.uint64(lengths.shape[0] // 4), out + _ROW
+                is_longer = lengths[own + at + i] >= length_k
+                scratch[out + i] = _either(scratch[out + i], flat[this + i], is_longer)
+        at, out = at + np.uint64(process.settled.shape[0]), out + _ROW
 
 
 @compiled
-def _in_planes(lengths: Lengths, cell: np.uint64) -> tuple[np.uint64, ...]:
+def _lengths_of(process: Process, pace: int) -> np.uint64:
+    """Return where the lengths of a pace begin."""
+    begin: np.uint64 = np.uint64(4 * process.settled.shape[0] * process.paces[pace, 1])
+    return begin
+
+
+@compiled
+def _in_planes(process: Process, cell: np.uint64) -> tuple[np.uint64, ...]:
     """Return where a cell is in each of four planes, by direction or heading."""
-    plane = np.uint64(lengths.shape[0] // 4)
+    plane = np.uint64(process.settled.shape[0])
     north = cell + plane
     west = north + plane
     return cell, north, west, west + plane
 
 
 @compiled
-def _three_on(values: Floats, here: np.uint64, step: np.uint64, length: np.uint8) -> np.float32:
+def _three_on(values: Floats, here: np.uint64, step: np.uint64, length: np.int32) -> np.float32:
     """Choose among moves of up to three cells; where none is so long that value is not taken."""
     one = here + step
     two = one + step

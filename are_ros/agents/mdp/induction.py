@@ -1,7 +1,4 @@
-"""Compiled loops of exact backward induction by a stencil, without a transition matrix.
-
-Directions are 0 east (columns grow), 1 north (rows grow), 2 west, 3 south; so are headings.
-"""
+"""Exact backward induction by a stencil, without a transition matrix, compiled."""
 
 from typing import TYPE_CHECKING
 
@@ -9,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.agents.mdp.decision_kernels import CHUNK, NEAR, Floats, Process, decide
+from are_ros.agents.mdp.decision_kernels import CHUNK, FAR, Floats, Process, decide
 
 if TYPE_CHECKING:
     from are_ros.agents.mdp.model import Problem
@@ -23,21 +20,24 @@ def solved(
     And the last epoch that changed each cell, int32 (h, w), and the last epoch computed.
     """
     model, (height, width) = problem.model, problem.terminal.shape
-    reaches = np.array(model.reaches)
-    padding, size = max(*model.reaches, NEAR) * width, 4 * height * width
+    paces, effort = problem.paces
+    padding, size = max(*model.reaches, FAR) * width, 4 * height * width
     flat = np.zeros(kept * size + 2 * padding, np.float32)
     planes = flat[padding : padding + kept * size].reshape(kept, 4, height, width)
     planes[0] = problem.terminal
     settled = np.zeros((height, width), np.int32)
+    row, col = problem.goal
     process = Process(
         flat,
-        problem.lengths.reshape(-1),
+        problem.lengths.reshape(-1).astype(np.int32),
         problem.gains.reshape(-1),
         width,
-        reaches,
-        np.array(model.effort, np.float32) + np.float32(model.rest),
+        paces,
+        effort.astype(np.float32) + np.float32(model.rest),
         tuple(map(np.float32, model.chances)),
         (np.float32(model.quarter_turn), np.float32(model.half_turn)),
+        row * width + col,
+        problem.at_goal,
         settled.reshape(-1),
     )
     return planes, settled, induct(process, padding, kept, horizon)
@@ -49,18 +49,17 @@ def induct(process: Process, padding: int, kept: int, horizon: int) -> int:
 
     `flat` holds `padding` numbers that do not matter (so that looking as far as any move goes is
     allowed everywhere), `kept` times four planes of n = h * w cells, one per heading, and as much
-    again; epoch h is in place h % kept, V_0 is given. Ends early when nothing has changed: so it
-    would go on.
+    again; epoch h is in place h % kept, V_0 is given. Ends early when nothing has changed, and the
+    values of the goal do not any more: so it would go on.
     """
-    size = process.lengths.shape[0]
-    cells = size // 4
+    cells = process.settled.shape[0]
     scratch = np.empty(8 * CHUNK, np.float32)
     for epoch in range(1, horizon + 1):
-        old = np.uint64(padding + (epoch - 1) % kept * size)
-        new, differing = np.uint64(padding + epoch % kept * size), 0
+        old = np.uint64(padding + (epoch - 1) % kept * 4 * cells)
+        new, last = np.uint64(padding + epoch % kept * 4 * cells), 0
         for start in range(0, cells, CHUNK):
             part = old, np.uint64(start), np.uint64(min(CHUNK, cells - start))
-            differing += decide(process, part, new, epoch, scratch)
-        if differing == 0:
+            last = max(last, int(decide(process, part, new, np.int32(epoch), scratch)))
+        if last < epoch and epoch >= process.at_goal.shape[0] - 1:
             return epoch
     return horizon

@@ -23,16 +23,20 @@ AHEAD = 2
 class ValueArrays(NamedTuple):
     """A value table as the kernels take it, with a window of h x w cells.
 
-    `planes` (K, 4, h, w), `lengths` and `costs` as in `Problem`, `nearness` (H, W) of the whole
-    map; `paces` (P, 2) are the reach and the effort of each. `prices` are those of time and
-    clearance, and what resting saves; `chances` and `turns` as in `Process`; `corner` is the
+    `planes`, `settled`, `nearness` and `at_goal` as in `ValueTable`, `lengths` and `costs`
+    as in `Ways`; `out_lengths` those of the ways out, (4, 0, 0) without any. `paces` (P, 3) are
+    reach, kind of lengths and effort of each, once more with ways out. `prices` are those of time
+    and clearance, and what resting saves; `chances` and `turns` as in `Process`; `corner` is the
     window's first cell, `goal` the goal's in the window.
     """
 
     planes: Floats
+    settled: Lengths
     lengths: Lengths
+    out_lengths: Lengths
     costs: Floats
     nearness: Floats
+    at_goal: Floats
     paces: Doubles
     prices: tuple[float, float, float]
     chances: tuple[float, float, float]
@@ -62,7 +66,7 @@ class Moves(NamedTuple):
 @borrowing
 def action_values(
     values: ValueArrays,
-    later: Floats,
+    epochs_left: int,
     anchors_m: Doubles,
     others: Doubles,
     state: tuple[int, int, int],
@@ -71,16 +75,16 @@ def action_values(
 ) -> None:
     """Fill in what staying and the four directions bring at each pace: (P, 5).
 
-    `later` (4, h, w) are the values after as many epochs as are looked ahead; `anchors_m`
-    (H, W, 2) of the whole coarse map. `others` (K, M, 5) is x, y, radius, fade and weight of
-    each moving neighbour in each of K epochs. They cost their weight within the radius, fading to
-    0, in each cell entered, and a move that enters the radius of one fails. Backward induction over
-    the states that can be reached in K epochs, exact.
+    `anchors_m` (H, W, 2) of the whole coarse map. `others` (K, M, 5) is x, y, radius, fade and
+    weight of each moving neighbour in each of K epochs, K at most `epochs_left`. They cost their
+    weight within the radius, fading to 0, in each cell entered, and a move that enters the radius
+    of one fails. Backward induction over the states that can be reached in K epochs, exact.
     """
     row, col, heading = state
     moves, further = scratch
+    epochs_left -= 1
     here = _find_moves(values, anchors_m, others[0], (row, col), moves)
-    _find_after(values, later, anchors_m, others[1:], (row, col), further)
+    _find_after(values, epochs_left, anchors_m, others[1:], (row, col), further)
     for direction in range(4):
         moves.after[direction] = further.after[direction]
     for direction in range(4):
@@ -92,7 +96,7 @@ def action_values(
                 after = moves.brings[pace - 1, direction] - moves.gains[pace - 1, direction]
             else:
                 r, c = row + length * ROW_STEPS[direction], col + length * COL_STEPS[direction]
-                _find_after(values, later, anchors_m, others[1:], (r, c), further)
+                _find_after(values, epochs_left, anchors_m, others[1:], (r, c), further)
                 after = further.after[direction]
             moves.brings[pace, direction] = moves.gains[pace, direction] + after
     _slip(values, here, moves)
@@ -110,41 +114,52 @@ def _find_moves(
     """Find how far moves go and what the epoch brings; return what the epoch costs in the cell."""
     row, col = cell
     here = _price(values, anchors_m, others, row, col)
-    for direction in range(4):
-        longest = int(values.lengths[direction, row, col])
-        is_free, swept, k = True, 0.0, 0
-        while True:
-            for pace in range(values.paces.shape[0]):
-                reach, effort = values.paces[pace, 0], values.paces[pace, 1]
-                if k == min(longest, int(reach)):
-                    length = k if is_free else 0
-                    cost = (swept + k * effort) / reach if length > 0 else here + effort
-                    moves.lengths[pace, direction] = length
-                    moves.gains[pace, direction] = -cost
-            if k >= longest:
-                break
-            k += 1
-            r, c = row + k * ROW_STEPS[direction], col + k * COL_STEPS[direction]
-            is_free = is_free and not _is_occupied(values, anchors_m, others, r, c)
-            swept += _price(values, anchors_m, others, r, c)
+    for kind in range(1 if values.out_lengths.shape[1] == 0 else 2):
+        for direction in range(4):
+            longest = _length(values, kind, direction, row, col)
+            is_free, swept, k = True, 0.0, 0
+            while True:
+                for pace in range(values.paces.shape[0]):
+                    reach, effort = values.paces[pace, 0], values.paces[pace, 2]
+                    if values.paces[pace, 1] == kind and k == min(longest, int(reach)):
+                        length = k if is_free else 0
+                        cost = (swept + k * effort) / reach if length > 0 else here + effort
+                        moves.lengths[pace, direction] = length
+                        moves.gains[pace, direction] = -cost
+                if k >= longest:
+                    break
+                k += 1
+                r, c = row + k * ROW_STEPS[direction], col + k * COL_STEPS[direction]
+                is_free = is_free and not _is_occupied(values, anchors_m, others, r, c)
+                swept += _price(values, anchors_m, others, r, c)
     return here
+
+
+@borrowing
+def _length(values: ValueArrays, kind: int, direction: int, row: int, col: int) -> int:
+    """Return how many cells one goes at most: on ways to the goal (0), or out (1)."""
+    lengths = values.lengths if kind == 0 else values.out_lengths
+    return int(lengths[direction, row, col])
 
 
 @borrowing
 def _find_after(
     values: ValueArrays,
-    later: Floats,
+    epochs_left: int,
     anchors_m: Doubles,
     others: Doubles,
     cell: Cell,
     moves: Moves,
 ) -> None:
-    """Find the values of a cell by heading, with one epoch more than `later` if others has one."""
+    """Find the values of a cell by heading, with others in the next epochs."""
     row, col = cell
-    after = moves.after
+    after, ahead = moves.after, others.shape[0]
+    later = values.planes[place_of(values, epochs_left - ahead)]
+    is_goal = row == values.goal[0] and col == values.goal[1]
+    given = values.at_goal[min(epochs_left, values.at_goal.shape[0] - 1)]
     for heading in range(4):
-        after[heading] = later[heading, row, col]
-    if others.shape[0] == 0 or (row == values.goal[0] and col == values.goal[1]):
+        after[heading] = given[heading] if is_goal else later[heading, row, col]
+    if is_goal or ahead == 0:
         return
     here = _find_moves(values, anchors_m, others[0], cell, moves)
     for direction in range(4):
@@ -171,7 +186,7 @@ def _slip(values: ValueArrays, here: float, moves: Moves) -> None:
             sides = (
                 moves.brings[pace, (direction + 1) % 4] + moves.brings[pace, (direction + 3) % 4]
             )
-            failed = moves.after[direction] - here - values.paces[pace, 1]
+            failed = moves.after[direction] - here - values.paces[pace, 2]
             moves.slipping[pace, direction] = (
                 straight * moves.brings[pace, direction] + aside * sides + fails * failed
             )
@@ -255,7 +270,8 @@ def follow(
         reach, length = values.paces[pace, 0], 0
         if move > 0:
             heading = move - 1
-            length = min(int(reach), int(values.lengths[heading, row, col]))
+            kind = int(values.paces[pace, 1])
+            length = min(int(reach), _length(values, kind, heading, row, col))
         elif step > 0 and epochs_left < 0:
             break  # at the end of its life it waits
         for _ in range(length):
@@ -266,8 +282,8 @@ def follow(
                 count += 1
         epochs += length / reach if length > 0 else 1.0
         epochs_left -= 1
-        later = values.planes[place_of(values, epochs_left - 1)]
-        action_values(values, later, anchors_m, nobody, (row, col, heading), scratch, brings)
+        state = (row, col, heading)
+        action_values(values, epochs_left, anchors_m, nobody, state, scratch, brings)
         action = best_action(brings, heading)
     return count, np.inf
 
@@ -277,3 +293,20 @@ def place_of(values: ValueArrays, epochs_left: int) -> int:
     """Return which plane has the values with so many epochs left."""
     last: int = values.planes.shape[0] - 1
     return max(0, min(epochs_left, last))
+
+
+@borrowing
+def is_settled(values: ValueArrays, row: int, col: int, epochs_left: int, ahead: int) -> bool:
+    """Tell whether the planes have the values after the epochs ahead, where these may lead to."""
+    if values.planes.shape[0] > 1:
+        return True
+    reach = 0
+    for pace in range(values.paces.shape[0]):
+        reach = max(reach, ahead * int(values.paces[pace, 0]))
+    height, width = values.settled.shape
+    last = min(epochs_left - ahead, 254)
+    for r in range(max(0, row - reach), min(height, row + reach + 1)):
+        for c in range(max(0, col - reach), min(width, col + reach + 1)):
+            if values.settled[r, c] > last:
+                return False
+    return True

@@ -3,6 +3,7 @@
 Directions are 0 east (columns grow), 1 north (rows grow), 2 west, 3 south; so are headings.
 """
 
+from collections.abc import Collection
 from typing import Final
 
 import numpy as np
@@ -18,29 +19,23 @@ Mask = npt.NDArray[np.bool_]
 MOST_BUCKETS: Final = 65536
 
 
-def cut_out(
-    edges: Mask,
-    nearness: Floats,
-    corner: tuple[int, int],
-    end: tuple[int, int],
-    time: np.float32,
-    clearance: np.float32,
-) -> tuple[Mask, Floats]:
-    """Return the edges bool (4, h, w) and prices float32 (h, w) of a window of the map.
+def cut_out(edges: Mask, window: tuple[tuple[int, int], tuple[int, int]]) -> Mask:
+    """Return the edges bool (4, h, w) of a window of the map; those that lead out are closed.
 
-    It goes from cell `corner` up to cell `end`, without that; edges that lead out of it are closed.
-    The price is what an epoch in a cell costs: `time` and, near a wall, up to `clearance`.
+    It goes from its first cell up to its second, without that.
     """
-    window = (slice(corner[0], end[0]), slice(corner[1], end[1]))
-    inner = edges[:, window[0], window[1]].copy()
+    (row, col), (end_row, end_col) = window
+    inner: Mask = edges[:, row:end_row, col:end_col].copy()
     inner[0, :, -1], inner[1, -1, :], inner[2, :, 0], inner[3, 0, :] = False, False, False, False
-    return inner, time + clearance * nearness[window]
+    return inner
 
 
-def way_prices(edges: Mask, price: Floats, reach: int, goal: tuple[int, int]) -> Floats:
-    """Return what the cheapest way to the goal costs, cell by cell: float32 (h, w), inf if none.
+def way_prices(
+    edges: Mask, price: Floats, reach: int, goals: Collection[tuple[int, int]]
+) -> Floats:
+    """Return what the cheapest way to a goal costs, cell by cell: float32 (h, w), inf if none.
 
-    A step into a cell costs its price over the reach. Dijkstra's algorithm from the goal with
+    A step into a cell costs its price over the reach. Dijkstra's algorithm from the goals with
     Dial's buckets: as wide as the cheapest step is dear, so that hardly any cell is looked at
     twice, and as many, in a ring, as the dearest step needs. Entries form a list in each.
     """
@@ -53,9 +48,10 @@ def way_prices(edges: Mask, price: Floats, reach: int, goal: tuple[int, int]) ->
     while ring < int(dearest / bucket) + 3:
         ring *= 2
     costs, heads = np.empty(count, np.float32), np.empty(ring, np.int32)
-    start, room = goal[0] * width + goal[1], 2 * count + 4
+    starts = np.array([row * width + col for row, col in goals])
+    room = 2 * count + 4
     per_price = np.float32(1.0) / bucket
-    while not _spread(edges.reshape(4, count), steps, width, start, per_price, heads, room, costs):
+    while not _spread(edges.reshape(4, count), steps, width, starts, per_price, heads, room, costs):
         room *= 2  # many cells were looked at several times: rounding, wild prices
     return costs.reshape(height, width)
 
@@ -65,7 +61,7 @@ def _spread(
     edges: Mask,
     steps: Floats,
     width: int,
-    start: int,
+    starts: npt.NDArray[np.int64],
     buckets_per_price: np.float32,
     heads: npt.NDArray[np.int32],
     room: int,
@@ -75,9 +71,11 @@ def _spread(
     costs[:], heads[:] = np.inf, -1
     after, cells = np.empty(room, np.int32), np.empty(room, np.int32)
     keys = np.empty(room, np.float32)
-    costs[start] = keys[0] = 0.0
-    heads[0], after[0], cells[0] = 0, -1, start
-    waiting, made, place, ring = 1, 1, 0, heads.shape[0]
+    waiting = made = starts.shape[0]
+    place, ring = 0, heads.shape[0]
+    for entry in range(made):
+        costs[starts[entry]] = keys[entry] = 0.0
+        cells[entry], after[entry], heads[0] = starts[entry], heads[0], entry
     while waiting > 0:
         entry = heads[place]
         if entry < 0:
@@ -133,7 +131,8 @@ def find_moves(edges: Mask, costs: Floats, reach: int, goal: tuple[int, int]) ->
                     along[row] = further
                 else:
                     across[col] = further
-    lengths[:, goal[0], goal[1]] = 0
+    if goal[0] >= 0:
+        lengths[:, goal[0], goal[1]] = 0
     return lengths
 
 
@@ -142,12 +141,14 @@ def find_gains(
     lengths: Lengths,
     costs: Floats,
     price: Floats,
-    reaches: npt.NDArray[np.int64],
+    paces: npt.NDArray[np.int64],
     effort: npt.NDArray[np.float64],
     rest: float,
     goal: tuple[int, int],
 ) -> Floats:
     """Return what an epoch brings: float32 (1 + 4 P, h, w), staying and the moves of each pace.
+
+    `paces` (P, 2) are reaches, and which four of the `lengths` (4 L, h, w) are their own.
 
     A move pays the price of each cell that it enters and its pace's effort, over its reach; one
     that is blocked pays for the cell and the effort. Staying pays the price less `rest`. Staying at
@@ -155,7 +156,7 @@ def find_gains(
     states are absorbing.
     """
     height, width = price.shape
-    gains = np.empty((1 + 4 * reaches.shape[0], height, width), np.float32)
+    gains = np.empty((1 + 4 * paces.shape[0], height, width), np.float32)
     # sums of the prices up to each cell, itself included, along its row and along its column
     along, across = np.zeros((height, width)), np.zeros((height, width))
     for row in range(height):
@@ -165,13 +166,13 @@ def find_gains(
             across[row, col] = here + (across[row - 1, col] if row > 0 else 0.0)
             is_absorbing = costs[row, col] == np.inf or (row == goal[0] and col == goal[1])
             gains[0, row, col] = np.float32(0.0 if is_absorbing else rest - here)
-    for pace in range(reaches.shape[0]):
+    for pace in range(paces.shape[0]):
         for direction in range(4):
             _find_gains(
                 (along, across)[direction % 2],
-                lengths[direction],
+                lengths[4 * paces[pace, 1] + direction],
                 price,
-                (direction, reaches[pace], effort[pace]),
+                (direction, paces[pace, 0], effort[pace]),
                 gains[1 + 4 * pace + direction],
             )
     for row in range(height):

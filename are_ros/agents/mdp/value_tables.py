@@ -1,6 +1,7 @@
 """Value tables of the decision process by type and goal, kept up to a bound of memory."""
 
 import math
+import sys
 from collections import OrderedDict
 from dataclasses import dataclass, replace
 from typing import Final, Generic, Protocol, TypeVar
@@ -9,8 +10,19 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.mdp.coarse_map import Cell, CoarseMap
-from are_ros.agents.mdp.model import TravelModel, Ways, Window, problem_of, solve, ways_to
-from are_ros.agents.mdp.routes import ValueArrays
+from are_ros.agents.mdp.model import (
+    NOWHERE,
+    TravelModel,
+    Ways,
+    Window,
+    paces_of,
+    price_in,
+    problem_of,
+    solve,
+    ways_out,
+    ways_to,
+)
+from are_ros.agents.mdp.routes import AHEAD, ValueArrays
 
 
 class Sized(Protocol):
@@ -57,8 +69,18 @@ class TableStore(Generic[Key, Table]):
             self.nbytes -= oldest.nbytes
 
 
-KEPT_BYTES_PER_TABLE: Final = 2**18
-"""Planes of all epochs are kept up to this size: to allocate more takes longer than to compute."""
+KEPT_BYTES_PER_TABLE: Final = 2**19
+"""Planes of all epochs are kept up to this size; else that of the longest horizon is."""
+
+SWEPT_BYTES: Final = 128 * 2**20
+"""Memory for the planes of larger tables that were computed again, all of them."""
+
+OUT_BYTES: Final = 64 * 2**20
+"""Memory for the values of leaving the map."""
+
+NEVER_SETTLED: Final = 255
+
+_NO_LENGTHS: Final = np.empty((4, 0, 0), np.uint8)
 
 SHARED_CELLS: Final = 128 * 128
 """A window up to this size serves all trips to a goal; in a larger one, a trip uses a part."""
@@ -69,39 +91,66 @@ PARTS_BYTES: Final = 8 * 2**20
 TRIP_MARGINS_M: Final = (2.0, 4.0, 12.0)
 """Margins of such parts about start and goal: the first one that loses no better way is used."""
 
-TableKey = tuple[tuple[int, float, float, float], TravelModel, Cell, Window]
+TableKey = tuple[tuple[int, float, float, float], TravelModel, Cell, Window, tuple[Cell, ...]]
 
 
 @dataclass(frozen=True, eq=False)
 class ValueTable:
     """The values of going to a goal, within a window of h x w coarse cells.
 
-    `corner` is the window's first cell (row, col) in the coarse map, `goal` the goal's cell there.
     `goal_m` is the end point in the map frame. `planes` float32 (K, 4, h, w) are the values by
     epochs left and heading; K = 1 if all planes would need too much memory: then those of the
-    longest horizon are used for all. `lengths` and `costs` as in `model.Problem`, `nearness`
-    float32 (H, W) is the whole map's.
+    longest horizon, which hold for other epochs, too, from `settled` uint8 (h, w) on in each cell
+    (255: for no other). `lengths` and `costs` as in `model.Ways`, `nearness` float32 (H, W) is the
+    whole map's, `at_goal` as in `model.Problem`. `out` are the ways out, if there are exits.
     """
 
     planes: npt.NDArray[np.float32]
+    settled: npt.NDArray[np.uint8]
     lengths: npt.NDArray[np.uint8]
     costs: npt.NDArray[np.float32]
     nearness: npt.NDArray[np.float32]
-    corner: Cell
-    goal: Cell
+    at_goal: npt.NDArray[np.float32]
+    key: TableKey
     goal_m: tuple[float, float]
-    model: TravelModel
+    out: Ways | None = None
 
     @property
-    def value_arrays(self) -> ValueArrays:
-        """The arrays that kernels take."""
-        model = self.model
+    def goal(self) -> Cell:
+        """The goal's cell in the coarse map."""
+        return self.key[2]
+
+    @property
+    def corner(self) -> Cell:
+        """The window's first cell in the coarse map."""
+        return self.key[3][0]
+
+    @property
+    def model(self) -> TravelModel:
+        """The model of the type."""
+        return self.key[1]
+
+    @property
+    def ways(self) -> Ways:
+        """The ways to the goal."""
+        _, model, goal, window, _ = self.key
+        price = price_in(self.nearness, model, window)
+        goal = goal[0] - self.corner[0], goal[1] - self.corner[1]
+        return Ways(self.lengths, price, self.costs, goal, model)
+
+    def value_arrays(self, planes: npt.NDArray[np.float32] | None = None) -> ValueArrays:
+        """Return the arrays that kernels take; with all planes if these are given."""
+        model, out = self.model, self.out
+        reaches, effort = paces_of(model, 1 if out is None else 2)
         return ValueArrays(
-            self.planes,
+            self.planes if planes is None else planes,
+            self.settled,
             self.lengths,
+            _NO_LENGTHS if out is None else out.lengths,
             self.costs,
             self.nearness,
-            np.array([model.reaches, model.effort], np.float64).T.copy(),
+            self.at_goal,
+            np.column_stack((reaches, effort)),
             (model.time, model.clearance, model.rest),
             model.chances,
             (model.quarter_turn, model.half_turn),
@@ -112,7 +161,7 @@ class ValueTable:
     @property
     def nbytes(self) -> int:
         """Memory of the arrays."""
-        arrays = (self.planes, self.lengths, self.costs)
+        arrays = (self.planes, self.settled, self.lengths, self.costs, self.at_goal)
         return sum(array.nbytes for array in arrays)
 
     def cost(self, cell: Cell) -> float:
@@ -125,9 +174,17 @@ class ValueTable:
         """Return whether the goal can be reached from a coarse cell, within the window."""
         return self.cost(cell) < math.inf
 
-    def place(self, epochs_left: int) -> int:
-        """Return the index of the plane for a number of epochs left."""
-        return max(0, min(epochs_left, len(self.planes) - 1))
+
+@dataclass(frozen=True, eq=False)
+class _WayOut:
+    """The ways out of a window, and the values float32 (K, 4, h, w) of leaving by them."""
+
+    ways: Ways
+    planes: npt.NDArray[np.float32]
+
+    @property
+    def nbytes(self) -> int:
+        return self.ways.lengths.nbytes + 2 * self.ways.costs.nbytes + self.planes.nbytes
 
 
 _Store = TableStore[TableKey, ValueTable]
@@ -143,7 +200,9 @@ class ValueTables:
         budget_bytes: int = 256 * 2**20,
         kept_bytes: int = KEPT_BYTES_PER_TABLE,
     ) -> None:
-        """Take the longest horizon [epochs] and trip; a window is two longest trips wide.
+        """Take the longest trip and horizon [epochs], beyond those that a decision looks ahead.
+
+        A window is two longest trips wide.
 
         If the epochs of a horizon cost less than the turns of a type, it stands rather than turns.
         `budget_bytes` bounds all tables that trips to a goal share, and with `PARTS_BYTES` those of
@@ -154,6 +213,8 @@ class ValueTables:
         self._kept_bytes = kept_bytes
         self._shared = _Store(budget_bytes)
         self._parts = _Store(min(budget_bytes, PARTS_BYTES))
+        self._swept = TableStore[TableKey, npt.NDArray[np.float32]](SWEPT_BYTES)
+        self._out = TableStore[TableKey, _WayOut](OUT_BYTES)
 
     def __len__(self) -> int:
         return len(self._shared) + len(self._parts)
@@ -161,12 +222,14 @@ class ValueTables:
     @property
     def nbytes(self) -> int:
         """Memory of all tables that are kept."""
-        return self._shared.nbytes + self._parts.nbytes
+        return sum(store.nbytes for store in (self._shared, self._parts, self._swept, self._out))
 
     def clear(self) -> None:
         """Drop all tables: the map has changed."""
         self._shared.clear()
         self._parts.clear()
+        self._swept.clear()
+        self._out.clear()
 
     def value(
         self,
@@ -174,8 +237,12 @@ class ValueTables:
         model: TravelModel,
         goal_m: tuple[float, float],
         start: Cell | None = None,
+        exits: tuple[Cell, ...] = (),
     ) -> ValueTable | None:
         """Return the table for a goal in the map frame; None if no open cell is near it.
+
+        With `exits` the terminal value is by the way to the nearest of these cells, if any can be
+        reached from the goal.
 
         The table's `goal_m` is the goal itself if the disc fits there, else the anchor of its cell.
         On a large map, a trip from cell `start` gets a table of the cells about start and goal
@@ -187,12 +254,13 @@ class ValueTables:
         if not coarse.holds(*goal_m):
             goal_m = coarse.anchor_of(goal)
         window, table = self._window(coarse, goal), None
-        if start is not None and _cells_in(window) > SHARED_CELLS:
+        out = self._way_out(coarse, model, goal, window, exits) if exits else None
+        if out is None and start is not None and _cells_in(window) > SHARED_CELLS:
             table = self._of_part(coarse, model, goal, window, start, goal_m)
         if table is None:
-            store = self._shared
-            found = self._table_or_ways(store, coarse, model, goal, window)
-            table = self._solved(store, coarse, *found, goal_m)
+            key = (coarse.key, model, goal, window, () if out is None else exits)
+            found = self._table_or_ways(self._shared, coarse, key)
+            table = self._solved(self._shared, coarse, key, found, goal_m, out)
         return table if table.goal_m == goal_m else replace(table, goal_m=goal_m)
 
     def _of_part(
@@ -213,7 +281,8 @@ class ValueTables:
             window = _part(whole, goal, start, margin)
             if not _holds(window, start):
                 return None
-            key, found = self._table_or_ways(self._parts, coarse, model, goal, window)
+            key = (coarse.key, model, goal, window, ())
+            found = self._table_or_ways(self._parts, coarse, key)
             (row, col), _ = window
             if found.costs[start[0] - row, start[1] - col] <= _least_outside(
                 model, goal, start, margin
@@ -221,15 +290,42 @@ class ValueTables:
                 return self._solved(self._parts, coarse, key, found, goal_m)
         return None
 
-    def _table_or_ways(
-        self, store: _Store, coarse: CoarseMap, model: TravelModel, goal: Cell, window: Window
-    ) -> tuple[TableKey, ValueTable | Ways]:
+    def all_planes(self, table: ValueTable) -> npt.NDArray[np.float32]:
+        """Return the planes of all epochs of a table; they are computed again if necessary."""
+        if len(table.planes) > 1:
+            return table.planes
+        planes = self._swept.get(table.key)
+        if planes is None:
+            problem = problem_of(table.ways, table.out, table.at_goal)
+            planes = solve(problem, self._horizon, sys.maxsize).planes
+            self._swept.put(table.key, planes)
+        return planes
+
+    def _way_out(
+        self,
+        coarse: CoarseMap,
+        model: TravelModel,
+        goal: Cell,
+        window: Window,
+        exits: tuple[Cell, ...],
+    ) -> _WayOut | None:
+        """Return how a window is left; None if it cannot be left from the goal."""
+        key = (coarse.key, model, NOWHERE, window, exits)
+        found = self._out.get(key)
+        if found is None:
+            ways = ways_out(coarse.edges, coarse.nearness, exits, model, window)
+            found = _WayOut(
+                ways, solve(problem_of(ways), self._horizon + AHEAD, sys.maxsize).planes
+            )
+            self._out.put(key, found)
+        (row, col), _ = window
+        return found if found.ways.costs[goal[0] - row, goal[1] - col] < math.inf else None
+
+    def _table_or_ways(self, store: _Store, coarse: CoarseMap, key: TableKey) -> ValueTable | Ways:
         """Return the table of a window, or the ways from which to compute it."""
-        key = (coarse.key, model, goal, window)
+        _, model, goal, window, _ = key
         known = store.get(key)
-        if known is not None:
-            return key, known
-        return key, ways_to(coarse.edges, coarse.nearness, goal, model, window)
+        return known or ways_to(coarse.edges, coarse.nearness, goal, model, window)
 
     def _solved(
         self,
@@ -238,20 +334,26 @@ class ValueTables:
         key: TableKey,
         found: ValueTable | Ways,
         goal_m: tuple[float, float],
+        out: _WayOut | None = None,
     ) -> ValueTable:
         """Return the table; compute it from ways if necessary, with `goal_m` as its end point."""
         if isinstance(found, Ways):
-            _, model, goal, (corner, _) = key
-            problem = problem_of(found)
+            at_goal = None
+            if out is not None:
+                row, col = found.goal
+                at_goal = np.float32(key[1].goal) + out.planes[:, :, row, col]
+            problem = problem_of(found, None if out is None else out.ways, at_goal)
+            solution = solve(problem, self._horizon, self._kept_bytes)
             found = ValueTable(
-                planes=solve(problem, self._horizon, self._kept_bytes).planes,
-                lengths=problem.lengths,
-                costs=problem.costs,
+                planes=solution.planes,
+                settled=np.minimum(solution.settled, NEVER_SETTLED).astype(np.uint8),
+                lengths=found.lengths,
+                costs=found.costs,
                 nearness=coarse.nearness,
-                corner=corner,
-                goal=goal,
+                at_goal=problem.at_goal,
+                key=key,
                 goal_m=goal_m,
-                model=model,
+                out=None if out is None else out.ways,
             )
             store.put(key, found)
         return found

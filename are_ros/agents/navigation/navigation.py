@@ -9,6 +9,7 @@ straight line to it.
 import math
 from collections.abc import Sequence
 from enum import Enum, auto
+from functools import partial
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -18,8 +19,8 @@ from are_ros.agents.behaviours.situation import Intent, Neighbour, Point, RobotV
 from are_ros.agents.local_planner.body import MotionCommand
 from are_ros.agents.mdp.coarse_map import CoarseMaps
 from are_ros.agents.mdp.model import TravelModel
-from are_ros.agents.mdp.routes import best_action
-from are_ros.agents.mdp.value_tables import ValueTables
+from are_ros.agents.mdp.routes import AHEAD, ValueArrays, best_action
+from are_ros.agents.mdp.value_tables import ValueTable, ValueTables
 from are_ros.agents.navigation.destinations import Destinations, ReachableDestinations
 from are_ros.agents.navigation.profile import NavigationProfile
 from are_ros.agents.navigation.step_kernels import (
@@ -27,6 +28,7 @@ from are_ros.agents.navigation.step_kernels import (
     NO_WAY,
     STRAIGHT,
     STRAIGHT_M,
+    UNKNOWN,
     GoalArrays,
     Robot,
     prospect_of,
@@ -49,6 +51,7 @@ _GOALS_KEPT = 3
 _NO_ENVIRONMENT = "there is no environment yet, so no way can be found"
 _NO_WAY = np.empty((0, 2))
 _NO_VALUES = np.empty((0, 5))
+_PACES: Final = ValueArrays._fields.index("paces")
 _NOWHERE = Destinations(np.empty((0, 2)), np.empty((0, 2)))
 
 
@@ -70,7 +73,8 @@ class NavigationRequest(NamedTuple):
     """The intent of an agent at a decision, its paces, and the rest of its life if it is known.
 
     `speeds_mps` (P,) is the speed of each pace, of which the first counts for turns; `left_s` the
-    rest of the life [s]. A patient agent minds others; else the local planner has to pass them.
+    rest of the life [s], at the end of which it wants to be near one of `exits_m`, if there are
+    any. A patient agent minds others; else the local planner has to pass them.
     """
 
     state: "AgentState"
@@ -79,6 +83,7 @@ class NavigationRequest(NamedTuple):
     speeds_mps: tuple[float, ...]
     left_s: float | None = None
     is_patient: bool = True
+    exits_m: tuple[Point, ...] = ()
 
 
 class ActiveGoal(NamedTuple):
@@ -89,6 +94,7 @@ class ActiveGoal(NamedTuple):
     """
 
     environment: Environment
+    table: ValueTable
     arrays: GoalArrays
 
 
@@ -97,13 +103,14 @@ class Prospect(NamedTuple):
 
     `values` float64 (P, 5) are Q of each pace and move: stay, east, north, west, south of the grid,
     among the others. `value` is V of the state without them, `heading` its heading, 0 east to 3
-    south. All are there if it `CHOOSES`.
+    south. All are there if it `CHOOSES`. `brings` are the values with the ways out apart.
     """
 
     kind: Prospects
     values: npt.NDArray[np.float64] = _NO_VALUES
     value: float = 0.0
     heading: int = 0
+    brings: npt.NDArray[np.float64] = _NO_VALUES
     active: ActiveGoal | None = None
 
     @property
@@ -129,8 +136,8 @@ class NavigationResult(NamedTuple):
     way_m: npt.NDArray[np.float64] = _NO_WAY
 
 
-GoalKey = tuple[Point, tuple[float, ...]]
-"""A goal, and the speeds at which it is gone to."""
+GoalKey = tuple[Point, tuple[float, ...], tuple[Point, ...]]
+"""A goal, the speeds at which it is gone to, and the exits."""
 
 
 _KINDS: Final = {
@@ -156,7 +163,7 @@ class Navigation:
         epochs = max(1, round(settings.max_horizon / settings.decision_period))
         self.horizon = epochs
         self._coarse_maps = CoarseMaps(settings.cell_size)
-        self._tables = ValueTables(epochs)
+        self._tables = ValueTables(max(0, epochs - AHEAD))
 
     def enter(self, environment: Environment, places: Destinations) -> None:
         """Use another environment, or other destinations in it; forget values of the last one."""
@@ -213,7 +220,7 @@ class Navigation:
         ):
             return Prospect(Prospects.STRAIGHT)
         # The goal is new, or the agent has left the part of the map with known values.
-        active = self._new_goal(request, *key)
+        active = self._new_goal(request, key)
         if active is None:
             return Prospect(Prospects.NO_WAY)
         known.pop(key, None)
@@ -231,18 +238,25 @@ class Navigation:
         index: int,
     ) -> Prospect:
         """Return the prospect by the values of the decision process."""
-        values, period_s = np.empty((len(request.speeds_mps), 5)), self._settings.decision_period
-        agent = (index, request.is_patient, self._epochs(request.left_s))
-        what, heading, value = prospect_of(
-            *active.arrays,
-            view.crowd,
-            around,
-            period_s,
-            agent,
-            request.intent.is_moving_goal,
-            values,
+        brings = np.empty((len(active.arrays[1][_PACES]), 5))
+        look = partial(
+            prospect_of,
+            crowd=view.crowd,
+            robot=around,
+            epoch_s=self._settings.decision_period,
+            agent=(index, request.is_patient, self._epochs(request.left_s)),
+            is_moving_goal=request.intent.is_moving_goal,
+            brings=brings,
         )
-        return Prospect(_KINDS[what], values, value, heading, active)
+        what, heading, value = look(*active.arrays)
+        if what == UNKNOWN:
+            planes = self._tables.all_planes(active.table)
+            arrays = (active.arrays[0], tuple(active.table.value_arrays(planes)), active.arrays[2])
+            active = active._replace(arrays=arrays)
+            what, heading, value = look(*arrays)
+        paces = len(request.speeds_mps)
+        values = brings if len(brings) == paces else np.maximum(brings[:paces], brings[paces:])
+        return Prospect(_KINDS[what], values, value, heading, brings, active)
 
     def result(
         self, request: NavigationRequest, prospect: Prospect, pace: int = 0, move: int = 0
@@ -260,8 +274,12 @@ class Navigation:
             return NavigationResult(_command(request, None), arrived=is_there, no_way=is_lost)
         me, way_m = request.me, np.empty((_MOST_POINTS, 2))
         pose, epochs = (me.x_m, me.y_m, me.yaw_rad), self._epochs(request.left_s)
-        arrays = prospect.active.arrays
-        count, x_m, y_m, is_end = way_along(*arrays, pose, epochs, (pace, move), way_m)
+        arrays, kinds = (
+            prospect.active.arrays,
+            prospect.brings[pace :: len(request.speeds_mps), move],
+        )
+        action = (pace + int(np.argmax(kinds)) * len(request.speeds_mps), move)
+        count, x_m, y_m, is_end = way_along(*arrays, pose, epochs, action, way_m)
         way_m = way_m[:count]
         if move == 0 or count == 0:
             return NavigationResult(_command(request, None), waits=True, way_m=way_m)
@@ -274,10 +292,9 @@ class Navigation:
             return 0.0, 0.0, 0.0, 0.0, -1.0
         return robot.x_m, robot.y_m, robot.vx_mps, robot.vy_mps, robot.radius_m
 
-    def _new_goal(
-        self, request: NavigationRequest, goal_m: Point, speeds_mps: tuple[float, ...]
-    ) -> ActiveGoal | None:
+    def _new_goal(self, request: NavigationRequest, key: GoalKey) -> ActiveGoal | None:
         """Return the values of going to a goal; None if no way leads there."""
+        goal_m, speeds_mps, exits_m = key
         profile, me, environment = request.state.profile, request.me, self._environment
         if environment is None:
             raise RuntimeError(_NO_ENVIRONMENT)
@@ -291,7 +308,8 @@ class Navigation:
                 request.state.slip,
             )
             start = coarse.cell_of(me.x_m, me.y_m)
-            table = self._tables.value(coarse, model, goal_m, start)
+            exits = {cell for exit_m in exits_m if (cell := coarse.cell_of(*exit_m)) is not None}
+            table = self._tables.value(coarse, model, goal_m, start, tuple(sorted(exits)))
             if table is not None and start is not None and table.reaches(start):
                 goal_spec = (
                     min(profile.radius_m, coarse.radius_m),
@@ -300,8 +318,8 @@ class Navigation:
                     profile.others_price,
                     profile.robot_price,
                 )
-                arrays = (tuple(coarse.ground), tuple(table.value_arrays), goal_spec)
-                return ActiveGoal(environment, arrays)
+                arrays = (tuple(coarse.ground), tuple(table.value_arrays()), goal_spec)
+                return ActiveGoal(environment, table, arrays)
         return None
 
     def _terrain(self, profile: NavigationProfile) -> Terrain:
@@ -323,7 +341,7 @@ class Navigation:
 def _key_of(request: NavigationRequest) -> GoalKey | None:
     """Return what the values are known by; None without a goal."""
     goal_m = request.intent.goal_m
-    return None if goal_m is None else (goal_m, request.speeds_mps)
+    return None if goal_m is None else (goal_m, request.speeds_mps, request.exits_m)
 
 
 def _command(

@@ -14,7 +14,7 @@ from are_ros.agents.mdp.routes import (
     ValueTuple,
     action_values,
     follow,
-    place_of,
+    is_settled,
 )
 from are_ros.agents.navigation.ground import Ground, cell_of, heading_of
 from are_ros.agents.navigation.local_way import way_round
@@ -26,7 +26,7 @@ Floats = npt.NDArray[np.float64]
 FADE_M: Final = 1.0
 """Over this length the cost of another agent falls from its whole weight to 0."""
 
-MINDED_M: Final = 3.0
+MINDED_M: Final = 5.0
 """An agent farther away than this costs nothing."""
 
 THERE_M: Final = 0.15
@@ -35,7 +35,7 @@ THERE_M: Final = 0.15
 STRAIGHT_M: Final = 3.0
 """A visible goal no farther away than this is approached straight, without the values."""
 
-NO_WAY, STRAIGHT, CHOOSES = range(3)
+NO_WAY, STRAIGHT, CHOOSES, UNKNOWN = range(4)
 
 
 class GoalSpec(NamedTuple):
@@ -91,7 +91,8 @@ def prospect_of(
     `crowd` those of `Cells` and the rest of `Crowd`. An epoch is `epoch_s` long. `agent` is the
     index in the crowd, whether others cost it anything, and the epochs left. A moving goal is
     approached straight from any distance. Returns what there is (no way, straight to the goal, a
-    choice), the heading, and the value of the state without the others.
+    choice, or that the planes of all epochs are needed), the heading, and the value of the state
+    without the others.
     """
     floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
     everybody = Crowd(Cells(*crowd[:8]), crowd[8], crowd[9], crowd[10])
@@ -108,13 +109,15 @@ def prospect_of(
     if state[0] == values.goal[0] and state[1] == values.goal[1]:
         return STRAIGHT, 0, 0.0
     others = _find_others(everybody, robot, epoch_s, index, is_patient, going)
-    # without others the values tell what is best from the next epoch on
-    others = others[: min(AHEAD if others.shape[1] > 0 else 1, epochs_left)]
-    later = values.planes[place_of(values, epochs_left - others.shape[0])]
-    scratch = _scratch(values.paces.shape[0])
-    action_values(values, later, floor.anchors_m, others, state, scratch, brings)
-    plane = values.planes[place_of(values, epochs_left)]
-    return CHOOSES, state[2], float(plane[state[2], state[0], state[1]])
+    others = others[: min(AHEAD, epochs_left)]
+    if not is_settled(values, state[0], state[1], epochs_left, others.shape[0]):
+        return UNKNOWN, 0, 0.0
+    scratch, nobody = scratch_of(values.paces.shape[0]), others[:, :0].copy()
+    action_values(values, epochs_left, floor.anchors_m, nobody, state, scratch, brings)
+    value = brings.max()
+    if others.shape[1] > 0:
+        action_values(values, epochs_left, floor.anchors_m, others, state, scratch, brings)
+    return CHOOSES, state[2], value
 
 
 @borrowing
@@ -131,7 +134,8 @@ def _state_of(
 
 
 @compiled
-def _scratch(paces: int) -> tuple[Moves, Moves]:
+def scratch_of(paces: int) -> tuple[Moves, Moves]:
+    """Return scratch for `action_values`."""
     numbers = np.empty((2, 4, paces, 4))
     after = np.empty((2, 4))
     return (
@@ -211,7 +215,7 @@ def way_along(
     ):
         way_m[0, 0], way_m[0, 1] = going.end_m
         return 1, going.end_m[0], going.end_m[1], True
-    scratch, brings = _scratch(values.paces.shape[0]), np.empty((values.paces.shape[0], 5))
+    scratch, brings = scratch_of(values.paces.shape[0]), np.empty((values.paces.shape[0], 5))
     nobody = np.empty((1, 0, 5))
     anchors_m = floor.anchors_m
     count, _ = follow(values, anchors_m, nobody, epochs_left, state, action, way_m, scratch, brings)

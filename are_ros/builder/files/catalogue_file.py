@@ -1,13 +1,15 @@
 """Reading a catalogue of artefacts from YAML; each error names file, row, field and reason."""
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
 from are_ros.agents.behaviours.registry import BEHAVIOURS, why_not
+from are_ros.agents.local_planner.body import PLANNERS
+from are_ros.agents.local_planner.user_planners import why_not as why_no_planner
 from are_ros.errors import CatalogueError
 from are_ros.population.catalogue import (
     Catalogue,
@@ -149,7 +151,17 @@ _LARGEST_M = 100.0
 _HEXADECIMAL = frozenset("0123456789abcdefABCDEF")
 _METRES: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 _AXES = ("x", "y", "z", "-x", "-y", "-z")
-_CLASS_KEYS = ("shape", "colour", "forever", "motion", "behaviours", "rewards", "slip", "features")
+_CLASS_KEYS = (
+    "shape",
+    "colour",
+    "forever",
+    "motion",
+    "behaviours",
+    "planners",
+    "rewards",
+    "slip",
+    "features",
+)
 _ROW_KEYS = ("label", "class", "size_m", "mesh", *_CLASS_KEYS)
 _MERGED = ("motion", "rewards", "features")
 _SHAPES = tuple(shape.value for shape in Shape)
@@ -289,7 +301,9 @@ def _shared_fields(given: Fields) -> dict[str, Any]:
     if "slip" in given:
         shared["slip"] = _slip(given)
     if "behaviours" in given:
-        shared["behaviours"] = _behaviours(given)
+        shared["behaviours"] = _shares(given, "behaviours", BEHAVIOURS, why_not)
+    if "planners" in given:
+        shared["planners"] = _shares(given, "planners", PLANNERS, why_no_planner)
     shared["features"] = _features(given)
     return shared
 
@@ -302,18 +316,20 @@ def _slip(given: Fields) -> float:
     return slip
 
 
-def _behaviours(given: Fields) -> dict[str, float]:
-    """Return the probability of each behaviour; user-defined ones are imported."""
-    raw = given.raw("behaviours")
+def _shares(
+    given: Fields, key: str, known: Collection[str], why_not: Callable[[str], str | None]
+) -> dict[str, float]:
+    """Return the probability of each behaviour or planner; user-defined ones are imported."""
+    raw = given.raw(key)
     own = [name for name in raw if ":" in str(name)] if isinstance(raw, dict) else []
-    weights = given.section("behaviours", (*BEHAVIOURS, *own))
+    weights = given.section(key, (*known, *own))
     for name in weights:
         if (reason := why_not(name)) is not None:
             weights.refuse(name, reason)
     numbers = {name: weights.number(name) for name in weights}
     total = sum(numbers.values())
     if not total > 0.0:
-        given.refuse("behaviours", "has no positive weight")
+        given.refuse(key, "has no positive weight")
     return {name: number / total for name, number in numbers.items()}
 
 

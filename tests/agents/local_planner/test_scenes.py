@@ -157,6 +157,50 @@ def test_in_too_narrow_a_corridor_one_backs_off_and_both_turn_away_when_told() -
     street.run_until_there(25.0)
 
 
+def _gap() -> Street:
+    """Return a room of 10 m with a gap of 0.9 m in a wall at x from 4 to 4.4 m."""
+    cells = room(10.0, 5.0)
+    wall(cells, (4.0, 4.4), (0.0, 2.05))
+    wall(cells, (4.0, 4.4), (2.95, 5.0))
+    return Street(environment(cells))
+
+
+def test_one_that_stands_in_a_gap_steps_aside_for_who_has_waited() -> None:
+    """Not at once, for it may go on by itself."""
+    street = _gap()
+    street.add(1, 6.5, 2.5, math.pi)
+    street.add(2, 4.2, 2.5, 0.0)
+    street.send(1, 1.5, 2.5)
+    street.run(7.0)
+    assert street.pose(2).tolist() == [4.2, 2.5, 0.0]
+    street.run_until_there(30.0)
+
+
+def test_followers_in_a_row_let_their_leader_out_of_a_niche() -> None:
+    """They stand behind it, face to face in the gap, two more behind: nobody has a way.
+
+    The first that is pushed asks the next one; the leader is out within half a minute.
+    """
+    street = _gap()
+    street.add(1, 5.2, 2.5, math.pi)
+    for one, x_m in ((2, 4.6), (3, 3.9), (4, 3.3)):
+        street.add(one, x_m, 2.5, 0.0)
+    street.send(1, 1.2, 2.5)
+    street.run_until_there(30.0)
+
+
+def test_who_follows_its_path_steps_aside_late_and_only_where_it_stands() -> None:
+    """It stands in the only gap: for seconds it does not care, and in the end the other is out."""
+    street = _gap()
+    street.add(1, 6.5, 2.5, math.pi)
+    street.add(2, 4.2, 2.5, 0.0)
+    street.send(1, 1.5, 2.5)
+    street.command(2, MotionCommand(None, 0.0, planner="path_following"))
+    street.run(14.0)
+    assert street.pose(2).tolist() == [4.2, 2.5, 0.0]
+    street.run_until_there(90.0)
+
+
 def _cross_a_door(width_m: float, count: int, seconds: float) -> float:
     """Send people through a door from both sides; return when the last has reached its place."""
     cells = room(12.0, 8.0)

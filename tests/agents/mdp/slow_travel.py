@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -44,8 +45,18 @@ def travel_problem(
     return problem_of(ways)
 
 
+class Epoch(NamedTuple):
+    """What others do in one epoch: what being in a cell costs more, and where nobody can enter."""
+
+    penalty: npt.NDArray[np.float64]
+    occupied: npt.NDArray[np.bool_]
+
+
 class SlowTravel:
-    """The decision process of going to a goal, by its definition, in float64."""
+    """The decision process of going to a goal, by its definition, in float64.
+
+    Action 0 is to stay, 1 + 4 * pace + direction to move.
+    """
 
     def __init__(
         self,
@@ -58,11 +69,13 @@ class SlowTravel:
         """Take what `travel_problem` takes."""
         self.edges, self.goal, self.model = edges, goal, model
         cells = list(product(range(edges.shape[1]), range(edges.shape[2])))
+        self.actions = 1 + 4 * len(model.reaches)
         self.price = {cell: model.time + model.clearance * float(nearness[cell]) for cell in cells}
         self.cost = self._costs(cells)
         if penalty is not None:
             self.price = {cell: self.price[cell] + float(penalty[cell]) for cell in cells}
         self.states = [(*cell, heading) for cell in cells for heading in range(4)]
+        self.nobody = Epoch(np.zeros(nearness.shape), np.zeros(nearness.shape, np.bool_))
 
     def _costs(self, cells: list[Cell]) -> dict[Cell, float]:
         """Relax every edge until nothing changes."""
@@ -80,7 +93,7 @@ class SlowTravel:
         if not self.edges[direction][cell]:
             return math.inf
         following = self.stepped(cell, direction)
-        return self.price[following] / self.model.reach + cost[following]
+        return self.price[following] / self.model.reaches[0] + cost[following]
 
     @staticmethod
     def stepped(cell: Cell, direction: int) -> Cell:
@@ -91,10 +104,10 @@ class SlowTravel:
         """Tell whether nothing changes any more."""
         return cell == self.goal or self.cost[cell] == math.inf
 
-    def moved(self, cell: Cell, direction: int) -> list[Cell]:
-        """Return the cells that a move enters."""
+    def moved(self, cell: Cell, direction: int, pace: int = 0) -> list[Cell]:
+        """Return the cells that a move enters if nobody is in the way."""
         entered: list[Cell] = []
-        while not self.ends(cell) and len(entered) < self.model.reach:
+        while not self.ends(cell) and len(entered) < self.model.reaches[pace]:
             following = self.stepped(cell, direction)
             if not self.edges[direction][cell]:
                 break
@@ -104,48 +117,61 @@ class SlowTravel:
             cell = following
         return entered
 
-    def gain(self, cell: Cell, direction: int) -> float:
-        """Return what an epoch brings that is spent going that way."""
-        if self.ends(cell):
-            return -1.0
-        entered = self.moved(cell, direction)
-        if not entered:
-            return -self.price[cell]
-        return -sum(self.price[other] for other in entered) / self.model.reach
-
     def terminal(self) -> dict[State, float]:
         """Return V_0."""
         model = self.model
         return {
             (row, col, heading): -1e6
             if self.cost[row, col] == math.inf
-            else model.goal - self.cost[row, col]
+            else model.goal - model.late * self.cost[row, col]
             for row, col, heading in self.states
         }
 
-    def outcomes(self, state: State, direction: int) -> Iterator[tuple[float, float, State]]:
+    def outcomes(
+        self, state: State, action: int, epoch: Epoch
+    ) -> Iterator[tuple[float, float, State]]:
         """Yield probability, gain and next state of an action that goes somewhere."""
         cell, slip = state[:2], self.model.slip
-        for turn, chance in ((0, 1.0 - 2.0 * slip), (1, slip), (3, slip)):
+        pace, direction = divmod(action - 1, 4)
+        reach, effort = self.model.reaches[pace], self.model.effort[pace]
+        failed = -self.price[cell] - epoch.penalty[cell] - effort
+        for turn, chance in ((0, 1.0 - slip), (1, slip / 4), (3, slip / 4)):
             actual = (direction + turn) % 4
-            end = ([cell, *self.moved(cell, actual)])[-1]
-            yield chance, self.gain(cell, actual), (*end, actual)
+            entered = self.moved(cell, actual, pace)
+            gain = -1.0 if self.ends(cell) else failed
+            if entered and not any(epoch.occupied[other] for other in entered):
+                costs = [self.price[c] + epoch.penalty[c] + effort for c in entered]
+                yield chance, -sum(costs) / reach, (*entered[-1], actual)
+            else:
+                yield chance, gain, (*cell, actual)
+        yield slip / 2, -1.0 if self.ends(cell) else failed, (*cell, direction)
 
-    def value_of(self, values: dict[State, float], state: State, action: int) -> float:
-        """Return what one of the five actions brings."""
+    def value_of(
+        self,
+        values: dict[State, float],
+        state: State,
+        action: int,
+        epoch: Epoch | None = None,
+    ) -> float:
+        """Return what an action brings."""
         cell, heading, model = state[:2], state[2], self.model
+        epoch = epoch or self.nobody
         if action == 0:
-            return values[state] - (0.0 if self.ends(cell) else self.price[cell])
+            gain = model.rest - self.price[cell] - epoch.penalty[cell]
+            return values[state] + (0.0 if self.ends(cell) else gain)
         turn = (0.0, model.quarter_turn, model.half_turn, model.quarter_turn)
         expected = sum(
             chance * (gain + values[following])
-            for chance, gain, following in self.outcomes(state, action - 1)
+            for chance, gain, following in self.outcomes(state, action, epoch)
         )
         return expected - turn[(action - 1 - heading) % 4]
 
-    def better(self, values: dict[State, float]) -> dict[State, float]:
+    def better(self, values: dict[State, float], epoch: Epoch | None = None) -> dict[State, float]:
         """Return V_h of V_{h-1}."""
-        return {s: max(self.value_of(values, s, a) for a in range(5)) for s in self.states}
+        return {
+            s: max(self.value_of(values, s, a, epoch) for a in range(self.actions))
+            for s in self.states
+        }
 
     def values(self, horizon: int) -> list[dict[State, float]]:
         """Return V_0 .. V_horizon."""
@@ -164,23 +190,26 @@ def quantecon_arguments(
 
     State heading * h * w + cell, so that values reshape to (4, h, w).
     """
-    height, width = problem.terminal.shape
-    cells, slip = height * width, problem.model.slip
+    cells, model = problem.terminal.size, problem.model
+    straight, fails, aside = model.chances
     rewards: list[float] = []
     rows: list[int] = []
     columns: list[int] = []
     chances: list[float] = []
-    for state, action in product(range(4 * cells), range(5)):
+    count = 1 + 4 * len(model.reaches)
+    for state, action in product(range(4 * cells), range(count)):
         heading, cell = divmod(state, cells)
-        row, col = divmod(cell, width)
-        outcomes = [(1.0, float(problem.gains[4, row, col]), state)]
-        turn = 0.0
+        stay = float(problem.gains[0].flat[cell])
+        outcomes, turn = [(1.0, stay, state)], 0.0
         if action > 0:
-            turn = _turn(problem.model, heading, action - 1)
+            pace, direction = divmod(action - 1, 4)
+            turn = _turn(model, heading, direction)
             outcomes = [
-                (chance, *_outcome(problem, row, col, (action - 1 + quarter) % 4))
-                for quarter, chance in ((0, 1.0 - 2.0 * slip), (1, slip), (3, slip))
+                (chance, *_outcome(problem, pace, cell, (direction + quarter) % 4))
+                for quarter, chance in ((0, straight), (1, aside), (3, aside))
             ]
+            failed = stay - model.rest - model.effort[pace]
+            outcomes.append((fails, failed, direction * cells + cell))
         for chance, _, following in outcomes:
             rows.append(len(rewards))
             columns.append(following)
@@ -188,15 +217,17 @@ def quantecon_arguments(
         rewards.append(sum(chance * gain for chance, gain, _ in outcomes) - turn)
     shape = (len(rewards), 4 * cells)
     matrix = sparse.csr_matrix((chances, (rows, columns)), shape=shape)
-    states, actions = np.divmod(np.arange(len(rewards)), 5)
+    states, actions = np.divmod(np.arange(len(rewards)), count)
     return np.array(rewards), matrix, states, actions
 
 
-def _outcome(problem: Problem, row: int, col: int, direction: int) -> tuple[float, int]:
+def _outcome(problem: Problem, pace: int, cell: int, direction: int) -> tuple[float, int]:
     height, width = problem.terminal.shape
-    length = int(problem.lengths[direction, row, col])
+    row, col = divmod(cell, width)
+    length = min(problem.model.reaches[pace], int(problem.lengths[direction, row, col]))
     end = (row + length * STEPS[direction][0]) * width + col + length * STEPS[direction][1]
-    return float(problem.gains[direction, row, col]), direction * height * width + end
+    gain = float(problem.gains[1 + 4 * pace + direction, row, col])
+    return gain, direction * height * width + end
 
 
 def _turn(model: TravelModel, heading: int, direction: int) -> float:
@@ -205,29 +236,40 @@ def _turn(model: TravelModel, heading: int, direction: int) -> float:
 
 def plain_epochs(problem: Problem) -> Iterator[npt.NDArray[np.float32]]:
     """Yield V_0, V_1, ... float32 (4, h, w), whole planes at a time, each from the last one."""
-    model, (height, width) = problem.model, problem.terminal.shape
-    straight, aside = np.float32(1.0 - 2.0 * model.slip), np.float32(model.slip)
+    model = problem.model
+    straight, fails, aside = map(np.float32, model.chances)
     turns = np.array([0.0, model.quarter_turn, model.half_turn, model.quarter_turn], np.float32)
-    rows, cols = np.indices((height, width))
-    ends = [
-        (rows + step[0] * length, cols + step[1] * length)
-        for step, length in zip(STEPS, problem.lengths.astype(np.int64), strict=True)
-    ]
     values = np.tile(problem.terminal, (4, 1, 1))
     while True:
         yield values
-        brings = [values[d][ends[d]] + problem.gains[d] for d in range(4)]
-        moves = [
-            straight * brings[d] + aside * (brings[(d + 1) % 4] + brings[(d + 3) % 4])
-            for d in range(4)
-        ]
+        best = np.full(values.shape, -np.inf, np.float32)
+        for pace in range(len(model.reaches)):
+            brings = _brings(problem, values, pace)
+            failed = problem.gains[0] - (np.float32(model.effort[pace]) + np.float32(model.rest))
+            for d in range(4):
+                sides = aside * (brings[(d + 1) % 4] + brings[(d + 3) % 4])
+                move = (straight * brings[d] + sides) + fails * (values[d] + failed)
+                best[d] = np.maximum(best[d], move)
         values = np.stack(
             [
                 np.max(
-                    [values[h] + problem.gains[4]]
-                    + [moves[(h + turn) % 4] - turns[turn] for turn in range(4)],
+                    [values[h] + problem.gains[0]]
+                    + [best[(h + turn) % 4] - turns[turn] for turn in range(4)],
                     axis=0,
                 )
                 for h in range(4)
             ]
         )
+
+
+def _brings(
+    problem: Problem, values: npt.NDArray[np.float32], pace: int
+) -> list[npt.NDArray[np.float32]]:
+    """Return what going each way for an epoch brings, of values (4, h, w)."""
+    rows, cols = np.indices(problem.terminal.shape)
+    lengths = np.minimum(problem.lengths, problem.model.reaches[pace]).astype(np.int64)
+    return [
+        values[d][rows + STEPS[d][0] * lengths[d], cols + STEPS[d][1] * lengths[d]]
+        + problem.gains[1 + 4 * pace + d]
+        for d in range(4)
+    ]

@@ -21,6 +21,7 @@ from are_ros.agents.mdp.model import (
     Solution,
     TravelModel,
     solve,
+    ways_to,
 )
 from are_ros.errors import ParameterError
 from are_ros.population.catalogue import CatalogueRow, MotionLimits, RewardWeights
@@ -43,16 +44,27 @@ def some_arguments(seed: int, shape: tuple[int, int] = (6, 7)) -> Arguments:
     edges = random_edges(random.choice([0.5, 0.8, 1.0]), shape, random)
     nearness = random.random(shape).astype(np.float32)
     goal = (int(random.integers(shape[0])), int(random.integers(shape[1])))
+    reach = int(random.integers(1, 4))
+    reaches = (reach,) if random.random() < 0.5 else (reach, reach + int(random.integers(1, 5)))
     model = TravelModel(
-        reach=int(random.integers(1, 4)),
-        slip=float(random.choice([0.0, 0.1, 0.25])),
+        reaches=reaches,
+        slip=float(random.choice([0.0, 0.1, 0.2])),
         time=0.1,
         clearance=float(random.random()),
+        effort=tuple(0.2 * float(random.random()) * pace for pace in range(len(reaches))),
+        rest=0.1 * float(random.random()),
         goal=float(random.random()),
+        late=1.0 + float(random.random()),
         quarter_turn=float(0.2 * random.random()),
         half_turn=float(0.5 + random.random()),
     )
     return edges, nearness, goal, model
+
+
+def one_pace(model: TravelModel, reach: int, slip: float | None = None) -> TravelModel:
+    """Return a model with this reach only."""
+    slip = model.slip if slip is None else slip
+    return replace(model, reaches=(reach,), effort=model.effort[:1], slip=slip)
 
 
 def open_floor(height: int, width: int) -> npt.NDArray[np.bool_]:
@@ -112,10 +124,22 @@ def test_values_are_those_of_quantecon(seed: int) -> None:
 
 @settings(max_examples=25)
 @given(seed=st.integers(0, 10**6))
-def test_values_never_rise_with_the_epochs_left(seed: int) -> None:
-    """The terminal value is a bound that no policy beats, so each epoch can but correct it."""
-    solution = solve(travel_problem(*some_arguments(seed)), 12)
+def test_values_never_rise_with_the_epochs_left_if_nothing_is_lost_by_being_late(seed: int) -> None:
+    """V_0 is then a bound that no policy of one pace beats, so each epoch can but correct it."""
+    edges, nearness, goal, model = some_arguments(seed)
+    model = replace(one_pace(model, model.reaches[0]), late=1.0, rest=0.0)
+    solution = solve(travel_problem(edges, nearness, goal, model), 12)
     assert (np.diff(solution.planes, axis=0) <= 2e-6).all()
+
+
+@settings(max_examples=25)
+@given(seed=st.integers(0, 10**6))
+def test_a_cell_is_settled_from_the_last_epoch_on_that_changed_it(seed: int) -> None:
+    """And not before that, if it ever was changed."""
+    solution = solve(travel_problem(*some_arguments(seed)), 12)
+    changed = (np.diff(solution.planes, axis=0) != 0.0).any(axis=1)
+    last = np.where(changed.any(axis=0), len(changed) - changed[::-1].argmax(axis=0), 0)
+    assert (solution.settled == last).all()
 
 
 @settings(max_examples=25)
@@ -134,8 +158,8 @@ def test_the_goal_is_the_best_place(seed: int) -> None:
 @given(seed=st.integers(0, 10**6))
 def test_where_no_way_leads_the_value_stays_what_it_is(seed: int) -> None:
     """Cells without a way to the goal keep one low value, whatever the horizon."""
-    problem = travel_problem(*some_arguments(seed))
-    apart = np.isinf(problem.costs)
+    problem, costs = travel_problem(*some_arguments(seed)), ways_to(*some_arguments(seed)).costs
+    apart = np.isinf(costs)
     planes = solve(problem, 12).planes
     assert (planes[:, :, apart] == UNREACHABLE).all()
     assert (planes[:, :, ~apart] > -1e3).all()
@@ -147,12 +171,12 @@ def test_where_no_way_leads_the_value_stays_what_it_is(seed: int) -> None:
 def test_every_cell_with_a_way_comes_nearer_to_the_goal(seed: int, reach: int) -> None:
     """Whatever the reach, some move from each cell ends where less of the way is left."""
     edges, nearness, goal, model = some_arguments(seed)
-    problem = travel_problem(edges, nearness, goal, replace(model, reach=reach))
-    slow = SlowTravel(edges, nearness, goal, replace(model, reach=reach))
-    for cell in np.argwhere(np.isfinite(problem.costs)).tolist():
+    slow = SlowTravel(edges, nearness, goal, one_pace(model, reach))
+    left = ways_to(edges, nearness, goal, slow.model).costs
+    for cell in np.argwhere(np.isfinite(left)).tolist():
         ends = [slow.moved((cell[0], cell[1]), d) for d in range(4)]
-        costs = [problem.costs[end[-1]] for end in ends if end]
-        assert tuple(cell) == goal or min(costs) < problem.costs[tuple(cell)]
+        costs = [left[end[-1]] for end in ends if end]
+        assert tuple(cell) == goal or min(costs) < left[tuple(cell)]
 
 
 @pytest.mark.parametrize(
@@ -174,7 +198,7 @@ def test_prices_of_ways_are_exact_however_wild_prices_are(
         step = STEPS[direction]
         graph[row * 40 + col, (row + step[0]) * 40 + col + step[1]] = price[row, col]
     expected = dijkstra(graph.tocsr(), indices=613).reshape(40, 40)
-    ours = _travel_kernels.way_prices(edges, price, 1, (15, 13))
+    ours = _travel_kernels.way_prices(edges, price, 1, [(15, 13)])
     np.testing.assert_allclose(ours, expected, rtol=1e-5)
 
 
@@ -182,11 +206,11 @@ def test_moves_go_as_far_as_the_reach_and_end_at_walls_and_at_the_goal() -> None
     """On a corridor of nine cells with a closed edge, three cells an epoch."""
     edges = open_floor(1, 9)
     edges[0, 0, 1] = edges[2, 0, 2] = False
-    problem = travel_problem(edges, np.zeros((1, 9), np.float32), (0, 7), TravelModel(reach=3))
+    problem = travel_problem(edges, np.zeros((1, 9), np.float32), (0, 7), TravelModel(reaches=(3,)))
     assert problem.lengths[0, 0].tolist() == [0, 0, 3, 3, 3, 2, 1, 0, 0]
     assert problem.lengths[2, 0].tolist() == [0, 0, 0, 1, 1, 1, 1, 0, 1]
     assert not problem.lengths[[1, 3]].any()
-    assert np.isinf(problem.costs[0, :2]).all()
+    assert (problem.terminal[0, :2] == UNREACHABLE).all()
 
 
 def test_moves_end_where_the_way_turns_off() -> None:
@@ -194,7 +218,7 @@ def test_moves_end_where_the_way_turns_off() -> None:
     edges = open_floor(2, 9)
     edges[1, 0] = edges[3, 1] = False
     edges[1, 0, 4] = edges[3, 1, 4] = True
-    problem = travel_problem(edges, np.zeros((2, 9), np.float32), (1, 4), TravelModel(reach=3))
+    problem = travel_problem(edges, np.zeros((2, 9), np.float32), (1, 4), TravelModel(reaches=(3,)))
     assert problem.lengths[0, 0].tolist() == [3, 3, 2, 1, 1, 1, 1, 1, 0]
 
 
@@ -226,7 +250,7 @@ def test_a_short_horizon_keeps_nobody_from_setting_out() -> None:
     model = TravelModel(quarter_turn=0.1, half_turn=0.2)
     problem = travel_problem(open_floor(1, 50), np.zeros((1, 50), np.float32), (0, 49), model)
     plane = solve(problem, 3).plane(3)
-    assert plane[0, 0, 1] + problem.gains[0, 0, 0] > plane[0, 0, 0] + problem.gains[4, 0, 0]
+    assert plane[0, 0, 1] + problem.gains[1, 0, 0] > plane[0, 0, 0] + problem.gains[0, 0, 0]
     assert plane[2, 0, 0] == pytest.approx(plane[0, 0, 0] - model.half_turn)
 
 
@@ -242,7 +266,7 @@ def test_large_tables_keep_the_longest_horizon_only() -> None:
 @pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1), (50, 45)])
 def test_any_shape_will_do(shape: tuple[int, int]) -> None:
     """Maps of one cell, thin ones, and ones of more cells than fit into the scratch."""
-    model = TravelModel(reach=2, slip=0.1)
+    model = TravelModel(reaches=(2,), slip=0.1)
     nearness = np.zeros(shape, np.float32)
     problem = travel_problem(open_floor(*shape), nearness, (0, 0), model)
     values = SlowTravel(open_floor(*shape), nearness, (0, 0), model).values(2)[-1]
@@ -258,7 +282,7 @@ def test_whatever_is_kept_it_is_plain_induction_to_the_last_bit(
 ) -> None:
     """All planes; one, in which epochs take each other's place; two, where moves go too far."""
     edges, nearness, goal, model = some_arguments(reach + sum(shape), shape)
-    model = replace(model, reach=reach, slip=slip)
+    model = one_pace(model, reach, slip)
     problem = travel_problem(edges, nearness, goal, model)
     expected = list(islice(plain_epochs(problem), 10))
     everything, last = solve(problem, 9, kept_bytes=2**30), solve(problem, 9, kept_bytes=0)
@@ -272,7 +296,7 @@ def test_a_solution_answers_for_more_epochs_than_it_has() -> None:
     """Beyond the last plane the last one holds."""
     planes = np.zeros((2, 4, 1, 1), np.float32)
     planes[1] = 1.0
-    solution = Solution(planes, 1)
+    solution = Solution(planes, np.zeros((1, 1), np.int32), 1)
     assert solution.plane(0).max() == 0.0
     assert solution.plane(1).min() == solution.plane(99).min() == 1.0
 
@@ -288,41 +312,47 @@ def row_with(motion: MotionLimits) -> CatalogueRow:
 def test_a_type_becomes_numbers() -> None:
     """Reach is speed times period in cells; turning on the spot costs the time that it takes."""
     row = row_with(MotionLimits(speed_mps=1.4, turn_rate_radps=0.5 * np.pi))
-    model = TravelModel.of(row, speed_mps=1.4, cell_size_m=0.5, period_s=1.0, slip=0.1)
-    assert model.reach == 3
+    model = TravelModel.of(row, (1.4, 2.6), cell_size_m=0.5, period_s=1.0, slip=0.1)
+    assert model.reaches == (3, 5)
     assert (model.goal, model.time, model.clearance, model.slip) == (2.0, 0.2, 0.3, 0.1)
+    assert model.effort == pytest.approx((0.0, 1.05 * 0.2 * 2 / 3))
+    assert (model.rest, model.late) == pytest.approx((0.95 * 0.2, 2.0))
     assert (model.quarter_turn, model.half_turn) == pytest.approx((0.2, 0.4))
 
 
 def test_who_cannot_turn_on_the_spot_pays_dearly_for_turning_around() -> None:
     """A quarter turn takes a quarter of the circle, a half one twenty seconds more."""
     row = row_with(MotionLimits(speed_mps=5.0, turn_rate_radps=9.0, turn_radius_m=5.0))
-    model = TravelModel.of(row, speed_mps=5.0, cell_size_m=0.5, period_s=1.0, slip=0.0)
-    assert model.reach == 10
+    model = TravelModel.of(row, (5.0,), cell_size_m=0.5, period_s=1.0, slip=0.0)
+    assert model.reaches == (10,)
     assert model.quarter_turn == pytest.approx(0.2 * 0.5 * np.pi)
     assert model.half_turn == pytest.approx(2.0 * model.quarter_turn + 0.2 * 20.0)
 
 
 def test_who_is_slow_goes_one_cell() -> None:
     """Even a speed of nothing has a reach of one cell."""
-    model = TravelModel.of(row_with(MotionLimits()), 0.0, 0.5, 1.0, 0.0)
-    assert model.reach == 1
+    model = TravelModel.of(row_with(MotionLimits()), (0.0,), 0.5, 1.0, 0.0)
+    assert model.reaches == (1,)
 
 
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("reach", 0),
-        ("reach", 256),
+        ("reaches", (0,)),
+        ("reaches", (1, 256)),
+        ("effort", (0.0, 1.0)),
+        ("effort", (-1.0,)),
         ("slip", -0.1),
-        ("slip", 0.6),
+        ("slip", 1.1),
+        ("rest", 0.2),
+        ("late", 0.5),
         ("time", 0.0),
         ("clearance", -1.0),
         ("quarter_turn", math.nan),
         ("half_turn", math.inf),
     ],
 )
-def test_impossible_numbers_are_refused(field: str, value: float) -> None:
+def test_impossible_numbers_are_refused(field: str, value: Any) -> None:
     """In a sentence that holds the number."""
     numbers: dict[str, Any] = {field: value}
     with pytest.raises(ParameterError, match=re.escape(str(value))):
@@ -334,6 +364,5 @@ def test_a_problem_says_what_it_is_made_of() -> None:
     problem: Problem = travel_problem(
         open_floor(1, 3), np.array([[0.0, 1.0, 0.0]], np.float32), (0, 2), TravelModel(goal=5.0)
     )
-    np.testing.assert_allclose(problem.costs, [[0.7, 0.1, 0.0]], rtol=1e-6)
     np.testing.assert_allclose(problem.terminal, [[4.3, 4.9, 5.0]], rtol=1e-6)
-    np.testing.assert_allclose(problem.gains[4], [[-0.1, -0.6, 0.0]], rtol=1e-6)
+    np.testing.assert_allclose(problem.gains[0], [[-0.1, -0.6, 0.0]], rtol=1e-6)

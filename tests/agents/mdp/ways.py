@@ -1,4 +1,4 @@
-"""Ways by hand: the lookahead and the way of one who goes somewhere, as `route_step` has them."""
+"""Ways by hand: the lookahead and the way of one who goes somewhere, without the agents."""
 
 import math
 from enum import IntEnum
@@ -6,10 +6,10 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.mdp import routes as _route_kernels
+from are_ros.agents.mdp import routes as _routes
 from are_ros.agents.mdp.coarse_map import CoarseMap
 from are_ros.agents.mdp.value_tables import ValueTable
-from are_ros.agents.navigation.step_kernels import FADE_M
+from are_ros.agents.navigation.step_kernels import FADE_M, scratch_of
 
 
 class Action(IntEnum):
@@ -46,18 +46,22 @@ def choose(
     state = _state(table, coarse, x_m, y_m, coarse.heading_of(yaw_rad))
     if state is None:
         return Action.STAY
-    brings = np.empty(9)
-    _route_kernels.action_values(
-        table.planes[table.place(epochs_left - 1)],
-        table.lengths,
-        table.gains,
-        table.weights,
-        coarse.anchors_m,
-        _packed(moving_m, radii_m, weights),
-        state,
-        brings,
-    )
-    return _ACTIONS[_route_kernels.best_action(brings, state[2])]
+    others = packed(moving_m, radii_m, weights)[None]
+    brings = brings_at(table.value_arrays(), coarse, epochs_left, others, state)
+    return _ACTIONS[_routes.best_action(brings, state[2])[1]]
+
+
+def brings_at(
+    values: _routes.ValueArrays,
+    coarse: CoarseMap,
+    epochs_left: int,
+    others: npt.NDArray[np.float64],
+    state: tuple[int, int, int],
+) -> npt.NDArray[np.float64]:
+    """Return what each pace and move brings, (P, 5), in a state of the window, among others."""
+    brings, scratch = np.empty((len(values.paces), 5)), scratch_of(len(values.paces))
+    _routes.action_values(values, epochs_left, coarse.anchors_m, others, state, scratch, brings)
+    return brings
 
 
 def way(
@@ -80,17 +84,17 @@ def way(
     if state is None:
         return np.empty((0, 2)), math.inf
     points_m = np.empty((max_points, 2))
-    count, epochs = _route_kernels.follow(
-        table.planes,
-        table.lengths,
-        table.gains,
-        table.weights,
+    values = table.value_arrays()
+    count, epochs = _routes.follow(
+        values,
         coarse.anchors_m,
+        np.empty((1, 0, 5)),
+        len(table.planes),
         state,
-        int(action),
+        (0, int(action)),
         points_m,
-        np.empty(9),
-        np.empty((0, 5)),
+        scratch_of(len(values.paces)),
+        np.empty((len(values.paces), 5)),
     )
     if epochs == 0.0:
         return np.array([table.goal_m]), epochs
@@ -100,16 +104,16 @@ def way(
     return points_m, epochs
 
 
-def _packed(
+def packed(
     moving_m: npt.NDArray[np.float64],
     radii_m: npt.NDArray[np.float64],
     weights: npt.NDArray[np.float64],
 ) -> npt.NDArray[np.float64]:
     """Return those who move in one array (M, 5) of always the same type, compiled for once."""
-    packed = np.empty((len(radii_m), 5))
-    packed[:, :2] = moving_m
-    packed[:, 2], packed[:, 3], packed[:, 4] = radii_m, FADE_M, weights
-    return packed
+    others = np.empty((len(radii_m), 5))
+    others[:, :2] = moving_m
+    others[:, 2], others[:, 3], others[:, 4] = radii_m, FADE_M, weights
+    return others
 
 
 def _state(

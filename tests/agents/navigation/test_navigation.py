@@ -11,12 +11,17 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from are_ros.agents.behaviours.repertoire import Repertoire
 from are_ros.agents.behaviours.situation import Intent, Neighbour, Point, RobotView, stand
 from are_ros.agents.behaviours.standing import Standing
 from are_ros.agents.decision import AgentState
-from are_ros.agents.local_planner.body import Body
+from are_ros.agents.local_planner.body import PLANNERS, Body
 from are_ros.agents.navigation.destinations import Destinations
-from are_ros.agents.navigation.navigation import Navigation, NavigationRequest, NavigationResult
+from are_ros.agents.navigation.navigation import (
+    Navigation,
+    NavigationRequest,
+    NavigationResult,
+)
 from are_ros.agents.navigation.profile import Clearances, NavigationProfile
 from are_ros.agents.navigation.terrain import Terrains
 from are_ros.agents.snapshot import AgentSnapshot
@@ -32,6 +37,7 @@ ROW = CatalogueRow(0, "one", "person", (0.3, 0.5, 1.7), (0, 0, 0), Shape.PERSON,
 LONG = replace(ROW, size_m=(4.0, 1.8, 1.5), motion=MotionLimits(3.0, 1.5, 0.6, 5.0, 1.0))
 SHY = replace(ROW, rewards=RewardWeights(time=0.02, personal_space=3.0, robot=3.0))
 NOBODY = np.empty(0, np.int64)
+SPEEDS_MPS = (1.2,)
 PLACES = Destinations(np.array([[1.0, 1.0]]), np.empty((0, 2)))
 DOOR = slice(90, 110)
 
@@ -57,7 +63,8 @@ def profile(row: CatalogueRow = ROW) -> NavigationProfile:
 
 def state(row: CatalogueRow = ROW) -> AgentState:
     """Return one of a row that has not decided yet."""
-    return AgentState(profile(row), Standing(), np.random.default_rng(0))
+    random = np.random.default_rng(0)
+    return AgentState(profile(row), Repertoire.only(Standing()), random, random, PLANNERS[0])
 
 
 def view_of(*poses: tuple[float, float, float], speed_mps: float = 0.0) -> AgentSnapshot:
@@ -95,8 +102,19 @@ def result(
     view = view_of(*(poses or ((2.0, 5.0, 0.0),)))
     intent = Intent(goal_m, 1.2, is_moving_goal=is_moving_goal)
     found = ways or navigation()
-    request = NavigationRequest(state(row), me_in(view), intent, left_s, is_patient)
-    return found.results([request], view, robot)[0]
+    request = NavigationRequest(state(row), me_in(view), intent, SPEEDS_MPS, left_s, is_patient)
+    return best_of(found, [request], view, robot)[0]
+
+
+def best_of(
+    ways: Navigation,
+    requests: Sequence[NavigationRequest],
+    view: AgentSnapshot,
+    robot: RobotView | None = None,
+) -> list[NavigationResult]:
+    """Return the results of the best actions."""
+    prospects = ways.prospects(requests, view, robot)
+    return [ways.result(*pair, *pair[1].best) for pair in zip(requests, prospects, strict=True)]
 
 
 # --- without values
@@ -106,7 +124,8 @@ def test_without_a_goal_one_stands_and_looks() -> None:
     """The order is to stand, facing the point; the robot's distance is the intent's own."""
     view = view_of((2.0, 5.0, 0.0))
     intent = replace(stand("pausing", (2.0, 9.0)), robot_comfort_m=2.5)
-    (found,) = navigation().results([NavigationRequest(state(), me_in(view), intent)], view, None)
+    request = NavigationRequest(state(), me_in(view), intent, ())
+    (found,) = best_of(navigation(), [request], view)
     assert found.command.subgoal_m is None
     assert found.command.face_rad == pytest.approx(math.pi / 2)
     assert found.command.robot_comfort_m == 2.5
@@ -334,7 +353,8 @@ def wishes_of(
         goal_m = None if rng.random() < 0.1 else goals_m[rng.integers(len(goals_m))]
         intent = Intent(goal_m, 1.2, is_moving_goal=bool(rng.random() < 0.2))
         left_s = None if rng.random() < 0.5 else float(rng.uniform(0.0, 90.0))
-        requests.append(NavigationRequest(one, me, intent, left_s, bool(rng.random() < 0.7)))
+        is_patient = bool(rng.random() < 0.7)
+        requests.append(NavigationRequest(one, me, intent, SPEEDS_MPS, left_s, is_patient))
     return requests
 
 
@@ -361,10 +381,10 @@ def test_many_at_once_find_what_each_alone_would(robot: RobotView | None) -> Non
         requests = wishes_of(view, states, seed=round_ // 2)  # twice the same goals
         if round_ == 3:
             for k in (4, 9, 20):
-                states[k].active = None
-        results = together.results(requests, view, robot)
+                states[k].active = {}
+        results = best_of(together, requests, view, robot)
         for k, request in enumerate(requests):
-            (expected,) = alone[k].results([request._replace(state=lonely[k])], view, robot)
+            (expected,) = best_of(alone[k], [request._replace(state=lonely[k])], view, robot)
             assert are_alike(results[k], expected)
             kinds.add((results[k].no_way, results[k].waits, results[k].command.subgoal_m is None))
     assert len(kinds) > 2
@@ -373,7 +393,7 @@ def test_many_at_once_find_what_each_alone_would(robot: RobotView | None) -> Non
 def test_nobody_wants_nothing() -> None:
     """Not even an environment is needed for it."""
     view = view_of((2.0, 5.0, 0.0))
-    assert Navigation(BehaviourParameters(), Terrains()).results([], view, None) == []
+    assert Navigation(BehaviourParameters(), Terrains()).prospects([], view, None) == []
 
 
 # --- travellers
@@ -435,15 +455,18 @@ def test_values_that_nobody_goes_by_are_let_go() -> None:
     """When one sets out to somewhere else, or is gone itself."""
     for goal_m in ((9.0, 1.0), None):
         ways, one, view = navigation(), state(), view_of((2.0, 5.0, 0.0))
-        ways.results([NavigationRequest(one, me_in(view), Intent((8.0, 5.0), 1.2))], view, None)
-        assert one.active is not None
-        owner = weakref.ref(one.active.arrays[1][0])
+        intent = Intent((8.0, 5.0), 1.2)
+        ways.prospects([NavigationRequest(one, me_in(view), intent, SPEEDS_MPS)], view, None)
+        (active,) = one.active.values()
+        owner = weakref.ref(active.arrays[1][0])
+        del active
         ways.enter(rooms(version=1), PLACES)
         gc.collect()
         assert owner() is not None
         if goal_m is None:
             del one
         else:
-            ways.results([NavigationRequest(one, me_in(view), Intent(goal_m, 1.2))], view, None)
+            intent = Intent(goal_m, 1.2)
+            ways.prospects([NavigationRequest(one, me_in(view), intent, SPEEDS_MPS)], view, None)
         gc.collect()
         assert owner() is None

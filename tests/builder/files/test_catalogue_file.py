@@ -11,6 +11,7 @@ import trimesh
 import yaml
 
 from are_ros.agents.behaviours.registry import BEHAVIOURS
+from are_ros.agents.local_planner.body import PLANNERS
 from are_ros.builder.files.catalogue_file import (
     _METRES,
     _ROW_KEYS,
@@ -20,6 +21,7 @@ from are_ros.builder.files.catalogue_file import (
 from are_ros.errors import CatalogueError
 from are_ros.population.catalogue import Catalogue, MeshFile, MotionLimits, RewardWeights
 from are_ros.population.meshes.shapes import Shape
+from tests.agents.local_planner.own_planners import MODULE
 
 ROW: dict[str, Any] = {"label": "a_box", "class": "box", "shape": "crate", "size_m": [1, 2, 3.5]}
 
@@ -180,6 +182,10 @@ def test_a_glb_stands_as_its_format_says(tmp_path: Path) -> None:
         ({"behaviours": {"zzz": 1}}, "behaviours.zzz is not known; known are standing"),
         ({"behaviours": {"walking": 0}}, "behaviours has no positive weight"),
         ({"behaviours": {}}, "behaviours has no positive weight"),
+        ({"planners": {"nowhere:Man": 1}}, "planners.nowhere:Man cannot be imported"),
+        ({"planners": {"os:sep": 1}}, "planners.os:sep is no class"),
+        ({"planners": {"social_farce": 1}}, "not known; did you mean 'social_force'?"),
+        ({"planners": {"social_force": 0}}, "planners has no positive weight"),
         ({"features": {"tags": [1]}}, "features.tags is [1], but text"),
         ({"mesh": {"file": "a.stl"}}, "shape is given beside mesh"),
     ],
@@ -192,6 +198,14 @@ def test_a_wrong_field_is_refused_with_its_row(
     assert "mine.yaml: row 1" in sentence
     assert words in sentence
     assert ("(a_box)" in sentence) == ("label" not in change)
+
+
+def test_weights_of_planners_are_normalised(tmp_path: Path) -> None:
+    """Without any it is the dynamic window alone."""
+    weights = {"social_force": 3, "path_following": 1, f"{MODULE}:Sideways": 4}
+    first, second = read(tmp_path, [{**ROW, "label": "first"}, {**ROW, "planners": weights}]).rows
+    assert first.planners == {"dynamic_window": 1.0}
+    assert second.planners == {name: weight / 8.0 for name, weight in weights.items()}
 
 
 @pytest.mark.parametrize("key", ["label", "class", "shape", "size_m"])
@@ -309,6 +323,6 @@ def _read_text(folder: Path, text: str) -> Catalogue:
 def test_the_documentation_names_every_field_shape_and_behaviour() -> None:
     """Nothing that a row may say is left out of docs/catalogue.md."""
     text = DOCUMENT.read_text()
-    names = [*_ROW_KEYS, *BEHAVIOURS, *_METRES, *(shape.value for shape in Shape)]
+    names = [*_ROW_KEYS, *BEHAVIOURS, *PLANNERS, *_METRES, *(shape.value for shape in Shape)]
     names += [item.name for kind in (MotionLimits, RewardWeights) for item in fields(kind)]
     assert [name for name in names if name not in text] == []

@@ -1,0 +1,168 @@
+"""Measure how the artefacts' decisions are carried out, and what changes them.
+
+Run as `python scripts/report_decisions.py --map FILE.yaml [--minutes M] [--set NAME:=VALUE ...]`.
+Artefacts live beside a robot that drives about, as in `are soak`. Reported are, of the decisions with
+a choice of moves:
+
+- executed: at the next decision the artefact is where its move can lead to (a cell on the way that
+  the move begins, or beside it; its own cell if it was to stay, or if the move failed), or what
+  hindered it is named by its activity, or its behaviour or goal has changed the action's purpose;
+- the horizon changed the action: the best action with what is left of the life is another than
+  the best one with the longest horizon;
+
+and, of all decisions of artefacts with several behaviours, in how many the behaviour or the planner
+changed. With `--set population.leave:=by_exit` also how many departures no camera saw.
+"""
+
+import argparse
+import math
+from collections import Counter
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from are_ros.agents.behaviours.situation import RobotView
+from are_ros.agents.events import EventKind
+from are_ros.agents.navigation.navigation import (
+    NavigationRequest,
+    NavigationResult,
+    Prospect,
+    Prospects,
+)
+from are_ros.agents.snapshot import AgentSnapshot
+from are_ros.builder.assembly import catalogue_of
+from are_ros.lab.soak import SoakRun
+from are_ros.population.artefact import boxes_of
+from are_ros.replay.command import effective_parameters
+from are_ros.world.map_io import read_map_file
+
+HINDERED = ("waiting for", "blocked by", "giving way", "manoeuvring", "no way")
+
+
+class Pending(NamedTuple):
+    """A decision whose outcome the next one shows."""
+
+    at_m: tuple[float, float]
+    way_m: np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+    reach_m: float
+    stays: bool
+
+
+class Report:
+    """Counts over all decisions of a run."""
+
+    def __init__(self, run: SoakRun) -> None:
+        self.counts: Counter[str] = Counter()
+        self._run = run
+        self._pending: dict[int, Pending] = {}
+        crowd = run.builder.lives.crowd
+        self._crowd = crowd
+        crowd.decisions.report = self._decided
+        settings = run.builder.parameters.behaviour
+        self._cell_m, self._period_s = settings.cell_size, settings.decision_period
+
+    def _decided(
+        self,
+        request: NavigationRequest,
+        prospect: Prospect,
+        result: NavigationResult,
+        view: AgentSnapshot,
+        robot: RobotView | None,
+    ) -> None:
+        me, crowd = request.me, self._crowd
+        self._judge(request)
+        if prospect.kind is not Prospects.CHOOSES:
+            return
+        self.counts["decisions"] += 1
+        unending = request._replace(left_s=None)
+        longest = crowd.navigation.prospects([unending], view, robot)[0]
+        if longest.kind is Prospects.CHOOSES and longest.best != prospect.best:
+            self.counts["horizon changed the action"] += 1
+        stays = result.command.subgoal_m is None
+        reach_m = max(request.speeds_mps) * self._period_s
+        way_m = result.way_m if stays else np.vstack((result.way_m, result.command.subgoal_m))
+        self._pending[me.id] = Pending(me.point_m, way_m, reach_m, stays)
+
+    def _judge(self, request: NavigationRequest) -> None:
+        me, last = request.me, self._pending.pop(request.me.id, None)
+        if last is None:
+            return
+        self.counts["judged"] += 1
+        if self._is_executed(last, me.point_m):
+            self.counts["executed"] += 1
+        elif me.activity.startswith(HINDERED):
+            self.counts["hindered, and named"] += 1
+        elif math.dist(last.at_m, me.point_m) > 0.1 * last.reach_m:
+            self.counts["elsewhere"] += 1
+        else:
+            self.counts["stood"] += 1
+
+    def _is_executed(self, last: Pending, now_m: tuple[float, float]) -> bool:
+        if last.stays:
+            return math.dist(last.at_m, now_m) <= self._cell_m + 0.5 * last.reach_m
+        beside_m = math.sqrt(2.0) * self._cell_m
+        way_m = np.vstack((last.at_m, last.way_m))
+        near_m = np.hypot(*(way_m - np.array(now_m)).T).min()
+        towards = _progress(way_m, last.at_m, now_m)
+        return bool(near_m <= beside_m or _from_segments(way_m, now_m) <= beside_m) and towards > 0
+
+
+def _from_segments(way_m: np.ndarray, point_m: tuple[float, float]) -> float:
+    starts, steps = way_m[:-1], np.diff(way_m, axis=0)
+    squares = np.maximum((steps**2).sum(axis=1), 1e-12)
+    shares = np.clip(((np.array(point_m) - starts) * steps).sum(axis=1) / squares, 0.0, 1.0)
+    return float(np.hypot(*(starts + shares[:, None] * steps - np.array(point_m)).T).min())
+
+
+def _progress(way_m: np.ndarray, was_m: tuple[float, float], now_m: tuple[float, float]) -> float:
+    """Return how far [m] an artefact has got towards one of the next points of its way."""
+    ahead_m = way_m[1:6]
+    before = np.hypot(*(ahead_m - np.array(was_m)).T)
+    after = np.hypot(*(ahead_m - np.array(now_m)).T)
+    return float((before - after).max()) if len(ahead_m) else 0.0
+
+
+def main() -> None:
+    """Run, and print the report."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--map", type=Path, required=True)
+    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--set", action="append", default=[], metavar="NAME:=VALUE")
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args()
+    parameters = effective_parameters((), tuple(arguments.set), arguments.seed)
+    grid = read_map_file(arguments.map, parameters.frames.map)
+    run = SoakRun(grid, parameters, catalogue_of(parameters))
+    report, changes, gone = Report(run), Counter[str](), Counter[str]()
+    last = {}
+    while run.judge.verdict.artefact_s < 60.0 * arguments.minutes:
+        run.step()
+        lives = run.builder.lives
+        for event in run.tick.events:
+            changes[EventKind(event.kind).name] += 1
+            if event.kind is EventKind.DEPARTED and event.artefact_id in last:
+                row, pose = last[event.artefact_id]
+                hidden = lives.is_hidden(boxes_of([row], [pose]))
+                gone["out of view" if hidden.all() else "in view"] += 1
+        last = {
+            one.id: (one.row, pose)
+            for one, pose in zip(run.tick.scene.artefacts, run.tick.scene.ground_poses, strict=True)
+        }
+    counts = report.counts
+    print(f"{arguments.map.stem}: {run.judge.verdict.artefact_s / 60.0:.0f} artefact-minutes")
+    for name in ("executed", "hindered, and named", "elsewhere", "stood"):
+        print(f"  {name:28} {100.0 * counts[name] / max(1, counts['judged']):6.2f} %")
+    print(
+        f"  {'horizon changed the action':28} {100.0 * counts['horizon changed the action'] / max(1, counts['decisions']):6.2f} % of {counts['decisions']}"
+    )
+    print(
+        f"  changes of behaviour {changes['CHANGED']} in {run.judge.verdict.artefact_s / 60.0:.0f} minutes"
+    )
+    total = sum(gone.values())
+    if total:
+        print(f"  departures out of view {100.0 * gone['out of view'] / total:.1f} % of {total}")
+
+
+if __name__ == "__main__":
+    main()

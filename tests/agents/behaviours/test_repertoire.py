@@ -1,0 +1,74 @@
+"""The behaviours among which an artefact chooses."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from are_ros.agents.behaviours.calls import NO_CALL
+from are_ros.agents.behaviours.leaving import WalkingOut
+from are_ros.agents.behaviours.repertoire import Repertoire
+from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
+from tests.agents.behaviours.stage import row_of
+
+TRAVELS = {"walking": 0.6, "running": 0.2, "stopping": 0.1, "following": 0.1}
+
+
+def repertoire(
+    shares: Mapping[str, float], begins: str, *, may_change: bool = True, by_exit: bool = False
+) -> Repertoire:
+    """Return what an artefact of a row with these shares can do."""
+    row = replace(row_of(), behaviours=shares)
+    history = PoseHistory(0, GroundPose(0.0, 0.0, 0.0, 0.0))
+    one = Artefact(3, row, Origin.RANDOM, 0, history, behaviour=begins, may_change=may_change)
+    return Repertoire.of(one, NO_CALL, by_exit=by_exit)
+
+
+def test_all_behaviours_of_the_row_are_there_and_the_first_is_in_force() -> None:
+    """With their shares, whatever their order in the row."""
+    found = repertoire(TRAVELS, "stopping")
+    assert found.behaviour.name == "stopping"
+    assert dict(zip(found.names, found.shares.tolist(), strict=True)) == pytest.approx(TRAVELS)
+
+
+def test_those_without_a_share_are_left_out() -> None:
+    """They could never be drawn."""
+    assert repertoire({"walking": 1.0, "running": 0.0}, "walking").names == ("walking",)
+
+
+def test_a_behaviour_that_was_given_stays() -> None:
+    """A scenario or a service call has said it."""
+    assert repertoire(TRAVELS, "running", may_change=False).names == ("running",)
+
+
+def test_who_only_stops_walks_in_between() -> None:
+    """Else it would stand for ever, which is standing."""
+    found = repertoire({"stopping": 1.0}, "stopping")
+    assert set(found.names) == {"stopping", "walking"}
+
+
+def test_walking_out_is_there_only_for_those_who_leave_by_an_exit() -> None:
+    """And never takes much of their time by chance."""
+    found = repertoire(TRAVELS, "walking", by_exit=True)
+    assert isinstance(found.way_out, WalkingOut)
+    assert found.shares[found.names.index("leaving")] < 0.03
+    assert repertoire(TRAVELS, "walking").way_out is None
+
+
+def test_those_who_travel_share_a_journey_and_its_table() -> None:
+    """The advantage of each is that of its best action; others count as they are."""
+    found = repertoire(TRAVELS, "walking")
+    values = np.array([[-0.3, -0.2, 0.1, -0.4, -0.5], [-0.3, 0.4, -0.2, -0.4, -0.6]])
+    told = dict(zip(found.names, found.advantages(values, 0.2).tolist(), strict=True))
+    expected = {"walking": -0.1, "running": 0.2, "stopping": -0.5, "following": 0.0}
+    assert told == pytest.approx(expected)
+
+
+def test_walking_out_in_time_costs_the_others() -> None:
+    """By what an epoch spent otherwise costs."""
+    found = repertoire(TRAVELS, "walking", by_exit=True)
+    assert found.way_out is not None
+    found.way_out.loss = 0.4
+    told = dict(zip(found.names, found.losses.tolist(), strict=True))
+    assert told == {**dict.fromkeys(TRAVELS, 0.4), "leaving": 0.0}
