@@ -132,11 +132,13 @@ def journey_of(
     model = TravelModel.of(row, paces_mps(row), coarse.cell_size_m, period_s, slip)
     goal = coarse.cell_of(*goal_m)
     assert goal is not None, "a goal was found in a cell"  # noqa: S101 - for the type
-    problem = problem_of(ways_to(coarse.edges, coarse.nearness, goal, model))
+    ways = ways_to(coarse.edges, coarse.nearness, goal, model)
+    problem, is_open = problem_of(ways), np.isfinite(ways.costs)
     solution = solve(problem, longest, _ALL_PLANES)
     epochs = sorted({*(min(longest, max(1, round(s / period_s))) for s in shown_s), longest})
     horizons = tuple(
-        best_moves(problem, solution.plane(t), solution.plane(t - 1), t * period_s) for t in epochs
+        best_moves(problem, solution.plane(t), solution.plane(t - 1), is_open, t * period_s)
+        for t in epochs
     )
     return Journey(coarse, model, goal_m, horizons)
 
@@ -174,16 +176,17 @@ def best_moves(
     problem: Problem,
     values: npt.NDArray[np.float32],
     later: npt.NDArray[np.float32],
+    is_open: npt.NDArray[np.bool_],
     left_s: float,
 ) -> BestMoves:
     """Return the best moves where `values` float32 (4, h, w) are V_t, and `later` V_(t-1).
 
-    Of equal actions the first counts: staying, the paces in their order, each by direction.
+    There are some from the cells that are open (h, w). Of equal actions the first counts: staying,
+    the paces in their order, each by direction.
     """
     actions = action_values(problem, later)
     heading = values.argmax(axis=0)
     best = np.take_along_axis(actions, heading[None, None], axis=0)[0].argmax(axis=0)
-    is_open = np.isfinite(problem.costs)
     moves = np.where(best == 0, 0, 1 + (best - 1) % 4)
     paces = np.where(best == 0, 0, (best - 1) // 4)
     return BestMoves(
