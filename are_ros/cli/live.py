@@ -52,10 +52,11 @@ def node(
     """
     _require_ros()
     from are_ros.node.startup import main as run_node
-    from are_ros.parameters.ros_yaml import assignment_for_ros, in_any_namespace
+    from are_ros.parameters.ros_yaml import assignment_for_ros, files_beside, in_any_namespace
 
     _check_ros_args(ros_args)
-    values = tuple(map(assignment_for_ros, values))
+    beside = [f"{name}:={file}" for path in files for name, file in files_beside(path).items()]
+    values = tuple(map(assignment_for_ros, (*beside, *values)))
     with TemporaryDirectory(prefix="ar_builder_") as folder:
         copies = [Path(folder, f"{number}.yaml") for number in range(len(files))]
         for path, copy in zip(files, copies, strict=True):

@@ -20,6 +20,9 @@ _SECTION = "ros__parameters"
 _OURS = (_NODE, "*", "**")
 """How the last part of a node's name addresses us, as rcl matches names of nodes."""
 
+_FILES = ("catalogue", "population.zones", "population.scenario")
+"""Parameters that name files."""
+
 _OF_ROS_ITSELF = ("use_sim_time", "qos_overrides", "start_type_description_service")
 _OF_THE_NODE = tuple(item.path for item in describe(NodeParameters()))
 
@@ -47,12 +50,26 @@ def read_ros_parameters(path: Path) -> dict[str, Any]:
 
 
 def with_file(parameters: Parameters, path: Path) -> Parameters:
-    """Return parameters with the values of a file; ParameterError names the file."""
-    values = read_ros_parameters(path)
+    """Return parameters with the values of a file; ParameterError names the file.
+
+    A file that it names is looked for beside it, else from the present folder.
+    """
+    values = {**read_ros_parameters(path), **files_beside(path)}
     try:
         return with_values(parameters, values)
     except ParameterError as cause:
         raise ParameterError(f"{path}: {cause}") from cause
+
+
+def files_beside(path: Path) -> dict[str, str]:
+    """Return the files that a parameter file names, by parameter: with the path of one beside it.
+
+    One that is not beside it stays as it is given: from the present folder.
+    """
+    values = read_ros_parameters(path)
+    given = {name: str(values[name]) for name in _FILES if values.get(name)}
+    beside = {name: path.parent / file for name, file in given.items()}
+    return {name: str(beside[name]) if beside[name].is_file() else given[name] for name in given}
 
 
 def in_any_namespace(path: Path) -> str:

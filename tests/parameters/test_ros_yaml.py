@@ -12,6 +12,7 @@ from are_ros.parameters.declaration import Description, describe, flatten, with_
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import (
     assignment_for_ros,
+    files_beside,
     in_any_namespace,
     parse_assignment,
     read_ros_parameters,
@@ -94,6 +95,25 @@ def test_a_bad_value_is_said_with_its_file(tmp_path: Path) -> None:
         with pytest.raises(ParameterError) as caught:
             with_file(Parameters(), path)
         assert str(caught.value).startswith(f"{path}: {reason}")
+
+
+def test_files_are_looked_for_beside_the_parameter_file(tmp_path: Path) -> None:
+    """What is not there is named as it was given, from the present folder; so is a full path."""
+    (tmp_path / "mine.yaml").touch()
+    path = tmp_path / "p.yaml"
+    path.write_text(
+        "ar_builder:\n  ros__parameters:\n    catalogue: mine.yaml\n"
+        f"    population: {{zones: other.yaml, scenario: {tmp_path / 'mine.yaml'}}}\n"
+    )
+    beside = {
+        "catalogue": str(tmp_path / "mine.yaml"),
+        "population.zones": "other.yaml",
+        "population.scenario": str(tmp_path / "mine.yaml"),
+    }
+    assert files_beside(path) == beside
+    parameters = with_file(Parameters(), path)
+    assert parameters.catalogue == str(tmp_path / "mine.yaml")
+    assert parameters.population.zones == "other.yaml"
 
 
 def test_what_rclpy_owns_is_left_to_it(tmp_path: Path) -> None:
