@@ -4,13 +4,15 @@ Run as `python scripts/report_decisions.py --map FILE.yaml [--minutes M] [--set 
 Artefacts live beside a robot that drives about, as in `are soak`. Reported are, of the decisions
 with a choice of moves:
 
-- executed: at the next decision the artefact is where its move can lead to (a cell on the way that
-  the move begins, or beside it, and nearer to its points; its own cell if it was to stay or the move
-  failed), or has turned towards it; else whether its activity or the local planner names a cause;
+- executed: at the next decision the artefact is where its move can lead to, or has turned towards
+  it. That is a cell on the way that the move begins, or beside it, and nearer to its points; its own
+  cell if it was to stay, or the move failed. Else whether its activity or the local planner names
+  what hindered it;
 - the horizon changed the action: the best action with what is left of the life is another than
   the best one with the longest horizon;
 
-and, of all decisions, in how many the behaviour changed, with which the planner is drawn anew. With `--set population.leave:=by_exit` also how many departures no camera saw.
+and, of all decisions, in how many the behaviour changed; the planner is drawn anew with it. With
+`--set population.leave:=by_exit` also how many departures no camera saw.
 """
 
 import argparse
