@@ -1,17 +1,18 @@
 """Measure how the artefacts' decisions are carried out, and what changes them.
 
 Run as `python scripts/report_decisions.py --map FILE.yaml [--minutes M] [--set NAME:=VALUE ...]`.
-Artefacts live beside a robot that drives about, as in `are soak`. Reported are, of the decisions with
-a choice of moves:
+Artefacts live beside a robot that drives about, as in `are soak`. Reported are, of the decisions
+with a choice of moves:
 
-- executed: at the next decision the artefact is where its move can lead to (a cell on the way that
-  the move begins, or beside it; its own cell if it was to stay, or if the move failed), or what
-  hindered it is named by its activity, or its behaviour or goal has changed the action's purpose;
+- executed: at the next decision the artefact is where its move can lead to, or has turned towards
+  it. That is a cell on the way that the move begins, or beside it, and nearer to its points; its own
+  cell if it was to stay, or the move failed. Else whether its activity or the local planner names
+  what hindered it;
 - the horizon changed the action: the best action with what is left of the life is another than
   the best one with the longest horizon;
 
-and, of all decisions of artefacts with several behaviours, in how many the behaviour or the planner
-changed. With `--set population.leave:=by_exit` also how many departures no camera saw.
+and, of all decisions, in how many the behaviour changed; the planner is drawn anew with it. With
+`--set population.leave:=by_exit` also how many departures no camera saw.
 """
 
 import argparse
@@ -22,8 +23,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from are_ros.agents.behaviours.situation import RobotView
+from are_ros.agents.behaviours.situation import Neighbour, RobotView
 from are_ros.agents.events import EventKind
+from are_ros.agents.local_planner.planner import Obstruction
 from are_ros.agents.navigation.navigation import (
     NavigationRequest,
     NavigationResult,
@@ -37,6 +39,7 @@ from are_ros.population.artefact import boxes_of
 from are_ros.replay.command import effective_parameters
 from are_ros.world.map_io import read_map_file
 
+_TURN_RAD = math.radians(20.0)
 HINDERED = ("waiting for", "blocked by", "giving way", "manoeuvring", "no way")
 
 
@@ -44,6 +47,7 @@ class Pending(NamedTuple):
     """A decision whose outcome the next one shows."""
 
     at_m: tuple[float, float]
+    yaw_rad: float
     way_m: np.ndarray[tuple[int, ...], np.dtype[np.float64]]
     reach_m: float
     stays: bool
@@ -72,17 +76,30 @@ class Report:
     ) -> None:
         me, crowd = request.me, self._crowd
         self._judge(request)
+        self.counts["decisions"] += 1
         if prospect.kind is not Prospects.CHOOSES:
             return
-        self.counts["decisions"] += 1
+        self.counts["choices"] += 1
         unending = request._replace(left_s=None)
         longest = crowd.navigation.prospects([unending], view, robot)[0]
         if longest.kind is Prospects.CHOOSES and longest.best != prospect.best:
-            self.counts["horizon changed the action"] += 1
+            self.counts["horizon"] += 1
         stays = result.command.subgoal_m is None
         reach_m = max(request.speeds_mps) * self._period_s
         way_m = result.way_m if stays else np.vstack((result.way_m, result.command.subgoal_m))
-        self._pending[me.id] = Pending(me.point_m, way_m, reach_m, stays)
+        self._pending[me.id] = Pending(me.point_m, me.yaw_rad, way_m, reach_m, stays)
+
+    def shares(self, changed: int, gone: Counter[str]) -> list[tuple[str, float, int]]:
+        """Return what is reported: its name, its share, and of how many."""
+        counts, judged = self.counts, self.counts["judged"]
+        names = ("executed", "executed: turned first", "hindered, and named", "elsewhere", "stood")
+        rows = [(name, counts[name], judged) for name in names]
+        rows += [
+            ("the horizon changed the action", counts["horizon"], counts["choices"]),
+            ("the behaviour changed", changed, counts["decisions"]),
+        ]
+        rows += [(f"departures {name}", count, gone.total()) for name, count in gone.items()]
+        return [(name, count / max(1, total), total) for name, count, total in rows]
 
     def _judge(self, request: NavigationRequest) -> None:
         me, last = request.me, self._pending.pop(request.me.id, None)
@@ -91,12 +108,20 @@ class Report:
         self.counts["judged"] += 1
         if self._is_executed(last, me.point_m):
             self.counts["executed"] += 1
-        elif me.activity.startswith(HINDERED):
+        elif not last.stays and _turned_rad(last, me) > _TURN_RAD:
+            self.counts["executed: turned first"] += 1
+        elif me.activity.startswith(HINDERED) or self._is_obstructed(me.id):
             self.counts["hindered, and named"] += 1
         elif math.dist(last.at_m, me.point_m) > 0.1 * last.reach_m:
             self.counts["elsewhere"] += 1
         else:
             self.counts["stood"] += 1
+
+    def _is_obstructed(self, artefact_id: int) -> bool:
+        """Return whether the local planner names what is in the way."""
+        row = self._crowd.table.row_of(artefact_id)
+        ((kind, _, since_s),) = self._crowd.planner.obstructions([row])
+        return kind is not Obstruction.NONE and since_s > 0.0
 
     def _is_executed(self, last: Pending, now_m: tuple[float, float]) -> bool:
         if last.stays:
@@ -106,6 +131,14 @@ class Report:
         near_m = np.hypot(*(way_m - np.array(now_m)).T).min()
         towards = _progress(way_m, last.at_m, now_m)
         return bool(near_m <= beside_m or _from_segments(way_m, now_m) <= beside_m) and towards > 0
+
+
+def _turned_rad(last: Pending, me: Neighbour) -> float:
+    """Return by how much an artefact has turned towards where its way leads."""
+    x_m, y_m = last.way_m[-1]
+    bearing_rad = math.atan2(y_m - last.at_m[1], x_m - last.at_m[0])
+    before = abs(math.remainder(bearing_rad - last.yaw_rad, math.tau))
+    return before - abs(math.remainder(bearing_rad - me.yaw_rad, math.tau))
 
 
 def _from_segments(way_m: np.ndarray, point_m: tuple[float, float]) -> float:
@@ -149,19 +182,9 @@ def main() -> None:
             one.id: (one.row, pose)
             for one, pose in zip(run.tick.scene.artefacts, run.tick.scene.ground_poses, strict=True)
         }
-    counts = report.counts
     print(f"{arguments.map.stem}: {run.judge.verdict.artefact_s / 60.0:.0f} artefact-minutes")
-    for name in ("executed", "hindered, and named", "elsewhere", "stood"):
-        print(f"  {name:28} {100.0 * counts[name] / max(1, counts['judged']):6.2f} %")
-    print(
-        f"  {'horizon changed the action':28} {100.0 * counts['horizon changed the action'] / max(1, counts['decisions']):6.2f} % of {counts['decisions']}"
-    )
-    print(
-        f"  changes of behaviour {changes['CHANGED']} in {run.judge.verdict.artefact_s / 60.0:.0f} minutes"
-    )
-    total = sum(gone.values())
-    if total:
-        print(f"  departures out of view {100.0 * gone['out of view'] / total:.1f} % of {total}")
+    for name, share, total in report.shares(changes["CHANGED"], gone):
+        print(f"  {name:32}{100.0 * share:7.2f} % of {total}")
 
 
 if __name__ == "__main__":
