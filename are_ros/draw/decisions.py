@@ -1,6 +1,7 @@
 """decisions.png: what a type of artefact would do on a map, at several remaining lives."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -41,6 +42,7 @@ _FIELD: Final = ("#5d7fae", "#86a9c9", "#b3d0d8", "#dfeacb", "#fdf1b4")
 _LEAST_QUANTILE: Final = 0.03
 _WALKS, _RUNS = hex_of(INK), hex_of(LAW)
 _HEADINGS: Final = np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
+_SINCE: Final = "time since the arrival [s]"
 _LEGEND_SHARE: Final = 0.43
 
 
@@ -62,18 +64,18 @@ def draw_decisions(
     floor = map_image(grid, window, sheet.map_in[0] * _PX_PER_IN / window.width_m)
     with written_figure(path, sheet.size_in) as figure:
         _write_title(figure, row, settings, journey)
-        limits = _range(journey)
+        limits = value_range([journey])
         for k, best in enumerate(journey.horizons):
-            axes = _map_axes(figure, sheet.map_at(k), window, floor)
-            _draw_field(axes, grid, journey, best, limits)
-            apart_m = _ARROWS_APART_IN * window.width_m / sheet.map_in[0]
-            _draw_moves(axes, journey, best, apart_m)
-            _name(axes, _field_title(journey, best))
-        _draw_scale(figure.add_axes(sheet.bar), limits)
-        below = _map_axes(figure, sheet.map_at(len(journey.horizons)), window, floor)
-        _draw_ways(below, lives)
-        _name(below, f"where {len(lives.ways)} artefacts went, and what they did")
-        _draw_shares(figure.add_axes(sheet.plot), lives)
+            axes = map_axes(figure, sheet.map_at(k), window, floor)
+            draw_values(axes, grid, journey, best, limits)
+            name_map(axes, _field_title(journey, best))
+        draw_scale(figure.add_axes(sheet.bar), limits)
+        below = map_axes(figure, sheet.map_at(len(journey.horizons)), window, floor)
+        draw_ways(below, lives)
+        name_map(below, f"where {len(lives.ways)} artefacts went, and what they did")
+        shares = figure.add_axes(sheet.plot)
+        draw_shares(shares, lives)
+        name_axes(shares, "behaviours; dashed: the catalogue", _SINCE, "share")
 
 
 class _Sheet:
@@ -118,8 +120,6 @@ def _write_title(
     figure: Any, row: CatalogueRow, settings: BehaviourParameters, journey: Journey
 ) -> None:
     """Write who decides, by which numbers, and what the signs on the maps mean."""
-    from matplotlib.lines import Line2D
-
     model = journey.model
     reach_m = [reach * journey.coarse.cell_size_m for reach in model.reaches]
     subtitle = [
@@ -130,18 +130,25 @@ def _write_title(
         f"horizon {journey.horizons[-1].left_s:g} s",
     ]
     write_head(figure, _MARGIN_IN, f"What {row.label} would do on this map", subtitle)
+    draw_signs(figure, runs=len(model.reaches) > 1)
+
+
+def draw_signs(figure: Any, *, runs: bool) -> None:
+    """Write what the signs on the maps mean, in the upper right corner."""
+    from matplotlib.lines import Line2D
+
     look: dict[str, Any] = {"ls": "none", "mew": 0}
     signs = [
         Line2D([], [], marker="*", ms=13, color=_WALKS, label="goal", **look),
         Line2D([], [], marker=r"$\rightarrow$", ms=13, color=_WALKS, label="best: go", **look),
     ]
-    if len(model.reaches) > 1:
+    if runs:
         signs[-1].set_label("best: walk")
         run = Line2D([], [], marker=r"$\rightarrow$", ms=13, color=_RUNS, label="best: run", **look)
         signs.append(run)
     signs.append(Line2D([], [], marker="o", ms=3.5, color=_WALKS, label="best: stay", **look))
-    height = figure.get_size_inches()[1]
-    place = (1.0 - _MARGIN_IN / _WIDTH_IN, 1.0 - 0.12 / height)
+    width, height = figure.get_size_inches()
+    place = (1.0 - _MARGIN_IN / width, 1.0 - 0.12 / height)
     figure.legend(
         handles=signs,
         loc="upper right",
@@ -155,7 +162,7 @@ def _write_title(
     )
 
 
-def _map_axes(
+def map_axes(
     figure: Any, place: tuple[float, float, float, float], window: Window, floor: Any
 ) -> Any:
     """Return axes with the map in metres."""
@@ -166,7 +173,8 @@ def _map_axes(
     return axes
 
 
-def _name(axes: Any, title: str) -> None:
+def name_map(axes: Any, title: str) -> None:
+    """Write the title of a map, and draw a line around it."""
     name_axes(axes, title)
     axes.spines[:].set(visible=True, color=EDGE_HEX)
     axes.tick_params(labelsize=7.5)
@@ -182,9 +190,10 @@ def _field_title(journey: Journey, best: BestMoves) -> str:
     return title
 
 
-def _range(journey: Journey) -> tuple[float, float]:
+def value_range(journeys: Sequence[Journey]) -> tuple[float, float]:
     """Return the least and the greatest value shown; some far cells may be below."""
-    values = np.concatenate([best.values.ravel() for best in journey.horizons])
+    everything = [best.values.ravel() for one in journeys for best in one.horizons]
+    values = np.concatenate(everything)
     values = values[np.isfinite(values)]
     return float(np.quantile(values, _LEAST_QUANTILE)), float(values.max())
 
@@ -193,6 +202,20 @@ def _colours() -> Any:
     from matplotlib.colors import LinearSegmentedColormap
 
     return LinearSegmentedColormap.from_list("values", _FIELD)
+
+
+def draw_values(
+    axes: Any,
+    grid: OccupancyGrid,
+    journey: Journey,
+    best: BestMoves,
+    limits: tuple[float, float],
+) -> None:
+    """Draw values as colours, from the least to the greatest of the limits, and the best moves."""
+    _draw_field(axes, grid, journey, best, limits)
+    width_in = axes.get_position().width * axes.figure.get_size_inches()[0]
+    left, right = axes.get_xlim()
+    _draw_moves(axes, journey, best, _ARROWS_APART_IN * (right - left) / width_in)
 
 
 def _draw_field(
@@ -248,7 +271,7 @@ def _draw_moves(axes: Any, journey: Journey, best: BestMoves, apart_m: float) ->
     axes.plot(*journey.goal_m, "*", ms=15, color=_WALKS, mec=hex_of(WHITE), mew=0.8, zorder=4)
 
 
-def _draw_scale(axes: Any, limits: tuple[float, float]) -> None:
+def draw_scale(axes: Any, limits: tuple[float, float]) -> None:
     """Draw which colour is which value."""
     shades = np.linspace(0.0, 1.0, 256)[:, np.newaxis]
     axes.imshow(shades, cmap=_colours(), aspect="auto", origin="lower", extent=(0, 1, *limits))
@@ -259,7 +282,7 @@ def _draw_scale(axes: Any, limits: tuple[float, float]) -> None:
     axes.set_title("value V", fontsize=8.5, color=FAINT_INK_HEX, pad=4)
 
 
-def _draw_ways(axes: Any, lives: Lives) -> None:
+def draw_ways(axes: Any, lives: Lives) -> None:
     """Draw each way in the colours of the behaviours on it, with a dot where it begins."""
     from matplotlib.collections import LineCollection
 
@@ -274,7 +297,7 @@ def _draw_ways(axes: Any, lives: Lives) -> None:
     axes.scatter(*starts.T, s=20, c=first, edgecolors="white", linewidths=0.7, zorder=3)
 
 
-def _draw_shares(axes: Any, lives: Lives) -> None:
+def draw_shares(axes: Any, lives: Lives) -> None:
     """Draw the shares of the behaviours, one above the other, and the catalogue's bounds."""
     names, shares = list(lives.catalogue), lives.shares_over_time
     order = sorted(range(len(names)), key=lambda k: -lives.catalogue[names[k]])
@@ -304,4 +327,3 @@ def _draw_shares(axes: Any, lives: Lives) -> None:
         title_fontsize=8.5,
         alignment="left",
     )
-    name_axes(axes, "behaviours; dashed: the catalogue", "time since the arrival [s]", "share")
