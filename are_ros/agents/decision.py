@@ -66,6 +66,7 @@ counts as blocked after `STUCK_S`: a car that shunts in clutter moves, and makes
 EARLY_S: Final = 3.0
 """Artefacts that have to be at an exit at the end of their lives mean to be there by so much."""
 
+_MOVES: Final = 5
 _WALL = "a wall"
 _Floats = npt.NDArray[np.float64]
 _Mask = npt.NDArray[np.bool_]
@@ -207,12 +208,12 @@ class DecisionLayer:
         situations = dict(
             zip(deciding, self._situations(deciding, now_ns, view, robot), strict=True)
         )
-        self._choose_behaviours(situations, view, robot)
+        known = self._choose_behaviours(situations, view, robot)
         requests = [
             _request(state, situations[row], self._intent(row, state, situations[row]))
             for row, state in deciding.items()
         ]
-        prospects = self._navigation.prospects(requests, view, robot)
+        prospects = self._prospects(dict(zip(deciding, requests, strict=True)), known, view, robot)
         results = [self._act(*one) for one in zip(requests, prospects, strict=True)]
         if self.report is not None:
             for decision in zip(requests, prospects, results, strict=True):
@@ -233,8 +234,10 @@ class DecisionLayer:
 
     def _choose_behaviours(
         self, situations: Mapping[int, Situation], view: AgentSnapshot, robot: RobotView | None
-    ) -> None:
+    ) -> Mapping[int, tuple[Point, Prospect]]:
         """Choose the behaviours of the agents that have several, given their situations by row.
+
+        Returns the destinations of journeys, and the prospects of going there.
 
         pi(b' | s) is proportional to prior(b' | b) exp((r(b') + A(b')) / T): r is what an epoch of
         the behaviour is worth by itself, A by how much its best move is better than the value of
@@ -257,19 +260,46 @@ class DecisionLayer:
         for row, state in several.items():
             situation, repertoire = situations[row], state.repertoire
             try:
-                values = self._settings.decision_period * repertoire.rewards(situation)
+                rewards = repertoire.rewards(situation)
             except BehaviourError as fault:
                 self._stop(row, fault, situation.now_ns)
                 continue
-            prospect = known.get(row)
+            prospect, advantages = known.get(row), [0.0] * len(repertoire)
             if prospect is not None and prospect.kind is Prospects.CHOOSES:
-                values = values + repertoire.advantages(prospect.values, prospect.value)
-            values = values - repertoire.losses
+                advantages = repertoire.advantages(prospect.values, prospect.value)
+            values = [
+                self._settings.decision_period * reward + advantage - loss
+                for reward, advantage, loss in zip(
+                    rewards, advantages, repertoire.losses, strict=True
+                )
+            ]
             prior = prior_of(repertoire.shares, repertoire.in_force, self._stays)
-            chances = boltzmann(prior, values, self._settings.temperature)
-            chosen = drawn(chances, state.policy_random.random())
+            weights = boltzmann(prior, values, self._settings.temperature)
+            chosen = drawn(weights, state.policy_random.random())
             if chosen != repertoire.in_force:
                 self._change(row, state, chosen, situation.now_ns)
+        return {
+            row: (request.intent.goal_m, known[row])
+            for row, request in travelling.items()
+            if request.intent.goal_m is not None
+        }
+
+    def _prospects(
+        self,
+        requests: Mapping[int, NavigationRequest],
+        known: Mapping[int, tuple[Point, Prospect]],
+        view: AgentSnapshot,
+        robot: RobotView | None,
+    ) -> list[Prospect]:
+        """Return the prospects of requests by row; those of journeys that go on are known."""
+        new = {
+            row: request
+            for row, request in requests.items()
+            if row not in known or known[row][0] != request.intent.goal_m
+        }
+        found = self._navigation.prospects(list(new.values()), view, robot)
+        by_row = dict(zip(new, found, strict=True))
+        return [by_row.get(row) or known[row][1] for row in requests]
 
     def _find_exits(
         self,
@@ -328,10 +358,9 @@ class DecisionLayer:
         if prospect.kind is not Prospects.CHOOSES:
             return self._navigation.result(request, prospect, 0, STAY)
         state = request.state
-        values = prospect.values[state.repertoire.paces]
-        prior = np.full(values.size, 1.0 / values.size)
-        chances = boltzmann(prior, values.ravel(), self._settings.temperature)
-        pace, move = divmod(drawn(chances, state.policy_random.random()), values.shape[1])
+        values = prospect.values[state.repertoire.paces].ravel().tolist()
+        weights = boltzmann([1.0] * len(values), values, self._settings.temperature)
+        pace, move = divmod(drawn(weights, state.policy_random.random()), _MOVES)
         pace += state.repertoire.paces.indices(len(prospect.values))[0]
         becomes = slipped(move, state.slip, state.policy_random.random())
         result = self._navigation.result(request, prospect, pace, becomes)

@@ -29,7 +29,7 @@ def test_all_behaviours_of_the_row_are_there_and_the_first_is_in_force() -> None
     """With their shares, whatever their order in the row."""
     found = repertoire(TRAVELS, "stopping")
     assert found.behaviour.name == "stopping"
-    assert dict(zip(found.names, found.shares.tolist(), strict=True)) == pytest.approx(TRAVELS)
+    assert dict(zip(found.names, found.shares, strict=True)) == pytest.approx(TRAVELS)
 
 
 def test_those_without_a_share_are_left_out() -> None:
@@ -60,7 +60,7 @@ def test_those_who_travel_share_a_journey_and_its_table() -> None:
     """The advantage of each is that of its best action; others count as they are."""
     found = repertoire(TRAVELS, "walking")
     values = np.array([[-0.3, -0.2, 0.1, -0.4, -0.5], [-0.3, 0.4, -0.2, -0.4, -0.6]])
-    told = dict(zip(found.names, found.advantages(values, 0.2).tolist(), strict=True))
+    told = dict(zip(found.names, found.advantages(values, 0.2), strict=True))
     expected = {"walking": -0.1, "running": 0.2, "stopping": -0.5, "following": 0.0}
     assert told == pytest.approx(expected)
 
@@ -70,5 +70,5 @@ def test_walking_out_in_time_costs_the_others() -> None:
     found = repertoire(TRAVELS, "walking", by_exit=True)
     assert found.way_out is not None
     found.way_out.loss = 0.4
-    told = dict(zip(found.names, found.losses.tolist(), strict=True))
+    told = dict(zip(found.names, found.losses, strict=True))
     assert told == {**dict.fromkeys(TRAVELS, 0.4), "leaving": 0.0}
