@@ -67,6 +67,9 @@ EARLY_S: Final = 3.0
 """Artefacts that have to be at an exit at the end of their lives mean to be there by so much."""
 
 _MOVES: Final = 5
+_NO_LOSS, _NEAR_EXIT_S = 0.1, 2.0
+"""Less than this share of the price of time is no loss; one sets out at least so early [s]."""
+
 _WALL = "a wall"
 _Floats = npt.NDArray[np.float64]
 _Mask = npt.NDArray[np.bool_]
@@ -268,10 +271,8 @@ class DecisionLayer:
             if prospect is not None and prospect.kind is Prospects.CHOOSES:
                 advantages = repertoire.advantages(prospect.values, prospect.value)
             values = [
-                self._settings.decision_period * reward + advantage - loss
-                for reward, advantage, loss in zip(
-                    rewards, advantages, repertoire.losses, strict=True
-                )
+                self._settings.decision_period * reward + advantage
+                for reward, advantage in zip(rewards, advantages, strict=True)
             ]
             prior = prior_of(repertoire.shares, repertoire.in_force, self._stays)
             weights = boltzmann(prior, values, self._settings.temperature)
@@ -308,33 +309,38 @@ class DecisionLayer:
         view: AgentSnapshot,
         robot: RobotView | None,
     ) -> None:
-        """Find exits for agents whose life ends soon, and what an epoch spent otherwise costs.
+        """Find exits for agents that have to be at one when their life ends, if that is soon.
 
-        Only for those that have to be at an exit by then. The exit is the nearest one that no
-        camera sees; where there is none, such a destination takes its place.
+        The exit is the nearest one that no camera sees; where there is none, such a destination
+        takes its place. It is time to go if the value of going there is less after an epoch spent
+        otherwise, by more than the price of that.
         """
         requests = list[NavigationRequest]()
         for row, state in several.items():
             way_out, situation = state.repertoire.way_out, situations[row]
             if way_out is None or situation.left_s is None:
                 continue
-            way_out.loss, left_s = 0.0, situation.left_s - EARLY_S
+            left_s = situation.left_s - EARLY_S
             if left_s > self._settings.max_horizon:
                 continue
             if way_out.exit_m is None or not self.hides(np.array([way_out.exit_m])).all():
                 way_out.exit_m = self._nearest_exit(situation)
-            if way_out.exit_m is not None:
+            if way_out.exit_m is not None and not way_out.is_time:
                 request = _request(state, situation, way_out.intent(situation))
                 requests.append(request._replace(left_s=left_s))
         prospects = self._navigation.prospects(requests, view, robot)
         for request, prospect in zip(requests, prospects, strict=True):
             way_out = request.state.repertoire.way_out
-            if way_out is not None and prospect.kind is Prospects.CHOOSES:
-                price = request.state.profile.row.rewards.time
-                loss = prospect.value - float(prospect.values[0, STAY]) - price
-                way_out.loss = loss if loss > 0.1 * price else 0.0
-            elif way_out is not None and prospect.kind is Prospects.NO_WAY:
-                way_out.exit_m = None
+            if way_out is not None:
+                way_out.is_time = self._is_time(request, prospect)
+
+    def _is_time(self, request: NavigationRequest, prospect: Prospect) -> bool:
+        """Return whether an agent has to set out for its exit now."""
+        if prospect.kind is Prospects.CHOOSES:
+            price = request.state.profile.row.rewards.time
+            loss = prospect.value - float(prospect.values[0, STAY]) - price
+            return loss > _NO_LOSS * price
+        return (request.left_s or 0.0) <= self._settings.decision_period + _NEAR_EXIT_S
 
     def _nearest_exit(self, situation: Situation) -> Point | None:
         """Return the nearest exit out of view, else such a destination; None if there is none."""

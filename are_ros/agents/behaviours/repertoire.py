@@ -94,12 +94,6 @@ class Repertoire:
             return slice(None)
         return slice(-1, None) if type(self.behaviour) is Running else slice(0, 1)
 
-    @property
-    def losses(self) -> list[float]:
-        """What an epoch of each behaviour costs for being at an exit in time (B,)."""
-        loss = self.way_out.loss if self.way_out else 0.0
-        return [0.0 if one is self.way_out else loss for one in self._behaviours]
-
     def advantages(self, values: npt.NDArray[np.float64], value: float) -> list[float]:
         """Return by how much the best move of each behaviour is better than the value (B,).
 
