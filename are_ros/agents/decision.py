@@ -66,6 +66,10 @@ counts as blocked after `STUCK_S`: a car that shunts in clutter moves, and makes
 EARLY_S: Final = 3.0
 """Artefacts that have to be at an exit at the end of their lives mean to be there by so much."""
 
+_MOVES: Final = 5
+_NO_LOSS, _NEAR_EXIT_S = 0.1, 2.0
+"""Less than this share of the price of time is no loss; one sets out at least so early [s]."""
+
 _WALL = "a wall"
 _Floats = npt.NDArray[np.float64]
 _Mask = npt.NDArray[np.bool_]
@@ -207,12 +211,12 @@ class DecisionLayer:
         situations = dict(
             zip(deciding, self._situations(deciding, now_ns, view, robot), strict=True)
         )
-        self._choose_behaviours(situations, view, robot)
+        known = self._choose_behaviours(situations, view, robot)
         requests = [
             _request(state, situations[row], self._intent(row, state, situations[row]))
             for row, state in deciding.items()
         ]
-        prospects = self._navigation.prospects(requests, view, robot)
+        prospects = self._prospects(dict(zip(deciding, requests, strict=True)), known, view, robot)
         results = [self._act(*one) for one in zip(requests, prospects, strict=True)]
         if self.report is not None:
             for decision in zip(requests, prospects, results, strict=True):
@@ -233,8 +237,10 @@ class DecisionLayer:
 
     def _choose_behaviours(
         self, situations: Mapping[int, Situation], view: AgentSnapshot, robot: RobotView | None
-    ) -> None:
+    ) -> Mapping[int, tuple[Point, Prospect]]:
         """Choose the behaviours of the agents that have several, given their situations by row.
+
+        Returns the destinations of journeys, and the prospects of going there.
 
         pi(b' | s) is proportional to prior(b' | b) exp((r(b') + A(b')) / T): r is what an epoch of
         the behaviour is worth by itself, A by how much its best move is better than the value of
@@ -257,19 +263,44 @@ class DecisionLayer:
         for row, state in several.items():
             situation, repertoire = situations[row], state.repertoire
             try:
-                values = self._settings.decision_period * repertoire.rewards(situation)
+                rewards = repertoire.rewards(situation)
             except BehaviourError as fault:
                 self._stop(row, fault, situation.now_ns)
                 continue
-            prospect = known.get(row)
+            prospect, advantages = known.get(row), [0.0] * len(repertoire)
             if prospect is not None and prospect.kind is Prospects.CHOOSES:
-                values = values + repertoire.advantages(prospect.values, prospect.value)
-            values = values - repertoire.losses
+                advantages = repertoire.advantages(prospect.values, prospect.value)
+            values = [
+                self._settings.decision_period * reward + advantage
+                for reward, advantage in zip(rewards, advantages, strict=True)
+            ]
             prior = prior_of(repertoire.shares, repertoire.in_force, self._stays)
-            chances = boltzmann(prior, values, self._settings.temperature)
-            chosen = drawn(chances, state.policy_random.random())
+            weights = boltzmann(prior, values, self._settings.temperature)
+            chosen = drawn(weights, state.policy_random.random())
             if chosen != repertoire.in_force:
                 self._change(row, state, chosen, situation.now_ns)
+        return {
+            row: (request.intent.goal_m, known[row])
+            for row, request in travelling.items()
+            if request.intent.goal_m is not None
+        }
+
+    def _prospects(
+        self,
+        requests: Mapping[int, NavigationRequest],
+        known: Mapping[int, tuple[Point, Prospect]],
+        view: AgentSnapshot,
+        robot: RobotView | None,
+    ) -> list[Prospect]:
+        """Return the prospects of requests by row; those of journeys that go on are known."""
+        new = {
+            row: request
+            for row, request in requests.items()
+            if row not in known or known[row][0] != request.intent.goal_m
+        }
+        found = self._navigation.prospects(list(new.values()), view, robot)
+        by_row = dict(zip(new, found, strict=True))
+        return [by_row.get(row) or known[row][1] for row in requests]
 
     def _find_exits(
         self,
@@ -278,33 +309,38 @@ class DecisionLayer:
         view: AgentSnapshot,
         robot: RobotView | None,
     ) -> None:
-        """Find exits for agents whose life ends soon, and what an epoch spent otherwise costs.
+        """Find exits for agents that have to be at one when their life ends, if that is soon.
 
-        Only for those that have to be at an exit by then. The exit is the nearest one that no
-        camera sees; where there is none, such a destination takes its place.
+        The exit is the nearest one that no camera sees; where there is none, such a destination
+        takes its place. It is time to go if the value of going there is less after an epoch spent
+        otherwise, by more than the price of that.
         """
         requests = list[NavigationRequest]()
         for row, state in several.items():
             way_out, situation = state.repertoire.way_out, situations[row]
             if way_out is None or situation.left_s is None:
                 continue
-            way_out.loss, left_s = 0.0, situation.left_s - EARLY_S
+            left_s = situation.left_s - EARLY_S
             if left_s > self._settings.max_horizon:
                 continue
             if way_out.exit_m is None or not self.hides(np.array([way_out.exit_m])).all():
                 way_out.exit_m = self._nearest_exit(situation)
-            if way_out.exit_m is not None:
+            if way_out.exit_m is not None and not way_out.is_time:
                 request = _request(state, situation, way_out.intent(situation))
                 requests.append(request._replace(left_s=left_s))
         prospects = self._navigation.prospects(requests, view, robot)
         for request, prospect in zip(requests, prospects, strict=True):
             way_out = request.state.repertoire.way_out
-            if way_out is not None and prospect.kind is Prospects.CHOOSES:
-                price = request.state.profile.row.rewards.time
-                loss = prospect.value - float(prospect.values[0, STAY]) - price
-                way_out.loss = loss if loss > 0.1 * price else 0.0
-            elif way_out is not None and prospect.kind is Prospects.NO_WAY:
-                way_out.exit_m = None
+            if way_out is not None:
+                way_out.is_time = self._is_time(request, prospect)
+
+    def _is_time(self, request: NavigationRequest, prospect: Prospect) -> bool:
+        """Return whether an agent has to set out for its exit now."""
+        if prospect.kind is Prospects.CHOOSES:
+            price = request.state.profile.row.rewards.time
+            loss = prospect.value - float(prospect.values[0, STAY]) - price
+            return loss > _NO_LOSS * price
+        return (request.left_s or 0.0) <= self._settings.decision_period + _NEAR_EXIT_S
 
     def _nearest_exit(self, situation: Situation) -> Point | None:
         """Return the nearest exit out of view, else such a destination; None if there is none."""
@@ -328,10 +364,9 @@ class DecisionLayer:
         if prospect.kind is not Prospects.CHOOSES:
             return self._navigation.result(request, prospect, 0, STAY)
         state = request.state
-        values = prospect.values[state.repertoire.paces]
-        prior = np.full(values.size, 1.0 / values.size)
-        chances = boltzmann(prior, values.ravel(), self._settings.temperature)
-        pace, move = divmod(drawn(chances, state.policy_random.random()), values.shape[1])
+        values = prospect.values[state.repertoire.paces].ravel().tolist()
+        weights = boltzmann([1.0] * len(values), values, self._settings.temperature)
+        pace, move = divmod(drawn(weights, state.policy_random.random()), _MOVES)
         pace += state.repertoire.paces.indices(len(prospect.values))[0]
         becomes = slipped(move, state.slip, state.policy_random.random())
         result = self._navigation.result(request, prospect, pace, becomes)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from are_ros.agents.events import EventKind
 from are_ros.parameters.declaration import with_values
@@ -152,3 +153,53 @@ def test_a_crowd_leaves_by_a_door() -> None:
     assert gone.keys() == set(ids)
     ends = np.array([record.way_of(i)[-1, 0] for i in ids])
     assert (ends > 8.0).all()
+
+
+# --- by an exit, before the end of the life
+
+BY_EXIT: dict[str, Any] = {"population.leave": "by_exit"}
+
+
+@pytest.mark.parametrize("y_m", [1.5, 4.0, 6.5])
+def test_one_is_at_an_exit_when_its_life_ends(y_m: float) -> None:
+    """It vanishes at that instant, not before, and has said that it is leaving."""
+    town = Town.of(BY_EXIT, OPEN_HALL, robot=None)
+    town.robot(0.0, 0.5, 0.5, math.pi)  # with its back to the opening
+    walker = town.place(WALKER, 2.0, y_m, life_s=20.0)
+    record = town.run(0.0, 21.0)
+    (gone,) = [e for e in events_of(record.events, walker) if e.kind is EventKind.DEPARTED]
+    assert gone.stamp_ns == town.ns(20.0)
+    x_m, _, _ = record.way_of(walker)[-1]
+    assert x_m > 8.0
+    changes = [e for e in events_of(record.events, walker) if e.kind is EventKind.CHANGED]
+    assert changes[-1].detail == "walking -> leaving"
+
+
+def test_the_exit_is_one_that_no_camera_sees() -> None:
+    """The robot looks at the opening: behind it, a destination takes the place of an exit."""
+    values = {"camera.model": "pinhole", "camera.width": 64, "camera.height": 48}
+    town = Town.of(BY_EXIT | values, OPEN_HALL, robot=None)
+    town.robot(0.0, 4.0, 4.0, 0.0)
+    walker = town.place(WALKER, 6.0, 2.0, life_s=25.0)
+    for k in range(250):
+        town.robot(0.1 * k, 4.0, 4.0, 0.0)
+        town.builder.advance(town.ns(0.1 * k))
+    pose = town.one(walker).ground_pose_at(town.ns(24.9))
+    bearing_rad = math.atan2(pose.y_m - 4.0, pose.x_m - 4.0)
+    assert abs(bearing_rad) > math.radians(45.0)
+
+
+def test_lives_keep_their_law() -> None:
+    """Exponential with the mean that was asked for (Kolmogorov-Smirnov)."""
+    values = {"population.arrival_rate": 0.02, "population.mean_life": 8.0}
+    town = Town.of(BY_EXIT | values, OPEN_HALL)
+    record = town.run(0.0, 150.0)
+    arrived_ns = {e.artefact_id: e.stamp_ns for e in record.events if e.kind is EventKind.ARRIVED}
+    begun_by_s = 150.0 - 60.0  # those that could not have ended are left out
+    lives_s = [
+        (e.stamp_ns - arrived_ns[e.artefact_id]) / 1e9
+        for e in record.events
+        if e.kind is EventKind.DEPARTED and arrived_ns[e.artefact_id] < town.ns(begun_by_s)
+    ]
+    assert len(lives_s) > 80
+    assert stats.kstest(lives_s, "expon", args=(0.0, 8.0)).pvalue > 1e-3

@@ -10,7 +10,7 @@ from are_ros.agents.behaviours.walking import arrival_m
 from are_ros.conventions import NS_PER_S
 
 _BLOCKED_S = 12.0
-_TOO_EARLY = 10.0 * WORTH
+_MUCH = 10.0 * WORTH
 
 
 class Leaving:
@@ -66,25 +66,22 @@ class Leaving:
 class WalkingOut:
     """Walks to an exit out of the robot's sight, and waits there for the end of its life.
 
-    `exit_m` is that exit, None while none is needed. `loss` is what an epoch spent otherwise costs:
-    how much lower the value of reaching the exit in time is with an epoch less. So the behaviour
-    takes the place of others when its artefact would be late.
+    `exit_m` is that exit, None while none is needed. It `is_time` when an epoch spent otherwise
+    would make the artefact late; then the behaviour takes the place of others, for good.
     """
 
     name: ClassVar[str] = Leaving.name
 
     def __init__(self) -> None:
         self.exit_m: Point | None = None
-        self.loss = 0.0
-        self._has_begun = False
+        self.is_time = False
 
-    def reward(self, situation: Situation) -> float:  # noqa: ARG002 - the loss says it
-        """Return what walking out is worth: nothing by itself, and less before it is time."""
-        return 0.0 if self.loss > 0.0 or self._has_begun else -_TOO_EARLY
+    def reward(self, situation: Situation) -> float:  # noqa: ARG002 - `is_time` says it
+        """Return what walking out is worth: much when it is time, else much less than nothing."""
+        return _MUCH if self.is_time else -_MUCH
 
     def decide(self, situation: Situation) -> Intent:
         """Return the intent to walk to the exit, or to wait there."""
-        self._has_begun = True
         if self.exit_m is None:
             return stand("no way out")
         if situation.distance_m(self.exit_m) <= arrival_m(situation):

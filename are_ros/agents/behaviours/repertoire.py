@@ -32,7 +32,7 @@ class Repertoire:
     def __init__(self, behaviours: Mapping[str, Behaviour], shares: Mapping[str, float]) -> None:
         """Take the behaviours and their shares by name; the first one is in force."""
         self.names = tuple(behaviours)
-        self.shares: npt.NDArray[np.float64] = np.array([shares[name] for name in self.names])
+        self.shares = tuple(shares[name] for name in self.names)
         self.in_force = 0
         self._behaviours = tuple(behaviours.values())
         self.way_out = next((one for one in self._behaviours if type(one) is WalkingOut), None)
@@ -82,11 +82,6 @@ class Repertoire:
         """The journey of the travelling behaviours, None if there are none."""
         return next((one.journey for one in self._travelling.values()), None)
 
-    @property
-    def travels(self) -> bool:
-        """Whether the behaviour in force is a travelling one."""
-        return self.in_force in self._travelling
-
     def speeds_mps(self, situation: Situation) -> tuple[float, ...]:
         """Return the speeds [m/s] of the journey: walking (or driving), then running."""
         moving = [one for one in self._travelling.values() if type(one) is not Stopping]
@@ -99,29 +94,24 @@ class Repertoire:
             return slice(None)
         return slice(-1, None) if type(self.behaviour) is Running else slice(0, 1)
 
-    @property
-    def losses(self) -> npt.NDArray[np.float64]:
-        """What an epoch of each behaviour costs for being at an exit in time (B,)."""
-        loss = self.way_out.loss if self.way_out else 0.0
-        return np.array([0.0 if one is self.way_out else loss for one in self._behaviours])
-
-    def advantages(self, values: npt.NDArray[np.float64], value: float) -> npt.NDArray[np.float64]:
+    def advantages(self, values: npt.NDArray[np.float64], value: float) -> list[float]:
         """Return by how much the best move of each behaviour is better than the value (B,).
 
         `values` float64 (P, 5) are those of staying and of the four moves, at each speed of the
         journey. For behaviours with goals of their own it is 0.
         """
-        result = np.zeros(len(self))
-        best: dict[type[Walking], float] = {Stopping: values[0, 0], Running: values[-1].max()}
-        for k, one in self._travelling.items():
-            result[k] = best.get(type(one), values[0].max()) - value
-        return result
+        at_pace = values.max(axis=1).tolist()
+        best: dict[type[Behaviour], float] = {Stopping: float(values[0, 0]), Running: at_pace[-1]}
+        return [
+            best.get(type(one), at_pace[0]) - value if k in self._travelling else 0.0
+            for k, one in enumerate(self._behaviours)
+        ]
 
     @property
     def behaviour(self) -> Behaviour:
         """The behaviour in force."""
         return self._behaviours[self.in_force]
 
-    def rewards(self, situation: Situation) -> npt.NDArray[np.float64]:
+    def rewards(self, situation: Situation) -> list[float]:
         """Return what a second of each behaviour is worth now (B,); see `Behaviour`."""
-        return np.array([reward_of(one, situation) for one in self._behaviours])
+        return [reward_of(one, situation) for one in self._behaviours]

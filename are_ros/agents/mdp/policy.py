@@ -7,13 +7,10 @@ chosen more often because it has more moves: for T to infinity the shares are th
 """
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import Final
-
-import numpy as np
-import numpy.typing as npt
-
-_Floats = npt.NDArray[np.float64]
 
 STAY: Final = 0
 """The move of staying; 1 to 4 go east, north, west and south."""
@@ -29,36 +26,34 @@ def persistence_of(period_s: float, mean_time_s: float) -> float:
     return math.exp(-period_s / mean_time_s) if mean_time_s > 0.0 else 0.0
 
 
-def prior_of(shares: _Floats, in_force: int, stays: float) -> _Floats:
+def prior_of(shares: Sequence[float], in_force: int, stays: float) -> list[float]:
     """Return the prior (B,) of the behaviours, given the index of the one in force.
 
     It stays in force with probability `stays`; else one is drawn by `shares` (B,), which sum to 1.
     With no other influence the stationary law is `shares`.
     """
-    prior = (1.0 - stays) * shares
+    prior = [(1.0 - stays) * share for share in shares]
     prior[in_force] += stays
     return prior
 
 
-def boltzmann(prior: _Floats, values: _Floats, temperature: float) -> _Floats:
-    """Return probabilities (A,), proportional to prior * exp(values / temperature).
+def boltzmann(prior: Sequence[float], values: Sequence[float], temperature: float) -> list[float]:
+    """Return weights (A,), proportional to prior * exp(values / temperature); `drawn` takes them.
 
-    At a temperature of 0 these are all with the best value among those that the prior allows, in
-    the proportion of the prior.
+    At a temperature of 0 these are 0 but for those with the best value that the prior allows, which
+    keep the proportion of the prior.
     """
-    behind = np.minimum(values - values[prior > 0.0].max(), 0.0)
+    pairs = list(zip(prior, values, strict=True))
+    best = max(value for share, value in pairs if share > 0.0)
     if temperature > 0.0:
-        weights = prior * np.exp(behind / temperature)
-    else:
-        weights = np.where(behind >= -_TIE, prior, 0.0)
-    chances: _Floats = weights / weights.sum()
-    return chances
+        return [share * math.exp(min(value - best, 0.0) / temperature) for share, value in pairs]
+    return [share if value >= best - _TIE else 0.0 for share, value in pairs]
 
 
-def drawn(chances: Sequence[float] | _Floats, uniform: float) -> int:
-    """Return the index that a uniform number from [0, 1) draws from probabilities (A,)."""
-    sums = np.cumsum(chances)
-    return int(np.searchsorted(sums, uniform * sums[-1], side="right"))
+def drawn(weights: Sequence[float], uniform: float) -> int:
+    """Return the index that a uniform number from [0, 1) draws by weights (A,), not all 0."""
+    sums = list(accumulate(weights))
+    return bisect_right(sums, uniform * sums[-1])
 
 
 def slipped(move: int, slip: float, uniform: float) -> int:

@@ -9,8 +9,10 @@ import pytest
 from are_ros.agents.behaviours.calls import NO_CALL
 from are_ros.agents.behaviours.leaving import WalkingOut
 from are_ros.agents.behaviours.repertoire import Repertoire
+from are_ros.agents.behaviours.situation import Intent, Situation
+from are_ros.agents.behaviours.standing import Standing
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
-from tests.agents.behaviours.stage import row_of
+from tests.agents.behaviours.stage import Actor, alone, row_of
 
 TRAVELS = {"walking": 0.6, "running": 0.2, "stopping": 0.1, "following": 0.1}
 
@@ -25,11 +27,24 @@ def repertoire(
     return Repertoire.of(one, NO_CALL, by_exit=by_exit)
 
 
+def situation_of_one() -> Situation:
+    """Return what somebody alone knows."""
+    seen: list[Situation] = []
+
+    class Spy(Standing):
+        def decide(self, situation: Situation) -> Intent:
+            seen.append(situation)
+            return super().decide(situation)
+
+    alone(Actor(0, Spy(), (0.0, 0.0)))
+    return seen[0]
+
+
 def test_all_behaviours_of_the_row_are_there_and_the_first_is_in_force() -> None:
     """With their shares, whatever their order in the row."""
     found = repertoire(TRAVELS, "stopping")
     assert found.behaviour.name == "stopping"
-    assert dict(zip(found.names, found.shares.tolist(), strict=True)) == pytest.approx(TRAVELS)
+    assert dict(zip(found.names, found.shares, strict=True)) == pytest.approx(TRAVELS)
 
 
 def test_those_without_a_share_are_left_out() -> None:
@@ -60,15 +75,17 @@ def test_those_who_travel_share_a_journey_and_its_table() -> None:
     """The advantage of each is that of its best action; others count as they are."""
     found = repertoire(TRAVELS, "walking")
     values = np.array([[-0.3, -0.2, 0.1, -0.4, -0.5], [-0.3, 0.4, -0.2, -0.4, -0.6]])
-    told = dict(zip(found.names, found.advantages(values, 0.2).tolist(), strict=True))
+    told = dict(zip(found.names, found.advantages(values, 0.2), strict=True))
     expected = {"walking": -0.1, "running": 0.2, "stopping": -0.5, "following": 0.0}
     assert told == pytest.approx(expected)
 
 
-def test_walking_out_in_time_costs_the_others() -> None:
-    """By what an epoch spent otherwise costs."""
+def test_walking_out_is_worth_much_when_it_is_time() -> None:
+    """And never before."""
     found = repertoire(TRAVELS, "walking", by_exit=True)
+    situation = situation_of_one()
     assert found.way_out is not None
-    found.way_out.loss = 0.4
-    told = dict(zip(found.names, found.losses.tolist(), strict=True))
-    assert told == {**dict.fromkeys(TRAVELS, 0.4), "leaving": 0.0}
+    for is_time, sign in ((False, -1.0), (True, 1.0)):
+        found.way_out.is_time = is_time
+        told = dict(zip(found.names, found.rewards(situation), strict=True))
+        assert sign * told["leaving"] > 5.0 * max(abs(told[name]) for name in TRAVELS)

@@ -16,7 +16,7 @@ from are_ros.agents.mdp.policy import (
     slipped,
 )
 
-SHARES = np.array([0.5, 0.3, 0.15, 0.05])
+SHARES = (0.5, 0.3, 0.15, 0.05)
 EPOCHS = 40_000
 LEVEL = 1e-3
 
@@ -24,10 +24,10 @@ LEVEL = 1e-3
 def chain(temperature: float, mean_time_s: float, seed: int) -> npt.NDArray[np.int64]:
     """Run a chain of behaviours with values that would favour the last one."""
     random, stays = np.random.default_rng(seed), persistence_of(1.0, mean_time_s)
-    values, in_force, visited = np.array([0.0, 0.1, 0.2, 5.0]), 0, np.empty(EPOCHS, np.int64)
+    values, in_force, visited = (0.0, 0.1, 0.2, 5.0), 0, np.empty(EPOCHS, np.int64)
     for epoch in range(EPOCHS):
-        chances = boltzmann(prior_of(SHARES, in_force, stays), values, temperature)
-        visited[epoch] = in_force = drawn(chances, random.random())
+        weights = boltzmann(prior_of(SHARES, in_force, stays), values, temperature)
+        visited[epoch] = in_force = drawn(weights, random.random())
     return visited
 
 
@@ -35,7 +35,7 @@ def test_at_infinite_temperature_the_shares_are_those_of_the_catalogue() -> None
     """For T to infinity the catalogue decides (chi-square)."""
     visited = chain(math.inf, 8.0, 1)[::80]  # far enough apart to be independent
     counts = np.bincount(visited, minlength=4)
-    assert stats.chisquare(counts, SHARES * len(visited)).pvalue > LEVEL
+    assert stats.chisquare(counts, np.array(SHARES) * len(visited)).pvalue > LEVEL
 
 
 def test_at_infinite_temperature_the_durations_are_geometric() -> None:
@@ -63,12 +63,12 @@ def test_persistence_is_the_mean_time_between_draws(mean_time_s: float) -> None:
 @pytest.mark.parametrize("temperature", [0.02, 0.1, 1.0, 100.0])
 def test_actions_follow_boltzmanns_law(temperature: float) -> None:
     """Frequencies are those of prior * exp(value / T)."""
-    values, prior = np.array([-0.2, 0.0, -0.05, -0.4, -0.1]), np.array([0.1, 0.2, 0.3, 0.3, 0.1])
+    values, prior = (-0.2, 0.0, -0.05, -0.4, -0.1), (0.1, 0.2, 0.3, 0.3, 0.1)
     random = np.random.default_rng(3)
-    chances = boltzmann(prior, values, temperature)
-    counts = np.bincount([drawn(chances, random.random()) for _ in range(20_000)], minlength=5)
-    weights = [p * math.exp(v / temperature) for p, v in zip(prior, values, strict=True)]
-    expected = 20_000 * np.array(weights) / sum(weights)
+    weights = boltzmann(prior, values, temperature)
+    counts = np.bincount([drawn(weights, random.random()) for _ in range(20_000)], minlength=5)
+    expected_weights = [p * math.exp(v / temperature) for p, v in zip(prior, values, strict=True)]
+    expected = 20_000 * np.array(expected_weights) / sum(expected_weights)
     often = expected > 5.0
     rest = (counts[~often].sum(), expected[~often].sum())
     assert rest[0] <= stats.poisson.ppf(1.0 - LEVEL, rest[1])
@@ -82,14 +82,14 @@ def test_actions_follow_boltzmanns_law(temperature: float) -> None:
 
 def test_at_zero_temperature_only_the_best_possible_actions_are_taken() -> None:
     """The others have no chance."""
-    prior, values = np.array([0.2, 0.2, 0.6, 0.0]), np.array([1.0, 0.5, 1.0, 9.0])
-    assert boltzmann(prior, values, 0.0) == pytest.approx([0.25, 0.0, 0.75, 0.0])
+    prior, values = (0.2, 0.2, 0.6, 0.0), (1.0, 0.5, 1.0, 9.0)
+    assert boltzmann(prior, values, 0.0) == [0.2, 0.0, 0.6, 0.0]
 
 
 def test_what_the_prior_excludes_is_never_drawn() -> None:
     """However good its value is."""
-    chances = boltzmann(np.array([0.0, 1.0, 0.0]), np.array([700.0, -700.0, 0.0]), 0.01)
-    assert {drawn(chances, uniform) for uniform in (0.0, 0.5, 1.0 - 2**-53)} == {1}
+    weights = boltzmann((0.0, 1.0, 0.0), (700.0, -700.0, 0.0), 0.01)
+    assert {drawn(weights, uniform) for uniform in (0.0, 0.5, 1.0 - 2**-53)} == {1}
 
 
 def test_without_slip_all_moves_succeed() -> None:
