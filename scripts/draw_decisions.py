@@ -5,11 +5,13 @@ its behaviours at several temperatures, and what slipping changes.
 """
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from are_ros.builder.files.catalogue_file import read_catalogue
 from are_ros.describe.decisions import (
@@ -19,7 +21,7 @@ from are_ros.describe.decisions import (
     row_named,
     simulate_lives,
 )
-from are_ros.describe.site import Survey, surveyed
+from are_ros.describe.site import surveyed
 from are_ros.draw.decisions import (
     draw_scale,
     draw_shares,
@@ -52,9 +54,9 @@ class Study:
         self._row = row_named(self._catalogue, label)
         grid = read_map_file(MAP)
         survey = surveyed(grid, Parameters(), self._catalogue).survey
-        assert survey is not None, "a map has a survey"
-        self._survey: Survey = survey
-        self.grid = grid
+        if survey is None:
+            raise RuntimeError("a map has a survey")
+        self._survey, self.grid = survey, grid
 
     def journey(self, shown_s: Sequence[float], **values: Any) -> Journey:
         """Return the values at some remaining lives."""
@@ -107,10 +109,19 @@ def figure_size_in(grid: Any, rows: int) -> tuple[float, float]:
     return WIDTH_IN, TOP_IN + rows * (TITLE_IN + height_in + FOOT_IN)
 
 
+@contextmanager
+def small_figure(path: Path, size_in: tuple[float, float]) -> Iterator[Any]:
+    """Give a figure to draw on, and write it as PNG of at most 256 colours."""
+    with written_figure(path, size_in) as figure:
+        yield figure
+    with Image.open(path) as picture:
+        picture.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+
+
 def draw_horizons(study: Study, path: Path) -> None:
     """Draw the values at four remaining lives."""
     journey = study.journey((3.0, 5.0, 10.0))
-    with written_figure(path, figure_size_in(study.grid, 2)) as figure:
+    with small_figure(path, figure_size_in(study.grid, 2)) as figure:
         maps, limits = Maps(figure, study.grid, 2), value_range([journey])
         for k, best in enumerate(journey.horizons):
             axes = maps.axes(k, f"{best.left_s:g} s left")
@@ -121,10 +132,10 @@ def draw_horizons(study: Study, path: Path) -> None:
 
 def draw_temperatures(study: Study, path: Path) -> None:
     """Draw the shares of the behaviours over a life at several temperatures."""
-    with written_figure(path, (WIDTH_IN, 6.0)) as figure:
+    with small_figure(path, (WIDTH_IN + 0.8, 6.0)) as figure:
         for k, (title, temperature) in enumerate(TEMPERATURES.items()):
             row, column = divmod(k, 2)
-            axes = figure.add_axes((0.06 + 0.5 * column, 0.575 - 0.49 * row, 0.245, 0.375))
+            axes = figure.add_axes((0.055 + 0.5 * column, 0.575 - 0.49 * row, 0.235, 0.375))
             draw_shares(axes, study.lives(temperature=temperature))
             across = "time since the arrival [s]" if row else ""
             name_axes(axes, title, across, "" if column else "share")
@@ -133,7 +144,7 @@ def draw_temperatures(study: Study, path: Path) -> None:
 def draw_slips(study: Study, path: Path) -> None:
     """Draw the values with ten seconds left, and the ways, without and with slipping."""
     journeys = {title: study.journey((10.0,), slip=slip) for title, slip in SLIPS.items()}
-    with written_figure(path, figure_size_in(study.grid, 2)) as figure:
+    with small_figure(path, figure_size_in(study.grid, 2)) as figure:
         maps, limits = Maps(figure, study.grid, 2), value_range([*journeys.values()])
         for k, (title, journey) in enumerate(journeys.items()):
             axes = maps.axes(k, f"{title}: values with 10 s left")
