@@ -46,6 +46,7 @@ from are_ros.agents.local_planner.state import (
     DYNAMIC_WINDOW,
     PATH_FOLLOWING,
     SIN,
+    SOCIAL_FORCE,
     SPEED,
     WISHES,
     YAW,
