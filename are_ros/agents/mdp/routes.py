@@ -156,7 +156,7 @@ def _find_after(
     after, ahead = moves.after, others.shape[0]
     later = values.planes[place_of(values, epochs_left - ahead)]
     is_goal = row == values.goal[0] and col == values.goal[1]
-    given = values.at_goal[min(epochs_left, values.at_goal.shape[0] - 1)]
+    given = values.at_goal[max(0, min(epochs_left, values.at_goal.shape[0] - 1))]
     for heading in range(4):
         after[heading] = given[heading] if is_goal else later[heading, row, col]
     if is_goal or ahead == 0:

@@ -207,7 +207,7 @@ class Navigation:
         around: Robot,
         index: int,
     ) -> Prospect:
-        intent, key = request.intent, _key_of(request)
+        intent, key = request.intent, self._key_of(request)
         if key is None:
             return Prospect(Prospects.STANDS)
         away_m = math.dist(request.me.point_m, key[0])
@@ -242,12 +242,12 @@ class Navigation:
         brings = np.empty((len(active.arrays[1][_PACES]), 5))
         look = partial(
             prospect_of,
-            crowd=view.crowd,
-            robot=around,
-            epoch_s=self._settings.decision_period,
-            agent=(index, request.is_patient, self._epochs(request.left_s)),
-            is_moving_goal=request.intent.is_moving_goal,
-            brings=brings,
+            view.crowd,
+            around,
+            self._settings.decision_period,
+            (index, request.is_patient, self._epochs(request.left_s)),
+            request.intent.is_moving_goal,
+            brings,
         )
         what, heading, value = look(*active.arrays)
         if what == UNKNOWN:
@@ -332,17 +332,23 @@ class Navigation:
             self._known_terrains[profile.height_m] = terrain
         return terrain
 
+    def _key_of(self, request: NavigationRequest) -> GoalKey | None:
+        """Return what the values are known by; None without a goal.
+
+        Exits count once the end of the life is within the longest horizon: the end of another
+        horizon is not the end.
+        """
+        goal_m, left_s = request.intent.goal_m, request.left_s
+        if goal_m is None:
+            return None
+        is_last = left_s is not None and left_s <= self.horizon * self._settings.decision_period
+        return goal_m, request.speeds_mps, request.exits_m if is_last else ()
+
     def _epochs(self, left_s: float | None) -> int:
         """Return the horizon: the rest of the life, at most the longest [decision periods]."""
         if left_s is None:
             return self.horizon
         return max(1, min(self.horizon, math.ceil(left_s / self._settings.decision_period)))
-
-
-def _key_of(request: NavigationRequest) -> GoalKey | None:
-    """Return what the values are known by; None without a goal."""
-    goal_m = request.intent.goal_m
-    return None if goal_m is None else (goal_m, request.speeds_mps, request.exits_m)
 
 
 def _command(

@@ -16,7 +16,7 @@ from are_ros.agents.mdp.routes import (
     follow,
     is_settled,
 )
-from are_ros.agents.navigation.ground import Ground, cell_of, heading_of
+from are_ros.agents.navigation.ground import Ground, cell_of, fine_cell, heading_of
 from are_ros.agents.navigation.local_way import way_round
 from are_ros.agents.navigation.terrain import farthest, rolls
 from are_ros.agents.neighbours import Cells, find_near
@@ -75,15 +75,15 @@ Robot = tuple[float, float, float, float, float]
 
 @compiled
 def prospect_of(
-    ground: GroundArrays,
-    value_arrays: ValueTuple,
-    ends: GoalSpecArrays,
     crowd: CrowdArrays,
     robot: Robot,
     epoch_s: float,
     agent: tuple[int, bool, int],
     is_moving_goal: bool,
     brings: Floats,
+    ground: GroundArrays,
+    value_arrays: ValueTuple,
+    ends: GoalSpecArrays,
 ) -> tuple[int, int, float]:
     """Fill in what the actions of an agent with a goal are worth, (P, 5): pace, move.
 
@@ -108,7 +108,7 @@ def prospect_of(
         return NO_WAY, 0, 0.0
     if state[0] == values.goal[0] and state[1] == values.goal[1]:
         return STRAIGHT, 0, 0.0
-    others = _find_others(everybody, robot, epoch_s, index, is_patient, going)
+    others = find_others(everybody, robot, epoch_s, index, is_patient, going)
     others = others[: min(AHEAD, epochs_left)]
     if not is_settled(values, state[0], state[1], epochs_left, others.shape[0]):
         return UNKNOWN, 0, 0.0
@@ -145,10 +145,13 @@ def scratch_of(paces: int) -> tuple[Moves, Moves]:
 
 
 @compiled
-def _find_others(
+def find_others(
     crowd: Crowd, robot: Robot, epoch_s: float, me: int, is_patient: bool, going: GoalSpec
 ) -> Floats:
-    """Return where others are in each epoch ahead, (AHEAD, M, 5), as `action_values` takes them."""
+    """Return where others are in each epoch ahead, (AHEAD, M, 5), as `action_values` takes them.
+
+    The robot comes last. Who is not patient minds nobody.
+    """
     size, near, count = crowd.poses.shape[0], 0, 0
     found, squares = np.empty(size, np.int64), np.empty(size)
     if is_patient:
@@ -249,13 +252,8 @@ def _is_ahead(
     move: int,
     point_m: tuple[float, float],
 ) -> bool:
-    """Tell whether a point is in the direction of a move from the anchor of a cell, or beside it.
-
-    That is, not less than a quarter of a cell ahead.
-    """
-    anchor_m = ground.anchors_m[state[0] + values.corner[0], state[1] + values.corner[1]]
-    dx_m, dy_m = point_m[0] - anchor_m[0], point_m[1] - anchor_m[1]
-    x, y = COL_STEPS[move - 1], ROW_STEPS[move - 1]
-    cos, sin = ground.lattice[2], ground.lattice[3]
-    along_m = dx_m * (x * cos - y * sin) + dy_m * (x * sin + y * cos)
-    return bool(along_m >= 0.25 * ground.side * ground.lattice[4])
+    """Tell whether the cell of a point is one or more ahead, in the direction of a move."""
+    row, col = fine_cell(ground.lattice, point_m)
+    rows = row // ground.side - state[0] - values.corner[0]
+    cols = col // ground.side - state[1] - values.corner[1]
+    return rows * ROW_STEPS[move - 1] + cols * COL_STEPS[move - 1] > 0

@@ -126,11 +126,12 @@ def slow_values(
     leaving = [start]
     for _ in range(8):
         leaving.append(out.better(leaving[-1]))
-    values = [start | {(*goal, h): RUNNER.goal + start[(*goal, h)] for h in range(4)}]
+    there = [(*goal, heading) for heading in range(4)]
+    values = [start | {state: RUNNER.goal + start[state] for state in there}]
     for epoch in range(1, 9):
         one, other = to_goal.better(values[-1]), out.better(values[-1])
         best = {state: max(one[state], other[state]) for state in one}
-        given = {(*goal, h): RUNNER.goal + leaving[epoch][(*goal, h)] for h in range(4)}
+        given = {state: RUNNER.goal + leaving[epoch][state] for state in there}
         values.append(best | given)
     return values
 
