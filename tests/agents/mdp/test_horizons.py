@@ -85,7 +85,9 @@ def test_in_the_office_every_horizon_has_the_action_of_all_planes() -> None:
         assert differing(coarse, goal_m, step=2)[0] == 0
 
 
-@pytest.mark.parametrize(("name", "step"), [("nav2-maps/depot.yaml", 4)])
+@pytest.mark.parametrize(
+    ("name", "step"), [("nav2-maps/depot.yaml", 4), ("drl-jarvis-hall/i-108_10mm.yaml", 8)]
+)
 def test_on_real_maps_every_horizon_has_the_action_of_all_planes(
     name: str, step: int, real_data: Path
 ) -> None:
