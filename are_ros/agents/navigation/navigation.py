@@ -94,6 +94,11 @@ class ActiveGoal(NamedTuple):
     table: ValueTable
     arrays: GoalArrays
 
+    def with_planes(self, planes: npt.NDArray[np.float32]) -> "ActiveGoal":
+        """Return the same with the values of all epochs."""
+        ground, (_, *others), ends = self.arrays
+        return self._replace(arrays=(ground, (planes, *others), ends))
+
 
 class Prospect(NamedTuple):
     """What the actions of an agent are worth at a decision.
@@ -251,10 +256,8 @@ class Navigation:
         )
         what, heading, value = look(*active.arrays)
         if what == UNKNOWN:
-            planes = self._tables.all_planes(active.table)
-            arrays = (active.arrays[0], tuple(active.table.value_arrays(planes)), active.arrays[2])
-            active = active._replace(arrays=arrays)
-            what, heading, value = look(*arrays)
+            active = active.with_planes(self._tables.all_planes(active.table))
+            what, heading, value = look(*active.arrays)
         paces = len(request.speeds_mps)
         values = brings if len(brings) == paces else np.maximum(brings[:paces], brings[paces:])
         return Prospect(_KINDS[what], values, value, heading, brings, active)
@@ -319,7 +322,7 @@ class Navigation:
                     profile.others_price,
                     profile.robot_price,
                 )
-                arrays = (tuple(coarse.ground), tuple(table.value_arrays()), goal_spec)
+                arrays = (tuple(coarse.ground), tuple(table.value_arrays), goal_spec)
                 return ActiveGoal(environment, table, arrays)
         return None
 

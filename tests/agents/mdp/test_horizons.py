@@ -59,7 +59,7 @@ def differing(coarse: CoarseMap, goal_m: tuple[float, float], step: int = 1) -> 
     again = bounded.all_planes(least)
     assert len(least.planes) == 1
     assert (again == full.planes).all()
-    arrays = full.value_arrays(), least.value_arrays(), least.value_arrays(again)
+    arrays = full.value_arrays, least.value_arrays, least.value_arrays._replace(planes=again)
     count = states = swept = 0
     for row, col in np.argwhere(np.isfinite(full.costs))[::step].tolist():
         for heading, left in product(range(4), range(1, HORIZON + 1)):
@@ -175,7 +175,7 @@ def test_the_goal_is_gone_to_in_time_and_left_in_time() -> None:
     middle = coarse.cell_of(6.3, 0.5)
     assert middle is not None
     moves = [
-        best_action(brings_at(table.value_arrays(), coarse, left, NOBODY, (*middle, 0)), 0)[1]
+        best_action(brings_at(table.value_arrays, coarse, left, NOBODY, (*middle, 0)), 0)[1]
         for left in (60, 50, 14, 3)
     ]
     assert moves == [1, 1, 3, 3]

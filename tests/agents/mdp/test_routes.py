@@ -206,7 +206,7 @@ def test_the_lookahead_is_exact_where_others_move_and_then_are_gone(seed: int, a
     others = np.array([packed(*crowd) for crowd in crowds])
     for state in slow.states[:: 1 + len(slow.states) // 30]:
         if not slow.ends(state[:2]):
-            ours = brings_at(table.value_arrays(), coarse, epochs_left, others, state)
+            ours = brings_at(table.value_arrays, coarse, epochs_left, others, state)
             expected = [slow.value_of(values, state, a, epochs[0]) for a in range(slow.actions)]
             assert ours[:, 0] == pytest.approx([expected[0]] * 2, abs=1e-5)
             np.testing.assert_allclose(ours[:, 1:].ravel(), expected[1:], atol=1e-5)

@@ -47,7 +47,7 @@ def choose(
     if state is None:
         return Action.STAY
     others = packed(moving_m, radii_m, weights)[None]
-    brings = brings_at(table.value_arrays(), coarse, epochs_left, others, state)
+    brings = brings_at(table.value_arrays, coarse, epochs_left, others, state)
     return _ACTIONS[_routes.best_action(brings, state[2])[1]]
 
 
@@ -84,7 +84,7 @@ def way(
     if state is None:
         return np.empty((0, 2)), math.inf
     points_m = np.empty((max_points, 2))
-    values = table.value_arrays()
+    values = table.value_arrays
     count, epochs = _routes.follow(
         values,
         coarse.anchors_m,
