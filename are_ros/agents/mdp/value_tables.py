@@ -149,6 +149,7 @@ class ValueTable:
             self.lengths,
             _NO_LENGTHS if out is None else out.lengths,
             self.costs,
+            self.costs[:0] if out is None else out.costs,
             self.nearness,
             self.at_goal,
             np.column_stack((reaches, effort)),

@@ -1,7 +1,7 @@
 """Navigation: from the intent of an agent to a motion command for the local planner.
 
 The values of the decision process (MDP) tell what each action is worth, with two epochs of
-lookahead among the other agents. Once one is chosen, the best policy gives the way from there. The
+lookahead among the other agents. Once one is chosen, the cheapest way leads on from there. The
 sub-goal is the goal if a straight line leads there, else the farthest point of the way with a
 straight line to it.
 """
@@ -268,7 +268,7 @@ class Navigation:
         """Return the motion command until the next decision, for an action of a prospect.
 
         Pace and move count if there is a choice. The agent goes to the goal if that is seen, else
-        to the farthest point that is seen of the way along the move and then the best ones.
+        to the farthest point that is seen of the way along the move and then the cheapest way.
         """
         kind, speed_mps = prospect.kind, request.speeds_mps[pace] if request.speeds_mps else 0.0
         if kind is Prospects.STRAIGHT:
@@ -277,13 +277,13 @@ class Navigation:
             is_there, is_lost = kind is Prospects.ARRIVED, kind is Prospects.NO_WAY
             return NavigationResult(_command(request, None), arrived=is_there, no_way=is_lost)
         me, way_m = request.me, np.empty((_MOST_POINTS, 2))
-        pose, epochs = (me.x_m, me.y_m, me.yaw_rad), self._epochs(request.left_s)
+        pose = (me.x_m, me.y_m, me.yaw_rad)
         arrays, kinds = (
             prospect.active.arrays,
             prospect.brings[pace :: len(request.speeds_mps), move],
         )
         action = (pace + int(np.argmax(kinds)) * len(request.speeds_mps), move)
-        count, x_m, y_m, is_end = way_along(*arrays, pose, epochs, action, way_m)
+        count, x_m, y_m, is_end = way_along(*arrays, pose, action, way_m)
         way_m = way_m[:count]
         if move == 0 or count == 0:
             return NavigationResult(_command(request, None), waits=True, way_m=way_m)

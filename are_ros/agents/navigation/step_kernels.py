@@ -198,11 +198,10 @@ def way_along(
     value_arrays: ValueTuple,
     ends: GoalSpecArrays,
     pose: tuple[float, float, float],
-    epochs_left: int,
     action: tuple[int, int],
     way_m: Floats,
 ) -> tuple[int, float, float, bool]:
-    """Fill in the way (K, 2) that an action and then the best ones lead along.
+    """Fill in the way (K, 2) that an action leads along, and then the cheapest way.
 
     `pose` is x, y and yaw; `action` a pace and a move, not staying in the goal's cell. Returns how
     many points the way has, the farthest of them that a disc can roll straight to, and whether that
@@ -218,10 +217,8 @@ def way_along(
     ):
         way_m[0, 0], way_m[0, 1] = going.end_m
         return 1, going.end_m[0], going.end_m[1], True
-    scratch, brings = scratch_of(values.paces.shape[0]), np.empty((values.paces.shape[0], 5))
-    nobody = np.empty((1, 0, 5))
     anchors_m = floor.anchors_m
-    count, _ = follow(values, anchors_m, nobody, epochs_left, state, action, way_m, scratch, brings)
+    count = follow(values, anchors_m, state, action, way_m)
     if count == 0:
         return 0, here_m[0], here_m[1], False
     end_m = anchors_m[values.corner[0] + values.goal[0], values.corner[1] + values.goal[1]]
