@@ -118,7 +118,7 @@ def _find_moves(
 ) -> float:
     """Find how far moves go and what the epoch brings; return what the epoch costs in the cell."""
     row, col = cell
-    here = _price(values, anchors_m, others, row, col)
+    here, _ = _price(values, anchors_m, others, row, col)
     for kind in range(1 if values.out_lengths.shape[1] == 0 else 2):
         for direction in range(4):
             longest = _length(values, kind, direction, row, col)
@@ -135,8 +135,9 @@ def _find_moves(
                     break
                 k += 1
                 r, c = row + k * ROW_STEPS[direction], col + k * COL_STEPS[direction]
-                is_free = is_free and not _is_occupied(values, anchors_m, others, r, c)
-                swept += _price(values, anchors_m, others, r, c)
+                price, is_occupied = _price(values, anchors_m, others, r, c)
+                is_free = is_free and not is_occupied
+                swept += price
     return here
 
 
@@ -206,32 +207,24 @@ def _turn(values: ValueArrays, heading: int, direction: int) -> float:
 
 
 @borrowing
-def _price(values: ValueArrays, anchors_m: Doubles, others: Doubles, row: int, col: int) -> float:
-    """Return what an epoch in a cell costs: time, walls, and others by how near they are."""
-    row, col = row + values.corner[0], col + values.corner[1]
-    total = values.prices[0] + values.prices[1] * float(values.nearness[row, col])
-    for k in range(others.shape[0]):
-        away_m = _away_m(anchors_m, others, row, col, k) - others[k, 2]
-        total += others[k, 4] * min(1.0, max(0.0, 1.0 - away_m / others[k, 3]))
-    return total
-
-
-@borrowing
-def _is_occupied(
+def _price(
     values: ValueArrays, anchors_m: Doubles, others: Doubles, row: int, col: int
-) -> bool:
-    """Tell whether somebody will be where one stands in the cell."""
+) -> tuple[float, bool]:
+    """Return what an epoch in a cell costs, and whether somebody will be where one stands in it.
+
+    That is time, walls, and others by how near they are.
+    """
     row, col = row + values.corner[0], col + values.corner[1]
+    total, is_occupied = (
+        values.prices[0] + values.prices[1] * float(values.nearness[row, col]),
+        False,
+    )
     for k in range(others.shape[0]):
-        if _away_m(anchors_m, others, row, col, k) < others[k, 2]:
-            return True
-    return False
-
-
-@borrowing
-def _away_m(anchors_m: Doubles, others: Doubles, row: int, col: int, k: int) -> float:
-    dx_m, dy_m = others[k, 0] - anchors_m[row, col, 0], others[k, 1] - anchors_m[row, col, 1]
-    return float(np.sqrt(dx_m * dx_m + dy_m * dy_m))
+        dx_m, dy_m = others[k, 0] - anchors_m[row, col, 0], others[k, 1] - anchors_m[row, col, 1]
+        away_m = np.sqrt(dx_m * dx_m + dy_m * dy_m) - others[k, 2]
+        total += others[k, 4] * min(1.0, max(0.0, 1.0 - away_m / others[k, 3]))
+        is_occupied = is_occupied or away_m < 0.0
+    return total, is_occupied
 
 
 @borrowing

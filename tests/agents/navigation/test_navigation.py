@@ -15,6 +15,7 @@ from are_ros.agents.behaviours.situation import Intent, Neighbour, Point, RobotV
 from are_ros.agents.behaviours.standing import Standing
 from are_ros.agents.decision import AgentState
 from are_ros.agents.local_planner.body import Body
+from are_ros.agents.mdp.value_tables import ValueTables
 from are_ros.agents.navigation.destinations import Destinations
 from are_ros.agents.navigation.navigation import (
     Navigation,
@@ -37,6 +38,7 @@ WALK = MotionLimits(1.3, 1.5, 3.0, 0.0, 1.8)
 ROW = CatalogueRow(0, "one", "person", (0.3, 0.5, 1.7), (0, 0, 0), Shape.PERSON, motion=WALK)
 LONG = replace(ROW, size_m=(4.0, 1.8, 1.5), motion=MotionLimits(3.0, 1.5, 0.6, 5.0, 1.0))
 SHY = replace(ROW, rewards=RewardWeights(time=0.02, personal_space=3.0, robot=3.0))
+SLIPPING = replace(ROW, slip=0.1)
 NOBODY = np.empty(0, np.int64)
 SPEEDS_MPS = (1.2,)
 PLACES = Destinations(np.array([[1.0, 1.0]]), np.empty((0, 2)))
@@ -306,6 +308,26 @@ def test_a_goal_on_the_way_out_is_the_better_the_longer_the_life() -> None:
         assert at is not None
         assert (at[0] < 3.2) == (left_s == 2.0)
         assert (at[1] < 4.0) == (left_s == 2.0)
+
+
+@pytest.mark.parametrize("left_s", [1.0, 2.0, 7.0, 30.0, None])
+@pytest.mark.parametrize("exits_m", [(), ((2.0, 38.0),)])
+def test_the_values_of_any_horizon_are_those_of_all_planes(
+    left_s: float | None, exits_m: tuple[Point, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a goal in a large hall, with one plane kept, and with all."""
+    found = []
+    for kept in (0, 2**30):
+        monkeypatch.setattr(ValueTables.__init__, "__defaults__", (60.0, 2**28, kept))
+        ways = navigation(hall((15.0, 14.0, 25.0, 26.0)))
+        _, prospect = prospect_of(
+            ways, (10.0, 20.0, 0.3), (34.0, 21.0), row=SLIPPING, left_s=left_s, exits_m=exits_m
+        )
+        assert prospect.active is not None
+        assert (len(prospect.active.table.planes) == 1) == (kept == 0)
+        found.append(prospect)
+    assert (found[0].values == found[1].values).all()
+    assert found[0].value == found[1].value
 
 
 def test_one_may_ask_for_several_goals() -> None:
