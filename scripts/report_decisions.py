@@ -5,9 +5,9 @@ Artefacts live beside a robot that drives about, as in `are soak`. Reported are,
 with a choice of moves:
 
 - executed: at the next decision the artefact is where its move can lead to, or has turned towards
-  it. That is a cell on the way that the move begins, or beside it, and nearer to its points; its own
-  cell if it was to stay, or the move failed. Else whether its activity or the local planner names
-  what hindered it;
+  it. That is a cell on the way that the move begins, or beside it, and nearer to its points; its
+  own cell if it was to stay, or the move failed. Else whether its activity or the local planner
+  names what hindered it;
 - the horizon changed the action: the best action with what is left of the life is another than
   the best one with the longest horizon;
 
