@@ -164,9 +164,9 @@ def decide() -> None:
     cells = Neighbourhood(poses[:, :2]).cells
     crowd = (*cells, poses, np.ones(11), np.full(11, 0.3))
     ends, no_robot = (0.25, goals_m[0], goals_m[0], 0.5, 0.0), (0.0, 0.0, 0.0, 0.0, -1.0)
-    active = (tuple(coarse.ground), tuple(table.value_arrays()), ends)
-    choice = (*active, crowd, no_robot, 1.0, (0, True, 30), False, np.empty((2, 5)))
-    way = (*active, (x_m, y_m, 0.0), 30, (0, 3), np.empty((128, 2)))
+    active = (tuple(coarse.ground), tuple(table.value_arrays), ends)
+    choice = (crowd, no_robot, 1.0, (0, True, 30), False, np.empty((2, 5)), *active)
+    way = (*active, (x_m, y_m, 0.0), (0, 3), np.empty((128, 2)))
     calls: dict[str, Callable[[], object]] = {
         "values of a known goal": functools.partial(tables.value, coarse, model, goals_m[0]),
         "actions, 10 others": functools.partial(prospect_of, *choice),

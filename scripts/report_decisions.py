@@ -5,9 +5,9 @@ Artefacts live beside a robot that drives about, as in `are soak`. Reported are,
 with a choice of moves:
 
 - executed: at the next decision the artefact is where its move can lead to, or has turned towards
-  it. That is a cell on the way that the move begins, or beside it, and nearer to its points; its own
-  cell if it was to stay, or the move failed. Else whether its activity or the local planner names
-  what hindered it;
+  it. That is a cell on the way that the move begins, or beside it, and nearer to its points; its
+  own cell if it was to stay, or the move failed. Else whether its activity or the local planner
+  names what hindered it;
 - the horizon changed the action: the best action with what is left of the life is another than
   the best one with the longest horizon;
 
@@ -35,7 +35,8 @@ from are_ros.agents.navigation.navigation import (
 from are_ros.agents.snapshot import AgentSnapshot
 from are_ros.builder.assembly import catalogue_of
 from are_ros.lab.soak import SoakRun
-from are_ros.population.artefact import boxes_of
+from are_ros.population.artefact import GroundPose, boxes_of
+from are_ros.population.catalogue import CatalogueRow
 from are_ros.replay.command import effective_parameters
 from are_ros.world.map_io import read_map_file
 
@@ -84,10 +85,10 @@ class Report:
         longest = crowd.navigation.prospects([unending], view, robot)[0]
         if longest.kind is Prospects.CHOOSES and longest.best != prospect.best:
             self.counts["horizon"] += 1
-        stays = result.command.subgoal_m is None
+        subgoal_m = result.command.subgoal_m
         reach_m = max(request.speeds_mps) * self._period_s
-        way_m = result.way_m if stays else np.vstack((result.way_m, result.command.subgoal_m))
-        self._pending[me.id] = Pending(me.point_m, me.yaw_rad, way_m, reach_m, stays)
+        way_m = result.way_m if subgoal_m is None else np.vstack((result.way_m, subgoal_m))
+        self._pending[me.id] = Pending(me.point_m, me.yaw_rad, way_m, reach_m, subgoal_m is None)
 
     def shares(self, changed: int, gone: Counter[str]) -> list[tuple[str, float, int]]:
         """Return what is reported: its name, its share, and of how many."""
@@ -168,19 +169,19 @@ def main() -> None:
     grid = read_map_file(arguments.map, parameters.frames.map)
     run = SoakRun(grid, parameters, catalogue_of(parameters))
     report, changes, gone = Report(run), Counter[str](), Counter[str]()
-    last = {}
+    last = dict[int, tuple[CatalogueRow, GroundPose]]()
     while run.judge.verdict.artefact_s < 60.0 * arguments.minutes:
-        run.step()
-        lives = run.builder.lives
-        for event in run.tick.events:
+        tick, lives = run.step(), run.builder.lives
+        for event in tick.events:
             changes[EventKind(event.kind).name] += 1
             if event.kind is EventKind.DEPARTED and event.artefact_id in last:
                 row, pose = last[event.artefact_id]
-                hidden = lives.is_hidden(boxes_of([row], [pose]))
-                gone["out of view" if hidden.all() else "in view"] += 1
+                is_hidden = lives.is_hidden(boxes_of([row], [pose])).all()
+                gone["out of view" if is_hidden else "in view"] += 1
+        scene = tick.scene
         last = {
             one.id: (one.row, pose)
-            for one, pose in zip(run.tick.scene.artefacts, run.tick.scene.ground_poses, strict=True)
+            for one, pose in zip(scene.artefacts, scene.ground_poses, strict=True)
         }
     print(f"{arguments.map.stem}: {run.judge.verdict.artefact_s / 60.0:.0f} artefact-minutes")
     for name, share, total in report.shares(changes["CHANGED"], gone):

@@ -369,6 +369,8 @@ class DecisionLayer:
         pace, move = divmod(drawn(weights, state.policy_random.random()), _MOVES)
         pace += state.repertoire.paces.indices(len(prospect.values))[0]
         becomes = slipped(move, state.slip, state.policy_random.random())
+        if becomes == STAY != move:  # it fails: the agent turns there, and does not go
+            return _hesitating(request, self._navigation.result(request, prospect, pace, move))
         result = self._navigation.result(request, prospect, pace, becomes)
         return result._replace(waits=move == STAY)
 
@@ -494,6 +496,14 @@ def _intent_of_journey(state: AgentState, situation: Situation) -> Intent | None
         return None
     speeds_mps = state.repertoire.speeds_mps(situation)
     return Intent(journey.goal_m, speeds_mps[0], arrival_m(situation)) if speeds_mps else None
+
+
+def _hesitating(request: NavigationRequest, result: NavigationResult) -> NavigationResult:
+    """Return the result of a move that fails: the agent stands, and faces where it leads."""
+    (x_m, y_m), subgoal_m = request.me.point_m, result.command.subgoal_m
+    face_rad = None if subgoal_m is None else math.atan2(subgoal_m[1] - y_m, subgoal_m[0] - x_m)
+    command = result.command._replace(subgoal_m=None, speed_mps=0.0, face_rad=face_rad)
+    return result._replace(command=command)
 
 
 def _request(state: AgentState, situation: Situation, intent: Intent) -> NavigationRequest:

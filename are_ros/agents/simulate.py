@@ -292,7 +292,7 @@ def _view_of(robot: RobotMotion | None, plan_m: _Floats) -> RobotView | None:
         robot.yaw_rad,
         robot.vx_mps,
         robot.vy_mps,
-        robot.footprint.circumscribed_radius_m,
+        robot.radius_m,
         plan_m,
     )
 

@@ -108,7 +108,7 @@ class AgentSnapshot:
 
     @cached_property
     def crowd(self) -> CrowdArrays:
-        """All artefacts, as `route_step` takes them."""
+        """All artefacts, as `prospect_of` takes them."""
         cells = self._neighbourhood.cells
         return (*cells, self._poses, self._speeds_mps, self._radii_m)
 

@@ -244,7 +244,6 @@ class SoakRun:
         _, _, z, w = grid.origin.rotation_xyzw.tolist()
         self._map_yaw_rad = 2.0 * math.atan2(z, w)
         self._robot = RovingRobot(environment, self._radius_m, parameters.seed)
-        self.tick: Tick | None = None
         self._is_robot_seen = False
         self._touching: set[int] = set()
         self._index = 0
@@ -257,12 +256,12 @@ class SoakRun:
         """The time so far."""
         return self._index * self._step_s
 
-    def step(self) -> None:
-        """Run a sub-step, judge it, and drive the robot on."""
+    def step(self) -> Tick:
+        """Run a sub-step, judge it, drive the robot on, and return the tick."""
         self._index += 1
         step_ns = round(self._step_s * NS_PER_S)
         now_ns = self._index * step_ns
-        self.tick = tick = self.builder.step(now_ns)
+        tick = self.builder.step(now_ns)
         if self.now_s > _LONGEST_EMPTY_S and not self.builder.lives.area_m2:
             raise MapError("the map has no room for anybody where the robot can go")
         jumped = _named(tick, EventKind.DISPLACED)
@@ -280,6 +279,7 @@ class SoakRun:
         then_ns = now_ns + step_ns // 2
         self.builder.receive_transform("map", "base_link", then_ns, pose, turn, then_ns)
         self._is_robot_seen = True
+        return tick
 
     def result(self) -> SoakResult:
         """Return the result so far."""

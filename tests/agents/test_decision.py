@@ -551,15 +551,16 @@ def test_in_a_frozen_scene_behaviours_and_moves_follow_boltzmanns_law() -> None:
 
 def test_moves_slip() -> None:
     """One that is intended to the east goes there, nowhere, or to a side (chi-square)."""
-    town = Town(temperature=0.0, slip=0.4)
+    town, failed = Town(temperature=0.0, slip=0.4), 0
     town.ways.values = np.array([[-1.0, 0.0, -1.0, -1.0, -1.0]])
     town.admit(1, 0, "walking", PERSON)
     for epoch in range(3000):
         town.decide(20 * epoch)
+        command = town.road.commands[1]
+        failed += command.subgoal_m is None
+        assert (command.subgoal_m is None) == (command.face_rad is not None)
     counts = Counter(move for _, move in town.ways.actions)
-    moved = len(town.ways.actions)
-    expected = np.array([0.2, 0.6, 0.1, 0.0, 0.1]) * moved
-    assert counts[3] == 0
-    some = expected > 0.0
-    found = np.array([counts[move] for move in range(5)])
-    assert stats.chisquare(found[some], expected[some]).pvalue > LEVEL
+    assert counts[0] == counts[3] == 0
+    found = np.array([failed, counts[1] - failed, counts[2], counts[4]])
+    expected = np.array([0.2, 0.6, 0.1, 0.1]) * 3000
+    assert stats.chisquare(found, expected).pvalue > LEVEL

@@ -7,12 +7,13 @@ import numpy.typing as npt
 import pytest
 
 from are_ros.agents.behaviours.situation import Neighbour
+from are_ros.agents.mdp.routes import AHEAD
 from are_ros.agents.navigation.step_kernels import (
     FADE_M,
     MINDED_M,
     Crowd,
-    NeighbourQuery,
-    Scratch,
+    GoalSpec,
+    Robot,
     find_others,
 )
 from are_ros.agents.neighbours import Cells
@@ -21,6 +22,7 @@ from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistor
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.meshes.shapes import Shape
 
+NO_ROBOT = (0.0, 0.0, 0.0, 0.0, -1.0)
 ROW = CatalogueRow(0, "somebody", "person", (0.3, 0.5, 1.7), (0.0, 0.0, 0.0), Shape.PERSON)
 
 
@@ -110,51 +112,47 @@ def test_who_is_near_can_be_asked_for_by_what_it_does() -> None:
     assert talking == [f for f in everybody if f.activity == "talking"]
 
 
-def query(
-    view: AgentSnapshot, me: Neighbour, others: NeighbourQuery, radius_m: float = 0.2
+def minded(
+    view: AgentSnapshot, index: int, robot: Robot = NO_ROBOT, *, is_patient: bool = True
 ) -> npt.NDArray[np.float64]:
-    """Return who is minded about one, as rows of x, y, radius, fade and weight."""
-    arrays = view.crowd
-    everybody = Crowd(Cells(*arrays[:8]), *arrays[8:])
-    size = len(everybody.poses)
-    moving = np.empty((size + 1, 5))
-    scratch = Scratch(np.empty(size, np.int64), np.empty(size), moving, np.empty(9))
-    return moving[: find_others(everybody, others, me.x_m, me.y_m, radius_m, scratch)]
+    """Return who is minded about one, by epoch of 2 s as rows of x, y, radius, fade and weight."""
+    everybody = Crowd(Cells(*view.crowd[:8]), *view.crowd[8:])
+    going = GoalSpec(0.2, (0.0, 0.0), (0.0, 0.0), 0.4, 0.7)
+    return find_others(everybody, robot, 2.0, index, is_patient, going)
 
 
-@pytest.mark.parametrize("robot_price", [0.0, 0.7])
-def test_others_are_minded_where_their_velocity_takes_them(robot_price: float) -> None:
-    """All but oneself within 3 m now, the nearest first; then the robot, if there is one."""
+@pytest.mark.parametrize("robot", [NO_ROBOT, (1.0, 2.0, 0.5, -0.5, 0.9)])
+def test_others_are_minded_where_their_velocity_takes_them(robot: Robot) -> None:
+    """All but oneself who are near now, the nearest first; then the robot, if there is one."""
     view, _, numbers = crowd(300)
-    me = view.neighbour(30)
-    assert me is not None
     index = view.index_of(30)
-    found = query(view, me, NeighbourQuery(index, 2.0, 0.4, 1.0, 2.0, 0.9, robot_price))
-    away = np.hypot(numbers[:, 0] - me.x_m, numbers[:, 1] - me.y_m)
+    found = minded(view, index, robot)
+    away = np.hypot(*(numbers[:, :2] - numbers[index, :2]).T)
     near = [i for i in np.argsort(away).tolist() if i != index and away[i] <= MINDED_M]
-    expected = [
-        (
-            x + 2.0 * v * math.cos(yaw),
-            y + 2.0 * v * math.sin(yaw),
-            0.2 + 0.2 + 0.01 * i,
-            FADE_M,
-            0.4,
-        )
-        for i, (x, y, _, yaw, v) in ((i, numbers[i].tolist()) for i in near)
-    ]
-    if robot_price > 0.0:
-        expected.append((1.0, 2.0, 0.9, FADE_M, robot_price))
-    assert len(expected) > 5
-    np.testing.assert_allclose(found, expected)
+    for epoch in range(AHEAD):
+        ahead_s = 2.0 * (epoch + 1)
+        expected = [
+            (
+                x + ahead_s * v * math.cos(yaw),
+                y + ahead_s * v * math.sin(yaw),
+                0.2 + 0.2 + 0.01 * i,
+                FADE_M,
+                0.4,
+            )
+            for i, (x, y, _, yaw, v) in ((i, numbers[i].tolist()) for i in near)
+        ]
+        if robot[4] > 0.0:
+            place = (1.0 + 0.5 * ahead_s, 2.0 - 0.5 * ahead_s)
+            expected.append((*place, 0.9 + 0.2, FADE_M, 0.7))
+        assert len(expected) > 5
+        np.testing.assert_allclose(found[epoch], expected)
 
 
 def test_alone_nobody_is_minded() -> None:
-    """Nor in a crowd, by who is not to mind anybody."""
-    for count, index in ((1, 0), (300, -1)):
-        view, _, _ = crowd(count)
-        me = view.neighbour(3)
-        assert me is not None
-        assert query(view, me, NeighbourQuery(index, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0)).shape == (0, 5)
+    """Nor in a crowd, by who is not to mind anybody; the robot neither."""
+    robot = (1.0, 2.0, 0.0, 0.0, 0.9)
+    assert minded(crowd(1)[0], 0).shape == (AHEAD, 0, 5)
+    assert minded(crowd(300)[0], 7, robot, is_patient=False).shape == (AHEAD, 0, 5)
 
 
 def test_seeing_is_asked_with_who_looks() -> None:

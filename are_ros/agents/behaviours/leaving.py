@@ -10,7 +10,7 @@ from are_ros.agents.behaviours.walking import arrival_m
 from are_ros.conventions import NS_PER_S
 
 _BLOCKED_S = 12.0
-_MUCH = 10.0 * WORTH
+_MUCH = 20.0 * WORTH
 
 
 class Leaving:

@@ -407,7 +407,7 @@ def plan(
     is_stuck = memory.blocked > _BACKS_OFF_AFTER
     keeps_way = command.planner == PATH_FOLLOWING and body.turn_radius > 0.0
     keeps_way = keeps_way and aim.kind != PUSHED
-    keeps_way = keeps_way and not (is_stuck and memory.obstruction == BY_WALL)
+    keeps_way = keeps_way and not (is_stuck and memory.obstruction <= BY_WALL)  # by nobody
     chosen, side, last, obstruction, culprit = _search(
         agents,
         i,

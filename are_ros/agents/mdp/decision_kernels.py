@@ -88,7 +88,8 @@ def _move_near(process: Process, part: Part, pace: int, scratch: Floats) -> None
     """Put what moves of a pace of up to three cells bring into the scratch, if it is better."""
     flat, lengths, (old, first, count) = process.flat, process.lengths, part
     north, south = np.uint64(process.width), np.uint64(-process.width)
-    reach, own = np.int32(process.paces[pace, 0]), _lengths_of(process, pace)
+    reach = np.int32(process.paces[pace, 0])
+    own = np.uint64(4 * process.settled.shape[0] * process.paces[pace, 1])
     for i in range(count):
         e, n, w, s = _in_planes(process, first + i)
         ends = (
@@ -185,7 +186,8 @@ def _put(
 def _find_ends(process: Process, part: Part, pace: int, scratch: Floats) -> None:
     """Put into the scratch the value of where each direction leads to from each cell."""
     flat, lengths, (old, at, count), out = process.flat, process.lengths, part, _ENDS
-    reach, own = process.paces[pace, 0], _lengths_of(process, pace)
+    reach = process.paces[pace, 0]
+    own = np.uint64(4 * process.settled.shape[0] * process.paces[pace, 1])
     for direction in range(4):
         # to the west and south it wraps around, and back when it is added
         step = np.uint64(ROW_STEPS[direction] * process.width + COL_STEPS[direction])
@@ -204,13 +206,6 @@ def _find_ends(process: Process, part: Part, pace: int, scratch: Floats) -> None
                 is_longer = lengths[own + at + i] >= length_k
                 scratch[out + i] = _either(scratch[out + i], flat[this + i], is_longer)
         at, out = at + np.uint64(process.settled.shape[0]), out + _ROW
-
-
-@compiled
-def _lengths_of(process: Process, pace: int) -> np.uint64:
-    """Return where the lengths of a pace begin."""
-    begin: np.uint64 = np.uint64(4 * process.settled.shape[0] * process.paces[pace, 1])
-    return begin
 
 
 @compiled

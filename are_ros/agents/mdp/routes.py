@@ -16,6 +16,9 @@ Cell = tuple[int, int]
 TIE = 1e-6
 """Actions whose values differ by less count as equal; then going straight on is preferred."""
 
+_ROUNDING = 1e-5
+"""Costs of ways that differ by this share count as equal."""
+
 AHEAD = 2
 """So many epochs are looked ahead among others who move."""
 
@@ -24,7 +27,8 @@ class ValueArrays(NamedTuple):
     """A value table as the kernels take it, with a window of h x w cells.
 
     `planes`, `settled`, `nearness` and `at_goal` as in `ValueTable`, `lengths` and `costs`
-    as in `Ways`; `out_lengths` those of the ways out, (4, 0, 0) without any. `paces` (P, 3) are
+    as in `Ways`; `out_lengths` and `out_costs` those of the ways out, without cells if there are
+    none. `paces` (P, 3) are
     reach, kind of lengths and effort of each, once more with ways out. `prices` are those of time
     and clearance, and what resting saves; `chances` and `turns` as in `Process`; `corner` is the
     window's first cell, `goal` the goal's in the window.
@@ -35,6 +39,7 @@ class ValueArrays(NamedTuple):
     lengths: Lengths
     out_lengths: Lengths
     costs: Floats
+    out_costs: Floats
     nearness: Floats
     at_goal: Floats
     paces: Doubles
@@ -113,7 +118,7 @@ def _find_moves(
 ) -> float:
     """Find how far moves go and what the epoch brings; return what the epoch costs in the cell."""
     row, col = cell
-    here = _price(values, anchors_m, others, row, col)
+    here, _ = _price(values, anchors_m, others, row, col)
     for kind in range(1 if values.out_lengths.shape[1] == 0 else 2):
         for direction in range(4):
             longest = _length(values, kind, direction, row, col)
@@ -130,8 +135,9 @@ def _find_moves(
                     break
                 k += 1
                 r, c = row + k * ROW_STEPS[direction], col + k * COL_STEPS[direction]
-                is_free = is_free and not _is_occupied(values, anchors_m, others, r, c)
-                swept += _price(values, anchors_m, others, r, c)
+                price, is_occupied = _price(values, anchors_m, others, r, c)
+                is_free = is_free and not is_occupied
+                swept += price
     return here
 
 
@@ -156,7 +162,7 @@ def _find_after(
     after, ahead = moves.after, others.shape[0]
     later = values.planes[place_of(values, epochs_left - ahead)]
     is_goal = row == values.goal[0] and col == values.goal[1]
-    given = values.at_goal[min(epochs_left, values.at_goal.shape[0] - 1)]
+    given = values.at_goal[max(0, min(epochs_left, values.at_goal.shape[0] - 1))]
     for heading in range(4):
         after[heading] = given[heading] if is_goal else later[heading, row, col]
     if is_goal or ahead == 0:
@@ -201,32 +207,24 @@ def _turn(values: ValueArrays, heading: int, direction: int) -> float:
 
 
 @borrowing
-def _price(values: ValueArrays, anchors_m: Doubles, others: Doubles, row: int, col: int) -> float:
-    """Return what an epoch in a cell costs: time, walls, and others by how near they are."""
-    row, col = row + values.corner[0], col + values.corner[1]
-    total = values.prices[0] + values.prices[1] * float(values.nearness[row, col])
-    for k in range(others.shape[0]):
-        away_m = _away_m(anchors_m, others, row, col, k) - others[k, 2]
-        total += others[k, 4] * min(1.0, max(0.0, 1.0 - away_m / others[k, 3]))
-    return total
-
-
-@borrowing
-def _is_occupied(
+def _price(
     values: ValueArrays, anchors_m: Doubles, others: Doubles, row: int, col: int
-) -> bool:
-    """Tell whether somebody will be where one stands in the cell."""
+) -> tuple[float, bool]:
+    """Return what an epoch in a cell costs, and whether somebody will be where one stands in it.
+
+    That is time, walls, and others by how near they are.
+    """
     row, col = row + values.corner[0], col + values.corner[1]
+    total, is_occupied = (
+        values.prices[0] + values.prices[1] * float(values.nearness[row, col]),
+        False,
+    )
     for k in range(others.shape[0]):
-        if _away_m(anchors_m, others, row, col, k) < others[k, 2]:
-            return True
-    return False
-
-
-@borrowing
-def _away_m(anchors_m: Doubles, others: Doubles, row: int, col: int, k: int) -> float:
-    dx_m, dy_m = others[k, 0] - anchors_m[row, col, 0], others[k, 1] - anchors_m[row, col, 1]
-    return float(np.sqrt(dx_m * dx_m + dy_m * dy_m))
+        dx_m, dy_m = others[k, 0] - anchors_m[row, col, 0], others[k, 1] - anchors_m[row, col, 1]
+        away_m = np.sqrt(dx_m * dx_m + dy_m * dy_m) - others[k, 2]
+        total += others[k, 4] * min(1.0, max(0.0, 1.0 - away_m / others[k, 3]))
+        is_occupied = is_occupied or away_m < 0.0
+    return total, is_occupied
 
 
 @borrowing
@@ -248,44 +246,60 @@ def best_action(brings: Doubles, heading: int) -> tuple[int, int]:
 def follow(
     values: ValueArrays,
     anchors_m: Doubles,
-    nobody: Doubles,
-    epochs_left: int,
     state: tuple[int, int, int],
     action: tuple[int, int],
     points_m: Doubles,
-    scratch: tuple[Moves, Moves],
-    brings: Doubles,
-) -> tuple[int, float]:
-    """Fill in the anchors (K, 2) that an action and then the best ones lead along, without slips.
+) -> int:
+    """Fill in the anchors (K, 2) along an action, and then along a cheapest way from there.
 
-    Returns how many there are, and the epochs that this takes: to the goal, or to where the
-    points are all used; inf if neither is ever reached. `nobody` is (1, 0, 5).
+    Of several ways it is the one that stays near the straight line from the state to the goal: the
+    coarse cells are not to be seen in it. An action by a way out is followed by that. Returns how
+    many points there are.
     """
-    row, col, heading = state
-    count, epochs = 0, 0.0
-    for step in range(values.lengths.size):
-        if (row == values.goal[0] and col == values.goal[1]) or count == points_m.shape[0]:
-            return count, epochs
-        pace, move = action
-        reach, length = values.paces[pace, 0], 0
-        if move > 0:
-            heading = move - 1
-            kind = int(values.paces[pace, 1])
-            length = min(int(reach), _length(values, kind, heading, row, col))
-        elif step > 0 and epochs_left < 0:
-            break  # at the end of its life it waits
-        for _ in range(length):
-            row, col = row + ROW_STEPS[heading], col + COL_STEPS[heading]
-            if count < points_m.shape[0]:
-                anchor_m = anchors_m[row + values.corner[0], col + values.corner[1]]
-                points_m[count, 0], points_m[count, 1] = anchor_m[0], anchor_m[1]
-                count += 1
-        epochs += length / reach if length > 0 else 1.0
-        epochs_left -= 1
-        state = (row, col, heading)
-        action_values(values, epochs_left, anchors_m, nobody, state, scratch, brings)
-        action = best_action(brings, heading)
-    return count, np.inf
+    row, col, _ = state
+    pace, move = action
+    kind, left, count = int(values.paces[pace, 1]), 0, 0
+    direction = move - 1
+    if move > 0:
+        longest = _length(values, kind, direction, row, col)
+        left = min(int(values.paces[pace, 0]), longest)
+    while count < points_m.shape[0]:
+        if left == 0:
+            direction = _next_direction(values, kind, state, row, col)
+            if direction < 0:
+                break
+            left = 1
+        row, col = row + ROW_STEPS[direction], col + COL_STEPS[direction]
+        anchor_m = anchors_m[row + values.corner[0], col + values.corner[1]]
+        points_m[count, 0], points_m[count, 1] = anchor_m[0], anchor_m[1]
+        left, count = left - 1, count + 1
+    return count
+
+
+@borrowing
+def _next_direction(
+    values: ValueArrays, kind: int, state: tuple[int, int, int], row: int, col: int
+) -> int:
+    """Return the direction of the cheapest way, -1 at its end.
+
+    Of several it is the one nearest to the line from the state to the goal; on a way out the first.
+    """
+    costs = values.costs if kind == 0 else values.out_costs
+    rows, cols = values.goal[0] - state[0], values.goal[1] - state[1]
+    best, nearest = -1, 0
+    for direction in range(4):
+        r, c = row + ROW_STEPS[direction], col + COL_STEPS[direction]
+        if _length(values, kind, direction, row, col) == 0 or costs[r, c] >= costs[row, col]:
+            continue
+        clearance = values.prices[1] * float(
+            values.nearness[r + values.corner[0], c + values.corner[1]]
+        )
+        step = (values.prices[0] + clearance) / values.paces[0, 0]
+        if costs[r, c] + step <= (1.0 + _ROUNDING) * costs[row, col]:
+            away = abs((r - state[0]) * cols - (c - state[1]) * rows) if kind == 0 else 0
+            if best < 0 or away < nearest:
+                best, nearest = direction, away
+    return best
 
 
 @borrowing

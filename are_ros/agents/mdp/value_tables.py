@@ -138,16 +138,18 @@ class ValueTable:
         goal = goal[0] - self.corner[0], goal[1] - self.corner[1]
         return Ways(self.lengths, price, self.costs, goal, model)
 
-    def value_arrays(self, planes: npt.NDArray[np.float32] | None = None) -> ValueArrays:
-        """Return the arrays that kernels take; with all planes if these are given."""
+    @property
+    def value_arrays(self) -> ValueArrays:
+        """The arrays that kernels take."""
         model, out = self.model, self.out
         reaches, effort = paces_of(model, 1 if out is None else 2)
         return ValueArrays(
-            self.planes if planes is None else planes,
+            self.planes,
             self.settled,
             self.lengths,
             _NO_LENGTHS if out is None else out.lengths,
             self.costs,
+            self.costs[:0] if out is None else out.costs,
             self.nearness,
             self.at_goal,
             np.column_stack((reaches, effort)),

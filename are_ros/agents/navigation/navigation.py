@@ -1,7 +1,7 @@
 """Navigation: from the intent of an agent to a motion command for the local planner.
 
 The values of the decision process (MDP) tell what each action is worth, with two epochs of
-lookahead among the other agents. Once one is chosen, the best policy gives the way from there. The
+lookahead among the other agents. Once one is chosen, the cheapest way leads on from there. The
 sub-goal is the goal if a straight line leads there, else the farthest point of the way with a
 straight line to it.
 """
@@ -96,6 +96,11 @@ class ActiveGoal(NamedTuple):
     environment: Environment
     table: ValueTable
     arrays: GoalArrays
+
+    def with_planes(self, planes: npt.NDArray[np.float32]) -> "ActiveGoal":
+        """Return the same with the values of all epochs."""
+        ground, (_, *others), ends = self.arrays
+        return self._replace(arrays=(ground, (planes, *others), ends))
 
 
 class Prospect(NamedTuple):
@@ -204,7 +209,7 @@ class Navigation:
         index: int,
     ) -> Prospect:
         known = request.state.active
-        intent, key = request.intent, _key_of(request)
+        intent, key = request.intent, self._key_of(request)
         if key is None:
             return Prospect(Prospects.STANDS)
         away_m = math.dist(request.me.point_m, key[0])
@@ -241,19 +246,17 @@ class Navigation:
         brings = np.empty((len(active.arrays[1][_PACES]), 5))
         look = partial(
             prospect_of,
-            crowd=view.crowd,
-            robot=around,
-            epoch_s=self._settings.decision_period,
-            agent=(index, request.is_patient, self._epochs(request.left_s)),
-            is_moving_goal=request.intent.is_moving_goal,
-            brings=brings,
+            view.crowd,
+            around,
+            self._settings.decision_period,
+            (index, request.is_patient, self._epochs(request.left_s)),
+            request.intent.is_moving_goal,
+            brings,
         )
         what, heading, value = look(*active.arrays)
         if what == UNKNOWN:
-            planes = self._tables.all_planes(active.table)
-            arrays = (active.arrays[0], tuple(active.table.value_arrays(planes)), active.arrays[2])
-            active = active._replace(arrays=arrays)
-            what, heading, value = look(*arrays)
+            active = active.with_planes(self._tables.all_planes(active.table))
+            what, heading, value = look(*active.arrays)
         paces = len(request.speeds_mps)
         values = brings if len(brings) == paces else np.maximum(brings[:paces], brings[paces:])
         return Prospect(_KINDS[what], values, value, heading, brings, active)
@@ -264,7 +267,7 @@ class Navigation:
         """Return the motion command until the next decision, for an action of a prospect.
 
         Pace and move count if there is a choice. The agent goes to the goal if that is seen, else
-        to the farthest point that is seen of the way along the move and then the best ones.
+        to the farthest point that is seen of the way along the move and then the cheapest way.
         """
         kind, speed_mps = prospect.kind, request.speeds_mps[pace] if request.speeds_mps else 0.0
         if kind is Prospects.STRAIGHT:
@@ -273,13 +276,13 @@ class Navigation:
             is_there, is_lost = kind is Prospects.ARRIVED, kind is Prospects.NO_WAY
             return NavigationResult(_command(request, None), arrived=is_there, no_way=is_lost)
         me, way_m = request.me, np.empty((_MOST_POINTS, 2))
-        pose, epochs = (me.x_m, me.y_m, me.yaw_rad), self._epochs(request.left_s)
+        pose = (me.x_m, me.y_m, me.yaw_rad)
         arrays, kinds = (
             prospect.active.arrays,
             prospect.brings[pace :: len(request.speeds_mps), move],
         )
         action = (pace + int(np.argmax(kinds)) * len(request.speeds_mps), move)
-        count, x_m, y_m, is_end = way_along(*arrays, pose, epochs, action, way_m)
+        count, x_m, y_m, is_end = way_along(*arrays, pose, action, way_m)
         way_m = way_m[:count]
         if move == 0 or count == 0:
             return NavigationResult(_command(request, None), waits=True, way_m=way_m)
@@ -318,7 +321,7 @@ class Navigation:
                     profile.others_price,
                     profile.robot_price,
                 )
-                arrays = (tuple(coarse.ground), tuple(table.value_arrays()), goal_spec)
+                arrays = (tuple(coarse.ground), tuple(table.value_arrays), goal_spec)
                 return ActiveGoal(environment, table, arrays)
         return None
 
@@ -331,17 +334,23 @@ class Navigation:
             self._known_terrains[profile.height_m] = terrain
         return terrain
 
+    def _key_of(self, request: NavigationRequest) -> GoalKey | None:
+        """Return what the values are known by; None without a goal.
+
+        Exits count once the end of the life is within the longest horizon: the end of another
+        horizon is not the end.
+        """
+        goal_m, left_s = request.intent.goal_m, request.left_s
+        if goal_m is None:
+            return None
+        is_last = left_s is not None and left_s <= self.horizon * self._settings.decision_period
+        return goal_m, request.speeds_mps, request.exits_m if is_last else ()
+
     def _epochs(self, left_s: float | None) -> int:
         """Return the horizon: the rest of the life, at most the longest [decision periods]."""
         if left_s is None:
             return self.horizon
         return max(1, min(self.horizon, math.ceil(left_s / self._settings.decision_period)))
-
-
-def _key_of(request: NavigationRequest) -> GoalKey | None:
-    """Return what the values are known by; None without a goal."""
-    goal_m = request.intent.goal_m
-    return None if goal_m is None else (goal_m, request.speeds_mps, request.exits_m)
 
 
 def _command(

@@ -16,7 +16,7 @@ from are_ros.agents.mdp.routes import (
     follow,
     is_settled,
 )
-from are_ros.agents.navigation.ground import Ground, cell_of, heading_of
+from are_ros.agents.navigation.ground import Ground, cell_of, fine_cell, heading_of
 from are_ros.agents.navigation.local_way import way_round
 from are_ros.agents.navigation.terrain import farthest, rolls
 from are_ros.agents.neighbours import Cells, find_near
@@ -75,15 +75,15 @@ Robot = tuple[float, float, float, float, float]
 
 @compiled
 def prospect_of(
-    ground: GroundArrays,
-    value_arrays: ValueTuple,
-    ends: GoalSpecArrays,
     crowd: CrowdArrays,
     robot: Robot,
     epoch_s: float,
     agent: tuple[int, bool, int],
     is_moving_goal: bool,
     brings: Floats,
+    ground: GroundArrays,
+    value_arrays: ValueTuple,
+    ends: GoalSpecArrays,
 ) -> tuple[int, int, float]:
     """Fill in what the actions of an agent with a goal are worth, (P, 5): pace, move.
 
@@ -108,7 +108,7 @@ def prospect_of(
         return NO_WAY, 0, 0.0
     if state[0] == values.goal[0] and state[1] == values.goal[1]:
         return STRAIGHT, 0, 0.0
-    others = _find_others(everybody, robot, epoch_s, index, is_patient, going)
+    others = find_others(everybody, robot, epoch_s, index, is_patient, going)
     others = others[: min(AHEAD, epochs_left)]
     if not is_settled(values, state[0], state[1], epochs_left, others.shape[0]):
         return UNKNOWN, 0, 0.0
@@ -145,10 +145,13 @@ def scratch_of(paces: int) -> tuple[Moves, Moves]:
 
 
 @compiled
-def _find_others(
+def find_others(
     crowd: Crowd, robot: Robot, epoch_s: float, me: int, is_patient: bool, going: GoalSpec
 ) -> Floats:
-    """Return where others are in each epoch ahead, (AHEAD, M, 5), as `action_values` takes them."""
+    """Return where others are in each epoch ahead, (AHEAD, M, 5), as `action_values` takes them.
+
+    The robot comes last. Who is not patient minds nobody.
+    """
     size, near, count = crowd.poses.shape[0], 0, 0
     found, squares = np.empty(size, np.int64), np.empty(size)
     if is_patient:
@@ -195,11 +198,10 @@ def way_along(
     value_arrays: ValueTuple,
     ends: GoalSpecArrays,
     pose: tuple[float, float, float],
-    epochs_left: int,
     action: tuple[int, int],
     way_m: Floats,
 ) -> tuple[int, float, float, bool]:
-    """Fill in the way (K, 2) that an action and then the best ones lead along.
+    """Fill in the way (K, 2) that an action leads along, and then the cheapest way.
 
     `pose` is x, y and yaw; `action` a pace and a move, not staying in the goal's cell. Returns how
     many points the way has, the farthest of them that a disc can roll straight to, and whether that
@@ -215,10 +217,8 @@ def way_along(
     ):
         way_m[0, 0], way_m[0, 1] = going.end_m
         return 1, going.end_m[0], going.end_m[1], True
-    scratch, brings = scratch_of(values.paces.shape[0]), np.empty((values.paces.shape[0], 5))
-    nobody = np.empty((1, 0, 5))
     anchors_m = floor.anchors_m
-    count, _ = follow(values, anchors_m, nobody, epochs_left, state, action, way_m, scratch, brings)
+    count = follow(values, anchors_m, state, action, way_m)
     if count == 0:
         return 0, here_m[0], here_m[1], False
     end_m = anchors_m[values.corner[0] + values.goal[0], values.corner[1] + values.goal[1]]
@@ -249,13 +249,8 @@ def _is_ahead(
     move: int,
     point_m: tuple[float, float],
 ) -> bool:
-    """Tell whether a point is in the direction of a move from the anchor of a cell, or beside it.
-
-    That is, not less than a quarter of a cell ahead.
-    """
-    anchor_m = ground.anchors_m[state[0] + values.corner[0], state[1] + values.corner[1]]
-    dx_m, dy_m = point_m[0] - anchor_m[0], point_m[1] - anchor_m[1]
-    x, y = COL_STEPS[move - 1], ROW_STEPS[move - 1]
-    cos, sin = ground.lattice[2], ground.lattice[3]
-    along_m = dx_m * (x * cos - y * sin) + dy_m * (x * sin + y * cos)
-    return bool(along_m >= 0.25 * ground.side * ground.lattice[4])
+    """Tell whether the cell of a point is one or more ahead, in the direction of a move."""
+    row, col = fine_cell(ground.lattice, point_m)
+    rows = row // ground.side - state[0] - values.corner[0]
+    cols = col // ground.side - state[1] - values.corner[1]
+    return rows * ROW_STEPS[move - 1] + cols * COL_STEPS[move - 1] > 0

@@ -177,3 +177,19 @@ def test_planners_of_those_who_left_are_forgotten() -> None:
     street.remove(1)
     street.step()
     assert set(street.planner.user_planners._owned) == {2}
+
+
+def test_the_planner_of_the_documentation_hurries(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The class of docs/planners.md gets to its goal, around somebody to the left."""
+    monkeypatch.syspath_prepend(tmp_path)
+    text = (Path(__file__).parents[3] / "docs" / "planners.md").read_text()
+    (tmp_path / "hurrying.py").write_text(text.split("```python\n")[1].split("```")[0])
+    assert why_not("hurrying:Hurrying") is None
+    street = Street(environment(room(14.0, 8.0)))
+    street.add(1, 2.0, 4.0, 0.0)
+    street.add(2, 7.0, 4.0, 0.0)
+    street.send(1, 12.0, 4.0, planner="hurrying:Hurrying")
+    street.run_until_there(20.0)
+    assert max(float(poses[0, 1]) for poses in street.track) > 4.4

@@ -59,7 +59,7 @@ def differing(coarse: CoarseMap, goal_m: tuple[float, float], step: int = 1) -> 
     again = bounded.all_planes(least)
     assert len(least.planes) == 1
     assert (again == full.planes).all()
-    arrays = full.value_arrays(), least.value_arrays(), least.value_arrays(again)
+    arrays = full.value_arrays, least.value_arrays, least.value_arrays._replace(planes=again)
     count = states = swept = 0
     for row, col in np.argwhere(np.isfinite(full.costs))[::step].tolist():
         for heading, left in product(range(4), range(1, HORIZON + 1)):
@@ -85,7 +85,9 @@ def test_in_the_office_every_horizon_has_the_action_of_all_planes() -> None:
         assert differing(coarse, goal_m, step=2)[0] == 0
 
 
-@pytest.mark.parametrize(("name", "step"), [("nav2-maps/depot.yaml", 4)])
+@pytest.mark.parametrize(
+    ("name", "step"), [("nav2-maps/depot.yaml", 4), ("drl-jarvis-hall/i-108_10mm.yaml", 8)]
+)
 def test_on_real_maps_every_horizon_has_the_action_of_all_planes(
     name: str, step: int, real_data: Path
 ) -> None:
@@ -126,11 +128,12 @@ def slow_values(
     leaving = [start]
     for _ in range(8):
         leaving.append(out.better(leaving[-1]))
-    values = [start | {(*goal, h): RUNNER.goal + start[(*goal, h)] for h in range(4)}]
+    there = [(*goal, heading) for heading in range(4)]
+    values = [start | {state: RUNNER.goal + start[state] for state in there}]
     for epoch in range(1, 9):
         one, other = to_goal.better(values[-1]), out.better(values[-1])
         best = {state: max(one[state], other[state]) for state in one}
-        given = {(*goal, h): RUNNER.goal + leaving[epoch][(*goal, h)] for h in range(4)}
+        given = {state: RUNNER.goal + leaving[epoch][state] for state in there}
         values.append(best | given)
     return values
 
@@ -172,7 +175,7 @@ def test_the_goal_is_gone_to_in_time_and_left_in_time() -> None:
     middle = coarse.cell_of(6.3, 0.5)
     assert middle is not None
     moves = [
-        best_action(brings_at(table.value_arrays(), coarse, left, NOBODY, (*middle, 0)), 0)[1]
+        best_action(brings_at(table.value_arrays, coarse, left, NOBODY, (*middle, 0)), 0)[1]
         for left in (60, 50, 14, 3)
     ]
     assert moves == [1, 1, 3, 3]

@@ -275,14 +275,15 @@ def test_any_shape_will_do(shape: tuple[int, int]) -> None:
 
 
 @pytest.mark.parametrize("shape", [(9, 8), (40, 70), (5, 300), (1, 2000), (700, 2)])
-@pytest.mark.parametrize("reach", [1, 2, 3, 4, 7])
-@pytest.mark.parametrize("slip", [0.0, 0.1])
+@pytest.mark.parametrize("reaches", [(1,), (3,), (2, 4), (3, 6), (7, 11)])
+@pytest.mark.parametrize("slip", [0.0, 0.1, 0.2])
 def test_whatever_is_kept_it_is_plain_induction_to_the_last_bit(
-    shape: tuple[int, int], reach: int, slip: float
+    shape: tuple[int, int], reaches: tuple[int, ...], slip: float
 ) -> None:
-    """All planes; one, in which epochs take each other's place; two, where moves go too far."""
-    edges, nearness, goal, model = some_arguments(reach + sum(shape), shape)
-    model = one_pace(model, reach, slip)
+    """All planes, or that of the longest horizon alone."""
+    edges, nearness, goal, model = some_arguments(reaches[0] + sum(shape), shape)
+    effort = tuple(0.07 * pace for pace in range(len(reaches)))
+    model = replace(model, reaches=reaches, effort=effort, slip=slip)
     problem = travel_problem(edges, nearness, goal, model)
     expected = list(islice(plain_epochs(problem), 10))
     everything, last = solve(problem, 9, kept_bytes=2**30), solve(problem, 9, kept_bytes=0)

@@ -57,20 +57,19 @@ def test_on_an_open_floor_one_goes_straight_to_the_goal(action: Action, yaw_rad:
     table = table_of(coarse, (goal_m[0], goal_m[1]), STEPPER)
     chosen = choose(table, coarse, middle_m[0], middle_m[1], angle, 30, *NOBODY)
     assert chosen is action
-    points_m, epochs = way(table, coarse, middle_m[0], middle_m[1], action - 1, chosen)
-    assert len(points_m) == epochs == 4.0
+    points_m = way(table, coarse, middle_m[0], middle_m[1], action - 1, chosen)
+    assert len(points_m) == 4
     np.testing.assert_allclose(points_m[-1], goal_m)
     along = (points_m - middle_m) @ np.array([math.cos(angle), math.sin(angle)])
     np.testing.assert_allclose(along, [0.5, 1.0, 1.5, 2.05], atol=0.051)
 
 
-def test_in_the_goals_cell_the_way_is_the_goal_alone() -> None:
-    """Without an epoch, wherever in the cell one is."""
+def test_in_the_goals_cell_there_is_no_way_to_go() -> None:
+    """One is there."""
     coarse = open_floor()
     table = table_of(coarse, (3.1, 3.2), STEPPER)
-    points_m, epochs = way(table, coarse, 3.3, 3.3, 0, Action.STAY)
-    assert points_m.tolist() == [[3.1, 3.2]]
-    assert epochs == 0.0
+    points_m = way(table, coarse, 3.3, 3.3, 0, Action.STAY)
+    assert points_m.shape == (0, 2)
 
 
 def test_where_no_way_is_known_one_stays() -> None:
@@ -79,9 +78,8 @@ def test_where_no_way_is_known_one_stays() -> None:
     table = table_of(coarse, (0.5, 0.5), STEPPER)
     for x_m in (2.5, 9.0):
         assert choose(table, coarse, x_m, 0.5, 0.0, 30, *NOBODY) is Action.STAY
-        points_m, epochs = way(table, coarse, x_m, 0.5, 0, Action.WEST)
+        points_m = way(table, coarse, x_m, 0.5, 0, Action.WEST)
         assert points_m.shape == (0, 2)
-        assert epochs == math.inf
 
 
 @pytest.mark.parametrize("reach", [1, 2, 3, 7])
@@ -91,10 +89,8 @@ def test_the_way_leads_through_the_door(reach: int) -> None:
     table = table_of(coarse, (5.3, 0.5), TravelModel(reaches=(reach,)))
     start_m = (0.7, 0.7)
     action = choose(table, coarse, *start_m, 0.0, 30, *NOBODY)
-    points_m, epochs = way(table, coarse, *start_m, 0, action, 40)
+    points_m = way(table, coarse, *start_m, 0, action, 40)
     assert points_m[-1].tolist() == [5.3, 0.5]
-    assert np.isfinite(epochs)
-    assert epochs == pytest.approx(len(points_m) / reach)
     cells = [coarse.cell_of(*start_m), *(coarse.cell_of(*point_m) for point_m in points_m)]
     for one, other in pairwise(cells):
         assert one is not None
@@ -106,15 +102,14 @@ def test_the_way_leads_through_the_door(reach: int) -> None:
 
 
 def test_a_way_is_cut_to_what_was_asked_for() -> None:
-    """Of a long way the first points, and the time that they take."""
+    """Of a long way the first points."""
     coarse = door_floor()
     table = table_of(coarse, (5.3, 0.5), STEPPER)
     action = choose(table, coarse, 0.7, 0.7, 0.0, 30, *NOBODY)
-    longer, epochs = way(table, coarse, 0.7, 0.7, 0, action, 99)
-    first, first_epochs = way(table, coarse, 0.7, 0.7, 0, action, 5)
+    longer = way(table, coarse, 0.7, 0.7, 0, action, 99)
+    first = way(table, coarse, 0.7, 0.7, 0, action, 5)
     assert (first == longer[:5]).all()
-    assert first_epochs == len(first) == 5
-    assert epochs == len(longer) > 5
+    assert len(first) == 5 < len(longer)
 
 
 def test_from_every_place_the_way_leads_to_the_goal() -> None:
@@ -128,13 +123,40 @@ def test_from_every_place_the_way_leads_to_the_goal() -> None:
         assert table is not None
         for (row, col), heading in product(np.ndindex(coarse.shape), range(4)):
             x_m, y_m = coarse.anchors_m[row, col].tolist()
-            if not table.reaches((row, col)):
+            if not table.reaches((row, col)) or (row, col) == table.goal:
                 continue
             yaw_rad = heading * math.pi / 2
             action = choose(table, coarse, x_m, y_m, yaw_rad, 60, *NOBODY)
-            points_m, epochs = way(table, coarse, x_m, y_m, heading, action, 500)
-            assert np.isfinite(epochs)
+            points_m = way(table, coarse, x_m, y_m, heading, action, 500)
             assert tuple(points_m[-1]) == table.goal_m
+
+
+@pytest.mark.parametrize(("goal_m", "action"), [((9.3, 4.8), 1), ((2.8, 9.3), 2), ((9.1, 9.3), 1)])
+def test_in_the_open_the_way_is_by_the_straight_line(
+    goal_m: tuple[float, float], action: int
+) -> None:
+    """No point of it, after the move, is farther from the line than a cell."""
+    coarse = CoarseMap(terrain_of(np.zeros((200, 200), np.bool_)), 0.25)
+    table, start_m = table_of(coarse, goal_m, STEPPER), np.array(coarse.anchors_m[2, 2])
+    x_m, y_m = start_m.tolist()
+    points_m = way(table, coarse, x_m, y_m, 0, Action(action), 99)
+    along = (np.array(goal_m) - start_m) / math.dist(goal_m, start_m)
+    away_m = np.abs((points_m - start_m) @ np.array([-along[1], along[0]]))
+    assert tuple(points_m[-1]) == table.goal_m
+    assert away_m.max() < 0.5
+
+
+def test_a_way_costs_what_the_values_are_made_of() -> None:
+    """The prices of its cells sum up to the cost of the cheapest way."""
+    coarse = CoarseMap(terrain_of(np.random.default_rng(2).random((100, 120)) < 0.004), 0.25)
+    model = TravelModel(reaches=(3,))
+    table = table_of(coarse, (3.0, 2.5), model)
+    for row, col in np.argwhere(np.isfinite(table.costs)).tolist():
+        x_m, y_m = coarse.anchor_of((row, col))
+        points_m = way(table, coarse, x_m, y_m, 0, Action.STAY, 99)
+        cells = [coarse.cell_of(*point_m) for point_m in points_m.tolist()]
+        cost = sum(model.time + model.clearance * coarse.nearness[cell] for cell in cells) / 3
+        assert cost == pytest.approx(table.cost((row, col)), rel=1e-4, abs=1e-6)
 
 
 def test_one_steps_aside_for_who_stands_in_the_way() -> None:
@@ -206,7 +228,7 @@ def test_the_lookahead_is_exact_where_others_move_and_then_are_gone(seed: int, a
     others = np.array([packed(*crowd) for crowd in crowds])
     for state in slow.states[:: 1 + len(slow.states) // 30]:
         if not slow.ends(state[:2]):
-            ours = brings_at(table.value_arrays(), coarse, epochs_left, others, state)
+            ours = brings_at(table.value_arrays, coarse, epochs_left, others, state)
             expected = [slow.value_of(values, state, a, epochs[0]) for a in range(slow.actions)]
             assert ours[:, 0] == pytest.approx([expected[0]] * 2, abs=1e-5)
             np.testing.assert_allclose(ours[:, 1:].ravel(), expected[1:], atol=1e-5)

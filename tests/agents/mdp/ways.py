@@ -1,6 +1,5 @@
 """Ways by hand: the lookahead and the way of one who goes somewhere, without the agents."""
 
-import math
 from enum import IntEnum
 
 import numpy as np
@@ -47,7 +46,7 @@ def choose(
     if state is None:
         return Action.STAY
     others = packed(moving_m, radii_m, weights)[None]
-    brings = brings_at(table.value_arrays(), coarse, epochs_left, others, state)
+    brings = brings_at(table.value_arrays, coarse, epochs_left, others, state)
     return _ACTIONS[_routes.best_action(brings, state[2])[1]]
 
 
@@ -72,36 +71,21 @@ def way(
     heading: int,
     action: Action,
     max_points: int = 16,
-) -> tuple[npt.NDArray[np.float64], float]:
-    """Return the anchors float64 (K, 2) along an action and then the best ones, and the epochs.
+) -> npt.NDArray[np.float64]:
+    """Return the anchors float64 (K, 2) along an action and then a cheapest way.
 
     In the map frame, K at most `max_points`; the last is the table's `goal_m` if the way gets
-    there (only that in the goal's own cell). The epochs are those that this takes if nothing slips
-    and nobody is in the way. No points and inf where the table knows no way; inf, too, if the best
-    actions lead nowhere.
+    there. No points where the table knows no way, and in the goal's own cell.
     """
     state = _state(table, coarse, x_m, y_m, heading)
     if state is None:
-        return np.empty((0, 2)), math.inf
-    points_m = np.empty((max_points, 2))
-    values = table.value_arrays()
-    count, epochs = _routes.follow(
-        values,
-        coarse.anchors_m,
-        np.empty((1, 0, 5)),
-        len(table.planes),
-        state,
-        (0, int(action)),
-        points_m,
-        scratch_of(len(values.paces)),
-        np.empty((len(values.paces), 5)),
-    )
-    if epochs == 0.0:
-        return np.array([table.goal_m]), epochs
+        return np.empty((0, 2))
+    points_m, values = np.empty((max_points, 2)), table.value_arrays
+    count = _routes.follow(values, coarse.anchors_m, state, (0, int(action)), points_m)
     points_m = points_m[:count]
     if count > 0 and (points_m[-1] == coarse.anchors_m[table.goal]).all():
         points_m[-1] = table.goal_m
-    return points_m, epochs
+    return points_m
 
 
 def packed(

@@ -16,11 +16,14 @@ from are_ros.agents.behaviours.situation import Intent, Neighbour, Point, RobotV
 from are_ros.agents.behaviours.standing import Standing
 from are_ros.agents.decision import AgentState
 from are_ros.agents.local_planner.body import PLANNERS, Body
+from are_ros.agents.mdp.value_tables import ValueTables
 from are_ros.agents.navigation.destinations import Destinations
 from are_ros.agents.navigation.navigation import (
     Navigation,
     NavigationRequest,
     NavigationResult,
+    Prospect,
+    Prospects,
 )
 from are_ros.agents.navigation.profile import Clearances, NavigationProfile
 from are_ros.agents.navigation.terrain import Terrains
@@ -36,6 +39,7 @@ WALK = MotionLimits(1.3, 1.5, 3.0, 0.0, 1.8)
 ROW = CatalogueRow(0, "one", "person", (0.3, 0.5, 1.7), (0, 0, 0), Shape.PERSON, motion=WALK)
 LONG = replace(ROW, size_m=(4.0, 1.8, 1.5), motion=MotionLimits(3.0, 1.5, 0.6, 5.0, 1.0))
 SHY = replace(ROW, rewards=RewardWeights(time=0.02, personal_space=3.0, robot=3.0))
+SLIPPING = replace(ROW, slip=0.1)
 NOBODY = np.empty(0, np.int64)
 SPEEDS_MPS = (1.2,)
 PLACES = Destinations(np.array([[1.0, 1.0]]), np.empty((0, 2)))
@@ -230,6 +234,118 @@ def test_any_rest_of_a_life_gives_a_leg(left_s: float | None) -> None:
     found = result((8.0, 9.0), left_s=left_s)
     assert not found.no_way
     assert found.command.subgoal_m is not None or found.waits
+
+
+# --- actions
+
+
+def prospect_of(
+    ways: Navigation,
+    pose: tuple[float, float, float],
+    goal_m: Point,
+    speeds_mps: tuple[float, ...] = (1.2, 2.4),
+    row: CatalogueRow = ROW,
+    left_s: float | None = None,
+    exits_m: tuple[Point, ...] = (),
+) -> tuple[NavigationRequest, Prospect]:
+    """Return the request and the prospect of one alone."""
+    view = view_of(pose)
+    intent = Intent(goal_m, speeds_mps[0])
+    request = NavigationRequest(
+        state(row), me_in(view), intent, speeds_mps, left_s, exits_m=exits_m
+    )
+    (prospect,) = ways.prospects([request], view, None)
+    return request, prospect
+
+
+def test_the_best_action_is_worth_what_the_state_is() -> None:
+    """Alone; none is worth more, and there is a value for each pace and move."""
+    _, prospect = prospect_of(navigation(), (2.0, 5.0, 0.0), (8.0, 9.0))
+    assert prospect.kind is Prospects.CHOOSES
+    assert prospect.values.shape == (2, 5)
+    assert prospect.values.max() == prospect.values[prospect.best] == prospect.value
+    assert prospect.best == (0, 1)
+    assert prospect.heading == 0
+
+
+def test_who_is_late_runs() -> None:
+    """With a long life it walks; with less than the way takes it runs, at the speed of running."""
+    for left_s, pace in ((None, 0), (4.0, 1)):
+        ways = navigation()
+        request, prospect = prospect_of(ways, (2.0, 5.0, 0.0), (9.0, 9.0), left_s=left_s)
+        assert prospect.best[0] == pace
+        found = ways.result(request, prospect, *prospect.best)
+        assert found.command.speed_mps == request.speeds_mps[pace]
+
+
+@pytest.mark.parametrize("move", [1, 2, 3, 4])
+def test_any_move_is_carried_out(move: int) -> None:
+    """Also one that is not the best: the sub-goal is where it leads to."""
+    ways = navigation(hall())
+    request, prospect = prospect_of(ways, (20.1, 20.1, 0.0), (35.0, 31.0))
+    at = ways.result(request, prospect, 0, move).command.subgoal_m
+    assert at is not None
+    along = ((1, 0), (0, 1), (-1, 0), (0, -1))[move - 1]
+    assert along[0] * (at[0] - 20.1) + along[1] * (at[1] - 20.1) > 0.1
+
+
+def test_to_stay_is_to_wait() -> None:
+    """With the way that it would go."""
+    ways = navigation()
+    request, prospect = prospect_of(ways, (2.0, 5.0, 0.0), (8.0, 9.0))
+    found = ways.result(request, prospect, 0, 0)
+    assert found.waits
+    assert found.command.subgoal_m is None
+    assert len(found.way_m)
+
+
+def test_a_goal_on_the_way_out_is_the_better_the_longer_the_life() -> None:
+    """Near the end of its life one turns to the exit, else it goes to the goal."""
+    ways, exits_m, keen = navigation(), ((1.0, 1.0),), RewardWeights(goal=3.0)
+    for left_s, row in ((60.0, ROW), (35.0, replace(ROW, rewards=keen)), (2.0, ROW)):
+        request, prospect = prospect_of(
+            ways, (3.0, 5.0, 0.0), (9.0, 5.0), row=row, left_s=left_s, exits_m=exits_m
+        )
+        at = ways.result(request, prospect, *prospect.best).command.subgoal_m
+        assert at is not None
+        assert (at[0] < 3.2) == (left_s == 2.0)
+        assert (at[1] < 4.0) == (left_s == 2.0)
+
+
+@pytest.mark.parametrize("left_s", [1.0, 2.0, 7.0, 30.0, None])
+@pytest.mark.parametrize("exits_m", [(), ((2.0, 38.0),)])
+def test_the_values_of_any_horizon_are_those_of_all_planes(
+    left_s: float | None, exits_m: tuple[Point, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a goal in a large hall, with one plane kept, and with all."""
+    found = []
+    for kept in (0, 2**30):
+        monkeypatch.setattr(ValueTables.__init__, "__defaults__", (60.0, 2**28, kept))
+        ways = navigation(hall((15.0, 14.0, 25.0, 26.0)))
+        _, prospect = prospect_of(
+            ways, (10.0, 20.0, 0.3), (34.0, 21.0), row=SLIPPING, left_s=left_s, exits_m=exits_m
+        )
+        assert prospect.active is not None
+        assert (len(prospect.active.table.planes) == 1) == (kept == 0)
+        found.append(prospect)
+    assert (found[0].values == found[1].values).all()
+    assert found[0].value == found[1].value
+
+
+def test_one_may_ask_for_several_goals() -> None:
+    """The values of all that it asked for last time are known, and no others."""
+    ways, one, view = navigation(), state(), view_of((2.0, 5.0, 0.0))
+    for goals_m in (((8.0, 9.0), (9.0, 1.0)), ((9.0, 1.0), (8.0, 5.0))):
+        requests = [
+            NavigationRequest(one, me_in(view), Intent(goal_m, 1.2), SPEEDS_MPS)
+            for goal_m in goals_m
+        ]
+        before = dict(one.active)
+        ways.prospects(requests, view, None)
+        assert {key[0] for key in one.active} == set(goals_m)
+        both = before.keys() & one.active.keys()
+        assert all(one.active[key] is before[key] for key in both)
+    assert len(both) == 1
 
 
 # --- any angle
