@@ -243,9 +243,8 @@ class DecisionLayer:
         Returns the destinations of journeys, and the prospects of going there.
 
         pi(b' | s) is proportional to prior(b' | b) exp((r(b') + A(b')) / T): r is what an epoch of
-        the behaviour is worth by itself, A by how much its best move is better than the value of
-        the state in the table of its goal. A is at most 0 without others around; for a behaviour
-        with a goal of its own, which it is yet to choose, it is taken as 0.
+        the behaviour is worth by itself, A by how much its best move is worse than the best one of
+        the journey. For a behaviour with a goal of its own, which it is yet to choose, A is 0.
         """
         several = {
             row: state
@@ -269,7 +268,7 @@ class DecisionLayer:
                 continue
             prospect, advantages = known.get(row), [0.0] * len(repertoire)
             if prospect is not None and prospect.kind is Prospects.CHOOSES:
-                advantages = repertoire.advantages(prospect.values, prospect.value)
+                advantages = repertoire.advantages(prospect.values)
             values = [
                 self._settings.decision_period * reward + advantage
                 for reward, advantage in zip(rewards, advantages, strict=True)

@@ -94,13 +94,14 @@ class Repertoire:
             return slice(None)
         return slice(-1, None) if type(self.behaviour) is Running else slice(0, 1)
 
-    def advantages(self, values: npt.NDArray[np.float64], value: float) -> list[float]:
-        """Return by how much the best move of each behaviour is better than the value (B,).
+    def advantages(self, values: npt.NDArray[np.float64]) -> list[float]:
+        """Return by how much the best move of each behaviour is worse than the best of all (B,).
 
         `values` float64 (P, 5) are those of staying and of the four moves, at each speed of the
         journey. For behaviours with goals of their own it is 0.
         """
         at_pace = values.max(axis=1).tolist()
+        value = max(at_pace)
         best: dict[type[Behaviour], float] = {Stopping: float(values[0, 0]), Running: at_pace[-1]}
         return [
             best.get(type(one), at_pace[0]) - value if k in self._travelling else 0.0

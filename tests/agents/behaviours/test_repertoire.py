@@ -75,8 +75,8 @@ def test_those_who_travel_share_a_journey_and_its_table() -> None:
     """The advantage of each is that of its best action; others count as they are."""
     found = repertoire(TRAVELS, "walking")
     values = np.array([[-0.3, -0.2, 0.1, -0.4, -0.5], [-0.3, 0.4, -0.2, -0.4, -0.6]])
-    told = dict(zip(found.names, found.advantages(values, 0.2), strict=True))
-    expected = {"walking": -0.1, "running": 0.2, "stopping": -0.5, "following": 0.0}
+    told = dict(zip(found.names, found.advantages(values), strict=True))
+    expected = {"walking": -0.3, "running": 0.0, "stopping": -0.7, "following": 0.0}
     assert told == pytest.approx(expected)
 
 
