@@ -244,7 +244,7 @@ class DecisionLayer:
 
         pi(b' | s) is proportional to prior(b' | b) exp((r(b') + A(b')) / T): r is what an epoch of
         the behaviour is worth by itself, A by how much its best move is worse than the best one of
-        the journey. For a behaviour with a goal of its own, which it is yet to choose, A is 0.
+        the journey. A behaviour with a goal of its own gets no further on it, as by staying.
         """
         several = {
             row: state

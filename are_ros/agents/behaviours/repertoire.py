@@ -98,13 +98,13 @@ class Repertoire:
         """Return by how much the best move of each behaviour is worse than the best of all (B,).
 
         `values` float64 (P, 5) are those of staying and of the four moves, at each speed of the
-        journey. For behaviours with goals of their own it is 0.
+        journey. Behaviours with goals of their own bring it no nearer to its end, as staying does.
         """
-        at_pace = values.max(axis=1).tolist()
+        at_pace, stays = values.max(axis=1).tolist(), float(values[0, 0])
         value = max(at_pace)
-        best: dict[type[Behaviour], float] = {Stopping: float(values[0, 0]), Running: at_pace[-1]}
+        best: dict[type[Behaviour], float] = {Stopping: stays, Running: at_pace[-1]}
         return [
-            best.get(type(one), at_pace[0]) - value if k in self._travelling else 0.0
+            (best.get(type(one), at_pace[0]) if k in self._travelling else stays) - value
             for k, one in enumerate(self._behaviours)
         ]
 
