@@ -198,7 +198,7 @@ def test_prices_of_ways_are_exact_however_wild_prices_are(
         step = STEPS[direction]
         graph[row * 40 + col, (row + step[0]) * 40 + col + step[1]] = price[row, col]
     expected = dijkstra(graph.tocsr(), indices=613).reshape(40, 40)
-    ours = _travel_kernels.way_prices(edges, price, 1, [(15, 13)])
+    ours = _travel_kernels.way_prices(edges, price, 1, (15, 13))
     np.testing.assert_allclose(ours, expected, rtol=1e-5)
 
 
