@@ -225,7 +225,9 @@ class Navigation:
         active = self._new_goal(request, key)
         if active is None:
             return Prospect(Prospects.NO_WAY)
-        known.pop(key, None)
+        for other, goal in list(known.items()):
+            if other == key or goal.environment is not self._environment:
+                del known[other]
         known[key] = active
         if len(known) > _GOALS_KEPT:
             del known[next(iter(known))]

@@ -317,7 +317,7 @@ def test_a_type_becomes_numbers() -> None:
     assert model.reaches == (3, 5)
     assert (model.goal, model.time, model.clearance, model.slip) == (2.0, 0.2, 0.3, 0.1)
     assert model.effort == pytest.approx((0.0, 1.05 * 0.2 * 2 / 3))
-    assert (model.rest, model.late) == pytest.approx((0.95 * 0.2, 2.0))
+    assert (model.rest, model.late) == pytest.approx((0.95 * 0.2, 3.0))
     assert (model.quarter_turn, model.half_turn) == pytest.approx((0.2, 0.4))
 
 
