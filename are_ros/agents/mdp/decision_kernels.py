@@ -38,23 +38,20 @@ Part = tuple[np.uint64, np.uint64, np.uint64]
 class Process(NamedTuple):
     """What epochs are made of, for n = h * w cells; `flat` is where the values are (`induct`).
 
-    `lengths` (4 L n), `gains` ((1 + 4 P) n), `width` in cells. Each pace has its reach and which of
-    the L lengths is its own, `paces` (P, 2); `lost` (P,) is what a failed move brings less than
-    staying. `chances` are those of going as intended, of failing and of each side, `turns` what a
-    quarter and a half turn cost. Cell `goal` has the values `at_goal` (K, 4) by epoch and heading,
-    the last from there on. `settled` (n,) becomes the last epoch that changed anything in a cell.
+    `lengths` (4 n), `gains` ((1 + 4 P) n), `width` in cells. `reaches` (P,) are those of the paces,
+    `lost` (P,) is what a failed move brings less than staying. `chances` are those of going as
+    intended, of failing and of each side, `turns` what a quarter and a half turn cost. `settled`
+    (n,) becomes the last epoch that changed anything in a cell.
     """
 
     flat: Floats
     lengths: Lengths
     gains: Floats
     width: int
-    paces: npt.NDArray[np.int64]
+    reaches: npt.NDArray[np.int64]
     lost: Floats
     chances: tuple[np.float32, np.float32, np.float32]
     turns: tuple[np.float32, np.float32]
-    goal: int
-    at_goal: Floats
     settled: npt.NDArray[np.int32]
 
 
@@ -68,18 +65,13 @@ def decide(
     process: Process, part: Part, new: np.uint64, epoch: np.int32, scratch: Floats
 ) -> np.int32:
     """Put the values of some cells where `new` is; return the last epoch that changed any."""
-    for pace in range(process.paces.shape[0]):
-        if process.paces[pace, 0] <= NEAR:
+    for pace in range(process.reaches.shape[0]):
+        if process.reaches[pace] <= NEAR:
             _move_near(process, part, pace, scratch)
         else:
             _find_ends(process, part, pace, scratch)
             _move_far(process, part, pace, scratch)
     _choose(process, part, scratch)
-    at = process.goal - int(part[1])
-    if 0 <= at < int(part[2]):
-        given = process.at_goal[min(np.int64(epoch), process.at_goal.shape[0] - 1)]
-        for heading in range(4):
-            scratch[heading * CHUNK + at] = given[heading]
     return _put(process, part, new, epoch, scratch)
 
 
@@ -88,15 +80,14 @@ def _move_near(process: Process, part: Part, pace: int, scratch: Floats) -> None
     """Put what moves of a pace of up to three cells bring into the scratch, if it is better."""
     flat, lengths, (old, first, count) = process.flat, process.lengths, part
     north, south = np.uint64(process.width), np.uint64(-process.width)
-    reach = np.int32(process.paces[pace, 0])
-    own = np.uint64(4 * process.settled.shape[0] * process.paces[pace, 1])
+    reach = np.int32(process.reaches[pace])
     for i in range(count):
         e, n, w, s = _in_planes(process, first + i)
         ends = (
-            _three_on(flat, old + e, _EAST, min(lengths[own + e], reach)),
-            _three_on(flat, old + n, north, min(lengths[own + n], reach)),
-            _three_on(flat, old + w, _WEST, min(lengths[own + w], reach)),
-            _three_on(flat, old + s, south, min(lengths[own + s], reach)),
+            _three_on(flat, old + e, _EAST, min(lengths[e], reach)),
+            _three_on(flat, old + n, north, min(lengths[n], reach)),
+            _three_on(flat, old + w, _WEST, min(lengths[w], reach)),
+            _three_on(flat, old + s, south, min(lengths[s], reach)),
         )
         _move(process, old, first + i, pace, ends, scratch, i)
 
@@ -186,14 +177,13 @@ def _put(
 def _find_ends(process: Process, part: Part, pace: int, scratch: Floats) -> None:
     """Put into the scratch the value of where each direction leads to from each cell."""
     flat, lengths, (old, at, count), out = process.flat, process.lengths, part, _ENDS
-    reach = process.paces[pace, 0]
-    own = np.uint64(4 * process.settled.shape[0] * process.paces[pace, 1])
+    reach = process.reaches[pace]
     for direction in range(4):
         # to the west and south it wraps around, and back when it is added
         step = np.uint64(ROW_STEPS[direction] * process.width + COL_STEPS[direction])
         here = old + at
         for i in range(count):
-            length = min(lengths[own + at + i], np.int32(reach))
+            length = min(lengths[at + i], np.int32(reach))
             best = _three_on(flat, here + i, step, length)
             four = here + i + np.uint64(4) * step
             five = four + step
@@ -203,7 +193,7 @@ def _find_ends(process: Process, part: Part, pace: int, scratch: Floats) -> None
         for k in range(FAR + 1, reach + 1):
             this, length_k = here + np.uint64(k) * step, np.int32(k)
             for i in range(count):
-                is_longer = lengths[own + at + i] >= length_k
+                is_longer = lengths[at + i] >= length_k
                 scratch[out + i] = _either(scratch[out + i], flat[this + i], is_longer)
         at, out = at + np.uint64(process.settled.shape[0]), out + _ROW
 

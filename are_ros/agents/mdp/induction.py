@@ -20,24 +20,20 @@ def solved(
     And the last epoch that changed each cell, int32 (h, w), and the last epoch computed.
     """
     model, (height, width) = problem.model, problem.terminal.shape
-    paces, effort = problem.paces
     padding, size = max(*model.reaches, FAR) * width, 4 * height * width
     flat = np.zeros(kept * size + 2 * padding, np.float32)
     planes = flat[padding : padding + kept * size].reshape(kept, 4, height, width)
     planes[0] = problem.terminal
     settled = np.zeros((height, width), np.int32)
-    row, col = problem.goal
     process = Process(
         flat,
         problem.lengths.reshape(-1).astype(np.int32),
         problem.gains.reshape(-1),
         width,
-        paces,
-        effort.astype(np.float32) + np.float32(model.rest),
+        np.array(model.reaches),
+        np.array(model.effort, np.float32) + np.float32(model.rest),
         tuple(map(np.float32, model.chances)),
         (np.float32(model.quarter_turn), np.float32(model.half_turn)),
-        row * width + col,
-        problem.at_goal,
         settled.reshape(-1),
     )
     return planes, settled, induct(process, padding, kept, horizon)
@@ -49,8 +45,8 @@ def induct(process: Process, padding: int, kept: int, horizon: int) -> int:
 
     `flat` holds `padding` numbers that do not matter (so that looking as far as any move goes is
     allowed everywhere), `kept` times four planes of n = h * w cells, one per heading, and as much
-    again; epoch h is in place h % kept, V_0 is given. Ends early when nothing has changed, and the
-    values of the goal do not any more: so it would go on.
+    again; epoch h is in place h % kept, V_0 is given. Ends early when nothing has changed: so it
+    would go on.
     """
     cells = process.settled.shape[0]
     scratch = np.empty(8 * CHUNK, np.float32)
@@ -60,6 +56,6 @@ def induct(process: Process, padding: int, kept: int, horizon: int) -> int:
         for start in range(0, cells, CHUNK):
             part = old, np.uint64(start), np.uint64(min(CHUNK, cells - start))
             last = max(last, int(decide(process, part, new, np.int32(epoch), scratch)))
-        if last < epoch and epoch >= process.at_goal.shape[0] - 1:
+        if last < epoch:
             return epoch
     return horizon

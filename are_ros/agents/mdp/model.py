@@ -5,7 +5,6 @@ north (2), west (3) or south (4).
 """
 
 import math
-from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
@@ -31,9 +30,6 @@ KEPT_BYTES: Final = 4 * 2**20
 
 LEAST_TIME: Final = 0.01
 """Least price of an epoch: if ways were free, no agent would ever start."""
-
-NOWHERE: Final = (-1, -1)
-"""The goal of who only leaves."""
 
 _VEHICLE_HALF_TURN_S: Final = 20.0
 
@@ -129,12 +125,12 @@ class TravelModel:
 
 @dataclass(frozen=True, eq=False)
 class Ways:
-    """The cheapest ways to a goal, or to an exit, on h x w cells, without turning and slipping.
+    """The cheapest ways to a goal on h x w cells, without turning and slipping.
 
     `lengths` uint8 (4, h, w): the cells of a move along them in each direction, at the longest
     reach; at another pace it is at most that pace's. `price` float32 (h, w) is the cost of an epoch
     in each cell, `costs` float32 (h, w) that of the cheapest way, inf if there is none. `goal` is
-    its cell in the window, `NOWHERE` for ways to exits.
+    its cell in the window.
     """
 
     lengths: npt.NDArray[np.uint8]
@@ -148,32 +144,15 @@ class Ways:
 class Problem:
     """A decision process with a goal, on h x w cells, as backward induction takes it.
 
-    `lengths` uint8 (4 L, h, w) as in `Ways`. With exits there are those of the ways out, too, and
-    each pace comes twice. `gains` float32 (1 + 4 L P, h, w): the reward of an epoch of staying, and
-    of moving in each direction at each pace (intended or by slipping); turning costs extra.
-    `terminal` float32 (h, w): V_0, for all headings. `at_goal` float32 (K, 4): the values at the
-    goal by epochs left and heading, the last from there on.
+    `lengths` uint8 (4, h, w) as in `Ways`. `gains` float32 (1 + 4 P, h, w): the reward of an epoch
+    of staying, and of moving in each direction at each pace (intended or by slipping); turning
+    costs extra. `terminal` float32 (h, w): V_0, for all headings.
     """
 
     lengths: npt.NDArray[np.uint8]
     gains: Floats
     terminal: Floats
-    goal: Cell
     model: TravelModel
-    at_goal: Floats
-
-    @property
-    def paces(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
-        """The reach of each pace and which lengths are its own (L P, 2), and its effort (L P,)."""
-        return paces_of(self.model, len(self.lengths) // 4)
-
-
-def paces_of(
-    model: TravelModel, kinds: int
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
-    """Return reaches and kinds int64 (L P, 2), and efforts (L P,), for so many kinds of lengths."""
-    rows = [(reach, kind) for kind in range(kinds) for reach in model.reaches]
-    return np.array(rows), np.array(model.effort * kinds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,26 +191,9 @@ def ways_to(
     (row, col), _ = window
     goal = (int(goal[0]) - row, int(goal[1]) - col)
     inner, price = _travel_kernels.cut_out(edges, window), price_in(nearness, model, window)
-    costs = _travel_kernels.way_prices(inner, price, model.reaches[0], [goal])
+    costs = _travel_kernels.way_prices(inner, price, model.reaches[0], goal)
     lengths = _travel_kernels.find_moves(inner, costs, max(model.reaches), goal)
     return Ways(lengths, price, costs, goal, model)
-
-
-def ways_out(
-    edges: npt.NDArray[np.bool_],
-    nearness: Floats,
-    exits: Collection[Cell],
-    model: TravelModel,
-    window: Window,
-) -> Ways:
-    """Return the cheapest ways of a window to exits, which may be outside of it; as `ways_to`."""
-    (row, col), (end_row, end_col) = window
-    whole = price_in(nearness, model, ((0, 0), (nearness.shape[0], nearness.shape[1])))
-    costs = _travel_kernels.way_prices(edges, whole, model.reaches[0], exits)
-    costs = np.ascontiguousarray(costs[row:end_row, col:end_col])
-    inner, price = _travel_kernels.cut_out(edges, window), price_in(nearness, model, window)
-    lengths = _travel_kernels.find_moves(inner, costs, max(model.reaches), NOWHERE)
-    return Ways(lengths, price, costs, NOWHERE, model)
 
 
 def price_in(nearness: Floats, model: TravelModel, window: Window) -> Floats:
@@ -242,28 +204,21 @@ def price_in(nearness: Floats, model: TravelModel, window: Window) -> Floats:
     return price
 
 
-def problem_of(ways: Ways, out: Ways | None = None, at_goal: Floats | None = None) -> Problem:
+def problem_of(ways: Ways) -> Problem:
     """Return the decision process of going to the goal of some ways.
 
     The goal has the value `model.goal` and ends the process. The terminal value elsewhere is that
     less `model.late` times the cost of the cheapest way there: so an agent starts even with a short
-    horizon. With ways out it is less as much of the way out alone. The goal is worth `at_goal`
-    (K, 4) then, by epochs left and heading: its own value, and what leaving brings from there.
+    horizon.
     """
-    model, lengths, last = ways.model, ways.lengths, ways if out is None else out
-    if out is not None:
-        lengths = np.concatenate((lengths, out.lengths))
-    if at_goal is None:
-        at_goal = np.full((1, 4), model.goal, np.float32)
-    paces, effort = paces_of(model, len(lengths) // 4)
+    model = ways.model
+    reaches, effort = np.array(model.reaches), np.array(model.effort)
     gains = _travel_kernels.find_gains(
-        lengths, ways.costs, ways.price, paces, effort, model.rest, ways.goal
+        ways.lengths, ways.costs, ways.price, reaches, effort, model.rest, ways.goal
     )
-    value = np.float32(0.0 if last.goal == NOWHERE else model.goal)
-    terminal = np.maximum(value - np.float32(model.late) * last.costs, UNREACHABLE)
-    if ways.goal != NOWHERE:
-        terminal[ways.goal] = at_goal[0, 0]
-    return Problem(lengths, gains, terminal, ways.goal, model, at_goal)
+    cost = np.float32(model.late) * ways.costs
+    terminal = np.maximum(np.float32(model.goal) - cost, UNREACHABLE)
+    return Problem(ways.lengths, gains, terminal, model)
 
 
 def solve(problem: Problem, horizon: int, kept_bytes: int = KEPT_BYTES) -> Solution:

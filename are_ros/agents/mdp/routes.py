@@ -26,22 +26,17 @@ AHEAD = 2
 class ValueArrays(NamedTuple):
     """A value table as the kernels take it, with a window of h x w cells.
 
-    `planes`, `settled`, `nearness` and `at_goal` as in `ValueTable`, `lengths` and `costs`
-    as in `Ways`; `out_lengths` and `out_costs` those of the ways out, without cells if there are
-    none. `paces` (P, 3) are
-    reach, kind of lengths and effort of each, once more with ways out. `prices` are those of time
-    and clearance, and what resting saves; `chances` and `turns` as in `Process`; `corner` is the
-    window's first cell, `goal` the goal's in the window.
+    `planes`, `settled` and `nearness` as in `ValueTable`, `lengths` and `costs` as in `Ways`.
+    `paces` (P, 2) are reach and effort of each. `prices` are those of time and clearance, and what
+    resting saves; `chances` and `turns` as in `Process`; `corner` is the window's first cell,
+    `goal` the goal's in the window.
     """
 
     planes: Floats
     settled: Lengths
     lengths: Lengths
-    out_lengths: Lengths
     costs: Floats
-    out_costs: Floats
     nearness: Floats
-    at_goal: Floats
     paces: Doubles
     prices: tuple[float, float, float]
     chances: tuple[float, float, float]
@@ -119,33 +114,25 @@ def _find_moves(
     """Find how far moves go and what the epoch brings; return what the epoch costs in the cell."""
     row, col = cell
     here, _ = _price(values, anchors_m, others, row, col)
-    for kind in range(1 if values.out_lengths.shape[1] == 0 else 2):
-        for direction in range(4):
-            longest = _length(values, kind, direction, row, col)
-            is_free, swept, k = True, 0.0, 0
-            while True:
-                for pace in range(values.paces.shape[0]):
-                    reach, effort = values.paces[pace, 0], values.paces[pace, 2]
-                    if values.paces[pace, 1] == kind and k == min(longest, int(reach)):
-                        length = k if is_free else 0
-                        cost = (swept + k * effort) / reach if length > 0 else here + effort
-                        moves.lengths[pace, direction] = length
-                        moves.gains[pace, direction] = -cost
-                if k >= longest:
-                    break
-                k += 1
-                r, c = row + k * ROW_STEPS[direction], col + k * COL_STEPS[direction]
-                price, is_occupied = _price(values, anchors_m, others, r, c)
-                is_free = is_free and not is_occupied
-                swept += price
+    for direction in range(4):
+        longest = int(values.lengths[direction, row, col])
+        is_free, swept, k = True, 0.0, 0
+        while True:
+            for pace in range(values.paces.shape[0]):
+                reach, effort = values.paces[pace, 0], values.paces[pace, 1]
+                if k == min(longest, int(reach)):
+                    length = k if is_free else 0
+                    cost = (swept + k * effort) / reach if length > 0 else here + effort
+                    moves.lengths[pace, direction] = length
+                    moves.gains[pace, direction] = -cost
+            if k >= longest:
+                break
+            k += 1
+            r, c = row + k * ROW_STEPS[direction], col + k * COL_STEPS[direction]
+            price, is_occupied = _price(values, anchors_m, others, r, c)
+            is_free = is_free and not is_occupied
+            swept += price
     return here
-
-
-@borrowing
-def _length(values: ValueArrays, kind: int, direction: int, row: int, col: int) -> int:
-    """Return how many cells one goes at most: on ways to the goal (0), or out (1)."""
-    lengths = values.lengths if kind == 0 else values.out_lengths
-    return int(lengths[direction, row, col])
 
 
 @borrowing
@@ -161,10 +148,9 @@ def _find_after(
     row, col = cell
     after, ahead = moves.after, others.shape[0]
     later = values.planes[place_of(values, epochs_left - ahead)]
-    is_goal = row == values.goal[0] and col == values.goal[1]
-    given = values.at_goal[max(0, min(epochs_left, values.at_goal.shape[0] - 1))]
     for heading in range(4):
-        after[heading] = given[heading] if is_goal else later[heading, row, col]
+        after[heading] = later[heading, row, col]
+    is_goal = row == values.goal[0] and col == values.goal[1]
     if is_goal or ahead == 0:
         return
     here = _find_moves(values, anchors_m, others[0], cell, moves)
@@ -192,7 +178,7 @@ def _slip(values: ValueArrays, here: float, moves: Moves) -> None:
             sides = (
                 moves.brings[pace, (direction + 1) % 4] + moves.brings[pace, (direction + 3) % 4]
             )
-            failed = moves.after[direction] - here - values.paces[pace, 2]
+            failed = moves.after[direction] - here - values.paces[pace, 1]
             moves.slipping[pace, direction] = (
                 straight * moves.brings[pace, direction] + aside * sides + fails * failed
             )
@@ -253,19 +239,16 @@ def follow(
     """Fill in the anchors (K, 2) along an action, and then along a cheapest way from there.
 
     Of several ways it is the one that stays near the straight line from the state to the goal: the
-    coarse cells are not to be seen in it. An action by a way out is followed by that. Returns how
-    many points there are.
+    coarse cells are not to be seen in it. Returns how many points there are.
     """
     row, col, _ = state
     pace, move = action
-    kind, left, count = int(values.paces[pace, 1]), 0, 0
-    direction = move - 1
+    direction, left, count = move - 1, 0, 0
     if move > 0:
-        longest = _length(values, kind, direction, row, col)
-        left = min(int(values.paces[pace, 0]), longest)
+        left = min(int(values.paces[pace, 0]), int(values.lengths[direction, row, col]))
     while count < points_m.shape[0]:
         if left == 0:
-            direction = _next_direction(values, kind, state, row, col)
+            direction = _next_direction(values, state, row, col)
             if direction < 0:
                 break
             left = 1
@@ -277,26 +260,24 @@ def follow(
 
 
 @borrowing
-def _next_direction(
-    values: ValueArrays, kind: int, state: tuple[int, int, int], row: int, col: int
-) -> int:
+def _next_direction(values: ValueArrays, state: tuple[int, int, int], row: int, col: int) -> int:
     """Return the direction of the cheapest way, -1 at its end.
 
-    Of several it is the one nearest to the line from the state to the goal; on a way out the first.
+    Of several it is the one nearest to the line from the state to the goal.
     """
-    costs = values.costs if kind == 0 else values.out_costs
+    costs = values.costs
     rows, cols = values.goal[0] - state[0], values.goal[1] - state[1]
     best, nearest = -1, 0
     for direction in range(4):
         r, c = row + ROW_STEPS[direction], col + COL_STEPS[direction]
-        if _length(values, kind, direction, row, col) == 0 or costs[r, c] >= costs[row, col]:
+        if values.lengths[direction, row, col] == 0 or costs[r, c] >= costs[row, col]:
             continue
         clearance = values.prices[1] * float(
             values.nearness[r + values.corner[0], c + values.corner[1]]
         )
         step = (values.prices[0] + clearance) / values.paces[0, 0]
         if costs[r, c] + step <= (1.0 + _ROUNDING) * costs[row, col]:
-            away = abs((r - state[0]) * cols - (c - state[1]) * rows) if kind == 0 else 0
+            away = abs((r - state[0]) * cols - (c - state[1]) * rows)
             if best < 0 or away < nearest:
                 best, nearest = direction, away
     return best

@@ -3,7 +3,6 @@
 Directions are 0 east (columns grow), 1 north (rows grow), 2 west, 3 south; so are headings.
 """
 
-from collections.abc import Collection
 from typing import Final
 
 import numpy as np
@@ -30,12 +29,10 @@ def cut_out(edges: Mask, window: tuple[tuple[int, int], tuple[int, int]]) -> Mas
     return inner
 
 
-def way_prices(
-    edges: Mask, price: Floats, reach: int, goals: Collection[tuple[int, int]]
-) -> Floats:
-    """Return what the cheapest way to a goal costs, cell by cell: float32 (h, w), inf if none.
+def way_prices(edges: Mask, price: Floats, reach: int, goal: tuple[int, int]) -> Floats:
+    """Return what the cheapest way to a cell costs, cell by cell: float32 (h, w), inf if none.
 
-    A step into a cell costs its price over the reach. Dijkstra's algorithm from the goals with
+    A step into a cell costs its price over the reach. Dijkstra's algorithm from the goal with
     Dial's buckets: as wide as the cheapest step is dear, so that hardly any cell is looked at
     twice, and as many, in a ring, as the dearest step needs. Entries form a list in each.
     """
@@ -48,10 +45,10 @@ def way_prices(
     while ring < int(dearest / bucket) + 3:
         ring *= 2
     costs, heads = np.empty(count, np.float32), np.empty(ring, np.int32)
-    starts = np.array([row * width + col for row, col in goals])
+    start = int(goal[0]) * width + int(goal[1])
     room = 2 * count + 4
     per_price = np.float32(1.0) / bucket
-    while not _spread(edges.reshape(4, count), steps, width, starts, per_price, heads, room, costs):
+    while not _spread(edges.reshape(4, count), steps, width, start, per_price, heads, room, costs):
         room *= 2  # many cells were looked at several times: rounding, wild prices
     return costs.reshape(height, width)
 
@@ -61,7 +58,7 @@ def _spread(
     edges: Mask,
     steps: Floats,
     width: int,
-    starts: npt.NDArray[np.int64],
+    start: int,
     buckets_per_price: np.float32,
     heads: npt.NDArray[np.int32],
     room: int,
@@ -71,11 +68,10 @@ def _spread(
     costs[:], heads[:] = np.inf, -1
     after, cells = np.empty(room, np.int32), np.empty(room, np.int32)
     keys = np.empty(room, np.float32)
-    waiting = made = starts.shape[0]
+    waiting = made = 1
     place, ring = 0, heads.shape[0]
-    for entry in range(made):
-        costs[starts[entry]] = keys[entry] = 0.0
-        cells[entry], after[entry], heads[0] = starts[entry], heads[0], entry
+    costs[start] = keys[0] = 0.0
+    cells[0], after[0], heads[0] = start, -1, 0
     while waiting > 0:
         entry = heads[place]
         if entry < 0:
@@ -131,8 +127,7 @@ def find_moves(edges: Mask, costs: Floats, reach: int, goal: tuple[int, int]) ->
                     along[row] = further
                 else:
                     across[col] = further
-    if goal[0] >= 0:
-        lengths[:, goal[0], goal[1]] = 0
+    lengths[:, goal[0], goal[1]] = 0
     return lengths
 
 
@@ -141,14 +136,12 @@ def find_gains(
     lengths: Lengths,
     costs: Floats,
     price: Floats,
-    paces: npt.NDArray[np.int64],
+    reaches: npt.NDArray[np.int64],
     effort: npt.NDArray[np.float64],
     rest: float,
     goal: tuple[int, int],
 ) -> Floats:
     """Return what an epoch brings: float32 (1 + 4 P, h, w), staying and the moves of each pace.
-
-    `paces` (P, 2) are reaches, and which four of the `lengths` (4 L, h, w) are their own.
 
     A move pays the price of each cell that it enters and its pace's effort, over its reach; one
     that is blocked pays for the cell and the effort. Staying pays the price less `rest`. Staying at
@@ -156,7 +149,7 @@ def find_gains(
     states are absorbing.
     """
     height, width = price.shape
-    gains = np.empty((1 + 4 * paces.shape[0], height, width), np.float32)
+    gains = np.empty((1 + 4 * reaches.shape[0], height, width), np.float32)
     # sums of the prices up to each cell, itself included, along its row and along its column
     along, across = np.zeros((height, width)), np.zeros((height, width))
     for row in range(height):
@@ -166,13 +159,13 @@ def find_gains(
             across[row, col] = here + (across[row - 1, col] if row > 0 else 0.0)
             is_absorbing = costs[row, col] == np.inf or (row == goal[0] and col == goal[1])
             gains[0, row, col] = np.float32(0.0 if is_absorbing else rest - here)
-    for pace in range(paces.shape[0]):
+    for pace in range(reaches.shape[0]):
         for direction in range(4):
             _find_gains(
                 (along, across)[direction % 2],
-                lengths[4 * paces[pace, 1] + direction],
+                lengths[direction],
                 price,
-                (direction, paces[pace, 0], effort[pace]),
+                (direction, reaches[pace], effort[pace]),
                 gains[1 + 4 * pace + direction],
             )
     for row in range(height):

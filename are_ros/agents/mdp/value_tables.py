@@ -11,18 +11,15 @@ import numpy.typing as npt
 
 from are_ros.agents.mdp.coarse_map import Cell, CoarseMap
 from are_ros.agents.mdp.model import (
-    NOWHERE,
     TravelModel,
     Ways,
     Window,
-    paces_of,
     price_in,
     problem_of,
     solve,
-    ways_out,
     ways_to,
 )
-from are_ros.agents.mdp.routes import AHEAD, ValueArrays
+from are_ros.agents.mdp.routes import ValueArrays
 
 
 class Sized(Protocol):
@@ -75,12 +72,7 @@ KEPT_BYTES_PER_TABLE: Final = 2**19
 SWEPT_BYTES: Final = 128 * 2**20
 """Memory for the planes of larger tables that were computed again, all of them."""
 
-OUT_BYTES: Final = 64 * 2**20
-"""Memory for the values of leaving the map."""
-
 NEVER_SETTLED: Final = 255
-
-_NO_LENGTHS: Final = np.empty((4, 0, 0), np.uint8)
 
 SHARED_CELLS: Final = 128 * 128
 """A window up to this size serves all trips to a goal; in a larger one, a trip uses a part."""
@@ -91,7 +83,7 @@ PARTS_BYTES: Final = 8 * 2**20
 TRIP_MARGINS_M: Final = (2.0, 4.0, 12.0)
 """Margins of such parts about start and goal: the first one that loses no better way is used."""
 
-TableKey = tuple[tuple[int, float, float, float], TravelModel, Cell, Window, tuple[Cell, ...]]
+TableKey = tuple[tuple[int, float, float, float], TravelModel, Cell, Window]
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +94,7 @@ class ValueTable:
     epochs left and heading; K = 1 if all planes would need too much memory: then those of the
     longest horizon, which hold for other epochs, too, from `settled` uint8 (h, w) on in each cell
     (255: for no other). `lengths` and `costs` as in `model.Ways`, `nearness` float32 (H, W) is the
-    whole map's, `at_goal` as in `model.Problem`. `out` are the ways out, if there are exits.
+    whole map's.
     """
 
     planes: npt.NDArray[np.float32]
@@ -110,10 +102,8 @@ class ValueTable:
     lengths: npt.NDArray[np.uint8]
     costs: npt.NDArray[np.float32]
     nearness: npt.NDArray[np.float32]
-    at_goal: npt.NDArray[np.float32]
     key: TableKey
     goal_m: tuple[float, float]
-    out: Ways | None = None
 
     @property
     def goal(self) -> Cell:
@@ -133,7 +123,7 @@ class ValueTable:
     @property
     def ways(self) -> Ways:
         """The ways to the goal."""
-        _, model, goal, window, _ = self.key
+        _, model, goal, window = self.key
         price = price_in(self.nearness, model, window)
         goal = goal[0] - self.corner[0], goal[1] - self.corner[1]
         return Ways(self.lengths, price, self.costs, goal, model)
@@ -141,18 +131,14 @@ class ValueTable:
     @property
     def value_arrays(self) -> ValueArrays:
         """The arrays that kernels take."""
-        model, out = self.model, self.out
-        reaches, effort = paces_of(model, 1 if out is None else 2)
+        model = self.model
         return ValueArrays(
             self.planes,
             self.settled,
             self.lengths,
-            _NO_LENGTHS if out is None else out.lengths,
             self.costs,
-            self.costs[:0] if out is None else out.costs,
             self.nearness,
-            self.at_goal,
-            np.column_stack((reaches, effort)),
+            np.column_stack((model.reaches, model.effort)),
             (model.time, model.clearance, model.rest),
             model.chances,
             (model.quarter_turn, model.half_turn),
@@ -163,7 +149,7 @@ class ValueTable:
     @property
     def nbytes(self) -> int:
         """Memory of the arrays."""
-        arrays = (self.planes, self.settled, self.lengths, self.costs, self.at_goal)
+        arrays = (self.planes, self.settled, self.lengths, self.costs)
         return sum(array.nbytes for array in arrays)
 
     def cost(self, cell: Cell) -> float:
@@ -175,18 +161,6 @@ class ValueTable:
     def reaches(self, cell: Cell) -> bool:
         """Return whether the goal can be reached from a coarse cell, within the window."""
         return self.cost(cell) < math.inf
-
-
-@dataclass(frozen=True, eq=False)
-class _WayOut:
-    """The ways out of a window, and the values float32 (K, 4, h, w) of leaving by them."""
-
-    ways: Ways
-    planes: npt.NDArray[np.float32]
-
-    @property
-    def nbytes(self) -> int:
-        return self.ways.lengths.nbytes + 2 * self.ways.costs.nbytes + self.planes.nbytes
 
 
 _Store = TableStore[TableKey, ValueTable]
@@ -216,7 +190,6 @@ class ValueTables:
         self._shared = _Store(budget_bytes)
         self._parts = _Store(min(budget_bytes, PARTS_BYTES))
         self._swept = TableStore[TableKey, npt.NDArray[np.float32]](SWEPT_BYTES)
-        self._out = TableStore[TableKey, _WayOut](OUT_BYTES)
 
     def __len__(self) -> int:
         return len(self._shared) + len(self._parts)
@@ -224,14 +197,13 @@ class ValueTables:
     @property
     def nbytes(self) -> int:
         """Memory of all tables that are kept."""
-        return sum(store.nbytes for store in (self._shared, self._parts, self._swept, self._out))
+        return sum(store.nbytes for store in (self._shared, self._parts, self._swept))
 
     def clear(self) -> None:
         """Drop all tables: the map has changed."""
         self._shared.clear()
         self._parts.clear()
         self._swept.clear()
-        self._out.clear()
 
     def value(
         self,
@@ -239,12 +211,8 @@ class ValueTables:
         model: TravelModel,
         goal_m: tuple[float, float],
         start: Cell | None = None,
-        exits: tuple[Cell, ...] = (),
     ) -> ValueTable | None:
         """Return the table for a goal in the map frame; None if no open cell is near it.
-
-        With `exits` the terminal value is by the way to the nearest of these cells, if any can be
-        reached from the goal.
 
         The table's `goal_m` is the goal itself if the disc fits there, else the anchor of its cell.
         On a large map, a trip from cell `start` gets a table of the cells about start and goal
@@ -256,13 +224,12 @@ class ValueTables:
         if not coarse.holds(*goal_m):
             goal_m = coarse.anchor_of(goal)
         window, table = self._window(coarse, goal), None
-        out = self._way_out(coarse, model, goal, window, exits) if exits else None
-        if out is None and start is not None and _cells_in(window) > SHARED_CELLS:
+        if start is not None and _cells_in(window) > SHARED_CELLS:
             table = self._of_part(coarse, model, goal, window, start, goal_m)
         if table is None:
-            key = (coarse.key, model, goal, window, () if out is None else exits)
+            key = (coarse.key, model, goal, window)
             found = self._table_or_ways(self._shared, coarse, key)
-            table = self._solved(self._shared, coarse, key, found, goal_m, out)
+            table = self._solved(self._shared, coarse, key, found, goal_m)
         return table if table.goal_m == goal_m else replace(table, goal_m=goal_m)
 
     def _of_part(
@@ -283,7 +250,7 @@ class ValueTables:
             window = _part(whole, goal, start, margin)
             if not _holds(window, start):
                 return None
-            key = (coarse.key, model, goal, window, ())
+            key = (coarse.key, model, goal, window)
             found = self._table_or_ways(self._parts, coarse, key)
             (row, col), _ = window
             if found.costs[start[0] - row, start[1] - col] <= _least_outside(
@@ -298,34 +265,13 @@ class ValueTables:
             return table.planes
         planes = self._swept.get(table.key)
         if planes is None:
-            problem = problem_of(table.ways, table.out, table.at_goal)
-            planes = solve(problem, self._horizon, sys.maxsize).planes
+            planes = solve(problem_of(table.ways), self._horizon, sys.maxsize).planes
             self._swept.put(table.key, planes)
         return planes
 
-    def _way_out(
-        self,
-        coarse: CoarseMap,
-        model: TravelModel,
-        goal: Cell,
-        window: Window,
-        exits: tuple[Cell, ...],
-    ) -> _WayOut | None:
-        """Return how a window is left; None if it cannot be left from the goal."""
-        key = (coarse.key, model, NOWHERE, window, exits)
-        found = self._out.get(key)
-        if found is None:
-            ways = ways_out(coarse.edges, coarse.nearness, exits, model, window)
-            found = _WayOut(
-                ways, solve(problem_of(ways), self._horizon + AHEAD, sys.maxsize).planes
-            )
-            self._out.put(key, found)
-        (row, col), _ = window
-        return found if found.ways.costs[goal[0] - row, goal[1] - col] < math.inf else None
-
     def _table_or_ways(self, store: _Store, coarse: CoarseMap, key: TableKey) -> ValueTable | Ways:
         """Return the table of a window, or the ways from which to compute it."""
-        _, model, goal, window, _ = key
+        _, model, goal, window = key
         known = store.get(key)
         return known or ways_to(coarse.edges, coarse.nearness, goal, model, window)
 
@@ -336,26 +282,18 @@ class ValueTables:
         key: TableKey,
         found: ValueTable | Ways,
         goal_m: tuple[float, float],
-        out: _WayOut | None = None,
     ) -> ValueTable:
         """Return the table; compute it from ways if necessary, with `goal_m` as its end point."""
         if isinstance(found, Ways):
-            at_goal = None
-            if out is not None:
-                row, col = found.goal
-                at_goal = np.float32(key[1].goal) + out.planes[:, :, row, col]
-            problem = problem_of(found, None if out is None else out.ways, at_goal)
-            solution = solve(problem, self._horizon, self._kept_bytes)
+            solution = solve(problem_of(found), self._horizon, self._kept_bytes)
             found = ValueTable(
                 planes=solution.planes,
                 settled=np.minimum(solution.settled, NEVER_SETTLED).astype(np.uint8),
                 lengths=found.lengths,
                 costs=found.costs,
                 nearness=coarse.nearness,
-                at_goal=problem.at_goal,
                 key=key,
                 goal_m=goal_m,
-                out=None if out is None else out.ways,
             )
             store.put(key, found)
         return found

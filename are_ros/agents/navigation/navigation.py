@@ -19,7 +19,7 @@ from are_ros.agents.behaviours.situation import Intent, Neighbour, Point, RobotV
 from are_ros.agents.local_planner.body import MotionCommand
 from are_ros.agents.mdp.coarse_map import CoarseMaps
 from are_ros.agents.mdp.model import TravelModel
-from are_ros.agents.mdp.routes import AHEAD, ValueArrays, best_action
+from are_ros.agents.mdp.routes import AHEAD, best_action
 from are_ros.agents.mdp.value_tables import ValueTable, ValueTables
 from are_ros.agents.navigation.destinations import Destinations, ReachableDestinations
 from are_ros.agents.navigation.profile import NavigationProfile
@@ -51,7 +51,6 @@ _GOALS_KEPT = 3
 _NO_ENVIRONMENT = "there is no environment yet, so no way can be found"
 _NO_WAY = np.empty((0, 2))
 _NO_VALUES = np.empty((0, 5))
-_PACES: Final = ValueArrays._fields.index("paces")
 _NOWHERE = Destinations(np.empty((0, 2)), np.empty((0, 2)))
 
 
@@ -73,8 +72,7 @@ class NavigationRequest(NamedTuple):
     """The intent of an agent at a decision, its paces, and the rest of its life if it is known.
 
     `speeds_mps` (P,) is the speed of each pace, of which the first counts for turns; `left_s` the
-    rest of the life [s], at the end of which it wants to be near one of `exits_m`, if there are
-    any. A patient agent minds others; else the local planner has to pass them.
+    rest of the life [s]. A patient agent minds others; else the local planner has to pass them.
     """
 
     state: "AgentState"
@@ -83,7 +81,6 @@ class NavigationRequest(NamedTuple):
     speeds_mps: tuple[float, ...]
     left_s: float | None = None
     is_patient: bool = True
-    exits_m: tuple[Point, ...] = ()
 
 
 class ActiveGoal(NamedTuple):
@@ -108,14 +105,13 @@ class Prospect(NamedTuple):
 
     `values` float64 (P, 5) are Q of each pace and move: stay, east, north, west, south of the grid,
     among the others. `value` is V of the state without them, `heading` its heading, 0 east to 3
-    south. All are there if it `CHOOSES`. `brings` are the values with the ways out apart.
+    south. All are there if it `CHOOSES`.
     """
 
     kind: Prospects
     values: npt.NDArray[np.float64] = _NO_VALUES
     value: float = 0.0
     heading: int = 0
-    brings: npt.NDArray[np.float64] = _NO_VALUES
     active: ActiveGoal | None = None
 
     @property
@@ -141,8 +137,8 @@ class NavigationResult(NamedTuple):
     way_m: npt.NDArray[np.float64] = _NO_WAY
 
 
-GoalKey = tuple[Point, tuple[float, ...], tuple[Point, ...]]
-"""A goal, the speeds at which it is gone to, and the exits."""
+GoalKey = tuple[Point, tuple[float, ...]]
+"""A goal, and the speeds at which it is gone to."""
 
 
 _KINDS: Final = {
@@ -209,10 +205,11 @@ class Navigation:
         index: int,
     ) -> Prospect:
         known = request.state.active
-        intent, key = request.intent, self._key_of(request)
-        if key is None:
+        intent, goal_m = request.intent, request.intent.goal_m
+        if goal_m is None:
             return Prospect(Prospects.STANDS)
-        away_m = math.dist(request.me.point_m, key[0])
+        key = (goal_m, request.speeds_mps)
+        away_m = math.dist(request.me.point_m, goal_m)
         if away_m <= intent.arrive_within_m:
             return Prospect(Prospects.ARRIVED)
         active = known.get(key)
@@ -221,14 +218,16 @@ class Navigation:
             if prospect.kind is not Prospects.NO_WAY:
                 return prospect
         elif (intent.is_moving_goal or away_m <= STRAIGHT_M) and self.sees(
-            request.state.profile, request.me.point_m, key[0]
+            request.state.profile, request.me.point_m, goal_m
         ):
             return Prospect(Prospects.STRAIGHT)
         # The goal is new, or the agent has left the part of the map with known values.
         active = self._new_goal(request, key)
         if active is None:
             return Prospect(Prospects.NO_WAY)
-        known.pop(key, None)
+        for other, goal in list(known.items()):
+            if other == key or goal.environment is not self._environment:
+                del known[other]
         known[key] = active
         if len(known) > _GOALS_KEPT:
             del known[next(iter(known))]
@@ -243,7 +242,7 @@ class Navigation:
         index: int,
     ) -> Prospect:
         """Return the prospect by the values of the decision process."""
-        brings = np.empty((len(active.arrays[1][_PACES]), 5))
+        values = np.empty((len(request.speeds_mps), 5))
         look = partial(
             prospect_of,
             view.crowd,
@@ -251,15 +250,13 @@ class Navigation:
             self._settings.decision_period,
             (index, request.is_patient, self._epochs(request.left_s)),
             request.intent.is_moving_goal,
-            brings,
+            values,
         )
         what, heading, value = look(*active.arrays)
         if what == UNKNOWN:
             active = active.with_planes(self._tables.all_planes(active.table))
             what, heading, value = look(*active.arrays)
-        paces = len(request.speeds_mps)
-        values = brings if len(brings) == paces else np.maximum(brings[:paces], brings[paces:])
-        return Prospect(_KINDS[what], values, value, heading, brings, active)
+        return Prospect(_KINDS[what], values, value, heading, active)
 
     def result(
         self, request: NavigationRequest, prospect: Prospect, pace: int = 0, move: int = 0
@@ -277,12 +274,7 @@ class Navigation:
             return NavigationResult(_command(request, None), arrived=is_there, no_way=is_lost)
         me, way_m = request.me, np.empty((_MOST_POINTS, 2))
         pose = (me.x_m, me.y_m, me.yaw_rad)
-        arrays, kinds = (
-            prospect.active.arrays,
-            prospect.brings[pace :: len(request.speeds_mps), move],
-        )
-        action = (pace + int(np.argmax(kinds)) * len(request.speeds_mps), move)
-        count, x_m, y_m, is_end = way_along(*arrays, pose, action, way_m)
+        count, x_m, y_m, is_end = way_along(*prospect.active.arrays, pose, (pace, move), way_m)
         way_m = way_m[:count]
         if move == 0 or count == 0:
             return NavigationResult(_command(request, None), waits=True, way_m=way_m)
@@ -297,7 +289,7 @@ class Navigation:
 
     def _new_goal(self, request: NavigationRequest, key: GoalKey) -> ActiveGoal | None:
         """Return the values of going to a goal; None if no way leads there."""
-        goal_m, speeds_mps, exits_m = key
+        goal_m, speeds_mps = key
         profile, me, environment = request.state.profile, request.me, self._environment
         if environment is None:
             raise RuntimeError(_NO_ENVIRONMENT)
@@ -311,8 +303,7 @@ class Navigation:
                 request.state.slip,
             )
             start = coarse.cell_of(me.x_m, me.y_m)
-            exits = {cell for exit_m in exits_m if (cell := coarse.cell_of(*exit_m)) is not None}
-            table = self._tables.value(coarse, model, goal_m, start, tuple(sorted(exits)))
+            table = self._tables.value(coarse, model, goal_m, start)
             if table is not None and start is not None and table.reaches(start):
                 goal_spec = (
                     min(profile.radius_m, coarse.radius_m),
@@ -333,18 +324,6 @@ class Navigation:
             terrain = self._terrains.of(self._environment, profile.height_m)
             self._known_terrains[profile.height_m] = terrain
         return terrain
-
-    def _key_of(self, request: NavigationRequest) -> GoalKey | None:
-        """Return what the values are known by; None without a goal.
-
-        Exits count once the end of the life is within the longest horizon: the end of another
-        horizon is not the end.
-        """
-        goal_m, left_s = request.intent.goal_m, request.left_s
-        if goal_m is None:
-            return None
-        is_last = left_s is not None and left_s <= self.horizon * self._settings.decision_period
-        return goal_m, request.speeds_mps, request.exits_m if is_last else ()
 
     def _epochs(self, left_s: float | None) -> int:
         """Return the horizon: the rest of the life, at most the longest [decision periods]."""

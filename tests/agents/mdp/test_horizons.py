@@ -1,15 +1,12 @@
-"""Values of every horizon with bounded memory, and those of who leaves the map when life ends."""
+"""Values of every horizon with bounded memory."""
 
-import math
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from are_ros.agents.mdp.coarse_map import CoarseMap, nearness_to_walls
+from are_ros.agents.mdp.coarse_map import CoarseMap
 from are_ros.agents.mdp.model import TravelModel
 from are_ros.agents.mdp.routes import AHEAD, best_action, is_settled
 from are_ros.agents.mdp.value_tables import ValueTable, ValueTables
@@ -17,8 +14,7 @@ from are_ros.agents.navigation.terrain import Terrain
 from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import classify
-from tests.agents.floors import terrain_of, two_rooms
-from tests.agents.mdp.slow_travel import SlowTravel, State
+from tests.agents.floors import terrain_of
 from tests.agents.mdp.ways import brings_at
 
 NOBODY = np.empty((AHEAD, 0, 5))
@@ -106,89 +102,3 @@ def test_a_goal_takes_at_most_a_megabyte() -> None:
     assert table.costs.shape == (200, 200)
     assert table.nbytes < 2**20
     assert tables.nbytes == table.nbytes
-
-
-# --- exits
-
-
-def slow_values(
-    coarse: CoarseMap, goal: tuple[int, int], exits: list[tuple[int, int]]
-) -> list[dict[State, float]]:
-    """Return V_0 .. V_8 of one who wants to be near an exit at the end, by dictionaries.
-
-    Each pace comes twice: with moves cut for the ways to the goal, and for those to the exits.
-    """
-    nearness = nearness_to_walls(coarse.room_m)
-    to_goal = SlowTravel(coarse.edges, nearness, goal, RUNNER)
-    outs = [SlowTravel(coarse.edges, nearness, cell, RUNNER) for cell in exits]
-    out = SlowTravel(coarse.edges, nearness, exits[0], RUNNER)
-    out.goal = (-1, -1)
-    out.cost = {cell: min(one.cost[cell] for one in outs) for cell in out.cost}
-    start = {state: max(-1e6, -RUNNER.late * out.cost[state[:2]]) for state in out.states}
-    leaving = [start]
-    for _ in range(8):
-        leaving.append(out.better(leaving[-1]))
-    there = [(*goal, heading) for heading in range(4)]
-    values = [start | {state: RUNNER.goal + start[state] for state in there}]
-    for epoch in range(1, 9):
-        one, other = to_goal.better(values[-1]), out.better(values[-1])
-        best = {state: max(one[state], other[state]) for state in one}
-        given = {state: RUNNER.goal + leaving[epoch][state] for state in there}
-        values.append(best | given)
-    return values
-
-
-@settings(max_examples=10)
-@given(seed=st.integers(0, 10**6))
-def test_values_with_exits_are_those_of_the_slow_twin(seed: int) -> None:
-    """To the goal while there is time, and out as life runs down, for each number of epochs."""
-    random = np.random.default_rng(seed)
-    coarse = CoarseMap(terrain_of(random.random((30, 40)) < 0.003, resolution_m=0.1), 0.1)
-    goal_m, exits = (1.55, 1.55), [(0, 0), (5, 7)]
-    goal = coarse.cell_of(*goal_m)
-    exits = [cell for cell in exits if coarse.components[cell] >= 0]
-    assert goal is not None
-    if not any(coarse.components[cell] == coarse.components[goal] for cell in exits):
-        return
-    tables = ValueTables(horizon=8)
-    table = tables.value(coarse, RUNNER, goal_m, exits=tuple(exits))
-    assert table is not None
-    assert table.out is not None
-    apart = np.isinf(table.costs)
-    for epochs, expected in enumerate(slow_values(coarse, goal, exits)):
-        plane = table.planes[min(epochs, len(table.planes) - 1)]
-        ours = [plane[h, r, c] for r, c, h in expected if not apart[r, c]]
-        theirs = [value for (r, c, _), value in expected.items() if not apart[r, c]]
-        np.testing.assert_allclose(ours, theirs, atol=1e-5)
-
-
-def test_the_goal_is_gone_to_in_time_and_left_in_time() -> None:
-    """In a corridor with the exit behind: far from the end one goes on, near it one turns back."""
-    walls = np.zeros((20, 240), np.bool_)
-    walls[:5] = walls[-5:] = True
-    coarse, tables = CoarseMap(terrain_of(walls), 0.1), ValueTables(horizon=60)
-    model = TravelModel((1,), goal=3.0, late=2.0, rest=0.05)
-    door = coarse.cell_of(0.3, 0.5)
-    assert door is not None
-    table = tables.value(coarse, model, (11.3, 0.5), exits=(door,))
-    assert table is not None
-    middle = coarse.cell_of(6.3, 0.5)
-    assert middle is not None
-    moves = [
-        best_action(brings_at(table.value_arrays, coarse, left, NOBODY, (*middle, 0)), 0)[1]
-        for left in (60, 50, 14, 3)
-    ]
-    assert moves == [1, 1, 3, 3]
-
-
-def test_without_a_way_out_it_is_as_without_exits() -> None:
-    """An exit behind a wall does not count."""
-    coarse = CoarseMap(terrain_of(two_rooms(60, 60, slice(30, 31), None)), 0.25)
-    tables, exit_ = ValueTables(horizon=9), coarse.cell_of(2.5, 0.5)
-    assert exit_ is not None
-    one = tables.value(coarse, RUNNER, (0.5, 0.5), exits=(exit_,))
-    assert one is not None
-    assert one.out is None
-    assert tables.value(coarse, RUNNER, (0.5, 0.5)) is not None
-    assert math.isinf(one.cost(exit_))
-    assert (one.planes == table_of(tables, coarse, (0.5, 0.5)).planes).all()
