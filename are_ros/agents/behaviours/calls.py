@@ -18,8 +18,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 import are_ros
-from are_ros.agents.behaviours.situation import Behaviour, Intent, Situation, stand
-from are_ros.agents.behaviours.standing import Standing
+from are_ros.agents.behaviours.situation import Behaviour, Intent, Situation, Standing, stand
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BehaviourError
 

@@ -12,8 +12,7 @@ from are_ros.agents.behaviours.crossing import Crossing
 from are_ros.agents.behaviours.following import Following
 from are_ros.agents.behaviours.gathering import Gathering
 from are_ros.agents.behaviours.leaving import Leaving
-from are_ros.agents.behaviours.situation import Behaviour
-from are_ros.agents.behaviours.standing import Standing
+from are_ros.agents.behaviours.situation import Behaviour, Standing
 from are_ros.agents.behaviours.walking import Driving, Running, Stopping, Walking, Wandering
 from are_ros.errors import CatalogueError
 

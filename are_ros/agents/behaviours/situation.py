@@ -70,6 +70,16 @@ def stand(activity: str, face_m: Point | None = None) -> Intent:
     return Intent(None, 0.0, face_m=face_m, activity=activity)
 
 
+class Standing:
+    """The behaviour standing: stays at its arrival pose."""
+
+    name: ClassVar[str] = "standing"
+
+    def decide(self, situation: "Situation") -> Intent:  # noqa: ARG002 - it always stands
+        """Return the intent to stand."""
+        return stand("standing")
+
+
 class Neighbour(NamedTuple):
     """An artefact as others see it: pose and velocity on the ground, in the map frame.
 

@@ -20,7 +20,7 @@ import yaml
 from are_ros.agents.behaviours.along_way import AlongWay
 from are_ros.agents.behaviours.following import Following
 from are_ros.agents.behaviours.registry import why_not
-from are_ros.agents.behaviours.standing import Standing
+from are_ros.agents.behaviours.situation import Standing
 from are_ros.builder.files.catalogue_file import Fields
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import CatalogueError, ScenarioError

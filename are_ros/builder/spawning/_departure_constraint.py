@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.agents.behaviours.standing import Standing
+from are_ros.agents.behaviours.situation import Standing
 from are_ros.agents.local_planner.body import TIGHTEST, Body
 from are_ros.agents.mdp.coarse_kernels import exact_room
 from are_ros.agents.mdp.coarse_map import rounded_up_m

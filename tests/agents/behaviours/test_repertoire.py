@@ -9,8 +9,7 @@ import pytest
 from are_ros.agents.behaviours.calls import NO_CALL
 from are_ros.agents.behaviours.leaving import WalkingOut
 from are_ros.agents.behaviours.repertoire import Repertoire
-from are_ros.agents.behaviours.situation import Intent, Situation
-from are_ros.agents.behaviours.standing import Standing
+from are_ros.agents.behaviours.situation import Intent, Situation, Standing
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
 from tests.agents.behaviours.stage import Actor, alone, row_of
 

@@ -4,8 +4,7 @@ import math
 
 import pytest
 
-from are_ros.agents.behaviours.situation import Behaviour, Point
-from are_ros.agents.behaviours.standing import Standing
+from are_ros.agents.behaviours.situation import Behaviour, Point, Standing
 from are_ros.agents.behaviours.walking import Driving, Running, Stopping, Walking, Wandering
 from are_ros.population.catalogue import MotionLimits
 from tests.agents.behaviours.stage import Actor, Stage, alone, lattice, places_at, row_of

@@ -12,8 +12,7 @@ import pytest
 from scipy import stats
 
 from are_ros.agents.behaviours.repertoire import Repertoire
-from are_ros.agents.behaviours.situation import Intent, Neighbour, Point, RobotView, stand
-from are_ros.agents.behaviours.standing import Standing
+from are_ros.agents.behaviours.situation import Intent, Neighbour, Point, RobotView, Standing, stand
 from are_ros.agents.decision import AgentState
 from are_ros.agents.local_planner.body import PLANNERS, Body
 from are_ros.agents.mdp.value_tables import ValueTables
