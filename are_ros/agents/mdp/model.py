@@ -41,10 +41,11 @@ class TravelModel:
     `reaches` is the number of cells that it moves in an epoch, at each of its P paces. With
     probability 1 - `slip` a move goes as intended; with `slip` / 2 it fails (one has turned, and
     stays), with `slip` / 4 it goes to each side, a quarter turn off. `time` is the price of an
-    epoch, `clearance` the additional price next to a wall, `effort` (P) that of a pace; an epoch of
-    staying costs `rest` less. `goal` is the value of the goal; who is not there when the epochs are
-    over loses `late` times what the rest of the way costs. `quarter_turn` and `half_turn` are the
-    prices of turning before a move.
+    epoch, `clearance` the additional price next to a wall, `effort` (P) that of a pace in the open
+    (beside walls it grows as the price does); an epoch of staying costs `rest` less. `goal` is the
+    value of the goal; an agent that is not there when the epochs are over loses `late` times what
+    the rest of the way costs. `quarter_turn` and `half_turn` are the prices of turning before a
+    move.
     """
 
     reaches: tuple[int, ...] = (1,)
@@ -214,7 +215,7 @@ def problem_of(ways: Ways) -> Problem:
     model = ways.model
     reaches, effort = np.array(model.reaches), np.array(model.effort)
     gains = _travel_kernels.find_gains(
-        ways.lengths, ways.costs, ways.price, reaches, effort, model.rest, ways.goal
+        ways.lengths, ways.costs, ways.price, reaches, effort, model.time, model.rest, ways.goal
     )
     cost = np.float32(model.late) * ways.costs
     terminal = np.maximum(np.float32(model.goal) - cost, UNREACHABLE)

@@ -122,7 +122,8 @@ def _find_moves(
                 reach, effort = values.paces[pace, 0], values.paces[pace, 1]
                 if k == min(longest, int(reach)):
                     length = k if is_free else 0
-                    cost = (swept + k * effort) / reach if length > 0 else here + effort
+                    dearer = (1.0 + effort / values.prices[0]) / reach
+                    cost = swept * dearer if length > 0 else here + effort
                     moves.lengths[pace, direction] = length
                     moves.gains[pace, direction] = -cost
             if k >= longest:

@@ -138,14 +138,15 @@ def find_gains(
     price: Floats,
     reaches: npt.NDArray[np.int64],
     effort: npt.NDArray[np.float64],
+    time: float,
     rest: float,
     goal: tuple[int, int],
 ) -> Floats:
     """Return what an epoch brings: float32 (1 + 4 P, h, w), staying and the moves of each pace.
 
-    A move pays the price of each cell that it enters and its pace's effort, over its reach; one
-    that is blocked pays for the cell and the effort. Staying pays the price less `rest`. Staying at
-    the goal, and where there is no way to it, is free, and anything else costs 1 there: those
+    A move pays the price of each cell that it enters, more by the share that its pace's effort is
+    of `time`, over its reach; one that is blocked pays for the cell and the effort. Staying pays
+    the price less `rest`. Staying at the goal, and where there is no way to it, is free, and anything else costs 1 there: those
     states are absorbing.
     """
     height, width = price.shape
@@ -165,7 +166,7 @@ def find_gains(
                 (along, across)[direction % 2],
                 lengths[direction],
                 price,
-                (direction, reaches[pace], effort[pace]),
+                (direction, reaches[pace], effort[pace], time),
                 gains[1 + 4 * pace + direction],
             )
     for row in range(height):
@@ -180,11 +181,12 @@ def _find_gains(
     sums: npt.NDArray[np.float64],
     lengths: Lengths,
     price: Floats,
-    pace: tuple[int, int, float],
+    pace: tuple[int, int, float, float],
     gains: Floats,
 ) -> None:
     """Fill in what moves in a direction bring, by sums of prices along it."""
-    direction, reach, effort = pace
+    direction, reach, effort, time = pace
+    dearer = (1.0 + effort / time) / reach
     row_step, col_step = ROW_STEPS[direction], COL_STEPS[direction]
     for row in range(price.shape[0]):
         for col in range(price.shape[1]):
@@ -193,5 +195,5 @@ def _find_gains(
             if row_step + col_step < 0:  # the sums count the cell itself, and not the last one
                 end = price[row + length * row_step, col + length * col_step]
                 swept = end - price[row, col] - swept
-            cost = (swept + length * effort) / reach if length > 0 else price[row, col] + effort
+            cost = swept * dearer if length > 0 else price[row, col] + effort
             gains[row, col] = np.float32(-cost)

@@ -140,7 +140,8 @@ class SlowTravel:
             entered = self.moved(cell, actual, pace)
             gain = -1.0 if self.ends(cell) else failed
             if entered and not any(epoch.occupied[other] for other in entered):
-                costs = [self.price[c] + epoch.penalty[c] + effort for c in entered]
+                dearer = 1.0 + effort / self.model.time
+                costs = [(self.price[c] + epoch.penalty[c]) * dearer for c in entered]
                 yield chance, -sum(costs) / reach, (*entered[-1], actual)
             else:
                 yield chance, gain, (*cell, actual)
