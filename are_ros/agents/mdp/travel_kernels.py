@@ -45,7 +45,7 @@ def way_prices(edges: Mask, price: Floats, reach: int, goal: tuple[int, int]) ->
     while ring < int(dearest / bucket) + 3:
         ring *= 2
     costs, heads = np.empty(count, np.float32), np.empty(ring, np.int32)
-    start = int(goal[0]) * width + int(goal[1])
+    start = goal[0] * width + goal[1]
     room = 2 * count + 4
     per_price = np.float32(1.0) / bucket
     while not _spread(edges.reshape(4, count), steps, width, start, per_price, heads, room, costs):

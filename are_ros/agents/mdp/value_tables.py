@@ -10,15 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.mdp.coarse_map import Cell, CoarseMap
-from are_ros.agents.mdp.model import (
-    TravelModel,
-    Ways,
-    Window,
-    price_in,
-    problem_of,
-    solve,
-    ways_to,
-)
+from are_ros.agents.mdp.model import TravelModel, Ways, Window, price_in, problem_of, solve, ways_to
 from are_ros.agents.mdp.routes import ValueArrays
 
 
