@@ -146,8 +146,8 @@ def find_gains(
 
     A move pays the price of each cell that it enters, more by the share that its pace's effort is
     of `time`, over its reach; one that is blocked pays for the cell and the effort. Staying pays
-    the price less `rest`. Staying at the goal, and where there is no way to it, is free, and anything else costs 1 there: those
-    states are absorbing.
+    the price less `rest`. Staying at the goal, and where there is no way to it, is free, and
+    anything else costs 1 there: those states are absorbing.
     """
     height, width = price.shape
     gains = np.empty((1 + 4 * reaches.shape[0], height, width), np.float32)
