@@ -15,7 +15,7 @@ from PIL import Image
 
 from are_ros.builder.files.catalogue_file import read_catalogue
 from are_ros.describe.decisions import (
-    Journey,
+    JourneyValues,
     Lives,
     journey_of,
     row_named,
@@ -58,7 +58,7 @@ class Study:
             raise RuntimeError("a map has a survey")
         self._survey, self.grid = survey, grid
 
-    def journey(self, shown_s: Sequence[float], **values: Any) -> Journey:
+    def journey(self, shown_s: Sequence[float], **values: Any) -> JourneyValues:
         """Return the values at some remaining lives."""
         return journey_of(self._row, _with(values).behaviour, self._survey, shown_s)
 

@@ -77,7 +77,7 @@ _Mask = npt.NDArray[np.bool_]
 
 @dataclass(eq=False, slots=True)
 class AgentState:
-    """How one agent decides: its behaviour and planner, and the outcome of its last intent.
+    """How one agent decides: its behaviours, and the outcome of its last intent.
 
     `waits` counts the decisions in a row in which it gave way to others. `places` are the
     destinations that it can reach, among those of the map, `map_places`.
@@ -87,7 +87,6 @@ class AgentState:
     repertoire: Repertoire
     random: np.random.Generator
     policy_random: np.random.Generator
-    planner: str
     slip: float = 0.0
     active: dict[GoalKey, ActiveGoal] = field(default_factory=dict)
     intent: Intent | None = None
@@ -178,15 +177,14 @@ class DecisionLayer:
         random = generator(self._seed, Purpose.GOAL, artefact.id)
         policy_random = generator(self._seed, Purpose.DECISION, artefact.id)
         row, slip = self._table.row_of(artefact.id), artefact.row.slip
-        self._table.states[row] = state = AgentState(
+        self._table.states[row] = AgentState(
             profile,
             self._new_repertoire(artefact),
             random,
             policy_random,
-            _drawn_planner(artefact, policy_random),
             self._settings.slip if slip is None else slip,
         )
-        artefact.planner = state.planner
+        artefact.planner = _drawn_planner(artefact, policy_random)
         self._table.phases[row] = -(-artefact.arrival_ns // self._step_ns) % self._period
 
     def decide(self, index: int, now_ns: int, robot: RobotView | None) -> list[int]:
@@ -222,8 +220,8 @@ class DecisionLayer:
             for decision in zip(requests, prospects, results, strict=True):
                 self.report(*decision, view, robot)
         commands = [
-            result.command._replace(planner=state.planner)
-            for state, result in zip(deciding.values(), results, strict=True)
+            result.command._replace(planner=table.artefacts[row].planner)
+            for row, result in zip(deciding, results, strict=True)
         ]
         self._planner.give_commands(list(deciding), commands)
         for (row, situation), request, result in zip(
@@ -354,7 +352,7 @@ class DecisionLayer:
         """Put another behaviour of an agent's repertoire in force."""
         artefact = self._table.artefacts[row]
         was, state.repertoire.in_force = artefact.behaviour, chosen
-        state.planner = artefact.planner = _drawn_planner(artefact, state.policy_random)
+        artefact.planner = _drawn_planner(artefact, state.policy_random)
         self._table.set_behaviour(row, state.repertoire.names[chosen])
         self.report_change(now_ns, artefact, was)
 
@@ -379,7 +377,7 @@ class DecisionLayer:
 
     def stop(self, agent_id: int, fault: BehaviourError, now_ns: int) -> None:
         """Let an agent whose planner has failed stand, and report the error."""
-        self._report(fault)
+        self._report_fault(fault)
         self._keep_to(self._table.row_of(agent_id), Failed("its planner failed"), now_ns)
 
     def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:
@@ -440,7 +438,7 @@ class DecisionLayer:
         try:
             return Repertoire.of(artefact, call, by_exit=self.by_exit and artefact.may_change)
         except BehaviourError as fault:
-            self._report(fault)
+            self._report_fault(fault)
         self._table.set_behaviour(self._table.row_of(artefact.id), Failed.name)
         return Repertoire.only(Failed())
 
@@ -454,7 +452,7 @@ class DecisionLayer:
 
     def _stop(self, row: int, fault: BehaviourError, now_ns: int) -> None:
         """Report the error of an agent's behaviour, and let it stand from now on."""
-        self._report(fault)
+        self._report_fault(fault)
         self._keep_to(row, Failed(), now_ns)
 
     def _keep_to(self, row: int, behaviour: Behaviour, now_ns: int) -> None:
@@ -467,7 +465,7 @@ class DecisionLayer:
             if artefact.behaviour != was:
                 self.report_change(now_ns, artefact, was)
 
-    def _report(self, fault: BehaviourError) -> None:
+    def _report_fault(self, fault: BehaviourError) -> None:
         if self.report_fault is None:
             raise fault
         self.report_fault(fault)

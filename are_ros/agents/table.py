@@ -179,6 +179,14 @@ class AgentTable:
         packed = np.concatenate((self.boxes.packed, self.end_boxes.packed))
         return _boxes_at(np.concatenate((self.poses, self.ends)), packed)
 
+    @property
+    def motion(self) -> _Floats:
+        """Poses and speeds of all now: x, y, yaw, cos, sin, speed along yaw, float64 (N, 6)."""
+        arrays = self.arrays
+        steps = np.minimum(self.now - arrays.place["begin"], arrays.place["last"])
+        motion: _Floats = arrays.path[np.arange(len(steps)), steps]
+        return motion
+
     def stand(self, row: int, pose: GroundPose) -> None:
         """Stop the agent of a row at a pose, without a trajectory; others plan anew."""
         place, yaw = self.arrays.place[row], pose.yaw_rad

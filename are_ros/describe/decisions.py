@@ -106,7 +106,7 @@ class BestMoves:
 
 
 @dataclass(frozen=True, eq=False)
-class Journey:
+class JourneyValues:
     """The decision process of a type going to one goal on a map, for several remaining lives."""
 
     coarse: CoarseMap
@@ -120,7 +120,7 @@ def journey_of(
     settings: BehaviourParameters,
     survey: Survey,
     shown_s: Sequence[float] = SHOWN_S,
-) -> Journey:
+) -> JourneyValues:
     """Return the values of going to the roomiest destination of a map; MapError if it fits nowhere.
 
     The type goes at nine tenths of its speed, as its artefacts do on average.
@@ -140,7 +140,7 @@ def journey_of(
         best_moves(problem, solution.plane(t), solution.plane(t - 1), is_open, t * period_s)
         for t in epochs
     )
-    return Journey(coarse, model, goal_m, horizons)
+    return JourneyValues(coarse, model, goal_m, horizons)
 
 
 def paces_mps(row: CatalogueRow) -> tuple[float, ...]:
@@ -352,7 +352,7 @@ def _place(
 
 
 def decision_lines(
-    row: CatalogueRow, settings: BehaviourParameters, journey: Journey, lives: Lives
+    row: CatalogueRow, settings: BehaviourParameters, journey: JourneyValues, lives: Lives
 ) -> list[tuple[str, str]]:
     """Return what the decisions of a type rest on, and what came of them, as pairs of cells."""
     model, coarse, slip = journey.model, journey.coarse, f"{journey.model.slip:g}"
@@ -374,7 +374,7 @@ def decision_lines(
     ]
 
 
-def _running_text(journey: Journey) -> str:
+def _running_text(journey: JourneyValues) -> str:
     parts = [f"{percent(one.running_share)} at {one.left_s:g} s" for one in journey.horizons]
     return "best on " + ", ".join(parts)
 

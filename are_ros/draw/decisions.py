@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
-from are_ros.describe.decisions import MOMENT_NS, BestMoves, Journey, Lives
+from are_ros.describe.decisions import MOMENT_NS, BestMoves, JourneyValues, Lives
 from are_ros.draw.map import Window, known_part, map_image, window_of
 from are_ros.draw.palette import INK, LAW, WHITE, behaviour_colours, hex_of
 from are_ros.draw.plots import (
@@ -50,7 +50,7 @@ def draw_decisions(
     row: CatalogueRow,
     settings: BehaviourParameters,
     grid: OccupancyGrid,
-    journey: Journey,
+    journey: JourneyValues,
     lives: Lives,
     path: Path,
 ) -> None:
@@ -117,7 +117,7 @@ class _Sheet:
 
 
 def _write_title(
-    figure: Any, row: CatalogueRow, settings: BehaviourParameters, journey: Journey
+    figure: Any, row: CatalogueRow, settings: BehaviourParameters, journey: JourneyValues
 ) -> None:
     """Write who decides, by which numbers, and what the signs on the maps mean."""
     model = journey.model
@@ -180,7 +180,7 @@ def name_map(axes: Any, title: str) -> None:
     axes.tick_params(labelsize=7.5)
 
 
-def _field_title(journey: Journey, best: BestMoves) -> str:
+def _field_title(journey: JourneyValues, best: BestMoves) -> str:
     """Return how much of the life is left, and where the best move is to run."""
     title = f"{best.left_s:g} s left"
     if best is journey.horizons[-1]:
@@ -190,7 +190,7 @@ def _field_title(journey: Journey, best: BestMoves) -> str:
     return title
 
 
-def value_range(journeys: Sequence[Journey]) -> tuple[float, float]:
+def value_range(journeys: Sequence[JourneyValues]) -> tuple[float, float]:
     """Return the least and the greatest value shown; some far cells may be below."""
     everything = [best.values.ravel() for one in journeys for best in one.horizons]
     values = np.concatenate(everything)
@@ -207,7 +207,7 @@ def _colours() -> Any:
 def draw_values(
     axes: Any,
     grid: OccupancyGrid,
-    journey: Journey,
+    journey: JourneyValues,
     best: BestMoves,
     limits: tuple[float, float],
 ) -> None:
@@ -221,7 +221,7 @@ def draw_values(
 def _draw_field(
     axes: Any,
     grid: OccupancyGrid,
-    journey: Journey,
+    journey: JourneyValues,
     best: BestMoves,
     limits: tuple[float, float],
 ) -> None:
@@ -250,7 +250,7 @@ def _draw_field(
     axes.set(xlim=limits_now[0], ylim=limits_now[1])
 
 
-def _draw_moves(axes: Any, journey: Journey, best: BestMoves, apart_m: float) -> None:
+def _draw_moves(axes: Any, journey: JourneyValues, best: BestMoves, apart_m: float) -> None:
     """Draw the best moves as arrows, in some of the cells, and the goal."""
     coarse = journey.coarse
     every = max(1, math.ceil(apart_m / coarse.cell_size_m))

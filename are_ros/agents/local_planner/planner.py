@@ -141,11 +141,8 @@ class LocalPlanner:
 
     @property
     def motion(self) -> _Floats:
-        """Poses and speeds of all now: x, y, yaw, cos, sin, speed along yaw, float64 (N, 6)."""
-        arrays, now = self._table.arrays, self._table.now
-        steps = np.minimum(now - arrays.place["begin"], arrays.place["last"])
-        motion: _Floats = arrays.path[np.arange(len(steps)), steps]
-        return motion
+        """Poses and speeds of all now; see `AgentTable.motion`."""
+        return self._table.motion
 
     def trajectory(self, row: int) -> _Floats:
         """Return x, y, yaw float64 (K, 3), K >= 1, at the next sub-steps; the last pose is held."""

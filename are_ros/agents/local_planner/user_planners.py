@@ -16,7 +16,7 @@ from are_ros.agents.behaviours.calls import (
 )
 from are_ros.agents.behaviours.registry import user_class
 from are_ros.agents.local_planner.body import PLANNERS
-from are_ros.agents.local_planner.state import MOST_WISHES, SPEED, WISHES, YAW, AgentArrays, X, Y
+from are_ros.agents.local_planner.state import MOST_WISHES, SPEED, WISHES, YAW, X, Y
 from are_ros.conventions import seconds_to_ns
 from are_ros.errors import BehaviourError, CatalogueError
 
@@ -38,7 +38,7 @@ class Mover(NamedTuple):
     radius_m: float
 
 
-class Scene(NamedTuple):
+class PlanningScene(NamedTuple):
     """What a planner knows when it proposes, in the map frame.
 
     `me` and its heading; the sub-goal, the speed wanted, and whether the way ends there.
@@ -70,7 +70,7 @@ class Planner(Protocol):
 
     name: ClassVar[str]
 
-    def propose(self, scene: Scene) -> Sequence[Wish]:
+    def propose(self, scene: PlanningScene) -> Sequence[Wish]:
         """Return up to 16 wishes; the first that is free comes true, else the artefact brakes."""
 
 
@@ -100,7 +100,7 @@ class _Own:
         self.has_failed = False
         self.wishes = np.full((MOST_WISHES, 2), np.nan)
 
-    def propose(self, scene: Scene, call: BehaviourCall) -> None:
+    def propose(self, scene: PlanningScene, call: BehaviourCall) -> None:
         """Ask for wishes; BehaviourError, and none from then on, if the user's class fails."""
         self.wishes[:] = np.nan
         self.has_failed = True
@@ -153,7 +153,7 @@ class UserPlanners:
                 self._propose(own, scene, call)
             wishes[row] = own.wishes
 
-    def _propose(self, own: _Own, scene: Scene, call: BehaviourCall) -> None:
+    def _propose(self, own: _Own, scene: PlanningScene, call: BehaviourCall) -> None:
         try:
             own.propose(scene, call)
         except BehaviourError as fault:
@@ -168,13 +168,13 @@ def _scene(
     now_ns: int,
     environment: "Environment",
     robot: "RobotMotion | None",
-) -> Scene:
+) -> PlanningScene:
     """Return what the planner of the agent of a row sees."""
     arrays = table.arrays
-    command, body, motion = arrays.command[row], arrays.body[row], _motion(arrays, table.now)
+    command, body, motion = arrays.command[row], arrays.body[row], table.motion
     away_m = np.hypot(*(motion[:, :2] - motion[row, :2]).T)
     near = [n for n in np.argsort(away_m, kind="stable").tolist() if away_m[n] <= _SEES_M]
-    return Scene(
+    return PlanningScene(
         now_ns,
         _mover(motion[row], table.radii_m[row]),
         float(motion[row, YAW]),
@@ -186,13 +186,6 @@ def _scene(
         None if robot is None else _robot_mover(robot),
         lambda x_m, y_m: float(environment.lookup(np.array([(x_m, y_m)]))[0]),
     )
-
-
-def _motion(arrays: AgentArrays, now: int) -> npt.NDArray[np.float64]:
-    """Return poses and speeds of all now (N, 6)."""
-    steps = np.minimum(now - arrays.place["begin"], arrays.place["last"])
-    motion: npt.NDArray[np.float64] = arrays.path[np.arange(len(steps)), steps]
-    return motion
 
 
 def _mover(motion: npt.NDArray[np.float64], radius_m: float) -> Mover:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
-from are_ros.agents.local_planner.user_planners import Scene, Wish
+from are_ros.agents.local_planner.user_planners import PlanningScene, Wish
 
 MODULE = "tests.agents.local_planner.own_planners"
 
@@ -14,7 +14,7 @@ class Rammer:
 
     name: ClassVar[str] = "rammer"
 
-    def propose(self, scene: Scene) -> Sequence[Wish]:
+    def propose(self, scene: PlanningScene) -> Sequence[Wish]:
         """Propose nothing else."""
         prey = (scene.robot, *scene.others)
         x_m, y_m = next(((one.x_m, one.y_m) for one in prey if one), scene.goal_m)
@@ -29,7 +29,7 @@ class Sideways:
     def __init__(self) -> None:
         self.asked = 0
 
-    def propose(self, scene: Scene) -> Sequence[Wish]:
+    def propose(self, scene: PlanningScene) -> Sequence[Wish]:
         """Prefer the left for its first three seconds."""
         self.asked += 1
         x_m, y_m = scene.goal_m
@@ -46,7 +46,7 @@ class Late:
     def __init__(self) -> None:
         self._asked = 0
 
-    def propose(self, scene: Scene) -> Sequence[Wish]:
+    def propose(self, scene: PlanningScene) -> Sequence[Wish]:
         """Go ahead."""
         self._asked += 1
         if self._asked == 3:
@@ -60,7 +60,7 @@ class Returns:
     name: ClassVar[str] = "returns"
     what: ClassVar[Any] = None
 
-    def propose(self, scene: Scene) -> Any:  # noqa: ARG002 - it never changes its mind
+    def propose(self, scene: PlanningScene) -> Any:  # noqa: ARG002 - it never changes its mind
         """Return that."""
         return self.what
 
@@ -69,9 +69,9 @@ class Looks:
     """Keeps what it saw last, and proposes nothing."""
 
     name: ClassVar[str] = "looks"
-    seen: ClassVar[Scene]
+    seen: ClassVar[PlanningScene]
 
-    def propose(self, scene: Scene) -> Sequence[Wish]:
+    def propose(self, scene: PlanningScene) -> Sequence[Wish]:
         """Look."""
         type(self).seen = scene
         return ()

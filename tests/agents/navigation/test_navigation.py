@@ -14,7 +14,7 @@ from scipy import stats
 from are_ros.agents.behaviours.repertoire import Repertoire
 from are_ros.agents.behaviours.situation import Intent, Neighbour, Point, RobotView, Standing, stand
 from are_ros.agents.decision import AgentState
-from are_ros.agents.local_planner.body import PLANNERS, Body
+from are_ros.agents.local_planner.body import Body
 from are_ros.agents.mdp.value_tables import ValueTables
 from are_ros.agents.navigation.destinations import Destinations
 from are_ros.agents.navigation.navigation import (
@@ -67,7 +67,7 @@ def profile(row: CatalogueRow = ROW) -> NavigationProfile:
 def state(row: CatalogueRow = ROW) -> AgentState:
     """Return one of a row that has not decided yet."""
     random = np.random.default_rng(0)
-    return AgentState(profile(row), Repertoire.only(Standing()), random, random, PLANNERS[0])
+    return AgentState(profile(row), Repertoire.only(Standing()), random, random)
 
 
 def view_of(*poses: tuple[float, float, float], speed_mps: float = 0.0) -> AgentSnapshot:
