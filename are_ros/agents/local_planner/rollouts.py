@@ -315,7 +315,9 @@ def kind_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) ->
     dx, dy, way = command.x - pose[X], command.y - pose[Y], way_to(pose, command)
     ahead, aside = dx * pose[COS] + dy * pose[SIN], dy * pose[COS] - dx * pose[SIN]
     is_vehicle = body.turn_radius > 0.0
-    is_abeam = is_vehicle and abs(ahead) <= _ARRIVED and abs(aside) <= _ABEAM
+    # beside a sub-goal on its way it has not arrived: it would wait there for another one for ever
+    is_abeam = is_vehicle and command.stops == 1
+    is_abeam = is_abeam and abs(ahead) <= _ARRIVED and abs(aside) <= _ABEAM
     if command.stops == 0 and now - second < memory.passed_at:
         is_near = way < 2.0 * _PASSED + 0.3 * body.turn_radius
         is_passed = is_near and (way < _PASSED or ahead < 0.0)

@@ -320,6 +320,17 @@ def test_a_vehicle_manoeuvres_to_what_lies_behind_or_beside_it(
     street.run_until_there(60.0, within_m=0.45)
 
 
+def test_a_vehicle_does_not_stand_beside_a_sub_goal_on_its_way() -> None:
+    """Beside the end of its way it has arrived; at one to pass nobody might give it another."""
+    for stop_there, away_m in ((True, 0.3), (False, 0.0)):
+        street = Street(environment(room(12.0, 5.0)))
+        street.add(1, 6.0, 2.5, 0.0, SCOOTER)
+        street.send(1, 6.0, 2.8, stop_there=stop_there)
+        street.run(10.0)
+        assert street.distance(1) == pytest.approx(away_m, abs=0.1)
+        assert street.speeds[0] == 0.0
+
+
 def test_a_vehicle_shunts_out_of_a_slot_that_leaves_it_two_decimetres() -> None:
     """Boxed in before and behind, open to its left: turning a little each time, it gets out."""
     cells = room(8.0, 6.0)
