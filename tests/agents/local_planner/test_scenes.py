@@ -323,10 +323,12 @@ def test_a_vehicle_manoeuvres_to_what_lies_behind_or_beside_it(
 def test_a_vehicle_does_not_stand_beside_a_sub_goal_on_its_way() -> None:
     """Beside the end of its way it has arrived; at one to pass nobody might give it another."""
     for stop_there, away_m in ((True, 0.3), (False, 0.0)):
-        street = Street(environment(room(12.0, 5.0)))
+        cells = room(12.0, 5.0)
+        wall(cells, (6.7, 7.0), (0.0, 5.0))
+        street = Street(environment(cells))
         street.add(1, 6.0, 2.5, 0.0, SCOOTER)
         street.send(1, 6.0, 2.8, stop_there=stop_there)
-        street.run(10.0)
+        street.run(20.0)
         assert street.distance(1) == pytest.approx(away_m, abs=0.1)
         assert street.speeds[0] == 0.0
 
