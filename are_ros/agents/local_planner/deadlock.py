@@ -3,7 +3,8 @@
 Of two agents in each other's way the one of the higher priority pushes. The pushed agent inherits
 that priority, and so pushes the agents behind it (priority inheritance). Priorities are drawn anew
 every eight seconds by a hash of the id and that time, so no agent stays last for long. One that is
-to stand, as a follower behind its leader, steps aside only for who has waited for longer.
+to stand, as a follower behind its leader, steps aside only for who has waited for longer. The robot
+pushes those that stand where it is about to drive.
 
 The commands are written here, too: a new sub-goal forgets the deadlock on the way to the old one.
 """
@@ -15,6 +16,7 @@ import numpy.typing as npt
 
 from are_ros._compiled import borrowing, compiled
 from are_ros.agents.local_planner.primitives import way_left
+from are_ros.agents.local_planner.robot import robot_disc
 from are_ros.agents.local_planner.rollouts import (
     COASTING,
     FACING,
@@ -27,6 +29,7 @@ from are_ros.agents.local_planner.state import (
     NEVER,
     NOBODY,
     PATH_FOLLOWING,
+    SPEED,
     UNOBSTRUCTED,
     YAW,
     AgentArrays,
@@ -34,6 +37,7 @@ from are_ros.agents.local_planner.state import (
     Integers,
     PlannerTiming,
     Records,
+    RobotPath,
     X,
     Y,
 )
@@ -46,6 +50,7 @@ _PUSHES_AFTER = 0.75
 _ASKS_AFTER = 1.5  # one that is to stand is asked to step aside
 _ASKS_FOLLOWERS_AFTER = 8.0  # so is one that follows its path
 _PUSH_SECONDS = 2
+_MAKES_WAY_SECONDS = 2.0
 _FIRST_DETOUR = 3.0
 _ROOM = 0.05
 _PUSHING_TAKES = 10.0
@@ -121,6 +126,35 @@ def push(
     other.push_x, other.push_y = pose[X], pose[Y]
     other.push_cos, other.push_sin = np.cos(aim.heading), np.sin(aim.heading)
     other.push_room = agents.body[i].radius + agents.body[j].radius + _ROOM
+
+
+@borrowing
+def make_way(
+    agents: AgentArrays, i: int, pose: Floats, now: int, robot: RobotPath, timing: PlannerTiming
+) -> None:
+    """Let the robot push agent i, if that stands where the robot drives in the next two seconds.
+
+    An agent that follows its path stays there, as does one that cannot move.
+    """
+    body, memory = agents.body[i], agents.memory[i]
+    if pose[SPEED] != 0.0 or body.speed <= 0.0 or agents.command[i].planner == PATH_FOLLOWING:
+        return
+    x, y, vx, vy, radius = robot_disc(robot, timing)
+    speed = np.sqrt(vx * vx + vy * vy)
+    if speed < _SLOWEST:
+        return
+    cos, sin = vx / speed, vy / speed
+    ahead = (pose[X] - x) * cos + (pose[Y] - y) * sin
+    aside = (pose[Y] - y) * cos - (pose[X] - x) * sin
+    room = radius + body.radius
+    if not 0.0 < ahead < room + _MAKES_WAY_SECONDS * speed or abs(aside) > room:
+        return
+    if now >= memory.pushed_until:
+        agents.due[i] = now
+    memory.pushed_until = now + _PUSH_SECONDS * timing.second
+    memory.push_by, memory.push_rank = NOBODY, 1.0
+    memory.push_x, memory.push_y, memory.push_cos, memory.push_sin = x, y, cos, sin
+    memory.push_room = room + _ROOM
 
 
 @borrowing

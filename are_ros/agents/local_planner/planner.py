@@ -11,7 +11,7 @@ from are_ros._compiled import borrowing, owning
 from are_ros.agents.local_planner import deadlock as _deadlock
 from are_ros.agents.local_planner import state as _state
 from are_ros.agents.local_planner.body import PLANNERS, MotionCommand
-from are_ros.agents.local_planner.deadlock import note_progress
+from are_ros.agents.local_planner.deadlock import make_way, note_progress
 from are_ros.agents.local_planner.gaps import fill, gap_between, separation
 from are_ros.agents.local_planner.planning import commit, copy_pose, plan, reach_of
 from are_ros.agents.local_planner.robot import RobotMotion, robot_conflict, robot_path
@@ -112,7 +112,7 @@ class LocalPlanner:
             counters = self._workspace.counters
             workspace = _state.workspace_of(2 * len(table), arrays.path.shape[1])
             self._workspace = workspace._replace(counters=counters)
-        if self._all_stand():
+        if self._all_stand(robot):
             table.now += 1
             arrays.place["is_news"] = 0
             poses = arrays.path[np.arange(len(table)), arrays.place["last"]]
@@ -127,8 +127,10 @@ class LocalPlanner:
         table.now += 1
         return poses[:, :3], moved
 
-    def _all_stand(self) -> bool:
+    def _all_stand(self, robot: RobotMotion | None) -> bool:
         """Return whether no agent moves, has a sub-goal or is pushed: then there is no planning.
+
+        Nor can any make way for the robot.
 
         So a replay without motion compiles none of the planner's kernels.
         """
@@ -137,6 +139,8 @@ class LocalPlanner:
         is_moving = now - place["begin"] < place["last"]
         is_active = is_moving | (arrays.command["has_goal"] != 0)
         is_active |= arrays.memory["pushed_until"] > now
+        if robot is not None and robot.speed_mps > 0.0:
+            is_active |= arrays.body["speed"] > 0.0
         return not is_active.any()
 
     @property
@@ -184,14 +188,19 @@ _RANKS_LAST_SECONDS = 8
 
 
 @borrowing
-def _is_due(agents: AgentArrays, i: int, now: int, robot: RobotPath, box: _Floats) -> bool:
-    """Tell whether an agent plans in this sub-step."""
-    if now < agents.due[i] and robot.outlines.shape[0] == 0:
+def _is_due(
+    agents: AgentArrays, i: int, now: int, robot: RobotPath, timing: PlannerTiming, box: _Floats
+) -> bool:
+    """Tell whether an agent plans in this sub-step; it may be pushed by the robot."""
+    has_robot = robot.outlines.shape[0] > 0
+    if now < agents.due[i] and not has_robot:
         return False
     place = agents.place[i]
     if place.is_scripted:
         return False
     moves = now - place.begin < place.last
+    if has_robot and not moves:
+        make_way(agents, i, agents.path[i, place.last], now, robot, timing)
     if now < agents.due[i]:
         # only where what is left of its path leads into the robot, where it is or will be
         reach = place.reach + robot.reach
@@ -225,7 +234,7 @@ def _mark_due(
     for i in range(due.shape[0]):
         place = agents.place[i]
         squares[i, 0], squares[i, 1], squares[i, 2] = place.x, place.y, place.reach
-        due[i] = _is_due(agents, i, now, robot, workspace.box)
+        due[i] = _is_due(agents, i, now, robot, timing, workspace.box)
         if due[i]:
             count += 1
             pose = agents.path[i, min(now - place.begin, place.last)]

@@ -31,6 +31,7 @@ from are_ros.agents.local_planner.primitives import (
     fill_options,
     set_option,
 )
+from are_ros.agents.local_planner.robot import robot_disc
 from are_ros.agents.local_planner.rollouts import (
     BRAKE,
     CURVE,
@@ -253,7 +254,7 @@ def social_force(
             x, y = other[X], other[Y]
             ux, uy = other[SPEED] * other[COS], other[SPEED] * other[SIN]
         elif has_robot:
-            x, y, ux, uy, radius = _robot_disc(robot, timing)
+            x, y, ux, uy, radius = robot_disc(robot, timing)
         else:
             break
         fx, fy = repulsion(
@@ -263,23 +264,6 @@ def social_force(
     room, slope_x, slope_y = clearance_and_slope(pose[X], pose[Y], body, floor)
     force = WALLS_MPS2 * np.exp(min((body.radius - room) / WALLS_M, 0.0))
     return ax + force * slope_x, ay + force * slope_y
-
-
-@borrowing
-def _robot_disc(
-    robot: RobotPath, timing: PlannerTiming
-) -> tuple[float, float, float, float, float]:
-    """Return the middle of the robot's corners (x, y), its velocity, and a radius about it."""
-    later, corners = 1, robot.outlines.shape[1]
-    x, y, ux, uy, radius = 0.0, 0.0, 0.0, 0.0, 0.0
-    for v in range(corners):
-        here, there = robot.outlines[0, v], robot.outlines[later, v]
-        x, y = x + here[0] / corners, y + here[1] / corners
-        ux, uy = ux + (there[0] - here[0]) / corners, uy + (there[1] - here[1]) / corners
-    for v in range(corners):
-        here = robot.outlines[0, v]
-        radius = max(radius, np.sqrt((here[0] - x) ** 2 + (here[1] - y) ** 2))
-    return x, y, ux / timing.step_s, uy / timing.step_s, radius + robot.radius
 
 
 @borrowing

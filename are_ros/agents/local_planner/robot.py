@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from are_ros._compiled import borrowing, owning
 from are_ros.agents.local_planner.gaps import TOUCH, leap
-from are_ros.agents.local_planner.state import NEVER, Floats, RobotPath
+from are_ros.agents.local_planner.state import NEVER, Floats, PlannerTiming, RobotPath
 from are_ros.agents.local_planner.walls import lay_box
 from are_ros.world.footprint import Footprint, signed_distances
 
@@ -87,6 +87,23 @@ def robot_path(robot: RobotMotion | None, step_s: float) -> RobotPath:
     sweep = abs(robot.yaw_rate) * float(np.hypot(corners[:, 0], corners[:, 1]).max())
     pace = (robot.speed_mps + sweep) * step_s
     return RobotPath(outlines, radius, x, y, reach, pace)
+
+
+@borrowing
+def robot_disc(
+    robot: RobotPath, timing: PlannerTiming
+) -> tuple[float, float, float, float, float]:
+    """Return the middle of the robot's corners (x, y), its velocity, and a radius about it."""
+    later, corners = 1, robot.outlines.shape[1]
+    x, y, ux, uy, radius = 0.0, 0.0, 0.0, 0.0, 0.0
+    for v in range(corners):
+        here, there = robot.outlines[0, v], robot.outlines[later, v]
+        x, y = x + here[0] / corners, y + here[1] / corners
+        ux, uy = ux + (there[0] - here[0]) / corners, uy + (there[1] - here[1]) / corners
+    for v in range(corners):
+        here = robot.outlines[0, v]
+        radius = max(radius, np.sqrt((here[0] - x) ** 2 + (here[1] - y) ** 2))
+    return x, y, ux / timing.step_s, uy / timing.step_s, radius + robot.radius
 
 
 @owning

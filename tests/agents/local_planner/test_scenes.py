@@ -389,6 +389,38 @@ def test_nobody_walks_into_a_robot_that_stands() -> None:
     assert street.obstruction(1)[:2] == (Obstruction.ROBOT, -1)
 
 
+def _towards(index: int, speed_mps: float) -> RobotMotion:
+    """Return a robot that drives along x, at y = 3, from x = 1 on."""
+    x_m = 1.0 + speed_mps * index * STEP_S
+    return RobotMotion(Footprint.disc(0.3).at(x_m, 3.0, 0.0), x_m, 3.0, 0.0, speed_mps, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("speed_mps", [0.3, 0.6, 1.0])
+@pytest.mark.parametrize("yaw_rad", [0.0, 2.0, math.pi])
+def test_who_stands_in_the_robots_way_steps_aside(speed_mps: float, yaw_rad: float) -> None:
+    """On either side of its line, or on it, whatever the heading; who is beside it stays there."""
+    street = Street(environment(room(12.0, 6.0)))
+    places_m = [(3.0, 3.0), (6.0, 3.2), (9.0, 2.6), (6.0, 4.2)]
+    for n, (x_m, y_m) in enumerate(places_m):
+        street.add(n, x_m, y_m, yaw_rad)
+    least_m = math.inf
+    for _ in range(round(9.5 / speed_mps / STEP_S)):
+        robot = _towards(street.index, speed_mps)
+        street.step(robot)
+        least_m = min(least_m, float(signed_distance_m(robot.footprint, street.boxes()).min()))
+    assert 0.0 < least_m
+    assert street.pose(3)[:2].tolist() == list(places_m[3])
+
+
+def test_who_follows_a_path_does_not_step_aside() -> None:
+    """An AGV that stands keeps its place; the robot has to stop for it."""
+    street = Street(environment(room(12.0, 6.0)))
+    street.add(1, 6.0, 3.0, math.pi)
+    street.send(1, 6.0, 3.0, planner="path_following")
+    street.run(10.0, lambda index: _towards(index, 0.4))
+    assert street.distance(1) == 0.0
+
+
 def test_one_that_the_robot_has_come_to_touch_can_walk_away() -> None:
     """A contact is the robot's; it does not hold the artefact."""
     street = Street(environment(room(10.0, 6.0)))
