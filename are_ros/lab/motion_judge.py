@@ -130,7 +130,6 @@ _WITHOUT_CAUSE = frozenset(
         "driving",
         "running",
         "wandering",
-        "stopping",
         "following",
         "crossing",
         "avoiding",

@@ -153,7 +153,7 @@ class Pause:
 
 _ARRIVE_WITHIN_M = 0.5
 _PAUSING, _NOWHERE_TO_GO = stand("pausing"), stand("nowhere to go")
-_STOPPING = stand("stopping")
+_STOPPING = stand("standing")
 
 
 class Journey:

@@ -48,7 +48,7 @@ _RELEASE = 0.15  # the most that one that was blocked must gain before it is so 
 _MOST_DEBT = 2.0  # a way back counts: it must be made again before one is not blocked any more
 _PUSHES_AFTER = 0.75
 _ASKS_AFTER = 1.5  # one that is to stand is asked to step aside
-_ASKS_FOLLOWERS_AFTER = 8.0  # so is one that follows its path
+_ASKS_FOLLOWERS_AFTER = 8.0  # so is one that follows its path, or two that block each other
 _PUSH_SECONDS = 2
 _MAKES_WAY_SECONDS = 2.0
 _FIRST_DETOUR = 3.0
@@ -83,12 +83,13 @@ def can_yield(agents: AgentArrays, i: int, j: int, now: int) -> bool:
 
     It may not push one that follows a track; and one that is to stand only after it has waited for
     longer, or is pushed itself where it is to stand. One that follows its path does not swerve: it
-    is pushed only where it stands, by who has waited for longest.
+    is pushed only after the longest wait, where it is to stand or has waited for as long.
     """
     if agents.place[j].is_scripted == 1 or agents.body[j].speed <= 0.0:
         return False
     stands, waited = agents.command[j].has_goal == 0, agents.memory[i].blocked
     if agents.command[j].planner == PATH_FOLLOWING:
+        stands = stands or agents.memory[j].blocked > _ASKS_FOLLOWERS_AFTER
         return bool(stands and waited > _ASKS_FOLLOWERS_AFTER)
     is_asked = now < agents.memory[i].pushed_until and agents.command[i].has_goal == 0
     return bool(not stands or is_asked or waited > _ASKS_AFTER)

@@ -76,6 +76,18 @@ def test_a_path_follower_brakes_behind_a_pallet_waits_and_goes_on() -> None:
     assert np.abs(way_of(street)[:, 1] - 4.0).max() < 1e-9
 
 
+def test_two_path_followers_that_block_each_other_do_not_wait_for_ever() -> None:
+    """Head on in an aisle both wait; then the one of the lower priority lets the other pass."""
+    street = Street(corridor(3.0, 20.0))
+    street.add(1, 4.0, 2.0, 0.0, AGV)
+    street.add(2, 16.0, 2.0, math.pi, AGV)
+    street.send(1, 18.0, 2.0, planner="path_following")
+    street.send(2, 2.0, 2.0, planner="path_following")
+    street.run(10.0)
+    assert (way_of(street)[:, 1] == 2.0).all()
+    assert street.run_until_there(60.0) > 20.0
+
+
 def test_a_dynamic_window_swerves_where_a_path_follower_waits() -> None:
     """The same scene with the other planner, so that the test above can fail."""
     street = Street(environment(room(16.0, 8.0)))
