@@ -162,10 +162,10 @@ def decide() -> None:
     poses[:, :2] = random.random((11, 2)) * 3.0 + (x_m - 1.5, y_m - 1.5)
     poses[0, :2] = x_m, y_m
     cells = Neighbourhood(poses[:, :2]).cells
-    crowd = (*cells, poses, np.ones(11), np.full(11, 0.3))
-    ends, no_robot = (0.25, goals_m[0], goals_m[0], 0.5, 0.0), (0.0, 0.0, 0.0, 0.0, -1.0)
+    crowd = (*cells, poses, poses[:, None, :2] + ((1.0, 0.0), (2.0, 0.0)), np.full(11, 0.3))
+    ends, no_robot = (0.25, goals_m[0], goals_m[0], 0.5, 0.0), (np.zeros((2, 2)), -1.0)
     active = (tuple(coarse.ground), tuple(table.value_arrays), ends)
-    choice = (crowd, no_robot, 1.0, (0, True, 30), False, np.empty((2, 5)), *active)
+    choice = (crowd, no_robot, (0, True, 30), False, np.empty((2, 5)), *active)
     way = (*active, (x_m, y_m, 0.0), (0, 3), np.empty((128, 2)))
     calls: dict[str, Callable[[], object]] = {
         "values of a known goal": functools.partial(tables.value, coarse, model, goals_m[0]),

@@ -30,6 +30,7 @@ from are_ros.agents.behaviours.walking import arrival_m
 from are_ros.agents.local_planner.body import Body
 from are_ros.agents.local_planner.planner import LocalPlanner, Obstruction
 from are_ros.agents.mdp.policy import STAY, boltzmann, drawn, persistence_of, prior_of, slipped
+from are_ros.agents.mdp.routes import AHEAD
 from are_ros.agents.navigation.destinations import Destinations
 from are_ros.agents.navigation.navigation import (
     ActiveGoal,
@@ -195,10 +196,15 @@ class DecisionLayer:
         activities in the next sub-step.
         """
         table = self._table
-        columns = (table.ids, table.poses, self._planner.motion[:, 5], table.radii_m)
+        rows: list[int] = np.flatnonzero(table.phases == index % self._period).tolist()
+        if not rows:
+            return []
+        epochs = range(self._period, (AHEAD + 1) * self._period, self._period)
+        ahead_m = np.stack([table.committed(steps)[:, :2] for steps in epochs], axis=1)
+        columns = (table.ids, table.poses, self._planner.motion[:, 5], ahead_m, table.radii_m)
         view = AgentSnapshot(table.artefacts.copy(), columns, self.sees, table.doing)
         left, deciding = list[int](), dict[int, AgentState]()
-        for row in np.flatnonzero(table.phases == index % self._period).tolist():
+        for row in rows:
             state = table.states[row]
             if state is None:
                 continue

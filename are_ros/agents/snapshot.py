@@ -20,7 +20,8 @@ class AgentSnapshot:
     """N artefacts in the order of their ids, at one sub-step; results are computed on demand.
 
     `ids` int64 (N,), `poses` float64 (N, 4), x, y, z, yaw in the map frame, `speeds_mps` float64
-    (N,) along the yaw, `radii_m` float64 (N,) of circles about (x, y) that contain the bodies.
+    (N,) along the yaw, `ahead_m` float64 (N, AHEAD, 2) where each will be at the end of the next
+    epochs, `radii_m` float64 (N,) of circles about (x, y) that contain the bodies.
     `sees` tells whether walls leave an artefact a straight way to a point; `doing` returns the
     indices of the artefacts with a behaviour, ascending.
     """
@@ -28,13 +29,13 @@ class AgentSnapshot:
     def __init__(
         self,
         artefacts: Sequence[Artefact],
-        columns: tuple[npt.NDArray[np.int64], _Floats, _Floats, _Floats],
+        columns: tuple[npt.NDArray[np.int64], _Floats, _Floats, _Floats, _Floats],
         sees: Callable[[Neighbour, float, float], bool],
         doing: Callable[[str], npt.NDArray[np.int64]],
     ) -> None:
-        """Take the artefacts, and the columns: ids, poses, speeds, radii."""
+        """Take the artefacts, and the columns: ids, poses, speeds, places ahead, radii."""
         self._artefacts = artefacts
-        self._ids, poses, speeds_mps, self._radii_m = columns
+        self._ids, poses, speeds_mps, self._ahead_m, self._radii_m = columns
         self._poses = np.ascontiguousarray(poses)
         self._speeds_mps = np.ascontiguousarray(speeds_mps)
         self._sees, self._doing = sees, doing
@@ -110,7 +111,7 @@ class AgentSnapshot:
     def crowd(self) -> CrowdArrays:
         """All artefacts, as `prospect_of` takes them."""
         cells = self._neighbourhood.cells
-        return (*cells, self._poses, self._speeds_mps, self._radii_m)
+        return (*cells, self._poses, self._ahead_m, self._radii_m)
 
     @cached_property
     def _neighbourhood(self) -> Neighbourhood:

@@ -182,8 +182,12 @@ class AgentTable:
     @property
     def motion(self) -> _Floats:
         """Poses and speeds of all now: x, y, yaw, cos, sin, speed along yaw, float64 (N, 6)."""
+        return self.committed(0)
+
+    def committed(self, ahead: int) -> _Floats:
+        """Return the same so many sub-steps ahead on the committed paths, which end in a stand."""
         arrays = self.arrays
-        steps = np.minimum(self.now - arrays.place["begin"], arrays.place["last"])
+        steps = np.minimum(self.now + ahead - arrays.place["begin"], arrays.place["last"])
         motion: _Floats = arrays.path[np.arange(len(steps)), steps]
         return motion
 

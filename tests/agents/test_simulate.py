@@ -122,6 +122,25 @@ def test_sub_steps_are_counted_by_artefact() -> None:
     assert (counts.moved_back, counts.displaced) == (0, 0)
 
 
+def test_decisions_see_where_committed_paths_lead() -> None:
+    """At the end of each epoch ahead; where the path has ended, its last pose."""
+    stage, seen = Stage(), list[npt.NDArray[np.float64]]()
+    for k in range(4):
+        stage.add(k, WALKER, 2.0 + 1.5 * k, 4.0)
+    crowd, compared = stage.crowd, 0
+    crowd.decisions.report = lambda *told: seen.append(told[3].crowd[9])
+    for index in range(1, 101):
+        paths = [crowd.planner.trajectory(row) for row in range(4)]
+        stage.step(index)
+        for ahead_m in seen:
+            for row, path in enumerate(paths):
+                expected = [path[min(k, len(path) - 1), :2] for k in (19, 39)]
+                assert np.array_equal(ahead_m[row], expected)
+                compared += len(path) > 20
+        seen.clear()
+    assert compared > 20
+
+
 def test_poses_of_crowd_traffic_and_history_are_one() -> None:
     """When a sub-step begins, and as planned for the next one, to the bit."""
     stage = Stage()

@@ -22,7 +22,8 @@ from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistor
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.meshes.shapes import Shape
 
-NO_ROBOT = (0.0, 0.0, 0.0, 0.0, -1.0)
+NO_ROBOT = (np.zeros((AHEAD, 2)), -1.0)
+ROBOT = (np.array([(1.0, 2.0), (3.0, 4.0)]), 0.9)
 ROW = CatalogueRow(0, "somebody", "person", (0.3, 0.5, 1.7), (0.0, 0.0, 0.0), Shape.PERSON)
 
 
@@ -34,16 +35,20 @@ def left_half(me: Neighbour, x_m: float, y_m: float) -> bool:
 def crowd(
     count: int, seed: int = 1
 ) -> tuple[AgentSnapshot, dict[int, Artefact], npt.NDArray[np.float64]]:
-    """Return so many people anywhere within 20 m, ids 3, 6, 9 ...; x, y, z, yaw, speed."""
+    """Return so many people anywhere within 20 m, ids 3, 6, 9 ...
+
+    And their numbers: x, y, z, yaw, speed, and two places ahead.
+    """
     rng = np.random.default_rng(seed)
-    numbers: npt.NDArray[np.float64] = rng.uniform(-10.0, 10.0, (count, 5))
+    numbers: npt.NDArray[np.float64] = rng.uniform(-10.0, 10.0, (count, 5 + 2 * AHEAD))
     ids = np.arange(3, 3 * count + 3, 3)
     living = {}
-    for artefact_id, (x, y, z, yaw, _) in zip(ids.tolist(), numbers.tolist(), strict=True):
+    for artefact_id, (x, y, z, yaw, _) in zip(ids.tolist(), numbers[:, :5].tolist(), strict=True):
         history = PoseHistory(0, GroundPose(x, y, z, yaw))
         living[artefact_id] = Artefact(artefact_id, ROW, Origin.RANDOM, 0, history)
     radii_m = 0.2 + 0.01 * np.arange(count, dtype=np.float64)
-    columns = (ids, numbers[:, :4], numbers[:, 4], radii_m)
+    ahead_m = numbers[:, 5:].reshape(count, AHEAD, 2)
+    columns = (ids, numbers[:, :4], numbers[:, 4], ahead_m, radii_m)
 
     def doing(behaviour: str) -> npt.NDArray[np.int64]:
         return np.flatnonzero([one.behaviour == behaviour for one in living.values()])
@@ -57,7 +62,7 @@ def test_a_fellow_is_what_the_arrays_say() -> None:
     living[9].behaviour, living[9].activity = "walking", "pausing"
     neighbour = view.neighbour(9)
     assert neighbour is not None
-    x, y, _, yaw, speed = numbers[2].tolist()
+    x, y, _, yaw, speed = numbers[2, :5].tolist()
     assert (neighbour.x_m, neighbour.y_m, neighbour.yaw_rad) == (x, y, yaw)
     assert (neighbour.vx_mps, neighbour.vy_mps) == pytest.approx(
         (speed * math.cos(yaw), speed * math.sin(yaw))
@@ -115,14 +120,14 @@ def test_who_is_near_can_be_asked_for_by_what_it_does() -> None:
 def minded(
     view: AgentSnapshot, index: int, robot: Robot = NO_ROBOT, *, is_patient: bool = True
 ) -> npt.NDArray[np.float64]:
-    """Return who is minded about one, by epoch of 2 s as rows of x, y, radius, fade and weight."""
+    """Return who is minded about one, by epoch as rows of x, y, radius, fade and weight."""
     everybody = Crowd(Cells(*view.crowd[:8]), *view.crowd[8:])
     going = GoalSpec(0.2, (0.0, 0.0), (0.0, 0.0), 0.4, 0.7)
-    return find_others(everybody, robot, 2.0, index, is_patient, going)
+    return find_others(everybody, robot, index, is_patient, going)
 
 
-@pytest.mark.parametrize("robot", [NO_ROBOT, (1.0, 2.0, 0.5, -0.5, 0.9)])
-def test_others_are_minded_where_their_velocity_takes_them(robot: Robot) -> None:
+@pytest.mark.parametrize("robot", [NO_ROBOT, ROBOT])
+def test_others_are_minded_where_they_will_be(robot: Robot) -> None:
     """All but oneself who are near now, the nearest first; then the robot, if there is one."""
     view, _, numbers = crowd(300)
     index = view.index_of(30)
@@ -130,29 +135,20 @@ def test_others_are_minded_where_their_velocity_takes_them(robot: Robot) -> None
     away = np.hypot(*(numbers[:, :2] - numbers[index, :2]).T)
     near = [i for i in np.argsort(away).tolist() if i != index and away[i] <= MINDED_M]
     for epoch in range(AHEAD):
-        ahead_s = 2.0 * (epoch + 1)
         expected = [
-            (
-                x + ahead_s * v * math.cos(yaw),
-                y + ahead_s * v * math.sin(yaw),
-                0.2 + 0.2 + 0.01 * i,
-                FADE_M,
-                0.4,
-            )
-            for i, (x, y, _, yaw, v) in ((i, numbers[i].tolist()) for i in near)
+            (*numbers[i, 5 + 2 * epoch : 7 + 2 * epoch].tolist(), 0.4 + 0.01 * i, FADE_M, 0.4)
+            for i in near
         ]
-        if robot[4] > 0.0:
-            place = (1.0 + 0.5 * ahead_s, 2.0 - 0.5 * ahead_s)
-            expected.append((*place, 0.9 + 0.2, FADE_M, 0.7))
+        if robot is ROBOT:
+            expected.append(((1.0, 3.0)[epoch], (2.0, 4.0)[epoch], 0.9 + 0.2, FADE_M, 0.7))
         assert len(expected) > 5
         np.testing.assert_allclose(found[epoch], expected)
 
 
 def test_alone_nobody_is_minded() -> None:
     """Nor in a crowd, by who is not to mind anybody; the robot neither."""
-    robot = (1.0, 2.0, 0.0, 0.0, 0.9)
     assert minded(crowd(1)[0], 0).shape == (AHEAD, 0, 5)
-    assert minded(crowd(300)[0], 7, robot, is_patient=False).shape == (AHEAD, 0, 5)
+    assert minded(crowd(300)[0], 7, ROBOT, is_patient=False).shape == (AHEAD, 0, 5)
 
 
 def test_seeing_is_asked_with_who_looks() -> None:

@@ -153,3 +153,22 @@ def test_the_history_of_one_that_is_removed_stays() -> None:
     table.history.record(60, 110, table.ids, table.poses, table.ends)
     assert one.ground_pose_at(200) == GroundPose(1.0, 2.0, 0.0, 0.0)
     assert one.history.latest_ns == 60
+
+
+def test_committed_paths_end_in_a_stand() -> None:
+    """At each sub-step ahead all are where their paths say, by the slow way; then they stand."""
+    table, rng = AgentTable(0.05), np.random.default_rng(2)
+    for artefact_id in range(9):
+        add(table, artefact_id, ROWS[0], POSES[7])
+    arrays, table.now = table.arrays, 30
+    arrays.path[:] = rng.normal(size=arrays.path.shape)
+    arrays.place["begin"] = rng.integers(15, 31, 9)
+    arrays.place["last"] = (0, 1, 5, 20, 40, 60, 3, 25, 80)
+    held = 0
+    for ahead in (0, 1, 20, 40):
+        for row, found in enumerate(table.committed(ahead)):
+            step, last = 30 + ahead - int(arrays.place["begin"][row]), arrays.place["last"][row]
+            held += step > last
+            assert np.array_equal(found, arrays.path[row, min(last, step)])
+    assert 5 < held < 30
+    assert np.array_equal(table.motion, table.committed(0))

@@ -6,6 +6,7 @@ Once per decision period, a `Behaviour` turns a `Situation` into an `Intent`.
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Protocol
 
 import numpy as np
@@ -130,10 +131,79 @@ class RobotView:
         """Its position (x, y) [m]."""
         return self.x_m, self.y_m
 
+    @cached_property
+    def path(self) -> "RobotPath":
+        """Its expected path."""
+        return RobotPath(self)
+
     @property
     def speed_mps(self) -> float:
         """Its speed [m/s]."""
         return math.hypot(self.vx_mps, self.vy_mps)
+
+
+_OFF_PLAN_M = 1.5
+_IS_MOVING_MPS = 0.05
+_FAR_M = 1000.0
+_SAMPLE_M = 0.25
+
+
+class RobotPath:
+    """The expected path of the robot from its position: along its plan, then straight on.
+
+    A plan that passes more than 1.5 m from the robot is outdated. With an outdated plan or none,
+    the path is straight on in the direction of motion, or of the heading while the robot stands.
+    """
+
+    def __init__(self, robot: RobotView) -> None:
+        here_m = np.array(robot.point_m)
+        points_m = np.vstack((here_m, _plan_ahead(robot.plan_m, here_m)))
+        end_m = points_m[-1] + _FAR_M * _last_direction(points_m, robot)
+        self._points_m = np.vstack((points_m, end_m))
+        steps_m = np.diff(self._points_m, axis=0)
+        self._lengths_m = np.concatenate(([0.0], np.cumsum(np.hypot(*steps_m.T))))
+
+    def at(self, length_m: float) -> tuple[Point, Point]:
+        """Return the point at this length (>= 0) from the robot, and the unit direction there."""
+        k = int(np.searchsorted(self._lengths_m, length_m, side="right")) - 1
+        k = min(k, len(self._lengths_m) - 2)
+        step_m = self._points_m[k + 1] - self._points_m[k]
+        along = step_m / np.hypot(*step_m)
+        x_m, y_m = (self._points_m[k] + (length_m - self._lengths_m[k]) * along).tolist()
+        return (x_m, y_m), (float(along[0]), float(along[1]))
+
+    def distance_m(self, point_m: Point, within_m: float) -> float:
+        """Return the distance of a point from the first `within_m` of the path, to some cm."""
+        lengths_m = np.arange(0.0, within_m, _SAMPLE_M)
+        x_m = np.interp(lengths_m, self._lengths_m, self._points_m[:, 0])
+        y_m = np.interp(lengths_m, self._lengths_m, self._points_m[:, 1])
+        return float(np.hypot(x_m - point_m[0], y_m - point_m[1]).min())
+
+
+def _last_direction(points_m: npt.NDArray[np.float64], robot: RobotView) -> npt.NDArray[np.float64]:
+    """Return the unit direction of the path at its end."""
+    if len(points_m) > 1:
+        step_m = points_m[-1] - points_m[-2]
+        return np.asarray(step_m / np.hypot(*step_m))
+    heading_rad = robot.yaw_rad
+    if robot.speed_mps > _IS_MOVING_MPS:
+        heading_rad = math.atan2(robot.vy_mps, robot.vx_mps)
+    return np.array((math.cos(heading_rad), math.sin(heading_rad)))
+
+
+def _plan_ahead(
+    plan_m: npt.NDArray[np.float64], here_m: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Return the points (N, 2) of the plan still ahead, without repeated ones."""
+    if not len(plan_m):
+        return np.empty((0, 2))
+    apart_m = np.hypot(*(plan_m - here_m).T)
+    nearest = int(apart_m.argmin())
+    if apart_m[nearest] > _OFF_PLAN_M:
+        return np.empty((0, 2))
+    rest_m = plan_m[nearest + 1 :]
+    before_m = np.vstack((here_m, rest_m[:-1]))
+    return rest_m[np.hypot(*(rest_m - before_m).T) > 1e-3] if len(rest_m) else rest_m
 
 
 class View(Protocol):

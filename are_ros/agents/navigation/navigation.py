@@ -51,6 +51,7 @@ _GOALS_KEPT = 3
 _NO_ENVIRONMENT = "there is no environment yet, so no way can be found"
 _NO_WAY = np.empty((0, 2))
 _NO_VALUES = np.empty((0, 5))
+_NO_ROBOT = np.zeros((AHEAD, 2)), -1.0
 _NOWHERE = Destinations(np.empty((0, 2)), np.empty((0, 2)))
 
 
@@ -190,6 +191,8 @@ class Navigation:
         self, requests: Sequence[NavigationRequest], view: AgentSnapshot, robot: RobotView | None
     ) -> list[Prospect]:
         """Return what the actions of each request are worth; an agent's last goals are known."""
+        if not requests:
+            return []
         around = self._around(robot)
         indices = view.indices_of([request.me.id for request in requests])
         return [
@@ -247,7 +250,6 @@ class Navigation:
             prospect_of,
             view.crowd,
             around,
-            self._settings.decision_period,
             (index, request.is_patient, self._epochs(request.left_s)),
             request.intent.is_moving_goal,
             values,
@@ -282,10 +284,12 @@ class Navigation:
         return NavigationResult(command, way_m=way_m)
 
     def _around(self, robot: RobotView | None) -> Robot:
-        """Return the robot as kernels take it; its radius is negative if there is none."""
+        """Return the robot as kernels take it, at its present speed along its expected path."""
         if robot is None:
-            return 0.0, 0.0, 0.0, 0.0, -1.0
-        return robot.x_m, robot.y_m, robot.vx_mps, robot.vy_mps, robot.radius_m
+            return _NO_ROBOT
+        way_m = robot.speed_mps * self._settings.decision_period
+        ahead_m = [robot.path.at((k + 1) * way_m)[0] for k in range(AHEAD)]
+        return np.array(ahead_m), robot.radius_m
 
     def _new_goal(self, request: NavigationRequest, key: GoalKey) -> ActiveGoal | None:
         """Return the values of going to a goal; None if no way leads there."""

@@ -52,11 +52,14 @@ class GoalSpec(NamedTuple):
 
 
 class Crowd(NamedTuple):
-    """Everybody: points by cell; poses (N, 4), x, y, z, yaw; speeds (N,) along it; radii (N,)."""
+    """Everybody: points by cell; poses (N, 4), x, y, z, yaw; radii (N,).
+
+    `ahead_m` (N, AHEAD, 2) is where each will be at the end of the next epochs.
+    """
 
     cells: Cells
     poses: Floats
-    speeds_mps: Floats
+    ahead_m: Floats
     radii_m: Floats
 
 
@@ -69,15 +72,17 @@ GoalArrays = tuple[GroundArrays, ValueTuple, GoalSpecArrays]
 """The fields of `Ground`, `ValueArrays` and `GoalSpec`."""
 
 
-Robot = tuple[float, float, float, float, float]
-"""Place [m], velocity [m/s] and radius [m] of the robot; the radius is negative without one."""
+Robot = tuple[Floats, float]
+"""Where the robot will be at the end of the next epochs (AHEAD, 2) [m], and its radius [m].
+
+The radius is negative without one.
+"""
 
 
 @compiled
 def prospect_of(
     crowd: CrowdArrays,
     robot: Robot,
-    epoch_s: float,
     agent: tuple[int, bool, int],
     is_moving_goal: bool,
     brings: Floats,
@@ -88,11 +93,10 @@ def prospect_of(
     """Fill in what the actions of an agent with a goal are worth, (P, 5): pace, move.
 
     `ground`, `value_arrays` and `ends` are the fields of `Ground`, `ValueArrays` and `GoalSpec`,
-    `crowd` those of `Cells` and the rest of `Crowd`. An epoch is `epoch_s` long. `agent` is the
-    index in the crowd, whether others cost it anything, and the epochs left. A moving goal is
-    approached straight from any distance. Returns what there is (no way, straight to the goal, a
-    choice, or that the planes of all epochs are needed), the heading, and the value of the state
-    without the others.
+    `crowd` those of `Cells` and the rest of `Crowd`. `agent` is the index in the crowd, whether
+    others cost it anything, and the epochs left. A moving goal is approached straight from any
+    distance. Returns what there is (no way, straight to the goal, a choice, or that the planes of
+    all epochs are needed), the heading, and the value of the state without the others.
     """
     floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
     everybody = Crowd(Cells(*crowd[:8]), crowd[8], crowd[9], crowd[10])
@@ -108,7 +112,7 @@ def prospect_of(
         return NO_WAY, 0, 0.0
     if state[0] == values.goal[0] and state[1] == values.goal[1]:
         return STRAIGHT, 0, 0.0
-    others = find_others(everybody, robot, epoch_s, index, is_patient, going)
+    others = find_others(everybody, robot, index, is_patient, going)
     others = others[: min(AHEAD, epochs_left)]
     if not is_settled(values, state[0], state[1], epochs_left, others.shape[0]):
         return UNKNOWN, 0, 0.0
@@ -145,9 +149,7 @@ def scratch_of(paces: int) -> tuple[Moves, Moves]:
 
 
 @compiled
-def find_others(
-    crowd: Crowd, robot: Robot, epoch_s: float, me: int, is_patient: bool, going: GoalSpec
-) -> Floats:
+def find_others(crowd: Crowd, robot: Robot, me: int, is_patient: bool, going: GoalSpec) -> Floats:
     """Return where others are in each epoch ahead, (AHEAD, M, 5), as `action_values` takes them.
 
     The robot comes last. Who is not patient minds nobody.
@@ -161,35 +163,22 @@ def find_others(
     for n in range(near):
         i = found[n]
         if i != me:
-            x_m, y_m, yaw_rad = crowd.poses[i, 0], crowd.poses[i, 1], crowd.poses[i, 3]
-            speed_mps = crowd.speeds_mps[i]
-            velocity = (speed_mps * np.cos(yaw_rad), speed_mps * np.sin(yaw_rad))
-            body = (x_m, y_m, crowd.radii_m[i] + going.radius_m)
-            _foresee(others, count, epoch_s, body, velocity, going.others_price)
+            within_m = crowd.radii_m[i] + going.radius_m
+            _foresee(others, count, crowd.ahead_m[i], within_m, going.others_price)
             count += 1
-    if is_patient and robot[4] >= 0.0 and going.robot_price > 0.0:
-        body = (robot[0], robot[1], robot[4] + going.radius_m)
-        _foresee(others, count, epoch_s, body, (robot[2], robot[3]), going.robot_price)
+    if is_patient and robot[1] >= 0.0 and going.robot_price > 0.0:
+        _foresee(others, count, robot[0], robot[1] + going.radius_m, going.robot_price)
         count += 1
     found_others: Floats = others[:, :count].copy()
     return found_others
 
 
 @borrowing
-def _foresee(
-    others: Floats,
-    count: int,
-    epoch_s: float,
-    body: tuple[float, float, float],
-    velocity: tuple[float, float],
-    price: float,
-) -> None:
-    """Write where one of a place and a radius will be at the end of each epoch, and its price."""
+def _foresee(others: Floats, count: int, ahead_m: Floats, radius_m: float, price: float) -> None:
+    """Write where one of a radius will be at the end of each epoch, and its price."""
     for k in range(others.shape[0]):
-        ahead_s = (k + 1) * epoch_s
-        others[k, count, 0] = body[0] + ahead_s * velocity[0]
-        others[k, count, 1] = body[1] + ahead_s * velocity[1]
-        others[k, count, 2], others[k, count, 3], others[k, count, 4] = body[2], FADE_M, price
+        others[k, count, 0], others[k, count, 1] = ahead_m[k, 0], ahead_m[k, 1]
+        others[k, count, 2], others[k, count, 3], others[k, count, 4] = radius_m, FADE_M, price
 
 
 @compiled

@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from are_ros.agents.behaviours.crossing import Crossing, RobotPath
+from are_ros.agents.behaviours.crossing import Crossing
 from are_ros.agents.behaviours.situation import Point
 from tests.agents.behaviours.stage import Actor, Stage, alone, lattice, robot_at
 
 
 def test_the_path_is_the_rest_of_the_plan_then_straight_on() -> None:
     """Lengths count along the plan from the robot; beyond its end the way is straight."""
-    path = RobotPath(robot_at((1.0, 0.0), (0.5, 0.0), [(0, 0), (1, 0), (2, 0), (2, 0), (2, 3)]))
+    path = robot_at((1.0, 0.0), (0.5, 0.0), [(0, 0), (1, 0), (2, 0), (2, 0), (2, 3)]).path
     assert path.at(0.5) == ((1.5, 0.0), (1.0, 0.0))
     assert path.at(2.0) == ((2.0, 1.0), (0.0, 1.0))
     assert path.at(9.0) == ((2.0, 8.0), (0.0, 1.0))
@@ -22,10 +22,10 @@ def test_the_path_is_the_rest_of_the_plan_then_straight_on() -> None:
 
 def test_without_a_fitting_plan_the_path_is_straight_on() -> None:
     """An old plan elsewhere counts for nothing; who stands looks along its heading."""
-    (point, along) = RobotPath(robot_at((0.0, 0.0), (0.0, 0.4), [(9, 9), (9, 10)])).at(2.0)
+    (point, along) = robot_at((0.0, 0.0), (0.0, 0.4), [(9, 9), (9, 10)]).path.at(2.0)
     assert point == pytest.approx((0.0, 2.0))
     assert along == pytest.approx((0.0, 1.0))
-    assert RobotPath(robot_at((0.0, 0.0), (0.0, 0.0))).at(2.0)[0] == (2.0, 0.0)
+    assert robot_at((0.0, 0.0), (0.0, 0.0)).path.at(2.0)[0] == (2.0, 0.0)
 
 
 @pytest.mark.parametrize("start", [(4.0, 3.0), (4.0, -3.0), (2.0, 1.0), (7.0, -1.5)])

@@ -15,6 +15,7 @@ from are_ros.agents.behaviours.repertoire import Repertoire
 from are_ros.agents.behaviours.situation import Intent, Neighbour, Point, RobotView, Standing, stand
 from are_ros.agents.decision import AgentState
 from are_ros.agents.local_planner.body import Body
+from are_ros.agents.mdp.routes import AHEAD
 from are_ros.agents.mdp.value_tables import ValueTables
 from are_ros.agents.navigation.destinations import Destinations
 from are_ros.agents.navigation.navigation import (
@@ -71,7 +72,7 @@ def state(row: CatalogueRow = ROW) -> AgentState:
 
 
 def view_of(*poses: tuple[float, float, float], speed_mps: float = 0.0) -> AgentSnapshot:
-    """Return people at x, y, yaw with the ids 0, 1 ..., of whom 0 stands."""
+    """Return people at x, y, yaw with the ids 0, 1 ..., of whom 0 stands; they go straight on."""
     living = {
         k: Artefact(k, ROW, Origin.RANDOM, 0, PoseHistory(0, GroundPose(x, y, 0.0, yaw)))
         for k, (x, y, yaw) in enumerate(poses)
@@ -80,7 +81,9 @@ def view_of(*poses: tuple[float, float, float], speed_mps: float = 0.0) -> Agent
     speeds = np.full(len(poses), speed_mps)
     speeds[0] = 0.0
     ids, radii_m = np.arange(len(poses)), np.full(len(poses), 0.3)
-    columns = (ids, ground, speeds, radii_m)
+    steps_m = speeds[:, None] * np.stack((np.cos(ground[:, 3]), np.sin(ground[:, 3])), axis=1)
+    ahead_m = np.stack([ground[:, :2] + (k + 1) * steps_m for k in range(AHEAD)], axis=1)
+    columns = (ids, ground, speeds, ahead_m, radii_m)
     return AgentSnapshot(list(living.values()), columns, lambda *_: True, lambda _: NOBODY)
 
 
@@ -438,6 +441,14 @@ def test_the_robot_in_the_door_is_waited_for() -> None:
     goes = RobotView(5.1, 5.0, 0.0, 0.0, 4.0, 0.3, plan)
     assert result((8.5, 5.0), (3.4, 5.0, 0.0), robot=comes, row=SHY).waits
     assert not result((8.5, 5.0), (3.4, 5.0, 0.0), robot=goes, row=SHY).waits
+
+
+def test_the_robot_is_expected_along_its_plan() -> None:
+    """It goes north beside the door; one waits only if its plan turns into the door."""
+    for end, waits in (((4.3, 8.0), False), ((5.1, 5.0), True)):
+        plan = np.array([(4.3, 3.4), (4.3, 3.9), end])
+        robot = RobotView(4.3, 3.4, math.pi / 2, 0.0, 1.8, 0.3, plan)
+        assert result((8.5, 5.0), (3.4, 5.0, 0.0), robot=robot, row=SHY).waits == waits
 
 
 # --- many at once
