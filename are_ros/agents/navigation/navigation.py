@@ -49,6 +49,9 @@ _GOALS_KEPT = 3
 """So many goals of an agent are known: of its journey, of its behaviour, and its way out."""
 
 _NO_ENVIRONMENT = "there is no environment yet, so no way can be found"
+_SETTLED = np.empty((0, 0), np.uint8)
+"""No cell whose values could be others."""
+
 _NO_WAY = np.empty((0, 2))
 _NO_VALUES = np.empty((0, 5))
 _NOWHERE = Destinations(np.empty((0, 2)), np.empty((0, 2)))
@@ -94,10 +97,10 @@ class ActiveGoal(NamedTuple):
     table: ValueTable
     arrays: GoalArrays
 
-    def with_planes(self, planes: npt.NDArray[np.float32]) -> "ActiveGoal":
-        """Return the same with the values of all epochs."""
-        ground, (_, *others), ends = self.arrays
-        return self._replace(arrays=(ground, (planes, *others), ends))
+    def with_plane(self, plane: npt.NDArray[np.float32]) -> "ActiveGoal":
+        """Return the same with the values (4, h, w) of the epoch that counts in each cell."""
+        ground, (_, _, *others), ends = self.arrays
+        return self._replace(arrays=(ground, (plane[None], _SETTLED, *others), ends))
 
 
 class Prospect(NamedTuple):
@@ -242,19 +245,20 @@ class Navigation:
         index: int,
     ) -> Prospect:
         """Return the prospect by the values of the decision process."""
-        values = np.empty((len(request.speeds_mps), 5))
+        values, epochs = np.empty((len(request.speeds_mps), 5)), self._epochs(request.left_s)
         look = partial(
             prospect_of,
             view.crowd,
             around,
             self._settings.decision_period,
-            (index, request.is_patient, self._epochs(request.left_s)),
+            (index, request.is_patient, epochs),
             request.intent.is_moving_goal,
             values,
         )
         what, heading, value = look(*active.arrays)
         if what == UNKNOWN:
-            active = active.with_planes(self._tables.all_planes(active.table))
+            plane = self._tables.plane(active.table, max(0, epochs - AHEAD))
+            active = active.with_plane(plane)
             what, heading, value = look(*active.arrays)
         return Prospect(_KINDS[what], values, value, heading, active)
 
