@@ -265,14 +265,22 @@ class ValueTables:
     def plane(self, table: ValueTable, epochs_left: int) -> npt.NDArray[np.float32]:
         """Return the values (4, h, w) with so many epochs left; computed again if necessary."""
         if len(table.planes) > 1:
-            return table.planes[min(epochs_left, len(table.planes) - 1)]
-        block, place = divmod(epochs_left, SWEPT_EPOCHS)
-        planes = self._swept.get((table.key, block))
+            planes, place = table.planes, min(epochs_left, len(table.planes) - 1)
+        else:
+            block, place = divmod(epochs_left, SWEPT_EPOCHS)
+            planes = self._block(table, block)
+        plane: npt.NDArray[np.float32] = planes[place]
+        return plane
+
+    def _block(self, table: ValueTable, block: int) -> npt.NDArray[np.float32]:
+        """Return the planes of `SWEPT_EPOCHS` epochs of a table."""
+        key = table.key, block
+        planes = self._swept.get(key)
         if planes is None:
             last = (block + 1) * SWEPT_EPOCHS - 1
             planes = last_planes(problem_of(table.ways), last, SWEPT_EPOCHS)
-            self._swept.put((table.key, block), planes)
-        return planes[place]
+            self._swept.put(key, planes)
+        return planes
 
     def _table_or_ways(self, store: _Store, coarse: CoarseMap, key: TableKey) -> ValueTable | Ways:
         """Return the table of a window, or the ways from which to compute it."""

@@ -281,7 +281,7 @@ class Navigation:
         count, x_m, y_m, is_end = way_along(*prospect.active.arrays, pose, (pace, move), way_m)
         way_m = way_m[:count]
         if move == 0 or count == 0:
-            return NavigationResult(_command(request, None), waits=True, way_m=way_m)
+            return NavigationResult(_command(request, None), waits=move == 0, way_m=way_m)
         command = _command(request, (x_m, y_m), speed_mps, stop_there=is_end)
         return NavigationResult(command, way_m=way_m)
 
